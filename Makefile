@@ -1,0 +1,44 @@
+# Everything a checkout needs. Any Debian or Ubuntu with Python 3.11+ and make will do.
+
+VENV ?= .venv
+PYTHON ?= python3
+VERSION ?= 1.0-small
+
+STAMP := $(VENV)/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help quickstart test lint types bench ci clean
+
+help: ## list the targets
+	@echo "Usage: make TARGET [VENV=$(VENV)] [PYTHON=$(PYTHON)] [VERSION=$(VERSION)]"
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  %-12s %s\n", $$1, $$2 }' Makefile
+
+# The stamp is written last, so an installation that was interrupted is taken up again.
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) scripts/make_venv.py $(VENV)
+	$(VENV)/bin/python -m pip install -c constraints.txt -e '.[all,dev]'
+	@touch $@
+
+quickstart: $(STAMP) ## install everything, build VERSION, show it and load a first batch
+	$(VENV)/bin/synthnet build --version $(VERSION)
+	$(VENV)/bin/synthnet info --version $(VERSION)
+	$(VENV)/bin/python examples/first_batch.py $(VERSION)
+
+test: $(STAMP) ## run the tests
+	$(VENV)/bin/python -m pytest
+
+lint: $(STAMP) ## check style and formatting
+	$(VENV)/bin/python -m ruff check
+	$(VENV)/bin/python -m ruff format --check
+
+types: $(STAMP) ## check the types
+	$(VENV)/bin/python -m mypy
+
+bench: $(STAMP) ## measure what building costs
+	$(VENV)/bin/python benchmarks/build_cost.py
+
+ci: lint types test ## all checks: lint, types and test
+
+clean: ## remove the virtual environment and all caches
+	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache build dist *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

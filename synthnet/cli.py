@@ -1,0 +1,401 @@
+"""The command line: ``synthnet versions | build | info | verify | show``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+from tabulate import tabulate
+
+from synthnet import recipe, store
+from synthnet.build import BuildReport, ShardResult, Watcher, build
+from synthnet.errors import SynthNetError
+from synthnet.families import FAMILIES
+from synthnet.geometry import MeshFacts
+from synthnet.plan import ShardPlan
+from synthnet.types import SPLITS, Manifest
+from synthnet.version import __version__
+
+WRONG_INPUT, DIFFERENT, INTERRUPTED = 2, 1, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit code.
+
+    0: done. 1: ``verify`` found a difference. 2: the input, the directory or the machine
+    would not do; one line says what and what to do. 130: interrupted by Ctrl-C.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        code: int = options.run(options)
+    except (SynthNetError, ValueError) as error:
+        print(f"synthnet: {error}", file=sys.stderr)
+        return WRONG_INPUT
+    except KeyboardInterrupt:
+        print(
+            "synthnet: interrupted; finished shards are kept, run the same command to go on",
+            file=sys.stderr,
+        )
+        return INTERRUPTED
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say
+        return 0
+    return code
+
+
+def _versions(options: argparse.Namespace) -> int:
+    rows = []
+    for name in recipe.available():
+        wanted = recipe.load(name)
+        manifest = store.read_manifest(store.dataset_directory(name, options.out))
+        built = manifest is not None and manifest.recipe_digest == wanted.digest
+        rows.append({"version": name, "shapes": wanted.count, "built": built})
+    if options.json:
+        _print_json(rows)
+        return 0
+    print(tabulate([{**r, "built": "yes" if r["built"] else "no"} for r in rows], headers="keys"))
+    print(f"\nin {store.home(options.out)}")
+    return 0
+
+
+def _build(options: argparse.Namespace) -> int:
+    bars = FamilyBars()
+    with bars.progress:
+        report = build(options.version, root=options.out, workers=options.workers, watcher=bars)
+    if options.json:
+        _print_json(_summary(report.dataset.manifest, report))
+        return 0
+    directory = report.dataset.directory
+    if report.nothing_to_do:
+        print(f"{options.version} is built already in {directory}: nothing to do")
+        return 0
+    print(_family_table(report.dataset.manifest, report.seconds))
+    kept = f", {report.reused} shards kept from an earlier run" if report.reused else ""
+    print(f"\n{options.version} built in {report.wall_seconds:.0f} s{kept}: {directory}")
+    return 0
+
+
+def _info(options: argparse.Namespace) -> int:
+    dataset = store.open_dataset(options.version, options.out)
+    manifest = dataset.manifest
+    if options.ids:
+        ids = [id for path in dataset.paths() for id in store.read_table(path, ["id"])["id"]]
+        print("\n".join(str(id) for id in ids))
+        return 0
+    if options.json:
+        _print_json({**_summary(manifest), "directory": str(dataset.directory)})
+        return 0
+    print(_family_table(manifest))
+    size = sum(shard.size for shard in manifest.shards)
+    splits = Counter(
+        split.as_py() for path in dataset.paths() for split in store.read_table(path, ["split"])[0]
+    )
+    print(f"\nversion    {manifest.version}  (recipe {manifest.recipe_digest[:12]})")
+    print(f"directory  {dataset.directory}")
+    print(f"size       {size / 1e6:,.1f} MB in {len(manifest.shards)} shards")
+    print("splits     " + ", ".join(f"{name} {splits[name]:,}" for name in SPLITS))
+    print("made with  " + ", ".join(f"{k} {v}" for k, v in manifest.packages.items()))
+    for rejection in manifest.rejections:
+        print(f"rejected   {rejection.id}: {rejection.reason}: {rejection.detail}")
+    return 0
+
+
+def _verify(options: argparse.Namespace) -> int:
+    from synthnet.verify import verify
+
+    progress = Progress(
+        TextColumn("verifying"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    )
+    with progress:
+        task = progress.add_task("shards", total=None)
+        report = verify(
+            options.version,
+            root=options.out,
+            sample=options.sample,
+            seed=options.seed,
+            on_shard=lambda done, total: progress.update(task, completed=done, total=total),
+        )
+    failed = bool(report.problems)
+    if options.json:
+        checks = [
+            {"check": c.name, "examined": c.examined, "problems": list(c.problems)}
+            for c in report.checks
+        ]
+        _print_json({"version": options.version, "ok": not failed, "checks": checks})
+        return DIFFERENT if failed else 0
+    rows = [
+        (c.name, f"{c.examined:,}", len(c.problems) or "none", CHECKS[c.name])
+        for c in report.checks
+    ]
+    print(tabulate(rows, headers=["check", "examined", "problems", "what"], disable_numparse=True))
+    for problem in report.problems[: options.limit]:
+        print(f"  {problem}")
+    if len(report.problems) > options.limit:
+        print(f"  … and {len(report.problems) - options.limit} more (--limit shows more)")
+    print(f"\n{options.version} in {report.directory}: {'DIFFERENT' if failed else 'verified'}")
+    return DIFFERENT if failed else 0
+
+
+def _show(options: argparse.Namespace) -> int:
+    sample = store.open_dataset(options.version, options.out).find(options.id)
+    facts = MeshFacts(sample.mesh)
+    if options.png is not None:
+        from synthnet.draw import draw_sample
+
+        draw_sample(sample, options.png)
+    described: dict[str, Any] = {
+        "id": sample.spec.id,
+        "family": FAMILIES[sample.spec.family].title,
+        "parameters": dict(sample.spec.parameters),
+        "split": sample.split,
+        "vertices": facts.n_vertices,
+        "faces": facts.n_faces,
+        "area": facts.area,
+        "volume": facts.volume,
+        "Euler characteristic": facts.euler_characteristic,
+        "closed": facts.is_closed,
+        "least altitude / longest edge": float(facts.relative_altitudes.min()),
+        "eigenvalues": sample.eigenvalues.tolist(),
+        "trivial eigenvalue": sample.trivial,
+        "relative residual": sample.residual,
+    }
+    if options.json:
+        _print_json(described)
+        return 0
+    eigenvalues = described.pop("eigenvalues")
+    parameters = described.pop("parameters")
+    described["parameters"] = ", ".join(f"{k} {v}" for k, v in parameters.items())
+    print(tabulate([(k, _short(v)) for k, v in described.items()], tablefmt="plain"))
+    print("eigenvalues (1/length²)")
+    print("  " + "  ".join(f"{value:.6g}" for value in eigenvalues))
+    if options.png is not None:
+        print(f"picture: {options.png}")
+    return 0
+
+
+# Tables
+
+CHECKS = {
+    "manifest": "the recipe's digest and the counts by family",
+    "digests": "SHA-256 of every shard",
+    "shards": "schema, page checksums and rows of every shard",
+    "recipe": "ids, parameters and splits drawn anew",
+    "pins": "faces exactly, vertices and eigenvalues to 1e-6 of the pinned ones",
+    "labels": "against LaPy's own solver, to 1e-8",
+}
+
+
+def _summary(manifest: Manifest, report: BuildReport | None = None) -> dict[str, Any]:
+    families = []
+    for family, drawn in manifest.drawn.items():
+        shards = [s for s in manifest.shards if s.family == family]
+        rejected = Counter(r.reason for s in shards for r in s.rejections)
+        row: dict[str, Any] = {
+            "family": family,
+            "drawn": drawn,
+            "rejected": dict(rejected),
+            "kept": sum(s.rows for s in shards),
+            "vertices": sum(s.vertices for s in shards),
+            "faces": sum(s.faces for s in shards),
+        }
+        if report is not None:
+            row["core_seconds"] = round(report.seconds.get(family, 0.0), 3)
+        families.append(row)
+    summary: dict[str, Any] = {
+        "version": manifest.version,
+        "recipe_digest": manifest.recipe_digest,
+        "families": families,
+        "bytes": sum(s.size for s in manifest.shards),
+        "packages": dict(manifest.packages),
+    }
+    if report is not None:
+        summary["directory"] = str(report.dataset.directory)
+        summary["wall_seconds"] = round(report.wall_seconds, 3)
+        summary["nothing_to_do"] = report.nothing_to_do
+        summary["reused_shards"] = report.reused
+    return summary
+
+
+def _family_table(manifest: Manifest, seconds: dict[str, float] | None = None) -> str:
+    rows = []
+    families = _summary(manifest)["families"]
+    reasons: Counter[str] = Counter()
+    for row in families:
+        reasons.update(row["rejected"])
+        rows.append([row["family"], row["drawn"], _reasons(row["rejected"]), row["kept"]])
+        rows[-1] += [row["vertices"], row["faces"]]
+        rows[-1] += [round(seconds.get(row["family"], 0.0), 1)] if seconds is not None else []
+    totals: list[Any] = ["all", sum(r["drawn"] for r in families), _reasons(reasons)]
+    totals += [sum(r[name] for r in families) for name in ("kept", "vertices", "faces")]
+    totals += [round(sum(seconds.values()), 1)] if seconds is not None else []
+    headers = ["family", "drawn", "rejected", "kept", "vertices", "faces"]
+    headers += ["core-seconds"] if seconds is not None else []
+    return str(tabulate([*rows, totals], headers=headers, intfmt=",", floatfmt=",.1f"))
+
+
+def _reasons(rejected: dict[str, int] | Counter[str]) -> str:
+    return ", ".join(f"{count} {reason}" for reason, count in rejected.items()) or "0"
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return f"{value:,}" if isinstance(value, int) else str(value)
+
+
+def _print_json(value: Any) -> None:
+    print(json.dumps(value, indent=1))
+
+
+# Progress
+
+
+class Rate(ProgressColumn):
+    """Meshes per second since the family's first shard began."""
+
+    def render(self, task: Task) -> Text:
+        """Return the rate, or nothing before there is one."""
+        seconds = task.finished_time or task.elapsed
+        if not task.completed or not seconds:
+            return Text("")
+        return Text(f"{task.completed / seconds:7.1f} meshes/s", style="cyan")
+
+
+class FamilyBars(Watcher):
+    """A progress bar for each family, on standard error."""
+
+    def __init__(self) -> None:
+        self.progress = Progress(
+            TextColumn("{task.description:<18}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            Rate(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+        )
+        self.tasks: dict[str, TaskID] = {}
+
+    def planned(self, plans: Sequence[ShardPlan]) -> None:
+        """Show the families with the number of their shapes."""
+        totals: Counter[str] = Counter()
+        for plan in plans:
+            totals[plan.family] += len(plan.shapes)
+        for family, total in totals.items():
+            self.tasks[family] = self.progress.add_task(family, total=total, start=False)
+
+    def submitted(self, plan: ShardPlan) -> None:
+        """Start the family's clock with its first shard."""
+        task = self.tasks[plan.family]
+        if not self.progress.tasks[task].started:
+            self.progress.start_task(task)
+
+    def finished(self, plan: ShardPlan, result: ShardResult) -> None:
+        """Count a finished shard, and say so where an old one was damaged."""
+        self.progress.advance(self.tasks[plan.family], len(plan.shapes))
+        if result.damaged:
+            self.progress.console.print(f"built again: {result.damaged}", highlight=False)
+
+
+# Arguments
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the error and where help is, and exit."""
+        self.exit(WRONG_INPUT, f"{self.prog}: {message} (`{self.prog} --help` shows how)\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(
+        prog="synthnet",
+        description="Build and inspect synthNet: triangle meshes labelled with the first "
+        "ten eigenvalues of their Laplace-Beltrami operator.",
+        epilog="example: synthnet build --version 1.0-mini",
+    )
+    parser.add_argument("--version", action="version", version=f"synthnet {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    def command(name: str, run: Any, text: str, example: str) -> argparse.ArgumentParser:
+        sub = commands.add_parser(
+            name, help=text, description=text, epilog=f"example: synthnet {name}{example}"
+        )
+        sub.set_defaults(run=run)
+        sub.add_argument(
+            "--out",
+            "--root",
+            metavar="DIR",
+            type=Path,
+            help="directory that holds the versions (default: $SYNTHNET_HOME, else the "
+            f"user's cache directory, here {store.home()})",
+        )
+        sub.add_argument("--json", action="store_true", help="print JSON for a program")
+        return sub
+
+    def version_option(sub: argparse.ArgumentParser) -> None:
+        sub.add_argument(
+            "--version",
+            default="1.0",
+            metavar="V",
+            help=f"one of {', '.join(recipe.available())} (default: %(default)s)",
+        )
+
+    command("versions", _versions, "list what can be built", "")
+
+    sub = command("build", _build, "build a version", " --version 1.0-small --workers 2")
+    version_option(sub)
+    sub.add_argument(
+        "--workers",
+        type=int,
+        metavar="N",
+        help="processes of one thread each (default: the cores there are); "
+        "the data do not depend on it",
+    )
+
+    sub = command("info", _info, "say what a built version holds", " --version 1.0-small")
+    version_option(sub)
+    sub.add_argument("--ids", action="store_true", help="list the ids of its shapes")
+
+    sub = command("verify", _verify, "check a built version", " --version 1.0 --sample 200")
+    version_option(sub)
+    sub.add_argument(
+        "--sample",
+        type=int,
+        default=100,
+        metavar="N",
+        help="labels to derive anew with LaPy (default: %(default)s)",
+    )
+    sub.add_argument("--seed", type=int, default=0, help="of that sample (default: 0)")
+    sub.add_argument(
+        "--limit", type=int, default=20, metavar="N", help="problems to print (default: 20)"
+    )
+
+    sub = command("show", _show, "show one shape", " torus-00012 --png torus.png")
+    sub.add_argument("id", metavar="ID", help="for example cone-00042")
+    version_option(sub)
+    sub.add_argument("--png", type=Path, metavar="FILE", help="also draw it")
+    return parser

@@ -1,0 +1,28 @@
+"""Closed cones (paper §C: radius 1, log-normal height)."""
+
+from synthnet.families import primitives
+from synthnet.families.family import POSITIVE, Family
+from synthnet.types import Mesh
+
+
+def surface(
+    *, radius: float, height: float, resolution: int, split: int, subdivisions: int
+) -> Mesh:
+    """Open3D's cone, base disc included, each triangle split into 4 ``subdivisions`` times."""
+    cone = primitives.cone(radius=radius, height=height, resolution=resolution, split=split)
+    return primitives.subdivide(cone, subdivisions)
+
+
+FAMILY = Family(
+    name="cone",
+    title="Cone",
+    surface=surface,
+    least={
+        "radius": POSITIVE,
+        "height": POSITIVE,
+        "resolution": 3,
+        "split": 1,
+        "subdivisions": 0,
+    },
+    euler_characteristic=2,
+)

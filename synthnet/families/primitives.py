@@ -1,0 +1,147 @@
+"""Open3D's primitives as :class:`~synthnet.types.Mesh`, for the families to build on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from synthnet._open3d import load_open3d
+from synthnet.types import Mesh
+
+PLANE = 1e-9  # distance under which a point lies on a plane, or two points are one
+FLAT = 1e-9  # difference of unit normals under which neighbours form one flat facet
+
+
+def from_open3d(triangle_mesh: Any) -> Mesh:
+    """Copy an ``open3d.geometry.TriangleMesh`` into a float64 mesh."""
+    return Mesh(
+        np.array(triangle_mesh.vertices, dtype=np.float64),
+        np.array(triangle_mesh.triangles, dtype=np.int64),
+    )
+
+
+def to_open3d(mesh: Mesh) -> Any:
+    """Copy a mesh into an ``open3d.geometry.TriangleMesh``."""
+    o3d = load_open3d()
+    return o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(np.ascontiguousarray(mesh.vertices, dtype=np.float64)),
+        o3d.utility.Vector3iVector(np.ascontiguousarray(mesh.faces, dtype=np.int32)),
+    )
+
+
+def subdivide(mesh: Mesh, times: int) -> Mesh:
+    """Split every triangle into four by its edges' midpoints, ``times`` times."""
+    return from_open3d(to_open3d(mesh).subdivide_midpoint(times)) if times else mesh
+
+
+def box(*, width: float, height: float, depth: float) -> Mesh:
+    """Rectangular box [0, width] × [0, height] × [0, depth]."""
+    factory = load_open3d().geometry.TriangleMesh
+    return from_open3d(factory.create_box(width=width, height=height, depth=depth))
+
+
+def cone(*, radius: float, height: float, resolution: int, split: int) -> Mesh:
+    """Closed cone on the plane z = 0, apex at (0, 0, height), in ``split`` bands."""
+    factory = load_open3d().geometry.TriangleMesh
+    return from_open3d(
+        factory.create_cone(radius=radius, height=height, resolution=resolution, split=split)
+    )
+
+
+def cylinder(*, radius: float, height: float, resolution: int, split: int) -> Mesh:
+    """Closed cylinder about the z axis, −height/2 ≤ z ≤ height/2, in ``split`` bands."""
+    factory = load_open3d().geometry.TriangleMesh
+    return from_open3d(
+        factory.create_cylinder(radius=radius, height=height, resolution=resolution, split=split)
+    )
+
+
+def sphere(*, radius: float, resolution: int) -> Mesh:
+    """Sphere of ``resolution`` latitude bands and twice as many meridians."""
+    factory = load_open3d().geometry.TriangleMesh
+    return from_open3d(factory.create_sphere(radius=radius, resolution=resolution))
+
+
+def torus(
+    *, torus_radius: float, tube_radius: float, radial_resolution: int, tubular_resolution: int
+) -> Mesh:
+    """Torus about the z axis."""
+    factory = load_open3d().geometry.TriangleMesh
+    return from_open3d(
+        factory.create_torus(torus_radius, tube_radius, radial_resolution, tubular_resolution)
+    )
+
+
+def join_halves(left: Mesh, right: Mesh) -> Mesh:
+    """Cut two meshes by the plane x = 0 and take the convex hull of the two halves' points.
+
+    The left half is ``left``'s vertices with x ≤ 0, the right half ``right``'s with
+    x ≥ 0; points that coincide are one point.
+    """
+    points = np.concatenate(
+        [
+            left.vertices[left.vertices[:, 0] <= PLANE],
+            right.vertices[right.vertices[:, 0] >= -PLANE],
+        ]
+    )
+    _, first = np.unique(np.round(points / PLANE), axis=0, return_index=True)
+    return convex_hull(points[np.sort(first)])
+
+
+def convex_hull(points: NDArray[np.float64]) -> Mesh:
+    """Triangulate the convex hull by Open3D, in a normal form.
+
+    Where more than three hull vertices lie in one plane, the triangulation of that
+    facet (and the order of everything) hangs on the last bit of the coordinates, which
+    differs between machines. So each flat facet is fanned out from its first vertex,
+    and vertices and faces are put in order: the same points give the same faces.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n, 3), float64
+        The point cloud.
+
+    Returns
+    -------
+    Mesh
+        The hull's vertices in the order of ``points``, faces sorted, oriented outwards.
+    """
+    o3d = load_open3d()
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    hull, kept = cloud.compute_convex_hull()
+    corners = np.asarray(kept, dtype=np.int64)[np.asarray(hull.triangles)]
+    faces = _fan_flat_facets(points, corners)
+    used, numbers = np.unique(faces, return_inverse=True)
+    return Mesh(points[used], numbers.reshape(-1, 3))
+
+
+def _fan_flat_facets(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+
+    # The neighbour of each half-edge's face is the face of the opposite half-edge.
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    face = np.repeat(np.arange(len(faces)), 3)
+    order = np.argsort(tails * len(points) + heads)
+    sorted_keys = (tails * len(points) + heads)[order]
+    neighbour = face[order[np.searchsorted(sorted_keys, heads * len(points) + tails)]]
+
+    flat = np.linalg.norm(normals[face] - normals[neighbour], axis=1) < FLAT
+    joined = (face[flat], neighbour[flat])
+    graph = sparse.coo_matrix((np.ones(len(joined[0])), joined), shape=(len(faces),) * 2)
+    n_facets, facet = connected_components(graph, directed=False)
+
+    # A facet's border, less the two edges at its first vertex, is the fan of that vertex.
+    border = facet[face] != facet[neighbour]
+    tails, heads, owner = tails[border], heads[border], facet[face[border]]
+    first = np.full(n_facets, len(points))
+    np.minimum.at(first, owner, tails)
+    apex = first[owner]
+    away = (tails != apex) & (heads != apex)
+    fans = np.stack([apex[away], tails[away], heads[away]], axis=1)
+    return fans[np.lexsort(fans.T[::-1])]

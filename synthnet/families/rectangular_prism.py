@@ -1,0 +1,21 @@
+"""Rectangular prisms (paper §C: width 1, log-normal height and depth)."""
+
+from synthnet.families import primitives
+from synthnet.families.family import POSITIVE, Family
+from synthnet.types import Mesh
+
+
+def surface(*, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
+    """Open3D's box of 12 triangles, each split into 4 ``subdivisions`` times."""
+    return primitives.subdivide(
+        primitives.box(width=width, height=height, depth=depth), subdivisions
+    )
+
+
+FAMILY = Family(
+    name="rectangular_prism",
+    title="Rectangular prism",
+    surface=surface,
+    least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
+    euler_characteristic=2,
+)

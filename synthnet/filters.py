@@ -1,0 +1,150 @@
+"""Named checks in a fixed order, before and after the eigenvalue solver.
+
+A check looks at a mesh or a spectrum and returns what is wrong, or ``None``. The first
+finding rejects the shape; nothing is repaired. To add a check, write it and put it into
+its table; a recipe of an older version then no longer gives the same data, so it belongs
+to a new version.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from synthnet.geometry import MeshFacts
+from synthnet.recipe import FilterSettings
+from synthnet.types import Mesh, Spectrum
+
+
+def finite(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+    """All coordinates are finite."""
+    bad = int(np.count_nonzero(~np.isfinite(facts.mesh.vertices).all(axis=1)))
+    return f"{bad} vertices are not finite" if bad else None
+
+
+def degenerate_face(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+    """Every triangle has an altitude above ``limits.altitude`` of its longest edge."""
+    altitudes = facts.relative_altitudes
+    bad = int(np.count_nonzero(altitudes <= limits.altitude))
+    if not bad:
+        return None
+    return (
+        f"{bad} of {facts.n_faces} faces have altitude / longest edge at most "
+        f"{limits.altitude:g}, the least {altitudes.min():.3g}"
+    )
+
+
+def duplicate_face(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+    """No two triangles have the same three corners."""
+    bad = facts.n_duplicate_faces
+    return f"{bad} faces repeat another" if bad else None
+
+
+def non_manifold_edge(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+    """No edge belongs to more than two triangles."""
+    bad = int(np.count_nonzero(facts.edge_valences > 2))
+    return f"{bad} edges have more than two faces" if bad else None
+
+
+def components(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+    """The mesh is connected, with no vertex left over."""
+    count = facts.n_components
+    return f"{count} components instead of one" if count != 1 else None
+
+
+def orientation(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+    """Neighbours turn the same way, and a closed surface encloses a positive volume."""
+    if facts.n_repeated_half_edges:
+        return f"{facts.n_repeated_half_edges} edges are passed twice in one direction"
+    if facts.is_closed and facts.volume <= 0:
+        return f"the enclosed volume is {facts.volume:.3g}"
+    return None
+
+
+def euler_characteristic(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+    """V − E + F is what the family declares."""
+    found = facts.euler_characteristic
+    return f"Euler characteristic {found} instead of {euler}" if found != euler else None
+
+
+def non_finite_eigenvalue(spectrum: Spectrum, limits: FilterSettings) -> str | None:
+    """All eigenvalues are finite."""
+    values = np.append(spectrum.eigenvalues, spectrum.trivial)
+    bad = int(np.count_nonzero(~np.isfinite(values)))
+    return f"{bad} eigenvalues are not finite" if bad else None
+
+
+def non_positive_eigenvalue(spectrum: Spectrum, limits: FilterSettings) -> str | None:
+    """The first eigenvalue is positive."""
+    first = float(spectrum.eigenvalues[0])
+    return f"first eigenvalue is {first:.3g}" if first <= 0 else None
+
+
+def trivial_eigenvalue(spectrum: Spectrum, limits: FilterSettings) -> str | None:
+    """The zero eigenvalue is small against the first."""
+    ratio = abs(spectrum.trivial) / float(spectrum.eigenvalues[0])
+    if ratio <= limits.trivial:
+        return None
+    return f"|lambda_0| / lambda_1 is {ratio:.3g}, above {limits.trivial:g}"
+
+
+def not_ascending(spectrum: Spectrum, limits: FilterSettings) -> str | None:
+    """The eigenvalues do not decrease."""
+    bad = int(np.count_nonzero(np.diff(spectrum.eigenvalues) < 0))
+    return f"{bad} eigenvalues are below the one before" if bad else None
+
+
+def residual(spectrum: Spectrum, limits: FilterSettings) -> str | None:
+    """The eigenpairs satisfy the equation."""
+    if spectrum.residual <= limits.residual:
+        return None
+    return f"relative residual is {spectrum.residual:.3g}, above {limits.residual:g}"
+
+
+MESH_CHECKS: dict[str, Callable[[MeshFacts, FilterSettings, int], str | None]] = {
+    "finite": finite,
+    "degenerate_face": degenerate_face,
+    "duplicate_face": duplicate_face,
+    "non_manifold_edge": non_manifold_edge,
+    "components": components,
+    "orientation": orientation,
+    "euler_characteristic": euler_characteristic,
+}
+
+SOLVER = "solver"  # reason of a shape for which the solver itself gave up
+
+SPECTRUM_CHECKS: dict[str, Callable[[Spectrum, FilterSettings], str | None]] = {
+    "non_finite_eigenvalue": non_finite_eigenvalue,
+    "non_positive_eigenvalue": non_positive_eigenvalue,
+    "trivial_eigenvalue": trivial_eigenvalue,
+    "not_ascending": not_ascending,
+    "residual": residual,
+}
+
+
+def check_mesh(mesh: Mesh, limits: FilterSettings, euler: int) -> tuple[str, str] | None:
+    """Return the name and the finding of the first check a mesh fails, or ``None``.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        At the precision it is stored in.
+    limits : FilterSettings
+        The recipe's limits.
+    euler : int
+        Euler characteristic the family declares.
+    """
+    facts = MeshFacts(mesh)
+    for name, check in MESH_CHECKS.items():
+        if finding := check(facts, limits, euler):
+            return name, finding
+    return None
+
+
+def check_spectrum(spectrum: Spectrum, limits: FilterSettings) -> tuple[str, str] | None:
+    """Return the name and the finding of the first check a spectrum fails, or ``None``."""
+    for name, check in SPECTRUM_CHECKS.items():
+        if finding := check(spectrum, limits):
+            return name, finding
+    return None

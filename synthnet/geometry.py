@@ -1,0 +1,160 @@
+"""Plain facts of a triangle mesh: areas, volume, edges, components."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from synthnet.types import Mesh
+
+
+def corner_edges(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the edge opposite each corner as a vector.
+
+    Returns
+    -------
+    ndarray of shape (m, 3, 3), float64
+        ``[t, i]`` is the edge of triangle ``t`` opposite corner ``i``, the three in
+        cyclic order, so that they add up to zero.
+    """
+    corners = mesh.vertices.astype(np.float64)[mesh.faces]
+    edges: NDArray[np.float64] = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+    return edges
+
+
+def areas_of_edges(edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the area of each triangle, shape (m,), from :func:`corner_edges`."""
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    areas: NDArray[np.float64] = 0.5 * np.sqrt(np.einsum("ij,ij->i", normals, normals))
+    return areas
+
+
+def face_areas(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the area of each triangle, shape (m,), in length².
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> float(face_areas(Mesh(np.eye(3), np.array([[0, 1, 2]])))[0] ** 2)
+    0.75
+    """
+    return areas_of_edges(corner_edges(mesh))
+
+
+def area(mesh: Mesh) -> float:
+    """Return the area of the surface in length²."""
+    return float(face_areas(mesh).sum())
+
+
+def volume(mesh: Mesh) -> float:
+    """Return the signed volume a closed surface encloses, positive if oriented outwards."""
+    corners = mesh.vertices.astype(np.float64)[mesh.faces]
+    products = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    return float(products.sum() / 6)
+
+
+class MeshFacts:
+    """Facts of a mesh, each computed when first asked for.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Any triangles, however broken.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> facts = MeshFacts(Mesh(np.vstack([np.zeros(3), np.eye(3)]), faces))
+    >>> facts.euler_characteristic, facts.is_closed, facts.n_components
+    (2, True, 1)
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
+
+    @cached_property
+    def n_vertices(self) -> int:
+        """Number of vertices, used by a face or not."""
+        return len(self.mesh.vertices)
+
+    @cached_property
+    def n_faces(self) -> int:
+        """Number of triangles."""
+        return len(self.mesh.faces)
+
+    @cached_property
+    def area(self) -> float:
+        """Area of the surface in length²."""
+        return area(self.mesh)
+
+    @cached_property
+    def volume(self) -> float:
+        """Signed enclosed volume in length³, if the surface is closed."""
+        return volume(self.mesh)
+
+    @cached_property
+    def relative_altitudes(self) -> NDArray[np.float64]:
+        """Each triangle's least altitude over its longest edge, shape (m,).
+
+        Zero for a degenerate triangle, sqrt(3)/2 for an equilateral one.
+        """
+        edges = corner_edges(self.mesh)
+        longest = np.einsum("fij,fij->fi", edges, edges).max(axis=1, initial=0.0)
+        ratios: NDArray[np.float64] = np.divide(
+            2 * areas_of_edges(edges), longest, out=np.zeros(len(longest)), where=longest > 0
+        )
+        return ratios
+
+    @cached_property
+    def _half_edges(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        faces = self.mesh.faces.astype(np.int64)
+        return faces.ravel(), faces[:, [1, 2, 0]].ravel()
+
+    @cached_property
+    def edge_valences(self) -> NDArray[np.int64]:
+        """Number of triangles at each undirected edge, shape (e,)."""
+        tails, heads = self._half_edges
+        keys = np.minimum(tails, heads) * self.n_vertices + np.maximum(tails, heads)
+        return _run_lengths(np.sort(keys))
+
+    @cached_property
+    def n_repeated_half_edges(self) -> int:
+        """How often an edge is passed again in the same direction; 0 if oriented."""
+        tails, heads = self._half_edges
+        return len(tails) - len(_run_lengths(np.sort(tails * self.n_vertices + heads)))
+
+    @cached_property
+    def n_duplicate_faces(self) -> int:
+        """Triangles that have the three corners of another."""
+        corners = np.sort(self.mesh.faces.astype(np.int64), axis=1)
+        order = np.lexsort(corners.T)
+        return int((np.diff(corners[order], axis=0) == 0).all(axis=1).sum())
+
+    @cached_property
+    def is_closed(self) -> bool:
+        """Whether every edge has exactly two triangles."""
+        return bool((self.edge_valences == 2).all())
+
+    @cached_property
+    def euler_characteristic(self) -> int:
+        """V − E + F."""
+        return self.n_vertices - len(self.edge_valences) + self.n_faces
+
+    @cached_property
+    def n_components(self) -> int:
+        """Number of connected components; a vertex without a triangle is one."""
+        tails, heads = self._half_edges
+        ones: NDArray[Any] = np.ones(len(tails))
+        graph = sparse.coo_matrix((ones, (tails, heads)), shape=(self.n_vertices,) * 2)
+        return int(connected_components(graph, directed=False)[0])
+
+
+def _run_lengths(ordered: NDArray[np.int64]) -> NDArray[np.int64]:
+    starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+    return np.diff(np.append(starts, len(ordered))) if len(ordered) else starts[:0]

@@ -1,0 +1,55 @@
+"""synthNet as a Hugging Face ``datasets.Dataset``: local Parquet, no hub, no network."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+from synthnet.types import SPLITS
+
+if TYPE_CHECKING:
+    import datasets
+
+
+def load_dataset(
+    version: str, split: str = "train", *, root: str | os.PathLike[str] | None = None
+) -> datasets.Dataset:
+    """Open a split of a version as a Hugging Face dataset, one row a shape.
+
+    The rows are those of the Parquet shards: ``vertices`` (n, 3), ``faces`` (m, 3),
+    ``eigenvalues`` (10,), ``isometries`` (9, 9) as flattened matrices, ids, splits.
+    A version that is not there is built first, and this says so on standard error.
+
+    Parameters
+    ----------
+    version : str
+        For example ``1.0``.
+    split : str
+        ``train``, ``validation`` or ``test`` of the protocol ``grouped``.
+    root : path, optional
+        Directory that holds the versions, see :func:`synthnet.store.home`.
+
+    Raises
+    ------
+    ValueError
+        If the split is unknown.
+    ImportError
+        If the package ``datasets`` is not installed.
+    """
+    if split not in SPLITS:
+        raise ValueError(f"split must be one of {', '.join(SPLITS)}, got {split!r}")
+    try:
+        import datasets
+    except ImportError as error:
+        raise ImportError(
+            "synthnet.load_dataset needs the package datasets: pip install 'synthnet[datasets]'"
+        ) from error
+    from synthnet.build import ensure_built
+
+    stored = ensure_built(version, root)
+    return datasets.Dataset.from_parquet(
+        [str(path) for path in stored.paths()],
+        split=datasets.NamedSplit(split),
+        cache_dir=str(stored.directory / "datasets-cache"),
+        filters=[("split", "==", split)],
+    )

@@ -1,0 +1,135 @@
+"""What the repository pins of a version: one row a shape, to compare any build against.
+
+A pin is small and survives a change of machine: what must be equal everywhere goes into
+a digest, what may differ in its last bits is kept as numbers and compared within
+:data:`TOLERANCE`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from synthnet.store import write_atomically
+from synthnet.types import Sample
+
+TOLERANCE = 1e-6  # relative: float32 vertices differ by 6e-8 where libm does
+GOLDEN = 0.6180339887498949
+
+
+@dataclass(frozen=True, slots=True)
+class Pin:
+    """The pinned facts of one shape.
+
+    Parameters
+    ----------
+    id : str
+        The shape.
+    digest : str
+        Hash of id, parameters, group, splits and faces: equal on every machine.
+    moments : ndarray of shape (6,), float64
+        Weighted means of the coordinates and of their squares, see :func:`moments`.
+    eigenvalues : ndarray of shape (k,), float64
+        The label.
+    """
+
+    id: str
+    digest: str
+    moments: NDArray[np.float64]
+    eigenvalues: NDArray[np.float64]
+
+
+def pin(sample: Sample) -> Pin:
+    """Return the pin of a sample."""
+    return Pin(sample.spec.id, digest(sample), moments(sample), sample.eigenvalues)
+
+
+def digest(sample: Sample) -> str:
+    """Hash what must be equal on every machine: all but floating-point results."""
+    spec = sample.spec
+    exact = [
+        spec.id,
+        spec.family,
+        dict(spec.parameters),
+        spec.group,
+        sample.split,
+        list(sample.paper_splits),
+        len(sample.mesh.vertices),
+    ]
+    state = hashlib.sha256(json.dumps(exact, sort_keys=True).encode())
+    state.update(np.ascontiguousarray(sample.mesh.faces, dtype="<i4").tobytes())
+    return state.hexdigest()[:32]
+
+
+def moments(sample: Sample) -> NDArray[np.float64]:
+    """Return weighted means of x, y, z, x², y², z², the weight 1 + frac(0.618… i) at vertex i.
+
+    The weights tell the order of the vertices apart.
+    """
+    points = sample.mesh.vertices.astype(np.float64)
+    weights = 1 + np.arange(len(points)) * GOLDEN % 1
+    return np.asarray(np.average(np.hstack([points, points**2]), axis=0, weights=weights))
+
+
+def differences(found: Pin, expected: Pin) -> Iterator[str]:
+    """Yield what differs between a pin of a build and the pinned one."""
+    if found.digest != expected.digest:
+        yield "id, parameters, splits or faces differ from the pinned ones"
+        return
+    scale = float(np.sqrt(expected.moments[3:].sum()))
+    units = np.repeat([scale, scale**2], 3)
+    apart = float(np.max(np.abs(found.moments - expected.moments) / units))
+    if not apart <= TOLERANCE:
+        yield f"vertices differ by {apart:.2g} of their size, more than {TOLERANCE:g}"
+    apart = float(np.max(np.abs(found.eigenvalues / expected.eigenvalues - 1)))
+    if not apart <= TOLERANCE:
+        yield f"eigenvalues differ by {apart:.2g} relative, more than {TOLERANCE:g}"
+
+
+def read(version: str) -> dict[str, Pin] | None:
+    """Return the pins of a full version by id, or ``None`` if it has none."""
+    path = resources.files("synthnet.versions").joinpath(f"{version}.lock.parquet")
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        table = pq.read_table(file)
+    columns = (table[name].to_pylist() for name in ("id", "digest"))
+    arrays = (np.stack(table[name].to_numpy()) for name in ("moments", "eigenvalues"))
+    return {row[0]: Pin(*row) for row in zip(*columns, *arrays, strict=True)}
+
+
+def write(path: Path, pins: Iterable[Pin]) -> None:
+    """Write the lock file of a version."""
+    rows = list(pins)
+    table = pa.table(
+        {
+            "id": [p.id for p in rows],
+            "digest": [p.digest for p in rows],
+            "moments": pa.array([p.moments for p in rows], pa.list_(pa.float64())),
+            "eigenvalues": pa.array([p.eigenvalues for p in rows], pa.list_(pa.float64())),
+        }
+    )
+
+    def store(partial: Path) -> None:
+        pq.write_table(
+            table,
+            partial,
+            compression="zstd",
+            compression_level=19,
+            use_dictionary=False,
+            column_encoding={
+                "moments.list.element": "BYTE_STREAM_SPLIT",
+                "eigenvalues.list.element": "BYTE_STREAM_SPLIT",
+            },
+        )
+
+    write_atomically(path, store)

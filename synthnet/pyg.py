@@ -1,0 +1,352 @@
+"""synthNet as a PyTorch Geometric dataset, memory-mapped from the Parquet shards."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import inspect
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch_geometric.data import Data, InMemoryDataset
+
+from synthnet import augment as isometry
+from synthnet import mapped, store
+from synthnet.build import ensure_built
+from synthnet.mapped import MappedShapes
+from synthnet.types import PROTOCOLS, SPLITS
+
+INDEX = "index.json"
+
+Augment = bool | Literal["random"]
+Transform = Callable[[Data], Data]
+
+
+class SynthNet(InMemoryDataset):  # type: ignore[misc]
+    """The dataset as ``Data(pos, face, y, family, shape_id)``, one item an instance.
+
+    The first use of a version builds it if it is missing, and unpacks it into flat
+    arrays that are memory-mapped from then on, so that all splits, protocols and worker
+    processes share the same pages.
+
+    Parameters
+    ----------
+    root : path, optional
+        Directory that holds the versions; ``$SYNTHNET_HOME`` or the user's cache
+        directory by default.
+    version : str
+        For example ``1.0``, ``1.0-small``, ``1.0-mini``.
+    split : str
+        ``train``, ``validation`` or ``test``.
+    protocol : str
+        ``grouped``: by shape, no copy of a shape crosses. ``paper``: over instances.
+    augment : bool or "random"
+        ``True``: the nine stored isometric instances of each shape. ``False``: the shape
+        itself. ``"random"``: the shape under a fresh isometry, drawn uniformly from O(3)
+        by torch's generator, at every access.
+    transform : callable, optional
+        Applied at every access, for example ``FaceToEdge``.
+    pre_transform, pre_filter : callable, optional
+        Applied once to the shapes as stored; the result is kept in a directory of its
+        own for each callable. A ``pre_transform`` is applied to each instance after its
+        isometry, so it cannot be combined with ``augment="random"``, and its results
+        take one copy an instance on disk.
+
+    Raises
+    ------
+    ValueError
+        If an option is unknown, or ``pre_transform`` is used with ``augment="random"``.
+
+    Notes
+    -----
+    An item has ``pos`` (n, 3) float32, ``face`` (3, m) int64, ``y`` (1, 10) float32 in
+    1/length², ``family`` and ``shape_id`` (str) and ``instance`` (int). Edges are not
+    stored: make them by a transform, or on the batch.
+    """
+
+    def __init__(
+        self,
+        root: str | os.PathLike[str] | None = None,
+        version: str = "1.0",
+        split: str = "train",
+        protocol: str = "grouped",
+        augment: Augment = True,
+        transform: Transform | None = None,
+        pre_transform: Transform | None = None,
+        pre_filter: Callable[[Data], bool] | None = None,
+    ) -> None:
+        for name, value, known in (
+            ("split", split, SPLITS),
+            ("protocol", protocol, PROTOCOLS),
+            ("augment", augment, (True, False, "random")),
+        ):
+            if value not in known:
+                choices = ", ".join(map(str, known))
+                raise ValueError(f"{name} must be one of {choices}, got {value!r}")
+        if pre_transform is not None and augment == "random":
+            raise ValueError(
+                "pre_transform is applied once and augment='random' afresh at every access: "
+                "use transform instead"
+            )
+        self.version, self.split, self.protocol, self.augment = version, split, protocol, augment
+        self._stored = ensure_built(version, root)
+        self._shapes: MappedShapes | None = None
+        super().__init__(str(store.home(root)), transform, pre_transform, pre_filter)
+        if pre_transform is None:
+            self._shapes = MappedShapes(self._base_directory)
+            self._indices = self._select(self._shapes, pre_filter)
+            self._data, self.slices = as_data(self._shapes)
+        else:
+            self._data, self.slices = read_data(Path(self.processed_dir))
+
+    @property
+    def _base_directory(self) -> Path:
+        return mapped.directory(self._stored)
+
+    @property
+    def processed_dir(self) -> str:
+        """Directory of this dataset's files; its name holds all that they depend on."""
+        if self.pre_transform is None:
+            return str(self._base_directory)
+        options = [self.split, self.protocol, str(self.augment)]
+        code = [_fingerprint(self.pre_transform), _fingerprint(self.pre_filter)]
+        key = hashlib.sha256(json.dumps(options + code).encode()).hexdigest()[:12]
+        return f"{self._base_directory}-{key}"
+
+    @property
+    def processed_file_names(self) -> list[str]:
+        """A directory is moved into place when complete, so one file stands for all."""
+        return [mapped.TABLE] if self.pre_transform is None else [INDEX]
+
+    def _process(self) -> None:
+        # PyG keeps pickled reprs of pre_transform here and warns where they differ; the
+        # directory's name says the same without a pickle.
+        if not Path(self.processed_paths[0]).exists():
+            self.process()
+
+    def process(self) -> None:
+        """Unpack the shards into flat arrays; apply ``pre_transform`` if there is one."""
+        if not (self._base_directory / mapped.TABLE).exists():
+            sys.stderr.write(f"Unpacking synthNet {self.version} for PyTorch Geometric\n")
+            store.make_in_place(
+                self._base_directory, lambda to: mapped.write_shapes(to, self._stored)
+            )
+        if self.pre_transform is None:
+            return
+        shapes = MappedShapes(self._base_directory)
+        indices = self._select(shapes, self.pre_filter)
+        items = (self.pre_transform(item(shapes, i)) for i in indices)
+        store.make_in_place(Path(self.processed_dir), lambda to: write_data(to, items))
+
+    def _select(
+        self, shapes: MappedShapes, pre_filter: Callable[[Data], bool] | None
+    ) -> Sequence[int]:
+        """Return the numbers of this split's instances; instance i of shape s is s·c + i."""
+        count = shapes.instances
+        if self.protocol == "grouped":
+            mine = np.repeat(shapes.splits[:, None] == self.split, count, axis=1)
+        else:
+            mine = shapes.paper_splits == self.split
+        if self.augment is not True:
+            mine = mine & (np.arange(count) == 0)
+        if pre_filter is not None:
+            for shape in np.flatnonzero(mine.any(axis=1)):
+                mine[shape] &= bool(pre_filter(item(shapes, shape * count)))
+        numbers: list[int] = np.flatnonzero(mine).tolist()
+        return numbers
+
+    def len(self) -> int:
+        """Return the number of instances of all splits; ``len(dataset)`` is this split's."""
+        if self._shapes is not None:
+            return int(self._shapes.count * self._shapes.instances)
+        return int(super().len())
+
+    def get(self, idx: int) -> Data:
+        """Return an instance by its number, as a copy that owns its memory."""
+        if self._shapes is not None:
+            fresh = random_isometry() if self.augment == "random" else None
+            return item(self._shapes, idx, fresh)
+        data = super().get(idx)
+        self._data_list = None  # the arrays are the cache
+        return copy.deepcopy(data)
+
+    def copy(self, idx: Any = None) -> SynthNet:
+        """Copy the dataset, or a subset of it, into memory."""
+        copied: SynthNet = super().copy(idx)
+        copied._shapes = None
+        return copied
+
+    def __getattr__(self, key: str) -> Any:
+        """Return an attribute of all items: ``y``, ``family`` and ``shape_id`` at no cost."""
+        shapes = self.__dict__.get("_shapes")
+        if shapes is not None and key in ("y", "family", "shape_id"):
+            numbers = np.array(self.indices(), dtype=np.int64) // shapes.instances
+            if key == "y":
+                return torch.from_numpy(shapes.y[numbers])
+            values = shapes.families if key == "family" else shapes.ids
+            return [values[number] for number in numbers]
+        return super().__getattr__(key)
+
+    def __copy__(self) -> SynthNet:
+        """Share the mapped arrays: slicing must not open files."""
+        shared = self.__class__.__new__(self.__class__)
+        shared.__dict__.update(self.__dict__)
+        return shared
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave mapped arrays out: another process maps them itself."""
+        state = dict(self.__dict__)
+        if self._shapes is not None:
+            state.update(_data=None, slices=None, _shapes=None, mapped=self._base_directory)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Map the arrays again."""
+        base = state.pop("mapped", None)
+        self.__dict__.update(state)
+        if base is not None:
+            self._shapes = MappedShapes(base)
+            self._data, self.slices = as_data(self._shapes)
+
+
+def item(shapes: MappedShapes, number: int, fresh: NDArray[np.float32] | None = None) -> Data:
+    """Return instance ``number % c`` of shape ``number // c``; moved by ``fresh`` if given."""
+    shape, instance = divmod(number, shapes.instances)
+    mesh = isometry.apply(
+        shapes.mesh(shape), shapes.isometries[shape, instance] if fresh is None else fresh
+    )
+    return Data(
+        pos=torch.from_numpy(mesh.vertices),
+        face=torch.from_numpy(mesh.faces.T.astype(np.int64, order="C")),
+        y=torch.from_numpy(shapes.y[shape : shape + 1].copy()),
+        family=shapes.families[shape],
+        shape_id=shapes.ids[shape],
+        instance=instance,
+    )
+
+
+def as_data(shapes: MappedShapes) -> tuple[Data, dict[str, torch.Tensor]]:
+    """Return the shapes as PyG keeps them: one ``Data`` and where each shape begins."""
+    data = Data(
+        pos=torch.from_numpy(shapes.vertices),
+        face=torch.from_numpy(shapes.faces).t(),
+        y=torch.from_numpy(shapes.y),
+        family=shapes.families,
+        shape_id=shapes.ids,
+    )
+    one_each = torch.arange(shapes.count + 1)
+    slices = dict.fromkeys(("y", "family", "shape_id"), one_each)
+    slices["pos"] = torch.from_numpy(shapes.vertex_offsets)
+    slices["face"] = torch.from_numpy(shapes.face_offsets)
+    return data, slices
+
+
+def random_isometry() -> NDArray[np.float32]:
+    """Draw a matrix uniformly from O(3) by torch's global generator, shape (3, 3)."""
+    q, r = np.linalg.qr(torch.randn(3, 3, dtype=torch.float64).numpy())
+    return np.asarray(q * np.sign(np.diag(r)), dtype=np.float32)
+
+
+# What a pre_transform returns has any attributes, so it is kept by name: each tensor as
+# one array of all items joined along the dimension that PyG joins them along.
+
+
+def write_data(directory: Path, items: Iterable[Data]) -> None:
+    """Write items of any tensor, number and string attributes, one at a time.
+
+    Raises
+    ------
+    TypeError
+        If an attribute is neither, or the items' attributes differ.
+    """
+    files: dict[str, Any] = {}
+    kinds: dict[str, dict[str, Any]] = {}
+    count = 0
+    try:
+        for data in items:
+            attributes = data.to_dict()
+            if not count:
+                kinds = {key: _kind(data, key, value) for key, value in attributes.items()}
+                files = {
+                    key: (directory / f"{key}.bin").open("wb")
+                    for key, kind in kinds.items()
+                    if "dtype" in kind
+                }
+            if attributes.keys() != kinds.keys():
+                raise TypeError(
+                    "pre_transform must return the same attributes for every item, "
+                    f"got {sorted(attributes)} after {sorted(kinds)}"
+                )
+            for key, value in attributes.items():
+                kind = kinds[key]
+                if "dtype" not in kind:
+                    kind["values"].append(value)
+                    continue
+                rows = value.movedim(kind["dim"], 0).contiguous().numpy()
+                if str(rows.dtype) != kind["dtype"] or list(rows.shape[1:]) != kind["shape"]:
+                    raise TypeError(f"pre_transform changed the type or shape of {key}")
+                files[key].write(rows.tobytes())
+                kind["offsets"].append(kind["offsets"][-1] + len(rows))
+            count += 1
+    finally:
+        for file in files.values():
+            file.close()
+    (directory / INDEX).write_text(json.dumps({"count": count, "attributes": kinds}))
+
+
+def read_data(directory: Path) -> tuple[Data, dict[str, torch.Tensor]]:
+    """Map what :func:`write_data` wrote as PyG's joined data and slices."""
+    index = json.loads((directory / INDEX).read_text())
+    data, slices = Data(), {}
+    for key, kind in index["attributes"].items():
+        if "dtype" not in kind:
+            data[key] = kind["values"]
+            slices[key] = torch.arange(index["count"] + 1)
+            continue
+        shape = (kind["offsets"][-1], *kind["shape"])
+        path = directory / f"{key}.bin"
+        rows: NDArray[Any] = np.zeros(shape, dtype=kind["dtype"])
+        if rows.size:  # an empty file cannot be mapped
+            rows = np.memmap(path, dtype=kind["dtype"], mode="c", shape=shape)
+        data[key] = torch.from_numpy(rows).movedim(0, kind["dim"])
+        slices[key] = torch.tensor(kind["offsets"])
+    return data, slices
+
+
+def _kind(data: Data, key: str, value: Any) -> dict[str, Any]:
+    if isinstance(value, str | int | float):
+        return {"values": []}
+    if not isinstance(value, torch.Tensor) or not value.dim():
+        raise TypeError(
+            f"pre_transform may add tensors, numbers and strings; {key} is {type(value).__name__}"
+        )
+    dim = data.__cat_dim__(key, value) or 0
+    rows = value.movedim(dim, 0)
+    return {
+        "dtype": str(rows.numpy().dtype),
+        "dim": dim,
+        "shape": list(rows.shape[1:]),
+        "offsets": [0],
+    }
+
+
+def _fingerprint(function: object) -> str:
+    """Describe a callable by its code and its state, so that a changed one is another."""
+    if function is None:
+        return ""
+    source = function if inspect.isroutine(function) else type(function)
+    try:
+        code = inspect.getsource(source)
+    except (OSError, TypeError):
+        code = repr(source)
+    state = getattr(function, "__dict__", {})
+    members = {k: _fingerprint(v) if callable(v) else repr(v) for k, v in sorted(state.items())}
+    parts = getattr(function, "transforms", ())
+    return json.dumps([code, members, [_fingerprint(part) for part in parts]])

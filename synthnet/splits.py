@@ -1,0 +1,96 @@
+"""Which shape, or which instance of a shape, is for training, validation or test."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import astuple
+
+from synthnet.recipe import SplitSettings
+from synthnet.types import SPLITS, ShapeSpec
+
+
+def grouped(specs: Sequence[ShapeSpec], shares: SplitSettings, seed: int) -> dict[str, str]:
+    """Split by shape: no copy and no exact duplicate of a shape crosses.
+
+    Within each family the groups of equal shapes are put in the order of a hash, and
+    each split takes the groups that still fit its share.
+
+    Parameters
+    ----------
+    specs : sequence of ShapeSpec
+        All shapes drawn.
+    shares : SplitSettings
+        Shares of the splits.
+    seed : int
+        The recipe's seed.
+
+    Returns
+    -------
+    dict of str to str
+        Split by shape id.
+    """
+    families: defaultdict[str, defaultdict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
+    for spec in specs:
+        families[spec.family][spec.group].append(spec.id)
+    split_of: dict[str, str] = {}
+    for groups in families.values():
+        waiting = sorted(groups, key=lambda group: _rank(seed, "grouped", group))
+        total = sum(len(ids) for ids in groups.values())
+        for split, room in zip(SPLITS, quotas(total, shares), strict=True):
+            late = []
+            for group in waiting:
+                ids = groups[group]
+                if len(ids) <= room or split == SPLITS[-1]:
+                    split_of.update(dict.fromkeys(ids, split))
+                    room -= len(ids)
+                else:
+                    late.append(group)
+            waiting = late
+    return split_of
+
+
+def paper(
+    specs: Sequence[ShapeSpec], instances: int, shares: SplitSettings, seed: int
+) -> dict[str, tuple[str, ...]]:
+    """Split over instances, as the paper does: copies of one shape cross.
+
+    Parameters
+    ----------
+    specs : sequence of ShapeSpec
+        All shapes drawn.
+    instances : int
+        Copies of each shape.
+    shares, seed
+        As in :func:`grouped`.
+
+    Returns
+    -------
+    dict of str to tuple of str
+        Split of each instance by shape id.
+    """
+    keys = [(spec.id, instance) for spec in specs for instance in range(instances)]
+    keys.sort(key=lambda key: _rank(seed, "paper", f"{key[0]}/{key[1]}"))
+    names = [
+        split
+        for split, quota in zip(SPLITS, quotas(len(keys), shares), strict=True)
+        for _ in range(quota)
+    ]
+    split_of = dict(zip(keys, names, strict=True))
+    return {s.id: tuple(split_of[s.id, i] for i in range(instances)) for s in specs}
+
+
+def _rank(seed: int, protocol: str, key: str) -> bytes:
+    # A hash and no shuffle: equal on every machine, whatever the library's version.
+    return hashlib.sha256(f"{seed}/{protocol}/{key}".encode()).digest()
+
+
+def quotas(total: int, shares: SplitSettings) -> list[int]:
+    """Round the shares of ``total`` to whole numbers that add up (largest remainder)."""
+    exact = [share * total for share in astuple(shares)]
+    whole = [int(value) for value in exact]
+    by_remainder = sorted(range(len(exact)), key=lambda i: whole[i] - exact[i])
+    for i in by_remainder[: total - sum(whole)]:
+        whole[i] += 1
+    return whole

@@ -1,0 +1,423 @@
+"""All disk access: Parquet shards, their digests, and the manifest.
+
+A dataset is a directory ``<home>/<version>`` with ``shards/*.parquet`` and, written last,
+``manifest.json``. Every file is written beside its place and moved there when complete,
+so a file that is there is whole.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import platformdirs
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from synthnet.errors import BuildError, DamagedError, StoreError
+from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
+
+SCHEMA_VERSION = 1
+MANIFEST = "manifest.json"
+METADATA_KEY = b"synthnet"
+
+SCHEMA = pa.schema(
+    [
+        pa.field("id", pa.string(), nullable=False),
+        pa.field("family", pa.string(), nullable=False),
+        pa.field("index", pa.int32(), nullable=False),
+        pa.field("parameters", pa.string(), nullable=False),  # JSON object
+        pa.field("group", pa.string(), nullable=False),
+        pa.field("split", pa.string(), nullable=False),
+        pa.field("paper_splits", pa.list_(pa.string()), nullable=False),
+        pa.field("eigenvalues", pa.list_(pa.float64()), nullable=False),
+        pa.field("trivial", pa.float64(), nullable=False),
+        pa.field("residual", pa.float64(), nullable=False),
+        pa.field("isometries", pa.list_(pa.list_(pa.float64(), 9)), nullable=False),
+        pa.field("vertices", pa.list_(pa.list_(pa.float32(), 3)), nullable=False),
+        pa.field("faces", pa.list_(pa.list_(pa.int32(), 3)), nullable=False),
+    ]
+)
+# Splitting the bytes of floats and of slowly varying integers into streams makes the
+# shards a third smaller than dictionaries do, and faster to write.
+STREAMS = ("vertices.list.element.list.element", "faces.list.element.list.element")
+
+
+def home(root: str | os.PathLike[str] | None = None) -> Path:
+    """Return the directory that holds the versions.
+
+    ``root`` if given, else ``$SYNTHNET_HOME``, else the user's cache directory by the
+    platform's convention.
+    """
+    if root is not None:
+        return Path(root).expanduser()
+    if named := os.environ.get("SYNTHNET_HOME"):
+        return Path(named).expanduser()
+    return Path(platformdirs.user_cache_dir("synthnet"))
+
+
+def dataset_directory(version: str, root: str | os.PathLike[str] | None = None) -> Path:
+    """Return where a version is or would be: ``<home>/<version>``."""
+    return home(root) / version
+
+
+# Shards
+
+
+def write_shard(
+    path: Path,
+    samples: Sequence[Sample],
+    rejections: Sequence[Rejection],
+    *,
+    family: str,
+    recipe_digest: str,
+) -> ShardRecord:
+    """Write the samples of one shard and return its record.
+
+    The same samples give the same bytes.
+    """
+    header = {
+        "schema_version": SCHEMA_VERSION,
+        "recipe_digest": recipe_digest,
+        "family": family,
+        "rejections": [asdict(r) for r in rejections],
+    }
+    schema = SCHEMA.with_metadata({METADATA_KEY: json.dumps(header, sort_keys=True)})
+    table = pa.Table.from_arrays([_column(f.name, samples) for f in SCHEMA], schema=schema)
+
+    def write(partial: Path) -> None:
+        pq.write_table(
+            table,
+            partial,
+            compression="zstd",
+            compression_level=3,
+            row_group_size=max(len(samples), 1),
+            use_dictionary=False,
+            column_encoding=dict.fromkeys(STREAMS, "BYTE_STREAM_SPLIT"),
+            write_page_checksum=True,
+        )
+
+    write_atomically(path, write)
+    return _record(path, table, header)
+
+
+def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    """Read a shard, its page checksums verified.
+
+    Raises
+    ------
+    StoreError
+        If the file is missing, truncated, altered or of another schema.
+    """
+    try:
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            if not file.schema_arrow.equals(SCHEMA):
+                raise StoreError(f"{path} has another schema: remove it and build again")
+            return file.read(columns=list(columns) if columns else None)
+    except FileNotFoundError as error:
+        raise DamagedError(f"{path} is missing: run `synthnet build` again") from error
+    except (OSError, pa.ArrowInvalid) as error:
+        raise DamagedError(
+            f"{path} is damaged ({_one_line(error)}): remove it and run `synthnet build` again"
+        ) from error
+
+
+def read_samples(path: Path) -> Iterator[Sample]:
+    """Read the samples of a shard, in order."""
+    yield from _samples(read_table(path))
+
+
+def read_record(path: Path, recipe_digest: str) -> ShardRecord:
+    """Read a shard whole and return its record.
+
+    Raises
+    ------
+    StoreError
+        If it is damaged or belongs to another recipe.
+    """
+    table = read_table(path)
+    header = json.loads((table.schema.metadata or {}).get(METADATA_KEY, b"{}"))
+    if header.get("recipe_digest") != recipe_digest:
+        raise StoreError(
+            f"{path} belongs to another recipe: remove {path.parent.parent} or choose another --out"
+        )
+    return _record(path, table, header)
+
+
+def _record(path: Path, table: pa.Table, header: dict[str, Any]) -> ShardRecord:
+    return ShardRecord(
+        file=f"{path.parent.name}/{path.name}",
+        family=header["family"],
+        sha256=sha256(path),
+        size=path.stat().st_size,
+        rows=table.num_rows,
+        vertices=_length(table["vertices"]),
+        faces=_length(table["faces"]),
+        rejections=tuple(Rejection(**r) for r in header["rejections"]),
+    )
+
+
+def _length(column: pa.ChunkedArray) -> int:
+    return sum(len(chunk.flatten()) for chunk in column.chunks)
+
+
+def _column(name: str, samples: Sequence[Sample]) -> pa.Array:
+    field = SCHEMA.field(name)
+    match name:
+        case "id" | "family" | "index" | "group":
+            return pa.array([getattr(s.spec, name) for s in samples], field.type)
+        case "parameters":
+            return pa.array([json.dumps(dict(s.spec.parameters)) for s in samples], field.type)
+        case "vertices" | "faces":
+            return _ragged([getattr(s.mesh, name) for s in samples], field.type)
+        case "isometries":
+            return _ragged([s.isometries.reshape(-1, 9) for s in samples], field.type)
+        case _:
+            return pa.array([_plain(getattr(s, name)) for s in samples], field.type)
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _ragged(arrays: Sequence[NDArray[Any]], kind: pa.ListType) -> pa.Array:
+    """Pack arrays of shape (n_i, c) into a list of fixed-size lists."""
+    inner = kind.value_type
+    offsets = np.concatenate([[0], np.cumsum([len(a) for a in arrays])]).astype(np.int32)
+    flat = np.concatenate([a.ravel() for a in arrays]) if arrays else np.zeros(0)
+    values = pa.FixedSizeListArray.from_arrays(pa.array(flat, inner.value_type), type=inner)
+    return pa.ListArray.from_arrays(pa.array(offsets, pa.int32()), values, type=kind)
+
+
+def ragged_arrays(column: pa.ChunkedArray) -> Iterator[NDArray[Any]]:
+    """Yield the (n_i, c) array of each row of a list of fixed-size lists, without a copy."""
+    for chunk in column.chunks:
+        width = chunk.type.value_type.list_size
+        values = chunk.flatten().flatten().to_numpy().reshape(-1, width)
+        offsets = chunk.offsets.to_numpy() - chunk.offsets[0].as_py()
+        for start, stop in pairwise(offsets):
+            yield values[start:stop]
+
+
+def _samples(table: pa.Table) -> Iterator[Sample]:
+    plain = table.drop_columns(["vertices", "faces", "isometries"]).to_pylist()
+    ragged = (ragged_arrays(table[name]) for name in ("vertices", "faces", "isometries"))
+    for row, vertices, faces, isometries in zip(plain, *ragged, strict=True):
+        spec = ShapeSpec(
+            id=row["id"],
+            family=row["family"],
+            index=row["index"],
+            parameters=json.loads(row["parameters"]),
+            group=row["group"],
+        )
+        yield Sample(
+            spec=spec,
+            mesh=Mesh(vertices, faces),
+            eigenvalues=np.array(row["eigenvalues"], dtype=np.float64),
+            trivial=row["trivial"],
+            residual=row["residual"],
+            isometries=isometries.reshape(-1, 3, 3),
+            split=row["split"],
+            paper_splits=tuple(row["paper_splits"]),
+        )
+
+
+# Manifest
+
+
+@dataclass(frozen=True, slots=True)
+class StoredDataset:
+    """A finished dataset on disk."""
+
+    directory: Path
+    manifest: Manifest
+
+    def paths(self) -> list[Path]:
+        """Return the shards' paths in order of family and index."""
+        return [self.directory / shard.file for shard in self.manifest.shards]
+
+    def samples(self) -> Iterator[Sample]:
+        """Read all samples, a shard at a time."""
+        for path in self.paths():
+            yield from read_samples(path)
+
+    def find(self, id: str) -> Sample:
+        """Return the sample of an id.
+
+        Raises
+        ------
+        StoreError
+            If there is none, or a filter rejected it.
+        """
+        for shard in self.manifest.shards:
+            if shard.family != id.rpartition("-")[0]:
+                continue
+            if any(r.id == id for r in shard.rejections):
+                reason = next(r for r in shard.rejections if r.id == id)
+                raise StoreError(f"{id} was rejected by {reason.reason}: {reason.detail}")
+            ids = read_table(self.directory / shard.file, ["id"])["id"].to_pylist()
+            if id in ids:
+                table = read_table(self.directory / shard.file)
+                return next(_samples(table.slice(ids.index(id), 1)))
+        raise StoreError(
+            f"no shape {id!r} in {self.manifest.version}: ids look like "
+            f"{next(iter(self.manifest.drawn))}-00000 (`synthnet info --ids` lists them)"
+        )
+
+
+def write_manifest(directory: Path, manifest: Manifest) -> None:
+    """Write the manifest, the mark of a finished dataset."""
+    content = {"schema_version": SCHEMA_VERSION, **asdict(manifest)}
+    text = json.dumps(content, indent=1) + "\n"
+    write_atomically(directory / MANIFEST, lambda partial: _write_text(partial, text))
+
+
+def read_manifest(directory: Path) -> Manifest | None:
+    """Read the manifest, or return ``None`` where no build has finished.
+
+    Raises
+    ------
+    StoreError
+        If it is not JSON, lacks a key, or has another schema version.
+    """
+    path = directory / MANIFEST
+    try:
+        content = json.loads(path.read_text())
+        found = content.pop("schema_version")
+        if found != SCHEMA_VERSION:
+            raise StoreError(
+                f"{path} has schema version {found}, this synthnet reads {SCHEMA_VERSION}: "
+                "build it again in another --out"
+            )
+        shards = tuple(
+            ShardRecord(**{**s, "rejections": tuple(Rejection(**r) for r in s["rejections"])})
+            for s in content.pop("shards")
+        )
+        return Manifest(**content, shards=shards)
+    except FileNotFoundError:
+        return None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DamagedError(
+            f"{path} is damaged ({_one_line(error)}): remove it and run `synthnet build` again"
+        ) from error
+
+
+def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> StoredDataset:
+    """Open a finished dataset.
+
+    Raises
+    ------
+    StoreError
+        If it has not been built there.
+    """
+    directory = dataset_directory(version, root)
+    manifest = read_manifest(directory)
+    if manifest is None:
+        out = "" if root is None else f" --out {root}"
+        raise StoreError(
+            f"no finished dataset in {directory}: run `synthnet build --version {version}{out}`"
+        )
+    return StoredDataset(directory, manifest)
+
+
+# Files
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def make_directory(path: Path) -> None:
+    """Create a directory that can be written.
+
+    Raises
+    ------
+    BuildError
+        If that cannot be done.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe = path / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise BuildError(
+            f"cannot write to {path} ({error.strerror}): choose another place with --out "
+            "or $SYNTHNET_HOME"
+        ) from error
+
+
+def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+    """Let ``write`` fill a file beside ``path``, then move it there.
+
+    Raises
+    ------
+    BuildError
+        If the disk is full or cannot be written; nothing is left behind.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        write(partial)
+        with partial.open("rb") as file:
+            os.fsync(file.fileno())
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise _cannot_write(path, error) from error
+
+
+def _cannot_write(path: Path, error: OSError) -> BuildError:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return BuildError(
+            f"no space left for {path}: free some and run the same command again; "
+            "what is finished is kept"
+        )
+    return BuildError(f"cannot write {path} ({_one_line(error)})")
+
+
+def make_in_place(directory: Path, fill: Callable[[Path], None]) -> None:
+    """Let ``fill`` fill a directory beside its place, then move it there.
+
+    Raises
+    ------
+    BuildError
+        If the disk is full or cannot be written; nothing is left behind.
+    """
+    partial = directory.with_name(f".{directory.name}.{os.getpid()}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    make_directory(partial)
+    try:
+        fill(partial)
+        if directory.exists():
+            shutil.rmtree(directory)
+        partial.rename(directory)
+    except OSError as error:
+        raise _cannot_write(directory, error) from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def remove_partial_files(directory: Path) -> None:
+    """Remove what a killed writer left beside its place."""
+    for partial in directory.glob(".*.partial"):
+        partial.unlink()
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text)
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,206 @@
+"""Check a built dataset against its manifest, its recipe, the pins and LaPy."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import lapy
+import numpy as np
+import threadpoolctl
+
+from synthnet import pins, recipe, store
+from synthnet.errors import StoreError
+from synthnet.plan import PlannedShape, plan_shards
+from synthnet.recipe import Recipe
+from synthnet.types import Manifest, Mesh, Sample, ShardRecord
+
+LAPY_TOLERANCE = 1e-8  # relative, stored label against LaPy's own solver
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """The outcome of one check: how many things were looked at, and what differed."""
+
+    name: str
+    examined: int
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class VerifyReport:
+    """All checks of a dataset."""
+
+    directory: Path
+    checks: tuple[Check, ...]
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Everything that differed."""
+        return tuple(problem for check in self.checks for problem in check.problems)
+
+
+def verify(
+    version: str,
+    *,
+    root: str | os.PathLike[str] | None = None,
+    sample: int = 100,
+    seed: int = 0,
+    on_shard: Callable[[int, int], None] | None = None,
+) -> VerifyReport:
+    """Verify a dataset on disk.
+
+    Checks, in order: the manifest's recipe; size and SHA-256 of every shard; schema, page
+    checksums and row counts; ids, parameters and splits against the recipe's own draw;
+    all of it against the pins of the repository; labels of a random sample against
+    ``lapy.Solver(...).eigs``.
+
+    Parameters
+    ----------
+    version : str
+        The version.
+    root : path, optional
+        Directory that holds the versions.
+    sample : int
+        Shapes whose labels are derived anew.
+    seed : int
+        Of the random sample.
+    on_shard : callable, optional
+        Called with the number of shards read and of all shards.
+
+    Raises
+    ------
+    StoreError
+        If the dataset has not been built there or its manifest is damaged.
+    """
+    wanted = recipe.load(version)
+    dataset = store.open_dataset(version, root)
+    manifest = dataset.manifest
+    planned = {s.spec.id: s for plan in plan_shards(wanted) for s in plan.shapes}
+    pinned = pins.read(wanted.base)
+    chosen = _choose(manifest, planned, sample, seed)
+    found: dict[str, list[str]] = {
+        name: [] for name in ("manifest", "digests", "shards", "recipe", "pins", "labels")
+    }
+    found["manifest"] += _check_manifest(manifest, wanted, planned)
+    seen: set[str] = set()
+    relabelled = 0
+    for number, record in enumerate(manifest.shards, start=1):
+        path = dataset.directory / record.file
+        found["digests"] += _check_file(path, record)
+        try:
+            samples = list(store.read_samples(path))
+        except StoreError as error:
+            found["shards"].append(str(error))
+            continue
+        found["shards"] += _check_rows(samples, record)
+        for one in samples:
+            seen.add(one.spec.id)
+            found["recipe"] += _check_plan(one, planned)
+            if pinned is not None:
+                found["pins"] += _check_pin(one, pinned)
+            if one.spec.id in chosen:
+                relabelled += 1
+                found["labels"] += _check_label(one)
+        if on_shard is not None:
+            on_shard(number, len(manifest.shards))
+    found["recipe"] += _check_complete(seen, manifest, planned)
+    if pinned is None:
+        found["pins"].append(f"the repository pins nothing for {wanted.base}")
+    examined = {
+        "manifest": 1,
+        "digests": len(manifest.shards),
+        "shards": len(manifest.shards),
+        "recipe": len(planned),
+        "pins": len(seen & set(pinned or ())),
+        "labels": relabelled,
+    }
+    checks = tuple(Check(name, examined[name], tuple(p)) for name, p in found.items())
+    return VerifyReport(dataset.directory, checks)
+
+
+def lapy_eigenvalues(mesh: Mesh, k: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Return the first k eigenvalues after zero by LaPy's own solver, on one thread."""
+    with threadpoolctl.threadpool_limits(1):
+        solver = lapy.Solver(lapy.TriaMesh(mesh.vertices.astype(np.float64), mesh.faces))
+        values, _ = solver.eigs(k + 1, rng=0)
+    return np.asarray(values[1:], dtype=np.float64)
+
+
+def _choose(
+    manifest: Manifest, planned: dict[str, PlannedShape], sample: int, seed: int
+) -> set[str]:
+    kept = sorted(set(planned) - {r.id for r in manifest.rejections})
+    rng = np.random.default_rng(seed)
+    return set(rng.choice(kept, size=min(sample, len(kept)), replace=False).tolist())
+
+
+def _check_manifest(
+    manifest: Manifest, wanted: Recipe, planned: dict[str, PlannedShape]
+) -> Iterator[str]:
+    if manifest.recipe_digest != wanted.digest:
+        yield "manifest: made from another recipe than this release's"
+    drawn = Counter(s.spec.family for s in planned.values())
+    for family, expected in drawn.items():
+        shards = [s for s in manifest.shards if s.family == family]
+        counted = sum(s.rows + len(s.rejections) for s in shards)
+        if not counted == manifest.drawn.get(family) == expected:
+            yield (
+                f"manifest: {family} has {counted} shapes kept or rejected and "
+                f"{manifest.drawn.get(family)} drawn, the recipe draws {expected}"
+            )
+
+
+def _check_file(path: Path, record: ShardRecord) -> Iterator[str]:
+    if not path.exists():
+        yield f"{record.file}: missing"
+    elif (found := store.sha256(path)) != record.sha256:
+        yield f"{record.file}: SHA-256 is {found[:12]}…, the manifest has {record.sha256[:12]}…"
+
+
+def _check_rows(samples: list[Sample], record: ShardRecord) -> Iterator[str]:
+    counts = (
+        ("rows", len(samples), record.rows),
+        ("vertices", sum(len(s.mesh.vertices) for s in samples), record.vertices),
+        ("faces", sum(len(s.mesh.faces) for s in samples), record.faces),
+    )
+    for what, found, expected in counts:
+        if found != expected:
+            yield f"{record.file}: {found} {what}, the manifest has {expected}"
+
+
+def _check_plan(sample: Sample, planned: dict[str, PlannedShape]) -> Iterator[str]:
+    spec = sample.spec
+    shape = planned.get(spec.id)
+    if shape is None:
+        yield f"{spec.id}: not drawn by the recipe"
+    elif spec != shape.spec:
+        yield f"{spec.id}: parameters differ from the recipe's draw"
+    elif (sample.split, sample.paper_splits) != (shape.split, shape.paper_splits):
+        yield f"{spec.id}: splits differ from the recipe's"
+
+
+def _check_complete(
+    seen: Iterable[str], manifest: Manifest, planned: dict[str, PlannedShape]
+) -> Iterator[str]:
+    lost = set(planned) - set(seen) - {r.id for r in manifest.rejections}
+    yield from (f"{id}: neither stored nor rejected" for id in sorted(lost))
+
+
+def _check_pin(sample: Sample, pinned: dict[str, pins.Pin]) -> Iterator[str]:
+    expected = pinned.get(sample.spec.id)
+    if expected is None:
+        yield f"{sample.spec.id}: stored here, but the pinned build rejected it"
+        return
+    for difference in pins.differences(pins.pin(sample), expected):
+        yield f"{sample.spec.id}: {difference}"
+
+
+def _check_label(sample: Sample) -> Iterator[str]:
+    expected = lapy_eigenvalues(sample.mesh, len(sample.eigenvalues))
+    apart = float(np.max(np.abs(sample.eigenvalues / expected - 1)))
+    if not apart <= LAPY_TOLERANCE:
+        yield f"{sample.spec.id}: label is {apart:.2g} off LaPy's, more than {LAPY_TOLERANCE:g}"

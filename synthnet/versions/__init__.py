@@ -1,0 +1,1 @@
+"""Frozen recipes: ``<version>.toml``, and the labels pinned for them."""

@@ -1,0 +1,73 @@
+"""Tests of the one door to Open3D, and of the stand-ins for libraries not installed."""
+
+import subprocess
+import sys
+
+import pytest
+
+from synthnet import _open3d
+
+
+def run(code: str) -> str:
+    """Run code in a fresh interpreter, which has loaded nothing yet."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_load_open3d_gives_a_working_module() -> None:
+    open3d = _open3d.load_open3d()
+    box = open3d.geometry.TriangleMesh.create_box()
+    assert len(box.vertices) == 8
+    hull, _ = box.subdivide_midpoint(2).compute_convex_hull()
+    assert len(hull.vertices) == 8
+    assert _open3d.load_open3d() is open3d
+
+
+def test_importing_the_door_does_not_import_open3d() -> None:
+    code = "import sys, synthnet._open3d; print('open3d' in sys.modules)"
+    assert run(code) == "False"
+
+
+def test_a_missing_open3d_is_explained_in_one_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "open3d", None)  # makes `import open3d` fail
+    with pytest.raises(ImportError, match="pip install open3d") as caught:
+        _open3d.load_open3d.__wrapped__()
+    assert "\n" not in str(caught.value)
+    assert isinstance(caught.value.__cause__, ModuleNotFoundError)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="stand-ins are ELF files")
+@pytest.mark.parametrize("version", ["", "SYNTHNET_1.0"])
+def test_stand_in_is_found_by_name_and_returns_zero(version: str) -> None:
+    code = f"""
+import ctypes
+from synthnet._open3d import _load_stand_in
+
+names = [f"synthnet_function_{{i}}" for i in range(50)]
+for number in "12":  # two, because they must not be taken for each other
+    _load_stand_in("libsynthnet_standin_test.so." + number, names, {version!r})
+    names.append("synthnet_only_in_second")
+first = ctypes.CDLL("libsynthnet_standin_test.so.1")
+second = ctypes.CDLL("libsynthnet_standin_test.so.2")
+print({{second[name]() for name in names}}, hasattr(first, names[-1]))
+"""
+    assert run(code) == "{0} False"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="stand-ins are ELF files")
+def test_open3d_works_with_stand_ins_for_all_libraries() -> None:
+    # As on a server that has none of them: no library counts as present.
+    code = """
+from synthnet import _open3d
+
+_open3d._loadable = lambda name: name.startswith("/") and _open3d.ctypes.CDLL(name)
+box = _open3d.load_open3d().geometry.TriangleMesh.create_box().subdivide_midpoint(2)
+hull, _ = box.compute_convex_hull()
+libraries = ("libEGL.so", "libGL.so", "libX11.so", "libudev.so", "libidn2.so")
+maps = open("/proc/self/maps").read()
+print(len(hull.vertices), [name for name in libraries if "memfd:" + name not in maps])
+"""
+    assert run(code) == "8 []"
