@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from tabulate import tabulate
 
-from synthnet import spectrum, store
-from synthnet.families import FAMILIES
+from synthnet import recipe, spectrum, store
+from synthnet.families import FAMILIES, draw_shapes
 
 ROOT = Path(__file__).parent.parent
 CARD, REPORT = ROOT / "docs" / "dataset-card.md", ROOT / "docs" / "data" / "build-1.0.json"
@@ -66,10 +66,23 @@ def split_cone_flaw(dataset: store.StoredDataset, count: int = 100) -> str:
     )
 
 
+def inverted_cone_flaw() -> str:
+    """Return how many inverted cones are not inverted, and how many touch their base."""
+    shapes = [s for s in draw_shapes(recipe.load("1.0")) if s.family == "inverted_cone"]
+    rings = [(2 * s.parameters["split"], s.parameters["flip"]) for s in shapes]
+    ends = [np.floor(flip * count + 0.5) / count for count, flip in rings]
+    return (
+        f"Of {len(shapes):,}, {ends.count(1.0)} have t rounded to 1, so nothing is reflected and "
+        f"they are plain cones; {ends.count(0.5)} have t rounded to 0.5, so the tip lies on the "
+        "centre of the base. The two are different vertices, and the surface is a manifold."
+    )
+
+
 def main() -> None:
     """Rewrite the marked parts of the card."""
     parts = {
         "composition": f"\n{composition(json.loads(REPORT.read_text()))}\n",
+        "inverted-cones": inverted_cone_flaw(),
         "split-cones": split_cone_flaw(store.open_dataset("1.0")),
     }
     text = CARD.read_text()

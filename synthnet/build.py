@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
 import subprocess
 import sys
-import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import metadata
-from multiprocessing import connection
 from pathlib import Path
 from platform import python_version
 
 import filelock
 import threadpoolctl
 
-from synthnet import augment, filters, recipe, spectrum, store
+from synthnet import augment, files, filters, recipe, spectrum, store
+from synthnet.distributions import ISOMETRIES, generator
 from synthnet.errors import BuildError, DamagedError, SpectrumError, StoreError
 from synthnet.families import FAMILIES
 from synthnet.plan import PlannedShape, ShardPlan, plan_shards
 from synthnet.recipe import Recipe
 from synthnet.types import Manifest, Rejection, Sample, ShapeSpec, ShardRecord
+from synthnet.workers import cores, local_processes
 
 PACKAGES = ("synthnet", "numpy", "scipy", "open3d", "open3d-cpu", "trimesh", "pyarrow")
 SHARDS = "shards"
@@ -125,15 +122,16 @@ def build(
     finished = _finished(directory, wanted)
     if finished is not None:
         return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
-    store.make_directory(directory / SHARDS)
+    files.make_directory(directory / SHARDS)
     with _exclusive(directory):
-        store.remove_partial_files(directory / SHARDS)
+        for place in (directory, directory / SHARDS):
+            files.remove_partial_files(place)
         plans = plan_shards(wanted)
         watcher = watcher or Watcher()
         watcher.planned(plans)
         results: dict[str, ShardResult] = {}
-        processes = workers or _cores()
-        with _executor(processes) as executor:
+        processes = workers or cores()
+        with local_processes(processes) as executor:
             ahead = processes + 1  # one shard waits, so that no worker does
             for plan, result in _run(executor, plans, wanted, directory, ahead, watcher):
                 results[plan.file] = result
@@ -229,7 +227,7 @@ def make_sample(shape: PlannedShape, wanted: Recipe) -> Sample | Rejection:
         return _rejection(spec, filters.SOLVER, str(error))
     if refused := filters.check_spectrum(label, wanted.filters):
         return _rejection(spec, *refused)
-    rng = recipe.generator(wanted.seed, spec.family, spec.index, recipe.ISOMETRIES)
+    rng = generator(wanted.seed, spec.family, spec.index, ISOMETRIES)
     return Sample(
         spec=spec,
         mesh=mesh,
@@ -279,15 +277,6 @@ def _manifest(wanted: Recipe, records: Sequence[ShardRecord]) -> Manifest:
     )
 
 
-# Processes
-
-
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 @contextmanager
 def _exclusive(directory: Path) -> Iterator[None]:
     lock = filelock.FileLock(directory / ".lock")
@@ -301,40 +290,6 @@ def _exclusive(directory: Path) -> Iterator[None]:
         yield
     finally:
         lock.release()
-
-
-@contextmanager
-def _executor(workers: int) -> Iterator[Executor]:
-    # Spawned, not forked: Open3D and BLAS have threads of their own.
-    pool = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker
-    )
-    try:
-        yield pool
-    except BrokenProcessPool as error:
-        raise BuildError(
-            "a worker process died (out of memory?): finished shards are kept, "
-            "run the same command again, with fewer --workers if memory is short"
-        ) from error
-    except BaseException:
-        for process in multiprocessing.active_children():
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _start_worker() -> None:
-    """Leave Ctrl-C to the parent, and end when the parent is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
-
-
-def _follow(sentinel: int) -> None:
-    connection.wait([sentinel])
-    os._exit(1)
 
 
 def _run(

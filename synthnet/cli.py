@@ -11,26 +11,16 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TaskID,
-    TextColumn,
-    TimeRemainingColumn,
-)
-from rich.text import Text
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tabulate import tabulate
 
 from synthnet import recipe, store
-from synthnet.build import BuildReport, ShardResult, Watcher, build
+from synthnet.build import build
 from synthnet.errors import SynthNetError
 from synthnet.families import FAMILIES
 from synthnet.geometry import MeshFacts
-from synthnet.plan import ShardPlan
-from synthnet.types import SPLITS, Manifest
+from synthnet.report import FamilyBars, family_table, summary
+from synthnet.types import SPLITS
 from synthnet.version import __version__
 
 WRONG_INPUT, DIFFERENT, INTERRUPTED = 2, 1, 130
@@ -80,13 +70,13 @@ def _build(options: argparse.Namespace) -> int:
     with bars.progress:
         report = build(options.version, root=options.out, workers=options.workers, watcher=bars)
     if options.json:
-        _print_json(_summary(report.dataset.manifest, report))
+        _print_json(summary(report.dataset.manifest, report))
         return 0
     directory = report.dataset.directory
     if report.nothing_to_do:
         print(f"{options.version} is built already in {directory}: nothing to do")
         return 0
-    print(_family_table(report.dataset.manifest, report.seconds))
+    print(family_table(report.dataset.manifest, report.seconds))
     kept = f", {report.reused} shards kept from an earlier run" if report.reused else ""
     print(f"\n{options.version} built in {report.wall_seconds:.0f} s{kept}: {directory}")
     return 0
@@ -100,9 +90,9 @@ def _info(options: argparse.Namespace) -> int:
         print("\n".join(str(id) for id in ids))
         return 0
     if options.json:
-        _print_json({**_summary(manifest), "directory": str(dataset.directory)})
+        _print_json({**summary(manifest), "directory": str(dataset.directory)})
         return 0
-    print(_family_table(manifest))
+    print(family_table(manifest))
     size = sum(shard.size for shard in manifest.shards)
     splits = Counter(
         split.as_py() for path in dataset.paths() for split in store.read_table(path, ["split"])[0]
@@ -127,15 +117,22 @@ def _verify(options: argparse.Namespace) -> int:
         TimeRemainingColumn(),
         console=Console(stderr=True),
     )
-    with progress:
-        task = progress.add_task("shards", total=None)
+    task = progress.add_task("shards", total=None)
+
+    def on_shard(done: int, total: int) -> None:
+        progress.start()  # not before there is something to show
+        progress.update(task, completed=done, total=total)
+
+    try:
         report = verify(
             options.version,
             root=options.out,
             sample=options.sample,
             seed=options.seed,
-            on_shard=lambda done, total: progress.update(task, completed=done, total=total),
+            on_shard=on_shard,
         )
+    finally:
+        progress.stop()
     failed = bool(report.problems)
     if options.json:
         checks = [
@@ -194,68 +191,14 @@ def _show(options: argparse.Namespace) -> int:
     return 0
 
 
-# Tables
-
 CHECKS = {
     "manifest": "the recipe's digest and the counts by family",
     "digests": "SHA-256 of every shard",
     "shards": "schema, page checksums and rows of every shard",
-    "recipe": "ids, parameters and splits drawn anew",
+    "recipe": "ids, parameters, splits and isometries drawn anew",
     "pins": "faces exactly, vertices and eigenvalues to 1e-6 of the pinned ones",
     "labels": "against LaPy's own solver, to 1e-8",
 }
-
-
-def _summary(manifest: Manifest, report: BuildReport | None = None) -> dict[str, Any]:
-    families = []
-    for family, drawn in manifest.drawn.items():
-        shards = [s for s in manifest.shards if s.family == family]
-        rejected = Counter(r.reason for s in shards for r in s.rejections)
-        row: dict[str, Any] = {
-            "family": family,
-            "drawn": drawn,
-            "rejected": dict(rejected),
-            "kept": sum(s.rows for s in shards),
-            "vertices": sum(s.vertices for s in shards),
-            "faces": sum(s.faces for s in shards),
-        }
-        if report is not None:
-            row["core_seconds"] = round(report.seconds.get(family, 0.0), 3)
-        families.append(row)
-    summary: dict[str, Any] = {
-        "version": manifest.version,
-        "recipe_digest": manifest.recipe_digest,
-        "families": families,
-        "bytes": sum(s.size for s in manifest.shards),
-        "packages": dict(manifest.packages),
-    }
-    if report is not None:
-        summary["directory"] = str(report.dataset.directory)
-        summary["wall_seconds"] = round(report.wall_seconds, 3)
-        summary["nothing_to_do"] = report.nothing_to_do
-        summary["reused_shards"] = report.reused
-    return summary
-
-
-def _family_table(manifest: Manifest, seconds: dict[str, float] | None = None) -> str:
-    rows = []
-    families = _summary(manifest)["families"]
-    reasons: Counter[str] = Counter()
-    for row in families:
-        reasons.update(row["rejected"])
-        rows.append([row["family"], row["drawn"], _reasons(row["rejected"]), row["kept"]])
-        rows[-1] += [row["vertices"], row["faces"]]
-        rows[-1] += [round(seconds.get(row["family"], 0.0), 1)] if seconds is not None else []
-    totals: list[Any] = ["all", sum(r["drawn"] for r in families), _reasons(reasons)]
-    totals += [sum(r[name] for r in families) for name in ("kept", "vertices", "faces")]
-    totals += [round(sum(seconds.values()), 1)] if seconds is not None else []
-    headers = ["family", "drawn", "rejected", "kept", "vertices", "faces"]
-    headers += ["core-seconds"] if seconds is not None else []
-    return str(tabulate([*rows, totals], headers=headers, intfmt=",", floatfmt=",.1f"))
-
-
-def _reasons(rejected: dict[str, int] | Counter[str]) -> str:
-    return ", ".join(f"{count} {reason}" for reason, count in rejected.items()) or "0"
 
 
 def _short(value: Any) -> str:
@@ -270,56 +213,14 @@ def _print_json(value: Any) -> None:
     print(json.dumps(value, indent=1))
 
 
-# Progress
-
-
-class Rate(ProgressColumn):
-    """Meshes per second since the family's first shard began."""
-
-    def render(self, task: Task) -> Text:
-        """Return the rate, or nothing before there is one."""
-        seconds = task.finished_time or task.elapsed
-        if not task.completed or not seconds:
-            return Text("")
-        return Text(f"{task.completed / seconds:7.1f} meshes/s", style="cyan")
-
-
-class FamilyBars(Watcher):
-    """A progress bar for each family, on standard error."""
-
-    def __init__(self) -> None:
-        self.progress = Progress(
-            TextColumn("{task.description:<18}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            Rate(),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-        )
-        self.tasks: dict[str, TaskID] = {}
-
-    def planned(self, plans: Sequence[ShardPlan]) -> None:
-        """Show the families with the number of their shapes."""
-        totals: Counter[str] = Counter()
-        for plan in plans:
-            totals[plan.family] += len(plan.shapes)
-        for family, total in totals.items():
-            self.tasks[family] = self.progress.add_task(family, total=total, start=False)
-
-    def submitted(self, plan: ShardPlan) -> None:
-        """Start the family's clock with its first shard."""
-        task = self.tasks[plan.family]
-        if not self.progress.tasks[task].started:
-            self.progress.start_task(task)
-
-    def finished(self, plan: ShardPlan, result: ShardResult) -> None:
-        """Count a finished shard, and say so where an old one was damaged."""
-        self.progress.advance(self.tasks[plan.family], len(plan.shapes))
-        if result.damaged:
-            self.progress.console.print(f"built again: {result.damaged}", highlight=False)
-
-
 # Arguments
+
+
+def _at_least_zero(text: str) -> int:
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"must be at least 0, got {value}")
+    return value
 
 
 class Parser(argparse.ArgumentParser):
@@ -351,7 +252,7 @@ def _parser() -> argparse.ArgumentParser:
             metavar="DIR",
             type=Path,
             help="directory that holds the versions (default: $SYNTHNET_HOME, else the "
-            f"user's cache directory, here {store.home()})",
+            "user's cache directory, here " + str(store.home()).replace("%", "%%") + ")",
         )
         sub.add_argument("--json", action="store_true", help="print JSON for a program")
         return sub
@@ -384,14 +285,20 @@ def _parser() -> argparse.ArgumentParser:
     version_option(sub)
     sub.add_argument(
         "--sample",
-        type=int,
+        type=_at_least_zero,
         default=100,
         metavar="N",
         help="labels to derive anew with LaPy (default: %(default)s)",
     )
-    sub.add_argument("--seed", type=int, default=0, help="of that sample (default: 0)")
     sub.add_argument(
-        "--limit", type=int, default=20, metavar="N", help="problems to print (default: 20)"
+        "--seed", type=_at_least_zero, default=0, metavar="N", help="of that sample (default: 0)"
+    )
+    sub.add_argument(
+        "--limit",
+        type=_at_least_zero,
+        default=20,
+        metavar="N",
+        help="problems to print (default: 20)",
     )
 
     sub = command("show", _show, "show one shape", " torus-00012 --png torus.png")

@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LightSource
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from synthnet.files import write_atomically
 from synthnet.types import Mesh, Sample
 
 BLUE, GREY = "#0072b2", "#666666"  # Okabe and Ito: told apart by colour-blind readers
@@ -24,6 +25,8 @@ def draw_sample(sample: Sample, path: Path) -> None:
     ------
     ValueError
         If the path does not end in ``.png``.
+    BuildError
+        If the file cannot be written.
     """
     if path.suffix.lower() != ".png":
         raise ValueError(f"the picture's name must end in .png, got {path}")
@@ -42,7 +45,7 @@ def draw_sample(sample: Sample, path: Path) -> None:
     plane.set_ylabel("eigenvalue (1/length²)")
     plane.set_title("Laplace-Beltrami eigenvalues after zero", fontsize=10)
     plane.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=150)
+    write_atomically(path, lambda partial: figure.savefig(partial, dpi=150, format="png"))
 
 
 def _draw_mesh(axes: object, mesh: Mesh) -> None:
@@ -52,8 +55,8 @@ def _draw_mesh(axes: object, mesh: Mesh) -> None:
     surface = Poly3DCollection(
         vertices[faces],
         facecolors="#9ecae9",
-        edgecolors=(0, 0, 0, 0.35) if len(mesh.faces) <= EDGES_UP_TO else "none",
-        linewidths=0.25,
+        edgecolors=(0, 0, 0, 0.35),
+        linewidths=0.25 if len(mesh.faces) <= EDGES_UP_TO else 0,
         shade=True,
         lightsource=shades,
     )

@@ -40,7 +40,7 @@ def face_areas(mesh: Mesh) -> NDArray[np.float64]:
     Examples
     --------
     >>> import numpy as np
-    >>> float(face_areas(Mesh(np.eye(3), np.array([[0, 1, 2]])))[0] ** 2)
+    >>> round(float(face_areas(Mesh(np.eye(3), np.array([[0, 1, 2]])))[0] ** 2), 12)
     0.75
     """
     return areas_of_edges(corner_edges(mesh))

@@ -19,7 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from synthnet.store import write_atomically
+from synthnet.files import write_atomically
 from synthnet.types import Sample
 
 TOLERANCE = 1e-6  # relative: float32 vertices differ by 6e-8 where libm does
@@ -90,6 +90,9 @@ def differences(found: Pin, expected: Pin) -> Iterator[str]:
     apart = float(np.max(np.abs(found.moments - expected.moments) / units))
     if not apart <= TOLERANCE:
         yield f"vertices differ by {apart:.2g} of their size, more than {TOLERANCE:g}"
+    if found.eigenvalues.shape != expected.eigenvalues.shape:
+        yield f"{len(found.eigenvalues)} eigenvalues instead of {len(expected.eigenvalues)}"
+        return
     apart = float(np.max(np.abs(found.eigenvalues / expected.eigenvalues - 1)))
     if not apart <= TOLERANCE:
         yield f"eigenvalues differ by {apart:.2g} relative, more than {TOLERANCE:g}"

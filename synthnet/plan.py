@@ -41,7 +41,7 @@ def plan_shards(recipe: Recipe) -> list[ShardPlan]:
     >>> from synthnet import recipe
     >>> shards = plan_shards(recipe.load("1.0-mini"))
     >>> len(shards), sum(len(shard.shapes) for shard in shards)
-    (10, 335)
+    (11, 335)
     """
     specs = draw_shapes(recipe)
     split_of = splits.grouped(specs, recipe.splits, recipe.seed)

@@ -7,6 +7,7 @@ import hashlib
 import inspect
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from torch_geometric.data import Data, InMemoryDataset
 
 from synthnet import augment as isometry
-from synthnet import mapped, store
+from synthnet import files, mapped, store
 from synthnet.build import ensure_built
 from synthnet.mapped import MappedShapes
 from synthnet.types import PROTOCOLS, SPLITS
@@ -135,7 +136,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         """Unpack the shards into flat arrays; apply ``pre_transform`` if there is one."""
         if not (self._base_directory / mapped.TABLE).exists():
             sys.stderr.write(f"Unpacking synthNet {self.version} for PyTorch Geometric\n")
-            store.make_in_place(
+            files.make_in_place(
                 self._base_directory, lambda to: mapped.write_shapes(to, self._stored)
             )
         if self.pre_transform is None:
@@ -143,7 +144,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         shapes = MappedShapes(self._base_directory)
         indices = self._select(shapes, self.pre_filter)
         items = (self.pre_transform(item(shapes, i)) for i in indices)
-        store.make_in_place(Path(self.processed_dir), lambda to: write_data(to, items))
+        files.make_in_place(Path(self.processed_dir), lambda to: write_data(to, items))
 
     def _select(
         self, shapes: MappedShapes, pre_filter: Callable[[Data], bool] | None
@@ -346,7 +347,14 @@ def _fingerprint(function: object) -> str:
         code = inspect.getsource(source)
     except (OSError, TypeError):
         code = repr(source)
-    state = getattr(function, "__dict__", {})
-    members = {k: _fingerprint(v) if callable(v) else repr(v) for k, v in sorted(state.items())}
-    parts = getattr(function, "transforms", ())
-    return json.dumps([code, members, [_fingerprint(part) for part in parts]])
+    captured = [cell.cell_contents for cell in getattr(function, "__closure__", None) or ()]
+    state = [*sorted(getattr(function, "__dict__", {}).items()), *captured]
+    return json.dumps([code, [_describe(value) for value in state]])
+
+
+def _describe(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return json.dumps([_describe(part) for part in value])
+    if callable(value):
+        return _fingerprint(value)
+    return re.sub(r" at 0x[0-9a-f]+", "", repr(value))  # an address says nothing

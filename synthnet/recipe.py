@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import tomllib
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import MISSING, asdict, dataclass, fields
+from functools import partial
 from importlib import resources
-from typing import Any
+from typing import Any, TypeVar
 
-import numpy as np
-from scipy.special import ndtri
-
+from synthnet.distributions import DISTRIBUTIONS
 from synthnet.errors import RecipeError
 
 SCHEMA = 1
-CLAMP = 3.0  # standard deviations; paper, caption of Table 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,123 +180,113 @@ def parse(text: str) -> Recipe:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise RecipeError(f"recipe is not valid TOML: {error}") from error
-    if raw.pop("schema", None) != SCHEMA:
+    schema = raw.pop("schema", None)
+    if type(schema) is not int or schema != SCHEMA:
         raise RecipeError(f"recipe schema must be {SCHEMA}: use a matching synthnet release")
     if "subset" in raw:
         return _parse_subset(raw)
-    try:
-        families = {name: FamilyRecipe(**value) for name, value in raw.pop("families").items()}
-        recipe = Recipe(
-            label=LabelSettings(**raw.pop("label")),
-            filters=FilterSettings(**raw.pop("filters")),
-            augmentation=AugmentationSettings(**raw.pop("augmentation")),
-            splits=SplitSettings(**raw.pop("splits")),
-            families=families,
-            **raw,
+    tables = {
+        name: read(name, raw.pop(name))
+        for name, read in (
+            ("label", partial(_record, LabelSettings)),
+            ("filters", partial(_record, FilterSettings)),
+            ("augmentation", partial(_record, AugmentationSettings)),
+            ("splits", partial(_record, SplitSettings)),
+            ("families", _families),
         )
-    except KeyError as error:
-        raise RecipeError(f"recipe lacks the table {error}") from error
-    except TypeError as error:
-        raise RecipeError(f"recipe has a missing or unknown key: {error}") from error
+        if name in raw
+    }
+    recipe = _record(Recipe, "recipe", {**raw, **tables})
     _check(recipe)
     return recipe
 
 
 def _parse_subset(raw: dict[str, Any]) -> Recipe:
-    try:
-        subset = Subset(**raw["subset"])
-        base = load(subset.of)
-        values = {name: getattr(base, name) for name in Recipe.__slots__}
-        return Recipe(**{**values, "version": raw["version"], "subset": subset})
-    except (KeyError, TypeError) as error:
-        raise RecipeError(f"subset recipe has a missing or unknown key: {error}") from error
+    subset = _record(Subset, "subset", raw.pop("subset"))
+    _need(0 < subset.share <= 1, f"subset: share must be above 0, at most 1, got {subset.share}")
+    _need(subset.least >= 1, f"subset: least must be at least 1, got {subset.least}")
+    base = load(subset.of)
+    inherited = {field.name: getattr(base, field.name) for field in fields(Recipe)}
+    inherited.pop("version")
+    unknown = set(raw) - {"version"}
+    _need(not unknown, f"a subset has a version and nothing else, got {', '.join(unknown)}")
+    return _record(Recipe, "recipe", {**inherited, **raw, "subset": subset})
+
+
+Settings = TypeVar("Settings")
+
+
+def _record(kind: type[Settings], table: str, values: Any) -> Settings:
+    """Make a settings dataclass of a TOML table, its keys and the kinds of numbers checked."""
+    _need(isinstance(values, Mapping), f"{table} must be a table, got {values!r}")
+    wanted = {field.name: field.type for field in fields(kind)}  # type: ignore[arg-type]
+    unknown = sorted(set(values) - set(wanted))
+    _need(not unknown, f"{table} has an unknown key: {', '.join(unknown)}")
+    missing = sorted(f.name for f in fields(kind) if f.default is MISSING and f.name not in values)  # type: ignore[arg-type]
+    _need(not missing, f"{table} has a missing key: {', '.join(missing)}")
+    for name, value in values.items():
+        if wanted[name] == "int":
+            _need(type(value) is int, f"{table}: {name} must be an integer, got {value!r}")
+        if wanted[name] == "float":
+            _need(_is_number(value), f"{table}: {name} must be a number, got {value!r}")
+        if wanted[name] == "str":
+            _need(isinstance(value, str), f"{table}: {name} must be a string, got {value!r}")
+    return kind(**values)
+
+
+def _families(_: str, tables: Any) -> dict[str, FamilyRecipe]:
+    _need(isinstance(tables, Mapping) and tables, f"families must be tables, got {tables!r}")
+    families = {
+        name: _record(FamilyRecipe, f"family {name}", table) for name, table in tables.items()
+    }
+    for name, family in families.items():
+        _need(family.count >= 1, f"family {name}: count must be at least 1, got {family.count}")
+        for parameter, value in family.parameters.items():
+            _need(
+                _is_number(value) or _is_distribution(value),
+                f"family {name}: parameter {parameter} must be a number or one of "
+                f"{', '.join(DISTRIBUTIONS)} with two arguments, got {value!r}",
+            )
+    return families
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) in (int, float) and math.isfinite(value)
+
+
+def _is_distribution(value: Any) -> bool:
+    if not isinstance(value, Mapping) or len(value) != 1:
+        return False
+    ((kind, arguments),) = value.items()
+    if kind not in DISTRIBUTIONS or not isinstance(arguments, list) or len(arguments) != 2:
+        return False
+    if not all(_is_number(argument) for argument in arguments):
+        return False
+    first, second = arguments
+    if kind == "log10_normal":
+        return bool(second >= 0)
+    whole = kind != "integers" or (type(first) is int and type(second) is int)
+    return bool(whole and first <= second)
 
 
 def _check(recipe: Recipe) -> None:
     shares = asdict(recipe.splits)
-    if abs(sum(shares.values()) - 1) > 1e-9 or min(shares.values()) < 0:
-        raise RecipeError(f"splits must be positive and add up to 1, got {shares}")
-    for name, family in recipe.families.items():
-        if family.count < 1:
-            raise RecipeError(f"family {name}: count must be at least 1, got {family.count}")
-        for parameter, value in family.parameters.items():
-            if not isinstance(value, int | float | Mapping) or (
-                isinstance(value, Mapping) and (len(value) != 1 or set(value) - set(DISTRIBUTIONS))
-            ):
-                raise RecipeError(
-                    f"family {name}: parameter {parameter} must be a number or one of "
-                    f"{', '.join(DISTRIBUTIONS)}, got {value!r}"
-                )
+    _need(
+        min(shares.values()) > 0 and abs(sum(shares.values()) - 1) <= 1e-9,
+        f"splits must be positive and add up to 1, got {shares}",
+    )
+    copies = recipe.augmentation
+    for name, value, least in (
+        ("seed", recipe.seed, 0),
+        ("shard_size", recipe.shard_size, 1),
+        ("label: eigenvalues", recipe.label.eigenvalues, 1),
+        ("augmentation: rotations", copies.rotations, 0),
+        ("augmentation: reflections", copies.reflections, 0),
+    ):
+        _need(value >= least, f"{name} must be at least {least}, got {value}")
+    _need(recipe.label.shift < 0, f"label: shift must be negative, got {recipe.label.shift}")
 
 
-def _log10_normal(u: float, mean: float, std: float) -> float:
-    normal = mean + std * float(np.clip(ndtri(u), -CLAMP, CLAMP))
-    # Nine significant digits: libraries disagree in the last bits of a power, and
-    # the same recipe must give the same parameters on every machine.
-    return float(f"{10.0**normal:.9g}")
-
-
-def _uniform(u: float, low: float, high: float) -> float:
-    return float(f"{low + (high - low) * u:.9g}")
-
-
-def _integers(u: float, low: int, high: int) -> int:
-    return low + int(u * (high - low + 1))
-
-
-DISTRIBUTIONS: dict[str, Callable[..., float | int]] = {
-    "log10_normal": _log10_normal,
-    "uniform": _uniform,
-    "integers": _integers,
-}
-
-
-def draw(distributions: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float | int]:
-    """Draw parameters: one uniform number each, through the inverse distribution.
-
-    ``Generator.random`` is the part of NumPy's streams that is a plain function of
-    the bits; the other samplers may change between NumPy releases (NEP 19).
-
-    Parameters
-    ----------
-    distributions : mapping of str to a number or ``{name: [arguments]}``
-        As in a recipe.
-    rng : numpy.random.Generator
-        Source of the numbers.
-
-    Examples
-    --------
-    >>> draw({"radius": 1.0, "n": {"integers": [3, 3]}}, np.random.default_rng(0))
-    {'radius': 1.0, 'n': 3}
-    """
-    values: dict[str, float | int] = {}
-    for name, value in distributions.items():
-        u = float(rng.random())
-        if isinstance(value, Mapping):
-            ((kind, arguments),) = value.items()
-            values[name] = DISTRIBUTIONS[kind](u, *arguments)
-        else:
-            values[name] = value
-    return values
-
-
-PARAMETERS, ISOMETRIES = 0, 1  # the streams of a shape
-
-
-def generator(seed: int, family: str, index: int, stream: int) -> np.random.Generator:
-    """Return a generator on the shape's own child of the recipe's seed.
-
-    It depends on nothing but the shape, so order and parallelism cannot matter.
-
-    Parameters
-    ----------
-    seed : int
-        The recipe's seed.
-    family, index : str, int
-        The shape.
-    stream : int
-        :data:`PARAMETERS` or :data:`ISOMETRIES`.
-    """
-    key = int.from_bytes(hashlib.sha256(family.encode()).digest()[:4], "big")
-    child = np.random.SeedSequence(seed, spawn_key=(key, index, stream))
-    return np.random.Generator(np.random.PCG64(child))
+def _need(condition: object, message: str) -> None:
+    if not condition:
+        raise RecipeError(message)

@@ -87,10 +87,20 @@ def _rank(seed: int, protocol: str, key: str) -> bytes:
 
 
 def quotas(total: int, shares: SplitSettings) -> list[int]:
-    """Round the shares of ``total`` to whole numbers that add up (largest remainder)."""
-    exact = [share * total for share in astuple(shares)]
+    """Round the shares of ``total`` to whole numbers that add up.
+
+    By largest remainder; where remainders are equal the later split comes first, so that
+    a family of five has a shape to test.
+
+    Examples
+    --------
+    >>> quotas(5, SplitSettings(0.7, 0.2, 0.1))
+    [3, 1, 1]
+    """
+    exact = [round(share * total, 9) for share in astuple(shares)]
     whole = [int(value) for value in exact]
-    by_remainder = sorted(range(len(exact)), key=lambda i: whole[i] - exact[i])
+    remainders = [round(value - floor, 9) for value, floor in zip(exact, whole, strict=True)]
+    by_remainder = sorted(range(len(exact)), key=lambda i: (remainders[i], i), reverse=True)
     for i in by_remainder[: total - sum(whole)]:
         whole[i] += 1
     return whole

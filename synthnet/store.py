@@ -1,4 +1,4 @@
-"""All disk access: Parquet shards, their digests, and the manifest.
+"""The dataset on disk: Parquet shards, their digests, and the manifest.
 
 A dataset is a directory ``<home>/<version>`` with ``shards/*.parquet`` and, written last,
 ``manifest.json``. Every file is written beside its place and moved there when complete,
@@ -7,12 +7,10 @@ so a file that is there is whole.
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
 import os
-import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -24,7 +22,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from synthnet.errors import BuildError, DamagedError, StoreError
+from synthnet import recipe
+from synthnet.errors import DamagedError, StoreError
+from synthnet.files import one_line, sha256, write_atomically
 from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
 
 SCHEMA_VERSION = 1
@@ -92,23 +92,27 @@ def write_shard(
         "family": family,
         "rejections": [asdict(r) for r in rejections],
     }
-    schema = SCHEMA.with_metadata({METADATA_KEY: json.dumps(header, sort_keys=True)})
-    table = pa.Table.from_arrays([_column(f.name, samples) for f in SCHEMA], schema=schema)
-
-    def write(partial: Path) -> None:
-        pq.write_table(
-            table,
-            partial,
-            compression="zstd",
-            compression_level=3,
-            row_group_size=max(len(samples), 1),
-            use_dictionary=False,
-            column_encoding=dict.fromkeys(STREAMS, "BYTE_STREAM_SPLIT"),
-            write_page_checksum=True,
-        )
-
-    write_atomically(path, write)
+    table = _table(samples, header)
+    write_atomically(path, lambda partial: _encode(table, partial))
     return _record(path, table, header)
+
+
+def _table(samples: Sequence[Sample], header: dict[str, Any]) -> pa.Table:
+    schema = SCHEMA.with_metadata({METADATA_KEY: json.dumps(header, sort_keys=True)})
+    return pa.Table.from_arrays([_column(f.name, samples) for f in SCHEMA], schema=schema)
+
+
+def _encode(table: pa.Table, where: Path | pa.BufferOutputStream) -> None:
+    pq.write_table(
+        table,
+        where,
+        compression="zstd",
+        compression_level=3,
+        row_group_size=max(table.num_rows, 1),
+        use_dictionary=False,
+        column_encoding=dict.fromkeys(STREAMS, "BYTE_STREAM_SPLIT"),
+        write_page_checksum=True,
+    )
 
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
@@ -126,9 +130,9 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
             return file.read(columns=list(columns) if columns else None)
     except FileNotFoundError as error:
         raise DamagedError(f"{path} is missing: run `synthnet build` again") from error
-    except (OSError, pa.ArrowInvalid) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         raise DamagedError(
-            f"{path} is damaged ({_one_line(error)}): remove it and run `synthnet build` again"
+            f"{path} is damaged ({one_line(error)}): remove it and run `synthnet build` again"
         ) from error
 
 
@@ -140,13 +144,27 @@ def read_samples(path: Path) -> Iterator[Sample]:
 def read_record(path: Path, recipe_digest: str) -> ShardRecord:
     """Read a shard whole and return its record.
 
+    What was read is encoded again, and must give the very bytes of the file: a build that
+    goes on may keep no shard that differs from the one it would write.
+
     Raises
     ------
     StoreError
         If it is damaged or belongs to another recipe.
     """
     table = read_table(path)
-    header = json.loads((table.schema.metadata or {}).get(METADATA_KEY, b"{}"))
+    try:
+        header = json.loads((table.schema.metadata or {}).get(METADATA_KEY, b"{}"))
+        buffer = pa.BufferOutputStream()
+        _encode(_table(list(_samples(table)), header), buffer)
+        same = hashlib.sha256(buffer.getvalue()).hexdigest() == sha256(path)
+    except (ValueError, TypeError, KeyError, pa.ArrowException):
+        same = False
+    if not same:
+        raise DamagedError(
+            f"{path} is damaged (its bytes are not those of its content): "
+            "remove it and run `synthnet build` again"
+        )
     if header.get("recipe_digest") != recipe_digest:
         raise StoreError(
             f"{path} belongs to another recipe: remove {path.parent.parent} or choose another --out"
@@ -304,11 +322,13 @@ def read_manifest(directory: Path) -> Manifest | None:
             for s in content.pop("shards")
         )
         return Manifest(**content, shards=shards)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
+    except OSError as error:
+        raise StoreError(f"cannot read {path} ({error.strerror}): choose another --out") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise DamagedError(
-            f"{path} is damaged ({_one_line(error)}): remove it and run `synthnet build` again"
+            f"{path} is damaged ({one_line(error)}): remove it and run `synthnet build` again"
         ) from error
 
 
@@ -319,10 +339,13 @@ def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> St
     ------
     StoreError
         If it has not been built there.
+    RecipeError
+        If moreover there is no such version.
     """
     directory = dataset_directory(version, root)
     manifest = read_manifest(directory)
     if manifest is None:
+        recipe.load(version)
         out = "" if root is None else f" --out {root}"
         raise StoreError(
             f"no finished dataset in {directory}: run `synthnet build --version {version}{out}`"
@@ -330,94 +353,5 @@ def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> St
     return StoredDataset(directory, manifest)
 
 
-# Files
-
-
-def sha256(path: Path) -> str:
-    """Return the SHA-256 of a file as hexadecimal digits."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def make_directory(path: Path) -> None:
-    """Create a directory that can be written.
-
-    Raises
-    ------
-    BuildError
-        If that cannot be done.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        probe = path / ".writable"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise BuildError(
-            f"cannot write to {path} ({error.strerror}): choose another place with --out "
-            "or $SYNTHNET_HOME"
-        ) from error
-
-
-def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
-    """Let ``write`` fill a file beside ``path``, then move it there.
-
-    Raises
-    ------
-    BuildError
-        If the disk is full or cannot be written; nothing is left behind.
-    """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        write(partial)
-        with partial.open("rb") as file:
-            os.fsync(file.fileno())
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise _cannot_write(path, error) from error
-
-
-def _cannot_write(path: Path, error: OSError) -> BuildError:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return BuildError(
-            f"no space left for {path}: free some and run the same command again; "
-            "what is finished is kept"
-        )
-    return BuildError(f"cannot write {path} ({_one_line(error)})")
-
-
-def make_in_place(directory: Path, fill: Callable[[Path], None]) -> None:
-    """Let ``fill`` fill a directory beside its place, then move it there.
-
-    Raises
-    ------
-    BuildError
-        If the disk is full or cannot be written; nothing is left behind.
-    """
-    partial = directory.with_name(f".{directory.name}.{os.getpid()}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    make_directory(partial)
-    try:
-        fill(partial)
-        if directory.exists():
-            shutil.rmtree(directory)
-        partial.rename(directory)
-    except OSError as error:
-        raise _cannot_write(directory, error) from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
-
-
-def remove_partial_files(directory: Path) -> None:
-    """Remove what a killed writer left beside its place."""
-    for partial in directory.glob(".*.partial"):
-        partial.unlink()
-
-
 def _write_text(path: Path, text: str) -> None:
     path.write_text(text)
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())

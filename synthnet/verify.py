@@ -12,12 +12,14 @@ import lapy
 import numpy as np
 import threadpoolctl
 
-from synthnet import pins, recipe, store
+from synthnet import augment, files, pins, recipe, store
+from synthnet.distributions import ISOMETRIES, generator
 from synthnet.errors import StoreError
 from synthnet.plan import PlannedShape, plan_shards
 from synthnet.recipe import Recipe
 from synthnet.types import Manifest, Mesh, Sample, ShardRecord
 
+ISOMETRY_TOLERANCE = 1e-12  # of entries: sines differ in their last bits
 LAPY_TOLERANCE = 1e-8  # relative, stored label against LaPy's own solver
 
 
@@ -99,7 +101,7 @@ def verify(
         found["shards"] += _check_rows(samples, record)
         for one in samples:
             seen.add(one.spec.id)
-            found["recipe"] += _check_plan(one, planned)
+            found["recipe"] += _check_plan(one, planned, wanted)
             if pinned is not None:
                 found["pins"] += _check_pin(one, pinned)
             if one.spec.id in chosen:
@@ -110,6 +112,8 @@ def verify(
     found["recipe"] += _check_complete(seen, manifest, planned)
     if pinned is None:
         found["pins"].append(f"the repository pins nothing for {wanted.base}")
+    else:
+        found["pins"] += _check_kept(seen, manifest, set(planned) & set(pinned))
     examined = {
         "manifest": 1,
         "digests": len(manifest.shards),
@@ -157,7 +161,7 @@ def _check_manifest(
 def _check_file(path: Path, record: ShardRecord) -> Iterator[str]:
     if not path.exists():
         yield f"{record.file}: missing"
-    elif (found := store.sha256(path)) != record.sha256:
+    elif (found := files.sha256(path)) != record.sha256:
         yield f"{record.file}: SHA-256 is {found[:12]}…, the manifest has {record.sha256[:12]}…"
 
 
@@ -172,7 +176,7 @@ def _check_rows(samples: list[Sample], record: ShardRecord) -> Iterator[str]:
             yield f"{record.file}: {found} {what}, the manifest has {expected}"
 
 
-def _check_plan(sample: Sample, planned: dict[str, PlannedShape]) -> Iterator[str]:
+def _check_plan(sample: Sample, planned: dict[str, PlannedShape], wanted: Recipe) -> Iterator[str]:
     spec = sample.spec
     shape = planned.get(spec.id)
     if shape is None:
@@ -181,6 +185,13 @@ def _check_plan(sample: Sample, planned: dict[str, PlannedShape]) -> Iterator[st
         yield f"{spec.id}: parameters differ from the recipe's draw"
     elif (sample.split, sample.paper_splits) != (shape.split, shape.paper_splits):
         yield f"{spec.id}: splits differ from the recipe's"
+    else:
+        rng = generator(wanted.seed, spec.family, spec.index, ISOMETRIES)
+        isometries = augment.draw_isometries(wanted.augmentation, rng)
+        if sample.isometries.shape != isometries.shape or not np.allclose(
+            sample.isometries, isometries, rtol=0, atol=ISOMETRY_TOLERANCE
+        ):
+            yield f"{spec.id}: isometries differ from the recipe's draw"
 
 
 def _check_complete(
@@ -188,6 +199,13 @@ def _check_complete(
 ) -> Iterator[str]:
     lost = set(planned) - set(seen) - {r.id for r in manifest.rejections}
     yield from (f"{id}: neither stored nor rejected" for id in sorted(lost))
+
+
+def _check_kept(seen: set[str], manifest: Manifest, expected: set[str]) -> Iterator[str]:
+    rejected = {r.id for r in manifest.rejections}
+    for id in sorted(expected - seen):
+        how = "rejected" if id in rejected else "missing"
+        yield f"{id}: {how} here, but the pinned build kept it"
 
 
 def _check_pin(sample: Sample, pinned: dict[str, pins.Pin]) -> Iterator[str]:

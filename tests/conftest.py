@@ -1,12 +1,23 @@
 from __future__ import annotations
 
+import dataclasses
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
 import hypothesis
 import pytest
 
+import synthnet
 from synthnet import recipe
+from synthnet.build import make_sample
 from synthnet.families import draw_shapes
-from synthnet.recipe import FilterSettings, Recipe
-from synthnet.types import ShapeSpec
+from synthnet.plan import plan_shards
+from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe
+from synthnet.types import Sample, ShapeSpec
 
 hypothesis.settings.register_profile("synthnet", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("synthnet")
@@ -31,3 +42,84 @@ def specs(recipe_1_0: Recipe) -> list[ShapeSpec]:
 
 
 # --- end of the recipe and the draw ---------------------------------------------------
+
+
+# --- a built dataset, the command line and processes (store, build, verify, cli, hf) --
+
+
+def _environment(**more: str) -> dict[str, str]:
+    path = [str(Path(synthnet.__file__).parent.parent), os.environ.get("PYTHONPATH", "")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, path)), **more}
+
+
+@pytest.fixture(scope="session")
+def environment() -> dict[str, str]:
+    """Environment in which `python -m synthnet` is this very checkout."""
+    return _environment()
+
+
+@pytest.fixture(scope="session")
+def command() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Return a function that runs `python -m synthnet` to its end in a new process."""
+
+    def run(*arguments: object, **more: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "synthnet", *map(str, arguments)],
+            env=_environment(**more),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def mini_home(
+    tmp_path_factory: pytest.TempPathFactory,
+    command: Callable[..., subprocess.CompletedProcess[str]],
+) -> Path:
+    """Directory with 1.0-mini, built once by two workers. Read only: copy it to damage it."""
+    home = tmp_path_factory.mktemp("mini")
+    done = command("build", "--version", "1.0-mini", "--out", home, "--workers", "2")
+    assert done.returncode == 0, done.stderr
+    return home
+
+
+@pytest.fixture
+def mini_copy(mini_home: Path, tmp_path: Path) -> Path:
+    """Directory with a copy of 1.0-mini that a test may damage."""
+    shutil.copytree(mini_home, tmp_path / "copy")
+    return tmp_path / "copy"
+
+
+@pytest.fixture(scope="session")
+def tiny(recipe_1_0: Recipe) -> Recipe:
+    """A recipe of ten small shapes that keeps the families' real parameters."""
+    least = {
+        "torus": {"radial_resolution": 8, "tubular_resolution": 6},
+        "tetrahedron": {"subdivisions": 2},
+        "split_cone": {"resolution_a": 5, "resolution_b": 6, "split_a": 2, "split_b": 3},
+        "sphere": {"resolution": 5},
+    }
+    counts = dict(zip(least, (4, 2, 3, 1), strict=True))
+    families = {
+        name: FamilyRecipe(counts[name], {**recipe_1_0.families[name].parameters, **small})
+        for name, small in least.items()
+    }
+    return dataclasses.replace(recipe_1_0, version="tiny", families=families)
+
+
+@pytest.fixture(scope="session")
+def tiny_samples(tiny: Recipe) -> dict[str, list[Sample]]:
+    """The samples of the tiny recipe by family."""
+    made: dict[str, list[Sample]] = {name: [] for name in tiny.families}
+    for plan in plan_shards(tiny):
+        for shape in plan.shapes:
+            sample = make_sample(shape, tiny)
+            assert isinstance(sample, Sample), sample
+            made[plan.family].append(sample)
+    return made
+
+
+# --- end of the built dataset ---------------------------------------------------------

@@ -16,7 +16,9 @@ CUBE = [  # vertex number = x + 2y + 4z
 
 
 def mesh_of(vertices: list[list[float]], faces: list[list[int]]) -> Mesh:
-    return Mesh(np.array(vertices, dtype=np.float64), np.array(faces).reshape(-1, 3))
+    return Mesh(
+        np.array(vertices, dtype=np.float64), np.array(faces, dtype=np.int64).reshape(-1, 3)
+    )
 
 
 def corner_tetrahedron() -> Mesh:
@@ -149,11 +151,12 @@ def test_duplicate_faces_are_found_in_any_order_of_their_corners() -> None:
 
 
 def test_numbers_beyond_int32_do_not_overflow() -> None:
-    n = 70_000  # n² is above 2^32
-    faces = np.array([[0, 1, 2], [n - 3, n - 2, n - 1]], dtype=np.int32)
+    n = 2**17  # in int32, 2¹⁵ n + 40000 would be 0 n + 40000
+    faces = np.array([[0, 40_000, 1], [2**15, 40_000, 2]], dtype=np.int32)
     facts = MeshFacts(Mesh(np.zeros((n, 3), dtype=np.float32), faces))
     assert len(facts.edge_valences) == 6
     assert facts.n_components == n - 4
+    assert facts.n_repeated_half_edges == 0
 
 
 def test_angle_defect_of_a_cube_is_a_right_angle_at_every_corner() -> None:

@@ -6,6 +6,7 @@ To add a family: write its file with a pure generator and a ``FAMILY``, add it t
 
 from __future__ import annotations
 
+from synthnet.distributions import PARAMETERS, draw, generator
 from synthnet.errors import RecipeError
 from synthnet.families import (
     cone,
@@ -20,7 +21,7 @@ from synthnet.families import (
     torus,
 )
 from synthnet.families.family import Family
-from synthnet.recipe import PARAMETERS, Recipe, draw, generator
+from synthnet.recipe import Recipe
 from synthnet.types import ShapeSpec
 
 __all__ = ["FAMILIES", "Family", "draw_shape", "draw_shapes"]

@@ -67,7 +67,8 @@ class Family:
                 raise ValueError(f"{self.name}: {name} must be {limit}, got {value}")
             if isinstance(least, int) and value != int(value):
                 raise ValueError(f"{self.name}: {name} must be an integer, got {value}")
-        return self.surface(**parameters)
+        whole = {name for name, least in self.least.items() if isinstance(least, int)}
+        return self.surface(**{k: int(v) if k in whole else v for k, v in parameters.items()})
 
     def group(self, parameters: Parameters) -> str:
         """Hash of family and parameters: equal for shapes that are the same shape."""

@@ -1,0 +1,99 @@
+"""Files and directories: written beside their place and moved there when complete."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from synthnet.errors import BuildError
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def make_directory(path: Path) -> None:
+    """Create a directory that can be written.
+
+    Raises
+    ------
+    BuildError
+        If that cannot be done.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe = path / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise BuildError(
+            f"cannot write to {path} ({error.strerror}): choose another place with --out "
+            "or $SYNTHNET_HOME"
+        ) from error
+
+
+def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+    """Let ``write`` fill a file beside ``path``, then move it there.
+
+    Raises
+    ------
+    BuildError
+        If the disk is full or cannot be written; nothing is left behind.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        write(partial)
+        with partial.open("rb") as file:
+            os.fsync(file.fileno())
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise _cannot_write(path, error) from error
+
+
+def _cannot_write(path: Path, error: OSError) -> BuildError:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return BuildError(
+            f"no space left for {path}: free some and run the same command again; "
+            "what is finished is kept"
+        )
+    return BuildError(f"cannot write {path} ({one_line(error)})")
+
+
+def make_in_place(directory: Path, fill: Callable[[Path], None]) -> None:
+    """Let ``fill`` fill a directory beside its place, then move it there.
+
+    Raises
+    ------
+    BuildError
+        If the disk is full or cannot be written; nothing is left behind.
+    """
+    partial = directory.with_name(f".{directory.name}.{os.getpid()}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    make_directory(partial)
+    try:
+        fill(partial)
+        if directory.exists():
+            shutil.rmtree(directory)
+        partial.rename(directory)
+    except OSError as error:
+        raise _cannot_write(directory, error) from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def remove_partial_files(directory: Path) -> None:
+    """Remove what a killed writer left beside its place."""
+    for partial in directory.glob(".*.partial"):
+        partial.unlink()
+
+
+def one_line(error: BaseException) -> str:
+    """Return an error's message on one line."""
+    return " ".join(str(error).split())

@@ -1,0 +1,127 @@
+"""What the command line prints of a dataset and shows of a build: tables and progress."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+from tabulate import tabulate
+
+from synthnet.build import BuildReport, ShardResult, Watcher
+from synthnet.plan import ShardPlan
+from synthnet.types import Manifest
+
+
+def summary(manifest: Manifest, report: BuildReport | None = None) -> dict[str, Any]:
+    """Return a dataset's numbers by family as JSON-ready data; a build's own with ``report``."""
+    families = []
+    for family, drawn in manifest.drawn.items():
+        shards = [s for s in manifest.shards if s.family == family]
+        rejected = Counter(r.reason for s in shards for r in s.rejections)
+        row: dict[str, Any] = {
+            "family": family,
+            "drawn": drawn,
+            "rejected": dict(rejected),
+            "kept": sum(s.rows for s in shards),
+            "vertices": sum(s.vertices for s in shards),
+            "faces": sum(s.faces for s in shards),
+        }
+        if report is not None:
+            row["core_seconds"] = round(report.seconds.get(family, 0.0), 3)
+        families.append(row)
+    summary: dict[str, Any] = {
+        "version": manifest.version,
+        "recipe_digest": manifest.recipe_digest,
+        "families": families,
+        "bytes": sum(s.size for s in manifest.shards),
+        "packages": dict(manifest.packages),
+    }
+    if report is not None:
+        summary["directory"] = str(report.dataset.directory)
+        summary["wall_seconds"] = round(report.wall_seconds, 3)
+        summary["nothing_to_do"] = report.nothing_to_do
+        summary["reused_shards"] = report.reused
+    return summary
+
+
+def family_table(manifest: Manifest, seconds: dict[str, float] | None = None) -> str:
+    """Return the table that ends a build: drawn, rejected and kept by family."""
+    rows = []
+    families = summary(manifest)["families"]
+    reasons: Counter[str] = Counter()
+    for row in families:
+        reasons.update(row["rejected"])
+        rows.append([row["family"], row["drawn"], _reasons(row["rejected"]), row["kept"]])
+        rows[-1] += [row["vertices"], row["faces"]]
+        rows[-1] += [round(seconds.get(row["family"], 0.0), 1)] if seconds is not None else []
+    totals: list[Any] = ["all", sum(r["drawn"] for r in families), _reasons(reasons)]
+    totals += [sum(r[name] for r in families) for name in ("kept", "vertices", "faces")]
+    totals += [round(sum(seconds.values()), 1)] if seconds is not None else []
+    headers = ["family", "drawn", "rejected", "kept", "vertices", "faces"]
+    headers += ["core-seconds"] if seconds is not None else []
+    return str(tabulate([*rows, totals], headers=headers, intfmt=",", floatfmt=",.1f"))
+
+
+def _reasons(rejected: dict[str, int] | Counter[str]) -> str:
+    return ", ".join(f"{count} {reason}" for reason, count in rejected.items()) or "0"
+
+
+class Rate(ProgressColumn):
+    """Meshes per second since the family's first shard began."""
+
+    def render(self, task: Task) -> Text:
+        """Return the rate, or nothing before there is one."""
+        seconds = task.finished_time or task.elapsed
+        if not task.completed or not seconds:
+            return Text("")
+        return Text(f"{task.completed / seconds:7.1f} meshes/s", style="cyan")
+
+
+class FamilyBars(Watcher):
+    """A progress bar for each family, on standard error."""
+
+    def __init__(self) -> None:
+        self.progress = Progress(
+            TextColumn("{task.description:<18}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            Rate(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+        )
+        self.tasks: dict[str, TaskID] = {}
+
+    def planned(self, plans: Sequence[ShardPlan]) -> None:
+        """Show the families with the number of their shapes."""
+        totals: Counter[str] = Counter()
+        for plan in plans:
+            totals[plan.family] += len(plan.shapes)
+        for family, total in totals.items():
+            self.tasks[family] = self.progress.add_task(family, total=total, start=False)
+
+    def submitted(self, plan: ShardPlan) -> None:
+        """Start the family's clock with its first shard."""
+        task = self.tasks[plan.family]
+        if not self.progress.tasks[task].started:
+            self.progress.start_task(task)
+
+    def finished(self, plan: ShardPlan, result: ShardResult) -> None:
+        """Count a finished shard, and say so where an old one was damaged."""
+        self.progress.advance(self.tasks[plan.family], len(plan.shapes))
+        if result.damaged:
+            self.progress.console.print(
+                f"built again: {result.damaged}", highlight=False, markup=False, soft_wrap=True
+            )

@@ -1,0 +1,474 @@
+"""Tests of the orchestrator: same bytes always, and nothing finished is ever lost."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+import pytest
+import threadpoolctl
+
+import synthnet.build
+import synthnet.cli
+from synthnet import files, filters, recipe, spectrum, store
+from synthnet.build import build, build_shard, ensure_built, make_sample
+from synthnet.errors import BuildError, SpectrumError, StoreError
+from synthnet.plan import plan_shards
+from synthnet.recipe import Recipe
+from synthnet.types import Mesh, Rejection, Sample, Spectrum
+
+VERSION = "1.0-mini"
+Command = Callable[..., subprocess.CompletedProcess[str]]
+linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
+
+
+def contents(home: Path) -> dict[str, bytes]:
+    """All files of a dataset but the lock, by name."""
+    directory = home / VERSION
+    return {
+        str(p.relative_to(directory)): p.read_bytes()
+        for p in sorted(directory.rglob("*"))
+        if p.is_file() and p.name != ".lock"
+    }
+
+
+def assert_same(found: Path, expected: Path) -> None:
+    one, two = contents(found), contents(expected)
+    assert list(one) == list(two)
+    assert [name for name in one if one[name] != two[name]] == []
+
+
+def one_line(text: str) -> str:
+    """The one line of standard error that is no progress bar."""
+    bar = re.compile(r"^\w+ .* \d+/\d+ .*(-:--:--|\d:\d\d:\d\d)\s*$")
+    lines = [line for line in text.splitlines() if line.strip() and not bar.match(line)]
+    assert len(lines) == 1, text
+    return lines[0]
+
+
+# Same bytes
+
+
+def test_mini_has_the_files_it_should(mini_home: Path) -> None:
+    names = [plan.file for plan in plan_shards(recipe.load(VERSION))]
+    assert sorted(contents(mini_home)) == sorted(["manifest.json", *names])
+    manifest = store.open_dataset(VERSION, mini_home).manifest
+    assert [shard.file for shard in manifest.shards] == names
+    assert manifest.rows + len(manifest.rejections) == 335
+    assert manifest.recipe_digest == recipe.load(VERSION).digest
+    assert {"python", "synthnet", "numpy", "scipy", "pyarrow"} <= set(manifest.packages)
+    for shard in manifest.shards:
+        path = mini_home / VERSION / shard.file
+        assert (shard.sha256, shard.size) == (files.sha256(path), path.stat().st_size)
+
+
+@pytest.mark.slow
+def test_one_worker_gives_the_same_bytes_as_two(
+    mini_home: Path, tmp_path: Path, command: Command
+) -> None:
+    done = command("build", "--version", VERSION, "--out", tmp_path, "--workers", "1")
+    assert done.returncode == 0, done.stderr
+    assert_same(tmp_path, mini_home)
+
+
+def test_mini_is_a_part_of_small_is_a_part_of_full() -> None:
+    shapes = {
+        version: {s.spec.id: s for plan in plan_shards(recipe.load(version)) for s in plan.shapes}
+        for version in ("1.0", "1.0-small", "1.0-mini")
+    }
+    assert {name: len(s) for name, s in shapes.items()} == {
+        "1.0": 16550,
+        "1.0-small": 1655,
+        "1.0-mini": 335,
+    }
+    for version in ("1.0-small", "1.0-mini"):
+        assert all(shapes["1.0"][id] == shape for id, shape in shapes[version].items())
+
+
+@pytest.fixture
+def started(environment: dict[str, str]) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Start builds in process groups of their own; end what is left of them."""
+    builds: list[subprocess.Popen[str]] = []
+
+    def start(home: Path) -> subprocess.Popen[str]:
+        arguments = ["build", "--version", VERSION, "--out", str(home), "--workers", "2"]
+        builds.append(
+            subprocess.Popen(
+                [sys.executable, "-m", "synthnet", *arguments],
+                env=environment,
+                start_new_session=True,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+        )
+        return builds[-1]
+
+    yield start
+    for process in builds:
+        if group(process.pid):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def group(leader: int) -> dict[int, str]:
+    """Command lines of the processes alive in a group, by their number."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            _, _, rest = (entry / "stat").read_text().rpartition(") ")
+            line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        except OSError:
+            continue  # it has ended meanwhile
+        state, _, pgrp = rest.split()[:3]
+        if int(pgrp) == leader and state not in "ZX":
+            found[int(entry.name)] = line
+    return found
+
+
+def workers(leader: int) -> list[int]:
+    return [pid for pid, line in group(leader).items() if "spawn_main" in line]
+
+
+def wait_for(what: Callable[[], object], seconds: float = 60) -> None:
+    end = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.01)
+
+
+def shards(home: Path) -> int:
+    return len(list((home / VERSION / "shards").glob("[!.]*.parquet")))
+
+
+def wait_for_shards(home: Path, count: int, process: subprocess.Popen[str]) -> None:
+    wait_for(lambda: shards(home) >= count or process.poll() is not None)
+    assert process.poll() is None, process.communicate()
+
+
+def finish(home: Path, expected: Path, command: Command) -> None:
+    """Resume a build: it keeps what is there, and ends with the same bytes."""
+    kept = {p: p.stat().st_mtime_ns for p in (home / VERSION / "shards").glob("[!.]*.parquet")}
+    done = command("build", "--version", VERSION, "--out", home, "--workers", "2")
+    assert done.returncode == 0, done.stderr
+    assert f", {len(kept)} shards kept from an earlier run" in done.stdout
+    assert {p: p.stat().st_mtime_ns for p in kept} == kept
+    assert_same(home, expected)
+
+
+@linux
+@pytest.mark.slow
+def test_killed_at_random_points_and_resumed_ends_with_the_same_bytes(
+    mini_home: Path,
+    tmp_path: Path,
+    command: Command,
+    started: Callable[..., subprocess.Popen[str]],
+) -> None:
+    rng = random.Random(20240726)
+    process = started(tmp_path)
+    time.sleep(rng.uniform(0.5, 3))  # anywhere while it starts
+    process.kill()
+    kills = [shards(tmp_path)]
+    for _ in range(4):
+        process = started(tmp_path)
+        wait_for_shards(tmp_path, kills[-1] + 1, process)
+        time.sleep(rng.uniform(0, 0.5))  # anywhere in the work on the next shards
+        at_work = workers(process.pid)
+        process.kill()
+        assert len(at_work) == 2
+        wait_for(lambda: not group(process.pid), seconds=5)  # noqa: B023  # no worker stays
+        assert process.wait() == -signal.SIGKILL
+        assert not (tmp_path / VERSION / "manifest.json").exists()
+        kills.append(shards(tmp_path))
+    assert kills == sorted(set(kills)), "every run went on from the one before"
+    finish(tmp_path, mini_home, command)
+
+
+@linux
+@pytest.mark.slow
+def test_worker_that_dies_ends_the_build_in_one_line(
+    mini_home: Path,
+    tmp_path: Path,
+    command: Command,
+    started: Callable[..., subprocess.Popen[str]],
+) -> None:
+    process = started(tmp_path)
+    wait_for_shards(tmp_path, 2, process)
+    os.kill(workers(process.pid)[0], signal.SIGKILL)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 2
+    line = one_line(err)
+    assert line.startswith("synthnet: a worker process died (out of memory?): finished shards are")
+    assert "run the same command again, with fewer --workers" in line
+    wait_for(lambda: not group(process.pid), seconds=5)
+    assert 2 <= shards(tmp_path) < 11
+    finish(tmp_path, mini_home, command)
+
+
+@linux
+@pytest.mark.slow
+@pytest.mark.parametrize("when", ["workers start", "workers work"])
+def test_ctrl_c_ends_the_build_in_one_line(
+    when: str,
+    mini_home: Path,
+    tmp_path: Path,
+    command: Command,
+    started: Callable[..., subprocess.Popen[str]],
+) -> None:
+    if when == "workers work":  # the long ones are there already, to save time
+        (tmp_path / VERSION / "shards").mkdir(parents=True)
+        for name in ("split_sphere-0000", "inverted_cone-0000", "inverted_cone-0001"):
+            shard = f"{VERSION}/shards/{name}.parquet"
+            shutil.copy2(mini_home / shard, tmp_path / shard)
+    process = started(tmp_path)
+    if when == "workers start":
+        wait_for(lambda: len(workers(process.pid)) == 2)
+        time.sleep(0.3)  # they import their modules
+    else:
+        wait_for_shards(tmp_path, 4, process)
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert one_line(err) == (
+        "synthnet: interrupted; finished shards are kept, run the same command to go on"
+    )
+    wait_for(lambda: not group(process.pid), seconds=5)
+    if when == "workers work":
+        finish(tmp_path, mini_home, command)
+
+
+@linux
+def test_two_builds_at_once_do_not_mix(
+    tmp_path: Path, command: Command, started: Callable[..., subprocess.Popen[str]]
+) -> None:
+    first = started(tmp_path)
+    wait_for(lambda: workers(first.pid))
+    second = command("build", "--version", VERSION, "--out", tmp_path)
+    assert second.returncode == 2
+    assert one_line(second.stderr) == (
+        f"synthnet: another build is writing to {tmp_path / VERSION}: "
+        "wait for it or choose another --out"
+    )
+    assert first.poll() is None
+
+
+# Finished, and damaged again
+
+
+def test_second_build_has_nothing_to_do(
+    mini_home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = {p: p.stat().st_mtime_ns for p in mini_home.rglob("*")}
+    report = build(VERSION, root=mini_home)
+    assert report.nothing_to_do
+    assert report.seconds == {}
+    assert synthnet.cli.main(["build", "--version", VERSION, "--out", str(mini_home)]) == 0
+    assert f"{VERSION} is built already in {mini_home}" in capsys.readouterr().out
+    assert {p: p.stat().st_mtime_ns for p in mini_home.rglob("*")} == files
+
+
+def test_missing_shard_is_built_again(mini_home: Path, mini_copy: Path, command: Command) -> None:
+    (mini_copy / VERSION / "shards" / "torus-0000.parquet").unlink()
+    finish(mini_copy, mini_home, command)
+
+
+def test_damaged_shards_are_built_again_and_leftovers_removed(
+    mini_home: Path, mini_copy: Path, command: Command
+) -> None:
+    directory = mini_copy / VERSION
+    truncated = directory / "shards" / "split_cone-0000.parquet"
+    truncated.write_bytes(truncated.read_bytes()[:-100])
+    altered = directory / "shards" / "torus-0000.parquet"
+    content = bytearray(altered.read_bytes())
+    content[len(content) // 2] ^= 1
+    altered.write_bytes(content)
+    (directory / "manifest.json").unlink()
+    for name in ("shards/.torus-0000.parquet.77.partial", ".manifest.json.77.partial"):
+        (directory / name).write_text("left by a killed build")
+    done = command("build", "--version", VERSION, "--out", mini_copy, "--workers", "2")
+    assert done.returncode == 0, done.stderr
+    for path in (truncated, altered):
+        assert f"\nbuilt again: {path} is damaged" in "\n" + done.stderr
+    assert "9 shards kept from an earlier run" in done.stdout
+    assert_same(mini_copy, mini_home)
+
+
+def test_data_of_another_recipe_is_refused(mini_copy: Path) -> None:
+    manifest = store.open_dataset(VERSION, mini_copy).manifest
+    other = dataclasses.replace(manifest, recipe_digest="0" * 64)
+    store.write_manifest(mini_copy / VERSION, other)
+    wanted = "holds 1.0-mini of another recipe: remove it or choose another --out"
+    with pytest.raises(StoreError, match=wanted):
+        build(VERSION, root=mini_copy)
+
+
+def test_shard_of_another_recipe_is_refused(tiny: Recipe, tmp_path: Path) -> None:
+    (plan, *_) = plan_shards(tiny)
+    (tmp_path / "shards").mkdir()
+    build_shard(plan, tiny, tmp_path)
+    before = contents(tmp_path)
+    with pytest.raises(StoreError, match="belongs to another recipe"):
+        build_shard(plan, dataclasses.replace(tiny, seed=1), tmp_path)
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("workers", [0, -1])
+def test_workers_must_be_at_least_one(workers: int, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=f"workers must be at least 1, got {workers}"):
+        build(VERSION, root=tmp_path, workers=workers)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no directory")
+    with pytest.raises(BuildError, match=r"cannot write to .*: choose another place with --out"):
+        build(VERSION, root=tmp_path / "file" / "home")
+
+
+# On first use
+
+
+def test_finished_dataset_is_opened_without_a_word(
+    mini_home: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert ensure_built(VERSION, mini_home) == store.open_dataset(VERSION, mini_home)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_unfinished_dataset_is_built_on_first_use_and_says_so(
+    mini_home: Path,
+    mini_copy: Path,
+    environment: dict[str, str],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", environment["PYTHONPATH"])
+    (mini_copy / VERSION / "manifest.json").unlink()
+    found = ensure_built(VERSION, mini_copy)
+    out, err = capfd.readouterr()
+    assert found.manifest == store.open_dataset(VERSION, mini_home).manifest
+    assert f"synthNet {VERSION} is not in {mini_copy / VERSION} yet: building it\n" in err
+    assert out == ""
+    assert_same(mini_copy, mini_home)
+
+
+def test_build_on_first_use_that_fails_says_so(
+    tmp_path: Path, environment: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", environment["PYTHONPATH"])
+    (tmp_path / "file").write_text("no directory")
+    with pytest.raises(BuildError, match=r"could not build 1\.0-mini: run `-m synthnet build"):
+        ensure_built(VERSION, tmp_path / "file" / "home")
+
+
+# One shape, one shard
+
+
+def with_tube_radius(tiny: Recipe, radius: float) -> Recipe:
+    torus = tiny.families["torus"]
+    touching = dataclasses.replace(torus, parameters={**torus.parameters, "tube_radius": radius})
+    return dataclasses.replace(tiny, families={**tiny.families, "torus": touching})
+
+
+def test_degenerate_shapes_are_rejected_and_counted(tiny: Recipe, tmp_path: Path) -> None:
+    # A tube as thick as the torus meets itself in the axis: one ring of points becomes one.
+    flat = with_tube_radius(tiny, 1.0)
+    plan = next(plan for plan in plan_shards(flat) if plan.family == "torus")
+    (tmp_path / "shards").mkdir()
+    result = build_shard(plan, flat, tmp_path)
+    assert not result.reused
+    assert (result.record.rows, result.record.vertices) == (0, 0)
+    assert [r.id for r in result.record.rejections] == [f"torus-{i:05d}" for i in range(4)]
+    for rejection in result.record.rejections:
+        assert (rejection.family, rejection.reason) == ("torus", "degenerate_face")
+        # 8 quadrilaterals on either side of the ring, in each one triangle loses its side
+        assert rejection.detail.startswith("16 of 96 faces have altitude / longest edge at most")
+    again = build_shard(plan, flat, tmp_path)
+    assert again.reused
+    assert again.record == result.record
+    assert list(store.read_samples(tmp_path / plan.file)) == []
+
+
+def test_solver_that_gives_up_is_counted(
+    tiny: Recipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = next(plan for plan in plan_shards(tiny) if plan.family == "torus")
+    solve, calls = spectrum.compute, []
+
+    def third_fails(mesh: Mesh, *args: object, **options: object) -> Spectrum:
+        calls.append(mesh)
+        if len(calls) == 3:
+            raise SpectrumError("Lanczos iteration failed: planted")
+        return solve(mesh, *args, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(synthnet.build.spectrum, "compute", third_fails)
+    (tmp_path / "shards").mkdir()
+    record = build_shard(plan, tiny, tmp_path).record
+    assert record.rejections == (
+        Rejection("torus-00002", "torus", filters.SOLVER, "Lanczos iteration failed: planted"),
+    )
+    ids = [s.spec.id for s in store.read_samples(tmp_path / plan.file)]
+    assert ids == ["torus-00000", "torus-00001", "torus-00003"]
+
+
+def test_spectrum_that_fails_a_check_is_counted(
+    tiny: Recipe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve = spectrum.compute
+
+    def inexact(mesh: Mesh, *args: object, **options: object) -> Spectrum:
+        label = solve(mesh, *args, **options)  # type: ignore[arg-type]
+        return dataclasses.replace(label, residual=1e-3)
+
+    monkeypatch.setattr(synthnet.build.spectrum, "compute", inexact)
+    shape = plan_shards(tiny)[0].shapes[0]
+    assert make_sample(shape, tiny) == Rejection(
+        shape.spec.id, shape.spec.family, "residual", "relative residual is 0.001, above 1e-06"
+    )
+
+
+def test_error_that_is_no_finding_is_not_swallowed(
+    tiny: Recipe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*args: object, **options: object) -> NoReturn:
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr(synthnet.build.spectrum, "compute", broken)
+    with pytest.raises(ZeroDivisionError, match="a bug"):
+        make_sample(plan_shards(tiny)[0].shapes[0], tiny)
+
+
+@pytest.mark.parametrize("family", ["tetrahedron", "split_cone", "sphere", "torus"])
+def test_label_is_of_the_stored_vertices(family: str, mini_home: Path) -> None:
+    path = mini_home / VERSION / "shards" / f"{family}-0000.parquet"
+    for sample in list(store.read_samples(path))[:2]:
+        assert sample.mesh.vertices.dtype == np.float32
+        exact = Mesh(sample.mesh.vertices.astype(np.float64), sample.mesh.faces)
+        for mesh in (sample.mesh, exact):
+            with threadpoolctl.threadpool_limits(1):  # as a worker; more change the last bit
+                label = spectrum.compute(mesh, k=10)
+            assert label.eigenvalues.tobytes() == sample.eigenvalues.tobytes()
+            assert (label.trivial, label.residual) == (sample.trivial, sample.residual)
+
+
+def test_shapes_do_not_depend_on_their_company(tiny: Recipe) -> None:
+    plan = next(plan for plan in plan_shards(tiny) if plan.family == "torus")
+    alone = make_sample(plan.shapes[-1], tiny)
+    in_a_row = [make_sample(shape, tiny) for shape in plan.shapes][-1]
+    assert isinstance(alone, Sample)
+    assert isinstance(in_a_row, Sample)
+    assert alone.eigenvalues.tobytes() == in_a_row.eigenvalues.tobytes()
+    assert alone.isometries.tobytes() == in_a_row.isometries.tobytes()

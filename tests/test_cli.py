@@ -1,0 +1,327 @@
+"""Tests of the command line: what it prints, its exit codes, one line where it fails."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from synthnet import cli, recipe, store
+from synthnet.plan import plan_shards
+
+VERSION = "1.0-mini"
+COMMANDS = ("versions", "build", "info", "verify", "show")
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Run a command in this process; anything but an exit code makes the test fail."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        try:
+            code: object = cli.main([str(a) for a in arguments])
+        except SystemExit as exit:
+            code = exit.code
+        assert isinstance(code, int)
+        return code, *capsys.readouterr()
+
+    return call
+
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+def test_every_command_is_tested() -> None:
+    text = cli._parser().format_help()
+    assert "{" not in text
+    for name in COMMANDS:
+        assert f"\n    {name} " in text
+
+
+@pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)])
+def test_help_has_an_example(arguments: list[str], run: Run) -> None:
+    code, out, err = run(*arguments, "--help")
+    assert (code, err) == (0, "")
+    assert f"example: synthnet {' '.join(arguments)}" in " ".join(out.split())
+
+
+def test_help_survives_a_percent_sign(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SYNTHNET_HOME", "/disk at 100%full")
+    code, out, _ = run("build", "--help")
+    assert code == 0
+    assert "100%full" in "".join(out.split("\n"))
+
+
+def test_example_of_every_command_is_understood() -> None:
+    parser = cli._parser()
+    examples = [  # the lines of the help
+        "build --version 1.0-mini",
+        "versions",
+        "build --version 1.0-small --workers 2",
+        "info --version 1.0-small",
+        "verify --version 1.0 --sample 200",
+        "show torus-00012 --png torus.png",
+    ]
+    for example in examples:
+        words = example.split()
+        assert parser.parse_args(words).run.__name__ == f"_{words[0]}"
+
+
+def test_module_is_the_command(
+    command: Command, run: Run, mini_home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SYNTHNET_HOME", str(mini_home))
+    done = command("versions", SYNTHNET_HOME=str(mini_home))
+    assert (done.returncode, done.stdout, done.stderr) == run("versions")
+    assert "1.0-mini        335  yes" in done.stdout
+    assert done.stdout.endswith(f"\nin {mini_home}\n")
+
+
+def test_default_place_is_the_variable(
+    run: Run, mini_home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SYNTHNET_HOME", str(mini_home))
+    assert run("info", "--version", VERSION) == run(
+        "info", "--version", VERSION, "--out", mini_home
+    )
+
+
+# One line and exit code 2
+
+
+def only_line(code: int, out: str, err: str) -> str:
+    """The one line of standard error of a command that could not do it."""
+    assert code == cli.WRONG_INPUT
+    assert out == ""
+    lines = [line for line in err.splitlines() if line.strip()]
+    assert len(lines) == 1, err
+    assert lines[0].startswith("synthnet")
+    return lines[0]
+
+
+@pytest.mark.parametrize("arguments", [["build"], ["info"], ["verify"], ["show", "torus-00000"]])
+def test_unknown_version(arguments: list[str], run: Run, tmp_path: Path) -> None:
+    line = only_line(*run(*arguments, "--version", "2.0", "--out", tmp_path))
+    assert "unknown version '2.0': choose one of 1.0, 1.0-mini, 1.0-small" in line
+
+
+@pytest.mark.parametrize("arguments", [["info"], ["verify"], ["show", "torus-00000"]])
+def test_version_that_is_not_built(arguments: list[str], run: Run, tmp_path: Path) -> None:
+    line = only_line(*run(*arguments, "--version", VERSION, "--out", tmp_path))
+    assert f"no finished dataset in {tmp_path / VERSION}: run `synthnet build --version" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "wanted"),
+    [
+        ([], "the following arguments are required: COMMAND"),
+        (["frobnicate"], "invalid choice: 'frobnicate'"),
+        (["build", "--workers", "two"], "argument --workers: invalid int value: 'two'"),
+        (["build", "--workers", "0"], "workers must be at least 1, got 0"),
+        (["build", "--frobnicate"], "unrecognized arguments: --frobnicate"),
+        (["show"], "the following arguments are required: ID"),
+    ],
+)
+def test_wrong_arguments(arguments: list[str], wanted: str, run: Run) -> None:
+    assert wanted in only_line(*run(*arguments))
+
+
+@pytest.mark.parametrize("option", ["--sample", "--seed"])
+def test_verify_needs_numbers_of_at_least_zero(option: str, run: Run, mini_home: Path) -> None:
+    line = only_line(*run("verify", "--version", VERSION, "--out", mini_home, option, "-1"))
+    assert f"{option}: must be at least 0, got -1" in line
+
+
+def test_unknown_id(run: Run, mini_home: Path) -> None:
+    line = only_line(*run("show", "torus-99999", "--version", VERSION, "--out", mini_home))
+    assert "no shape 'torus-99999' in 1.0-mini: ids look like" in line
+
+
+@pytest.mark.parametrize("arguments", [["build"], ["info"], ["verify"], ["show", "torus-00000"]])
+def test_place_that_is_no_directory(arguments: list[str], run: Run, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no directory")
+    place = tmp_path / "file" / "home"
+    line = only_line(*run(*arguments, "--version", VERSION, "--out", place))
+    assert str(place) in line
+
+
+def test_place_that_cannot_be_written(run: Run) -> None:
+    if not Path("/proc/self").exists():
+        pytest.skip("needs a place that even root cannot write to")
+    line = only_line(*run("build", "--version", VERSION, "--out", "/proc/synthnet"))
+    assert "cannot write to /proc/synthnet/1.0-mini" in line
+    assert "choose another place with --out or $SYNTHNET_HOME" in line
+
+
+def test_damaged_manifest(run: Run, mini_copy: Path) -> None:
+    path = mini_copy / VERSION / "manifest.json"
+    path.write_text(path.read_text()[:-100])
+    for arguments in (["build"], ["info"], ["verify"], ["show", "torus-00000"]):
+        line = only_line(*run(*arguments, "--version", VERSION, "--out", mini_copy))
+        assert f"{path} is damaged" in line
+        assert "remove it and run `synthnet build` again" in line
+
+
+def test_damaged_shard(run: Run, mini_copy: Path) -> None:
+    path = mini_copy / VERSION / "shards" / "torus-0000.parquet"
+    path.write_bytes(path.read_bytes()[:-100])
+    line = only_line(*run("show", "torus-00000", "--version", VERSION, "--out", mini_copy))
+    assert f"{path} is damaged" in line
+
+
+def test_failure_has_no_traceback_in_a_process_of_its_own(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no directory")
+    done = command("build", "--version", VERSION, "--out", tmp_path / "file" / "home")
+    only_line(done.returncode, done.stdout, done.stderr)
+
+
+# For people
+
+
+def test_second_build_says_so(run: Run, mini_home: Path) -> None:
+    code, out, _ = run("build", "--version", VERSION, "--out", mini_home)
+    assert code == 0
+    assert out == f"1.0-mini is built already in {mini_home / VERSION}: nothing to do\n"
+
+
+def test_info_has_a_table_of_the_families(run: Run, mini_home: Path) -> None:
+    code, out, err = run("info", "--version", VERSION, "--out", mini_home)
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0].split() == ["family", "drawn", "rejected", "kept", "vertices", "faces"]
+    # Open3D's torus has a vertex for each of 30 x 20 steps and two triangles for each
+    assert ["torus", "40", "0", "40", "24,000", "48,000"] in [line.split() for line in lines]
+    assert [line.split()[:4] for line in lines if line.startswith("all ")] == [
+        ["all", "335", "0", "335"]
+    ]
+    planned = [s.split for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes]
+    numbers = ", ".join(f"{n} {planned.count(n)}" for n in ("train", "validation", "test"))
+    assert f"splits     {numbers}" in lines
+
+
+def test_info_lists_the_ids(run: Run, mini_home: Path) -> None:
+    code, out, _ = run("info", "--version", VERSION, "--out", mini_home, "--ids")
+    ids = [s.spec.id for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes]
+    assert code == 0
+    assert out.splitlines() == ids
+    assert len(ids) == 335
+
+
+def test_show_says_what_a_shape_is(run: Run, mini_home: Path) -> None:
+    code, out, _ = run("show", "torus-00000", "--version", VERSION, "--out", mini_home)
+    assert code == 0
+    lines = {line.split("  ")[0]: line.split() for line in out.splitlines()}
+    assert lines["vertices"][-1] == "600"
+    assert lines["faces"][-1] == "1,200"
+    assert lines["Euler characteristic"][-1] == "0"
+    assert lines["closed"][-1] == "yes"
+    assert "tubular_resolution 20" in out
+    sample = store.open_dataset(VERSION, mini_home).find("torus-00000")
+    values = out.splitlines()[-1].split()
+    assert [float(v) for v in values] == pytest.approx(sample.eigenvalues.tolist(), rel=1e-5)
+
+
+@pytest.mark.parametrize("family", ["torus", "sphere"])  # with and without drawn edges
+def test_show_draws_a_picture(family: str, run: Run, mini_home: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.PNG"
+    code, out, err = run(
+        "show", f"{family}-00000", "--version", VERSION, "--out", mini_home, "--png", path
+    )
+    assert (code, err) == (0, "")
+    assert out.endswith(f"picture: {path}\n")
+    assert path.read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+    pixels = matplotlib.image.imread(path)[..., :3]
+    assert pixels.shape == (630, 1350, 3)  # 9 x 4.2 inches at 150 dots
+    for half in (pixels[:, :675], pixels[:, 675:]):  # the surface and the bars
+        assert 0.02 < np.mean((half < 0.95).any(axis=2)) < 0.9
+        assert len(np.unique((half * 255).astype(int).reshape(-1, 3), axis=0)) > 50
+
+
+def test_picture_of_another_kind_is_refused(run: Run, mini_home: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.jpg"
+    arguments = ["show", "torus-00000", "--version", VERSION, "--out", mini_home]
+    line = only_line(*run(*arguments, "--png", path))
+    assert f"the picture's name must end in .png, got {path}" in line
+    assert not path.exists()
+
+
+def test_picture_that_cannot_be_written(run: Run, mini_home: Path, tmp_path: Path) -> None:
+    path = tmp_path / "nowhere" / "a.png"
+    arguments = ["show", "torus-00000", "--version", VERSION, "--out", mini_home]
+    assert str(path) in only_line(*run(*arguments, "--png", path))
+
+
+# For programs
+
+
+def test_json_of_versions(run: Run, mini_home: Path) -> None:
+    code, out, err = run("versions", "--out", mini_home, "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out) == [
+        {"version": "1.0", "shapes": 16550, "built": False},
+        {"version": "1.0-mini", "shapes": 335, "built": True},
+        {"version": "1.0-small", "shapes": 1655, "built": False},
+    ]
+
+
+SUMMARY = {"version", "recipe_digest", "families", "bytes", "packages", "directory"}
+FAMILY = {"family", "drawn", "rejected", "kept", "vertices", "faces"}
+
+
+def test_json_of_info(run: Run, mini_home: Path) -> None:
+    code, out, err = run("info", "--version", VERSION, "--out", mini_home, "--json")
+    assert (code, err) == (0, "")
+    said = json.loads(out)
+    manifest = store.open_dataset(VERSION, mini_home).manifest
+    assert set(said) == SUMMARY
+    assert said["version"] == VERSION
+    assert said["recipe_digest"] == recipe.load(VERSION).digest
+    assert said["directory"] == str(mini_home / VERSION)
+    assert said["bytes"] == sum(
+        p.stat().st_size for p in (mini_home / VERSION / "shards").iterdir()
+    )
+    assert [set(row) for row in said["families"]] == [FAMILY] * 10
+    assert {row["family"]: row["drawn"] for row in said["families"]} == manifest.drawn
+    assert sum(row["kept"] for row in said["families"]) == manifest.rows
+
+
+def test_json_of_build(run: Run, mini_home: Path) -> None:
+    code, out, _ = run("build", "--version", VERSION, "--out", mini_home, "--json")
+    said = json.loads(out)
+    assert code == 0
+    assert set(said) == SUMMARY | {"wall_seconds", "nothing_to_do", "reused_shards"}
+    assert [set(row) for row in said["families"]] == [FAMILY | {"core_seconds"}] * 10
+    assert said["nothing_to_do"] is True
+
+
+def test_json_of_verify(run: Run, mini_home: Path) -> None:
+    arguments = ["verify", "--version", VERSION, "--out", mini_home, "--sample", "2", "--json"]
+    code, out, _ = run(*arguments)
+    said = json.loads(out)
+    assert code == (0 if said["ok"] else 1)
+    assert set(said) == {"version", "ok", "checks"}
+    assert [check["check"] for check in said["checks"]] == list(cli.CHECKS)
+    assert [set(check) for check in said["checks"]] == [{"check", "examined", "problems"}] * 6
+    assert said["checks"][-1] == {"check": "labels", "examined": 2, "problems": []}
+
+
+def test_json_of_show(run: Run, mini_home: Path) -> None:
+    code, out, err = run("show", "torus-00000", "--version", VERSION, "--out", mini_home, "--json")
+    assert (code, err) == (0, "")
+    said = json.loads(out)
+    sample = store.open_dataset(VERSION, mini_home).find("torus-00000")
+    assert said["id"] == "torus-00000"
+    assert said["family"] == "Torus"
+    assert said["parameters"] == dict(sample.spec.parameters)
+    assert said["eigenvalues"] == sample.eigenvalues.tolist()
+    assert said["split"] == sample.split
+    assert (said["vertices"], said["faces"], said["Euler characteristic"]) == (600, 1200, 0)
+    assert said["closed"] is True
+    for key in ("area", "volume", "trivial eigenvalue", "relative residual"):
+        assert isinstance(said[key], float)

@@ -1,0 +1,106 @@
+"""Tests of the Hugging Face dataset over the shards: local, offline, equal to the store."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+import pytest
+
+import synthnet
+from synthnet import recipe, store
+from synthnet.plan import plan_shards
+from synthnet.types import SPLITS
+
+VERSION = "1.0-mini"
+
+
+@pytest.fixture(scope="module")
+def home(mini_home: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the dataset in which the library may put its cache."""
+    place = tmp_path_factory.mktemp("hf") / "home"
+    shutil.copytree(mini_home, place)
+    return place
+
+
+@pytest.fixture(autouse=True)
+def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*args: object, **options: object) -> NoReturn:
+        raise AssertionError("this must not use the network")
+
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    monkeypatch.setenv("HF_DATASETS_OFFLINE", "1")
+    for name in ("connect", "connect_ex", "sendto"):
+        monkeypatch.setattr(socket.socket, name, refuse)
+    monkeypatch.setattr(socket, "getaddrinfo", refuse)
+
+
+def test_the_network_is_blocked() -> None:
+    with pytest.raises(AssertionError, match="must not use the network"):
+        socket.create_connection(("127.0.0.1", 9))
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_split_holds_its_shapes(split: str, home: Path) -> None:
+    pytest.importorskip("datasets")
+    found = synthnet.load_dataset(VERSION, split=split, root=home)
+    planned = [s for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes]
+    assert found["id"][:] == [s.spec.id for s in planned if s.split == split]
+    assert set(found["split"][:]) == {split}
+    assert str(found.split) == split
+    assert found.column_names == store.SCHEMA.names
+
+
+def test_splits_are_all_there_is(home: Path) -> None:
+    pytest.importorskip("datasets")
+    sizes = [len(synthnet.load_dataset(VERSION, split=split, root=home)) for split in SPLITS]
+    assert sum(sizes) == 335
+    assert sizes == pytest.approx([0.7 * 335, 0.2 * 335, 0.1 * 335], abs=10)
+
+
+def test_rows_are_those_of_the_store(home: Path) -> None:
+    pytest.importorskip("datasets")
+    stored = store.open_dataset(VERSION, home)
+    found = synthnet.load_dataset(VERSION, split="test", root=home)
+    for row in found:
+        sample = stored.find(str(row["id"]))
+        for name, expected in (
+            ("vertices", sample.mesh.vertices),
+            ("faces", sample.mesh.faces),
+            ("eigenvalues", sample.eigenvalues),
+            ("isometries", sample.isometries.reshape(9, 9)),
+        ):
+            array = np.asarray(row[name])
+            assert array.shape == expected.shape
+            assert np.array_equal(array, expected), (sample.spec.id, name)
+        assert str(row["family"]) == sample.spec.family
+    assert len(found) > 0
+
+
+def test_split_is_train_unless_said(home: Path) -> None:
+    pytest.importorskip("datasets")
+    assert set(synthnet.load_dataset(VERSION, root=home)["split"][:]) == {"train"}
+
+
+def test_dataset_lies_beside_the_shards(home: Path) -> None:
+    pytest.importorskip("datasets")
+    found = synthnet.load_dataset(VERSION, split="test", root=home)
+    assert found.cache_files
+    for file in found.cache_files:
+        assert Path(file["filename"]).is_relative_to(home / VERSION)
+
+
+def test_unknown_split_is_refused(home: Path) -> None:
+    wanted = "split must be one of train, validation, test, got 'dev'"
+    with pytest.raises(ValueError, match=wanted):
+        synthnet.load_dataset(VERSION, split="dev", root=home)
+
+
+def test_missing_library_is_explained(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "datasets", None)
+    with pytest.raises(ImportError, match=r"needs the package datasets: pip install 'synthnet\[d"):
+        synthnet.load_dataset(VERSION, root=home)

@@ -1,0 +1,71 @@
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import synthnet
+
+ROOT = Path(synthnet.__file__).parent
+# A room imports rooms of lower levels only, but level 0, whose rooms import each other.
+LEVELS = {
+    **dict.fromkeys(
+        [
+            "errors",
+            "types",
+            "version",
+            "versions",
+            "_open3d",
+            "distributions",
+            "files",
+            "workers",
+            "recipe",
+            "geometry",
+        ],
+        0,
+    ),
+    **dict.fromkeys(["families", "filters", "spectrum", "augment", "splits", "store"], 1),
+    **dict.fromkeys(["plan", "pins", "draw"], 2),
+    "build": 3,
+    **dict.fromkeys(["mapped", "hf", "verify"], 4),
+    **dict.fromkeys(["pyg", "__init__"], 5),
+    "report": 6,
+    "cli": 7,
+    "__main__": 8,
+}
+MODULES = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.py"))
+
+
+def room_of(file: str) -> str:
+    return file.split("/")[0].removesuffix(".py")
+
+
+def imports_of(file: str) -> Iterator[str]:
+    """Full names of what a file imports anywhere, in functions too."""
+    for node in ast.walk(ast.parse((ROOT / file).read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{file}: imports are absolute"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def test_every_module_has_a_level_and_every_level_a_module() -> None:
+    assert {room_of(file) for file in MODULES} == set(LEVELS)
+
+
+@pytest.mark.parametrize("file", MODULES)
+def test_rooms_import_lower_rooms_only(file: str) -> None:
+    room = room_of(file)
+    for name in imports_of(file):
+        package, *rest = name.split(".")
+        if package == "synthnet":
+            level = LEVELS[rest[0]]
+            assert level < LEVELS[room] or level == 0 or rest[0] == room, f"imports {name}"
+
+
+@pytest.mark.parametrize("file", MODULES)
+def test_only_pyg_imports_torch_and_none_the_benchmark(file: str) -> None:
+    packages = {name.split(".")[0] for name in imports_of(file)}
+    assert file == "pyg.py" or not packages & {"torch", "torch_geometric"}
+    assert not packages & {"eigbench", "baselines", "benchmark"}

@@ -1,0 +1,116 @@
+import dataclasses
+from collections import Counter, defaultdict
+
+import pytest
+
+from synthnet import recipe, splits
+from synthnet.plan import PlannedShape, ShardPlan, plan_shards
+from synthnet.recipe import Recipe
+from synthnet.types import SPLITS, ShapeSpec
+
+SUBSETS = ("1.0-mini", "1.0-small")
+
+
+@pytest.fixture(scope="module")
+def plans() -> dict[str, list[ShardPlan]]:
+    return {version: plan_shards(recipe.load(version)) for version in ("1.0", *SUBSETS)}
+
+
+def shapes_of(shards: list[ShardPlan]) -> dict[str, PlannedShape]:
+    return {shape.spec.id: shape for shard in shards for shape in shard.shapes}
+
+
+def test_the_full_plan_is_the_draw_with_its_splits(
+    plans: dict[str, list[ShardPlan]], specs: list[ShapeSpec], recipe_1_0: Recipe
+) -> None:
+    planned = [shape for shard in plans["1.0"] for shape in shard.shapes]
+    assert [shape.spec for shape in planned] == specs
+    grouped = splits.grouped(specs, recipe_1_0.splits, recipe_1_0.seed)
+    assert {shape.spec.id: shape.split for shape in planned} == grouped
+    paper = splits.paper(specs, 9, recipe_1_0.splits, recipe_1_0.seed)
+    assert {shape.spec.id: shape.paper_splits for shape in planned} == paper
+
+
+@pytest.mark.parametrize("version", SUBSETS)
+def test_a_subset_has_shapes_and_splits_of_the_full_version(
+    plans: dict[str, list[ShardPlan]], version: str
+) -> None:
+    full, part = shapes_of(plans["1.0"]), shapes_of(plans[version])
+    assert part == {i: full[i] for i in part}
+
+
+def test_mini_is_part_of_small(plans: dict[str, list[ShardPlan]]) -> None:
+    assert shapes_of(plans["1.0-mini"]).keys() < shapes_of(plans["1.0-small"]).keys()
+
+
+@pytest.mark.parametrize(
+    ("version", "share", "spheres", "total"),
+    [("1.0-mini", 0.02, 5, 335), ("1.0-small", 0.1, 5, 1655), ("1.0", 1, 50, 16_550)],
+)
+def test_sizes(
+    plans: dict[str, list[ShardPlan]],
+    recipe_1_0: Recipe,
+    version: str,
+    share: float,
+    spheres: int,
+    total: int,
+) -> None:
+    counts = Counter(shape.spec.family for shape in shapes_of(plans[version]).values())
+    assert counts.pop("sphere") == spheres
+    families = recipe_1_0.families
+    assert counts == {n: share * families[n].count for n in families if n != "sphere"}
+    assert counts.total() + spheres == total == recipe.load(version).count
+
+
+@pytest.mark.parametrize("version", SUBSETS)
+def test_each_family_of_a_subset_has_the_shares_of_the_recipe(
+    plans: dict[str, list[ShardPlan]], version: str
+) -> None:
+    families = defaultdict(Counter)
+    for shape in shapes_of(plans[version]).values():
+        families[shape.spec.family][shape.split] += 1
+    del families["sphere"]
+    for family, counts in families.items():
+        shares = [counts[split] / counts.total() for split in SPLITS]
+        assert shares == pytest.approx([0.7, 0.2, 0.1], abs=1e-12), family
+
+
+@pytest.mark.parametrize("version", SUBSETS)
+def test_each_family_of_a_subset_has_all_three_splits(
+    plans: dict[str, list[ShardPlan]], version: str
+) -> None:
+    found = {(shape.spec.family, shape.split) for shape in shapes_of(plans[version]).values()}
+    assert len(found) == 10 * 3
+
+
+@pytest.mark.parametrize("version", ["1.0", *SUBSETS])
+def test_shards_are_full_but_the_last_of_a_family_and_have_names_of_their_own(
+    plans: dict[str, list[ShardPlan]], version: str
+) -> None:
+    shards, most = plans[version], recipe.load(version).shard_size
+    assert len({shard.file for shard in shards}) == len(shards)
+    for shard, following in zip(shards, [*shards[1:], None], strict=True):
+        last = following is None or following.family != shard.family
+        assert 1 <= len(shard.shapes) <= most
+        assert last or len(shard.shapes) == most
+        assert {shape.spec.family for shape in shard.shapes} == {shard.family}
+        indices = [shape.spec.index for shape in shard.shapes]
+        assert indices == sorted(indices)
+
+
+def test_names_of_shards_count_from_zero_in_each_family(
+    plans: dict[str, list[ShardPlan]],
+) -> None:
+    names = [shard.file for shard in plans["1.0-small"] if shard.family in ("cone", "sphere")]
+    assert names == [
+        "shards/cone-0000.parquet",
+        "shards/cone-0001.parquet",
+        "shards/sphere-0000.parquet",
+    ]
+    assert len(plans["1.0"]) == 40 + 20 + 20 + 1 + 40 + 40 + 20 + 50 + 20 + 80
+
+
+def test_the_size_of_the_shards_changes_no_shape(plans: dict[str, list[ShardPlan]]) -> None:
+    other = plan_shards(dataclasses.replace(recipe.load("1.0-mini"), shard_size=7))
+    assert shapes_of(other) == shapes_of(plans["1.0-mini"])
+    assert max(len(shard.shapes) for shard in other) == 7

@@ -1,0 +1,261 @@
+import copy
+import multiprocessing
+import pickle
+
+import numpy as np
+import pytest
+import torch
+from torch_geometric.data import Data, InMemoryDataset
+from torch_geometric.loader import DataLoader
+from torch_geometric.transforms import Compose, FaceToEdge, NormalizeScale
+
+from synthnet import mapped, spectrum, store
+from synthnet.geometry import volume
+from synthnet.pyg import SynthNet
+from synthnet.types import SPLITS, Mesh
+
+MINI = "1.0-mini"
+
+
+@pytest.fixture(scope="session")
+def samples(mini_home):
+    return {s.spec.id: s for s in store.open_dataset(MINI, mini_home).samples()}
+
+
+@pytest.fixture
+def open_split(mini_home):
+    return lambda split="train", **options: SynthNet(mini_home, MINI, split, **options)
+
+
+def as_mesh(data):
+    return Mesh(data.pos.numpy(), data.face.t().numpy())
+
+
+def test_items_are_what_the_shards_hold(open_split, samples):
+    for data in open_split("test", augment=False):
+        sample = samples[data.shape_id]
+        assert data.family == sample.spec.family
+        assert data.pos.dtype == torch.float32
+        assert data.face.dtype == torch.int64
+        assert data.y.shape == (1, 10)
+        assert data.y.dtype == torch.float32
+        np.testing.assert_array_equal(data.pos, sample.mesh.vertices)
+        np.testing.assert_array_equal(data.face.t(), sample.mesh.faces)
+        np.testing.assert_array_equal(data.y[0], sample.eigenvalues.astype(np.float32))
+
+
+def test_grouped_splits_are_the_shards_splits(open_split, samples):
+    for split in SPLITS:
+        expected = [s.spec.id for s in samples.values() if s.split == split]
+        assert open_split(split, augment=False).shape_id == expected
+
+
+def test_paper_splits_are_the_shards_splits(open_split, samples):
+    for split in SPLITS:
+        found = [(d.shape_id, d.instance) for d in open_split(split, protocol="paper")]
+        expected = [
+            (s.spec.id, i)
+            for s in samples.values()
+            for i, name in enumerate(s.paper_splits)
+            if name == split
+        ]
+        assert found == expected
+
+
+def test_nine_instances_are_the_isometries_of_the_shape(open_split, samples):
+    train = open_split()
+    assert len(train) == 9 * len(open_split(augment=False))
+    for data in train[:18]:
+        sample = samples[data.shape_id]
+        expected = sample.mesh.vertices @ sample.isometries[data.instance].T
+        np.testing.assert_allclose(data.pos, expected, atol=1e-4, rtol=1e-5)
+        assert volume(as_mesh(data)) == pytest.approx(volume(sample.mesh), rel=1e-4)
+
+
+def test_an_instance_keeps_the_label(open_split):
+    for data in open_split(augment=True)[-9:]:
+        label = spectrum.compute(as_mesh(data)).eigenvalues
+        np.testing.assert_allclose(label, data.y[0], rtol=1e-4)
+
+
+def test_random_augmentation_is_fresh_isometric_and_follows_torch_seed(open_split):
+    train = open_split(augment="random")
+    assert len(train) == len(open_split(augment=False))
+    torch.manual_seed(0)
+    first, second = train[3], train[3]
+    torch.manual_seed(0)
+    again = train[3]
+    assert not torch.allclose(first.pos, second.pos)
+    assert torch.equal(first.pos, again.pos)
+    signs = set()
+    for _ in range(16):
+        moved = as_mesh(train[3])
+        signs.add(bool((moved.faces == as_mesh(open_split(augment=False)[3]).faces).all()))
+        assert volume(moved) == pytest.approx(volume(as_mesh(first)), rel=1e-4)
+    assert signs == {True, False}  # both rotations and reflections come up
+
+
+def test_it_is_an_in_memory_dataset_that_loads_in_batches(open_split):
+    train = open_split(transform=FaceToEdge(remove_faces=False))
+    assert isinstance(train, InMemoryDataset)
+    batch = next(iter(DataLoader(train, batch_size=5, shuffle=True)))
+    assert batch.y.shape == (5, 10)
+    assert len(batch.family) == len(batch.shape_id) == 5
+    assert int(batch.face.max()) == batch.num_nodes - 1  # faces are counted through the batch
+    assert batch.edge_index.shape[1] == batch.face.shape[1] * 3  # closed: each edge twice
+
+
+@pytest.mark.parametrize("start", ["fork", "spawn"])
+def test_worker_processes_read_the_same_items(open_split, start):
+    if start not in multiprocessing.get_all_start_methods():
+        pytest.skip(f"this platform cannot {start} processes")
+    test = open_split("test", augment=False)[:6]
+    loader = DataLoader(test, batch_size=2, num_workers=2, multiprocessing_context=start)
+    found = torch.cat([batch.pos for batch in loader])
+    assert torch.equal(found, torch.cat([data.pos for data in test]))
+
+
+def test_slices_shuffles_copies_and_pickles_agree(open_split):
+    test = open_split("test")
+    part = test[4:9]
+    assert [d.shape_id for d in part] == [test[i].shape_id for i in range(4, 9)]
+    assert len(test[0.5:]) == len(test) - round(len(test) * 0.5)
+    shuffled, order = test.shuffle(return_perm=True)
+    assert torch.equal(shuffled[0].pos, test[int(order[0])].pos)
+    for other in (part.copy(), pickle.loads(pickle.dumps(part)), copy.copy(part)):
+        assert len(other) == 5
+        for a, b in zip(other, part, strict=True):
+            assert torch.equal(a.pos, b.pos)
+            assert torch.equal(a.face, b.face)
+            assert a.shape_id == b.shape_id
+    assert len(test.copy()) == len(test)
+    assert torch.equal(test.copy().y, test.y)
+
+
+def test_attributes_of_the_whole_split(open_split):
+    test = open_split("test")[2:7]
+    assert torch.equal(test.y, torch.cat([data.y for data in test]))
+    assert test.family == [data.family for data in test]
+    assert test.shape_id == [data.shape_id for data in test]
+    assert test.num_classes == 10
+    with pytest.raises(AttributeError, match="colour"):
+        _ = test.colour
+
+
+def test_summary_counts_the_split(open_split):
+    test = open_split("test", augment=False)
+    summary = test.get_summary()
+    assert summary.num_graphs == len(test)
+    assert summary.num_nodes.max == max(data.num_nodes for data in test)
+
+
+def test_changing_an_item_changes_nothing_else(open_split):
+    test = open_split("test", augment=False)
+    before = test[0].pos.clone()
+    data = test[0]
+    data.pos.zero_()
+    data.y.zero_()
+    assert torch.equal(test[0].pos, before)
+    assert test[0].y.abs().sum() > 0
+
+
+def test_mapped_pages_are_handed_back(open_split, monkeypatch):
+    monkeypatch.setattr(mapped, "RELEASE_BYTES", 1)
+    test = open_split("test", augment=False)
+    plain = [data.pos for data in test]
+    assert all(torch.equal(data.pos, pos) for data, pos in zip(test, plain, strict=True))
+
+
+class Centre:
+    """A transform with state, as a user writes one."""
+
+    def __init__(self, offset):
+        self.offset = offset
+
+    def __call__(self, data):
+        data.pos = data.pos - data.pos.mean(dim=0) + self.offset
+        return data
+
+
+def test_pre_transform_is_applied_to_every_instance_once(open_split):
+    plain = open_split("test")
+    for pre_transform in (
+        Centre(1.0),
+        Compose([NormalizeScale(), FaceToEdge(remove_faces=True)]),
+    ):
+        done = open_split("test", pre_transform=pre_transform)
+        assert len(done) == len(plain)
+        for a, b in zip(done[:20], plain[:20], strict=True):
+            expected = pre_transform(b)
+            assert a.to_dict().keys() == expected.to_dict().keys()
+            for key, value in expected.to_dict().items():
+                same = torch.equal if isinstance(value, torch.Tensor) else type(value).__eq__
+                assert same(a[key], value), key
+
+
+def test_a_changed_pre_transform_is_another_dataset(open_split):
+    one = open_split("test", pre_transform=Centre(0.0))
+    two = open_split("test", pre_transform=Centre(5.0))
+    assert one.processed_dir != two.processed_dir
+    assert one[0].pos.mean() == pytest.approx(0, abs=1e-5)
+    assert two[0].pos.mean() == pytest.approx(5, abs=1e-4)
+    a = open_split("test", pre_transform=lambda data: Data(x=data.pos * 2, y=data.y))
+    b = open_split("test", pre_transform=lambda data: Data(x=data.pos * 3, y=data.y))
+    assert torch.allclose(a[0].x * 1.5, b[0].x)
+
+
+def test_pre_filter_drops_shapes_with_all_their_instances(open_split):
+    def small(data):
+        return data.num_nodes < 1000
+
+    kept = open_split(pre_filter=small)
+    expected = [i for i in open_split(augment=False).shape_id if i in set(kept.shape_id)]
+    assert all(data.num_nodes < 1000 for data in kept[::9])
+    assert len(kept) == 9 * len(expected) > 0
+    both = open_split(augment=False, pre_filter=small, pre_transform=Centre(0.0))
+    assert len(both) == len(expected)
+
+
+def test_pre_transform_must_return_what_can_be_stored(open_split):
+    def odd(data):
+        return Data(thing=object(), y=data.y)
+
+    with pytest.raises(TypeError, match="tensors, numbers and strings; thing is object"):
+        open_split("test", pre_transform=odd)
+
+    def uneven(data):
+        return Data(y=data.y) if data.family == "cone" else Data(y=data.y, x=data.pos)
+
+    with pytest.raises(TypeError, match="same attributes for every item"):
+        open_split("test", pre_transform=uneven)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"split": "dev"}, "split must be one of train, validation, test, got 'dev'"),
+        ({"protocol": "mine"}, "protocol must be one of grouped, paper, got 'mine'"),
+        ({"augment": 3}, "augment must be one of True, False, random, got 3"),
+        (
+            {"augment": "random", "pre_transform": FaceToEdge()},
+            "pre_transform is applied once and augment='random' afresh",
+        ),
+    ],
+)
+def test_unknown_options_are_refused(mini_home, options, message):
+    with pytest.raises(ValueError, match=message):
+        SynthNet(mini_home, MINI, **options)
+
+
+def test_a_missing_version_is_built_on_first_use(tmp_path, monkeypatch, capfd):
+    calls = []
+
+    def run(command, **options):
+        calls.append(command)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("synthnet.build.subprocess.run", run)
+    with pytest.raises(KeyboardInterrupt):
+        SynthNet(tmp_path, MINI)
+    assert calls[0][1:] == ["-m", "synthnet", "build", "--version", MINI, "--out", str(tmp_path)]
+    assert f"synthNet {MINI} is not in {tmp_path / MINI} yet: building it" in capfd.readouterr().err

@@ -1,0 +1,531 @@
+"""Tests of all disk access: shards, manifest, directories, full and damaged disks."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import errno
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import platformdirs
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import synthnet
+from synthnet import files, store
+from synthnet.errors import BuildError, DamagedError, StoreError
+from synthnet.recipe import Recipe
+from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
+
+REJECTION = Rejection("torus-00007", "torus", "degenerate_face", "20 of 1,200 faces — flat")
+
+
+def write(
+    path: Path,
+    samples: list[Sample],
+    rejections: tuple[Rejection, ...] = (),
+    digest: str = "d" * 64,
+) -> ShardRecord:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    family = samples[0].spec.family if samples else "torus"
+    return store.write_shard(path, samples, rejections, family=family, recipe_digest=digest)
+
+
+def exact(sample: Sample) -> list[Any]:
+    """Everything in a sample, arrays with dtype, shape and bytes, numbers with their type."""
+    spec = sample.spec
+    values = [spec.id, spec.family, spec.index, spec.group, sample.split, sample.paper_splits]
+    values += [(name, type(v), v) for name, v in spec.parameters.items()]
+    values += [sample.trivial, sample.residual]
+    mesh = sample.mesh
+    arrays = (mesh.vertices, mesh.faces, sample.eigenvalues, sample.isometries)
+    return values + [(a.dtype.str, a.shape, np.ascontiguousarray(a).tobytes()) for a in arrays]
+
+
+@pytest.fixture
+def torus_shard(tiny_samples: dict[str, list[Sample]], tmp_path: Path) -> Path:
+    path = tmp_path / "shards" / "torus-0000.parquet"
+    write(path, tiny_samples["torus"], (REJECTION,))
+    return path
+
+
+# Shards
+
+
+@pytest.mark.parametrize("family", ["torus", "tetrahedron", "split_cone", "sphere"])
+def test_samples_come_back_exactly(
+    family: str, tiny_samples: dict[str, list[Sample]], tmp_path: Path
+) -> None:
+    samples = tiny_samples[family]
+    write(tmp_path / "shards" / "a.parquet", samples)
+    found = list(store.read_samples(tmp_path / "shards" / "a.parquet"))
+    assert [exact(s) for s in found] == [exact(s) for s in samples]
+
+
+def test_awkward_numbers_come_back_exactly(tmp_path: Path) -> None:
+    vertices = np.array([[-0.0, 1e-45, 3.4e38], [1 / 3, 0.1, -1], [0, 1, 2]], np.float32)
+    sample = Sample(
+        spec=ShapeSpec("sphere-00003", "sphere", 3, {"radius": 1.0, "n": 1, "x": 0.1 + 0.2}, "é"),
+        mesh=Mesh(vertices, np.array([[0, 1, 2]], np.int32)),
+        eigenvalues=np.array([5e-324, 0.1 + 0.2, 1e308]),
+        trivial=-1.1e-17,
+        residual=float(np.nextafter(1, 2)),
+        isometries=np.array([np.eye(3), -np.eye(3) / 3]),
+        split="validation",
+        paper_splits=("train", "test"),
+    )
+    write(tmp_path / "shards" / "a.parquet", [sample])
+    (found,) = store.read_samples(tmp_path / "shards" / "a.parquet")
+    assert exact(found) == exact(sample)
+    assert [type(v) for v in found.spec.parameters.values()] == [float, int, float]
+    assert np.signbit(found.mesh.vertices[0, 0])
+
+
+def test_record_says_what_is_in_the_shard(
+    tiny_samples: dict[str, list[Sample]], tmp_path: Path
+) -> None:
+    path = tmp_path / "shards" / "torus-0000.parquet"
+    samples = tiny_samples["torus"]
+    record = write(path, samples, (REJECTION,))
+    assert record == ShardRecord(
+        file="shards/torus-0000.parquet",
+        family="torus",
+        sha256=files.sha256(path),
+        size=len(path.read_bytes()),
+        rows=4,
+        vertices=4 * 8 * 6,  # a vertex for each of 8 x 6 steps around the torus
+        faces=4 * 2 * 8 * 6,
+        rejections=(REJECTION,),
+    )
+    assert store.read_record(path, "d" * 64) == record
+
+
+def test_same_samples_give_the_same_bytes(
+    tiny_samples: dict[str, list[Sample]], tmp_path: Path
+) -> None:
+    paths = [tmp_path / name / "torus-0000.parquet" for name in "ab"]
+    for path in paths:
+        write(path, tiny_samples["torus"], (REJECTION,))
+    one, two = (path.read_bytes() for path in paths)
+    assert one == two
+    write(paths[1], tiny_samples["torus"][:-1], (REJECTION,))
+    assert one != paths[1].read_bytes()
+
+
+def test_samples_read_and_written_again_give_the_same_bytes(torus_shard: Path) -> None:
+    before = torus_shard.read_bytes()
+    write(torus_shard, list(store.read_samples(torus_shard)), (REJECTION,))
+    assert torus_shard.read_bytes() == before
+
+
+def test_shard_of_rejections_only(tmp_path: Path) -> None:
+    path = tmp_path / "shards" / "torus-0000.parquet"
+    record = write(path, [], (REJECTION,))
+    assert (record.rows, record.vertices, record.faces) == (0, 0, 0)
+    assert record.rejections == (REJECTION,)
+    assert list(store.read_samples(path)) == []
+    assert store.read_record(path, "d" * 64) == record
+
+
+def test_shard_columns_are_plain_parquet(torus_shard: Path) -> None:
+    table = pq.read_table(torus_shard)
+    assert table.schema.names == store.SCHEMA.names
+    assert table.schema.field("vertices").type == pa.list_(pa.list_(pa.float32(), 3))
+    assert {
+        pq.ParquetFile(torus_shard).metadata.row_group(0).column(i).compression
+        for i in range(len(store.SCHEMA))
+    } == {"ZSTD"}
+
+
+def test_missing_shard_says_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(DamagedError, match=r"a\.parquet is missing: run `synthnet build` again"):
+        store.read_table(tmp_path / "a.parquet")
+
+
+def test_shard_of_another_schema_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.table({"id": ["torus-00000"]}), path)
+    with pytest.raises(StoreError, match="has another schema: remove it and build again"):
+        store.read_table(path)
+
+
+def test_shard_of_another_recipe_is_refused(torus_shard: Path) -> None:
+    with pytest.raises(StoreError, match=r"belongs to another recipe: remove .* or choose another"):
+        store.read_record(torus_shard, "e" * 64)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.5, 0.9, 0.99, 0.9999])
+def test_truncated_shard_is_damaged(torus_shard: Path, share: float) -> None:
+    content = torus_shard.read_bytes()
+    torus_shard.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(DamagedError, match=r"is damaged .*: remove it and run .* again") as caught:
+        list(store.read_samples(torus_shard))
+    assert "\n" not in str(caught.value)
+    with pytest.raises(DamagedError, match="is damaged"):
+        store.read_record(torus_shard, "d" * 64)
+
+
+@pytest.mark.parametrize("part", ["data", "footer"])
+def test_flipped_byte_never_gives_other_data(torus_shard: Path, part: str) -> None:
+    good = torus_shard.read_bytes()
+    samples = [exact(s) for s in store.read_samples(torus_shard)]
+    footer = len(good) - 8 - int.from_bytes(good[-8:-4], "little")
+    start, stop = (0, footer) if part == "data" else (footer, len(good))
+    rng = np.random.default_rng(20240726)
+    messages = []
+    for position in rng.choice(np.arange(start, stop), 150, replace=False):
+        bad = bytearray(good)
+        bad[position] ^= 1 << rng.integers(8)
+        torus_shard.write_bytes(bad)
+        try:
+            found = [exact(s) for s in store.read_samples(torus_shard)]
+        except StoreError as error:
+            messages.append(str(error))
+        else:
+            assert found == samples, f"byte {position} changed the data unnoticed"
+    assert len(messages) > 50
+    assert not any("\n" in message for message in messages)
+
+
+@pytest.mark.parametrize("part", ["data", "footer"])
+def test_altered_shard_is_never_taken_for_a_finished_one(torus_shard: Path, part: str) -> None:
+    # A build that goes on keeps what read_record accepts, and must end with the same bytes.
+    good = torus_shard.read_bytes()
+    footer = len(good) - 8 - int.from_bytes(good[-8:-4], "little")
+    start, stop = (0, footer) if part == "data" else (footer, len(good))
+    rng = np.random.default_rng(20240727)
+    for position in rng.choice(np.arange(start, stop), 150, replace=False):
+        bad = bytearray(good)
+        bad[position] ^= 1 << rng.integers(8)
+        torus_shard.write_bytes(bad)
+        with pytest.raises(StoreError, match=r"\A[^\n]+\Z"):
+            store.read_record(torus_shard, "d" * 64)
+
+
+# Manifest
+
+
+@pytest.fixture
+def manifest(tiny: Recipe, torus_shard: Path) -> Manifest:
+    record = store.read_record(torus_shard, "d" * 64)
+    return Manifest(
+        version="tiny",
+        recipe_digest="d" * 64,
+        recipe=tiny.to_dict(),
+        drawn={"torus": 5},
+        shards=(record,),
+        packages={"python": "3.11.7"},
+    )
+
+
+def test_manifest_comes_back(manifest: Manifest, tmp_path: Path) -> None:
+    store.write_manifest(tmp_path, manifest)
+    found = store.read_manifest(tmp_path)
+    assert found == manifest
+    assert found is not None
+    assert (found.rows, found.rejections) == (4, (REJECTION,))
+
+
+def test_manifest_is_json_with_a_schema_version(manifest: Manifest, tmp_path: Path) -> None:
+    store.write_manifest(tmp_path, manifest)
+    content = json.loads((tmp_path / "manifest.json").read_text())
+    assert content["schema_version"] == store.SCHEMA_VERSION
+    assert content["shards"][0]["sha256"] == manifest.shards[0].sha256
+    assert content["shards"][0]["rejections"][0]["reason"] == "degenerate_face"
+
+
+def test_no_manifest_is_none(tmp_path: Path) -> None:
+    assert store.read_manifest(tmp_path) is None
+    assert store.read_manifest(tmp_path / "nothing" / "here") is None
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "3", "null", "{}", '{"schema_version": 1}', "\ufffd\x00"]
+)
+def test_damaged_manifest_is_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(DamagedError, match=r"manifest\.json is damaged .*: remove it") as caught:
+        store.read_manifest(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+def test_manifest_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_bytes(b"\xff\xfe\x80")
+    with pytest.raises(DamagedError, match="is damaged"):
+        store.read_manifest(tmp_path)
+
+
+@pytest.mark.parametrize("key", [f.name for f in dataclasses.fields(Manifest)])
+def test_manifest_that_lacks_a_key_is_refused(key: str, manifest: Manifest, tmp_path: Path) -> None:
+    store.write_manifest(tmp_path, manifest)
+    path = tmp_path / "manifest.json"
+    content = json.loads(path.read_text())
+    del content[key]
+    path.write_text(json.dumps(content))
+    with pytest.raises(DamagedError, match=f"is damaged .*{key}"):
+        store.read_manifest(tmp_path)
+
+
+def test_manifest_of_another_schema_version_is_refused(manifest: Manifest, tmp_path: Path) -> None:
+    store.write_manifest(tmp_path, manifest)
+    path = tmp_path / "manifest.json"
+    path.write_text(path.read_text().replace('"schema_version": 1', '"schema_version": 2'))
+    with pytest.raises(StoreError, match="has schema version 2, this synthnet reads 1"):
+        store.read_manifest(tmp_path)
+
+
+def test_manifest_in_an_unreadable_place_is_a_store_error(tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").mkdir()
+    with pytest.raises(StoreError, match=r"manifest\.json"):
+        store.read_manifest(tmp_path)
+
+
+# A finished dataset
+
+
+@pytest.fixture
+def dataset(
+    tiny: Recipe, tiny_samples: dict[str, list[Sample]], tmp_path: Path
+) -> store.StoredDataset:
+    directory = tmp_path / "tiny"
+    records = [
+        write(directory / "shards" / f"{family}-0000.parquet", samples)
+        for family, samples in tiny_samples.items()
+    ]
+    records[0] = dataclasses.replace(records[0], rejections=(REJECTION,))
+    drawn = {name: tiny.drawn(name) for name in tiny.families}
+    manifest = Manifest("tiny", "d" * 64, tiny.to_dict(), drawn, tuple(records), {})
+    store.write_manifest(directory, manifest)
+    return store.open_dataset("tiny", tmp_path)
+
+
+def test_samples_of_a_dataset_come_in_order(
+    dataset: store.StoredDataset, tiny_samples: dict[str, list[Sample]]
+) -> None:
+    written = [s for samples in tiny_samples.values() for s in samples]
+    assert [exact(s) for s in dataset.samples()] == [exact(s) for s in written]
+    assert [p.name for p in dataset.paths()] == [f"{name}-0000.parquet" for name in tiny_samples]
+
+
+def test_find_gives_every_shape(
+    dataset: store.StoredDataset, tiny_samples: dict[str, list[Sample]]
+) -> None:
+    for samples in tiny_samples.values():
+        for sample in samples:
+            assert exact(dataset.find(sample.spec.id)) == exact(sample)
+
+
+def test_find_of_a_rejected_shape_says_why(dataset: store.StoredDataset) -> None:
+    with pytest.raises(StoreError, match="torus-00007 was rejected by degenerate_face: 20 of"):
+        dataset.find("torus-00007")
+
+
+@pytest.mark.parametrize("id", ["torus-00099", "dodecahedron-00000", "torus", "", "-", "../x"])
+def test_find_of_an_unknown_shape_says_what_ids_look_like(
+    id: str, dataset: store.StoredDataset
+) -> None:
+    with pytest.raises(StoreError, match=r"no shape .* in tiny: ids look like torus-00000"):
+        dataset.find(id)
+
+
+def test_dataset_that_is_not_built_says_how_to_build_it(tmp_path: Path) -> None:
+    wanted = rf"no finished dataset in .*: run `synthnet build --version 1\.0 --out {tmp_path}`"
+    with pytest.raises(StoreError, match=wanted):
+        store.open_dataset("1.0", tmp_path)
+
+
+# Where it is
+
+
+def test_home_is_the_argument_then_the_variable_then_the_cache(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("SYNTHNET_HOME", str(tmp_path / "variable"))
+    assert store.home(tmp_path / "argument") == tmp_path / "argument"
+    assert store.home(str(tmp_path / "argument")) == tmp_path / "argument"
+    assert store.home() == tmp_path / "variable"
+    monkeypatch.setenv("SYNTHNET_HOME", "")
+    assert store.home() == Path(platformdirs.user_cache_dir("synthnet"))
+    monkeypatch.delenv("SYNTHNET_HOME")
+    assert store.home() == Path(platformdirs.user_cache_dir("synthnet"))
+    assert store.dataset_directory("1.0", tmp_path) == tmp_path / "1.0"
+
+
+def test_home_expands_the_tilde(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert store.home("~/data") == tmp_path / "data"
+    monkeypatch.setenv("SYNTHNET_HOME", "~/other")
+    assert store.home() == tmp_path / "other"
+
+
+# A disk that cannot be written or is full
+
+
+def unwritable_places(tmp_path: Path) -> Iterator[Path]:
+    (tmp_path / "file").write_text("no directory")
+    yield tmp_path / "file" / "home"
+    if Path("/proc/self").exists():
+        yield Path("/proc/synthnet")
+    if os.geteuid() != 0:
+        (tmp_path / "closed").mkdir(mode=0o500)
+        yield tmp_path / "closed" / "home"
+
+
+def test_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    for place in unwritable_places(tmp_path):
+        wanted = f"cannot write to {place} .*: choose another place with --out or"
+        with pytest.raises(BuildError, match=wanted) as caught:
+            files.make_directory(place)
+        assert "\n" not in str(caught.value)
+
+
+def test_manifest_below_a_file_is_not_a_crash(tmp_path: Path) -> None:
+    # `synthnet build --out README.md/x` asks for the manifest before it makes a directory.
+    for place in unwritable_places(tmp_path):
+        assert store.read_manifest(place) is None
+
+
+def test_directory_that_can_be_written_is_left_empty(tmp_path: Path) -> None:
+    files.make_directory(tmp_path / "a" / "b")
+    files.make_directory(tmp_path / "a" / "b")
+    assert list((tmp_path / "a" / "b").iterdir()) == []
+
+
+def full_disk(table: pa.Table, path: Path, **options: object) -> NoReturn:
+    path.write_bytes(b"the first half")
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+
+def test_full_disk_is_said_and_nothing_is_left(
+    torus_shard: Path, tiny_samples: dict[str, list[Sample]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = torus_shard.read_bytes()
+    monkeypatch.setattr(pq, "write_table", full_disk)
+    with pytest.raises(BuildError, match=r"no space left for .*: free some and run the same") as e:
+        write(torus_shard, tiny_samples["torus"][:1])
+    assert "\n" not in str(e.value)
+    assert "what is finished is kept" in str(e.value)
+    assert [p.name for p in torus_shard.parent.iterdir()] == [torus_shard.name]
+    assert torus_shard.read_bytes() == before
+
+
+def test_other_trouble_of_the_disk_is_said_and_nothing_is_left(tmp_path: Path) -> None:
+    def broken(partial: Path) -> None:
+        partial.write_bytes(b"the first half")
+        raise OSError(errno.EIO, "Input/output error")
+
+    with pytest.raises(BuildError, match=r"cannot write .*a\.json .*Input/output error"):
+        files.write_atomically(tmp_path / "a.json", broken)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_really_full_disk(tiny_samples: dict[str, list[Sample]], tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = shutil.which("mount")
+    if mount is None or os.geteuid() != 0:
+        pytest.skip("only root can mount a small disk")
+    options = [mount, "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)]
+    mounted = subprocess.run(options, capture_output=True, check=False, text=True)
+    if mounted.returncode:
+        pytest.skip(f"cannot mount a small disk: {mounted.stderr.strip()}")
+    try:
+        rng = np.random.default_rng(0)  # noise, so that compression does not make it fit
+        (first, *_) = tiny_samples["torus"]
+        noise = Mesh(rng.random((20_000, 3), np.float32), first.mesh.faces)
+        write(disk / "shards" / "small.parquet", [first])
+        with pytest.raises(BuildError, match=r"no space left for .*: free some and run the same"):
+            write(disk / "shards" / "big.parquet", [dataclasses.replace(first, mesh=noise)])
+        assert [p.name for p in (disk / "shards").iterdir()] == ["small.parquet"]
+        assert exact(next(store.read_samples(disk / "shards" / "small.parquet"))) == exact(first)
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_directory_is_made_in_place_or_not_at_all(tmp_path: Path) -> None:
+    def good(partial: Path) -> None:
+        (partial / "new").touch()
+
+    def full(partial: Path) -> None:
+        (partial / "half").touch()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    place = tmp_path / "place"
+    with pytest.raises(BuildError, match="no space left"):
+        files.make_in_place(place, full)
+    assert list(tmp_path.iterdir()) == []
+    place.mkdir()
+    (place / "old").touch()
+    with pytest.raises(BuildError, match="no space left"):
+        files.make_in_place(place, full)
+    assert [p.name for p in place.iterdir()] == ["old"]
+    files.make_in_place(place, good)
+    assert [p.name for p in place.iterdir()] == ["new"]
+    assert [p.name for p in tmp_path.iterdir()] == ["place"]
+
+
+def test_partial_files_are_removed_and_nothing_else(tmp_path: Path) -> None:
+    for name in (".a.parquet.123.partial", "a.parquet", "b.partial", ".lock"):
+        (tmp_path / name).touch()
+    files.remove_partial_files(tmp_path)
+    assert {p.name for p in tmp_path.iterdir()} == {"a.parquet", "b.partial", ".lock"}
+
+
+# No pickle
+
+UNSAFE = {"pickle", "cPickle", "_pickle", "cloudpickle", "dill", "joblib", "marshal", "shelve"}
+PACKAGE = Path(synthnet.__file__).parent
+
+
+def unsafe_lines(source: str) -> list[int]:
+    """Lines that import a pickle, load by torch, or let NumPy load or save one."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [node.module or ""]
+        bad = any(name.split(".")[0] in UNSAFE for name in names)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            keywords = {k.arg: ast.unparse(k.value) for k in node.keywords}
+            owner, name = ast.unparse(node.func.value), node.func.attr
+            bad |= owner in {"np", "numpy"} and (
+                name in {"load", "save"} and keywords.get("allow_pickle") != "False"
+            )
+            bad |= owner in {"torch", "fs", "pd", "pandas"} and name in {
+                "load", "save", "torch_load", "torch_save", "read_pickle"
+            }  # fmt: skip
+            bad |= owner == "self" and name in {"load", "save", "collate"}  # of InMemoryDataset
+        if bad:
+            found.append(node.lineno)
+    return found
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import pickle",
+        "from joblib import load",
+        "np.load('a.npy')",
+        "np.load('a.npy', allow_pickle=True)",
+        "np.save('a.npy', x)",
+        "torch.load('a.pt')",
+        "self.load('a.pt')",
+    ],
+)
+def test_the_search_for_pickles_finds(source: str) -> None:
+    assert unsafe_lines(f"x = 1\n{source}\n") == [2]
+
+
+@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: p.stem)
+def test_nothing_is_loaded_by_pickle(path: Path) -> None:
+    assert unsafe_lines(path.read_text()) == []

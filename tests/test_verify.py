@@ -1,0 +1,528 @@
+"""Tests of `synthnet verify` and of the pins: everything that was tampered with is found."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import synthnet.verify
+from synthnet import cli, pins, recipe, store
+from synthnet.errors import RecipeError, StoreError
+from synthnet.plan import plan_shards
+from synthnet.types import Mesh, Rejection, Sample
+from synthnet.verify import VerifyReport, lapy_eigenvalues, verify
+
+VERSION = "1.0-mini"
+FAMILY = "split_cone"  # small meshes
+SHARD = f"shards/{FAMILY}-0000.parquet"
+CHECKS = ["manifest", "digests", "shards", "recipe", "pins", "labels"]
+
+
+@pytest.fixture(scope="session")
+def fixture_pins(mini_home: Path) -> dict[str, pins.Pin]:
+    """The pins of the fixture itself."""
+    samples = store.open_dataset(VERSION, mini_home).samples()
+    return {sample.spec.id: pins.pin(sample) for sample in samples}
+
+
+@pytest.fixture
+def pinned(fixture_pins: dict[str, pins.Pin], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the repository pin the fixture, so that nothing but the tampering differs."""
+    monkeypatch.setattr(pins, "read", lambda version: fixture_pins)
+
+
+def problems(report: VerifyReport) -> dict[str, tuple[str, ...]]:
+    """The checks that found something."""
+    return {check.name: check.problems for check in report.checks if check.problems}
+
+
+def tamper(home: Path, change: Callable[[list[Sample]], list[Sample]]) -> None:
+    """Rewrite a shard and its digest in the manifest, as someone who covers his tracks."""
+    directory = home / VERSION
+    manifest = store.open_dataset(VERSION, home).manifest
+    samples = change(list(store.read_samples(directory / SHARD)))
+    record = store.write_shard(
+        directory / SHARD,
+        samples,
+        [],
+        family=FAMILY,
+        recipe_digest=manifest.recipe_digest,
+    )
+    shards = tuple(record if s.file == SHARD else s for s in manifest.shards)
+    store.write_manifest(directory, dataclasses.replace(manifest, shards=shards))
+
+
+def tamper_first(home: Path, change: Callable[[Sample], dict[str, Any]]) -> str:
+    """Tamper with the first sample of a shard, and return its id."""
+
+    def one(samples: list[Sample]) -> list[Sample]:
+        return [dataclasses.replace(samples[0], **change(samples[0])), *samples[1:]]
+
+    tamper(home, one)
+    return next(store.read_samples(home / VERSION / SHARD)).spec.id
+
+
+def failed(home: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, list[str]]:
+    """Run the command, which must exit with 1, and return the checks that found something."""
+    arguments = ["verify", "--version", VERSION, "--out", str(home), "--sample", "0", "--json"]
+    assert cli.main(arguments) == 1
+    said = json.loads(capsys.readouterr().out)
+    assert said["ok"] is False
+    return {c["check"]: c["problems"] for c in said["checks"] if c["problems"]}
+
+
+# The fixture as it is
+
+
+def test_fresh_build_passes_every_check(mini_home: Path) -> None:
+    counted: list[tuple[int, int]] = []
+    report = verify(
+        VERSION, root=mini_home, sample=12, on_shard=lambda done, of: counted.append((done, of))
+    )
+    assert problems(report) == {}
+    assert [check.name for check in report.checks] == CHECKS
+    assert {c.name: c.examined for c in report.checks} == {
+        "manifest": 1,
+        "digests": 11,
+        "shards": 11,
+        "recipe": 335,
+        "pins": 335,
+        "labels": 12,
+    }
+    assert counted == [(n, 11) for n in range(1, 12)]
+    assert report.directory == mini_home / VERSION
+
+
+def test_every_check_is_explained_on_the_command_line() -> None:
+    assert list(cli.CHECKS) == CHECKS
+
+
+def test_sample_is_drawn_by_its_seed(mini_home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[int] = []
+
+    def count(mesh: Mesh, k: int) -> np.ndarray[Any, Any]:
+        seen.append(len(mesh.vertices))
+        return np.ones(k)
+
+    monkeypatch.setattr(synthnet.verify, "lapy_eigenvalues", count)
+    draws = []
+    for seed in (0, 0, 1):
+        seen.clear()
+        verify(VERSION, root=mini_home, sample=20, seed=seed)
+        draws.append(list(seen))
+    assert draws[0] == draws[1] != draws[2]
+    assert [len(draw) for draw in draws] == [20, 20, 20]
+    seen.clear()
+    report = verify(VERSION, root=mini_home, sample=1000)
+    assert len(seen) == 335  # every shape once, when more are asked for
+    assert len(problems(report)["labels"]) == 335
+
+
+def test_lapy_agrees_on_every_family(mini_home: Path) -> None:
+    for path in store.open_dataset(VERSION, mini_home).paths():
+        sample = min(store.read_samples(path), key=lambda s: len(s.mesh.vertices))
+        expected = lapy_eigenvalues(sample.mesh, 10)
+        np.testing.assert_allclose(sample.eigenvalues, expected, rtol=1e-8)
+
+
+def test_version_that_is_not_built_says_so(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="no finished dataset in"):
+        verify(VERSION, root=tmp_path)
+    with pytest.raises(RecipeError, match="unknown version '3'"):
+        verify("3", root=tmp_path)
+
+
+def test_version_without_pins_is_not_verified(
+    mini_home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(pins, "read", lambda version: None)
+    assert failed(mini_home, capsys) == {"pins": ["the repository pins nothing for 1.0"]}
+
+
+# Tampering that leaves traces in the files
+
+
+@pytest.mark.usefixtures("pinned")
+def test_altered_byte_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = mini_copy / VERSION / SHARD
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    found = failed(mini_copy, capsys)
+    assert found["digests"][0].startswith(f"{SHARD}: SHA-256 is ")
+    assert f"{path} is damaged" in found["shards"][0]
+    assert len(found["recipe"]) == 20  # the shapes of that shard are lost
+    assert "manifest" not in found
+
+
+@pytest.mark.usefixtures("pinned")
+def test_altered_footer_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = mini_copy / VERSION / SHARD
+    content = path.read_bytes()
+    assert b"parquet-cpp-arrow" in content
+    path.write_bytes(content.replace(b"parquet-cpp-arrow", b"parquet-cpp-ARROW"))
+    assert list(failed(mini_copy, capsys)) == ["digests"]
+
+
+@pytest.mark.usefixtures("pinned")
+def test_truncated_shard_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = mini_copy / VERSION / SHARD
+    path.write_bytes(path.read_bytes()[:-1])
+    assert list(failed(mini_copy, capsys)) == ["digests", "shards", "recipe", "pins"]
+
+
+@pytest.mark.usefixtures("pinned")
+def test_removed_shard_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (mini_copy / VERSION / SHARD).unlink()
+    found = failed(mini_copy, capsys)
+    assert found["digests"] == [f"{SHARD}: missing"]
+    assert "is missing: run `synthnet build` again" in found["shards"][0]
+    assert f"{FAMILY}-00000: neither stored nor rejected" in found["recipe"]
+
+
+# Tampering that covers its tracks: shard and manifest agree
+
+
+@pytest.mark.usefixtures("pinned")
+def test_tampering_with_nothing_changes_nothing(mini_home: Path, mini_copy: Path) -> None:
+    tamper(mini_copy, lambda samples: samples)
+    for name in (SHARD, "manifest.json"):
+        assert (mini_copy / VERSION / name).read_bytes() == (
+            mini_home / VERSION / name
+        ).read_bytes()
+
+
+@pytest.mark.usefixtures("pinned")
+def test_altered_eigenvalue_is_found_by_the_pins(
+    mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    id = tamper_first(
+        mini_copy, lambda s: {"eigenvalues": s.eigenvalues * (1 + 1e-5 * (np.arange(10) == 3))}
+    )
+    assert failed(mini_copy, capsys) == {
+        "pins": [f"{id}: eigenvalues differ by 1e-05 relative, more than 1e-06"]
+    }
+
+
+@pytest.mark.usefixtures("pinned")
+def test_altered_eigenvalue_is_found_by_the_labels(
+    mini_copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    id = tamper_first(  # too little for the pins
+        mini_copy, lambda s: {"eigenvalues": s.eigenvalues * (1 + 1e-7 * (np.arange(10) == 3))}
+    )
+    monkeypatch.setattr(synthnet.verify, "_choose", lambda *_: {id})
+    report = verify(VERSION, root=mini_copy)
+    assert problems(report) == {"labels": (f"{id}: label is 1e-07 off LaPy's, more than 1e-08",)}
+    assert report.checks[-1].examined == 1
+
+
+@pytest.mark.usefixtures("pinned")
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 0.0])
+def test_eigenvalue_that_is_no_label_is_found(
+    value: float, mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    id = tamper_first(
+        mini_copy, lambda s: {"eigenvalues": np.where(np.arange(10) == 0, value, s.eigenvalues)}
+    )
+    ((name, (problem,)),) = failed(mini_copy, capsys).items()
+    assert name == "pins"
+    assert problem.startswith(f"{id}: eigenvalues differ")
+
+
+@pytest.mark.usefixtures("pinned")
+def test_missing_eigenvalue_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    id = tamper_first(mini_copy, lambda s: {"eigenvalues": s.eigenvalues[:-1]})
+    ((name, (problem,)),) = failed(mini_copy, capsys).items()
+    assert name == "pins"
+    assert problem.startswith(f"{id}: ")
+
+
+@pytest.mark.usefixtures("pinned")
+def test_moved_vertex_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def move(sample: Sample) -> dict[str, Any]:
+        vertices = sample.mesh.vertices.copy()
+        vertices[5] += np.float32(0.01)
+        return {"mesh": Mesh(vertices, sample.mesh.faces)}
+
+    id = tamper_first(mini_copy, move)
+    ((name, (problem,)),) = failed(mini_copy, capsys).items()
+    assert name == "pins"
+    assert problem.startswith(f"{id}: vertices differ by ")
+
+
+@pytest.mark.usefixtures("pinned")
+def test_swapped_vertices_are_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def swap(sample: Sample) -> dict[str, Any]:
+        vertices = sample.mesh.vertices.copy()
+        vertices[[5, 9]] = vertices[[9, 5]]
+        return {"mesh": Mesh(vertices, sample.mesh.faces)}
+
+    tamper_first(mini_copy, swap)
+    assert list(failed(mini_copy, capsys)) == ["pins"]
+
+
+@pytest.mark.usefixtures("pinned")
+def test_changed_face_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def turn(sample: Sample) -> dict[str, Any]:
+        faces = sample.mesh.faces.copy()
+        faces[7] = faces[7][::-1]
+        return {"mesh": Mesh(sample.mesh.vertices, faces)}
+
+    id = tamper_first(mini_copy, turn)
+    assert failed(mini_copy, capsys) == {
+        "pins": [f"{id}: id, parameters, splits or faces differ from the pinned ones"]
+    }
+
+
+@pytest.mark.usefixtures("pinned")
+def test_changed_split_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    id = tamper_first(mini_copy, lambda s: {"split": "test" if s.split == "train" else "train"})
+    assert failed(mini_copy, capsys) == {
+        "recipe": [f"{id}: splits differ from the recipe's"],
+        "pins": [f"{id}: id, parameters, splits or faces differ from the pinned ones"],
+    }
+
+
+@pytest.mark.usefixtures("pinned")
+def test_changed_paper_split_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    id = tamper_first(mini_copy, lambda s: {"paper_splits": (*s.paper_splits[1:], "nowhere")})
+    assert failed(mini_copy, capsys)["recipe"] == [f"{id}: splits differ from the recipe's"]
+
+
+@pytest.mark.usefixtures("pinned")
+def test_changed_parameter_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def change(sample: Sample) -> dict[str, Any]:
+        parameters = {**sample.spec.parameters, "height": 1.25}
+        return {"spec": dataclasses.replace(sample.spec, parameters=parameters)}
+
+    id = tamper_first(mini_copy, change)
+    found = failed(mini_copy, capsys)
+    assert found["recipe"] == [f"{id}: parameters differ from the recipe's draw"]
+    assert list(found) == ["recipe", "pins"]
+
+
+@pytest.mark.usefixtures("pinned")
+def test_changed_isometry_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tamper_first(mini_copy, lambda s: {"isometries": s.isometries * 1.001})
+    assert list(failed(mini_copy, capsys)) == ["recipe"]
+
+
+@pytest.mark.usefixtures("pinned")
+def test_foreign_shape_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    taken = {s.spec.id for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes}
+    foreign = next(id for i in range(999) if (id := f"{FAMILY}-{i:05d}") not in taken)
+    first = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
+    tamper_first(mini_copy, lambda s: {"spec": dataclasses.replace(s.spec, id=foreign)})
+    assert failed(mini_copy, capsys) == {
+        "recipe": [
+            f"{foreign}: not drawn by the recipe",
+            f"{first}: neither stored nor rejected",
+        ],
+        "pins": [
+            f"{foreign}: stored here, but the pinned build rejected it",
+            f"{first}: missing here, but the pinned build kept it",
+        ],
+    }
+
+
+@pytest.mark.usefixtures("pinned")
+def test_dropped_row_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dropped = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
+    tamper(mini_copy, lambda samples: samples[1:])
+    found = failed(mini_copy, capsys)
+    assert found["manifest"] == [
+        f"manifest: {FAMILY} has 19 shapes kept or rejected and 20 drawn, the recipe draws 20"
+    ]
+    assert found["recipe"] == [f"{dropped}: neither stored nor rejected"]
+
+
+@pytest.mark.usefixtures("pinned")
+def test_repeated_row_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lost = list(store.read_samples(mini_copy / VERSION / SHARD))[-1].spec.id
+    tamper(mini_copy, lambda samples: [samples[0], *samples[:-1]])
+    assert failed(mini_copy, capsys)["recipe"] == [f"{lost}: neither stored nor rejected"]
+
+
+@pytest.mark.usefixtures("pinned")
+def test_row_dropped_as_if_it_had_been_rejected_is_found(
+    mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dropped = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
+    tamper(mini_copy, lambda samples: samples[1:])
+    manifest = store.open_dataset(VERSION, mini_copy).manifest
+    made_up = Rejection(dropped, FAMILY, "residual", "made up")
+    shards = tuple(
+        dataclasses.replace(s, rejections=(made_up,)) if s.file == SHARD else s
+        for s in manifest.shards
+    )
+    store.write_manifest(mini_copy / VERSION, dataclasses.replace(manifest, shards=shards))
+    found = failed(mini_copy, capsys)
+    assert found["pins"] == [f"{dropped}: rejected here, but the pinned build kept it"]
+
+
+# Tampering with the manifest
+
+
+@pytest.mark.usefixtures("pinned")
+@pytest.mark.parametrize("what", ["rows", "vertices", "faces"])
+def test_altered_count_of_a_shard_is_found(
+    what: str, mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    manifest = store.open_dataset(VERSION, mini_copy).manifest
+    shards = tuple(
+        dataclasses.replace(s, **{what: getattr(s, what) + 1}) if s.file == SHARD else s
+        for s in manifest.shards
+    )
+    store.write_manifest(mini_copy / VERSION, dataclasses.replace(manifest, shards=shards))
+    found = failed(mini_copy, capsys)
+    (problem,) = found["shards"]
+    true = next(getattr(s, what) for s in manifest.shards if s.file == SHARD)
+    assert problem == f"{SHARD}: {true} {what}, the manifest has {true + 1}"
+    assert ("manifest" in found) == (what == "rows")
+
+
+@pytest.mark.usefixtures("pinned")
+def test_altered_count_of_a_family_is_found(
+    mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    manifest = store.open_dataset(VERSION, mini_copy).manifest
+    drawn = {**manifest.drawn, FAMILY: 21}
+    store.write_manifest(mini_copy / VERSION, dataclasses.replace(manifest, drawn=drawn))
+    assert failed(mini_copy, capsys) == {
+        "manifest": [
+            f"manifest: {FAMILY} has 20 shapes kept or rejected and 21 drawn, the recipe draws 20"
+        ]
+    }
+
+
+@pytest.mark.usefixtures("pinned")
+def test_altered_recipe_digest_is_found(
+    mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    manifest = store.open_dataset(VERSION, mini_copy).manifest
+    other = dataclasses.replace(manifest, recipe_digest="0" * 64)
+    store.write_manifest(mini_copy / VERSION, other)
+    assert failed(mini_copy, capsys) == {
+        "manifest": ["manifest: made from another recipe than this release's"]
+    }
+
+
+@pytest.mark.usefixtures("pinned")
+def test_command_lists_what_differs_up_to_a_limit(
+    mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tamper(mini_copy, lambda samples: samples[8:])
+    arguments = ["verify", "--version", VERSION, "--out", str(mini_copy), "--sample", "0"]
+    assert cli.main([*arguments, "--limit", "3"]) == 1
+    out = capsys.readouterr().out
+    assert len([line for line in out.splitlines() if line.startswith("  ")]) == 4
+    assert "more (--limit shows more)" in out
+    assert out.endswith(f"{VERSION} in {mini_copy / VERSION}: DIFFERENT\n")
+    assert cli.main([*arguments, "--limit", "100"]) == 1
+    assert capsys.readouterr().out.count("neither stored nor rejected") == 8
+
+
+# Pins
+
+
+def test_pins_come_back(fixture_pins: dict[str, pins.Pin], tmp_path: Path) -> None:
+    path = tmp_path / "9.9.lock.parquet"
+    pins.write(path, fixture_pins.values())
+    before = path.read_bytes()
+    found = _read_pins(path)
+    assert list(found) == list(fixture_pins)
+    for id, pin in fixture_pins.items():
+        assert (found[id].id, found[id].digest) == (pin.id, pin.digest)
+        assert found[id].moments.tobytes() == pin.moments.tobytes()
+        assert found[id].eigenvalues.tobytes() == pin.eigenvalues.tobytes()
+        assert list(pins.differences(found[id], pin)) == []
+    pins.write(path, found.values())
+    assert path.read_bytes() == before
+
+
+def _read_pins(path: Path) -> dict[str, pins.Pin]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pins.resources, "files", lambda package: path.parent)
+        found = pins.read(path.name.removesuffix(".lock.parquet"))
+    assert found is not None
+    return found
+
+
+def test_version_without_a_lock_has_no_pins() -> None:
+    assert pins.read("no such version") is None
+
+
+def test_repository_pins_what_is_built(fixture_pins: dict[str, pins.Pin]) -> None:
+    pinned = pins.read("1.0")
+    assert pinned is not None
+    drawn = [s.spec.id for plan in plan_shards(recipe.load("1.0")) for s in plan.shapes]
+    assert set(pinned) <= set(drawn)
+    assert len(pinned) > 16_000
+    for id, pin in fixture_pins.items():
+        assert list(pins.differences(pin, pinned[id])) == []
+
+
+@pytest.fixture
+def pin(tiny_samples: dict[str, list[Sample]]) -> pins.Pin:
+    return pins.pin(tiny_samples["torus"][0])
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("which", [0, 9])
+def test_eigenvalues_are_compared_within_the_tolerance(
+    pin: pins.Pin, which: int, sign: int
+) -> None:
+    for factor, expected in ((0.9, []), (1.1, ["eigenvalues differ by 1.1e-06 relative"])):
+        change = 1 + sign * factor * pins.TOLERANCE * (np.arange(10) == which)
+        found = dataclasses.replace(pin, eigenvalues=pin.eigenvalues * change)
+        assert [d.split(",")[0] for d in pins.differences(found, pin)] == expected
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("which", range(6))
+def test_moments_are_compared_within_the_tolerance(pin: pins.Pin, which: int, sign: int) -> None:
+    size = np.sqrt(pin.moments[3:].sum())  # root mean square distance from the origin
+    unit = size if which < 3 else size**2
+    for factor, expected in ((0.9, []), (1.1, ["vertices differ by 1.1e-06 of their size"])):
+        change = sign * factor * pins.TOLERANCE * unit * (np.arange(6) == which)
+        found = dataclasses.replace(pin, moments=pin.moments + change)
+        assert [d.split(",")[0] for d in pins.differences(found, pin)] == expected
+
+
+def test_moments_by_hand(tiny_samples: dict[str, list[Sample]]) -> None:
+    vertices = np.array([[2, 0, 0], [0, 4, 0], [0, 0, -1]], np.float32)
+    mesh = Mesh(vertices, np.array([[0, 1, 2]], np.int32))
+    sample = dataclasses.replace(tiny_samples["torus"][0], mesh=mesh)
+    w = [1, 1.6180339887498949, 1.2360679774997898]  # 1, 1 + 0.618..., 1 + 1.236... - 1
+    total = sum(w)
+    expected = np.array([2 * w[0], 4 * w[1], -w[2], 4 * w[0], 16 * w[1], w[2]]) / total
+    np.testing.assert_allclose(pins.moments(sample), expected, rtol=1e-14)
+
+
+def test_digest_is_of_all_that_is_exact(tiny_samples: dict[str, list[Sample]]) -> None:
+    sample = tiny_samples["torus"][0]
+    spec, mesh = sample.spec, sample.mesh
+    same = [
+        dataclasses.replace(sample, eigenvalues=sample.eigenvalues + 1, residual=1.0),
+        dataclasses.replace(sample, mesh=Mesh(mesh.vertices + 1, mesh.faces.astype(np.int64))),
+    ]
+    parameters = {**spec.parameters, "tube_radius": 0.5}
+    other = [
+        dataclasses.replace(sample, spec=dataclasses.replace(spec, id="torus-00009")),
+        dataclasses.replace(sample, spec=dataclasses.replace(spec, parameters=parameters)),
+        dataclasses.replace(sample, spec=dataclasses.replace(spec, group="x")),
+        dataclasses.replace(sample, split="nowhere"),
+        dataclasses.replace(sample, paper_splits=()),
+        dataclasses.replace(sample, mesh=Mesh(mesh.vertices, mesh.faces[::-1])),
+        dataclasses.replace(sample, mesh=Mesh(np.vstack([mesh.vertices] * 2), mesh.faces)),
+    ]
+    assert {pins.digest(s) for s in same} == {pins.digest(sample)}
+    digests = [pins.digest(s) for s in other]
+    assert len({pins.digest(sample), *digests}) == 1 + len(other)
