@@ -1,0 +1,1 @@
+"""eigbench: score any predictor of Laplace-Beltrami eigenvalues, and what it costs."""

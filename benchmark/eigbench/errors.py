@@ -1,0 +1,17 @@
+"""Errors a user can act on: one line each, printed by the command line, exit code 2."""
+
+
+class EigbenchError(Exception):
+    """Base of all errors raised on purpose by this package."""
+
+
+class PredictorError(EigbenchError):
+    """A predictor's file or its answer is not what it must be."""
+
+
+class PredictionsError(EigbenchError):
+    """A file of predictions is damaged or does not match the split."""
+
+
+class ResultError(EigbenchError):
+    """A result file is damaged, of another schema, or contradicts itself."""

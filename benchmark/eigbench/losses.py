@@ -1,0 +1,46 @@
+"""The paper's losses in PyTorch, equal to the metrics of the same name, with gradients."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from eigbench.metrics import EPSILON
+
+
+def rpd_loss(p: Tensor, g: Tensor) -> Tensor:
+    r"""Return the batch mean of :math:`\sum_i |p_i - g_i| / (|p_i| + |g_i| + \varepsilon)`.
+
+    Parameters
+    ----------
+    p, g : Tensor of shape (B, k)
+        Predictions and labels in 1/length².
+
+    References
+    ----------
+    Paper, section 3.4.
+    """
+    return ((p - g).abs() / (p.abs() + g.abs() + EPSILON)).sum(dim=1).mean()
+
+
+def polar_loss(p: Tensor, g: Tensor) -> Tensor:
+    r"""Return the batch mean of :math:`1 - \langle\hat p,\hat g\rangle + \|p-g\|/(\|p\|+\|g\|)`.
+
+    Parameters
+    ----------
+    p, g : Tensor of shape (B, k)
+        Predictions and labels in 1/length².
+
+    References
+    ----------
+    Paper, section 3.4, the numerator of the second term as printed there.
+    """
+    length_p, length_g = torch.linalg.norm(p, dim=1), torch.linalg.norm(g, dim=1)
+    cosine = (p * g).sum(dim=1) / (length_p * length_g)
+    apart = torch.linalg.norm(p - g, dim=1) / (length_p + length_g)
+    return (1 - cosine + apart).mean()
+
+
+def l1_loss(p: Tensor, g: Tensor) -> Tensor:
+    r"""Return the mean over the batch of :math:`\sum_i |p_i - g_i|`."""
+    return (p - g).abs().sum(dim=1).mean()

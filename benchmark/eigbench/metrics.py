@@ -1,0 +1,145 @@
+r"""The paper's metrics, in NumPy, and the registry that names them.
+
+Every metric takes predictions p and labels g of shape (B, k), float64, in 1/length², and
+returns one value a mesh, shape (B,), float64. A prediction that is not finite gives a
+value that is not finite or is infinite; nothing is dropped.
+
+References
+----------
+Y. Wu, R. Fu, R. Peng, Q. Chen, "Graph Convolutional Networks for Learning Laplace-Beltrami
+Operators", GRaM workshop at ICML 2024, PMLR 251; "the paper" below.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+METRIC_VERSION = 1  # of the formulas below; results of another version are not compared
+EPSILON = 1e-12  # of RPD; the paper says "a small non-zero constant"
+ACCURATE = 20.0  # decibels of PSNR above which the paper calls a prediction accurate
+
+
+def inverse_laplacian(p: Array, g: Array) -> Array:
+    r"""Return :math:`\sqrt{\sum_i (g_i/p_i - 1)^2}`; infinite where some p is zero.
+
+    Paper, section 3.5. It has no upper bound: one small p dominates.
+
+    Examples
+    --------
+    >>> inverse_laplacian(np.array([[1.0, 4.0]]), np.array([[2.0, 4.0]]))
+    array([1.])
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        ratio = g / p
+        return np.asarray(np.sqrt(((ratio - 1) ** 2).sum(axis=1)))
+
+
+def relative_percent_difference(p: Array, g: Array) -> Array:
+    r"""Return :math:`\sum_i |p_i - g_i| / (|p_i| + |g_i| + \varepsilon)`, from 0 to k.
+
+    Paper, section 3.4.
+
+    Examples
+    --------
+    >>> relative_percent_difference(np.array([[1.0, 4.0]]), np.array([[3.0, 4.0]])).round(9)
+    array([0.5])
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray((np.abs(p - g) / (np.abs(p) + np.abs(g) + EPSILON)).sum(axis=1))
+
+
+def polar_loss(p: Array, g: Array) -> Array:
+    r"""Return :math:`1 - \langle\hat p,\hat g\rangle + \|p-g\| / (\|p\|+\|g\|)`, from 0 to 3.
+
+    Paper, section 3.4, the numerator of the second term as printed there.
+
+    Examples
+    --------
+    >>> polar_loss(np.array([[3.0, 0.0]]), np.array([[0.0, 4.0]])).round(6)
+    array([1.714286])
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        length_p, length_g = np.linalg.norm(p, axis=1), np.linalg.norm(g, axis=1)
+        cosine = (p * g).sum(axis=1) / (length_p * length_g)
+        apart = np.linalg.norm(p - g, axis=1) / (length_p + length_g)
+        return np.asarray(1 - cosine + apart)
+
+
+def psnr(p: Array, g: Array) -> Array:
+    r"""Return :math:`10 \log_{10}(R^2 / \mathrm{MSE})` in dB, R the range of the label.
+
+    Paper, section 4.3. Infinite for an exact prediction.
+
+    Examples
+    --------
+    >>> psnr(np.array([[1.0, 3.0]]), np.array([[2.0, 4.0]])).round(4)  # R² / MSE = 4
+    array([6.0206])
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        error = ((p - g) ** 2).mean(axis=1)
+        return np.asarray(10 * np.log10(np.ptp(g, axis=1) ** 2 / error))
+
+
+def psnr_above_20(p: Array, g: Array) -> Array:
+    """Return 1 where :func:`psnr` is above 20 dB, else 0; the mean is the paper's share."""
+    return np.asarray(psnr(p, g) > ACCURATE, dtype=np.float64)
+
+
+def l1_norm(p: Array, g: Array) -> Array:
+    r"""Return :math:`\sum_i |p_i - g_i|`."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(np.abs(p - g).sum(axis=1))
+
+
+def l2_norm(p: Array, g: Array) -> Array:
+    r"""Return :math:`\sqrt{\sum_i (p_i - g_i)^2}`."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(np.linalg.norm(p - g, axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """A metric and how to read it.
+
+    Parameters
+    ----------
+    key, title : str
+        Name in files, and in tables.
+    function : callable
+        From (B, k) predictions and labels to (B,) values.
+    higher_is_better : bool
+        Direction.
+    unit : str
+        Unit of a value; empty for a pure number.
+    source : str
+        Where the paper defines it.
+    decimals : int
+        In tables.
+    """
+
+    key: str
+    title: str
+    function: Callable[[Array, Array], Array]
+    higher_is_better: bool
+    unit: str
+    source: str
+    decimals: int
+
+
+METRICS: dict[str, Metric] = {
+    m.key: m
+    for m in (
+        Metric("invlap", "InvLap", inverse_laplacian, False, "", "section 3.5", 4),
+        Metric("rpd", "RPD", relative_percent_difference, False, "", "section 3.4", 4),
+        Metric("polar", "PolarLoss", polar_loss, False, "", "section 3.4", 4),
+        Metric("psnr20", "PSNR>20", psnr_above_20, True, "share", "section 4.3", 4),
+        Metric("l1", "ℓ1", l1_norm, False, "1/length²", "tables 1 to 3", 3),
+        Metric("l2", "ℓ2", l2_norm, False, "1/length²", "tables 1 to 3", 3),
+    )
+}

@@ -1,0 +1,198 @@
+"""A predictor in one file: how it is found, and what it must be.
+
+The first of these that the file has is taken:
+
+1. a function ``predict(meshes)`` that returns an array of shape (B, 10);
+2. a class ``Predictor`` with such a method, made without arguments;
+3. a function ``load(device, seed)`` that returns an object with such a method;
+4. a ``torch.nn.Module`` named ``model`` (an instance, or a class made without arguments)
+   that maps a PyG batch to (B, 10), and, if it needs one, a ``transform`` of
+   ``Data(pos, face)``.
+
+Loading runs the file's code.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eigbench.errors import PredictorError
+from synthnet.types import Mesh
+
+META_KEYS = (
+    "name",
+    "kind",
+    "authors",
+    "paper",
+    "licence",
+    "training_data",
+    "training_cost",
+    "hardware",
+)
+KINDS = ("trivial", "classical", "learned")
+
+
+@dataclass(frozen=True, slots=True)
+class Predictor:
+    """A loaded predictor.
+
+    Parameters
+    ----------
+    predict : callable
+        From a sequence of meshes (float64 vertices, int64 faces) to whatever the file's
+        code answers; :func:`checked` says if that is (B, k) good eigenvalues.
+    meta : dict of str to str
+        The file's ``META``, with a name and a kind in any case.
+    parameters : int or None
+        Trainable and frozen parameters of a torch module; ``None`` where there is none.
+    """
+
+    predict: Callable[[Sequence[Mesh]], Any]
+    meta: dict[str, str]
+    parameters: int | None
+
+
+def load(path: Path, *, device: str = "cpu", seed: int = 0) -> Predictor:
+    """Load the predictor of a file. This runs the file's code.
+
+    Raises
+    ------
+    PredictorError
+        If there is no such file, its code fails, or it has none of the four doors.
+    """
+    module = _module(path)
+    meta = _meta(module, path)
+    try:
+        if callable(function := getattr(module, "predict", None)):
+            return Predictor(function, meta, None)
+        if isinstance(kind := getattr(module, "Predictor", None), type):
+            return _of_object(kind(), meta, path)
+        if callable(loader := getattr(module, "load", None)):
+            return _of_object(loader(device, seed), meta, path)
+        if (model := getattr(module, "model", None)) is not None:
+            return _of_torch(model, getattr(module, "transform", None), meta, device, path)
+    except PredictorError:
+        raise
+    except Exception as error:
+        raise PredictorError(f"{path} failed to load: {_told(error)}") from error
+    raise PredictorError(
+        f"{path} has no predictor: define predict(meshes), a class Predictor, "
+        "load(device, seed) or a torch module named model"
+    )
+
+
+def checked(answer: Any, ids: Sequence[str], k: int) -> NDArray[np.float64]:
+    """Return an answer as (B, k) float64, or say what is wrong with it and where.
+
+    Values that are not finite or not positive are let through: they are scored as they
+    are, and the physics contract counts them.
+
+    Raises
+    ------
+    PredictorError
+        If it is no real numeric array of shape (B, k).
+    """
+    first = f"(first ids: {', '.join(ids[:3])})"
+    try:
+        values = np.asarray(answer.detach().cpu() if hasattr(answer, "detach") else answer)
+    except (ValueError, TypeError) as error:
+        raise PredictorError(f"the answer is no array {first}: {_told(error)}") from error
+    if values.dtype.kind == "c":
+        raise PredictorError(f"the answer is complex, eigenvalues are real {first}")
+    if values.dtype.kind not in "fiu":
+        raise PredictorError(
+            f"the answer has dtype {values.dtype}, it must be real numbers {first}"
+        )
+    if values.shape != (len(ids), k):
+        raise PredictorError(
+            f"the answer has shape {values.shape}, it must be ({len(ids)}, {k}) {first}"
+        )
+    return values.astype(np.float64)
+
+
+def _module(path: Path) -> ModuleType:
+    if not path.is_file():
+        raise PredictorError(f"there is no file {path}")
+    path = path.resolve()
+    sys.path.insert(0, str(path.parent))  # siblings can be imported
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise PredictorError(f"{path} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    try:
+        spec.loader.exec_module(module)
+    except ModuleNotFoundError as error:
+        raise PredictorError(
+            f"{path} needs the package {error.name}, which is not installed: pip install it"
+        ) from error
+    except (Exception, SystemExit) as error:
+        raise PredictorError(f"{path} failed to load: {_told(error)}") from error
+    return module
+
+
+def _meta(module: ModuleType, path: Path) -> dict[str, str]:
+    given = getattr(module, "META", {})
+    if not isinstance(given, dict):
+        raise PredictorError(f"{path}: META must be a dict, got {type(given).__name__}")
+    unknown = sorted(set(given) - set(META_KEYS))
+    if unknown:
+        raise PredictorError(
+            f"{path}: META has the unknown key {', '.join(map(str, unknown))}; "
+            f"it may have {', '.join(META_KEYS)}"
+        )
+    meta = {key: str(value) for key, value in given.items()}
+    meta = {"name": path.stem, "kind": "learned", **meta}
+    if meta["kind"] not in KINDS:
+        raise PredictorError(f"{path}: META kind must be one of {', '.join(KINDS)}")
+    return meta
+
+
+def _of_object(thing: Any, meta: dict[str, str], path: Path) -> Predictor:
+    if not callable(getattr(thing, "predict", None)):
+        raise PredictorError(f"{path}: a {type(thing).__name__} has no method predict(meshes)")
+    parameters = _count(thing) if hasattr(thing, "parameters") else None
+    return Predictor(thing.predict, meta, parameters)
+
+
+def _of_torch(
+    model: Any, transform: Any, meta: dict[str, str], device: str, path: Path
+) -> Predictor:
+    import torch
+    from torch_geometric.data import Batch, Data
+
+    model = model() if isinstance(model, type) else model
+    if not isinstance(model, torch.nn.Module):
+        raise PredictorError(f"{path}: model must be a torch.nn.Module, got {type(model).__name__}")
+    model = model.to(device).eval()
+
+    def predict(meshes: Sequence[Mesh]) -> Any:
+        items = []
+        for mesh in meshes:
+            data = Data(
+                pos=torch.tensor(mesh.vertices, dtype=torch.float32),
+                face=torch.tensor(mesh.faces.T, dtype=torch.int64),
+            )
+            items.append(data if transform is None else transform(data))
+        with torch.inference_mode():
+            return model(Batch.from_data_list(items).to(device))
+
+    return Predictor(predict, meta, _count(model))
+
+
+def _count(module: Any) -> int:
+    return sum(int(parameter.numel()) for parameter in module.parameters())
+
+
+def _told(error: BaseException) -> str:
+    message = " ".join(str(error).split())
+    return f"{type(error).__name__}: {message}" if message else type(error).__name__

@@ -1,0 +1,106 @@
+"""Tables of a result for the terminal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tabulate import tabulate
+
+from eigbench.metrics import METRICS
+from synthnet.families import FAMILIES
+
+
+def number(value: float | None, decimals: int = 4) -> str:
+    """Return a number with fixed decimals; ``∞/NaN`` where it was not finite."""
+    return "∞/NaN" if value is None else f"{value:.{decimals}f}"
+
+
+def overall(result: dict[str, Any]) -> str:
+    """Return the table of the six metrics with their uncertainty."""
+    rows = []
+    for key, metric in METRICS.items():
+        cell = result["scores"]["overall"][key]
+        d = metric.decimals
+        arrow = "↑" if metric.higher_is_better else "↓"
+        spread = "" if cell["seed_std"] is None else f"{cell['seed_std']:.{d}f}"
+        between = f"{number(cell['low'], d)} to {number(cell['high'], d)}"
+        rows.append(
+            [
+                f"{metric.title} {arrow}",
+                number(cell["mean"], d),
+                between,
+                spread,
+                "" if key == "psnr20" else number(cell["median"], d),
+                metric.unit,
+            ]
+        )
+    headers = ["metric", "mean", "95 % interval over shapes", "sd over seeds", "median", "unit"]
+    return str(tabulate(rows, headers=headers, disable_numparse=True))
+
+
+def families(result: dict[str, Any]) -> str:
+    """Return the table by family, as the paper's Table 4, with all six metrics."""
+    rows = []
+    for name, family in result["scores"]["families"].items():
+        title = FAMILIES[name].title if name in FAMILIES else name
+        cells = [number(family[key]["mean"], m.decimals) for key, m in METRICS.items()]
+        rows.append([title, f"{family['count']:,}", *cells])
+    headers = ["family", "instances", *(m.title for m in METRICS.values())]
+    return str(tabulate(rows, headers=headers, disable_numparse=True))
+
+
+def per_index(result: dict[str, Any]) -> str:
+    """Return the relative error of each eigenvalue."""
+    cells = result["scores"]["per_index"]
+    rows = [
+        ["mean relative error", *(number(cell["mean"]) for cell in cells)],
+        ["median relative error", *(number(cell["median"]) for cell in cells)],
+    ]
+    headers = ["", *(f"λ{i}" for i in range(1, len(cells) + 1))]
+    return str(tabulate(rows, headers=headers, disable_numparse=True))
+
+
+def cost(result: dict[str, Any]) -> str:
+    """Return what a mesh costs."""
+    facts = result["cost"]
+    low, high = facts["ms_per_mesh_quartiles"]
+    parameters = result["model"]["parameters"]
+    rows = [
+        ["ms a mesh, median (quartiles)", f"{facts['ms_per_mesh']:.2f} ({low:.2f} to {high:.2f})"],
+        [
+            "batch size, threads, device",
+            f"{facts['batch_size']}, {facts['threads']}, {facts['device']}",
+        ],
+        ["peak memory", f"{facts['peak_memory_mb']:.0f} MB"],
+        ["parameters", "none" if parameters is None else f"{parameters:,}"],
+        ["training", result["model"].get("training_cost", "not declared")],
+        ["hardware", facts["hardware"]],
+    ]
+    return str(tabulate(rows, tablefmt="plain", disable_numparse=True))
+
+
+def physics(contract: dict[str, float | None]) -> str:
+    """Return the physics contract."""
+    titles = {
+        "scale_2": "λ(2X) against λ(X)/4",
+        "scale_half": "λ(X/2) against 4 λ(X)",
+        "rotation": "rotated",
+        "reflection": "reflected",
+        "permutation": "vertices and faces renumbered",
+        "triangulation": "each triangle split into four",
+        "positive": "share with positive values",
+        "ascending": "share with ascending values",
+    }
+    rows = [
+        [
+            titles[key],
+            "not finite"
+            if value is None
+            else f"{value:.2e}"
+            if key not in ("positive", "ascending")
+            else f"{100 * value:.0f} %",
+        ]
+        for key, value in contract.items()
+    ]
+    headers = ["physics contract", "median relative deviation"]
+    return str(tabulate(rows, headers=headers, disable_numparse=True))

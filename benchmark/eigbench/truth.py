@@ -1,0 +1,125 @@
+"""What is predicted: the instances of a split, their labels, and a digest of both.
+
+The labels are those the repository pins, so scoring needs no built dataset.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eigbench.errors import EigbenchError
+from synthnet import pins, recipe
+from synthnet.plan import plan_shards
+from synthnet.types import PROTOCOLS, SPLITS
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """The labels of a split.
+
+    Parameters
+    ----------
+    version, split, protocol : str
+        Which split of which dataset.
+    ids : tuple of str
+        Instances, ``cone-00042/3`` for instance 3 of that shape, in order.
+    shapes, families : ndarray of shape (n,), str
+        Shape and family of each instance.
+    eigenvalues : ndarray of shape (n, k), float64
+        The label of each instance, in 1/length².
+    recipe_digest : str
+        Of the dataset.
+    """
+
+    version: str
+    split: str
+    protocol: str
+    ids: tuple[str, ...]
+    shapes: NDArray[np.str_]
+    families: NDArray[np.str_]
+    eigenvalues: NDArray[np.float64]
+    recipe_digest: str
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the ids and labels."""
+        state = hashlib.sha256("\n".join(self.ids).encode())
+        state.update(np.ascontiguousarray(self.eigenvalues, dtype="<f8").tobytes())
+        return state.hexdigest()
+
+    def head(self, count: int) -> Truth:
+        """Return the first ``count`` instances of a random order that is always the same."""
+        order = sorted(
+            range(len(self.ids)), key=lambda i: hashlib.sha256(self.ids[i].encode()).digest()
+        )
+        chosen = np.sort(order[:count])
+        return Truth(
+            self.version,
+            self.split,
+            self.protocol,
+            tuple(self.ids[i] for i in chosen),
+            self.shapes[chosen],
+            self.families[chosen],
+            self.eigenvalues[chosen],
+            self.recipe_digest,
+        )
+
+
+def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
+    """Return the pinned labels of a split.
+
+    Parameters
+    ----------
+    version : str
+        A version of synthNet that is pinned.
+    split : str
+        ``train``, ``validation`` or ``test``.
+    protocol : str
+        ``grouped``: every instance of the split's shapes. ``paper``: its instances.
+
+    Raises
+    ------
+    EigbenchError
+        If the split or protocol is unknown, or the version is not pinned.
+    RecipeError
+        If the version is unknown.
+
+    Examples
+    --------
+    >>> truth = load("1.0-mini")
+    >>> len(truth.ids), truth.ids[0], truth.eigenvalues.shape
+    (306, 'rectangular_prism-00008/0', (306, 10))
+    """
+    for name, value, known in (("split", split, SPLITS), ("protocol", protocol, PROTOCOLS)):
+        if value not in known:
+            raise EigbenchError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+    wanted = recipe.load(version)
+    pinned = pins.read(wanted.base)
+    if pinned is None:
+        raise EigbenchError(f"the labels of {wanted.base} are not pinned in this release")
+    ids, shapes, families, labels = [], [], [], []
+    for plan in plan_shards(wanted):
+        for shape in plan.shapes:
+            id = shape.spec.id
+            if id not in pinned:
+                continue  # rejected by a filter: it has no label
+            for instance, paper_split in enumerate(shape.paper_splits):
+                if (shape.split if protocol == "grouped" else paper_split) == split:
+                    ids.append(f"{id}/{instance}")
+                    shapes.append(id)
+                    families.append(shape.spec.family)
+                    labels.append(pinned[id].eigenvalues)
+    return Truth(
+        version,
+        split,
+        protocol,
+        tuple(ids),
+        np.array(shapes),
+        np.array(families),
+        np.array(labels),
+        wanted.digest,
+    )
