@@ -40,8 +40,13 @@ def test_commands_of_the_readme_run(line, mini_home, tmp_path):
         assert arguments == ["install", "-c", "constraints.txt", "-e", ".[all]"]
         assert "all" in extras["optional-dependencies"]
         return
-    assert program == "synthnet"
-    assert run([sys.executable, "-m", "synthnet", *arguments], mini_home, tmp_path)
+    (predictor,) = blocks("py")
+    (tmp_path / "my_model.py").write_text(predictor)
+    assert program in ("synthnet", "eigbench")
+    if arguments[0] == "score":
+        evaluate = next(s for b in blocks("sh") for s in b.splitlines() if "evaluate" in s)
+        run([sys.executable, "-m", *shlex.split(evaluate)], mini_home, tmp_path)
+    assert run([sys.executable, "-m", program, *arguments], mini_home, tmp_path)
 
 
 @pytest.mark.parametrize("code", blocks("python"))

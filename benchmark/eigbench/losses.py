@@ -38,7 +38,8 @@ def polar_loss(p: Tensor, g: Tensor) -> Tensor:
     length_p, length_g = torch.linalg.norm(p, dim=1), torch.linalg.norm(g, dim=1)
     cosine = (p * g).sum(dim=1) / (length_p * length_g)
     apart = torch.linalg.norm(p - g, dim=1) / (length_p + length_g)
-    return (1 - cosine + apart).mean()
+    loss: Tensor = (1 - cosine + apart).mean()
+    return loss
 
 
 def l1_loss(p: Tensor, g: Tensor) -> Tensor:

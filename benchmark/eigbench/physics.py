@@ -27,15 +27,16 @@ def probes() -> dict[str, Mesh]:
 
     They are generated here: no built dataset is needed, and no test shape is shown.
     """
-    found: dict[str, Mesh] = {}
+    by_family: dict[str, dict[str, Mesh]] = {}
     for plan in plan_shards(recipe.load("1.0-mini")):
-        mine = {
-            shape.spec.id: FAMILIES[plan.family].generate(shape.spec.parameters)
-            for shape in plan.shapes
-            if shape.split == "validation"
-        }
-        smallest = sorted(mine, key=lambda id: (len(mine[id].vertices), id))[:PER_FAMILY]
-        found.update((id, mine[id]) for id in smallest)
+        for shape in plan.shapes:
+            if shape.split == "validation":
+                mesh = FAMILIES[plan.family].generate(shape.spec.parameters)
+                by_family.setdefault(plan.family, {})[shape.spec.id] = mesh
+    found: dict[str, Mesh] = {}
+    for meshes in by_family.values():
+        smallest = sorted(meshes, key=lambda id: (len(meshes[id].vertices), id))
+        found.update((id, meshes[id]) for id in smallest[:PER_FAMILY])
     return found
 
 

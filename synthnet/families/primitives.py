@@ -28,8 +28,8 @@ def to_open3d(mesh: Mesh) -> Any:
     """Copy a mesh into an ``open3d.geometry.TriangleMesh``."""
     o3d = load_open3d()
     return o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(np.ascontiguousarray(mesh.vertices, dtype=np.float64)),
-        o3d.utility.Vector3iVector(np.ascontiguousarray(mesh.faces, dtype=np.int32)),
+        o3d.utility.Vector3dVector(np.array(mesh.vertices, dtype=np.float64, order="C")),
+        o3d.utility.Vector3iVector(np.array(mesh.faces, dtype=np.int32, order="C")),
     )
 
 
