@@ -23,6 +23,7 @@ quickstart: $(STAMP) ## install everything, build VERSION, show it and load a fi
 	$(VENV)/bin/synthnet build --version $(VERSION)
 	$(VENV)/bin/synthnet info --version $(VERSION)
 	$(VENV)/bin/python examples/first_batch.py $(VERSION)
+	@echo "Now: . $(VENV)/bin/activate"
 
 test: $(STAMP) ## run the tests
 	$(VENV)/bin/python -m pytest

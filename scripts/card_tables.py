@@ -18,7 +18,8 @@ from synthnet.families import FAMILIES, draw_shapes
 
 ROOT = Path(__file__).parent.parent
 CARD, REPORT = ROOT / "docs" / "dataset-card.md", ROOT / "docs" / "data" / "build-1.0.json"
-SMOOTH = {"resolution": 160, "split": 40, "subdivisions": 0}  # a cone fine enough to compare
+# A cone whose spectrum a further subdivision changes by less than 1 %.
+SMOOTH = {"resolution": 60, "split": 20, "subdivisions": 2}
 
 
 def composition(report: dict) -> str:
@@ -60,9 +61,9 @@ def split_cone_flaw(dataset: store.StoredDataset, count: int = 100) -> str:
         excess.append(sample.eigenvalues / spectrum.compute(fine).eigenvalues - 1)
     low, median, high = np.percentile(np.mean(excess, axis=1), [5, 50, 95])
     return (
-        f"Over {count} of them the ten eigenvalues are on average {100 * median:.0f} % above "
-        f"those of a fine mesh of the same cone (5th to 95th percentile: {100 * low:.0f} to "
-        f"{100 * high:.0f} %)."
+        f"Over {count} of them the mean excess of the ten eigenvalues over those of a fine mesh "
+        f"of the same cone is {100 * median:.0f} % in the median, and {100 * low:.0f} to "
+        f"{100 * high:.0f} % from the 5th to the 95th percentile; tall cones are the worst."
     )
 
 

@@ -1,6 +1,23 @@
-"""Run the command line: ``python -m synthnet``."""
+"""The entry of the command line: ``synthnet`` and ``python -m synthnet``."""
 
-from synthnet.cli import main
+import sys
+
+from synthnet.interrupts import EXIT_CODE, notice_interrupts
+
+
+def run() -> int:
+    """Run the command line; Ctrl-C is one line at any time, also while modules are imported."""
+    notice_interrupts()
+    try:
+        from synthnet.cli import main
+
+        return main()
+    except KeyboardInterrupt:
+        sys.stderr.write(
+            "synthnet: interrupted; finished shards are kept, run the same command to go on\n"
+        )
+        return EXIT_CODE
+
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run())

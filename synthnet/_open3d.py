@@ -22,6 +22,8 @@ import struct
 import sys
 import types
 
+from synthnet.errors import MissingPackageError
+
 __all__ = ["load_open3d"]
 
 # What libOpen3D.so.0.20 takes from each library, as told by
@@ -67,7 +69,7 @@ def load_open3d() -> types.ModuleType:
 
     Raises
     ------
-    ImportError
+    MissingPackageError
         If Open3D, or a library it needs, is missing.
     """
     try:
@@ -81,7 +83,7 @@ def load_open3d() -> types.ModuleType:
     except (ImportError, OSError) as error:
         # There are open3d-cpu wheels for x86-64 Linux only; open3d has the other ones.
         wheel = "open3d-cpu" if platform.machine() == "x86_64" else "open3d"
-        raise ImportError(
+        raise MissingPackageError(
             f"Open3D cannot be imported ({error}); install it and the USB library it "
             f"needs with `pip install {wheel} libusb-package`"
         ) from error

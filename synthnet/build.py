@@ -19,9 +19,11 @@ import filelock
 import threadpoolctl
 
 from synthnet import augment, files, filters, recipe, spectrum, store
+from synthnet._open3d import load_open3d
 from synthnet.distributions import ISOMETRIES, generator
 from synthnet.errors import BuildError, DamagedError, SpectrumError, StoreError
 from synthnet.families import FAMILIES
+from synthnet.interrupts import raise_if_interrupted
 from synthnet.plan import PlannedShape, ShardPlan, plan_shards
 from synthnet.recipe import Recipe
 from synthnet.types import Manifest, Rejection, Sample, ShapeSpec, ShardRecord
@@ -29,6 +31,7 @@ from synthnet.workers import cores, local_processes
 
 PACKAGES = ("synthnet", "numpy", "scipy", "open3d", "open3d-cpu", "trimesh", "pyarrow")
 SHARDS = "shards"
+STANDARD_ERROR = 2  # the descriptor: in a notebook sys.stderr has none
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +88,7 @@ def build(
     root: str | os.PathLike[str] | None = None,
     workers: int | None = None,
     watcher: Watcher | None = None,
+    wait_for_lock: bool = False,
 ) -> BuildReport:
     """Build a version of the dataset, or finish a build that was interrupted.
 
@@ -98,6 +102,8 @@ def build(
         Processes, one thread each; all cores this process may use by default.
     watcher : Watcher, optional
         Told of the plan and of every shard, to show progress.
+    wait_for_lock : bool
+        Whether to wait while another build is at work in the same place.
 
     Returns
     -------
@@ -122,8 +128,13 @@ def build(
     finished = _finished(directory, wanted)
     if finished is not None:
         return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
-    files.make_directory(directory / SHARDS)
-    with _exclusive(directory):
+    load_open3d()  # if it cannot be imported, say so here and once
+    for place in (directory, directory / SHARDS):
+        files.make_directory(place)
+    with _exclusive(directory, wait_for_lock):
+        finished = _finished(directory, wanted)  # by the build that was waited for
+        if finished is not None:
+            return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
         for place in (directory, directory / SHARDS):
             files.remove_partial_files(place)
         plans = plan_shards(wanted)
@@ -169,9 +180,11 @@ def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> st
         return finished
     sys.stderr.write(f"synthNet {version} is not in {directory} yet: building it\n")
     command = [sys.executable, "-m", "synthnet", "build", "--version", version]
-    command += ["--out", str(store.home(root))]
-    if subprocess.run(command, stdout=sys.stderr, check=False).returncode:
-        raise BuildError(f"could not build {version}: run `{' '.join(command[1:])}` to see why")
+    command += ["--out", str(store.home(root)), "--wait"]
+    if subprocess.run(command, stdout=STANDARD_ERROR, check=False).returncode:
+        raise BuildError(
+            f"could not build {version}: run `python {' '.join(command[1:])}` to see why"
+        )
     return store.open_dataset(version, root)
 
 
@@ -188,7 +201,8 @@ def build_shard(plan: ShardPlan, wanted: Recipe, directory: Path) -> ShardResult
     damaged = None
     if path.exists():
         try:
-            record = store.read_record(path, wanted.digest)
+            ids = [shape.spec.id for shape in plan.shapes]
+            record = store.read_record(path, wanted.digest, ids)
             return ShardResult(record, time.process_time() - started, reused=True)
         except DamagedError as error:
             damaged = str(error)
@@ -278,13 +292,13 @@ def _manifest(wanted: Recipe, records: Sequence[ShardRecord]) -> Manifest:
 
 
 @contextmanager
-def _exclusive(directory: Path) -> Iterator[None]:
+def _exclusive(directory: Path, wait_for_lock: bool) -> Iterator[None]:
     lock = filelock.FileLock(directory / ".lock")
     try:
-        lock.acquire(timeout=0)
+        lock.acquire(timeout=-1 if wait_for_lock else 0)
     except filelock.Timeout as error:
         raise BuildError(
-            f"another build is writing to {directory}: wait for it or choose another --out"
+            f"another build is writing to {directory}: wait for it (--wait) or choose another --out"
         ) from error
     try:
         yield
@@ -308,6 +322,7 @@ def _run(
             plan = waiting.popleft()
             watcher.submitted(plan)
             running[executor.submit(build_shard, plan, wanted, directory)] = plan
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
+        done, _ = wait(running, timeout=1, return_when=FIRST_COMPLETED)
+        raise_if_interrupted()
         for future in done:
             yield running.pop(future), future.result()

@@ -17,36 +17,32 @@ from tabulate import tabulate
 from synthnet import recipe, store
 from synthnet.build import build
 from synthnet.errors import SynthNetError
-from synthnet.families import FAMILIES
 from synthnet.geometry import MeshFacts
 from synthnet.report import FamilyBars, family_table, summary
 from synthnet.types import SPLITS
 from synthnet.version import __version__
 
-WRONG_INPUT, DIFFERENT, INTERRUPTED = 2, 1, 130
+WRONG_INPUT, DIFFERENT = 2, 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
     0: done. 1: ``verify`` found a difference. 2: the input, the directory or the machine
-    would not do; one line says what and what to do. 130: interrupted by Ctrl-C.
+    would not do; one line says what and what to do. Ctrl-C is left to the caller.
     """
     options = _parser().parse_args(arguments)
     try:
         code: int = options.run(options)
-    except (SynthNetError, ValueError) as error:
-        print(f"synthnet: {error}", file=sys.stderr)
-        return WRONG_INPUT
-    except KeyboardInterrupt:
-        print(
-            "synthnet: interrupted; finished shards are kept, run the same command to go on",
-            file=sys.stderr,
-        )
-        return INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say
         return 0
+    except (SynthNetError, ValueError) as error:
+        print(f"synthnet: {error}", file=sys.stderr)
+        return WRONG_INPUT
+    except OSError as error:
+        print(f"synthnet: {error.filename}: {error.strerror}", file=sys.stderr)
+        return WRONG_INPUT
     return code
 
 
@@ -68,13 +64,20 @@ def _versions(options: argparse.Namespace) -> int:
 def _build(options: argparse.Namespace) -> int:
     bars = FamilyBars()
     with bars.progress:
-        report = build(options.version, root=options.out, workers=options.workers, watcher=bars)
+        report = build(
+            options.version,
+            root=options.out,
+            workers=options.workers,
+            watcher=bars,
+            wait_for_lock=options.wait,
+        )
     if options.json:
         _print_json(summary(report.dataset.manifest, report))
         return 0
     directory = report.dataset.directory
     if report.nothing_to_do:
         print(f"{options.version} is built already in {directory}: nothing to do")
+        print("(every file has its size; `synthnet verify` checks what is in them)")
         return 0
     print(family_table(report.dataset.manifest, report.seconds))
     kept = f", {report.reused} shards kept from an earlier run" if report.reused else ""
@@ -86,8 +89,11 @@ def _info(options: argparse.Namespace) -> int:
     dataset = store.open_dataset(options.version, options.out)
     manifest = dataset.manifest
     if options.ids:
-        ids = [id for path in dataset.paths() for id in store.read_table(path, ["id"])["id"]]
-        print("\n".join(str(id) for id in ids))
+        ids = [i.as_py() for p in dataset.paths() for i in store.read_table(p, ["id"])["id"]]
+        if options.json:
+            _print_json(ids)
+        else:
+            print("\n".join(ids))
         return 0
     if options.json:
         _print_json({**summary(manifest), "directory": str(dataset.directory)})
@@ -151,6 +157,8 @@ def _verify(options: argparse.Namespace) -> int:
     if len(report.problems) > options.limit:
         print(f"  … and {len(report.problems) - options.limit} more (--limit shows more)")
     print(f"\n{options.version} in {report.directory}: {'DIFFERENT' if failed else 'verified'}")
+    if failed:
+        print("remove the files named above, if any, and run `synthnet build` again")
     return DIFFERENT if failed else 0
 
 
@@ -163,19 +171,19 @@ def _show(options: argparse.Namespace) -> int:
         draw_sample(sample, options.png)
     described: dict[str, Any] = {
         "id": sample.spec.id,
-        "family": FAMILIES[sample.spec.family].title,
+        "family": sample.spec.family,
         "parameters": dict(sample.spec.parameters),
         "split": sample.split,
         "vertices": facts.n_vertices,
         "faces": facts.n_faces,
         "area": facts.area,
         "volume": facts.volume,
-        "Euler characteristic": facts.euler_characteristic,
+        "euler_characteristic": facts.euler_characteristic,
         "closed": facts.is_closed,
-        "least altitude / longest edge": float(facts.relative_altitudes.min()),
+        "least_relative_altitude": float(facts.relative_altitudes.min()),
         "eigenvalues": sample.eigenvalues.tolist(),
-        "trivial eigenvalue": sample.trivial,
-        "relative residual": sample.residual,
+        "trivial": sample.trivial,
+        "residual": sample.residual,
     }
     if options.json:
         _print_json(described)
@@ -183,7 +191,9 @@ def _show(options: argparse.Namespace) -> int:
     eigenvalues = described.pop("eigenvalues")
     parameters = described.pop("parameters")
     described["parameters"] = ", ".join(f"{k} {v}" for k, v in parameters.items())
-    print(tabulate([(k, _short(v)) for k, v in described.items()], tablefmt="plain"))
+    print(
+        tabulate([(k.replace("_", " "), _short(v)) for k, v in described.items()], tablefmt="plain")
+    )
     print("eigenvalues (1/length²)")
     print("  " + "  ".join(f"{value:.6g}" for value in eigenvalues))
     if options.png is not None:
@@ -196,7 +206,8 @@ CHECKS = {
     "digests": "SHA-256 of every shard",
     "shards": "schema, page checksums and rows of every shard",
     "recipe": "ids, parameters, splits and isometries drawn anew",
-    "pins": "faces exactly, vertices and eigenvalues to 1e-6 of the pinned ones",
+    "meshes": "generated anew: faces equal, every vertex to 1e-6",
+    "pins": "digests of the pinned build; its vertex moments and eigenvalues to 1e-6",
     "labels": "against LaPy's own solver, to 1e-8",
 }
 
@@ -224,7 +235,10 @@ def _at_least_zero(text: str) -> int:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line."""
+    """A parser whose errors are one line, and that takes no abbreviated options."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{"allow_abbrev": False, **options})
 
     def error(self, message: str) -> NoReturn:
         """Print the error and where help is, and exit."""
@@ -275,6 +289,9 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="processes of one thread each (default: the cores there are); "
         "the data do not depend on it",
+    )
+    sub.add_argument(
+        "--wait", action="store_true", help="wait while another build is at work in the place"
     )
 
     sub = command("info", _info, "say what a built version holds", " --version 1.0-small")

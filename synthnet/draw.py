@@ -60,13 +60,14 @@ def _draw_mesh(axes: object, mesh: Mesh) -> None:
         shade=True,
         lightsource=shades,
     )
+    surface.set_clip_on(False)  # a long shape may reach past its half of the picture
     axes.add_collection3d(surface)  # type: ignore[attr-defined]
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     extent = np.maximum(high - low, 0.02 * (high - low).max())
     middle = (low + high) / 2
     for axis, m, e in zip("xyz", middle, extent, strict=True):
         getattr(axes, f"set_{axis}lim")(m - e / 2, m + e / 2)
-    axes.set_box_aspect(extent, zoom=1.4)  # type: ignore[attr-defined]
+    axes.set_box_aspect(extent, zoom=0.95)  # type: ignore[attr-defined]
     axes.view_init(**VIEW)  # type: ignore[attr-defined]
     axes.set_axis_off()  # type: ignore[attr-defined]
 

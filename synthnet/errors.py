@@ -25,5 +25,9 @@ class BuildError(SynthNetError):
     """A build could not go on; what it had finished is kept."""
 
 
+class MissingPackageError(SynthNetError, ImportError):
+    """A package that is needed is not installed, or cannot be imported."""
+
+
 class SpectrumError(SynthNetError):
     """The eigenvalue solver returned no answer for a mesh."""

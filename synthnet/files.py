@@ -9,6 +9,8 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import filelock
+
 from synthnet.errors import BuildError
 
 
@@ -63,29 +65,35 @@ def _cannot_write(path: Path, error: OSError) -> BuildError:
             f"no space left for {path}: free some and run the same command again; "
             "what is finished is kept"
         )
-    return BuildError(f"cannot write {path} ({one_line(error)})")
+    return BuildError(f"cannot write {path} ({error.strerror or one_line(error)})")
 
 
-def make_in_place(directory: Path, fill: Callable[[Path], None]) -> None:
+def make_in_place(directory: Path, marker: str, fill: Callable[[Path], None]) -> None:
     """Let ``fill`` fill a directory beside its place, then move it there.
+
+    A directory that has the file ``marker`` is complete and is left as it is. Of several
+    processes that want the same directory one fills it and the others wait.
 
     Raises
     ------
     BuildError
         If the disk is full or cannot be written; nothing is left behind.
     """
-    partial = directory.with_name(f".{directory.name}.{os.getpid()}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    make_directory(partial)
-    try:
-        fill(partial)
-        if directory.exists():
-            shutil.rmtree(directory)
-        partial.rename(directory)
-    except OSError as error:
-        raise _cannot_write(directory, error) from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+    partial = directory.with_name(f".{directory.name}.partial")
+    make_directory(directory.parent)
+    with filelock.FileLock(directory.with_name(f".{directory.name}.lock")):
+        if (directory / marker).exists():
+            return
+        shutil.rmtree(partial, ignore_errors=True)  # of a process that was killed
+        make_directory(partial)
+        try:
+            fill(partial)
+            shutil.rmtree(directory, ignore_errors=True)
+            partial.rename(directory)
+        except OSError as error:
+            raise _cannot_write(directory, error) from error
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
 
 
 def remove_partial_files(directory: Path) -> None:

@@ -42,7 +42,8 @@ def load_dataset(
         import datasets
     except ImportError as error:
         raise ImportError(
-            "synthnet.load_dataset needs the package datasets: pip install 'synthnet[datasets]'"
+            "synthnet.load_dataset needs the package datasets: in the checkout, "
+            "pip install -c constraints.txt -e '.[datasets]'"
         ) from error
     from synthnet.build import ensure_built
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import hashlib
 import inspect
 import json
@@ -11,18 +12,26 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Literal
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch_geometric.data import Data, InMemoryDataset
+
+try:
+    import torch
+    from torch_geometric.data import Data, InMemoryDataset
+except ModuleNotFoundError as error:
+    raise ImportError(
+        f"synthnet.pyg needs PyTorch and PyTorch Geometric, and {error.name} is missing: "
+        "in the checkout, pip install -c constraints.txt -e '.[torch]'"
+    ) from error
 
 from synthnet import augment as isometry
-from synthnet import files, mapped, store
+from synthnet import files, mapped, recipe, store
 from synthnet.build import ensure_built
 from synthnet.mapped import MappedShapes
-from synthnet.types import PROTOCOLS, SPLITS
+from synthnet.types import PROTOCOLS, SPLITS, Mesh
 
 INDEX = "index.json"
 
@@ -54,11 +63,14 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         by torch's generator, at every access.
     transform : callable, optional
         Applied at every access, for example ``FaceToEdge``.
-    pre_transform, pre_filter : callable, optional
-        Applied once to the shapes as stored; the result is kept in a directory of its
-        own for each callable. A ``pre_transform`` is applied to each instance after its
-        isometry, so it cannot be combined with ``augment="random"``, and its results
-        take one copy an instance on disk.
+    pre_transform : callable, optional
+        Applied once to each instance, after its isometry, so it cannot be combined with
+        ``augment="random"``. The results are kept on disk, one copy an instance, in a
+        directory named by the callable's code and state; what it reads from elsewhere,
+        such as a global variable, is not noticed.
+    pre_filter : callable, optional
+        Asked about each shape as stored, at every opening; what it refuses is left out
+        with all its instances.
 
     Raises
     ------
@@ -69,7 +81,10 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     -----
     An item has ``pos`` (n, 3) float32, ``face`` (3, m) int64, ``y`` (1, 10) float32 in
     1/length², ``family`` and ``shape_id`` (str) and ``instance`` (int). Edges are not
-    stored: make them by a transform, or on the batch.
+    stored: make them by a transform, or on the batch. ``dataset.y``, ``.family`` and
+    ``.shape_id`` are this split's; the internal ``.data`` holds all shapes of the version,
+    since all splits share it. ``copy()`` brings a split into memory, after which
+    ``to(device)`` works.
     """
 
     def __init__(
@@ -88,9 +103,14 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
             ("protocol", protocol, PROTOCOLS),
             ("augment", augment, (True, False, "random")),
         ):
-            if value not in known:
+            if type(value) not in (bool, str) or value not in known:
                 choices = ", ".join(map(str, known))
                 raise ValueError(f"{name} must be one of {choices}, got {value!r}")
+        if root is not None and str(root) in recipe.available():
+            raise ValueError(
+                f"the first argument is the directory, not the version: "
+                f"SynthNet(version={str(root)!r})"
+            )
         if pre_transform is not None and augment == "random":
             raise ValueError(
                 "pre_transform is applied once and augment='random' afresh at every access: "
@@ -137,14 +157,16 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         if not (self._base_directory / mapped.TABLE).exists():
             sys.stderr.write(f"Unpacking synthNet {self.version} for PyTorch Geometric\n")
             files.make_in_place(
-                self._base_directory, lambda to: mapped.write_shapes(to, self._stored)
+                self._base_directory,
+                mapped.TABLE,
+                lambda to: mapped.write_shapes(to, self._stored),
             )
         if self.pre_transform is None:
             return
         shapes = MappedShapes(self._base_directory)
         indices = self._select(shapes, self.pre_filter)
         items = (self.pre_transform(item(shapes, i)) for i in indices)
-        files.make_in_place(Path(self.processed_dir), lambda to: write_data(to, items))
+        files.make_in_place(Path(self.processed_dir), INDEX, lambda to: write_data(to, items))
 
     def _select(
         self, shapes: MappedShapes, pre_filter: Callable[[Data], bool] | None
@@ -174,9 +196,18 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         if self._shapes is not None:
             fresh = random_isometry() if self.augment == "random" else None
             return item(self._shapes, idx, fresh)
-        data = super().get(idx)
+        data = copy.deepcopy(super().get(idx))
         self._data_list = None  # the arrays are the cache
-        return copy.deepcopy(data)
+        if self.augment == "random":  # a copy of such a dataset
+            moved = isometry.apply(Mesh(data.pos.numpy(), data.face.T.numpy()), random_isometry())
+            data.pos = torch.from_numpy(moved.vertices)
+            data.face = torch.from_numpy(np.ascontiguousarray(moved.faces.T))
+        return data
+
+    def __repr__(self) -> str:
+        """Say which dataset this is."""
+        kind = f"version={self.version!r}, split={self.split!r}, protocol={self.protocol!r}"
+        return f"SynthNet({len(self)}, {kind}, augment={self.augment!r})"
 
     def copy(self, idx: Any = None) -> SynthNet:
         """Copy the dataset, or a subset of it, into memory."""
@@ -338,23 +369,35 @@ def _kind(data: Data, key: str, value: Any) -> dict[str, Any]:
     }
 
 
-def _fingerprint(function: object) -> str:
+def _fingerprint(value: Any, seen: frozenset[int] = frozenset()) -> str:
     """Describe a callable by its code and its state, so that a changed one is another."""
-    if function is None:
-        return ""
-    source = function if inspect.isroutine(function) else type(function)
+    if isinstance(value, torch.Tensor | np.ndarray):
+        array = np.ascontiguousarray(value)
+        return f"{array.dtype}{array.shape}{hashlib.sha256(array.tobytes()).hexdigest()}"
+    if id(value) in seen:
+        return "itself"
+    inside = seen | {id(value)}
+    if isinstance(value, list | tuple | set | frozenset):
+        return json.dumps([type(value).__name__, [_fingerprint(part, inside) for part in value]])
+    if isinstance(value, dict):
+        return json.dumps([[str(k), _fingerprint(v, inside)] for k, v in value.items()])
+    if isinstance(value, functools.partial):
+        parts: list[object] = [value.func, value.args, value.keywords]
+        return json.dumps(["partial", *(_fingerprint(part, inside) for part in parts)])
+    if inspect.ismethod(value):
+        return json.dumps([value.__name__, _fingerprint(value.__self__, inside)])
+    if not callable(value):
+        return re.sub(r" at 0x[0-9a-f]+", "", repr(value))  # an address says nothing
+    if isinstance(value, FunctionType):
+        cells = [cell.cell_contents for cell in value.__closure__ or ()]
+        state: Any = [value.__defaults__, value.__kwdefaults__, cells]
+    else:
+        slots = [name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())]
+        state = {n: getattr(value, n) for n in slots if hasattr(value, n)}
+        state |= getattr(value, "__dict__", {})
+    source = value if inspect.isroutine(value) else type(value)
     try:
         code = inspect.getsource(source)
     except (OSError, TypeError):
         code = repr(source)
-    captured = [cell.cell_contents for cell in getattr(function, "__closure__", None) or ()]
-    state = [*sorted(getattr(function, "__dict__", {}).items()), *captured]
-    return json.dumps([code, [_describe(value) for value in state]])
-
-
-def _describe(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return json.dumps([_describe(part) for part in value])
-    if callable(value):
-        return _fingerprint(value)
-    return re.sub(r" at 0x[0-9a-f]+", "", repr(value))  # an address says nothing
+    return json.dumps([code, _fingerprint(state, inside)])

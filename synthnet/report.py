@@ -120,7 +120,10 @@ class FamilyBars(Watcher):
 
     def finished(self, plan: ShardPlan, result: ShardResult) -> None:
         """Count a finished shard, and say so where an old one was damaged."""
-        self.progress.advance(self.tasks[plan.family], len(plan.shapes))
+        task = self.tasks[plan.family]
+        self.progress.advance(task, len(plan.shapes))
+        if not self.progress.console.is_terminal and self.progress.tasks[task].finished:
+            self.progress.console.print(f"{plan.family}: done")  # a log has no bars that move
         if result.damaged:
             self.progress.console.print(
                 f"built again: {result.damaged}", highlight=False, markup=False, soft_wrap=True

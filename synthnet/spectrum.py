@@ -42,13 +42,16 @@ def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     Raises
     ------
     ValueError
-        If a triangle has no area.
+        If a triangle has no area, or a vertex no triangle.
 
     References
     ----------
     M. Reuter, F.-E. Wolter, N. Peinecke, "Laplace-Beltrami spectra as 'Shape-DNA' of
     surfaces and solids", Computer-Aided Design 38 (2006).
     """
+    unused = len(mesh.vertices) - len(np.unique(mesh.faces))
+    if unused:
+        raise ValueError(f"{unused} vertices belong to no triangle: remove them first")
     edges = geometry.corner_edges(mesh)
     areas = geometry.areas_of_edges(edges)
     if not (areas > 0).all():
@@ -74,7 +77,8 @@ def compute(mesh: Mesh, k: int = 10, *, shift: float = -1.0, tolerance: float = 
     Parameters
     ----------
     mesh : Mesh
-        Connected, without degenerate triangles.
+        Connected, without degenerate triangles. A mesh of several components has a zero
+        for each, and only the first is left out.
     k : int
         Number of eigenvalues.
     shift : float
@@ -92,8 +96,8 @@ def compute(mesh: Mesh, k: int = 10, *, shift: float = -1.0, tolerance: float = 
     Raises
     ------
     ValueError
-        If k is not between 1 and n − 1, the shift is not negative, or a triangle has no
-        area.
+        If k is not between 1 and n − 1, the shift is not negative, a triangle has no area,
+        or a vertex no triangle.
     SpectrumError
         If the factorisation or the iteration fails.
 

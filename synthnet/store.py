@@ -59,11 +59,10 @@ def home(root: str | os.PathLike[str] | None = None) -> Path:
     ``root`` if given, else ``$SYNTHNET_HOME``, else the user's cache directory by the
     platform's convention.
     """
-    if root is not None:
-        return Path(root).expanduser()
-    if named := os.environ.get("SYNTHNET_HOME"):
-        return Path(named).expanduser()
-    return Path(platformdirs.user_cache_dir("synthnet"))
+    place = root if root is not None else os.environ.get("SYNTHNET_HOME")
+    if not place and root is None:
+        return Path(platformdirs.user_cache_dir("synthnet"))
+    return Path(os.path.expanduser(place or ""))  # noqa: PTH111 - Path's raises for ~nobody
 
 
 def dataset_directory(version: str, root: str | os.PathLike[str] | None = None) -> Path:
@@ -130,6 +129,8 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
             return file.read(columns=list(columns) if columns else None)
     except FileNotFoundError as error:
         raise DamagedError(f"{path} is missing: run `synthnet build` again") from error
+    except PermissionError as error:
+        raise StoreError(f"cannot read {path} ({error.strerror}): ask its owner") from error
     except (OSError, ValueError, pa.ArrowException) as error:
         raise DamagedError(
             f"{path} is damaged ({one_line(error)}): remove it and run `synthnet build` again"
@@ -138,11 +139,11 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
 
 def read_samples(path: Path) -> Iterator[Sample]:
     """Read the samples of a shard, in order."""
-    yield from _samples(read_table(path))
+    yield from _samples(read_table(path), path)
 
 
-def read_record(path: Path, recipe_digest: str) -> ShardRecord:
-    """Read a shard whole and return its record.
+def read_record(path: Path, recipe_digest: str, ids: Sequence[str] | None = None) -> ShardRecord:
+    """Read a shard whole and return its record; ``ids`` are those kept or rejected in it.
 
     What was read is encoded again, and must give the very bytes of the file: a build that
     goes on may keep no shard that differs from the one it would write.
@@ -156,9 +157,9 @@ def read_record(path: Path, recipe_digest: str) -> ShardRecord:
     try:
         header = json.loads((table.schema.metadata or {}).get(METADATA_KEY, b"{}"))
         buffer = pa.BufferOutputStream()
-        _encode(_table(list(_samples(table)), header), buffer)
+        _encode(_table(list(_samples(table, path)), header), buffer)
         same = hashlib.sha256(buffer.getvalue()).hexdigest() == sha256(path)
-    except (ValueError, TypeError, KeyError, pa.ArrowException):
+    except (DamagedError, ValueError, TypeError, KeyError, pa.ArrowException):
         same = False
     if not same:
         raise DamagedError(
@@ -168,6 +169,12 @@ def read_record(path: Path, recipe_digest: str) -> ShardRecord:
     if header.get("recipe_digest") != recipe_digest:
         raise StoreError(
             f"{path} belongs to another recipe: remove {path.parent.parent} or choose another --out"
+        )
+    found = [*table["id"].to_pylist(), *(r["id"] for r in header["rejections"])]
+    if ids is not None and sorted(found) != sorted(ids):
+        raise DamagedError(
+            f"{path} is damaged (it holds other shapes than it should): "
+            "remove it and run `synthnet build` again"
         )
     return _record(path, table, header)
 
@@ -227,7 +234,16 @@ def ragged_arrays(column: pa.ChunkedArray) -> Iterator[NDArray[Any]]:
             yield values[start:stop]
 
 
-def _samples(table: pa.Table) -> Iterator[Sample]:
+def _samples(table: pa.Table, path: Path) -> Iterator[Sample]:
+    try:
+        yield from _decoded(table)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise DamagedError(
+            f"{path} is damaged ({one_line(error)}): remove it and run `synthnet build` again"
+        ) from error
+
+
+def _decoded(table: pa.Table) -> Iterator[Sample]:
     plain = table.drop_columns(["vertices", "faces", "isometries"]).to_pylist()
     ragged = (ragged_arrays(table[name]) for name in ("vertices", "faces", "isometries"))
     for row, vertices, faces, isometries in zip(plain, *ragged, strict=True):
@@ -235,7 +251,7 @@ def _samples(table: pa.Table) -> Iterator[Sample]:
             id=row["id"],
             family=row["family"],
             index=row["index"],
-            parameters=json.loads(row["parameters"]),
+            parameters=dict(json.loads(row["parameters"])),
             group=row["group"],
         )
         yield Sample(
@@ -285,11 +301,16 @@ class StoredDataset:
                 raise StoreError(f"{id} was rejected by {reason.reason}: {reason.detail}")
             ids = read_table(self.directory / shard.file, ["id"])["id"].to_pylist()
             if id in ids:
-                table = read_table(self.directory / shard.file)
-                return next(_samples(table.slice(ids.index(id), 1)))
+                path = self.directory / shard.file
+                table = read_table(path)
+                return next(_samples(table.slice(ids.index(id), 1), path))
+        family = id.rpartition("-")[0]
+        if family not in self.manifest.drawn:
+            families = ", ".join(self.manifest.drawn)
+            raise StoreError(f"no shape {id!r}: an id is a family ({families}) and a number")
         raise StoreError(
-            f"no shape {id!r} in {self.manifest.version}: ids look like "
-            f"{next(iter(self.manifest.drawn))}-00000 (`synthnet info --ids` lists them)"
+            f"no shape {id!r} in {self.manifest.version}: "
+            f"`synthnet info --version {self.manifest.version} --ids` lists them"
         )
 
 
@@ -321,7 +342,9 @@ def read_manifest(directory: Path) -> Manifest | None:
             ShardRecord(**{**s, "rejections": tuple(Rejection(**r) for r in s["rejections"])})
             for s in content.pop("shards")
         )
-        return Manifest(**content, shards=shards)
+        manifest = Manifest(**content, shards=shards)
+        _check_types(manifest)
+        return manifest  # noqa: TRY300 - all of it may raise
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
@@ -330,6 +353,26 @@ def read_manifest(directory: Path) -> Manifest | None:
         raise DamagedError(
             f"{path} is damaged ({one_line(error)}): remove it and run `synthnet build` again"
         ) from error
+
+
+def _check_types(manifest: Manifest) -> None:
+    """Raise TypeError where a value of the manifest is of the wrong kind."""
+    wanted: list[tuple[Any, type]] = [
+        (manifest.version, str),
+        (manifest.recipe_digest, str),
+        (manifest.recipe, dict),
+        (manifest.drawn, dict),
+        (manifest.packages, dict),
+        *((count, int) for count in manifest.drawn.values()),
+    ]
+    for shard in manifest.shards:
+        wanted += [(getattr(shard, name), str) for name in ("file", "family", "sha256")]
+        wanted += [(getattr(shard, name), int) for name in ("size", "rows", "vertices", "faces")]
+    for value, kind in wanted:
+        if type(value) is not kind:
+            raise TypeError(f"{value!r} is no {kind.__name__}")
+    if {shard.family for shard in manifest.shards} - set(manifest.drawn):
+        raise ValueError("a shard is of a family that was not drawn")
 
 
 def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> StoredDataset:
@@ -350,6 +393,8 @@ def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> St
         raise StoreError(
             f"no finished dataset in {directory}: run `synthnet build --version {version}{out}`"
         )
+    if manifest.version != version:
+        raise StoreError(f"{directory} holds {manifest.version}, not {version}")
     return StoredDataset(directory, manifest)
 
 

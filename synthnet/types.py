@@ -47,6 +47,8 @@ class Mesh:
     def __post_init__(self) -> None:
         """Check shapes, dtypes and vertex numbers."""
         for name, array, kind in (("vertices", self.vertices, "f"), ("faces", self.faces, "iu")):
+            if not isinstance(array, np.ndarray):
+                raise ValueError(f"{name} must be a NumPy array, got {type(array).__name__}")  # noqa: TRY004 - one kind of error for all bad meshes
             if array.ndim != 2 or array.shape[1] != 3:
                 raise ValueError(f"{name} must have shape (n, 3), got {array.shape}")
             if array.dtype.kind not in kind:

@@ -15,10 +15,13 @@ import threadpoolctl
 from synthnet import augment, files, pins, recipe, store
 from synthnet.distributions import ISOMETRIES, generator
 from synthnet.errors import StoreError
+from synthnet.families import FAMILIES
+from synthnet.files import one_line
 from synthnet.plan import PlannedShape, plan_shards
 from synthnet.recipe import Recipe
 from synthnet.types import Manifest, Mesh, Sample, ShardRecord
 
+VERTEX_TOLERANCE = 1e-6  # of the largest coordinate: float32 keeps 6e-8
 ISOMETRY_TOLERANCE = 1e-12  # of entries: sines differ in their last bits
 LAPY_TOLERANCE = 1e-8  # relative, stored label against LaPy's own solver
 
@@ -55,10 +58,10 @@ def verify(
 ) -> VerifyReport:
     """Verify a dataset on disk.
 
-    Checks, in order: the manifest's recipe; size and SHA-256 of every shard; schema, page
-    checksums and row counts; ids, parameters and splits against the recipe's own draw;
-    all of it against the pins of the repository; labels of a random sample against
-    ``lapy.Solver(...).eigs``.
+    Checks, in order: the manifest's recipe; SHA-256 of every shard; schema, page checksums
+    and row counts; ids, parameters, splits and isometries against the recipe's own draw;
+    every mesh against one generated anew; digests, vertex moments and labels against the
+    pins of the repository; labels of a random sample against ``lapy.Solver(...).eigs``.
 
     Parameters
     ----------
@@ -85,7 +88,7 @@ def verify(
     pinned = pins.read(wanted.base)
     chosen = _choose(manifest, planned, sample, seed)
     found: dict[str, list[str]] = {
-        name: [] for name in ("manifest", "digests", "shards", "recipe", "pins", "labels")
+        name: [] for name in ("manifest", "digests", "shards", "recipe", "meshes", "pins", "labels")
     }
     found["manifest"] += _check_manifest(manifest, wanted, planned)
     seen: set[str] = set()
@@ -102,6 +105,7 @@ def verify(
         for one in samples:
             seen.add(one.spec.id)
             found["recipe"] += _check_plan(one, planned, wanted)
+            found["meshes"] += _check_mesh(one)
             if pinned is not None:
                 found["pins"] += _check_pin(one, pinned)
             if one.spec.id in chosen:
@@ -119,6 +123,7 @@ def verify(
         "digests": len(manifest.shards),
         "shards": len(manifest.shards),
         "recipe": len(planned),
+        "meshes": len(seen),
         "pins": len(seen & set(pinned or ())),
         "labels": relabelled,
     }
@@ -194,6 +199,23 @@ def _check_plan(sample: Sample, planned: dict[str, PlannedShape], wanted: Recipe
             yield f"{spec.id}: isometries differ from the recipe's draw"
 
 
+def _check_mesh(sample: Sample) -> Iterator[str]:
+    spec = sample.spec
+    try:
+        expected = FAMILIES[spec.family].generate(spec.parameters).stored()
+    except (KeyError, ValueError) as error:
+        yield f"{spec.id}: cannot be generated: {one_line(error)}"
+        return
+    if not np.array_equal(sample.mesh.faces, expected.faces):
+        yield f"{spec.id}: faces differ from those generated anew"
+        return
+    apart = float(np.abs(sample.mesh.vertices - expected.vertices).max())
+    size = float(np.abs(expected.vertices).max())
+    if not apart <= VERTEX_TOLERANCE * size:
+        off = apart / size
+        yield f"{spec.id}: a vertex is {off:.2g} of the size off, more than {VERTEX_TOLERANCE:g}"
+
+
 def _check_complete(
     seen: Iterable[str], manifest: Manifest, planned: dict[str, PlannedShape]
 ) -> Iterator[str]:
@@ -218,7 +240,11 @@ def _check_pin(sample: Sample, pinned: dict[str, pins.Pin]) -> Iterator[str]:
 
 
 def _check_label(sample: Sample) -> Iterator[str]:
-    expected = lapy_eigenvalues(sample.mesh, len(sample.eigenvalues))
+    try:
+        expected = lapy_eigenvalues(sample.mesh, len(sample.eigenvalues))
+    except (RuntimeError, ValueError, np.linalg.LinAlgError) as error:
+        yield f"{sample.spec.id}: LaPy has no answer: {one_line(error)}"
+        return
     apart = float(np.max(np.abs(sample.eigenvalues / expected - 1)))
     if not apart <= LAPY_TOLERANCE:
         yield f"{sample.spec.id}: label is {apart:.2g} off LaPy's, more than {LAPY_TOLERANCE:g}"

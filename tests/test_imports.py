@@ -18,6 +18,7 @@ LEVELS = {
             "_open3d",
             "distributions",
             "files",
+            "interrupts",
             "workers",
             "recipe",
             "geometry",

@@ -1,4 +1,5 @@
 import copy
+import functools
 import multiprocessing
 import pickle
 
@@ -204,6 +205,74 @@ def test_a_changed_pre_transform_is_another_dataset(open_split):
     assert torch.allclose(a[0].x * 1.5, b[0].x)
 
 
+def scaled(data, by=1.0):
+    return Data(x=data.pos * by, y=data.y)
+
+
+class Scale:
+    __slots__ = ("by",)
+
+    def __init__(self, by):
+        self.by = by
+
+    def __call__(self, data):
+        return scaled(data, self.by)
+
+    def method(self, data):
+        return scaled(data, self.by)
+
+
+def with_default(value):
+    def transform(data, by=value):
+        return scaled(data, by)
+
+    return transform
+
+
+class Weighted:
+    def __init__(self, by):
+        self.weights = torch.full((3000,), 1.0)
+        self.weights[1500] = by  # repr shortens what is in the middle
+
+    def __call__(self, data):
+        return scaled(data, self.weights[1500])
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda by: functools.partial(scaled, by=by),
+        Scale,
+        lambda by: Scale(by).method,
+        with_default,
+        Weighted,
+        lambda by: lambda data: scaled(data, by),
+    ],
+    ids=["partial", "slots", "method", "default", "tensor", "closure"],
+)
+def test_a_pre_transform_with_another_state_is_another_dataset(open_split, make):
+    plain = open_split("test", augment=False)[0]
+    for by in (2.0, 3.0):
+        found = open_split("test", augment=False, pre_transform=make(by))[0]
+        assert torch.allclose(found.x, plain.pos * by)
+
+
+def test_a_copy_of_a_random_dataset_stays_random(open_split):
+    copied = open_split("test", augment="random")[:3].copy()
+    assert not torch.allclose(copied[0].pos, copied[0].pos)
+
+
+def test_the_version_in_the_place_of_the_directory_is_pointed_out():
+    with pytest.raises(ValueError, match=r"the directory, not the version: SynthNet\(version='1.0"):
+        SynthNet(MINI)
+
+
+def test_repr_names_the_dataset(open_split):
+    assert repr(open_split("test")[:2]) == (
+        "SynthNet(2, version='1.0-mini', split='test', protocol='grouped', augment=True)"
+    )
+
+
 def test_pre_filter_drops_shapes_with_all_their_instances(open_split):
     def small(data):
         return data.num_nodes < 1000
@@ -236,6 +305,7 @@ def test_pre_transform_must_return_what_can_be_stored(open_split):
         ({"split": "dev"}, "split must be one of train, validation, test, got 'dev'"),
         ({"protocol": "mine"}, "protocol must be one of grouped, paper, got 'mine'"),
         ({"augment": 3}, "augment must be one of True, False, random, got 3"),
+        ({"augment": 1}, "augment must be one of True, False, random, got 1"),
         (
             {"augment": "random", "pre_transform": FaceToEdge()},
             "pre_transform is applied once and augment='random' afresh",
@@ -257,5 +327,6 @@ def test_a_missing_version_is_built_on_first_use(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr("synthnet.build.subprocess.run", run)
     with pytest.raises(KeyboardInterrupt):
         SynthNet(tmp_path, MINI)
-    assert calls[0][1:] == ["-m", "synthnet", "build", "--version", MINI, "--out", str(tmp_path)]
+    command = ["-m", "synthnet", "build", "--version", MINI, "--out", str(tmp_path), "--wait"]
+    assert calls[0][1:] == command
     assert f"synthNet {MINI} is not in {tmp_path / MINI} yet: building it" in capfd.readouterr().err

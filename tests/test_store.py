@@ -328,12 +328,18 @@ def test_find_of_a_rejected_shape_says_why(dataset: store.StoredDataset) -> None
         dataset.find("torus-00007")
 
 
-@pytest.mark.parametrize("id", ["torus-00099", "dodecahedron-00000", "torus", "", "-", "../x"])
-def test_find_of_an_unknown_shape_says_what_ids_look_like(
+@pytest.mark.parametrize("id", ["dodecahedron-00000", "torus", "", "-", "../x"])
+def test_find_in_an_unknown_family_names_the_families(
     id: str, dataset: store.StoredDataset
 ) -> None:
-    with pytest.raises(StoreError, match=r"no shape .* in tiny: ids look like torus-00000"):
+    with pytest.raises(StoreError, match=r"no shape .*: an id is a family \(torus, .*\) and a num"):
         dataset.find(id)
+
+
+def test_find_of_an_unknown_number_says_where_the_ids_are(dataset: store.StoredDataset) -> None:
+    wanted = "no shape 'torus-00099' in tiny: `synthnet info --version tiny --ids` lists them"
+    with pytest.raises(StoreError, match=wanted):
+        dataset.find("torus-00099")
 
 
 def test_dataset_that_is_not_built_says_how_to_build_it(tmp_path: Path) -> None:
@@ -460,16 +466,18 @@ def test_directory_is_made_in_place_or_not_at_all(tmp_path: Path) -> None:
 
     place = tmp_path / "place"
     with pytest.raises(BuildError, match="no space left"):
-        files.make_in_place(place, full)
-    assert list(tmp_path.iterdir()) == []
+        files.make_in_place(place, "new", full)
+    assert not place.exists()
     place.mkdir()
     (place / "old").touch()
+    (tmp_path / ".place.partial").mkdir()  # left by a process that was killed
     with pytest.raises(BuildError, match="no space left"):
-        files.make_in_place(place, full)
+        files.make_in_place(place, "new", full)
     assert [p.name for p in place.iterdir()] == ["old"]
-    files.make_in_place(place, good)
+    files.make_in_place(place, "new", good)
     assert [p.name for p in place.iterdir()] == ["new"]
-    assert [p.name for p in tmp_path.iterdir()] == ["place"]
+    files.make_in_place(place, "new", full)  # it is complete: nothing is done
+    assert {p.name for p in tmp_path.iterdir()} <= {"place", ".place.lock"}
 
 
 def test_partial_files_are_removed_and_nothing_else(tmp_path: Path) -> None:

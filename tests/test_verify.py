@@ -21,7 +21,7 @@ from synthnet.verify import VerifyReport, lapy_eigenvalues, verify
 VERSION = "1.0-mini"
 FAMILY = "split_cone"  # small meshes
 SHARD = f"shards/{FAMILY}-0000.parquet"
-CHECKS = ["manifest", "digests", "shards", "recipe", "pins", "labels"]
+CHECKS = ["manifest", "digests", "shards", "recipe", "meshes", "pins", "labels"]
 
 
 @pytest.fixture(scope="session")
@@ -92,6 +92,7 @@ def test_fresh_build_passes_every_check(mini_home: Path) -> None:
         "digests": 11,
         "shards": 11,
         "recipe": 335,
+        "meshes": 335,
         "pins": 335,
         "labels": 12,
     }
@@ -252,9 +253,23 @@ def test_moved_vertex_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[st
         return {"mesh": Mesh(vertices, sample.mesh.faces)}
 
     id = tamper_first(mini_copy, move)
-    ((name, (problem,)),) = failed(mini_copy, capsys).items()
-    assert name == "pins"
-    assert problem.startswith(f"{id}: vertices differ by ")
+    found = failed(mini_copy, capsys)
+    assert list(found) == ["meshes", "pins"]
+    assert found["meshes"][0].startswith(f"{id}: a vertex is ")
+    assert found["pins"][0].startswith(f"{id}: vertices differ by ")
+
+
+@pytest.mark.usefixtures("pinned")
+def test_vertex_moved_too_little_for_the_moments_is_found(
+    mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def move(sample: Sample) -> dict[str, Any]:
+        vertices = sample.mesh.vertices.copy()
+        vertices[5, 2] += np.float32(4e-6) * np.abs(vertices).max()
+        return {"mesh": Mesh(vertices, sample.mesh.faces)}
+
+    id = tamper_first(mini_copy, move)
+    assert failed(mini_copy, capsys)["meshes"][0].startswith(f"{id}: a vertex is ")
 
 
 @pytest.mark.usefixtures("pinned")
@@ -265,7 +280,7 @@ def test_swapped_vertices_are_found(mini_copy: Path, capsys: pytest.CaptureFixtu
         return {"mesh": Mesh(vertices, sample.mesh.faces)}
 
     tamper_first(mini_copy, swap)
-    assert list(failed(mini_copy, capsys)) == ["pins"]
+    assert list(failed(mini_copy, capsys)) == ["meshes", "pins"]
 
 
 @pytest.mark.usefixtures("pinned")
@@ -277,7 +292,8 @@ def test_changed_face_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[st
 
     id = tamper_first(mini_copy, turn)
     assert failed(mini_copy, capsys) == {
-        "pins": [f"{id}: id, parameters, splits or faces differ from the pinned ones"]
+        "meshes": [f"{id}: faces differ from those generated anew"],
+        "pins": [f"{id}: id, parameters, splits or faces differ from the pinned ones"],
     }
 
 
@@ -305,7 +321,7 @@ def test_changed_parameter_is_found(mini_copy: Path, capsys: pytest.CaptureFixtu
     id = tamper_first(mini_copy, change)
     found = failed(mini_copy, capsys)
     assert found["recipe"] == [f"{id}: parameters differ from the recipe's draw"]
-    assert list(found) == ["recipe", "pins"]
+    assert list(found) == ["recipe", "meshes", "pins"]
 
 
 @pytest.mark.usefixtures("pinned")
@@ -424,7 +440,7 @@ def test_command_lists_what_differs_up_to_a_limit(
     out = capsys.readouterr().out
     assert len([line for line in out.splitlines() if line.startswith("  ")]) == 4
     assert "more (--limit shows more)" in out
-    assert out.endswith(f"{VERSION} in {mini_copy / VERSION}: DIFFERENT\n")
+    assert f"\n{VERSION} in {mini_copy / VERSION}: DIFFERENT\n" in out
     assert cli.main([*arguments, "--limit", "100"]) == 1
     assert capsys.readouterr().out.count("neither stored nor rejected") == 8
 

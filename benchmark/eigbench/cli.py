@@ -19,8 +19,9 @@ from eigbench import physics, predictions, results, scores, tables, truth
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.evaluate import Options, evaluate, predict_meshes
 from synthnet import store
-from synthnet.cli import INTERRUPTED, WRONG_INPUT, Parser
+from synthnet.cli import WRONG_INPUT, Parser
 from synthnet.errors import SynthNetError
+from synthnet.interrupts import EXIT_CODE
 from synthnet.report import Rate
 from synthnet.types import PROTOCOLS, SPLITS
 from synthnet.version import __version__
@@ -42,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return WRONG_INPUT
     except KeyboardInterrupt:
         print("eigbench: interrupted; --resume goes on from the last batch", file=sys.stderr)
-        return INTERRUPTED
+        return EXIT_CODE
     return code
 
 
@@ -86,7 +87,7 @@ def _differences(
     how: str, ids: Sequence[str], a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]
 ) -> list[str]:
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart = np.abs(a / b - 1).max(axis=1)
+        apart = np.where(a == b, 0.0, np.abs(a / b - 1)).max(axis=1)
     bad = np.flatnonzero(~(apart <= AGREE) & np.isfinite(a).all(axis=1))
     if not len(bad):
         return []

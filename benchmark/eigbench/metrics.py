@@ -36,7 +36,7 @@ def inverse_laplacian(p: Array, g: Array) -> Array:
     array([1.])
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        ratio = g / p
+        ratio = np.where(np.isfinite(p), g / p, np.nan)  # g / inf would pass for 0
         return np.asarray(np.sqrt(((ratio - 1) ** 2).sum(axis=1)))
 
 

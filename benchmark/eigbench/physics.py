@@ -90,9 +90,10 @@ def contract(answers: NDArray[np.float64]) -> dict[str, float | None]:
     numbers: dict[str, float | None] = {}
     for (name, (_, factor)), changed in zip(CHANGES.items(), groups[1:], strict=True):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            deviation = np.abs(changed / (factor * base) - 1).max(axis=1)
+            apart = np.abs(changed - factor * base)
+            deviation = np.where(apart == 0, 0.0, apart / np.abs(factor * base)).max(axis=1)
         median = float(np.median(deviation))
         numbers[name] = median if np.isfinite(median) else None
     numbers["positive"] = float((base > 0).all(axis=1).mean())
-    numbers["ascending"] = float((np.diff(base, axis=1) >= 0).all(axis=1).mean())
+    numbers["ascending"] = float((base[:, 1:] >= base[:, :-1]).all(axis=1).mean())
     return numbers

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import zlib
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import pandas as pd
@@ -15,6 +17,11 @@ from numpy.typing import NDArray
 from eigbench.errors import PredictionsError
 from eigbench.truth import Truth
 from synthnet.files import one_line, write_atomically
+
+DAMAGED = (
+    *(OSError, EOFError, ValueError, TypeError, KeyError),
+    *(BadZipFile, zlib.error, pa.ArrowException),
+)
 
 
 def write(path: Path, truth: Truth, predictions: NDArray[np.float64]) -> None:
@@ -73,7 +80,16 @@ def read(path: Path, truth: Truth) -> NDArray[np.float64]:
         ids, seeds, values = readers[path.suffix](path, k)
     except FileNotFoundError as error:
         raise PredictionsError(f"there is no file {path}") from error
-    except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+    except (
+        OSError,
+        EOFError,
+        ValueError,
+        TypeError,
+        KeyError,
+        BadZipFile,
+        zlib.error,
+        pa.ArrowException,
+    ) as error:
         raise PredictionsError(f"{path} cannot be read: {one_line(error)}") from error
     if not len(ids):
         raise PredictionsError(f"{path} has no predictions")
@@ -122,17 +138,26 @@ def _read_parquet(path: Path, k: int) -> Read:
 
 
 def _read_npz(path: Path, k: int) -> Read:
-    with np.load(path, allow_pickle=False) as arrays:
-        ids, values = arrays["ids"].astype(np.str_), arrays["eigenvalues"].astype(np.float64)
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+        ids, values = np.atleast_1d(arrays["ids"]).astype(np.str_), arrays["eigenvalues"]
+    if values.dtype.kind not in "fiu":
+        raise ValueError(f"eigenvalues have dtype {values.dtype}, they must be real numbers")
+    values = values.astype(np.float64)
     return ids, _seeds(None, len(ids)), values
 
 
 def _read_csv(path: Path, k: int) -> Read:
     frame = pd.read_csv(path, dtype={"id": str})
+    if f"lambda_{k + 1}" in frame:
+        raise ValueError(f"it has lambda_{k + 1}, there are {k} eigenvalues")
     values = frame[[f"lambda_{i}" for i in range(1, k + 1)]].to_numpy(dtype=np.float64)
     ids = frame["id"].to_numpy(dtype=np.str_)
     return ids, _seeds(frame["seed"].to_numpy() if "seed" in frame else None, len(ids)), values
 
 
 def _seeds(column: NDArray[np.int64] | None, count: int) -> NDArray[np.int64]:
-    return np.zeros(count, dtype=np.int64) if column is None else np.asarray(column, dtype=np.int64)
+    if column is None:
+        return np.zeros(count, dtype=np.int64)
+    if column.dtype.kind not in "iu":
+        raise ValueError("the seeds must be integers, none missing")
+    return column.astype(np.int64)

@@ -82,7 +82,7 @@ def load(path: Path, *, device: str = "cpu", seed: int = 0) -> Predictor:
             return _of_torch(model, getattr(module, "transform", None), meta, device, path)
     except PredictorError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise PredictorError(f"{path} failed to load: {_told(error)}") from error
     raise PredictorError(
         f"{path} has no predictor: define predict(meshes), a class Predictor, "
@@ -144,14 +144,16 @@ def _meta(module: ModuleType, path: Path) -> dict[str, str]:
     given = getattr(module, "META", {})
     if not isinstance(given, dict):
         raise PredictorError(f"{path}: META must be a dict, got {type(given).__name__}")
-    unknown = sorted(set(given) - set(META_KEYS))
+    unknown = sorted(map(str, set(given) - set(META_KEYS)))
     if unknown:
         raise PredictorError(
-            f"{path}: META has the unknown key {', '.join(map(str, unknown))}; "
+            f"{path}: META has the unknown key {', '.join(unknown)}; "
             f"it may have {', '.join(META_KEYS)}"
         )
     meta = {key: str(value) for key, value in given.items()}
     meta = {"name": path.stem, "kind": "learned", **meta}
+    if not 1 <= len(meta["name"]) <= 80:
+        raise PredictorError(f"{path}: META name must have 1 to 80 characters")
     if meta["kind"] not in KINDS:
         raise PredictorError(f"{path}: META kind must be one of {', '.join(KINDS)}")
     return meta

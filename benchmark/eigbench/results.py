@@ -133,7 +133,7 @@ def read(path: Path) -> dict[str, Any]:
         If it is missing, no JSON, not of the schema, or contradicts itself.
     """
     try:
-        result = json.loads(path.read_text())
+        result = json.loads(path.read_text(), parse_constant=_no_constant)
     except FileNotFoundError as error:
         raise ResultError(f"there is no file {path}") from error
     except (OSError, ValueError) as error:
@@ -141,6 +141,10 @@ def read(path: Path) -> dict[str, Any]:
     validate(result, path)
     checked: dict[str, Any] = result
     return checked
+
+
+def _no_constant(word: str) -> float:
+    raise ValueError(f"{word} is no JSON number")
 
 
 def schema() -> dict[str, Any]:

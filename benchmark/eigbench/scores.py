@@ -46,7 +46,7 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
             "median": _number(np.median(table)),
             "low": _number(low),
             "high": _number(high),
-            "seed_std": _number(means.std(ddof=1)) if len(means) > 1 else None,
+            "seed_std": _spread(means),
         }
     families = {}
     for family in sorted(set(truth.families.tolist())):
@@ -99,7 +99,14 @@ def paired_interval(
     a: NDArray[np.float64], b: NDArray[np.float64], truth: Truth, weights: NDArray[np.float64]
 ) -> tuple[float, float]:
     """Return the interval of the mean difference a − b; a tie if it includes zero."""
-    return interval(a - b, truth, weights)
+    with np.errstate(invalid="ignore"):
+        return interval(a - b, truth, weights)
+
+
+def _spread(means: NDArray[np.float64]) -> float | None:
+    if len(means) < 2 or not np.isfinite(means).all():
+        return None
+    return float(means.std(ddof=1))
 
 
 def _number(value: Any) -> float | None:

@@ -104,7 +104,8 @@ def work(channel: Connection, job: Job) -> None:
     try:
         loaded = predictor.load(job.path, device=job.device, seed=job.seed)
         channel.send(Ready(loaded.meta, loaded.parameters))
-        warm = [mesh for _, mesh in islice(_stream(job, 0), WARM_UP)]
+        warm = [mesh for _, mesh in islice(_stream(job, 0), min(WARM_UP, job.batch_size))]
+        channel.send(Begun(job.ids[: len(warm)]))
         _predict(loaded, warm, job.ids[: len(warm)], job.k)
         for ids, meshes in _batches(job):
             channel.send(Begun(ids))

@@ -1,0 +1,110 @@
+"""Predictors written to files, the command line in this process, one whole evaluation."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from eigbench import cli, truth
+from eigbench.truth import Truth
+
+WEYL = """
+import numpy as np
+
+def predict(meshes):
+    spectra = []
+    for mesh in meshes:
+        a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+        spectra.append(4 * np.pi * np.arange(1, 11) / area)
+    return np.array(spectra)
+"""
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A predictor that was evaluated, and what that left behind."""
+
+    code: Path
+    out: Path
+    predictions: Path
+    result: dict[str, Any]
+
+
+@pytest.fixture(scope="session")
+def mini_truth() -> Truth:
+    return truth.load("1.0-mini")
+
+
+@pytest.fixture
+def predictor_file(tmp_path: Path) -> Callable[..., Path]:
+    """Return a function that writes a predictor's code to a file."""
+
+    def write(code: str, name: str = "my_model.py") -> Path:
+        path = tmp_path / name
+        path.write_text(code)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def eigbench(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Return a function that runs the command line: exit code, stdout and stderr.
+
+    The descriptors are captured, so that what a predictor's process writes is seen too.
+    """
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        capfd.readouterr()
+        try:
+            code = cli.main([str(argument) for argument in arguments])
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+        out, err = capfd.readouterr()
+        return code, out, err
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def weyl(tmp_path_factory: pytest.TempPathFactory, mini_home: Path) -> Evaluated:
+    """The area-scaled Weyl law on the whole test split of 1.0-mini. Read only."""
+    place = tmp_path_factory.mktemp("weyl")
+    code, out = place / "weyl.py", place / "result.json"
+    code.write_text("META = {'name': 'Weyl', 'kind': 'trivial'}\n" + WEYL)
+    options = ["--dataset", "1.0-mini", "--root", str(mini_home), "--out", str(out)]
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        assert cli.main(["evaluate", str(code), *options]) == 0
+    return Evaluated(code, out, place / "result.parquet", json.loads(out.read_text()))
+
+
+@pytest.fixture
+def made_truth() -> Callable[..., Truth]:
+    """Return a function that makes a truth of given shapes, families and labels."""
+
+    def make(shapes: list[str], families: list[str], eigenvalues: Any) -> Truth:
+        seen: dict[str, int] = {}
+        ids = []
+        for shape in shapes:
+            seen[shape] = seen.get(shape, -1) + 1
+            ids.append(f"{shape}/{seen[shape]}")
+        return Truth(
+            "made",
+            "test",
+            "grouped",
+            tuple(ids),
+            np.array(shapes),
+            np.array(families),
+            np.array(eigenvalues, dtype=np.float64),
+            "0" * 64,
+        )
+
+    return make

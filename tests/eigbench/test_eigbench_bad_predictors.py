@@ -1,0 +1,245 @@
+"""Bad predictors through the command line: one clear line, exit 2, nothing half-done is left."""
+
+import json
+
+import numpy as np
+import pytest
+from eigbench import predictions
+
+LIMIT, BATCH = 30, 10
+PRELUDE = """
+import os, signal, sys, time
+import numpy as np
+
+def weyl(meshes):
+    spectra = []
+    for mesh in meshes:
+        a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+        spectra.append(4 * np.pi * np.arange(1, 11) / area)
+    return np.array(spectra)
+
+"""
+
+
+@pytest.fixture
+def evaluate(eigbench, predictor_file, mini_home, tmp_path):
+    """Return a function that evaluates code and returns exit code, stdout and stderr."""
+
+    def run(code, *more, path=None):
+        path = path or predictor_file(PRELUDE + code)
+        where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", tmp_path / "out.json"]
+        size = ["--limit", LIMIT, "--batch-size", BATCH]
+        return eigbench("evaluate", path, *where, *size, *more)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def ids(mini_truth):
+    return mini_truth.head(LIMIT).ids
+
+
+def assert_refused(answer, message, place):
+    code, out, err = answer
+    assert code == 2
+    assert out == ""
+    assert "Traceback" not in err
+    assert "Warning" not in err
+    lines = [line for line in err.splitlines() if line.startswith("eigbench: ")]
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert not (place / "out.json").exists()
+    assert not (place / "out.parquet").exists()
+
+
+def batches_kept(place):
+    return sorted(path.name for path in place.glob(".out.json.parts/seed-0/*.npz"))
+
+
+ONE_SHORT = "def predict(meshes): return weyl(meshes)[:, :9]"
+CASES = {
+    "wrong shape": (ONE_SHORT, "9), it must be ("),
+    "complex": ("def predict(meshes): return weyl(meshes) + 0j", "eigenvalues are real"),
+    "text": ("def predict(meshes): return weyl(meshes).astype(str)", "must be real numbers"),
+    "nothing": ("def predict(meshes): pass", "dtype object, it must be real numbers"),
+    "writes to vertices": (
+        "def predict(meshes):\n    meshes[0].vertices = meshes[0].vertices + 1\n"
+        "    return weyl(meshes)",
+        "cannot assign to field 'vertices'",
+    ),
+    "writes to an array": (
+        "def predict(meshes):\n    meshes[0].vertices[:] -= 1\n    return weyl(meshes)",
+        "read-only (meshes are read-only: copy what you change)",
+    ),
+    "makes arrays writable": (
+        "def predict(meshes):\n    v = meshes[0].vertices\n    v.flags.writeable = True\n"
+        "    v *= 2\n    return weyl(meshes)",
+        "the predictor changes its input (first ids: ",
+    ),
+    "raises": ("def predict(meshes): raise KeyError('a\\nb')", "KeyError: "),
+    "exits": ("def predict(meshes): sys.exit(0)", "SystemExit: 0"),
+    "out of memory": ("def predict(meshes): raise MemoryError", "MemoryError"),
+    "dies": ("def predict(meshes): os._exit(1)", "exit code 1"),
+    "is killed": (
+        "def predict(meshes): os.kill(os.getpid(), signal.SIGKILL)",
+        "exit code -9; -9 is often lack of memory",
+    ),
+    "dies at import": ("os._exit(3)", "died while loading (exit code 3"),
+    "needs a package": (
+        "import no_such_thing\ndef predict(meshes): pass",
+        "needs the package no_such_thing, which is not installed: pip install it",
+    ),
+    "needs a package later": (
+        "def predict(meshes):\n    import no_such_thing",
+        "No module named 'no_such_thing'",
+    ),
+    "has no door": ("x = 1", "has no predictor: define predict(meshes)"),
+}
+
+
+AT_A_BATCH = set(CASES) - {"dies at import", "needs a package", "has no door"}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_bad_predictor_is_refused_on_one_line(name, evaluate, ids, tmp_path):
+    code, message = CASES[name]
+    answer = evaluate(code)
+    assert_refused(answer, message, tmp_path)
+    assert (", ".join(ids[:3]) in answer[2]) == (name in AT_A_BATCH)
+    assert batches_kept(tmp_path) == []
+
+
+def test_missing_predictor_is_refused(evaluate, tmp_path):
+    answer = evaluate("", path=tmp_path / "none.py")
+    assert_refused(answer, "there is no file", tmp_path)
+
+
+def test_predictor_that_hangs_is_ended(evaluate, ids, tmp_path):
+    answer = evaluate("def predict(meshes): time.sleep(60)", "--time-limit", "4")
+    assert_refused(answer, "took more than 4 s", tmp_path)
+    assert ", ".join(ids[:3]) in answer[2]
+
+
+def test_predictor_never_gets_more_meshes_than_the_batch_size(evaluate):
+    _, _, err = evaluate("def predict(meshes): raise ValueError(f'{len(meshes)} given')")
+    assert "ValueError: 10 given" in err
+
+
+FAILS_IN_BATCH_2 = """
+calls = 0
+
+def predict(meshes):  # the first call is the warm-up
+    global calls
+    calls += 1
+    if calls == 3 and not os.path.exists(__file__ + ".mended"):
+        {how}
+    return weyl(meshes)
+"""
+HOWS = {
+    "raises": ("raise RuntimeError('no luck')", "RuntimeError: no luck"),
+    "dies": ("os._exit(1)", "died on the batch of 10 that begins with "),
+    "answers wrongly": ("return weyl(meshes)[:5]", "has shape (5, 10), it must be (10, 10)"),
+}
+
+
+@pytest.mark.parametrize("how", HOWS)
+def test_what_was_computed_before_a_failure_is_kept_and_resumed(how, evaluate, ids, tmp_path):
+    code, message = HOWS[how]
+    path = tmp_path / "fails.py"
+    path.write_text(PRELUDE + FAILS_IN_BATCH_2.format(how=code))
+    failed = evaluate("", path=path)
+    assert_refused(failed, message, tmp_path)
+    assert ", ".join(ids[10:13]) in failed[2]
+    assert "--resume goes on from the last good batch" in failed[2]
+    assert batches_kept(tmp_path) == ["000000.npz"]
+
+    kept = (tmp_path / ".out.json.parts/seed-0/000000.npz").stat().st_mtime_ns
+    again = evaluate("", "--resume", path=path)  # call 3 is batch 3 now
+    assert again[0] == 2
+    assert ", ".join(ids[20:23]) in again[2]
+    assert batches_kept(tmp_path) == ["000000.npz", "000001.npz"]
+    assert (tmp_path / ".out.json.parts/seed-0/000000.npz").stat().st_mtime_ns == kept
+
+    if how != "raises":
+        return
+    (tmp_path / "fails.py.mended").touch()
+    assert evaluate("", "--resume", path=path)[0] == 0
+    resumed = (tmp_path / "out.parquet").read_bytes()
+    result = json.loads((tmp_path / "out.json").read_text())
+    assert result["partial"] is True
+    assert result["dataset"]["instances"] == LIMIT
+    assert list(tmp_path.glob(".out.json.parts*")) == []
+
+    assert evaluate("", path=path)[0] == 0
+    assert (tmp_path / "out.parquet").read_bytes() == resumed
+    whole = json.loads((tmp_path / "out.json").read_text())
+    assert whole["scores"] == result["scores"]
+    assert whole["predictions"] == result["predictions"]
+
+
+def test_changed_code_starts_anew(evaluate, ids, tmp_path):
+    path = tmp_path / "fails.py"
+    path.write_text(PRELUDE + FAILS_IN_BATCH_2.format(how="raise RuntimeError"))
+    assert evaluate("", path=path)[0] == 2
+    path.write_text(path.read_text() + "\n# another file\n")
+    again = evaluate("", "--resume", path=path)
+    assert again[0] == 2
+    assert ", ".join(ids[10:13]) in again[2]  # the second batch again
+    assert batches_kept(tmp_path) == ["000000.npz"]
+
+
+# --- scored as it is -------------------------------------------------------------------
+
+
+def test_one_answer_that_is_not_finite_is_scored_and_makes_every_mean_none(
+    evaluate, mini_truth, tmp_path
+):
+    code, out, err = evaluate(
+        "def predict(meshes):\n    p = weyl(meshes)\n    p[0, 3] = np.nan\n    return p", "--json"
+    )
+    result = json.loads(out)
+    assert code == 0
+    assert "Warning" not in err
+    for key in ("invlap", "rpd", "polar", "l1", "l2"):
+        assert result["scores"]["overall"][key]["mean"] is None
+        assert result["scores"]["overall"][key]["low"] is None
+        assert result["scores"]["overall"][key]["median"] is None
+    assert result["scores"]["per_index"][3]["mean"] is None
+    assert result["scores"]["per_index"][2]["mean"] is not None
+    assert sum(f["count"] for f in result["scores"]["families"].values()) == LIMIT
+    kept = predictions.read(tmp_path / "out.parquet", mini_truth.head(LIMIT))[0]
+    assert np.isnan(kept).sum() == LIMIT // BATCH
+
+
+def test_infinite_answers_are_scored_and_shown_as_not_finite_without_a_warning(evaluate):
+    code, out, err = evaluate("def predict(meshes): return np.full((len(meshes), 10), np.inf)")
+    assert code == 0
+    assert "Warning" not in err
+    assert "∞/NaN" in out
+    assert "not finite" in out
+
+
+def test_negative_answers_are_scored_and_counted(evaluate):
+    code, out, _ = evaluate("def predict(meshes): return -weyl(meshes)", "--json")
+    result = json.loads(out)
+    assert code == 0
+    assert result["scores"]["overall"]["rpd"]["mean"] == pytest.approx(10)
+    assert result["physics"]["positive"] == 0
+    assert result["physics"]["ascending"] == 0
+
+
+def test_what_a_predictor_prints_does_not_reach_the_json(evaluate):
+    code, out, err = evaluate(
+        "print('at import')\n"
+        "def predict(meshes):\n"
+        "    print('in predict')\n"
+        "    os.system('echo from a child')\n"
+        "    sys.stdout.write('{')\n"
+        "    return weyl(meshes)",
+        "--json",
+    )
+    assert code == 0
+    assert json.loads(out)["model"]["name"] == "my_model"
+    assert "in predict" in err
+    assert "from a child" in err

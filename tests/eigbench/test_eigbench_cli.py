@@ -1,0 +1,228 @@
+"""The command line: help, check, score; what the tables say."""
+
+import json
+
+import numpy as np
+import pytest
+from eigbench import cli, predictions, tables
+from eigbench.metrics import METRICS
+
+COMMANDS = ("check", "evaluate", "score")
+WEYL = """
+import numpy as np
+
+def one(mesh):
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    return 4 * np.pi * np.arange(1, 11) / area
+
+"""
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_a_command_has_an_example(eigbench, command):
+    code, out, _ = eigbench(command, "--help")
+    assert code == 0
+    assert f"example: eigbench {command} " in out
+
+
+def test_help_of_the_program_names_every_command(eigbench):
+    code, out, _ = eigbench("--help")
+    assert code == 0
+    assert all(f"\n    {command} " in out for command in COMMANDS)
+
+
+@pytest.mark.parametrize("command", ["check", "evaluate"])
+def test_help_says_plainly_that_the_code_is_run(eigbench, command):
+    assert "runs the file's code" in " ".join(eigbench(command, "--help")[1].split())
+
+
+def test_help_of_score_says_plainly_that_no_code_is_run(eigbench):
+    assert "no code is run" in " ".join(eigbench("score", "--help")[1].split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "the following arguments are required: COMMAND"),
+        (["guess"], "invalid choice: 'guess'"),
+        (["evaluate"], "the following arguments are required: FILE"),
+        (["evaluate", "m.py", "--split", "exam"], "invalid choice: 'exam'"),
+        (["evaluate", "m.py", "--batch-size", "0"], "must be at least 1, got 0"),
+        (["evaluate", "m.py", "--limit", "-1"], "must be at least 1, got -1"),
+        (["evaluate", "m.py", "--seeds", "two"], "invalid _positive value: 'two'"),
+    ],
+)
+def test_wrong_arguments_exit_with_2(eigbench, arguments, message):
+    code, out, err = eigbench(*arguments)
+    assert code == 2
+    assert out == ""
+    assert message in err
+
+
+# --- score -----------------------------------------------------------------------------
+
+
+def test_score_of_the_file_written_by_evaluate_gives_the_very_numbers(eigbench, weyl):
+    code, out, err = eigbench("score", weyl.predictions, "--dataset", "1.0-mini", "--json")
+    assert (code, err) == (0, "")
+    scored = json.loads(out)
+    assert scored["scores"] == weyl.result["scores"]
+    assert scored["dataset"] == weyl.result["dataset"]
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_score_of_another_format_gives_the_very_numbers(
+    eigbench, weyl, mini_truth, suffix, tmp_path
+):
+    values = predictions.read(weyl.predictions, mini_truth)[0][::-1]
+    ids = mini_truth.ids[::-1]
+    path = tmp_path / f"p{suffix}"
+    if suffix == ".npz":
+        np.savez(path, ids=np.array(ids), eigenvalues=values)
+    else:
+        head = ",".join(["id", *(f"lambda_{i}" for i in range(1, 11))])
+        rows = [
+            ",".join([id, *map(repr, row.tolist())]) for id, row in zip(ids, values, strict=True)
+        ]
+        path.write_text("\n".join([head, *rows]) + "\n")
+    code, out, _ = eigbench("score", path, "--dataset", "1.0-mini", "--json")
+    assert code == 0
+    assert json.loads(out)["scores"] == weyl.result["scores"]
+
+
+def test_score_prints_the_tables(eigbench, weyl):
+    code, out, _ = eigbench("score", weyl.predictions, "--dataset", "1.0-mini")
+    assert code == 0
+    assert "test split, protocol grouped: 34 shapes, 306 instances" in out
+    assert all(f"{m.title} {'↑' if m.higher_is_better else '↓'}" in out for m in METRICS.values())
+    assert "λ10" in out
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (["--dataset", "1.0"], "lacks "),
+        (["--dataset", "1.0-mini", "--split", "train"], "lacks "),
+        (["--dataset", "2.0"], "unknown version '2.0'"),
+    ],
+)
+def test_score_against_another_split_is_refused(eigbench, weyl, more, message):
+    code, out, err = eigbench("score", weyl.predictions, *more)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert len(err.splitlines()) == 1
+
+
+# --- evaluate --------------------------------------------------------------------------
+
+
+def test_result_of_a_whole_split_says_what_was_done(weyl):
+    result = weyl.result
+    assert result["partial"] is False
+    assert result["model"]["name"] == "Weyl"
+    assert result["model"]["kind"] == "trivial"
+    assert result["model"]["parameters"] is None
+    assert result["predictions"]["seeds"] == 1
+    assert result["cost"]["batch_size"] == 200
+    low, high = result["cost"]["ms_per_mesh_quartiles"]
+    assert 0 < low <= result["cost"]["ms_per_mesh"] <= high
+    assert all(result["physics"][name] < 1e-9 for name in ("scale_2", "rotation", "permutation"))
+    assert sorted(path.name for path in weyl.out.parent.iterdir() if path.suffix != ".pyc") == [
+        "result.json",
+        "result.parquet",
+        "weyl.py",
+    ]
+
+
+def test_tables_show_what_is_not_finite():
+    assert tables.number(None) == "∞/NaN"
+    assert tables.number(0.12345, 3) == "0.123"
+    assert "not finite" in tables.physics({"rotation": None, "positive": 0.5})
+    assert "50 %" in tables.physics({"rotation": None, "positive": 0.5})
+
+
+def test_dataset_may_be_a_directory(eigbench, predictor_file, mini_home, tmp_path):
+    path = predictor_file(WEYL + "def predict(meshes): return [one(mesh) for mesh in meshes]\n")
+    out = tmp_path / "r.json"
+    code, _, _ = eigbench(
+        "evaluate", path, "--dataset", mini_home / "1.0-mini", "--limit", 5, "--out", out
+    )
+    assert code == 0
+
+
+def test_dataset_that_is_not_built_is_refused(eigbench, predictor_file, tmp_path):
+    code, _, err = eigbench(
+        *("evaluate", predictor_file(WEYL), "--dataset", "1.0-mini"),
+        *("--root", tmp_path / "nowhere", "--out", tmp_path / "r.json"),
+    )
+    assert code == 2
+    assert "no finished dataset in" in err
+    assert "synthnet build --version 1.0-mini" in err
+
+
+@pytest.mark.parametrize(
+    "more", [["--out", "r.parquet"], ["--predictions", "p.csv"]], ids=["out", "predictions"]
+)
+def test_files_are_never_written_under_a_name_that_belongs_to_another_format(
+    eigbench, predictor_file, mini_home, tmp_path, monkeypatch, more
+):
+    monkeypatch.chdir(tmp_path)
+    path = predictor_file(WEYL + "def predict(meshes): return [one(mesh) for mesh in meshes]\n")
+    where = ["--dataset", "1.0-mini", "--root", mini_home, "--limit", 5]
+    code, _, err = eigbench("evaluate", path, *where, *more)
+    assert code == 2
+    assert len(err.splitlines()) == 1
+
+
+# --- check -----------------------------------------------------------------------------
+
+
+def test_check_passes_a_good_predictor(eigbench, weyl):
+    code, out, _ = eigbench("check", weyl.code)
+    assert code == 0
+    assert "loads and answers in shape; it can be evaluated" in out
+    assert "100 %" in out
+
+
+BATCH = """
+def predict(meshes):
+    spectra = np.array([one(mesh) for mesh in meshes])
+    return spectra * (1 + 1e-3 * spectra / spectra.mean(axis=0))
+"""
+ORDER = """
+def predict(meshes):
+    return np.array([one(mesh) * (1 + 1e-3 * i) for i, mesh in enumerate(meshes)])
+"""
+
+
+@pytest.mark.parametrize("code", [BATCH, ORDER], ids=["batch", "order"])
+def test_check_finds_a_predictor_that_depends_on_its_batch(eigbench, predictor_file, code):
+    returned, out, _ = eigbench("check", predictor_file(WEYL + code), "--json")
+    assert returned == 1
+    findings = json.loads(out)["findings"]
+    assert any("other answers for one mesh at a time" in finding for finding in findings)
+    if code is ORDER:
+        assert any("other answers for shuffled order" in finding for finding in findings)
+
+
+def test_check_finds_answers_that_are_not_finite(eigbench, predictor_file):
+    code, out, err = eigbench(
+        "check",
+        predictor_file(WEYL + "def predict(meshes): return np.full((len(meshes), 10), np.inf)"),
+    )
+    assert code == 1
+    assert "answers that are not finite, first for " in out
+    assert "Warning" not in err
+
+
+def test_check_of_a_bad_predictor_exits_with_2(eigbench, predictor_file):
+    code, out, err = eigbench("check", predictor_file("def predict(meshes): return [[1.0]]"))
+    assert (code, out) == (2, "")
+    assert err.startswith("eigbench: the answer has shape (1, 1)")
+    assert len(err.splitlines()) == 1
+
+
+def test_zeros_agree_with_zeros():
+    zeros = np.zeros((2, 10))
+    assert cli._differences("shuffled order", ["a", "b"], zeros, zeros) == []

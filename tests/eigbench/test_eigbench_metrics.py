@@ -1,0 +1,330 @@
+"""Metrics against numbers worked by hand; one contract for every entry of METRICS."""
+
+import math
+
+import numpy as np
+import pytest
+from eigbench import metrics
+from eigbench.metrics import METRICS
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+INF, NAN = math.inf, math.nan
+SCALE_FREE = (
+    metrics.inverse_laplacian,
+    metrics.relative_percent_difference,
+    metrics.polar_loss,
+    metrics.psnr,
+)
+FUNCTIONS = [*(m.function for m in METRICS.values()), metrics.psnr]
+spectra = arrays(np.float64, (3, 10), elements=st.floats(0.1, 1e3))
+real_spectra = arrays(np.float64, (3, 10), elements=st.floats(-1e3, 1e3))
+
+
+def value(function, p, g):
+    (number,) = function(np.array([p], dtype=np.float64), np.array([g], dtype=np.float64))
+    return float(number)
+
+
+# p, g, then InvLap, RPD, Polar, PSNR, PSNR>20, l1, l2, each from its formula
+BY_HAND = [
+    pytest.param(
+        *([1, 4], [2, 4]),
+        # ratios 2, 1; range 2, MSE 1/2; lengths sqrt 17, sqrt 20, product 18
+        {
+            "invlap": 1,
+            "rpd": 1 / 3,
+            "polar": 1 - 18 / math.sqrt(340) + 1 / (math.sqrt(17) + math.sqrt(20)),
+            "psnr": 10 * math.log10(8),
+            "psnr20": 0,
+            "l1": 1,
+            "l2": 1,
+        },
+        id="one too small",
+    ),
+    pytest.param(
+        *([5, 5], [1, 9]),
+        # ratios 1/5, 9/5; range 8, MSE 16; lengths sqrt 50, sqrt 82, product 50
+        {
+            "invlap": math.sqrt(0.64 + 0.64),
+            "rpd": 4 / 6 + 4 / 14,
+            "polar": 1 - 50 / math.sqrt(50 * 82) + math.sqrt(32) / (math.sqrt(50) + math.sqrt(82)),
+            "psnr": 10 * math.log10(4),
+            "psnr20": 0,
+            "l1": 8,
+            "l2": math.sqrt(32),
+        },
+        id="a constant",
+    ),
+    pytest.param(
+        *([2, 4, 8], [1, 2, 4]),
+        # twice the label: ratio 1/2 three times, 1/3 three times, the same direction
+        {
+            "invlap": math.sqrt(3) / 2,
+            "rpd": 1,
+            "polar": 1 / 3,
+            "psnr": 10 * math.log10(9 / 7),
+            "psnr20": 0,
+            "l1": 7,
+            "l2": math.sqrt(21),
+        },
+        id="twice the label",
+    ),
+    pytest.param(
+        *([3, 0], [0, 4]),
+        {
+            "invlap": INF,
+            "rpd": 2,
+            "polar": 1 + 5 / 7,
+            "psnr": 10 * math.log10(16 / 12.5),
+            "psnr20": 0,
+            "l1": 7,
+            "l2": 5,
+        },
+        id="at right angles",
+    ),
+    pytest.param(
+        *([-2, -4], [2, 4]),
+        {
+            "invlap": math.sqrt(8),
+            "rpd": 2,
+            "polar": 3,
+            "psnr": -10,
+            "psnr20": 0,
+            "l1": 12,
+            "l2": math.sqrt(80),
+        },
+        id="negated",
+    ),
+    pytest.param(
+        *([1, 2, 7], [1, 2, 7]),
+        {"invlap": 0, "rpd": 0, "polar": 0, "psnr": INF, "psnr20": 1, "l1": 0, "l2": 0},
+        id="exact",
+    ),
+    pytest.param(
+        *([0, 0], [3, 4]),
+        {
+            "invlap": INF,
+            "rpd": 2,
+            "polar": NAN,  # zero has no direction
+            "psnr": -10 * math.log10(12.5),
+            "psnr20": 0,
+            "l1": 7,
+            "l2": 5,
+        },
+        id="zero",
+    ),
+]
+
+
+@pytest.mark.parametrize(("p", "g", "expected"), BY_HAND)
+def test_metrics_equal_the_numbers_worked_by_hand(p, g, expected):
+    functions = {key: metric.function for key, metric in METRICS.items()} | {"psnr": metrics.psnr}
+    assert set(functions) == set(expected)
+    for key, function in functions.items():
+        wanted = pytest.approx(expected[key], rel=1e-11, abs=1e-14, nan_ok=True)
+        assert value(function, p, g) == wanted, key
+
+
+def test_psnr_of_exactly_20_decibels_is_not_accurate():
+    g = np.arange(11.0)  # range 10
+    assert value(metrics.psnr, g + 1, g) == 20  # MSE 1
+    assert value(metrics.psnr_above_20, g + 1, g) == 0
+    assert value(metrics.psnr_above_20, g + 0.99, g) == 1
+
+
+def test_psnr_of_a_label_without_range_is_minus_infinity():
+    assert value(metrics.psnr, [1, 2], [3, 3]) == -INF
+
+
+def test_the_constant_in_rpd_only_matters_near_zero():
+    assert value(metrics.relative_percent_difference, [0], [0]) == 0
+    assert value(metrics.relative_percent_difference, [0], [metrics.EPSILON]) == 0.5
+    assert value(metrics.relative_percent_difference, [0], [1e6]) == pytest.approx(1, abs=1e-15)
+
+
+@given(
+    g=st.floats(1e-3, 1e6),
+    ratio=st.floats(1e-3, 1e3) | st.floats(-1e3, -1e-3),
+)
+def test_lemma_a_1_ties_the_relative_error_to_the_inverse_laplacian(g, ratio):
+    # With e = g/p - 1, (g - p)/g = e/(1 + e). The lemma prints (p - g)/g, its proof g - p.
+    p = g / ratio
+    e = g / p - 1
+    assert (g - p) / g == pytest.approx(e / (1 + e), rel=1e-9, abs=1e-12)
+    invlap = value(metrics.inverse_laplacian, [p], [g])
+    assert invlap == pytest.approx(abs(e), rel=1e-12, abs=1e-15)
+    assert abs(p - g) / g == pytest.approx(invlap / abs(1 + e), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("small", [1e-2, 1e-4, 1e-6])
+def test_inverse_laplacian_nears_the_relative_error_as_a_prediction_nears_the_label(small):
+    g = np.arange(1.0, 11.0)
+    relative = math.sqrt(10) * small
+    invlap = value(metrics.inverse_laplacian, g * (1 + small), g)
+    assert invlap / relative == pytest.approx(1 / (1 + small), rel=1e-7)
+
+
+def test_inverse_laplacian_punishes_small_predictions_more_than_large_ones():
+    assert value(metrics.inverse_laplacian, [1], [10]) == 9
+    assert value(metrics.inverse_laplacian, [100], [10]) == pytest.approx(0.9)
+
+
+@given(p=spectra, g=spectra)
+def test_rpd_of_positive_spectra_lies_between_zero_and_k(p, g):
+    found = metrics.relative_percent_difference(p, g)
+    assert ((found >= 0) & (found <= 10)).all()
+
+
+@given(p=real_spectra, g=spectra)
+def test_rpd_lies_between_zero_and_k_for_any_sign(p, g):
+    found = metrics.relative_percent_difference(p, g)
+    assert ((found >= 0) & (found <= 10)).all()
+
+
+@given(p=real_spectra, g=spectra)
+def test_polar_loss_lies_between_zero_and_three(p, g):
+    p[:, 0] += np.where(np.abs(p).max(axis=1) < 1e-3, 1.0, 0.0)  # zero has no direction
+    found = metrics.polar_loss(p, g)
+    assert ((found >= -1e-12) & (found <= 3 + 1e-12)).all()
+
+
+@given(p=spectra, g=spectra)
+def test_symmetric_metrics_do_not_tell_prediction_from_label(p, g):
+    for function in (
+        metrics.relative_percent_difference,
+        metrics.polar_loss,
+        metrics.l1_norm,
+        metrics.l2_norm,
+    ):
+        np.testing.assert_allclose(function(p, g), function(g, p), rtol=1e-12, atol=1e-12)
+
+
+@given(p=spectra, g=spectra)
+def test_norms_obey_l2_at_most_l1_at_most_root_k_times_l2(p, g):
+    one, two = metrics.l1_norm(p, g), metrics.l2_norm(p, g)
+    assert (two <= one * (1 + 1e-12)).all()
+    assert (one <= math.sqrt(10) * two * (1 + 1e-12)).all()
+
+
+@pytest.mark.parametrize("c", [1e-4, 0.3, 7.0, 1e5])
+@pytest.mark.parametrize("function", SCALE_FREE, ids=lambda f: f.__name__)
+def test_metric_does_not_change_with_the_unit_of_length(function, c):
+    rng = np.random.default_rng(0)
+    g = np.sort(rng.uniform(1, 50, (20, 10)), axis=1)
+    p = g * rng.uniform(0.5, 2, g.shape)
+    np.testing.assert_allclose(function(c * p, c * g), function(p, g), rtol=1e-9)
+
+
+@pytest.mark.parametrize("function", [metrics.l1_norm, metrics.l2_norm], ids=lambda f: f.__name__)
+def test_norms_scale_with_the_unit_of_length(function):
+    rng = np.random.default_rng(1)
+    p, g = rng.uniform(1, 50, (2, 20, 10))
+    np.testing.assert_allclose(function(7 * p, 7 * g), 7 * function(p, g), rtol=1e-12)
+
+
+# --- the contract of every registered metric -------------------------------------------
+
+
+def has_one_float64_a_mesh(metric, p, g):
+    found = metric.function(p, g)
+    assert found.shape == (len(p),)
+    assert found.dtype == np.float64
+
+
+def treats_each_mesh_alone(metric, p, g):
+    order = np.random.default_rng(2).permutation(len(p))
+    np.testing.assert_array_equal(metric.function(p[order], g[order]), metric.function(p, g)[order])
+    np.testing.assert_array_equal(metric.function(p[:1], g[:1]), metric.function(p, g)[:1])
+
+
+def leaves_its_input_alone(metric, p, g):
+    before = p.copy(), g.copy()
+    p.flags.writeable = g.flags.writeable = False
+    metric.function(p, g)
+    p.flags.writeable = g.flags.writeable = True
+    np.testing.assert_array_equal(p, before[0])
+    np.testing.assert_array_equal(g, before[1])
+
+
+def has_its_best_value_at_the_label(metric, p, g):
+    best = metric.function(g, g)
+    np.testing.assert_allclose(best, 1 if metric.higher_is_better else 0, atol=1e-12)
+
+
+def improves_in_the_direction_it_declares(metric, p, g):
+    means = [metric.function(g * (1 + e), g).mean() for e in (1e-3, 0.03, 0.3, 3.0)]
+    if not metric.higher_is_better:
+        assert means == sorted(means)
+        assert means[0] < means[-1]
+    else:
+        assert means == sorted(means, reverse=True)
+        assert means[0] > means[-1]
+
+
+def does_not_depend_on_the_order_of_the_indices(metric, p, g):
+    order = np.random.default_rng(3).permutation(p.shape[1])
+    found = metric.function(p[:, order], g[:, order])
+    np.testing.assert_allclose(found, metric.function(p, g), rtol=1e-12)
+
+
+def takes_an_empty_batch(metric, p, g):
+    assert metric.function(p[:0], g[:0]).shape == (0,)
+
+
+def says_what_it_is(metric, p, g):
+    assert METRICS[metric.key] is metric
+    assert metric.title
+    assert metric.source
+    assert metric.decimals > 0
+    assert metric.function.__doc__
+
+
+CONTRACT = (
+    has_one_float64_a_mesh,
+    treats_each_mesh_alone,
+    leaves_its_input_alone,
+    has_its_best_value_at_the_label,
+    improves_in_the_direction_it_declares,
+    does_not_depend_on_the_order_of_the_indices,
+    takes_an_empty_batch,
+    says_what_it_is,
+)
+
+
+@pytest.mark.parametrize("key", METRICS)
+@pytest.mark.parametrize("rule", CONTRACT, ids=lambda rule: rule.__name__)
+def test_registered_metric(rule, key):
+    rng = np.random.default_rng(4)
+    g = np.sort(rng.uniform(1, 50, (20, 10)), axis=1)
+    rule(METRICS[key], g * rng.uniform(0.8, 1.25, g.shape), g)
+
+
+@pytest.mark.parametrize("broken", [NAN, INF, -INF])
+@pytest.mark.parametrize("position", [0, 9])
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
+def test_prediction_that_is_not_finite_is_never_finite_and_never_raises(function, position, broken):
+    g = np.tile(np.arange(1.0, 11.0), (2, 1))
+    p = g * 1.1
+    p[0, position] = broken
+    found = function(p, g)
+    assert np.isfinite(found[1])  # its neighbour keeps its value
+    if function is metrics.psnr_above_20:
+        assert found[0] == 0  # a share: it counts as not accurate
+    else:
+        assert not np.isfinite(found[0])
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
+def test_predictions_of_any_size_raise_nothing(function):
+    g = np.tile(np.arange(1.0, 11.0), (6, 1))
+    p = np.tile([[1e308], [-1e308], [1e-308], [5e-324], [0.0], [-0.0]], (1, 10))
+    assert function(p, g).shape == (6,)
+
+
+def test_directions_of_the_registry():
+    higher = [key for key, metric in METRICS.items() if metric.higher_is_better]
+    assert higher == ["psnr20"]
+    assert list(METRICS) == ["invlap", "rpd", "polar", "psnr20", "l1", "l2"]
+    assert {key for key, m in METRICS.items() if m.unit == "1/length²"} == {"l1", "l2"}

@@ -1,0 +1,279 @@
+"""Files of predictions: exact round trips, and a strict join by id."""
+
+import zipfile
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from eigbench import predictions
+from eigbench.errors import PredictionsError
+
+SUFFIXES = (".parquet", ".npz", ".csv")
+
+
+@pytest.fixture(scope="module")
+def split(mini_truth):
+    return mini_truth.head(20)
+
+
+@pytest.fixture(scope="module")
+def values():
+    rng = np.random.default_rng(0)
+    return np.exp(rng.uniform(-20, 20, (20, 10)))
+
+
+def save(path, ids, values, seeds=None):
+    """Write a file as a user would."""
+    ids, values = list(ids), np.asarray(values)
+    more = {} if seeds is None else {"seed": list(seeds)}
+    if path.suffix == ".parquet":
+        pq.write_table(pa.table({"id": ids, "eigenvalues": values.tolist(), **more}), path)
+    elif path.suffix == ".npz":
+        assert seeds is None
+        np.savez(path, ids=np.array(ids), eigenvalues=values)
+    else:
+        columns = {f"lambda_{i + 1}": values[:, i] for i in range(values.shape[1])}
+        pd.DataFrame({"id": ids, **columns, **more}).to_csv(path, index=False)
+    return path
+
+
+def shuffled(count, *, seed=1):
+    return np.random.default_rng(seed).permutation(count)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_shuffled_rows_come_back_in_the_order_of_the_split(split, values, suffix, tmp_path):
+    order = shuffled(20)
+    path = save(tmp_path / f"p{suffix}", [split.ids[i] for i in order], values[order])
+    found = predictions.read(path, split)
+    assert found.shape == (1, 20, 10)
+    assert found.dtype == np.float64
+    np.testing.assert_array_equal(found[0], values)
+
+
+def test_csv_keeps_every_bit(made_truth, tmp_path):
+    rng = np.random.default_rng(3)
+    truth = made_truth([f"s-{i}" for i in range(2000)], ["a"] * 2000, np.ones((2000, 10)))
+    values = np.exp(rng.uniform(-20, 20, (2000, 10)))
+    found = predictions.read(save(tmp_path / "p.csv", truth.ids, values), truth)
+    np.testing.assert_array_equal(found[0], values)
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_seeds_are_told_apart_and_sorted(split, values, suffix, tmp_path):
+    order = shuffled(40)
+    ids, seeds = np.array([*split.ids, *split.ids]), np.repeat([7, 3], 20)
+    both = np.concatenate([values, 2 * values])
+    path = save(tmp_path / f"p{suffix}", ids[order].tolist(), both[order], seeds[order].tolist())
+    found = predictions.read(path, split)
+    np.testing.assert_array_equal(found, [2 * values, values])
+
+
+def test_written_file_is_read_back_exactly(split, values, tmp_path):
+    runs = np.stack([values, values[::-1], -values])
+    predictions.write(tmp_path / "p.parquet", split, runs)
+    np.testing.assert_array_equal(predictions.read(tmp_path / "p.parquet", split), runs)
+
+
+def test_same_predictions_give_the_same_bytes(split, values, tmp_path):
+    for name in ("a", "b"):
+        predictions.write(tmp_path / f"{name}.parquet", split, values[None])
+    assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+
+
+def test_values_that_are_not_finite_survive_the_round_trip(split, values, tmp_path):
+    broken = values[None].copy()
+    broken[0, 0, :3] = np.nan, np.inf, -np.inf
+    predictions.write(tmp_path / "p.parquet", split, broken)
+    np.testing.assert_array_equal(predictions.read(tmp_path / "p.parquet", split), broken)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_missing_id_is_refused(split, values, suffix, tmp_path):
+    path = save(tmp_path / f"p{suffix}", split.ids[1:], values[1:])
+    with pytest.raises(PredictionsError, match=f"lacks {split.ids[0]} .1.0-mini, test, grouped"):
+        predictions.read(path, split)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_extra_id_is_refused(split, values, suffix, tmp_path):
+    path = save(tmp_path / f"p{suffix}", [*split.ids, "cone-9/0"], [*values, values[0]])
+    with pytest.raises(PredictionsError, match="has ids that are not in the split: cone-9/0"):
+        predictions.read(path, split)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_id_that_is_there_twice_is_refused(split, values, suffix, tmp_path):
+    path = save(tmp_path / f"p{suffix}", [*split.ids, split.ids[4]], [*values, values[4]])
+    with pytest.raises(PredictionsError, match=f"predicts twice {split.ids[4]}"):
+        predictions.read(path, split)
+
+
+def test_only_the_first_ids_are_named(split, values, mini_truth, tmp_path):
+    path = save(tmp_path / "p.parquet", split.ids, values)
+    lacked = [id for id in mini_truth.ids if id not in split.ids]
+    message = rf"lacks {', '.join(lacked[:3])} and {len(lacked) - 3} more"
+    with pytest.raises(PredictionsError, match=message):
+        predictions.read(path, mini_truth)
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_seed_that_lacks_an_id_is_refused(split, values, suffix, tmp_path):
+    path = save(
+        tmp_path / f"p{suffix}",
+        [*split.ids, *split.ids[:-1]],
+        [*values, *values[:-1]],
+        [0] * 20 + [1] * 19,
+    )
+    with pytest.raises(PredictionsError, match=f"lacks {split.ids[-1]}"):
+        predictions.read(path, split)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_too_few_eigenvalues_are_refused(split, values, suffix, tmp_path):
+    path = save(tmp_path / f"p{suffix}", split.ids, values[:, :9])
+    with pytest.raises(PredictionsError, match=r"shape \(20, 9\)|lambda_10"):
+        predictions.read(path, split)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_too_many_eigenvalues_are_refused(split, values, suffix, tmp_path):
+    path = save(tmp_path / f"p{suffix}", split.ids, np.hstack([values, values[:, :1]]))
+    with pytest.raises(PredictionsError, match=r"shape \(20, 11\)|lambda_11"):
+        predictions.read(path, split)
+
+
+def test_rows_of_different_length_are_refused(split, values, tmp_path):
+    rows = values.tolist()
+    rows[3] = rows[3][:5]
+    pq.write_table(pa.table({"id": list(split.ids), "eigenvalues": rows}), tmp_path / "p.parquet")
+    with pytest.raises(PredictionsError, match=r"cannot be read: .*inhomogeneous"):
+        predictions.read(tmp_path / "p.parquet", split)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_missing_file_is_refused(split, suffix, tmp_path):
+    with pytest.raises(PredictionsError, match=f"there is no file .*p{suffix}"):
+        predictions.read(tmp_path / f"p{suffix}", split)
+
+
+@pytest.mark.parametrize("name", ["p.json", "p", "p.parquet.zip", "p.PKL"])
+def test_wrong_suffix_is_refused(split, name, tmp_path):
+    with pytest.raises(PredictionsError, match=r"must end in \.parquet, \.npz, \.csv"):
+        predictions.read(tmp_path / name, split)
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1nothing", b"PK\x03\x04nothing", b"\xff\xfe\x00"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_file_that_is_no_such_file_is_refused(split, suffix, content, tmp_path):
+    (tmp_path / f"p{suffix}").write_bytes(content)
+    with pytest.raises(PredictionsError, match="cannot be read"):
+        predictions.read(tmp_path / f"p{suffix}", split)
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".npz"])
+def test_truncated_file_is_refused(split, values, suffix, tmp_path):
+    path = save(tmp_path / f"p{suffix}", split.ids, values)
+    path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(PredictionsError, match="cannot be read"):
+        predictions.read(path, split)
+
+
+def test_changed_byte_of_a_written_file_never_passes_unseen(split, values, tmp_path):
+    path = tmp_path / "p.parquet"
+    predictions.write(path, split, values[None])
+    content = path.read_bytes()
+    for position in range(0, len(content), 7):
+        damaged = bytearray(content)
+        damaged[position] ^= 0x10
+        path.write_bytes(damaged)
+        try:
+            found = predictions.read(path, split)
+        except PredictionsError:
+            continue
+        np.testing.assert_array_equal(found[0], values)  # a byte that says nothing
+
+
+def test_changed_byte_of_an_npz_is_refused(split, values, tmp_path):
+    path = save(tmp_path / "p.npz", split.ids, values)
+    content = bytearray(path.read_bytes())
+    content[content.find(values.tobytes()[:16])] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(PredictionsError, match=r"cannot be read: .*CRC"):
+        predictions.read(path, split)
+
+
+def test_pickled_npz_is_refused_and_not_run(split, values, tmp_path):
+    class Bomb:
+        def __reduce__(self):
+            return (open, (str(tmp_path / "exploded"), "w"))
+
+    np.savez(tmp_path / "p.npz", ids=np.array([Bomb()], dtype=object), eigenvalues=values)
+    with pytest.raises(PredictionsError, match="Object arrays cannot be loaded"):
+        predictions.read(tmp_path / "p.npz", split)
+    assert not (tmp_path / "exploded").exists()
+
+
+def test_array_named_npz_is_refused(split, values, tmp_path):
+    with (tmp_path / "p.npz").open("wb") as file:
+        np.save(file, values)
+    with pytest.raises(PredictionsError, match=r"p\.npz"):
+        predictions.read(tmp_path / "p.npz", split)
+
+
+def test_npz_without_its_arrays_is_refused(split, values, tmp_path):
+    np.savez(tmp_path / "p.npz", eigenvalues=values)
+    with pytest.raises(PredictionsError, match="ids is not a file in the archive"):
+        predictions.read(tmp_path / "p.npz", split)
+    with zipfile.ZipFile(tmp_path / "q.npz", "w") as archive:
+        archive.writestr("ids.npy", "no array")
+    with pytest.raises(PredictionsError, match=r"q\.npz cannot be read"):
+        predictions.read(tmp_path / "q.npz", split)
+
+
+def test_npz_with_one_id_instead_of_an_array_is_refused(split, values, tmp_path):
+    np.savez(tmp_path / "p.npz", ids=np.array(split.ids[0]), eigenvalues=values)
+    with pytest.raises(PredictionsError, match=r"p\.npz"):
+        predictions.read(tmp_path / "p.npz", split)
+
+
+@pytest.mark.filterwarnings("default")
+def test_complex_predictions_are_refused(split, values, tmp_path):
+    np.savez(tmp_path / "p.npz", ids=np.array(split.ids), eigenvalues=values + 1j)
+    with pytest.raises(PredictionsError, match=r"p\.npz"):
+        predictions.read(tmp_path / "p.npz", split)
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_file_without_its_columns_is_refused(split, suffix, tmp_path):
+    frame = pd.DataFrame({"name": list(split.ids)})
+    path = tmp_path / f"p{suffix}"
+    frame.to_csv(path) if suffix == ".csv" else frame.to_parquet(path)
+    with pytest.raises(PredictionsError, match="cannot be read"):
+        predictions.read(path, split)
+
+
+def test_parquet_with_eigenvalues_of_another_type_is_refused(split, tmp_path):
+    cells = [{"lambda_1": 1.0}] * 20
+    pq.write_table(pa.table({"id": list(split.ids), "eigenvalues": cells}), tmp_path / "p.parquet")
+    with pytest.raises(PredictionsError, match=r"p\.parquet"):
+        predictions.read(tmp_path / "p.parquet", split)
+
+
+@pytest.mark.parametrize("seeds", [[0] * 19 + [None], [0.5] * 20], ids=["null", "half"])
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+@pytest.mark.filterwarnings("default")
+def test_seed_that_is_no_integer_is_refused(split, values, suffix, seeds, tmp_path):
+    path = save(tmp_path / f"p{suffix}", split.ids, values, seeds)
+    with pytest.raises(PredictionsError) as caught:
+        predictions.read(path, split)
+    assert "seed" in str(caught.value).replace(str(path), "")
+
+
+def test_file_without_rows_is_refused(split, tmp_path):
+    columns = {"id": pa.array([], pa.string()), "eigenvalues": pa.array([], pa.list_(pa.float64()))}
+    pq.write_table(pa.table(columns), tmp_path / "p.parquet")
+    with pytest.raises(PredictionsError, match="has no predictions"):
+        predictions.read(tmp_path / "p.parquet", split)

@@ -1,0 +1,432 @@
+"""The four doors of a predictor's file, its META, and what a predictor can see."""
+
+import dataclasses
+import gc
+import sys
+
+import numpy as np
+import pytest
+from eigbench import predictor
+from eigbench.errors import EigbenchError, PredictorError
+from eigbench.meshes import instances, view
+
+from synthnet import store
+from synthnet.types import Mesh
+
+MESH = view(Mesh(np.eye(3), np.array([[0, 1, 2]])))
+
+FUNCTION = "def predict(meshes): return 'function'\n"
+CLASS = "class Predictor:\n    def predict(self, meshes): return 'class'\n"
+LOAD = """
+class Loaded:
+    def __init__(self, *given): self.given = given
+    def predict(self, meshes): return ('load', *self.given)
+def load(device, seed): return Loaded(device, seed)
+"""
+TORCH = """
+import torch
+class Net(torch.nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.linear = torch.nn.Linear(3, 10)
+        self.frozen = torch.nn.Parameter(torch.zeros(5), requires_grad=False)
+    def forward(self, batch):
+        assert not self.training
+        assert not torch.is_grad_enabled()
+        assert batch.pos.dtype == torch.float32
+        assert batch.face.dtype == torch.int64
+        shapes = int(batch.num_graphs)
+        total = torch.zeros(shapes, 3).index_add_(0, batch.batch, batch.pos)
+        return self.linear(total)
+model = Net()
+"""
+
+
+@pytest.fixture(autouse=True)
+def fresh_imports(monkeypatch):
+    """Forget the modules and the path that a predictor's file brings in."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    before = set(sys.modules)
+    yield
+    for name in set(sys.modules) - before:
+        if "torch" not in name and "/site-packages/" not in str(
+            getattr(sys.modules[name], "__file__", "")
+        ):
+            del sys.modules[name]
+
+
+# --- doors -----------------------------------------------------------------------------
+
+
+def test_function_door(predictor_file):
+    loaded = predictor.load(predictor_file(FUNCTION))
+    assert loaded.predict([MESH]) == "function"
+    assert loaded.parameters is None
+
+
+def test_class_door(predictor_file):
+    loaded = predictor.load(predictor_file(CLASS))
+    assert loaded.predict([MESH]) == "class"
+    assert loaded.parameters is None
+
+
+def test_load_door_is_given_device_and_seed(predictor_file):
+    loaded = predictor.load(predictor_file(LOAD), device="cuda:1", seed=7)
+    assert loaded.predict([MESH]) == ("load", "cuda:1", 7)
+
+
+def test_torch_door_evaluates_without_gradients_and_counts_parameters(predictor_file):
+    torch = pytest.importorskip("torch")
+    loaded = predictor.load(predictor_file(TORCH))
+    answer = loaded.predict([MESH, MESH])
+    assert answer.shape == (2, 10)
+    assert isinstance(answer, torch.Tensor)
+    assert loaded.parameters == 3 * 10 + 10 + 5
+    assert predictor.checked(answer, ("a/0", "a/1"), 10).dtype == np.float64
+
+
+def test_torch_door_takes_a_class(predictor_file):
+    pytest.importorskip("torch")
+    loaded = predictor.load(predictor_file(TORCH.replace("Net()\n", "Net\n")))
+    assert loaded.predict([MESH]).shape == (1, 10)
+
+
+def test_torch_door_applies_the_transform_of_the_file(predictor_file):
+    pytest.importorskip("torch")
+    code = TORCH + "def transform(data):\n    data.pos = 0 * data.pos\n    return data\n"
+    loaded = predictor.load(predictor_file(code))
+    bias = loaded.predict([view(Mesh(np.zeros((3, 3)), MESH.faces))])
+    np.testing.assert_array_equal(loaded.predict([MESH]), bias)
+
+
+def test_parameters_of_a_torch_module_behind_the_load_door_are_counted(predictor_file):
+    pytest.importorskip("torch")
+    code = TORCH.replace("model = Net()", "") + (
+        "    def predict(self, meshes): return None\ndef load(device, seed): return Net()\n"
+    )
+    assert predictor.load(predictor_file(code)).parameters == 45
+
+
+DOORS = [FUNCTION, CLASS, LOAD, "model = 'no module'\n"]
+
+
+@pytest.mark.parametrize("first", range(3))
+def test_first_door_wins_whatever_the_order_in_the_file(predictor_file, first):
+    code = "".join(reversed(DOORS[first:]))
+    answer = predictor.load(predictor_file(code)).predict([MESH])
+    assert answer == ("function", "class", ("load", "cpu", 0))[first]
+
+
+def test_siblings_can_be_imported(predictor_file):
+    predictor_file("ANSWER = 'sibling'\n", "a_sibling_of_mine.py")
+    code = "from a_sibling_of_mine import ANSWER\ndef predict(meshes): return ANSWER\n"
+    assert predictor.load(predictor_file(code)).predict([MESH]) == "sibling"
+
+
+def test_files_beside_the_predictor_can_be_read(predictor_file, monkeypatch):
+    path = predictor_file(
+        "from pathlib import Path\n"
+        "WEIGHTS = (Path(__file__).parent / 'weights.txt').read_text()\n"
+        "def predict(meshes): return WEIGHTS\n"
+    )
+    (path.parent / "weights.txt").write_text("kept")
+    monkeypatch.chdir(path.parent.parent)  # and not because it is the working directory
+    assert predictor.load(path).predict([MESH]) == "kept"
+
+
+def test_relative_path_of_a_predictor_works(predictor_file, monkeypatch):
+    path = predictor_file(FUNCTION)
+    monkeypatch.chdir(path.parent)
+    assert predictor.load(type(path)(path.name)).predict([MESH]) == "function"
+
+
+def test_dataclass_in_a_predictor_works(predictor_file):
+    code = (
+        "from __future__ import annotations\nfrom dataclasses import dataclass\n"
+        "@dataclass\nclass Setting:\n    k: int = 10\n" + FUNCTION
+    )
+    assert predictor.load(predictor_file(code)).predict([MESH]) == "function"
+
+
+# --- META ------------------------------------------------------------------------------
+
+
+def test_without_meta_the_name_is_the_files_and_the_kind_is_learned(predictor_file):
+    assert predictor.load(predictor_file(FUNCTION, "my_net.py")).meta == {
+        "name": "my_net",
+        "kind": "learned",
+    }
+
+
+def test_meta_is_kept_as_text(predictor_file):
+    code = f"META = {{'name': 'Net', 'kind': 'classical', 'training_cost': 3}}\n{FUNCTION}"
+    assert predictor.load(predictor_file(code)).meta == {
+        "name": "Net",
+        "kind": "classical",
+        "training_cost": "3",
+    }
+
+
+def test_every_key_of_meta_is_allowed_by_the_schema_of_results():
+    from eigbench.results import schema
+
+    assert set(predictor.META_KEYS) < set(schema()["properties"]["model"]["properties"])
+    assert schema()["properties"]["model"]["properties"]["kind"]["enum"] == list(predictor.KINDS)
+
+
+@pytest.mark.parametrize(
+    ("meta", "message"),
+    [
+        ("['Net']", "META must be a dict, got list"),
+        ("{'title': 'Net'}", "META has the unknown key title; it may have name, kind, authors"),
+        ("{'kind': 'magic'}", "META kind must be one of trivial, classical, learned"),
+    ],
+)
+def test_wrong_meta_is_refused(predictor_file, meta, message):
+    with pytest.raises(PredictorError, match=message):
+        predictor.load(predictor_file(f"META = {meta}\n{FUNCTION}"))
+
+
+@pytest.mark.parametrize(
+    "meta",
+    ["{'name': ''}", f"{{'name': {'x' * 81!r}}}", "{1: 'a', 'b': 'c'}"],
+    ids=["no name", "long name", "keys of two types"],
+)
+def test_meta_that_a_result_cannot_hold_is_refused_before_anything_is_run(predictor_file, meta):
+    with pytest.raises(PredictorError, match="META"):
+        predictor.load(predictor_file(f"META = {meta}\n{FUNCTION}"))
+
+
+# --- what does not load ----------------------------------------------------------------
+
+
+def test_missing_file_is_refused(tmp_path):
+    with pytest.raises(PredictorError, match=r"there is no file .*none\.py"):
+        predictor.load(tmp_path / "none.py")
+
+
+def test_directory_is_refused(tmp_path):
+    with pytest.raises(PredictorError, match="there is no file"):
+        predictor.load(tmp_path)
+
+
+def test_file_that_is_not_python_is_refused(predictor_file):
+    with pytest.raises(PredictorError, match=r"weights\.txt is no Python file"):
+        predictor.load(predictor_file("1 2 3", "weights.txt"))
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        ("def predict(:", r"failed to load: SyntaxError: .*line 1"),
+        ("1 / 0", "failed to load: ZeroDivisionError: division by zero"),
+        ("raise SystemExit(3)", "failed to load: SystemExit: 3"),
+        ("import sys; sys.exit()", "failed to load: SystemExit"),
+        ("raise ValueError('a\\nb')", "failed to load: ValueError: a b"),
+        ("import no_such_thing.part", "needs the package no_such_thing, which is not installed"),
+        ("from os import no_such_name", "failed to load: ImportError: cannot import name"),
+        ("x = 1", "has no predictor: define predict.meshes., a class Predictor, load"),
+        ("predict = 3", "has no predictor"),
+        ("class Predictor: pass", "a Predictor has no method predict"),
+        ("class Predictor: predict = 3", "a Predictor has no method predict"),
+        (
+            "class Predictor:\n    def __init__(self, size): pass\n",
+            "failed to load: TypeError: .*missing 1 required positional argument: 'size'",
+        ),
+        (
+            "class Predictor:\n    def __init__(self): raise FileNotFoundError('weights.pt')",
+            r"failed to load: FileNotFoundError: weights\.pt",
+        ),
+        ("def load(device, seed): return None", "a NoneType has no method predict"),
+        ("def load(): return None", "failed to load: TypeError: load.. takes 0 positional"),
+        ("model = 3", r"model must be a torch\.nn\.Module, got int"),
+        ("model = dict", r"model must be a torch\.nn\.Module, got dict"),
+    ],
+)
+def test_file_that_does_not_load_says_why_on_one_line(predictor_file, code, message):
+    if "model" in code:
+        pytest.importorskip("torch_geometric")
+    with pytest.raises(PredictorError, match=message) as caught:
+        predictor.load(predictor_file(code))
+    assert "\n" not in str(caught.value)
+    assert "my_model.py" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "class Predictor:\n    def __init__(self): raise SystemExit(3)",
+        "def load(device, seed): raise SystemExit(3)",
+    ],
+    ids=["class", "load"],
+)
+def test_exit_in_a_later_door_is_refused_as_at_import(predictor_file, code):
+    with pytest.raises(PredictorError, match="failed to load: SystemExit: 3"):
+        predictor.load(predictor_file(code))
+
+
+# --- answers ---------------------------------------------------------------------------
+
+IDS = ("a-00000/0", "a-00000/1", "a-00001/0", "a-00001/1")
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        np.ones((4, 10), np.float32),
+        np.ones((4, 10), np.int16),
+        [[1] * 10] * 4,
+        np.full((4, 10), np.nan),
+        np.full((4, 10), -np.inf),
+        np.zeros((4, 10)),
+    ],
+    ids=["float32", "integers", "lists", "NaN", "infinite", "zeros"],
+)
+def test_answer_of_real_numbers_is_taken_as_float64(answer):
+    found = predictor.checked(answer, IDS, 10)
+    assert found.dtype == np.float64
+    np.testing.assert_array_equal(found, np.asarray(answer, dtype=np.float64))
+
+
+def test_answer_that_needs_gradients_is_taken():
+    torch = pytest.importorskip("torch")
+    assert predictor.checked(torch.ones((4, 10), requires_grad=True), IDS, 10).sum() == 40
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (np.ones((4, 9)), r"has shape \(4, 9\), it must be \(4, 10\)"),
+        (np.ones((10, 4)), r"has shape \(10, 4\), it must be \(4, 10\)"),
+        (np.ones((3, 10)), r"has shape \(3, 10\), it must be \(4, 10\)"),
+        (np.ones(10), r"has shape \(10,\), it must be \(4, 10\)"),
+        (np.ones((4, 10, 1)), r"has shape \(4, 10, 1\), it must be \(4, 10\)"),
+        (np.ones((4, 10), complex), "is complex, eigenvalues are real"),
+        (np.full((4, 10), "1.0"), "has dtype <U3, it must be real numbers"),
+        (np.ones((4, 10), bool), "has dtype bool, it must be real numbers"),
+        (None, "has dtype object, it must be real numbers"),
+        ([[1.0], [1.0, 2.0]], "is no array .*: ValueError"),
+    ],
+)
+def test_answer_that_is_no_batch_of_spectra_is_refused_with_the_first_ids(answer, message):
+    with pytest.raises(PredictorError, match=message) as caught:
+        predictor.checked(answer, IDS, 10)
+    assert "(first ids: a-00000/0, a-00000/1, a-00001/0)" in str(caught.value)
+
+
+# --- what a predictor sees -------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def seen(mini_home, mini_truth):
+    """All instances of a few shapes and one instance of others, as they are handed over."""
+    wanted = [*mini_truth.ids[:9], *mini_truth.head(20).ids]
+    ids = [id for id in mini_truth.ids if id in set(wanted)]
+    return dict(instances(store.open_dataset("1.0-mini", mini_home), ids)), ids
+
+
+def test_a_mesh_has_vertices_and_faces_and_nothing_else(seen):
+    meshes, _ = seen
+    for mesh in meshes.values():
+        assert [field.name for field in dataclasses.fields(mesh)] == ["vertices", "faces"]
+        assert type(mesh) is Mesh
+        assert not hasattr(mesh, "__dict__")
+        assert tuple(mesh.__slots__) == ("vertices", "faces")
+        public = {name for name in dir(mesh) if not name.startswith("_")}
+        assert public == {"vertices", "faces", "stored"}
+
+
+def test_arrays_are_plain_read_only_float64_and_int64(seen):
+    meshes, _ = seen
+    for mesh in meshes.values():
+        for array, kind in ((mesh.vertices, np.float64), (mesh.faces, np.int64)):
+            assert type(array) is np.ndarray
+            assert array.dtype == kind
+            assert array.dtype.metadata is None
+            assert array.shape[1:] == (3,)
+            assert array.flags.c_contiguous
+            assert not array.flags.writeable
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 0
+
+
+def test_no_array_is_a_window_on_a_larger_one(seen):
+    meshes, _ = seen
+    for mesh in meshes.values():
+        for array in (mesh.vertices, mesh.faces):
+            assert array.base is None or array.base.nbytes == array.nbytes
+
+
+def test_nothing_that_a_mesh_refers_to_holds_a_label_an_id_or_a_family(seen, mini_truth):
+    meshes, _ = seen
+    known = set(mini_truth.shapes.tolist()) | set(mini_truth.families.tolist())
+    for mesh in meshes.values():
+        reached = [*gc.get_referents(mesh), *(getattr(mesh, n) for n in ("vertices", "faces"))]
+        arrays = [thing for thing in reached if isinstance(thing, np.ndarray)]
+        assert {id(a) for a in arrays} == {id(mesh.vertices), id(mesh.faces)}
+        for name in dir(mesh):
+            value = getattr(mesh, name)
+            assert not isinstance(value, float)
+            assert not (isinstance(value, str) and value in known)
+            cells = getattr(value, "__closure__", None) or ()
+            held = [cell.cell_contents for cell in cells]  # the dataclass's own class and fields
+            assert not any(isinstance(thing, np.ndarray | float) for thing in held)
+            assert not known & {thing for thing in held if isinstance(thing, str)}
+        assert not any(word in repr(mesh) for word in known)
+
+
+def test_meshes_come_in_the_order_of_the_ids_and_skip_leaves_the_first_out(
+    seen, mini_home, mini_truth
+):
+    meshes, ids = seen
+    assert list(meshes) == ids
+    dataset = store.open_dataset("1.0-mini", mini_home)
+    rest = dict(instances(dataset, ids, skip=12))
+    assert list(rest) == ids[12:]
+    for key, mesh in rest.items():
+        np.testing.assert_array_equal(mesh.vertices, meshes[key].vertices)
+    assert list(instances(dataset, ids, skip=len(ids))) == []
+
+
+def test_instances_of_a_shape_are_isometric_and_face_outwards(seen):
+    meshes, ids = seen
+    shape = ids[0].rpartition("/")[0]
+    copies = [mesh for id, mesh in meshes.items() if id.startswith(f"{shape}/")]
+    assert len(copies) == 9
+
+    def corners(mesh):
+        return (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+
+    def volume(mesh):
+        a, b, c = corners(mesh)
+        return np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+
+    first = volume(copies[0])
+    assert first > 0
+    np.testing.assert_allclose([volume(mesh) for mesh in copies], first, rtol=1e-9)
+
+
+def test_dataset_that_lacks_a_shape_is_refused(mini_home):
+    stored = store.open_dataset("1.0-mini", mini_home)
+    with pytest.raises(
+        EigbenchError, match=r"lacks 1 shapes of the split, first cone-99999.*verify"
+    ):
+        list(instances(stored, ["cone-99999/0"]))
+
+
+def test_first_predictor_takes_ten_lines(predictor_file):
+    code = """\
+import numpy as np
+
+def predict(meshes):
+    spectra = []
+    for mesh in meshes:
+        a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+        spectra.append(4 * np.pi * np.arange(1, 11) / area)
+    return np.array(spectra)
+"""
+    assert len(code.splitlines()) < 10
+    answer = predictor.load(predictor_file(code)).predict([MESH])
+    area = np.sqrt(3) / 2  # of an equilateral triangle with side sqrt 2
+    np.testing.assert_allclose(answer, [4 * np.pi * np.arange(1, 11) / area], rtol=1e-14)

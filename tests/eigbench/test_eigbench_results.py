@@ -1,0 +1,199 @@
+"""Result files: the schema, and the identities asserted when one is read."""
+
+import copy
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+from eigbench import results
+from eigbench.errors import ResultError
+from eigbench.metrics import METRICS
+
+HERE = Path("result.json")
+
+
+@pytest.fixture
+def result(weyl):
+    return copy.deepcopy(weyl.result)
+
+
+def at(thing, place):
+    """Follow a path of keys; ``*`` is the first there is."""
+    for key in filter(None, place.split("/")):
+        if key == "*":
+            thing = next(iter(thing.values())) if isinstance(thing, dict) else thing[0]
+        else:
+            thing = thing[key]
+    return thing
+
+
+def test_schema_is_a_schema():
+    jsonschema.Draft202012Validator.check_schema(results.schema())
+
+
+def test_schema_names_every_metric():
+    overall = results.schema()["properties"]["scores"]["properties"]["overall"]
+    assert overall["required"] == list(METRICS)
+
+
+def test_real_result_is_accepted(result):
+    results.validate(result, HERE)
+
+
+def test_result_is_read_as_it_was_written(result, tmp_path):
+    results.write(tmp_path / "a.json", result)
+    assert results.read(tmp_path / "a.json") == result
+    results.write(tmp_path / "b.json", results.read(tmp_path / "a.json"))
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+
+
+LEVELS = [
+    "",
+    "model",
+    "dataset",
+    "predictions",
+    "scores",
+    "scores/overall",
+    "scores/overall/rpd",
+    "scores/families/*",
+    "scores/families/*/rpd",
+    "scores/per_index/*",
+    "cost",
+    "physics",
+]
+
+
+@pytest.mark.parametrize("place", LEVELS)
+def test_unknown_key_is_refused(result, place):
+    at(result, place)["surprise"] = 1
+    with pytest.raises(ResultError, match=r"result\.json is no result: at .*surprise"):
+        results.validate(result, HERE)
+
+
+@pytest.mark.parametrize("place", LEVELS)
+def test_missing_key_is_refused(result, place):
+    level = at(result, place)
+    for key in list(level):
+        if place == "model" and key not in results.schema()["properties"]["model"]["required"]:
+            continue
+        kept = level.pop(key)
+        with pytest.raises(ResultError, match=f"'{key}' is a required property"):
+            results.validate(result, HERE)
+        level[key] = kept
+
+
+@pytest.mark.parametrize(
+    ("place", "key", "value"),
+    [
+        ("", "schema_version", 2),
+        ("", "metric_version", "1"),
+        ("", "partial", "no"),
+        ("model", "name", 3),
+        ("model", "name", ""),
+        ("model", "kind", "magic"),
+        ("model", "code_sha256", "abc"),
+        ("model", "parameters", -1),
+        ("model", "parameters", 1.5),
+        ("dataset", "split", "exam"),
+        ("dataset", "protocol", "random"),
+        ("dataset", "split_digest", "A" * 64),
+        ("dataset", "instances", 0),
+        ("predictions", "seeds", 0),
+        ("predictions", "seeds", True),
+        ("scores", "families", {}),
+        ("scores", "per_index", []),
+        ("scores/overall/rpd", "mean", "0.1"),
+        ("scores/families/*", "count", 1.5),
+        ("scores/per_index/*", "median", [0.1]),
+        ("cost", "ms_per_mesh", -1),
+        ("cost", "ms_per_mesh_quartiles", [1.0]),
+        ("cost", "batch_size", 0),
+        ("physics", "rotation", "small"),
+        ("environment", "python", 3.11),
+    ],
+)
+def test_wrong_value_is_refused_and_its_place_named(result, place, key, value):
+    at(result, place)[key] = value
+    with pytest.raises(ResultError, match=rf"at (.*/)?{key}: "):
+        results.validate(result, HERE)
+
+
+@pytest.mark.parametrize("broken", [[], 3, None, "result", {}])
+def test_json_that_is_no_result_is_refused(tmp_path, broken):
+    (tmp_path / "r.json").write_text(json.dumps(broken))
+    with pytest.raises(ResultError, match="is no result: at the top"):
+        results.read(tmp_path / "r.json")
+
+
+@pytest.mark.parametrize("key", METRICS)
+def test_overall_mean_that_is_not_the_families_is_refused(result, key):
+    result["scores"]["overall"][key]["mean"] += 1e-6
+    with pytest.raises(ResultError, match=f"means of {key} do not give the overall mean"):
+        results.validate(result, HERE)
+
+
+@pytest.mark.parametrize("key", METRICS)
+def test_family_mean_that_is_not_in_the_overall_one_is_refused(result, key):
+    at(result, "scores/families/*")[key]["mean"] += 1e-3
+    with pytest.raises(ResultError, match=f"means of {key} do not give the overall mean"):
+        results.validate(result, HERE)
+
+
+def test_count_of_a_family_that_does_not_add_up_is_refused(result):
+    at(result, "scores/families/*")["count"] += 9
+    with pytest.raises(ResultError, match="the families have 315 instances, the dataset 306"):
+        results.validate(result, HERE)
+
+
+def test_counts_that_add_up_and_do_not_give_the_mean_are_refused(result):
+    first, second = list(result["scores"]["families"].values())[:2]
+    first["count"] += 1
+    second["count"] -= 1
+    with pytest.raises(ResultError, match="do not give the overall mean"):
+        results.validate(result, HERE)
+
+
+def test_mean_that_is_not_finite_must_be_so_in_a_family_too(result):
+    result["scores"]["overall"]["rpd"]["mean"] = None
+    with pytest.raises(ResultError, match="means of rpd"):
+        results.validate(result, HERE)
+    at(result, "scores/families/*")["rpd"]["mean"] = None
+    results.validate(result, HERE)
+    result["scores"]["overall"]["rpd"]["mean"] = 0.1
+    with pytest.raises(ResultError, match="means of rpd"):
+        results.validate(result, HERE)
+
+
+def test_missing_result_is_refused(tmp_path):
+    with pytest.raises(ResultError, match=r"there is no file .*none\.json"):
+        results.read(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"\xff\xfe", b"{'a': 1}"])
+def test_file_that_is_no_json_is_refused(tmp_path, content):
+    (tmp_path / "r.json").write_bytes(content)
+    with pytest.raises(ResultError, match=r"r\.json cannot be read"):
+        results.read(tmp_path / "r.json")
+
+
+@pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity"])
+def test_numbers_that_json_does_not_have_are_refused(result, tmp_path, word):
+    result["physics"]["rotation"] = float(word.replace("Infinity", "inf"))
+    (tmp_path / "r.json").write_text(json.dumps(result))
+    assert word in (tmp_path / "r.json").read_text()
+    with pytest.raises(ResultError, match=r"r\.json"):
+        results.read(tmp_path / "r.json")
+
+
+def test_wrong_result_is_not_written(result, tmp_path):
+    result["surprise"] = 1
+    with pytest.raises(ResultError, match="surprise"):
+        results.write(tmp_path / "r.json", result)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_schema_accepts_a_result_without_torch_installed(result):
+    for name in ("torch", "torch-geometric"):
+        result["environment"].pop(name, None)
+    results.validate(result, HERE)

@@ -1,0 +1,181 @@
+"""Means, medians, families and bootstrap intervals on a truth small enough to work by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from eigbench import scores
+from eigbench.metrics import METRICS
+
+LABELS = [[1.0, 2.0], [2.0, 4.0], [4.0, 8.0], [1.0, 3.0]]
+FAMILIES = ["cone", "cone", "cone", "torus"]
+SHAPES = ["cone-0", "cone-0", "cone-1", "torus-0"]
+# the errors |p - g| are (1, 0), (0, 2), (4, 4), (0, 0)
+ANSWERS = [[2.0, 2.0], [2.0, 2.0], [8.0, 4.0], [1.0, 3.0]]
+
+
+@pytest.fixture
+def by_hand(made_truth):
+    return made_truth(SHAPES, FAMILIES, LABELS)
+
+
+@pytest.fixture
+def random_case(made_truth):
+    rng = np.random.default_rng(0)
+    shapes = np.repeat([f"s-{i}" for i in range(40)], 3).tolist()
+    families = np.repeat(["a", "b", "c", "d"], 30).tolist()
+    labels = np.sort(rng.uniform(1, 30, (120, 10)), axis=1)
+    predictions = labels * rng.uniform(0.7, 1.4, (2, 120, 10))
+    return made_truth(shapes, families, labels), predictions
+
+
+def test_overall_equals_the_numbers_worked_by_hand(by_hand):
+    overall = scores.score(by_hand, np.array([ANSWERS]))["overall"]
+    assert overall["l1"]["mean"] == (1 + 2 + 8 + 0) / 4
+    assert overall["l1"]["median"] == 1.5
+    assert overall["l2"]["mean"] == pytest.approx((1 + 2 + math.sqrt(32) + 0) / 4, rel=1e-14)
+    assert overall["rpd"]["mean"] == pytest.approx((1 / 3 + 1 / 3 + 2 / 3 + 0) / 4, rel=1e-11)
+    # ratios g/p - 1: (-1/2, 0), (0, 1), (-1/2, 1), (0, 0)
+    invlap = (0.5 + 1 + math.sqrt(1.25) + 0) / 4
+    assert overall["invlap"]["mean"] == pytest.approx(invlap, rel=1e-14)
+    assert overall["psnr20"]["mean"] == 0.25
+    assert all(cell["seed_std"] is None for cell in overall.values())
+
+
+def test_families_equal_the_numbers_worked_by_hand(by_hand):
+    families = scores.score(by_hand, np.array([ANSWERS]))["families"]
+    assert list(families) == ["cone", "torus"]
+    assert families["cone"]["count"] == 3
+    assert families["cone"]["l1"] == {"mean": pytest.approx(11 / 3), "median": 2}
+    assert families["torus"]["count"] == 1
+    assert families["torus"]["l1"] == {"mean": 0, "median": 0}
+    assert families["torus"]["psnr20"]["mean"] == 1
+
+
+def test_per_index_equals_the_numbers_worked_by_hand(by_hand):
+    first, second = scores.score(by_hand, np.array([ANSWERS]))["per_index"]
+    assert first == {"mean": (1 + 0 + 1 + 0) / 4, "median": 0.5}
+    assert second == {"mean": (0 + 0.5 + 0.5 + 0) / 4, "median": 0.25}
+
+
+def test_several_seeds_give_the_mean_and_the_spread_of_their_means(by_hand):
+    off_by_one = np.array(LABELS) + np.array([1, 0])
+    off_by_three = np.array(LABELS) + np.array([3, 0])
+    overall = scores.score(by_hand, np.stack([off_by_one, off_by_three]))["overall"]
+    assert overall["l1"]["mean"] == 2
+    assert overall["l1"]["median"] == 2
+    assert overall["l1"]["seed_std"] == pytest.approx(math.sqrt(2))  # of 1 and 3, n - 1
+
+
+def test_one_seed_repeated_changes_nothing_but_the_spread(random_case):
+    truth, predictions = random_case
+    one = scores.score(truth, predictions[:1])
+    two = scores.score(truth, predictions[[0, 0]])
+    assert {cell.pop("seed_std") for cell in one["overall"].values()} == {None}
+    assert {cell.pop("seed_std") for cell in two["overall"].values()} == {0.0}
+    for key in METRICS:
+        assert two["overall"][key] == pytest.approx(one["overall"][key], rel=1e-14)
+
+
+def test_weighted_mean_over_families_is_the_overall_mean(random_case, by_hand):
+    for truth, predictions in (random_case, (by_hand, np.array([ANSWERS]))):
+        result = scores.score(truth, predictions)
+        for key in METRICS:
+            cells = [(f["count"], f[key]["mean"]) for f in result["families"].values()]
+            weighted = sum(n * mean for n, mean in cells) / len(truth.ids)
+            assert weighted == pytest.approx(result["overall"][key]["mean"], rel=1e-12)
+        assert sum(f["count"] for f in result["families"].values()) == len(truth.ids)
+
+
+def test_interval_holds_the_mean(random_case):
+    overall = scores.score(*random_case)["overall"]
+    for cell in overall.values():
+        assert cell["low"] <= cell["mean"] <= cell["high"]
+
+
+def test_interval_of_identical_values_is_that_value(random_case):
+    truth, _ = random_case
+    weights = scores.bootstrap_weights(truth)
+    assert scores.interval(np.full(120, 0.25), truth, weights) == (0.25, 0.25)
+
+
+def test_interval_is_the_same_for_every_call(random_case):
+    assert scores.score(*random_case) == scores.score(*random_case)
+
+
+def test_weights_resample_shapes(random_case):
+    truth, _ = random_case
+    weights = scores.bootstrap_weights(truth)
+    assert weights.shape == (scores.RESAMPLES, 40)
+    assert (weights.sum(axis=1) == 40).all()
+    assert weights.mean(axis=0) == pytest.approx(1, abs=0.15)
+
+
+def test_copies_of_the_shapes_do_not_narrow_the_interval(made_truth):
+    rng = np.random.default_rng(1)
+    labels = rng.uniform(1, 10, (30, 2))
+    values = rng.uniform(0, 1, 30)
+    shapes = [f"s-{i}" for i in range(30)]
+    once = made_truth(shapes, ["a"] * 30, labels)
+    nine = made_truth(np.repeat(shapes, 9).tolist(), ["a"] * 270, np.repeat(labels, 9, axis=0))
+    narrow = scores.interval(values, once, scores.bootstrap_weights(once))
+    copied = scores.interval(np.repeat(values, 9), nine, scores.bootstrap_weights(nine))
+    assert copied == pytest.approx(narrow, rel=1e-12)
+
+
+def test_interval_covers_two_standard_errors_of_the_mean(made_truth):
+    values = np.random.default_rng(2).normal(5, 2, 400)
+    truth = made_truth([f"s-{i}" for i in range(400)], ["a"] * 400, np.ones((400, 1)))
+    low, high = scores.interval(values, truth, scores.bootstrap_weights(truth))
+    error = values.std(ddof=1) / math.sqrt(400)
+    assert (high - low) / (2 * 1.96 * error) == pytest.approx(1, abs=0.1)
+    assert (low + high) / 2 == pytest.approx(values.mean(), abs=0.2 * error)
+
+
+def test_shapes_with_more_instances_weigh_more_in_the_mean_and_its_interval(made_truth):
+    truth = made_truth(["s-0"] * 3 + ["s-1"], ["a"] * 4, np.ones((4, 1)))
+    values = np.array([1.0, 1.0, 1.0, 0.0])
+    # resamples of two shapes: both s-0, both s-1, or one each with the mean 3/4
+    assert scores.interval(values, truth, scores.bootstrap_weights(truth)) == (0, 1)
+    assert scores.interval(values, truth, np.array([[1.0, 1.0]])) == (0.75, 0.75)
+
+
+def test_paired_interval_of_equal_models_is_zero_and_of_a_shift_is_the_shift(random_case):
+    truth, predictions = random_case
+    weights = scores.bootstrap_weights(truth)
+    a = scores.per_mesh(truth, predictions)["rpd"][0]
+    assert scores.paired_interval(a, a, truth, weights) == (0, 0)
+    assert scores.paired_interval(a + 0.5, a, truth, weights) == pytest.approx((0.5, 0.5))
+
+
+@pytest.mark.parametrize("broken", [np.nan, np.inf, -np.inf])
+def test_one_value_that_is_not_finite_is_never_dropped(random_case, broken):
+    truth, predictions = random_case
+    predictions[1, 5, 2] = broken
+    result = scores.score(truth, predictions)
+    for key in ("invlap", "rpd", "polar", "l1", "l2"):
+        assert result["overall"][key]["mean"] is None
+        assert result["overall"][key]["low"] is None
+        assert result["overall"][key]["high"] is None
+        assert result["overall"][key]["seed_std"] is None
+        assert result["families"]["a"][key]["mean"] is None
+        assert result["families"]["b"][key]["mean"] is not None
+    assert result["families"]["a"]["count"] == 30
+    assert result["per_index"][2]["mean"] is None
+    assert result["per_index"][3]["mean"] is not None
+
+
+def test_prediction_of_zeros_is_scored_without_a_warning(random_case):
+    truth, predictions = random_case
+    overall = scores.score(truth, np.zeros_like(predictions))["overall"]
+    assert overall["invlap"]["mean"] is None
+    assert overall["polar"]["mean"] is None
+    assert overall["rpd"]["mean"] == pytest.approx(10)
+    assert overall["psnr20"]["mean"] == 0
+
+
+def test_difference_of_two_infinite_values_has_no_interval_and_no_warning(random_case):
+    truth, _ = random_case
+    infinite = np.full(120, np.inf)
+    found = scores.paired_interval(infinite, infinite, truth, scores.bootstrap_weights(truth))
+    assert all(map(math.isnan, found))
