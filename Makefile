@@ -37,6 +37,7 @@ types: $(STAMP) ## check the types
 
 bench: $(STAMP) ## measure what building costs
 	$(VENV)/bin/python benchmarks/build_cost.py
+	@echo "after a build of 1.0: $(VENV)/bin/python benchmarks/loading.py"
 
 ci: lint types test ## all checks: lint, types and test
 

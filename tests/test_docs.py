@@ -100,3 +100,15 @@ def test_card_has_the_numbers_of_the_pinned_build():
         for number in numbers:
             assert f"{number:,}" in CARD
         assert f"{row['core_seconds']:,.1f}" in CARD
+
+
+def test_card_has_the_costs_that_were_measured():
+    build, loading = (
+        json.loads((ROOT / "docs" / "data" / f"{name}.json").read_text())
+        for name in ("build-cost", "loading-1.0")
+    )
+    whole = build["rows"][-1]
+    cost = CARD.partition("## What it costs")[2].partition("## Files")[0]
+    for number in (whole["ours ms"], whole["plain ms"], whole["ratio"], *loading.values()):
+        if number not in (loading["version"], loading["vertices"]):
+            assert f"{number:,}" in cost

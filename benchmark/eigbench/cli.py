@@ -95,15 +95,32 @@ def _differences(
     return [f"other answers for {how}: up to {apart[bad].max():.2g} relative, first for {first}"]
 
 
+def _directory(options: argparse.Namespace) -> store.StoredDataset | None:
+    """Return the dataset that ``--dataset`` names as a directory, if it does."""
+    place = Path(options.dataset)
+    manifest = store.read_manifest(place)
+    return None if manifest is None else store.StoredDataset(place, manifest)
+
+
+def _truth(options: argparse.Namespace, directory: store.StoredDataset | None) -> truth.Truth:
+    if directory is not None:
+        return truth.of_dataset(directory, options.split, options.protocol)
+    return truth.load(options.dataset, options.split, options.protocol)
+
+
 def _evaluate(options: argparse.Namespace) -> int:
-    wanted = truth.load(options.dataset, options.split, options.protocol)
+    out: Path = options.out
+    kept: Path = options.predictions or out.with_suffix(".parquet")
+    for name, path, suffix in (("--out", out, ".json"), ("--predictions", kept, ".parquet")):
+        if path.suffix != suffix:
+            raise EigbenchError(f"{name} must end in {suffix}, got {path}")
+    directory = _directory(options)
+    wanted = _truth(options, directory)
     partial = options.limit is not None and options.limit < len(wanted.ids)
     if partial:
         wanted = wanted.head(options.limit)
-    dataset = store.open_dataset(options.dataset, options.root)
+    dataset = directory or store.open_dataset(options.dataset, options.root)
     settings = Options(**{f.name: getattr(options, f.name) for f in fields(Options)})
-    out: Path = options.out
-    kept: Path = options.predictions or out.with_suffix(".parquet")
     parts = out.with_name(f".{out.name}.parts")
     progress = Progress(
         TextColumn("predicting"),
@@ -160,7 +177,7 @@ def _evaluate(options: argparse.Namespace) -> int:
 
 
 def _score(options: argparse.Namespace) -> int:
-    wanted = truth.load(options.dataset, options.split, options.protocol)
+    wanted = _truth(options, _directory(options))
     found = predictions.read(options.file, wanted)
     result = {"dataset": results.dataset_facts(wanted), "scores": scores.score(wanted, found)}
     if options.json:
@@ -199,7 +216,12 @@ def _parser() -> argparse.ArgumentParser:
         return sub
 
     def split_options(sub: argparse.ArgumentParser) -> None:
-        sub.add_argument("--dataset", default="1.0", metavar="V", help="version (default: 1.0)")
+        sub.add_argument(
+            "--dataset",
+            default="1.0",
+            metavar="V",
+            help="a version, or a directory that synthnet built (default: 1.0)",
+        )
         sub.add_argument("--split", default="test", choices=SPLITS)
         sub.add_argument("--protocol", default="grouped", choices=PROTOCOLS)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
-from synthnet import pins, recipe
+from synthnet import pins, recipe, store
 from synthnet.plan import plan_shards
 from synthnet.types import PROTOCOLS, SPLITS
 
@@ -69,6 +69,38 @@ class Truth:
         )
 
 
+def of_dataset(
+    dataset: store.StoredDataset, split: str = "test", protocol: str = "grouped"
+) -> Truth:
+    """Return the labels of a split of a dataset on disk, as they are stored there."""
+    _check(split, protocol)
+    rows = []
+    columns = ["id", "family", "split", "paper_splits", "eigenvalues"]
+    for path in dataset.paths():
+        for row in store.read_table(path, columns).to_pylist():
+            for instance, paper_split in enumerate(row["paper_splits"]):
+                if (row["split"] if protocol == "grouped" else paper_split) == split:
+                    rows.append((f"{row['id']}/{instance}", row))
+    if not rows:
+        raise EigbenchError(f"{dataset.directory} has nothing in the split {split}")
+    return Truth(
+        dataset.manifest.version,
+        split,
+        protocol,
+        tuple(id for id, _ in rows),
+        np.array([row["id"] for _, row in rows]),
+        np.array([row["family"] for _, row in rows]),
+        np.array([row["eigenvalues"] for _, row in rows]),
+        dataset.manifest.recipe_digest,
+    )
+
+
+def _check(split: str, protocol: str) -> None:
+    for name, value, known in (("split", split, SPLITS), ("protocol", protocol, PROTOCOLS)):
+        if value not in known:
+            raise EigbenchError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+
+
 def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
     """Return the pinned labels of a split.
 
@@ -94,9 +126,7 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
     >>> len(truth.ids), truth.ids[0], truth.eigenvalues.shape
     (306, 'rectangular_prism-00008/0', (306, 10))
     """
-    for name, value, known in (("split", split, SPLITS), ("protocol", protocol, PROTOCOLS)):
-        if value not in known:
-            raise EigbenchError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+    _check(split, protocol)
     wanted = recipe.load(version)
     pinned = pins.read(wanted.base)
     if pinned is None:
