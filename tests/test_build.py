@@ -50,8 +50,8 @@ def assert_same(found: Path, expected: Path) -> None:
 
 
 def one_line(text: str) -> str:
-    """The one line of standard error that is no progress bar."""
-    bar = re.compile(r"^\w+ .* \d+/\d+ .*(-:--:--|\d:\d\d:\d\d)\s*$")
+    """The one line of standard error that is no progress."""
+    bar = re.compile(r"^(\w+ .* \d+/\d+ .*(-:--:--|\d:\d\d:\d\d)\s*|\w+: done)$")
     lines = [line for line in text.splitlines() if line.strip() and not bar.match(line)]
     assert len(lines) == 1, text
     return lines[0]
@@ -262,7 +262,7 @@ def test_two_builds_at_once_do_not_mix(
     assert second.returncode == 2
     assert one_line(second.stderr) == (
         f"synthnet: another build is writing to {tmp_path / VERSION}: "
-        "wait for it or choose another --out"
+        "wait for it (--wait) or choose another --out"
     )
     assert first.poll() is None
 
