@@ -19,7 +19,7 @@ from synthnet.families import FAMILIES
 from synthnet.files import one_line
 from synthnet.plan import PlannedShape, plan_shards
 from synthnet.recipe import Recipe
-from synthnet.types import Manifest, Mesh, Sample, ShardRecord
+from synthnet.types import Manifest, Mesh, Sample, ShapeSpec, ShardRecord
 
 VERTEX_TOLERANCE = 1e-6  # of the largest coordinate: float32 keeps 6e-8
 ISOMETRY_TOLERANCE = 1e-12  # of entries: sines differ in their last bits
@@ -199,10 +199,15 @@ def _check_plan(sample: Sample, planned: dict[str, PlannedShape], wanted: Recipe
             yield f"{spec.id}: isometries differ from the recipe's draw"
 
 
+def generated_anew(spec: ShapeSpec) -> Mesh:
+    """Return the mesh a shape has by its parameters, at the precision of the store."""
+    return FAMILIES[spec.family].generate(spec.parameters).stored()
+
+
 def _check_mesh(sample: Sample) -> Iterator[str]:
     spec = sample.spec
     try:
-        expected = FAMILIES[spec.family].generate(spec.parameters).stored()
+        expected = generated_anew(spec)
     except (KeyError, ValueError) as error:
         yield f"{spec.id}: cannot be generated: {one_line(error)}"
         return

@@ -15,7 +15,7 @@ import synthnet.verify
 from synthnet import cli, pins, recipe, store
 from synthnet.errors import RecipeError, StoreError
 from synthnet.plan import plan_shards
-from synthnet.types import Mesh, Rejection, Sample
+from synthnet.types import Mesh, Rejection, Sample, ShapeSpec
 from synthnet.verify import VerifyReport, lapy_eigenvalues, verify
 
 VERSION = "1.0-mini"
@@ -29,6 +29,25 @@ def fixture_pins(mini_home: Path) -> dict[str, pins.Pin]:
     """The pins of the fixture itself."""
     samples = store.open_dataset(VERSION, mini_home).samples()
     return {sample.spec.id: pins.pin(sample) for sample in samples}
+
+
+@pytest.fixture(scope="session")
+def known_meshes() -> dict[str, Mesh]:
+    return {}
+
+
+@pytest.fixture(autouse=True)
+def generate_each_mesh_once(known_meshes: dict[str, Mesh], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Generating the meshes of 1.0-mini takes two seconds, and most tests here want them."""
+    generate = synthnet.verify.generated_anew
+
+    def once(spec: ShapeSpec) -> Mesh:
+        key = json.dumps([spec.family, dict(spec.parameters)])
+        if key not in known_meshes:
+            known_meshes[key] = generate(spec)
+        return known_meshes[key]
+
+    monkeypatch.setattr(synthnet.verify, "generated_anew", once)
 
 
 @pytest.fixture
