@@ -59,6 +59,15 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
         raise _cannot_write(path, error) from error
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, as :func:`write_atomically` does."""
+
+    def write(partial: Path) -> None:
+        partial.write_text(text)
+
+    write_atomically(path, write)
+
+
 def _cannot_write(path: Path, error: OSError) -> BuildError:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return BuildError(

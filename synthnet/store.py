@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from synthnet import recipe
 from synthnet.errors import DamagedError, StoreError
-from synthnet.files import one_line, sha256, write_atomically
+from synthnet.files import one_line, sha256, write_atomically, write_text
 from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
 
 SCHEMA_VERSION = 1
@@ -318,7 +318,7 @@ def write_manifest(directory: Path, manifest: Manifest) -> None:
     """Write the manifest, the mark of a finished dataset."""
     content = {"schema_version": SCHEMA_VERSION, **asdict(manifest)}
     text = json.dumps(content, indent=1) + "\n"
-    write_atomically(directory / MANIFEST, lambda partial: _write_text(partial, text))
+    write_text(directory / MANIFEST, text)
 
 
 def read_manifest(directory: Path) -> Manifest | None:
@@ -396,7 +396,3 @@ def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> St
     if manifest.version != version:
         raise StoreError(f"{directory} holds {manifest.version}, not {version}")
     return StoredDataset(directory, manifest)
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text)

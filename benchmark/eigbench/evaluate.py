@@ -253,7 +253,7 @@ def _open_parts(place: Path, fingerprint: dict[str, object], resume: bool) -> No
     if not same:
         shutil.rmtree(place, ignore_errors=True)
         files.make_directory(place)
-        files.write_atomically(note, lambda to: _write_text(to, json.dumps(fingerprint)))
+        files.write_text(note, json.dumps(fingerprint))
 
 
 def _read_parts(place: Path) -> list[tuple[NDArray[np.float64], float]]:
@@ -270,7 +270,3 @@ def _write_part(place: Path, number: int, values: NDArray[np.float64], seconds: 
             np.savez(file, values=values, seconds=seconds)
 
     files.write_atomically(place / f"{number:06d}.npz", write)
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text)

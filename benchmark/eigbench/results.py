@@ -18,7 +18,7 @@ from eigbench.errors import ResultError
 from eigbench.evaluate import Evaluation, Options
 from eigbench.metrics import METRIC_VERSION, METRICS
 from eigbench.truth import Truth
-from synthnet.files import one_line, sha256, write_atomically
+from synthnet.files import one_line, sha256, write_text
 
 SCHEMA_VERSION = 1
 PACKAGES = ("synthnet", "numpy", "scipy", "lapy", "torch", "torch-geometric", "scikit-learn")
@@ -121,7 +121,7 @@ def write(path: Path, result: dict[str, Any]) -> None:
     """Write a result as JSON, after checking it."""
     validate(result, path)
     text = json.dumps(result, indent=1, allow_nan=False) + "\n"
-    write_atomically(path, lambda partial: _write_text(partial, text))
+    write_text(path, text)
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -188,7 +188,3 @@ def _check_means(result: dict[str, Any], path: Path) -> None:
             consistent = math.isclose(weighted, overall, rel_tol=1e-9, abs_tol=1e-12)
         if not consistent:
             raise ResultError(f"{path}: the families' means of {key} do not give the overall mean")
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text)
