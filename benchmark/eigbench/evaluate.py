@@ -1,27 +1,27 @@
-"""Run a predictor over a split in a process of its own, and keep what it answered."""
+"""Run a predictor over a split, and keep what it answered."""
 
 from __future__ import annotations
 
-import hashlib
 import json
-import multiprocessing
-import os
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eigbench import meshes
 from eigbench.errors import PredictorError
+from eigbench.meshes import Instances
+from eigbench.process import PredictorProcess
 from eigbench.truth import Truth
-from eigbench.worker import Answered, Begun, Done, Failed, Job, Ready, work
+from eigbench.worker import Answered, Loaded, Status
 from synthnet import files, store
 from synthnet.types import Mesh
 
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+WARM_UP = 16  # meshes predicted before the clock counts
+SOURCES = "sources.json"  # of a run that has begun: digests of the predictor's files
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,22 +60,20 @@ class Evaluation:
     ----------
     predictions : ndarray of shape (seeds, n, k), float64
         In the order of the truth's ids, in 1/length².
-    seconds, sizes : ndarray of shape (batches,)
-        Seconds and meshes of every batch of every seed.
-    peak_bytes : int
-        Peak memory of the predictor's process.
-    meta : dict of str to str
-        Of the predictor.
-    parameters : int or None
-        Of a torch module.
+    seconds, cpu_seconds, sizes : ndarray of shape (batches,)
+        Wall and CPU seconds, and meshes, of every batch of every seed.
+    loaded : Loaded
+        META and parameters of the predictor.
+    status : Status
+        Peak memory of its process and digests of its files.
     """
 
     predictions: NDArray[np.float64]
     seconds: NDArray[np.float64]
+    cpu_seconds: NDArray[np.float64]
     sizes: NDArray[np.int64]
-    peak_bytes: int
-    meta: dict[str, str]
-    parameters: int | None
+    loaded: Loaded
+    status: Status
 
 
 def evaluate(
@@ -86,7 +84,7 @@ def evaluate(
     parts: Path,
     on_batch: Callable[[int], None] | None = None,
 ) -> Evaluation:
-    """Run a predictor over the instances of a split.
+    """Run a predictor over the instances of a split, in the order of :attr:`Truth.order`.
 
     Parameters
     ----------
@@ -109,136 +107,100 @@ def evaluate(
         If the predictor fails, answers with the wrong shape or type, changes its input,
         hangs or dies. The batches before are kept in ``parts``.
     """
+    if not path.is_file():
+        raise PredictorError(f"there is no file {path}")
+    instances = meshes.read(dataset, truth.ids)
     runs = []
     for seed in range(options.seeds):
         place = parts / f"seed-{seed}"
-        _open_parts(place, _fingerprint(path, truth, options, seed), options.resume)
-        runs.append(_run(path, truth, dataset, options, seed, place, on_batch))
+        _open_parts(place, _fingerprint(path, truth, options, seed), path, options.resume)
+        runs.append(_run(path, truth, instances, options, seed, place, on_batch))
     saved = [part for run in runs for part in run.parts]
+    predictions = np.empty((len(runs), *truth.eigenvalues.shape))
+    for seed, run in enumerate(runs):
+        predictions[seed, truth.order] = np.concatenate([part.values for part in run.parts])
     return Evaluation(
-        predictions=np.stack([np.concatenate([values for values, _ in r.parts]) for r in runs]),
-        seconds=np.array([seconds for _, seconds in saved]),
-        sizes=np.array([len(values) for values, _ in saved]),
-        peak_bytes=max(run.peak_bytes for run in runs),
-        meta=runs[0].meta,
-        parameters=runs[0].parameters,
+        predictions=predictions,
+        seconds=np.array([part.seconds for part in saved]),
+        cpu_seconds=np.array([part.cpu_seconds for part in saved]),
+        sizes=np.array([len(part.values) for part in saved]),
+        loaded=runs[0].loaded,
+        status=Status(max(r.status.peak_bytes for r in runs), runs[0].status.sources),
     )
+
+
+def predict_meshes(
+    path: Path, ids: Sequence[str], given: Sequence[Mesh], k: int, options: Options
+) -> NDArray[np.float64]:
+    """Return the answers, (n, k), for given meshes; as :func:`evaluate`, without keeping them."""
+    with _process(path, k, options, 0) as process:
+        answers = [
+            process.predict(ids[first:last], given[first:last]).values
+            for first, last in _batches(len(ids), options.batch_size)
+        ]
+    return np.concatenate(answers)
 
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    parts: list[tuple[NDArray[np.float64], float]]
-    peak_bytes: int
-    meta: dict[str, str]
-    parameters: int | None
+    parts: list[Answered]
+    loaded: Loaded
+    status: Status
 
 
 def _run(
     path: Path,
     truth: Truth,
-    dataset: store.StoredDataset,
+    instances: Instances,
     options: Options,
     seed: int,
     place: Path,
     on_batch: Callable[[int], None] | None,
 ) -> _Run:
     parts = _read_parts(place)
-    done = sum(len(values) for values, _ in parts)
+    done = sum(len(part.values) for part in parts)
     if on_batch is not None and done:
         on_batch(done)
-    k = truth.eigenvalues.shape[1]
-    job = Job(path, dataset, truth.ids, done, options.batch_size, seed, options.device, k)
-    ready, peak = None, 0
-    for message in _messages(job, options):
-        match message:
-            case Ready():
-                ready = message
-            case Answered(values, seconds):
-                _write_part(place, len(parts), values, seconds)
-                parts.append((values, seconds))
-                if on_batch is not None:
-                    on_batch(len(values))
-            case Done(peak_bytes):
-                peak = peak_bytes
-    if ready is None:
-        raise PredictorError("the predictor's process ended before it was loaded")
-    return _Run(parts, peak, ready.meta, ready.parameters)
+    ids = [truth.ids[i] for i in truth.order]
+    with _process(path, truth.eigenvalues.shape[1], options, seed) as process:
+        if options.seeds > 1 and not process.loaded.seeded:
+            raise PredictorError(
+                f"{path} takes no seed: define load(device, seed), or leave --seeds out"
+            )
+        warm = ids[: min(WARM_UP, options.batch_size)]
+        process.predict(warm, [instances.mesh(id) for id in warm])
+        files.write_text(place / SOURCES, json.dumps(process.status().sources))
+        for first, last in _batches(len(ids), options.batch_size, done):
+            batch = ids[first:last]
+            answered = process.predict(batch, [instances.mesh(id) for id in batch])
+            _write_part(place, len(parts), answered)
+            parts.append(answered)
+            if on_batch is not None:
+                on_batch(len(batch))
+        return _Run(parts, process.loaded, process.status())
 
 
-def predict_meshes(
-    path: Path, ids: tuple[str, ...], meshes: tuple[Mesh, ...], k: int, options: Options
-) -> NDArray[np.float64]:
-    """Return the answers, (n, k), for given meshes; as :func:`evaluate`, without keeping them."""
-    job = Job(path, meshes, ids, 0, options.batch_size, 0, options.device, k)
-    answers = [m.values for m in _messages(job, options) if isinstance(m, Answered)]
-    return np.concatenate(answers)
+def _process(path: Path, k: int, options: Options, seed: int) -> PredictorProcess:
+    return PredictorProcess(
+        path,
+        k,
+        device=options.device,
+        seed=seed,
+        threads=options.threads,
+        time_limit=options.time_limit,
+    )
 
 
-def _messages(job: Job, options: Options) -> Iterator[Ready | Answered | Done]:
-    """Yield a worker's messages; end it when it fails, hangs or dies."""
-    context = multiprocessing.get_context("spawn")
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=work, args=(sender, job), daemon=False)
-    with _threads(options.threads):
-        process.start()
-    sender.close()
-    at = "while loading"
-    try:
-        while True:
-            if not receiver.poll(options.time_limit):
-                raise PredictorError(
-                    f"the predictor took more than {options.time_limit:g} s {at}: "
-                    "raise --time-limit or lower --batch-size"
-                )
-            try:
-                message = receiver.recv()
-            except EOFError:
-                process.join()
-                raise PredictorError(
-                    f"the predictor's process died {at} (exit code {process.exitcode}; "
-                    "-9 is often lack of memory)"
-                ) from None
-            match message:
-                case Failed(told):
-                    raise PredictorError(told)
-                case Begun(ids):
-                    at = f"on the batch of {len(ids)} that begins with {', '.join(ids[:3])}"
-                case Done():
-                    yield message
-                    return
-                case _:
-                    yield message
-    finally:
-        receiver.close()
-        process.terminate()
-        process.join(5)
-        if process.is_alive():
-            process.kill()
-            process.join()
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    """Let a process started here use ``count`` threads: libraries read this when loaded."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(count)))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+def _batches(count: int, size: int, done: int = 0) -> list[tuple[int, int]]:
+    return [(first, min(first + size, count)) for first in range(done, count, size)]
 
 
 # The answers of an interrupted run
 
 
 def _fingerprint(path: Path, truth: Truth, options: Options, seed: int) -> dict[str, object]:
-    code = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
     return {
-        "predictor": code,
+        "predictor": path.name,
         "truth": truth.digest,
         "batch_size": options.batch_size,
         "device": options.device,
@@ -247,26 +209,43 @@ def _fingerprint(path: Path, truth: Truth, options: Options, seed: int) -> dict[
     }
 
 
-def _open_parts(place: Path, fingerprint: dict[str, object], resume: bool) -> None:
+def _open_parts(place: Path, fingerprint: dict[str, object], path: Path, resume: bool) -> None:
     note = place / "run.json"
     same = resume and note.exists() and json.loads(note.read_text()) == fingerprint
-    if not same:
+    if not (same and _unchanged(place / SOURCES, path.resolve().parent)):
         shutil.rmtree(place, ignore_errors=True)
         files.make_directory(place)
         files.write_text(note, json.dumps(fingerprint))
 
 
-def _read_parts(place: Path) -> list[tuple[NDArray[np.float64], float]]:
+def _unchanged(note: Path, root: Path) -> bool:
+    """Whether the code of an earlier run is still what it was."""
+    if not note.exists():
+        return False  # it did not come as far as the first batch
+    return all(
+        (root / name).is_file() and files.sha256(root / name) == digest
+        for name, digest in json.loads(note.read_text()).items()
+    )
+
+
+def _read_parts(place: Path) -> list[Answered]:
     parts = []
     for path in sorted(place.glob("*.npz")):
         with np.load(path, allow_pickle=False) as part:
-            parts.append((part["values"], float(part["seconds"])))
+            parts.append(
+                Answered(part["values"], float(part["seconds"]), float(part["cpu_seconds"]))
+            )
     return parts
 
 
-def _write_part(place: Path, number: int, values: NDArray[np.float64], seconds: float) -> None:
+def _write_part(place: Path, number: int, answered: Answered) -> None:
     def write(to: Path) -> None:
         with to.open("wb") as file:
-            np.savez(file, values=values, seconds=seconds)
+            np.savez(
+                file,
+                values=answered.values,
+                seconds=answered.seconds,
+                cpu_seconds=answered.cpu_seconds,
+            )
 
     files.write_atomically(place / f"{number:06d}.npz", write)

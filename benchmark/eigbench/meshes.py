@@ -2,22 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
 from synthnet import augment, store
 from synthnet.types import Mesh
 
 
-def instances(
-    dataset: store.StoredDataset, ids: Sequence[str], skip: int = 0
-) -> Iterator[tuple[str, Mesh]]:
-    """Yield each instance's id and mesh, in the order of ``ids``, which is the shards'.
+@dataclass(frozen=True, slots=True)
+class Instances:
+    """Shapes in memory, and the isometries that make their instances.
 
-    A mesh has float64 vertices (n, 3) and int64 faces (m, 3), both read-only, and nothing
-    that tells its label, family or parameters.
+    Parameters
+    ----------
+    shapes : mapping of str to Mesh
+        By id, at the precision of the store.
+    isometries : mapping of str to ndarray of shape (c, 3, 3), float64
+        By id of the shape.
+    """
+
+    shapes: Mapping[str, Mesh]
+    isometries: Mapping[str, NDArray[np.float64]]
+
+    def mesh(self, id: str) -> Mesh:
+        """Return the mesh of an instance, such as ``cone-00042/3``, as :func:`view` does."""
+        shape, _, number = id.rpartition("/")
+        stored = self.shapes[shape]
+        plain = Mesh(stored.vertices.astype(np.float64), stored.faces.astype(np.int64))
+        return view(augment.apply(plain, self.isometries[shape][int(number)]))
+
+
+def read(dataset: store.StoredDataset, ids: Sequence[str]) -> Instances:
+    """Read the shapes of instances into memory: about 0.2 GB for the test split of 1.0.
 
     Parameters
     ----------
@@ -25,51 +45,37 @@ def instances(
         A built dataset.
     ids : sequence of str
         Instances as in :class:`eigbench.truth.Truth`.
-    skip : int
-        How many of the first to leave out.
 
     Raises
     ------
     EigbenchError
         If the dataset lacks one.
     """
-    wanted: dict[str, list[int]] = {}
-    for id in ids[skip:]:
-        shape, _, number = id.rpartition("/")
-        wanted.setdefault(shape, []).append(int(number))
-    if not wanted:
-        return
+    wanted = {id.rpartition("/")[0] for id in ids}
     families = {shape.rpartition("-")[0] for shape in wanted}
+    shapes, isometries = {}, {}
     for record in dataset.manifest.shards:
+        path = dataset.directory / record.file
         if record.family not in families:
             continue
-        path = dataset.directory / record.file
-        if not set(store.read_table(path, ["id"])["id"].to_pylist()) & wanted.keys():
+        if not wanted.intersection(store.read_table(path, ["id"])["id"].to_pylist()):
             continue
         for sample in store.read_samples(path):
-            for instance in wanted.pop(sample.spec.id, ()):
-                yield (
-                    f"{sample.spec.id}/{instance}",
-                    view(
-                        augment.apply(
-                            Mesh(
-                                sample.mesh.vertices.astype(np.float64),
-                                sample.mesh.faces.astype(np.int64),
-                            ),
-                            sample.isometries[instance],
-                        )
-                    ),
-                )
-        if not wanted:
-            return
-    raise EigbenchError(
-        f"{dataset.directory} lacks {len(wanted)} shapes of the split, first "
-        f"{next(iter(wanted))}: check it with `synthnet verify`"
-    )
+            if sample.spec.id in wanted:  # copied, or it would hold the whole shard
+                mesh = sample.mesh
+                shapes[sample.spec.id] = Mesh(mesh.vertices.copy(), mesh.faces.copy())
+                isometries[sample.spec.id] = sample.isometries.copy()
+    missing = sorted(wanted - shapes.keys())
+    if missing:
+        raise EigbenchError(
+            f"{dataset.directory} lacks {len(missing)} shapes of the split, first "
+            f"{missing[0]}: check it with `synthnet verify`"
+        )
+    return Instances(shapes, isometries)
 
 
 def view(mesh: Mesh) -> Mesh:
-    """Return the mesh with read-only arrays."""
+    """Return the mesh with read-only arrays, float64 vertices and int64 faces, and no more."""
     vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
     faces = np.ascontiguousarray(mesh.faces, dtype=np.int64)
     vertices.flags.writeable = False

@@ -64,6 +64,19 @@ CHANGES: dict[str, tuple[Callable[[Mesh, np.random.Generator], Mesh], float]] = 
 }
 
 
+SHARES = ("positive", "ascending")
+TITLES = {
+    "scale_2": "λ(2X) against λ(X)/4",
+    "scale_half": "λ(X/2) against 4 λ(X)",
+    "rotation": "rotated",
+    "reflection": "reflected",
+    "permutation": "renumbered",
+    "triangulation": "each triangle split into four",
+    "positive": "share positive",
+    "ascending": "share ascending",
+}
+
+
 def questions() -> tuple[tuple[str, ...], tuple[Mesh, ...]]:
     """Return ids and meshes: the probes, then the probes under each change."""
     rng = np.random.default_rng(SEED)

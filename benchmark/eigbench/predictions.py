@@ -100,6 +100,22 @@ def read(path: Path, truth: Truth) -> NDArray[np.float64]:
     return np.stack([_join(path, ids[seeds == s], values[seeds == s], truth) for s in _runs(seeds)])
 
 
+def unphysical(truth: Truth, found: NDArray[np.float64]) -> str:
+    """Return one line about values that are not finite or not positive, empty if there are none.
+
+    They are scored as they are, never left out of a mean; but a board does not take them.
+    """
+    for what, bad in (("not finite", ~np.isfinite(found)), ("not positive", ~(found > 0))):
+        rows = np.flatnonzero(bad.any(axis=(0, 2)))
+        if len(rows):
+            first = ", ".join(truth.ids[i] for i in rows[:3])
+            return (
+                f"the predictions of {len(rows)} of {len(truth.ids)} instances are {what}, first "
+                f"ids: {first}; they are scored as they are, but a board does not take them"
+            )
+    return ""
+
+
 def _runs(seeds: NDArray[np.int64]) -> Sequence[int]:
     found: list[int] = np.unique(seeds).tolist()
     return found

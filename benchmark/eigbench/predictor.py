@@ -16,8 +16,9 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+import sysconfig
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -26,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
+from synthnet.files import sha256
 from synthnet.types import Mesh
 
 META_KEYS = (
@@ -38,6 +40,7 @@ META_KEYS = (
     "training_cost",
     "hardware",
 )
+META_LENGTH = 300
 KINDS = ("trivial", "classical", "learned")
 
 
@@ -54,11 +57,14 @@ class Predictor:
         The file's ``META``, with a name and a kind in any case.
     parameters : int or None
         Trainable and frozen parameters of a torch module; ``None`` where there is none.
+    seeded : bool
+        Whether it was made with a seed, by ``load(device, seed)``.
     """
 
     predict: Callable[[Sequence[Mesh]], Any]
     meta: dict[str, str]
     parameters: int | None
+    seeded: bool = False
 
 
 def load(path: Path, *, device: str = "cpu", seed: int = 0) -> Predictor:
@@ -77,7 +83,7 @@ def load(path: Path, *, device: str = "cpu", seed: int = 0) -> Predictor:
         if isinstance(kind := getattr(module, "Predictor", None), type):
             return _of_object(kind(), meta, path)
         if callable(loader := getattr(module, "load", None)):
-            return _of_object(loader(device, seed), meta, path)
+            return replace(_of_object(loader(device, seed), meta, path), seeded=True)
         if (model := getattr(module, "model", None)) is not None:
             return _of_torch(model, getattr(module, "transform", None), meta, device, path)
     except PredictorError:
@@ -90,32 +96,57 @@ def load(path: Path, *, device: str = "cpu", seed: int = 0) -> Predictor:
     )
 
 
-def checked(answer: Any, ids: Sequence[str], k: int) -> NDArray[np.float64]:
-    """Return an answer as (B, k) float64, or say what is wrong with it and where.
+def sources(path: Path) -> dict[str, str]:
+    """Return the SHA-256 of the files a predictor is made of, by name relative to its directory.
 
-    Values that are not finite or not positive are let through: they are scored as they
-    are, and the physics contract counts them.
+    These are its file, each module it has imported from there, and what lies beside it under
+    the same name: ``my_model.safetensors``. Other files that it reads are not seen.
+    """
+    root = path.resolve().parent
+    found = {file.name: sha256(file) for file in root.glob(f"{path.stem}.*") if file.is_file()}
+    libraries = {Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")}
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if name.split(".")[0] in ("__main__", "__mp_main__", "eigbench", "synthnet") or not file:
+            continue
+        place = Path(file).resolve()
+        installed = any(place.is_relative_to(library.resolve()) for library in libraries)
+        if place.suffix == ".py" and place.is_relative_to(root) and not installed:
+            found[place.relative_to(root).as_posix()] = sha256(place)
+    return dict(sorted(found.items()))
+
+
+def as_array(answer: Any) -> NDArray[Any]:
+    """Return an answer as an array in memory; a tensor is fetched from its device.
 
     Raises
     ------
     PredictorError
-        If it is no real numeric array of shape (B, k).
+        If it is no array.
     """
-    first = f"(first ids: {', '.join(ids[:3])})"
     try:
-        values = np.asarray(answer.detach().cpu() if hasattr(answer, "detach") else answer)
+        return np.asarray(answer.detach().cpu() if hasattr(answer, "detach") else answer)
     except (ValueError, TypeError) as error:
-        raise PredictorError(f"the answer is no array {first}: {_told(error)}") from error
+        raise PredictorError(f"the answer is no array: {_told(error)}") from error
+
+
+def checked(values: NDArray[Any], count: int, k: int) -> NDArray[np.float64]:
+    """Return an answer as float64, or say what is wrong with it.
+
+    Values that are not finite or not positive are let through: they are scored as they
+    are, and reported at the end.
+
+    Raises
+    ------
+    PredictorError
+        If it is no real numeric array of shape (count, k).
+    """
     if values.dtype.kind == "c":
-        raise PredictorError(f"the answer is complex, eigenvalues are real {first}")
+        raise PredictorError("the answer is complex, eigenvalues are real")
     if values.dtype.kind not in "fiu":
-        raise PredictorError(
-            f"the answer has dtype {values.dtype}, it must be real numbers {first}"
-        )
-    if values.shape != (len(ids), k):
-        raise PredictorError(
-            f"the answer has shape {values.shape}, it must be ({len(ids)}, {k}) {first}"
-        )
+        raise PredictorError(f"the answer has dtype {values.dtype}, it must be real numbers")
+    if values.shape != (count, k):
+        raise PredictorError(f"the answer has shape {values.shape}, it must be ({count}, {k})")
     return values.astype(np.float64)
 
 
@@ -154,6 +185,11 @@ def _meta(module: ModuleType, path: Path) -> dict[str, str]:
     meta = {"name": path.stem, "kind": "learned", **meta}
     if not 1 <= len(meta["name"]) <= 80:
         raise PredictorError(f"{path}: META name must have 1 to 80 characters")
+    for key, value in meta.items():
+        if len(value) > META_LENGTH or not value.isprintable():
+            raise PredictorError(
+                f"{path}: META {key} must be one line of at most {META_LENGTH} characters"
+            )
     if meta["kind"] not in KINDS:
         raise PredictorError(f"{path}: META kind must be one of {', '.join(KINDS)}")
     return meta

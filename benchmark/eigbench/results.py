@@ -1,71 +1,21 @@
-"""Result files: what a result holds, how it is made, and what is asserted when it is read."""
+"""Result files: what a result holds, and what is asserted when it is read."""
 
 from __future__ import annotations
 
 import json
 import math
-import os
-import platform
-from importlib import metadata, resources
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import jsonschema
-import numpy as np
 
-from eigbench import scores
 from eigbench.errors import ResultError
-from eigbench.evaluate import Evaluation, Options
-from eigbench.metrics import METRIC_VERSION, METRICS
+from eigbench.metrics import METRICS
 from eigbench.truth import Truth
-from synthnet.files import one_line, sha256, write_text
+from synthnet.files import one_line, write_text
 
 SCHEMA_VERSION = 1
-PACKAGES = ("synthnet", "numpy", "scipy", "lapy", "torch", "torch-geometric", "scikit-learn")
-
-
-def make(
-    truth: Truth,
-    evaluation: Evaluation,
-    options: Options,
-    *,
-    code: Path,
-    predictions: Path,
-    contract: dict[str, float | None],
-    partial: bool,
-) -> dict[str, Any]:
-    """Return the result of an evaluation, ready for JSON.
-
-    Parameters
-    ----------
-    truth, evaluation, options
-        What was predicted, the answers, and how.
-    code : Path
-        The predictor's file.
-    predictions : Path
-        The file of predictions, already written.
-    contract : dict
-        Of :func:`eigbench.physics.contract`.
-    partial : bool
-        Whether only a part of the split was predicted.
-    """
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "metric_version": METRIC_VERSION,
-        "partial": partial,
-        "model": {
-            **evaluation.meta,
-            "code": code.name,
-            "code_sha256": sha256(code),
-            "parameters": evaluation.parameters,
-        },
-        "dataset": dataset_facts(truth),
-        "predictions": {"sha256": sha256(predictions), "seeds": len(evaluation.predictions)},
-        "scores": scores.score(truth, evaluation.predictions),
-        "cost": cost(evaluation, options),
-        "physics": contract,
-        "environment": environment(),
-    }
 
 
 def dataset_facts(truth: Truth) -> dict[str, Any]:
@@ -81,40 +31,11 @@ def dataset_facts(truth: Truth) -> dict[str, Any]:
     }
 
 
-def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
-    """Return median and quartiles of milliseconds a mesh over the batches, and the setting."""
-    each = 1e3 * evaluation.seconds / evaluation.sizes
-    low, middle, high = np.percentile(each, [25, 50, 75])
-    return {
-        "ms_per_mesh": float(middle),
-        "ms_per_mesh_quartiles": [float(low), float(high)],
-        "batch_size": options.batch_size,
-        "threads": options.threads,
-        "device": options.device,
-        "peak_memory_mb": evaluation.peak_bytes / 2**20,
-        "hardware": hardware(),
-    }
-
-
-def hardware() -> str:
-    """Return a label of this machine: times are compared only where it is the same."""
-    model = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        lines = [line for line in info.read_text().splitlines() if line.startswith("model name")]
-        model = lines[0].partition(":")[2].strip() if lines else model
-    return f"{model}, {os.cpu_count()} cores"
-
-
-def environment() -> dict[str, str]:
-    """Return the versions of Python and of the packages that matter."""
-    versions = {"python": platform.python_version(), "platform": platform.platform(terse=True)}
-    for name in PACKAGES:
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue  # an optional package
-    return versions
+def setting(result: dict[str, Any]) -> str:
+    """Return what times are compared within: hardware, device and threads."""
+    facts = result["cost"]
+    threads = f"{facts['threads']} thread{'s' if facts['threads'] > 1 else ''}"
+    return f"{facts['hardware']}; {facts['device']}, {threads}"
 
 
 def write(path: Path, result: dict[str, Any]) -> None:
@@ -133,7 +54,7 @@ def read(path: Path) -> dict[str, Any]:
         If it is missing, no JSON, not of the schema, or contradicts itself.
     """
     try:
-        result = json.loads(path.read_text(), parse_constant=_no_constant)
+        result = json.loads(path.read_text(), parse_constant=_no_constant, parse_float=_finite)
     except FileNotFoundError as error:
         raise ResultError(f"there is no file {path}") from error
     except (OSError, ValueError) as error:
@@ -141,6 +62,12 @@ def read(path: Path) -> dict[str, Any]:
     validate(result, path)
     checked: dict[str, Any] = result
     return checked
+
+
+def _finite(digits: str) -> float:
+    if not math.isfinite(number := float(digits)):
+        raise ValueError(f"{digits} is too large a number")
+    return number
 
 
 def _no_constant(word: str) -> float:
@@ -168,6 +95,9 @@ def validate(result: Any, path: Path) -> None:
         place = "/".join(map(str, error.path)) or "the top"
         raise ResultError(f"{path} is no result: at {place}: {one_line(error)[:200]}")
     _check_means(result, path)
+    low, high = result["cost"]["ms_per_mesh_quartiles"]
+    if not low <= result["cost"]["ms_per_mesh"] <= high:
+        raise ResultError(f"{path}: the median time is not between the quartiles")
 
 
 def _check_means(result: dict[str, Any], path: Path) -> None:

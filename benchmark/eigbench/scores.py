@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -73,11 +75,19 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
 def bootstrap_weights(truth: Truth) -> NDArray[np.float64]:
     """Draw how often each shape is taken in each resample, shape (resamples, shapes).
 
-    Shapes are resampled, not instances: the copies of a shape are not independent.
+    Shapes are resampled, not instances: the copies of a shape are not independent. Two draws
+    of one shape (a group) count as one.
     """
-    shapes = len(np.unique(truth.shapes))
-    rng = np.random.default_rng(BOOTSTRAP_SEED)
-    return rng.multinomial(shapes, np.full(shapes, 1 / shapes), size=RESAMPLES).astype(np.float64)
+    return _weights(len(np.unique(truth.groups)))
+
+
+@lru_cache(maxsize=32)
+def _weights(count: int) -> NDArray[np.float64]:
+    # Python's own generator: its stream is the same in every version, NumPy's need not be
+    draw = random.Random(BOOTSTRAP_SEED).random
+    drawn = np.array([draw() for _ in range(RESAMPLES * count)]).reshape(RESAMPLES, count)
+    taken = (drawn * count).astype(np.int64)
+    return np.array([np.bincount(row, minlength=count) for row in taken], dtype=np.float64)
 
 
 def interval(
@@ -86,7 +96,7 @@ def interval(
     """Return the percentile-bootstrap interval of the mean of ``values``, shape (n,)."""
     if not np.isfinite(values).all():
         return float("nan"), float("nan")
-    _, shape = np.unique(truth.shapes, return_inverse=True)
+    _, shape = np.unique(truth.groups, return_inverse=True)
     sums = np.bincount(shape, weights=values)
     counts = np.bincount(shape).astype(np.float64)
     means = (weights @ sums) / (weights @ counts)

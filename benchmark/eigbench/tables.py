@@ -6,13 +6,27 @@ from typing import Any
 
 from tabulate import tabulate
 
-from eigbench.metrics import METRICS
+from eigbench.metrics import MAIN, METRICS
+from eigbench.physics import SHARES, TITLES
 from synthnet.families import FAMILIES
 
 
 def number(value: float | None, decimals: int = 4) -> str:
-    """Return a number with fixed decimals; ``∞/NaN`` where it was not finite."""
-    return "∞/NaN" if value is None else f"{value:.{decimals}f}"
+    """Return a number with fixed decimals.
+
+    One that would be all zeros is given by its power of ten; ``∞/NaN`` stands for one that
+    was not finite.
+
+    Examples
+    --------
+    >>> number(0.04567), number(3.1e-11), number(0.0), number(None)
+    ('0.0457', '3e-11', '0.0000', '∞/NaN')
+    """
+    if value is None:
+        return "∞/NaN"
+    if 0 < abs(value) < 0.5 * 10**-decimals:
+        return f"{value:.0e}"
+    return f"{value:.{decimals}f}"
 
 
 def overall(result: dict[str, Any]) -> str:
@@ -43,9 +57,11 @@ def families(result: dict[str, Any]) -> str:
     rows = []
     for name, family in result["scores"]["families"].items():
         title = FAMILIES[name].title if name in FAMILIES else name
-        cells = [number(family[key]["mean"], m.decimals) for key, m in METRICS.items()]
+        cells = [
+            number(family[key]["mean"], m.decimals) for key, m in METRICS.items() if key in MAIN
+        ]
         rows.append([title, f"{family['count']:,}", *cells])
-    headers = ["family", "instances", *(m.title for m in METRICS.values())]
+    headers = ["family", "instances", *(METRICS[key].title for key in MAIN)]
     return str(tabulate(rows, headers=headers, disable_numparse=True))
 
 
@@ -66,10 +82,18 @@ def cost(result: dict[str, Any]) -> str:
     low, high = facts["ms_per_mesh_quartiles"]
     parameters = result["model"]["parameters"]
     rows = [
-        ["ms a mesh, median (quartiles)", f"{facts['ms_per_mesh']:.2f} ({low:.2f} to {high:.2f})"],
+        [
+            "ms a mesh, median of batches (quartiles)",
+            f"{facts['ms_per_mesh']:.2f} ({low:.2f} to {high:.2f})",
+        ],
+        ["ms a mesh, mean", f"{facts['ms_per_mesh_mean']:.2f}"],
         [
             "batch size, threads, device",
             f"{facts['batch_size']}, {facts['threads']}, {facts['device']}",
+        ],
+        [
+            "cores used",
+            f"{facts['cores_used']:.2f}",
         ],
         ["peak memory", f"{facts['peak_memory_mb']:.0f} MB"],
         ["parameters", "none" if parameters is None else f"{parameters:,}"],
@@ -79,28 +103,15 @@ def cost(result: dict[str, Any]) -> str:
     return str(tabulate(rows, tablefmt="plain", disable_numparse=True))
 
 
+def deviation(key: str, value: float | None) -> str:
+    """Return a number of the physics contract as text."""
+    if value is None:
+        return "not finite"
+    return f"{100 * value:.0f} %" if key in SHARES else f"{value:.0e}"
+
+
 def physics(contract: dict[str, float | None]) -> str:
     """Return the physics contract."""
-    titles = {
-        "scale_2": "λ(2X) against λ(X)/4",
-        "scale_half": "λ(X/2) against 4 λ(X)",
-        "rotation": "rotated",
-        "reflection": "reflected",
-        "permutation": "vertices and faces renumbered",
-        "triangulation": "each triangle split into four",
-        "positive": "share with positive values",
-        "ascending": "share with ascending values",
-    }
-    rows = [
-        [
-            titles[key],
-            "not finite"
-            if value is None
-            else f"{value:.2e}"
-            if key not in ("positive", "ascending")
-            else f"{100 * value:.0f} %",
-        ]
-        for key, value in contract.items()
-    ]
+    rows = [[title, deviation(key, contract[key])] for key, title in TITLES.items()]
     headers = ["physics contract", "median relative deviation"]
     return str(tabulate(rows, headers=headers, disable_numparse=True))

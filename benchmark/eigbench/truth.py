@@ -6,7 +6,8 @@ The labels are those the repository pins, so scoring needs no built dataset.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,8 @@ class Truth:
         Which split of which dataset.
     ids : tuple of str
         Instances, ``cone-00042/3`` for instance 3 of that shape, in order.
-    shapes, families : ndarray of shape (n,), str
-        Shape and family of each instance.
+    shapes, groups, families : ndarray of shape (n,), str
+        Shape of each instance, the group of equal shapes it belongs to, and its family.
     eigenvalues : ndarray of shape (n, k), float64
         The label of each instance, in 1/length².
     recipe_digest : str
@@ -40,6 +41,7 @@ class Truth:
     protocol: str
     ids: tuple[str, ...]
     shapes: NDArray[np.str_]
+    groups: NDArray[np.str_]
     families: NDArray[np.str_]
     eigenvalues: NDArray[np.float64]
     recipe_digest: str
@@ -51,21 +53,29 @@ class Truth:
         state.update(np.ascontiguousarray(self.eigenvalues, dtype="<f8").tobytes())
         return state.hexdigest()
 
+    @property
+    def order(self) -> NDArray[np.int64]:
+        """Indices of the instances in the order of the SHA-256 of their ids.
+
+        In it predictors see them: neither the copies of a shape nor the shapes of a family
+        come one after the other, so that neither can be told from their place.
+        """
+        keys = [hashlib.sha256(id.encode()).digest() for id in self.ids]
+        return np.array(sorted(range(len(keys)), key=keys.__getitem__), dtype=np.int64)
+
     def head(self, count: int) -> Truth:
         """Return the first ``count`` instances of a random order that is always the same."""
-        order = sorted(
-            range(len(self.ids)), key=lambda i: hashlib.sha256(self.ids[i].encode()).digest()
-        )
-        chosen = np.sort(order[:count])
-        return Truth(
-            self.version,
-            self.split,
-            self.protocol,
-            tuple(self.ids[i] for i in chosen),
-            self.shapes[chosen],
-            self.families[chosen],
-            self.eigenvalues[chosen],
-            self.recipe_digest,
+        return self.take(np.sort(self.order[:count]))
+
+    def take(self, chosen: NDArray[Any]) -> Truth:
+        """Return the instances of an index or mask."""
+        return replace(
+            self,
+            ids=tuple(np.array(self.ids)[chosen].tolist()),
+            shapes=self.shapes[chosen],
+            groups=self.groups[chosen],
+            families=self.families[chosen],
+            eigenvalues=self.eigenvalues[chosen],
         )
 
 
@@ -75,7 +85,7 @@ def of_dataset(
     """Return the labels of a split of a dataset on disk, as they are stored there."""
     _check(split, protocol)
     rows = []
-    columns = ["id", "family", "split", "paper_splits", "eigenvalues"]
+    columns = ["id", "group", "family", "split", "paper_splits", "eigenvalues"]
     for path in dataset.paths():
         for row in store.read_table(path, columns).to_pylist():
             for instance, paper_split in enumerate(row["paper_splits"]):
@@ -89,6 +99,7 @@ def of_dataset(
         protocol,
         tuple(id for id, _ in rows),
         np.array([row["id"] for _, row in rows]),
+        np.array([row["group"] for _, row in rows]),
         np.array([row["family"] for _, row in rows]),
         np.array([row["eigenvalues"] for _, row in rows]),
         dataset.manifest.recipe_digest,
@@ -131,7 +142,7 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
     pinned = pins.read(wanted.base)
     if pinned is None:
         raise EigbenchError(f"the labels of {wanted.base} are not pinned in this release")
-    ids, shapes, families, labels = [], [], [], []
+    ids, shapes, groups, families, labels = [], [], [], [], []
     for plan in plan_shards(wanted):
         for shape in plan.shapes:
             id = shape.spec.id
@@ -141,6 +152,7 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
                 if (shape.split if protocol == "grouped" else paper_split) == split:
                     ids.append(f"{id}/{instance}")
                     shapes.append(id)
+                    groups.append(shape.spec.group)
                     families.append(shape.spec.family)
                     labels.append(pinned[id].eigenvalues)
     return Truth(
@@ -149,6 +161,7 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
         protocol,
         tuple(ids),
         np.array(shapes),
+        np.array(groups),
         np.array(families),
         np.array(labels),
         wanted.digest,

@@ -1,4 +1,7 @@
-"""The process in which a predictor runs: it streams meshes and sends answers back."""
+"""The process in which a predictor runs.
+
+It is given meshes and nothing else: ids, labels and the dataset stay in the other process.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,8 @@ import os
 import resource
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -16,68 +18,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench import predictor
-from eigbench.errors import EigbenchError, PredictorError
-from eigbench.meshes import instances, view
-from synthnet import store
-from synthnet.errors import SynthNetError
+from eigbench.errors import PredictorError
 from synthnet.types import Mesh
-
-WARM_UP = 16  # meshes predicted before the clock counts
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What a worker is to do.
-
-    Parameters
-    ----------
-    path : Path
-        The predictor's file.
-    source : StoredDataset or tuple of Mesh
-        Where the meshes are, or the meshes themselves.
-    ids : tuple of str
-        Their ids, in order.
-    skip : int
-        How many of the first are done already.
-    batch_size, seed : int
-        As given by the user.
-    device : str
-        As given by the user.
-    k : int
-        Number of eigenvalues.
-    """
+    """Which predictor to load, and how: its file, the device and the seed; k eigenvalues."""
 
     path: Path
-    source: store.StoredDataset | tuple[Mesh, ...]
-    ids: tuple[str, ...]
-    skip: int
-    batch_size: int
-    seed: int
     device: str
+    seed: int
     k: int
 
 
 @dataclass(frozen=True, slots=True)
-class Ready:
-    """The predictor is loaded."""
+class Loaded:
+    """The predictor is loaded.
+
+    Its META, its parameters, whether it takes a seed, and the name of the accelerator.
+    """
 
     meta: dict[str, str]
     parameters: int | None
-
-
-@dataclass(frozen=True, slots=True)
-class Begun:
-    """A batch has been handed to the predictor."""
-
-    ids: tuple[str, ...]
+    seeded: bool
+    accelerator: str
 
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """A batch has been answered: (B, k) values and the seconds it took."""
+    """A batch has been answered: (B, k) values, and the wall and CPU seconds it took."""
 
     values: NDArray[np.float64]
     seconds: float
+    cpu_seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """Peak memory of this process so far, in bytes, and digests of the predictor's files."""
+
+    peak_bytes: int
+    sources: dict[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,73 +69,75 @@ class Failed:
     message: str
 
 
-@dataclass(frozen=True, slots=True)
-class Done:
-    """All is predicted; peak memory of this process in bytes."""
-
-    peak_bytes: int
-
-
 def work(channel: Connection, job: Job) -> None:
-    """Load the predictor and predict the job's meshes batch by batch.
+    """Load the predictor, then answer each batch of meshes that comes; ``None`` asks for status.
 
-    The clock runs from raw vertices and faces to the answer, and over nothing else.
     What the predictor prints goes to standard error.
     """
     os.dup2(2, 1)
     try:
         loaded = predictor.load(job.path, device=job.device, seed=job.seed)
-        channel.send(Ready(loaded.meta, loaded.parameters))
-        warm = [mesh for _, mesh in islice(_stream(job, 0), min(WARM_UP, job.batch_size))]
-        channel.send(Begun(job.ids[: len(warm)]))
-        _predict(loaded, warm, job.ids[: len(warm)], job.k)
-        for ids, meshes in _batches(job):
-            channel.send(Begun(ids))
-            values, seconds = _predict(loaded, meshes, ids, job.k)
-            channel.send(Answered(values, seconds))
-        channel.send(Done(_peak_bytes()))
-    except (EigbenchError, SynthNetError) as error:
+        accelerator = _accelerator(job.device)
+        channel.send(Loaded(loaded.meta, loaded.parameters, loaded.seeded, accelerator))
+        while True:
+            meshes = channel.recv()
+            if meshes is None:
+                channel.send(Status(_peak_bytes(), predictor.sources(job.path)))
+            else:
+                channel.send(_answer(loaded, meshes, job.k))
+    except PredictorError as error:
         channel.send(Failed(str(error)))
+    except EOFError:
+        pass  # the other side has what it wants
     finally:
         channel.close()
 
 
-def _predict(
-    loaded: predictor.Predictor, meshes: list[Mesh], ids: tuple[str, ...], k: int
-) -> tuple[NDArray[np.float64], float]:
+def _answer(loaded: predictor.Predictor, given: Sequence[Mesh], k: int) -> Answered:
+    """Predict one batch.
+
+    The clock runs from raw vertices and faces to eigenvalues in memory, and over nothing else.
+    """
+    meshes = list(given)
+    for mesh in meshes:  # what came through the pipe can be written to
+        mesh.vertices.flags.writeable = mesh.faces.flags.writeable = False
     before = [(mesh.vertices.sum(), mesh.faces.sum()) for mesh in meshes]
-    started = time.perf_counter()
+    cpu, started = _cpu_seconds(), time.perf_counter()
     try:
-        answer = loaded.predict(meshes)
-        seconds = time.perf_counter() - started
+        answer = predictor.as_array(loaded.predict(meshes))
+        seconds, cpu = time.perf_counter() - started, _cpu_seconds() - cpu
+    except PredictorError:
+        raise
     except (Exception, SystemExit) as error:
         told = " ".join(f"{type(error).__name__}: {error}".split())
         hint = " (meshes are read-only: copy what you change)" if "read-only" in told else ""
+        raise PredictorError(f"the predictor failed: {told}{hint}") from error
+    if before != [(mesh.vertices.sum(), mesh.faces.sum()) for mesh in meshes]:
         raise PredictorError(
-            f"the predictor failed on the batch of {len(ids)} that begins with "
-            f"{', '.join(ids[:3])}: {told}{hint}"
-        ) from error
-    after = [(mesh.vertices.sum(), mesh.faces.sum()) for mesh in meshes]
-    if before != after:
-        raise PredictorError(
-            f"the predictor changes its input (first ids: {', '.join(ids[:3])}): "
-            "copy vertices and faces before writing to them"
+            "the predictor changes its input: copy vertices and faces before writing to them"
         )
-    return predictor.checked(answer, ids, k), seconds
+    return Answered(predictor.checked(answer, len(meshes), k), seconds, cpu)
 
 
-def _batches(job: Job) -> Iterator[tuple[tuple[str, ...], list[Mesh]]]:
-    stream = _stream(job, job.skip)
-    while batch := list(islice(stream, job.batch_size)):
-        yield tuple(id for id, _ in batch), [mesh for _, mesh in batch]
+def _cpu_seconds() -> float:
+    """Return the CPU time of this process and of the children it has waited for."""
+    return sum(os.times()[:4])
 
 
-def _stream(job: Job, skip: int) -> Iterator[tuple[str, Mesh]]:
-    if isinstance(job.source, store.StoredDataset):
-        return instances(job.source, job.ids, skip)
-    return zip(job.ids[skip:], map(view, job.source[skip:]), strict=True)
+def _accelerator(device: str) -> str:
+    if not device.startswith("cuda"):
+        return ""
+    try:
+        import torch
+    except ModuleNotFoundError:
+        return ""  # another framework's device
+    return str(torch.cuda.get_device_name(device)) if torch.cuda.is_available() else ""
 
 
 def _peak_bytes() -> int:
+    status = Path("/proc/self/status")
+    if status.exists():  # getrusage's peak has that of the process which started this one
+        lines = dict(line.split(":", 1) for line in status.read_text().splitlines())
+        return 1024 * int(lines["VmHWM"].split()[0])
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else 1024 * peak

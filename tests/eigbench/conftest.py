@@ -102,6 +102,7 @@ def made_truth() -> Callable[..., Truth]:
             "grouped",
             tuple(ids),
             np.array(shapes),
+            np.array(shapes),
             np.array(families),
             np.array(eigenvalues, dtype=np.float64),
             "0" * 64,

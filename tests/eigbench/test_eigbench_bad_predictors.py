@@ -37,7 +37,9 @@ def evaluate(eigbench, predictor_file, mini_home, tmp_path):
 
 @pytest.fixture(scope="module")
 def ids(mini_truth):
-    return mini_truth.head(LIMIT).ids
+    """Ids in the order in which predictors see them."""
+    wanted = mini_truth.head(LIMIT)
+    return [wanted.ids[i] for i in wanted.order]
 
 
 def assert_refused(answer, message, place):
@@ -75,7 +77,12 @@ CASES = {
     "makes arrays writable": (
         "def predict(meshes):\n    v = meshes[0].vertices\n    v.flags.writeable = True\n"
         "    v *= 2\n    return weyl(meshes)",
-        "the predictor changes its input (first ids: ",
+        "cannot set WRITEABLE flag to True",
+    ),
+    "replaces an array": (
+        "def predict(meshes):\n    v = meshes[0].vertices\n"
+        "    object.__setattr__(meshes[0], 'vertices', 2 * v)\n    return weyl(meshes)",
+        "the predictor changes its input: copy vertices and faces before writing to them",
     ),
     "raises": ("def predict(meshes): raise KeyError('a\\nb')", "KeyError: "),
     "exits": ("def predict(meshes): sys.exit(0)", "SystemExit: 0"),
@@ -189,6 +196,35 @@ def test_changed_code_starts_anew(evaluate, ids, tmp_path):
     assert batches_kept(tmp_path) == ["000000.npz"]
 
 
+@pytest.mark.parametrize("beside", ["sibling.py", "fails.npz"])
+def test_changed_sibling_starts_anew(evaluate, ids, tmp_path, beside):
+    path = tmp_path / "fails.py"
+    (tmp_path / "sibling.py").write_text("x = 1\n")
+    (tmp_path / "fails.npz").write_bytes(b"weights")
+    code = "import sibling\n" + PRELUDE + FAILS_IN_BATCH_2.format(how="raise RuntimeError")
+    path.write_text(code)
+    assert evaluate("", path=path)[0] == 2
+    (tmp_path / beside).write_text("x = 2\n")
+    again = evaluate("", "--resume", path=path)
+    assert ", ".join(ids[10:13]) in again[2]  # the second batch again
+    assert batches_kept(tmp_path) == ["000000.npz"]
+
+
+def test_several_seeds_need_a_predictor_that_takes_one(evaluate, tmp_path):
+    answer = evaluate("def predict(meshes): return weyl(meshes)", "--seeds", "2")
+    assert_refused(answer, "takes no seed: define load(device, seed), or leave --seeds", tmp_path)
+    code = """
+class Shaken:
+    def __init__(self, seed): self.seed = seed
+    def predict(self, meshes): return weyl(meshes) * (1 + self.seed)
+def load(device, seed): return Shaken(seed)
+"""
+    assert evaluate(code, "--seeds", "2")[0] == 0
+    result = json.loads((tmp_path / "out.json").read_text())
+    assert result["predictions"]["seeds"] == 2
+    assert result["scores"]["overall"]["l1"]["seed_std"] > 0
+
+
 # --- scored as it is -------------------------------------------------------------------
 
 
@@ -199,8 +235,9 @@ def test_one_answer_that_is_not_finite_is_scored_and_makes_every_mean_none(
         "def predict(meshes):\n    p = weyl(meshes)\n    p[0, 3] = np.nan\n    return p", "--json"
     )
     result = json.loads(out)
-    assert code == 0
+    assert code == 2
     assert "Warning" not in err
+    assert "the predictions of 3 of 30 instances are not finite, first ids: " in err
     for key in ("invlap", "rpd", "polar", "l1", "l2"):
         assert result["scores"]["overall"][key]["mean"] is None
         assert result["scores"]["overall"][key]["low"] is None
@@ -214,16 +251,18 @@ def test_one_answer_that_is_not_finite_is_scored_and_makes_every_mean_none(
 
 def test_infinite_answers_are_scored_and_shown_as_not_finite_without_a_warning(evaluate):
     code, out, err = evaluate("def predict(meshes): return np.full((len(meshes), 10), np.inf)")
-    assert code == 0
+    assert code == 2
     assert "Warning" not in err
+    assert "the predictions of 30 of 30 instances are not finite" in err
     assert "∞/NaN" in out
     assert "not finite" in out
 
 
 def test_negative_answers_are_scored_and_counted(evaluate):
-    code, out, _ = evaluate("def predict(meshes): return -weyl(meshes)", "--json")
+    code, out, err = evaluate("def predict(meshes): return -weyl(meshes)", "--json")
     result = json.loads(out)
-    assert code == 0
+    assert code == 2
+    assert "the predictions of 30 of 30 instances are not positive, first ids: " in err
     assert result["scores"]["overall"]["rpd"]["mean"] == pytest.approx(10)
     assert result["physics"]["positive"] == 0
     assert result["physics"]["ascending"] == 0

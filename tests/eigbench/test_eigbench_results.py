@@ -92,7 +92,7 @@ def test_missing_key_is_refused(result, place):
         ("model", "name", 3),
         ("model", "name", ""),
         ("model", "kind", "magic"),
-        ("model", "code_sha256", "abc"),
+        ("model", "sources", {}),
         ("model", "parameters", -1),
         ("model", "parameters", 1.5),
         ("dataset", "split", "exam"),
@@ -197,3 +197,23 @@ def test_schema_accepts_a_result_without_torch_installed(result):
     for name in ("torch", "torch-geometric"):
         result["environment"].pop(name, None)
     results.validate(result, HERE)
+
+
+def test_number_that_is_too_large_is_refused(result, tmp_path):
+    text = json.dumps(result).replace(json.dumps(result["cost"]["ms_per_mesh"]), "1e999", 1)
+    (tmp_path / "r.json").write_text(text)
+    with pytest.raises(ResultError, match="1e999 is too large a number"):
+        results.read(tmp_path / "r.json")
+
+
+def test_median_time_is_between_its_quartiles(result):
+    result["cost"]["ms_per_mesh_quartiles"].reverse()
+    with pytest.raises(ResultError, match="the median time is not between the quartiles"):
+        results.validate(result, HERE)
+
+
+@pytest.mark.parametrize(("place", "key"), [("cost", "hardware"), ("model", "training_data")])
+def test_text_of_two_lines_is_refused(result, place, key):
+    result[place][key] = "a machine\n## a heading"
+    with pytest.raises(ResultError, match=f"at {place}/{key}: "):
+        results.validate(result, HERE)

@@ -166,3 +166,25 @@ def test_version_without_pins_is_refused(monkeypatch):
     monkeypatch.setattr("synthnet.pins.read", lambda version: None)
     with pytest.raises(EigbenchError, match=r"the labels of 1\.0 are not pinned"):
         truth.load("1.0-mini")
+
+
+# --- the labels of 1.0, and that they stay what they are --------------------------------
+
+# Of the ids and labels that the leaderboard stands on. A change is a new dataset version.
+DIGESTS = {
+    ("1.0", "test", "grouped"): "6b9c2670abcdd84ffd1a15381c615256d5923c7c7e5f491de219a4ab5b52d094",
+}
+
+
+@pytest.mark.parametrize("which", DIGESTS, ids="-".join)
+def test_labels_are_those_of_the_leaderboard(which):
+    assert truth.load(*which).digest == DIGESTS[which]
+
+
+def test_equal_shapes_are_one_group():
+    labels = truth.load("1.0")
+    shapes, groups = len(set(labels.shapes.tolist())), len(set(labels.groups.tolist()))
+    assert groups < shapes  # there are more draws of spheres than spheres
+    for group in set(labels.groups.tolist()):
+        families = set(labels.families[labels.groups == group].tolist())
+        assert len(families) == 1

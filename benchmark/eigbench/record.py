@@ -1,0 +1,107 @@
+"""From an evaluation to a result: what was measured, on what, and with which versions."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eigbench import scores
+from eigbench.evaluate import Evaluation, Options
+from eigbench.metrics import METRIC_VERSION
+from eigbench.results import SCHEMA_VERSION, dataset_facts
+from eigbench.truth import Truth
+from synthnet.files import sha256
+
+PACKAGES = ("synthnet", "numpy", "scipy", "lapy", "torch", "torch-geometric", "scikit-learn")
+
+
+def make(
+    truth: Truth,
+    evaluation: Evaluation,
+    options: Options,
+    *,
+    code: Path,
+    predictions: Path,
+    contract: dict[str, float | None],
+    partial: bool,
+) -> dict[str, Any]:
+    """Return the result of an evaluation, ready for JSON.
+
+    Parameters
+    ----------
+    truth, evaluation, options
+        What was predicted, the answers, and how.
+    code : Path
+        The predictor's file.
+    predictions : Path
+        The file of predictions, already written.
+    contract : dict
+        Of :func:`eigbench.physics.contract`.
+    partial : bool
+        Whether only a part of the split was predicted.
+    """
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "metric_version": METRIC_VERSION,
+        "partial": partial,
+        "model": {
+            **evaluation.loaded.meta,
+            "code": code.name,
+            "sources": evaluation.status.sources,
+            "parameters": evaluation.loaded.parameters,
+        },
+        "dataset": dataset_facts(truth),
+        "predictions": {"sha256": sha256(predictions), "seeds": len(evaluation.predictions)},
+        "scores": scores.score(truth, evaluation.predictions),
+        "cost": cost(evaluation, options),
+        "physics": contract,
+        "environment": environment(),
+    }
+
+
+def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
+    """Return milliseconds a mesh, and the setting.
+
+    Median and quartiles are over the batches, the mean is over the meshes: the whole time
+    divided by their number. ``cores_used`` is CPU time by wall time, whatever ``threads``
+    says.
+    """
+    each = 1e3 * evaluation.seconds / evaluation.sizes
+    low, middle, high = np.percentile(each, [25, 50, 75])
+    return {
+        "ms_per_mesh": float(middle),
+        "ms_per_mesh_quartiles": [float(low), float(high)],
+        "ms_per_mesh_mean": float(1e3 * evaluation.seconds.sum() / evaluation.sizes.sum()),
+        "batch_size": options.batch_size,
+        "threads": options.threads,
+        "cores_used": float(evaluation.cpu_seconds.sum() / evaluation.seconds.sum()),
+        "device": options.device,
+        "peak_memory_mb": evaluation.status.peak_bytes / 2**20,
+        "hardware": ", ".join(filter(None, [evaluation.loaded.accelerator, hardware()])),
+    }
+
+
+def hardware() -> str:
+    """Return a label of this machine: times are compared only where it is the same."""
+    model = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        lines = [line for line in info.read_text().splitlines() if line.startswith("model name")]
+        model = lines[0].partition(":")[2].strip() if lines else model
+    return f"{model}, {os.cpu_count()} cores"
+
+
+def environment() -> dict[str, str]:
+    """Return the versions of Python and of the packages that matter."""
+    versions = {"python": platform.python_version(), "platform": platform.platform(terse=True)}
+    for name in PACKAGES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue  # an optional package
+    return versions

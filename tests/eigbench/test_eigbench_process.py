@@ -1,0 +1,151 @@
+"""The predictor's process: what it can see, what the clock sees, what is recorded of it."""
+
+import sys
+
+import numpy as np
+import pytest
+from eigbench import physics, record, worker
+from eigbench.errors import PredictorError
+from eigbench.evaluate import Evaluation, Options, evaluate, predict_meshes
+from eigbench.worker import Loaded, Status
+
+from synthnet import store
+
+SPY = """
+import gc, re, sys
+import numpy as np
+
+ID = re.compile(r"[a-z]+(_[a-z]+)*-[0-9]{{5}}")
+LABELS = {labels}
+
+def strings_and_numbers():
+    frame = sys._getframe()
+    while frame is not None:
+        yield from (value for value in frame.f_locals.values())
+        frame = frame.f_back
+    for thing in gc.get_objects():
+        if type(thing) in (dict, list, tuple, set):
+            yield from gc.get_referents(thing)
+
+def predict(meshes):
+    for thing in strings_and_numbers():
+        for value in thing if type(thing) in (list, tuple) else [thing]:
+            if type(value) is str and ID.fullmatch(value.partition("/")[0]):
+                raise ValueError(f"found the id {{value}}")
+            if type(value) is float and value in LABELS:
+                raise ValueError(f"found the label {{value}}")
+            if type(value) is np.ndarray and value.dtype == float and value.size < 10**6:
+                if LABELS & set(value.ravel()[:100].tolist()):
+                    raise ValueError("found an array of labels")
+    return np.ones((len(meshes), 10))
+"""
+
+
+@pytest.fixture
+def source(mini_home):
+    return store.open_dataset("1.0-mini", mini_home)
+
+
+def test_neither_ids_nor_labels_are_in_the_memory_of_the_predictors_process(
+    predictor_file, mini_truth, source, tmp_path
+):
+    wanted = mini_truth.head(30)
+    code = SPY.format(labels=set(wanted.eigenvalues[:, 1].tolist()))
+    found = evaluate(
+        predictor_file(code), wanted, source, Options(batch_size=10), tmp_path / "parts"
+    )
+    assert found.predictions.shape == (1, 30, 10)
+
+
+@pytest.mark.parametrize(
+    ("planted", "told"),
+    [("'cone-00042/3'", "found the id"), ("1.25", "found the label")],
+)
+def test_the_spy_finds_what_is_there(predictor_file, mini_truth, source, tmp_path, planted, told):
+    """The test above can fail: the same search finds what is planted."""
+    code = SPY.format(labels={1.25}).replace("def predict", f"kept = [{planted}]\n\ndef predict")
+    code = code.replace("LABELS = {1.25}", "LABELS = {5 / 4}")
+    with pytest.raises(PredictorError, match=told):
+        evaluate(predictor_file(code), mini_truth.head(30), source, Options(), tmp_path / "parts")
+
+
+def test_meshes_come_in_an_order_that_tells_neither_shape_nor_family(
+    predictor_file, mini_truth, source, tmp_path
+):
+    assert sorted(mini_truth.order) == list(range(len(mini_truth.ids)))
+    for names, share in ((mini_truth.shapes, 0.1), (mini_truth.families, 0.35)):
+        ordered = names[mini_truth.order]
+        assert np.mean(ordered[1:] == ordered[:-1]) < share
+    code = (
+        "import numpy as np\n\ndef predict(meshes):\n    sizes = [len(m.vertices) for m in meshes]"
+    )
+    code += "\n    return np.repeat(np.array(sizes, float)[:, None], 10, axis=1)\n"
+    found = evaluate(predictor_file(code), mini_truth, source, Options(), tmp_path / "parts")
+    sizes = {sample.spec.id: len(sample.mesh.vertices) for sample in source.samples()}
+    expected = [sizes[shape] for shape in mini_truth.shapes.tolist()]
+    np.testing.assert_array_equal(found.predictions[0, :, 0], expected)  # in the truth's order
+
+
+LAZY = """
+import time
+import numpy as np
+
+class Answer:
+    def __init__(self, count): self.count = count
+    def __array__(self, dtype=None, copy=None):
+        time.sleep(0.3)
+        return np.ones((self.count, 10))
+
+def predict(meshes): return Answer(len(meshes))
+"""
+
+
+def test_work_that_is_put_off_until_the_answer_is_read_is_timed(
+    predictor_file, mini_truth, source, tmp_path
+):
+    wanted = mini_truth.head(10)
+    found = evaluate(predictor_file(LAZY), wanted, source, Options(), tmp_path / "parts")
+    assert found.seconds.min() >= 0.3
+
+
+def test_error_while_the_answer_is_read_is_the_predictors(predictor_file):
+    code = LAZY.replace("time.sleep(0.3)", "raise RuntimeError('CUDA error')")
+    ids, meshes = physics.questions()
+    with pytest.raises(
+        PredictorError, match=r"the predictor failed: RuntimeError: CUDA error \(first"
+    ):
+        predict_meshes(predictor_file(code), ids, meshes, 10, Options())
+
+
+def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
+    evaluation = Evaluation(
+        predictions=np.ones((1, 30, 10)),
+        seconds=np.array([0.1, 0.3, 0.2]),
+        cpu_seconds=np.array([0.2, 0.6, 0.4]),
+        sizes=np.array([10, 10, 10]),
+        loaded=Loaded({}, None, False, "NVIDIA A100"),
+        status=Status(2**20, {}),
+    )
+    cost = record.cost(evaluation, Options(device="cuda", batch_size=10))
+    assert cost["ms_per_mesh"] == pytest.approx(20)
+    assert cost["ms_per_mesh_quartiles"] == pytest.approx([15, 25])
+    assert cost["ms_per_mesh_mean"] == pytest.approx(20)
+    assert cost["cores_used"] == pytest.approx(2)
+    assert cost["peak_memory_mb"] == 1
+    assert cost["hardware"].startswith("NVIDIA A100, ")
+    assert "NVIDIA" not in record.hardware()
+
+
+def test_cpu_has_no_accelerator():
+    assert worker._accelerator("cpu") == ""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_peak_memory_is_of_the_predictors_process_alone(
+    predictor_file, mini_truth, source, tmp_path
+):
+    ballast = np.ones(2**27)  # 1 GiB in this process
+    code = "import numpy as np\ndef predict(meshes): return np.ones((len(meshes), 10))\n"
+    wanted = mini_truth.head(10)
+    found = evaluate(predictor_file(code), wanted, source, Options(), tmp_path / "parts")
+    assert found.status.peak_bytes < ballast.nbytes / 2
