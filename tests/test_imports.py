@@ -2,6 +2,7 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
+import eigbench
 import pytest
 
 import synthnet
@@ -37,13 +38,29 @@ LEVELS = {
 MODULES = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.py"))
 
 
+EIGBENCH = Path(eigbench.__file__).parent
+# The same for the benchmark: a module imports modules of lower levels only.
+EIGBENCH_LEVELS = {
+    **dict.fromkeys(["__init__", "errors", "metrics"], 0),
+    **dict.fromkeys(["losses", "truth", "meshes", "predictor", "physics"], 1),
+    **dict.fromkeys(["predictions", "scores", "results", "tables", "worker"], 2),
+    **dict.fromkeys(["process", "submission"], 3),
+    **dict.fromkeys(["evaluate", "ranking"], 4),
+    **dict.fromkeys(["record", "figures"], 5),
+    "leaderboard": 6,
+    **dict.fromkeys(["predictor_commands", "board_commands"], 7),
+    "cli": 8,
+    "__main__": 9,
+}
+
+
 def room_of(file: str) -> str:
     return file.split("/")[0].removesuffix(".py")
 
 
-def imports_of(file: str) -> Iterator[str]:
+def imports_of(file: str, root: Path = ROOT) -> Iterator[str]:
     """Full names of what a file imports anywhere, in functions too."""
-    for node in ast.walk(ast.parse((ROOT / file).read_text())):
+    for node in ast.walk(ast.parse((root / file).read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -70,3 +87,36 @@ def test_only_pyg_imports_torch_and_none_the_benchmark(file: str) -> None:
     packages = {name.split(".")[0] for name in imports_of(file)}
     assert file == "pyg.py" or not packages & {"torch", "torch_geometric"}
     assert not packages & {"eigbench", "baselines", "benchmark"}
+
+
+def test_every_module_of_the_benchmark_has_a_level() -> None:
+    assert {path.stem for path in EIGBENCH.glob("*.py")} == set(EIGBENCH_LEVELS)
+
+
+@pytest.mark.parametrize("module", EIGBENCH_LEVELS)
+def test_modules_of_the_benchmark_import_lower_ones_and_never_the_baselines(module: str) -> None:
+    for name in imports_of(f"{module}.py", EIGBENCH):
+        package, *rest = name.split(".")
+        assert package != "baselines"
+        if package == "eigbench":
+            assert EIGBENCH_LEVELS[rest[0]] < EIGBENCH_LEVELS[module], f"imports {name}"
+        if package in ("torch", "torch_geometric"):
+            assert module in ("losses", "predictor", "worker")
+
+
+def reached(module: str) -> set[str]:
+    """Modules of the benchmark that a module imports, and those that these import."""
+    found, left = set(), [module]
+    while left:
+        for name in imports_of(f"{left.pop()}.py", EIGBENCH):
+            package, *rest = name.split(".")
+            if package == "eigbench" and rest[0] not in found:
+                found.add(rest[0])
+                left.append(rest[0])
+    return found
+
+
+def test_nothing_past_a_result_can_run_a_predictor() -> None:
+    running = {"predictor", "worker", "process", "evaluate"}
+    assert reached("predictor_commands") >= running
+    assert not reached("board_commands") & running

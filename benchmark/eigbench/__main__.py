@@ -1,6 +1,16 @@
-"""Run the command line: ``python -m eigbench``."""
+"""Run the command line: ``python -m eigbench``, and the script ``eigbench``.
 
-from eigbench.cli import main
+The process of a predictor imports this module anew, so it imports nothing by itself: the
+predictor's peak memory would have the command line's packages in it.
+"""
+
+
+def run() -> int:
+    """Run the command line and return its exit code."""
+    from eigbench.cli import main
+
+    return main()
+
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run())

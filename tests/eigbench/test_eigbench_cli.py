@@ -1,13 +1,15 @@
 """The command line: help, check, score; what the tables say."""
 
 import json
+import re
+import shutil
 
 import numpy as np
 import pytest
-from eigbench import cli, predictions, tables
+from eigbench import physics, predictions, predictor_commands, tables
 from eigbench.metrics import METRICS
 
-COMMANDS = ("check", "evaluate", "score")
+COMMANDS = ("check", "evaluate", "score", "compare", "submit", "leaderboard", "plot")
 WEYL = """
 import numpy as np
 
@@ -29,7 +31,7 @@ def test_help_of_a_command_has_an_example(eigbench, command):
 def test_help_of_the_program_names_every_command(eigbench):
     code, out, _ = eigbench("--help")
     assert code == 0
-    assert all(f"\n    {command} " in out for command in COMMANDS)
+    assert all(re.search(rf"\n    {command}\s", out) for command in COMMANDS)
 
 
 @pytest.mark.parametrize("command", ["check", "evaluate"])
@@ -138,8 +140,9 @@ def test_result_of_a_whole_split_says_what_was_done(weyl):
 def test_tables_show_what_is_not_finite():
     assert tables.number(None) == "∞/NaN"
     assert tables.number(0.12345, 3) == "0.123"
-    assert "not finite" in tables.physics({"rotation": None, "positive": 0.5})
-    assert "50 %" in tables.physics({"rotation": None, "positive": 0.5})
+    contract = {**dict.fromkeys(physics.TITLES), "positive": 0.5}
+    assert "not finite" in tables.physics(contract)
+    assert "50 %" in tables.physics(contract)
 
 
 def test_dataset_may_be_a_directory(eigbench, predictor_file, mini_home, tmp_path):
@@ -149,6 +152,28 @@ def test_dataset_may_be_a_directory(eigbench, predictor_file, mini_home, tmp_pat
         "evaluate", path, "--dataset", mini_home / "1.0-mini", "--limit", 5, "--out", out
     )
     assert code == 0
+
+
+def test_dataset_of_another_recipe_is_refused(eigbench, predictor_file, mini_home, tmp_path):
+    place = tmp_path / "home" / "1.0-mini"
+    shutil.copytree(mini_home / "1.0-mini", place)
+    manifest = place / "manifest.json"
+    digest = json.loads(manifest.read_text())["recipe_digest"]
+    manifest.write_text(manifest.read_text().replace(digest, digest[::-1]))
+    code, _, err = eigbench(
+        *("evaluate", predictor_file(WEYL), "--dataset", "1.0-mini"),
+        *("--root", tmp_path / "home", "--out", tmp_path / "r.json"),
+    )
+    assert code == 2
+    assert "was not built from the recipe of 1.0-mini" in err
+
+
+def test_version_is_a_version_even_where_a_directory_has_its_name(
+    eigbench, weyl, tmp_path, monkeypatch
+):
+    (tmp_path / "1.0-mini").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert eigbench("score", weyl.predictions, "--dataset", "1.0-mini")[0] == 0
 
 
 def test_dataset_that_is_not_built_is_refused(eigbench, predictor_file, tmp_path):
@@ -225,4 +250,4 @@ def test_check_of_a_bad_predictor_exits_with_2(eigbench, predictor_file):
 
 def test_zeros_agree_with_zeros():
     zeros = np.zeros((2, 10))
-    assert cli._differences("shuffled order", ["a", "b"], zeros, zeros) == []
+    assert predictor_commands._differences("shuffled order", ["a", "b"], zeros, zeros) == []

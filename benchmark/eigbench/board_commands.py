@@ -1,0 +1,180 @@
+"""What the commands on results do: compare, submit, leaderboard, plot. None runs a predictor."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import json
+import math
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+from tabulate import tabulate
+
+from eigbench import figures, leaderboard, ranking, submission
+from eigbench.errors import EigbenchError
+from eigbench.metrics import METRICS
+from eigbench.ranking import RANKED_BY, Difference
+from eigbench.tables import number
+from synthnet import store
+from synthnet.files import make_directory, write_text
+
+
+def compare(options: argparse.Namespace) -> int:
+    """Print the paired differences of two results."""
+    dataset = _dataset(options)
+    a, b = (
+        submission.read(path, predictions, dataset)
+        for path, predictions in zip((options.a, options.b), options.predictions, strict=True)
+    )
+    overall = {key: ranking.difference(a, b, key) for key in METRICS}
+    families = {
+        family: ranking.difference(a, b, RANKED_BY, family)
+        for family in sorted(set(a.truth.families.tolist()))
+    }
+    if options.json:
+        found = {
+            "a": a.name,
+            "b": b.name,
+            "overall": {key: _plain(d) for key, d in overall.items()},
+            "families": {"metric": RANKED_BY, **{f: _plain(d) for f, d in families.items()}},
+        }
+        print(json.dumps(found, indent=1))
+        return 0
+    print(f"A: {a.name} ({options.a})\nB: {b.name} ({options.b})\n")
+    names = {"a": "A is better", "b": "B is better", "tie": "tie"}
+
+    def row(title: str, d: Difference, key: str) -> list[str]:
+        decimals = METRICS[key].decimals
+        between = f"{number(d.low, decimals)} to {number(d.high, decimals)}"
+        return [
+            title,
+            number(d.a, decimals),
+            number(d.b, decimals),
+            number(d.a - d.b, decimals),
+            between,
+            names[d.verdict],
+        ]
+
+    headers = ["A", "B", "A − B", "95 % interval over shapes", "verdict"]
+    rows = [row(METRICS[key].title, d, key) for key, d in overall.items()]
+    print(tabulate(rows, headers=["metric", *headers], disable_numparse=True) + "\n")
+    rows = [row(family, d, RANKED_BY) for family, d in families.items()]
+    title = f"{METRICS[RANKED_BY].title} by family"
+    print(tabulate(rows, headers=[title, *headers], disable_numparse=True))
+    return 0
+
+
+def _plain(difference: Difference) -> dict[str, object]:
+    """Return a difference for JSON, which has no NaN or infinity."""
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in asdict(difference).items()
+    }
+
+
+def submit(options: argparse.Namespace) -> int:
+    """Check a result with its predictions and put both on the board."""
+    root = _root(options, make=True)
+    one = submission.read(options.result, options.predictions)
+    leaderboard.check_fit(one)
+    leaderboard.generate([one], [])  # it can be drawn
+    places = leaderboard.place(one, root, replace=options.replace)
+    if options.json:
+        print(json.dumps({"model": one.name, "board": one.board, "files": list(map(str, places))}))
+        return 0
+    print(f"{one.name}: every score follows from its predictions")
+    for place in places:
+        print(f"  {place}")
+    print(f"now: eigbench leaderboard{_board_argument(options)}")
+    return 0
+
+
+def regenerate(options: argparse.Namespace) -> int:
+    """Generate the leaderboard, or say what of it is not up to date."""
+    root = _root(options)
+    with Console(stderr=True).status("scoring") as status:
+        found = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
+        generated = leaderboard.generate(found, leaderboard.read_reported(root))
+    stale = [p for p, text in generated.items() if _text(root / p) != text]
+    known = {root / place for place in generated}
+    orphans = [p for p in sorted((root / leaderboard.FIGURES).glob("*.svg")) if p not in known]
+    if options.json:
+        print(json.dumps({"rows": len(found), "stale": list(map(str, [*stale, *orphans]))}))
+    if options.check:
+        for place in stale:
+            old, new = _text(root / place), generated[place]
+            lines = difflib.unified_diff(
+                old.splitlines(), new.splitlines(), f"{place} as it is", "as generated", lineterm=""
+            )
+            print("\n".join(lines), file=sys.stderr)
+        for place in orphans:
+            print(f"{place} belongs to no board", file=sys.stderr)
+        if stale or orphans:
+            print(
+                f"eigbench: not up to date: run eigbench leaderboard{_board_argument(options)}",
+                file=sys.stderr,
+            )
+            return 1
+        if not options.json:
+            print(f"{len(found)} rows scored anew, every generated file is up to date")
+        return 0
+    for place in stale:
+        make_directory((root / place).parent)
+        write_text(root / place, generated[place])
+    for place in orphans:
+        place.unlink()
+    if not options.json:
+        print(f"{len(found)} rows; written: {', '.join(map(str, stale)) or 'nothing new'}")
+        for place in orphans:
+            print(f"removed: {place}, which belongs to no board")
+    return 0
+
+
+def plot(options: argparse.Namespace) -> int:
+    """Draw the pictures of one or several results."""
+    found = [submission.read(path, None, _dataset(options)) for path in options.results]
+    if len({one.truth.digest for one in found}) > 1:
+        raise EigbenchError("the results are of different datasets, splits or protocols")
+    make_directory(options.out)
+    written = [options.out / "families.png", options.out / "error-time.svg"]
+    figures.save(written[0], figures.families(found, options.metric))
+    write_text(written[1], figures.error_against_time(found, options.metric))
+    for one in found:
+        path = options.out / f"spectra-{one.slug}.png"
+        figures.save(path, figures.spectra(one))
+        written.append(path)
+    if options.json:
+        print(json.dumps({"files": list(map(str, written))}))
+    else:
+        print("\n".join(map(str, written)))
+    return 0
+
+
+def _dataset(options: argparse.Namespace) -> store.StoredDataset | None:
+    if options.dataset is None:
+        return None
+    manifest = store.read_manifest(options.dataset)
+    if manifest is None:
+        raise EigbenchError(f"{options.dataset} holds no dataset (no manifest)")
+    return store.StoredDataset(options.dataset, manifest)
+
+
+def _root(options: argparse.Namespace, *, make: bool = False) -> Path:
+    root: Path = options.board
+    if not (root / leaderboard.RESULTS).is_dir() and not (make and root != Path()):
+        raise EigbenchError(
+            f"{root.resolve()} has no {leaderboard.RESULTS}: run this in a checkout of the "
+            "project, or give one with --board DIR"
+        )
+    return root
+
+
+def _board_argument(options: argparse.Namespace) -> str:
+    return "" if options.board == Path() else f" --board {options.board}"
+
+
+def _text(path: Path) -> str:
+    return path.read_text() if path.is_file() else ""

@@ -1,0 +1,187 @@
+"""Pictures of results: error against time, spectra, errors by family."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from eigbench import ranking, results
+from eigbench.errors import EigbenchError
+from eigbench.metrics import METRICS, psnr
+from eigbench.ranking import RANKED_BY
+from eigbench.submission import Submission
+from synthnet.families import FAMILIES
+from synthnet.files import write_atomically
+
+# Okabe and Ito: told apart by colour-blind readers; the markers tell kinds apart in print.
+KINDS = {"trivial": ("#999999", "s"), "classical": ("#0072B2", "o"), "learned": ("#D55E00", "^")}
+TRUE, PREDICTED = "#000000", "#0072B2"
+FLOOR = 1e-3  # errors below are drawn at the lower edge: the exact solver's would be 1e-11
+QUANTILES = {"best": 0.0, "median": 0.5, "worst": 1.0}
+
+
+@contextmanager
+def _style() -> Iterator[None]:
+    """Plain axes, and SVG that is the same to the byte at each run."""
+    settings: Any = {  # matplotlib's type of keys is a list of 300 literals
+        "font.size": 9,
+        "font.family": "DejaVu Sans",
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "svg.hashsalt": "eigbench",
+        "svg.fonttype": "none",
+        "path.simplify": False,
+    }
+    with mpl.rc_context():
+        mpl.rcdefaults()  # a user's own style would change the bytes
+        mpl.rcParams.update(settings)
+        yield
+
+
+def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) -> str:
+    """Return an SVG of mean error against milliseconds a mesh, both logarithmic.
+
+    Results of several hardware labels get a panel each: times are not compared across.
+    """
+    by_label: dict[str, list[Submission]] = {}
+    for one in submissions:
+        by_label.setdefault(results.setting(one.result), []).append(one)
+    with _style():
+        # Places by hand: those of an automatic layout depend on the version of FreeType
+        figure = Figure(figsize=(7.2, 4.4 * len(by_label)))
+        panels = np.ravel(figure.subplots(len(by_label), squeeze=False))
+        figure.subplots_adjust(0.1, 0.5 / (4.4 * len(by_label)), 0.97, 0.93, hspace=0.35)
+        for axes, label in zip(panels, sorted(by_label), strict=True):
+            _scatter(axes, by_label[label], key)
+            axes.set_title(_escaped(label), fontsize=9, loc="left")
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    return text.getvalue()
+
+
+def _escaped(text: str) -> str:
+    """Return text in which no dollar sign begins a formula."""
+    return text.replace("$", "\\$")
+
+
+def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -> None:
+    metric = METRICS[key]
+    drawn = []
+    for one in sorted(submissions, key=lambda s: s.slug):
+        mean = one.result["scores"]["overall"][key]["mean"]
+        time = one.result["cost"]["ms_per_mesh"]
+        if mean is not None and time > 0:
+            drawn.append((time, max(mean, FLOOR), one, mean))
+    for kind, (colour, marker) in KINDS.items():
+        points = [(x, y) for x, y, one, _ in drawn if one.result["model"]["kind"] == kind]
+        if points:
+            axes.plot(*zip(*points, strict=True), marker, color=colour, label=kind, ms=6)
+    for x, y, one, mean in drawn:
+        note = _escaped(one.name if mean >= FLOOR else f"{one.name} ({mean:.0e})")
+        axes.annotate(note, (x, y), (5, 4), textcoords="offset points", fontsize=8)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=FLOOR / 1.5)
+    axes.margins(x=0.15)
+    axes.set_xlabel("ms a mesh, median")
+    axes.set_ylabel(f"mean {metric.title} {'↑' if metric.higher_is_better else '↓'}")
+    axes.grid(alpha=0.25)
+    if drawn:
+        axes.legend(loc="lower left", frameon=False)
+
+
+def spectra(one: Submission) -> Figure:
+    """Draw predicted against true spectra, as the paper's Figure 6.
+
+    A row for each family: of its instances the one with the least, the median and the
+    largest RPD, with its PSNR and Inverse Laplacian.
+    """
+    families = [f for f in FAMILIES if f in set(one.truth.families.tolist())]
+    families += sorted(set(one.truth.families.tolist()) - set(FAMILIES))
+    errors = ranking.per_mesh(one, RANKED_BY)
+    if not np.isfinite(errors).all():
+        raise EigbenchError(f"{one.result_path} has predictions that are not finite: no picture")
+    with _style():
+        figure = Figure(figsize=(7.2, 1.7 * len(families) + 0.6), layout="constrained")
+        panels = figure.subplots(len(families), len(QUANTILES), squeeze=False)
+        for row, family in zip(panels, families, strict=True):
+            mine = np.flatnonzero(one.truth.families == family)
+            ordered = mine[np.argsort(errors[mine], kind="stable")]
+            for axes, (name, quantile) in zip(row, QUANTILES.items(), strict=True):
+                _spectrum(axes, one, int(ordered[round(quantile * (len(ordered) - 1))]), name)
+            title = FAMILIES[family].title if family in FAMILIES else family
+            row[0].set_ylabel(title)
+        panels[0][0].legend(frameon=False, fontsize=7)
+        figure.suptitle(f"{_escaped(one.name)}: true and predicted eigenvalues", fontsize=10)
+    return figure
+
+
+def _spectrum(axes: mpl.axes.Axes, one: Submission, i: int, name: str) -> None:
+    label, predicted = one.truth.eigenvalues[i], one.predictions[0, i]
+    index = np.arange(1, len(label) + 1)
+    axes.plot(index, label, "o", color=TRUE, ms=3.5, fillstyle="none", label="true")
+    axes.plot(index, predicted, "x", color=PREDICTED, ms=4, label="predicted")
+    decibels = psnr(predicted[None], label[None])[0]
+    error = METRICS["invlap"].function(predicted[None], label[None])[0]
+    axes.set_title(
+        f"{name}: {one.truth.ids[i]}\nPSNR {decibels:.1f} dB, InvLap {error:.3g}", fontsize=6.5
+    )
+    axes.set_ylim(bottom=0)
+    axes.set_xticks(index[::3])
+    axes.tick_params(labelsize=6)
+
+
+def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
+    """Draw the distribution of a metric by family: a box of quartiles, whiskers 5 to 95 %."""
+    present = set(submissions[0].truth.families.tolist())
+    names = [*(f for f in FAMILIES if f in present), *sorted(present - set(FAMILIES))]
+    with _style():
+        height = 0.35 * len(names) * max(1.0, 0.6 * len(submissions)) + 1.2
+        figure = Figure(figsize=(7.2, height), layout="constrained")
+        axes = figure.subplots()
+        width = 0.8 / len(submissions)
+        palette = mpl.colormaps["cividis"](np.linspace(0.1, 0.9, len(submissions)))
+        for number, (one, colour) in enumerate(zip(submissions, palette, strict=True)):
+            values = np.maximum(ranking.per_mesh(one, key), FLOOR / 10)
+            if not np.isfinite(values).all():
+                raise EigbenchError(f"{one.result_path} has predictions that are not finite")
+            boxes = axes.boxplot(
+                [values[one.truth.families == name] for name in names],
+                positions=np.arange(len(names)) + (number - (len(submissions) - 1) / 2) * width,
+                widths=0.85 * width,
+                orientation="horizontal",
+                whis=(5, 95),
+                showfliers=False,
+                patch_artist=True,
+                manage_ticks=False,
+                medianprops={"color": "#D55E00"},
+                label=_escaped(one.name),
+            )
+            for box in boxes["boxes"]:
+                box.set(facecolor=colour, alpha=0.8)
+        axes.set_yticks(
+            range(len(names)), [FAMILIES[n].title if n in FAMILIES else n for n in names]
+        )
+        axes.invert_yaxis()
+        axes.set_xscale("log")
+        axes.set_xlabel(f"{METRICS[key].title}: quartiles, whiskers 5 to 95 %")
+        axes.grid(axis="x", alpha=0.25)
+        axes.legend(frameon=False, fontsize=7, loc="upper left", bbox_to_anchor=(0, -0.15))
+    return figure
+
+
+def save(path: Path, figure: Figure) -> None:
+    """Write a figure; the suffix says as what."""
+
+    def write(to: Path) -> None:
+        figure.savefig(to, format=path.suffix[1:], dpi=160)
+
+    with _style():
+        write_atomically(path, write)

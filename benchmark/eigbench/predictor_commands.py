@@ -1,0 +1,194 @@
+"""What the commands on predictors do: check, evaluate, score. Only score runs no code of theirs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from eigbench import physics, predictions, record, results, scores, tables, truth
+from eigbench.errors import EigbenchError, PredictorError
+from eigbench.evaluate import Options, evaluate, predict_meshes
+from synthnet import recipe, store
+from synthnet.cli import WRONG_INPUT
+from synthnet.report import Rate
+
+AGREE = 1e-5  # relative, between batch sizes and orders of one predictor
+
+
+def check(options: argparse.Namespace) -> int:
+    """Try a predictor on the probes, one at a time, shuffled and changed."""
+    ids, meshes = physics.questions()
+    settings = Options(batch_size=len(ids), time_limit=options.time_limit)
+    k = 10
+    answers = predict_meshes(options.predictor, ids, meshes, k, settings)
+    base = len(physics.probes())
+    one = Options(batch_size=1, time_limit=options.time_limit)
+    singly = predict_meshes(options.predictor, ids[:base], meshes[:base], k, one)
+    order = np.random.default_rng(0).permutation(len(ids))
+    shuffled = predict_meshes(
+        options.predictor,
+        tuple(ids[i] for i in order),
+        tuple(meshes[i] for i in order),
+        k,
+        settings,
+    )
+    contract = physics.contract(answers)
+    findings = [
+        *_differences("one mesh at a time", ids, answers[:base], singly),
+        *_differences("shuffled order", [ids[i] for i in order], answers[order], shuffled),
+    ]
+    if not np.isfinite(answers).all():
+        bad = [ids[i] for i in np.flatnonzero(~np.isfinite(answers).all(axis=1))[:3]]
+        findings.append(f"answers that are not finite, first for {', '.join(bad)}")
+    if options.json:
+        print(json.dumps({"physics": contract, "findings": findings}, indent=1))
+    else:
+        print(tables.physics(contract))
+        print(f"\n{base} shapes and {len(ids) - base} changed copies of them")
+        for finding in findings:
+            print(f"  {finding}")
+        verdict = "it can be evaluated" if not findings else "look at the findings above"
+        print(f"{options.predictor}: loads and answers in shape; {verdict}")
+    return 1 if findings else 0
+
+
+def _differences(
+    how: str, ids: Sequence[str], a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]
+) -> list[str]:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = np.where(a == b, 0.0, np.abs(a / b - 1)).max(axis=1)
+    bad = np.flatnonzero(~(apart <= AGREE) & np.isfinite(a).all(axis=1))
+    if not len(bad):
+        return []
+    first = ", ".join(ids[i] for i in bad[:3])
+    return [f"other answers for {how}: up to {apart[bad].max():.2g} relative, first for {first}"]
+
+
+def _directory(options: argparse.Namespace) -> store.StoredDataset | None:
+    """Return the dataset that ``--dataset`` names as a directory, if it does."""
+    if options.dataset in recipe.available():
+        return None  # a version, even where a directory has its name
+    place = Path(options.dataset)
+    manifest = store.read_manifest(place)
+    return None if manifest is None else store.StoredDataset(place, manifest)
+
+
+def _truth(options: argparse.Namespace, directory: store.StoredDataset | None) -> truth.Truth:
+    if directory is not None:
+        return truth.of_dataset(directory, options.split, options.protocol)
+    return truth.load(options.dataset, options.split, options.protocol)
+
+
+def run_evaluate(options: argparse.Namespace) -> int:
+    """Run a predictor over a split, write the result and print its tables."""
+    out: Path = options.out
+    kept: Path = options.predictions or out.with_suffix(".parquet")
+    for name, path, suffix in (("--out", out, ".json"), ("--predictions", kept, ".parquet")):
+        if path.suffix != suffix:
+            raise EigbenchError(f"{name} must end in {suffix}, got {path}")
+    directory = _directory(options)
+    wanted = _truth(options, directory)
+    partial = options.limit is not None and options.limit < len(wanted.ids)
+    if partial:
+        wanted = wanted.head(options.limit)
+    dataset = directory or store.open_dataset(options.dataset, options.root)
+    if dataset.manifest.recipe_digest != wanted.recipe_digest:
+        raise EigbenchError(
+            f"{dataset.directory} was not built from the recipe of {wanted.version}: "
+            "check it with `synthnet verify`"
+        )
+    settings = Options(**{f.name: getattr(options, f.name) for f in fields(Options)})
+    parts = out.with_name(f".{out.name}.parts")
+    progress = Progress(
+        TextColumn("predicting"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        Rate(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    )
+    task = progress.add_task("predicting", total=len(wanted.ids) * settings.seeds)
+
+    def on_batch(count: int) -> None:
+        progress.start()  # not before there is something to show
+        progress.advance(task, count)
+
+    try:
+        evaluation = evaluate(
+            options.predictor,
+            wanted,
+            dataset,
+            settings,
+            parts,
+            on_batch=on_batch,
+        )
+    except PredictorError as error:
+        if any(parts.glob("*/*.npz")):
+            raise PredictorError(f"{error} (--resume goes on from the last good batch)") from error
+        raise
+    finally:
+        progress.stop()
+    ids, meshes = physics.questions()
+    answers = predict_meshes(options.predictor, ids, meshes, wanted.eigenvalues.shape[1], settings)
+    predictions.write(kept, wanted, evaluation.predictions)
+    result = record.make(
+        wanted,
+        evaluation,
+        settings,
+        code=options.predictor,
+        predictions=kept,
+        contract=physics.contract(answers),
+        partial=partial,
+    )
+    results.write(out, result)
+    shutil.rmtree(parts, ignore_errors=True)
+    if options.json:
+        print(json.dumps(result, indent=1))
+    else:
+        print(f"{result['model']['name']} on {_described(result)}\n")
+        for table in (tables.overall, tables.families, tables.per_index, tables.cost):
+            print(table(result) + "\n")
+        print(tables.physics(result["physics"]))
+        print(f"\nresult {out}, predictions {kept}")
+    return _told(predictions.unphysical(wanted, evaluation.predictions))
+
+
+def _told(problem: str) -> int:
+    """Say what is wrong with predictions that were scored as they are."""
+    if problem:
+        print(f"eigbench: {problem}", file=sys.stderr)
+        return WRONG_INPUT
+    return 0
+
+
+def score(options: argparse.Namespace) -> int:
+    """Score a file of predictions."""
+    wanted = _truth(options, _directory(options))
+    found = predictions.read(options.file, wanted)
+    result = {"dataset": results.dataset_facts(wanted), "scores": scores.score(wanted, found)}
+    if options.json:
+        print(json.dumps(result, indent=1))
+    else:
+        print(f"{options.file} on {_described(result)}\n")
+        for table in (tables.overall, tables.families, tables.per_index):
+            print(table(result) + "\n")
+    return _told(predictions.unphysical(wanted, found))
+
+
+def _described(result: dict[str, Any]) -> str:
+    facts = result["dataset"]
+    part = "a part of " if result.get("partial") else ""
+    return (
+        f"{part}synthNet {facts['version']}, {facts['split']} split, protocol {facts['protocol']}: "
+        f"{facts['shapes']:,} shapes, {facts['instances']:,} instances"
+    )

@@ -1,0 +1,112 @@
+"""Which of several predictors is better, and which cannot be told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eigbench import scores
+from eigbench.errors import EigbenchError
+from eigbench.metrics import METRICS
+from eigbench.submission import Submission
+
+RANKED_BY = "rpd"  # bounded, free of scale, and no share that saturates
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """The paired difference of two predictors in one metric.
+
+    Parameters
+    ----------
+    a, b : float
+        Their means.
+    low, high : float
+        95 % percentile-bootstrap interval over shapes of the mean of a − b; NaN where a
+        value is not finite.
+    verdict : str
+        ``a``, ``b`` or ``tie``: which is better.
+    """
+
+    a: float
+    b: float
+    low: float
+    high: float
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ranked:
+    """A submission and its place: rank 3 of a group of 2 shares it with one other."""
+
+    submission: Submission
+    rank: int
+    group: int
+
+
+def per_mesh(submission: Submission, key: str) -> NDArray[np.float64]:
+    """Return a metric of each instance, mean over seeds, shape (n,)."""
+    table = np.stack(
+        [METRICS[key].function(p, submission.truth.eigenvalues) for p in submission.predictions]
+    )
+    return np.asarray(table.mean(axis=0))
+
+
+def difference(a: Submission, b: Submission, key: str, family: str | None = None) -> Difference:
+    """Return the paired difference a − b of a metric, over all or in one family.
+
+    Raises
+    ------
+    EigbenchError
+        If the two do not predict the same instances.
+    """
+    if a.truth.digest != b.truth.digest:
+        raise EigbenchError(
+            f"{a.result_path} and {b.result_path} predict other instances: compare results of "
+            "one dataset, split and protocol"
+        )
+    truth = a.truth if family is None else a.truth.take(a.truth.families == family)
+    chosen = slice(None) if family is None else a.truth.families == family
+    x, y = per_mesh(a, key)[chosen], per_mesh(b, key)[chosen]
+    low, high = scores.paired_interval(x, y, truth, scores.bootstrap_weights(truth))
+    return Difference(float(x.mean()), float(y.mean()), low, high, _verdict(x, y, low, high, key))
+
+
+def _verdict(
+    x: NDArray[np.float64], y: NDArray[np.float64], low: float, high: float, key: str
+) -> str:
+    bad_x, bad_y = not np.isfinite(x).all(), not np.isfinite(y).all()
+    if bad_x or bad_y:  # what is not finite is worse than what is
+        return "tie" if bad_x and bad_y else "b" if bad_x else "a"
+    if low <= 0 <= high:
+        return "tie"
+    return "a" if (low > 0) == METRICS[key].higher_is_better else "b"
+
+
+def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Ranked]:
+    """Return the submissions best first, in tie groups.
+
+    A group begins with the best row that is left and takes in each row after it, in order
+    of the mean, whose paired interval with it includes zero. The order of the input does
+    not matter.
+    """
+    sign = -1 if METRICS[key].higher_is_better else 1
+
+    def order(submission: Submission) -> tuple[float, str]:
+        mean = submission.result["scores"]["overall"][key]["mean"]
+        return (np.inf if mean is None else sign * mean), submission.slug
+
+    left = sorted(submissions, key=order)
+    found: list[Ranked] = []
+    while left:
+        first = left[0]
+        size = 1
+        while size < len(left) and difference(first, left[size], key).verdict == "tie":
+            size += 1
+        rank = len(found) + 1
+        found += [Ranked(submission, rank, size) for submission in left[:size]]
+        left = left[size:]
+    return found

@@ -1,0 +1,182 @@
+"""A result together with its predictions: read, and every score computed anew.
+
+Whatever compares, ranks or draws results reads them here, so no number that cannot be
+recomputed from its predictions goes further. No predictor's code is run.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eigbench import predictions, results, scores, truth
+from eigbench.errors import EigbenchError, ResultError
+from eigbench.metrics import METRIC_VERSION
+from eigbench.truth import Truth
+from synthnet import recipe, store
+from synthnet.files import sha256
+
+AGREE = 1e-9  # relative, between a score that is stored and the same computed here
+
+
+@dataclass(frozen=True, slots=True)
+class Submission:
+    """A result that its predictions bear out.
+
+    Parameters
+    ----------
+    result : dict
+        As :mod:`eigbench.results` made it.
+    truth : Truth
+        What was predicted.
+    predictions : ndarray of shape (seeds, n, k), float64
+        In the order of the truth's ids, in 1/length².
+    result_path, predictions_path : Path
+        The two files.
+    """
+
+    result: dict[str, Any]
+    truth: Truth
+    predictions: NDArray[np.float64]
+    result_path: Path
+    predictions_path: Path
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return str(self.result["model"]["name"])
+
+    @property
+    def slug(self) -> str:
+        """Name of the model in a file's name: ``rayleigh-ritz-degree-7``."""
+        return slug(self.name)
+
+    @property
+    def board(self) -> str:
+        """Which board it belongs on: ``1.0-test-grouped``."""
+        facts = self.result["dataset"]
+        return f"{facts['version']}-{facts['split']}-{facts['protocol']}"
+
+
+def slug(name: str) -> str:
+    """Return a name in lower-case letters, digits and hyphens.
+
+    Raises
+    ------
+    EigbenchError
+        If nothing is left.
+
+    Examples
+    --------
+    >>> slug("Rayleigh-Ritz, degree 7")
+    'rayleigh-ritz-degree-7'
+    """
+    found = re.sub(r"[^a-z0-9.]+", "-", name.lower()).strip("-.")
+    if not found:
+        raise EigbenchError(f"the name {name!r} has no letter or digit: change META's name")
+    return found
+
+
+def read(
+    path: Path, predictions_path: Path | None = None, dataset: store.StoredDataset | None = None
+) -> Submission:
+    """Read a result and its predictions, and check one against the other.
+
+    Parameters
+    ----------
+    path : Path
+        The result's JSON.
+    predictions_path : Path, optional
+        Its predictions; looked for beside it, and in the board's ``predictions``.
+    dataset : StoredDataset, optional
+        What was predicted, if it is no version whose labels are pinned.
+
+    Raises
+    ------
+    ResultError
+        If the result contradicts itself, its labels or its predictions.
+    PredictionsError
+        If the predictions are missing, damaged, or not exactly the split's.
+    """
+    result = results.read(path)
+    if result["metric_version"] != METRIC_VERSION:
+        raise ResultError(
+            f"{path} has metric version {result['metric_version']}, these are version "
+            f"{METRIC_VERSION}: score its predictions again"
+        )
+    wanted = _truth(result, dataset, path)
+    _check_labels(result, wanted, path)
+    place = predictions_path or _beside(path)
+    found = predictions.read(place, wanted)
+    if sha256(place) != result["predictions"]["sha256"]:
+        raise ResultError(
+            f"{place} is not the file that {path} was made with: its SHA-256 is "
+            f"{sha256(place)[:12]}…, the result names {result['predictions']['sha256'][:12]}…"
+        )
+    if len(found) != result["predictions"]["seeds"]:
+        raise ResultError(
+            f"{place} has {len(found)} seeds, {path} names {result['predictions']['seeds']}"
+        )
+    _check_same(result["scores"], scores.score(wanted, found), "scores", path)
+    return Submission(result, wanted, found, path, place)
+
+
+def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Path) -> Truth:
+    facts = result["dataset"]
+    split, protocol = facts["split"], facts["protocol"]
+    if dataset is not None:
+        wanted = truth.of_dataset(dataset, split, protocol)
+    elif facts["version"] in recipe.available():
+        wanted = _pinned(facts["version"], split, protocol)
+    else:
+        raise ResultError(
+            f"{path} is of the dataset {facts['version']}, whose labels are not pinned here: "
+            "give its directory with --dataset"
+        )
+    return wanted.head(facts["instances"]) if result["partial"] else wanted
+
+
+@lru_cache(maxsize=8)
+def _pinned(version: str, split: str, protocol: str) -> Truth:
+    return truth.load(version, split, protocol)
+
+
+def _check_labels(result: dict[str, Any], wanted: Truth, path: Path) -> None:
+    for key, here in results.dataset_facts(wanted).items():
+        stored = result["dataset"][key]
+        if stored != here:
+            raise ResultError(
+                f"{path} was made with other labels: its {key} is {str(stored)[:16]}, "
+                f"that of {wanted.version} here is {str(here)[:16]}"
+            )
+
+
+def _beside(path: Path) -> Path:
+    beside = path.with_suffix(".parquet")
+    on_board = path.parent.parent.parent / "predictions" / path.parent.name / beside.name
+    found = next((p for p in (beside, on_board) if p.is_file()), None)
+    if found is None:
+        raise ResultError(f"{path}: there are no predictions at {beside}: give --predictions FILE")
+    return found
+
+
+def _check_same(stored: Any, computed: Any, place: str, path: Path) -> None:
+    """Raise at the first place where two trees of numbers differ."""
+    if isinstance(computed, dict) and isinstance(stored, dict) and stored.keys() == computed.keys():
+        for key, value in computed.items():
+            _check_same(stored[key], value, f"{place}/{key}", path)
+    elif isinstance(computed, list) and isinstance(stored, list) and len(stored) == len(computed):
+        for i, value in enumerate(computed):
+            _check_same(stored[i], value, f"{place}/{i}", path)
+    elif isinstance(computed, float) and isinstance(stored, int | float):
+        if not math.isclose(stored, computed, rel_tol=AGREE, abs_tol=1e-15):
+            raise ResultError(f"{path}: {place} is {stored!r}, its predictions give {computed!r}")
+    elif stored != computed:
+        raise ResultError(f"{path}: {place} is {stored!r}, its predictions give {computed!r}")

@@ -1,0 +1,611 @@
+"""Submissions, ranks, LEADERBOARD.md and its check, compare and plot."""
+
+import copy
+import json
+import re
+import shutil
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from eigbench import figures, leaderboard, predictions, ranking, results, scores, submission
+from eigbench.errors import EigbenchError, PredictionsError, ResultError
+from eigbench.metrics import METRICS
+
+from synthnet.files import sha256
+
+BOARD = "1.0-mini-test-grouped"
+CHECKOUT = Path(__file__).parent.parent.parent
+
+
+@pytest.fixture(scope="session")
+def make_submission(weyl, mini_truth, tmp_path_factory):
+    """Return a function that makes a result and predictions of its own name and answers."""
+
+    def make(name, values, **model):
+        place = tmp_path_factory.mktemp("made")
+        out, kept = place / "result.json", place / "result.parquet"
+        values = np.asarray(values, dtype=np.float64)
+        values = values if values.ndim == 3 else values[None]
+        predictions.write(kept, mini_truth, values)
+        result = copy.deepcopy(weyl.result)
+        result["model"].update({"name": name, **model})
+        result["predictions"] = {"sha256": sha256(kept), "seeds": len(values)}
+        result["scores"] = scores.score(mini_truth, values)
+        results.write(out, result)
+        return out
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def made(make_submission, mini_truth):
+    """Results of predictors that are 1 or 3 % (on other shapes), 20 % and 300 % off."""
+    g = mini_truth.eigenvalues
+    _, shape = np.unique(mini_truth.shapes, return_inverse=True)
+    odd = (shape % 2).astype(bool)[:, None]
+    ones, others = g * np.where(odd, 1.01, 1.03), g * np.where(odd, 1.03, 1.01)
+    return {
+        "one": make_submission("One percent", ones, kind="classical"),
+        "other": make_submission("Other percent", others, kind="learned", parameters=12),
+        "twenty": make_submission("Twenty | <percent>", np.stack([g * 1.2, g * 1.21])),
+        "far": make_submission("Far", g * 4, training_cost="a day"),
+    }
+
+
+@pytest.fixture(scope="session")
+def read(made):
+    return {key: submission.read(path) for key, path in made.items()}
+
+
+@pytest.fixture
+def board(made, tmp_path):
+    """A board of the four, generated."""
+    for path in made.values():
+        leaderboard.place(submission.read(path), tmp_path)
+    for place, text in leaderboard.generate(leaderboard.read(tmp_path), []).items():
+        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / place).write_text(text)
+    return tmp_path
+
+
+# --- reading a submission ----------------------------------------------------------------
+
+
+def test_evaluated_result_is_borne_out_by_its_predictions(weyl, mini_truth):
+    one = submission.read(weyl.out)
+    assert one.truth.digest == mini_truth.digest
+    assert (one.name, one.slug, one.board) == ("Weyl", "weyl", BOARD)
+    assert one.predictions.shape == (1, 306, 10)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda r: r.update(metric_version=2), r"has metric version 2, these are version 1"),
+        (lambda r: r["dataset"].update(split_digest="0" * 64), r"its split_digest is 0{16}, that"),
+        (lambda r: r["dataset"].update(shapes=33), r"its shapes is 33, that of 1.0-mini here is"),
+        (lambda r: r["dataset"].update(version="9.9"), r"9.9, whose labels are not pinned"),
+        (lambda r: r["predictions"].update(sha256="0" * 64), r"is not the file that .* made with"),
+        (lambda r: r["predictions"].update(seeds=2), r"has 1 seeds, .* names 2"),
+        (
+            lambda r: r["scores"]["overall"]["rpd"].update(low=0.5),
+            r"scores/overall/rpd/low is 0.5, its predictions give",
+        ),
+        (
+            lambda r: r["scores"]["per_index"][3].update(median=None),
+            r"scores/per_index/3/median is None, its predictions give",
+        ),
+    ],
+)
+def test_result_that_its_labels_or_predictions_do_not_bear_out_is_refused(
+    made, tmp_path, change, message
+):
+    result = json.loads(made["one"].read_text())
+    change(result)
+    (tmp_path / "r.json").write_text(json.dumps(result))
+    with pytest.raises(ResultError, match=message):
+        submission.read(tmp_path / "r.json", made["one"].with_suffix(".parquet"))
+
+
+def test_result_without_predictions_is_refused(made, tmp_path):
+    shutil.copy(made["one"], tmp_path / "r.json")
+    with pytest.raises(ResultError, match=r"no predictions at .*r\.parquet: give --predictions"):
+        submission.read(tmp_path / "r.json")
+
+
+def test_predictions_of_another_result_are_refused(made):
+    with pytest.raises(ResultError, match="is not the file that"):
+        submission.read(made["one"], made["other"].with_suffix(".parquet"))
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("A  b", "a-b"), ("Weyl's law", "weyl-s-law"), ("../x", "x"), ("É", None)],
+)
+def test_slug_is_a_file_name(name, expected):
+    if expected is None:
+        with pytest.raises(EigbenchError, match="has no letter or digit"):
+            submission.slug(name)
+    else:
+        assert submission.slug(name) == expected
+
+
+# --- ranks -------------------------------------------------------------------------------
+
+
+def test_ranks_are_tie_groups(read):
+    found = ranking.ranked(list(read.values()))
+    assert [(r.submission.name, r.rank, r.group) for r in found][2:] == [
+        ("Twenty | <percent>", 3, 1),
+        ("Far", 4, 1),
+    ]
+    assert {(r.submission.name, r.rank, r.group) for r in found[:2]} == {
+        ("One percent", 1, 2),
+        ("Other percent", 1, 2),
+    }
+
+
+def test_ranks_do_not_depend_on_the_order_of_the_input(read):
+    there = [r.submission.name for r in ranking.ranked(list(read.values()))]
+    back = [r.submission.name for r in ranking.ranked(list(read.values())[::-1])]
+    assert there == back
+
+
+@pytest.mark.parametrize("key", METRICS)
+def test_a_predictor_ties_with_itself_and_loses_to_a_better_one(read, key):
+    assert ranking.difference(read["one"], read["one"], key).verdict == "tie"
+    better = ranking.difference(read["one"], read["far"], key)
+    assert better.verdict == "a"
+    assert ranking.difference(read["far"], read["one"], key).verdict == "b"
+    assert better.low <= better.a - better.b <= better.high
+
+
+def test_difference_is_that_of_the_means(read):
+    d = ranking.difference(read["twenty"], read["far"], "invlap")
+    # g / p - 1 is -1/6 and -21/121, and -3/4, ten times
+    a = np.sqrt(10) * (0.2 / 1.2 + 0.21 / 1.21) / 2
+    assert d.a == pytest.approx(a, rel=1e-12)
+    assert d.b == pytest.approx(np.sqrt(10) * 0.75, rel=1e-12)
+    assert d.low == pytest.approx(d.a - d.b)  # the same for every mesh, so for every resample
+    assert d.high == pytest.approx(d.a - d.b)
+
+
+def test_difference_in_a_family_is_of_its_meshes(read, mini_truth):
+    d = ranking.difference(read["one"], read["far"], "l1", "torus")
+    mine = mini_truth.families == "torus"
+    assert d.b == pytest.approx(3 * mini_truth.eigenvalues[mine].sum(axis=1).mean())
+
+
+def test_what_is_not_finite_is_last(make_submission, read, mini_truth):
+    values = mini_truth.eigenvalues.copy()
+    values[7, 3] = np.nan
+    bad = submission.read(make_submission("Bad", values))
+    found = ranking.ranked([bad, *read.values()])
+    assert (found[-1].submission.name, found[-1].rank, found[-1].group) == ("Bad", 5, 1)
+    assert ranking.difference(bad, read["far"], "rpd").verdict == "b"
+    assert ranking.difference(read["far"], bad, "rpd").verdict == "a"
+    assert ranking.difference(bad, bad, "rpd").verdict == "tie"
+    page = leaderboard.generate([bad, read["far"]], [])[Path(leaderboard.PAGE)]
+    assert "| 2 | Bad | trivial | ∞/NaN | ∞/NaN |" in page
+
+
+def test_results_of_two_splits_are_not_compared(read):
+    other = replace(read["one"], truth=read["one"].truth.head(10))
+    with pytest.raises(EigbenchError, match="predict other instances"):
+        ranking.difference(other, read["far"], "rpd")
+
+
+# --- the page ----------------------------------------------------------------------------
+
+
+def test_page_is_the_same_to_the_byte_for_shuffled_input(board):
+    found = leaderboard.read(board)
+    reported = [{"source": s, "setting": "", "tables": [], "notes": []} for s in "ab"]
+    assert leaderboard.generate(found, reported) == leaderboard.generate(
+        found[::-1], reported[::-1]
+    )
+
+
+def test_page_and_figure_do_not_depend_on_the_style_of_the_user(board):
+    plain = leaderboard.generate(leaderboard.read(board), [])
+    with mpl.rc_context({"font.size": 20, "svg.hashsalt": None, "axes.grid": True}):
+        assert leaderboard.generate(leaderboard.read(board), []) == plain
+
+
+def test_page_says_what_every_row_is(board):
+    page = (board / "LEADERBOARD.md").read_text()
+    assert page.startswith("<!-- Generated by `eigbench leaderboard`. Do not edit")
+    (row,) = re.findall(r"^\| 3 \|.*$", page, flags=re.M)
+    assert row.startswith("| 3 | Twenty \\| &lt;percent> | trivial | ")
+    assert row.endswith("| 2 |")
+    assert re.search(r"^\| 1= \| Other percent \| learned \|.*\| 12 \|", page, flags=re.M)
+    assert "a day" in page
+    for metric in METRICS.values():
+        assert f"{metric.title} {'↑' if metric.higher_is_better else '↓'}" in page
+    for path in [*board.glob("benchmark/results/*/*"), *board.glob("benchmark/predictions/*/*")]:
+        assert sha256(path) in page
+    (link,) = re.findall(r"!\[.*\]\((.+)\)", page)
+    assert (board / link).is_file()
+
+
+def test_page_shows_the_papers_numbers_as_reported_and_not_run():
+    reported = leaderboard.read_reported(CHECKOUT)
+    page = leaderboard.generate([], reported)[Path("LEADERBOARD.md")]
+    assert "No result has been submitted yet." in page
+    assert "## Reported by the paper, not run here" in page
+    assert "| GCN, RPDLoss | 0.2816 | 0.0370 | 0.3378 | 84.5% | 36.59 | 16.66 |" in page
+
+
+def test_every_reported_row_has_a_cell_for_each_column():
+    for paper in leaderboard.read_reported(CHECKOUT):
+        for table in paper["tables"]:
+            assert {len(row) for row in table["rows"]} == {len(table["columns"])}
+
+
+def test_every_row_of_every_table_has_the_cells_of_its_head(board):
+    page = (board / "LEADERBOARD.md").read_text().replace("\\|", "")
+    tables = re.findall(r"(?:^\|.*\n)+", page, flags=re.M)
+    assert len(tables) == 9
+    for table in tables:
+        assert len({line.count("|") for line in table.splitlines()}) == 1, table
+
+
+def test_figure_names_every_row_and_has_no_date(board):
+    (path,) = board.glob("benchmark/figures/*.svg")
+    text = path.read_text()
+    ET.fromstring(text)
+    assert "<dc:date>" not in text
+    for name in ("One percent", "Other percent", "Far"):
+        assert name in text
+
+
+# --- the check ---------------------------------------------------------------------------
+
+
+def flip(path, position):
+    data = bytearray(path.read_bytes())
+    data[position] ^= 1
+    path.write_bytes(bytes(data))
+
+
+def test_check_passes_what_was_generated(eigbench, board):
+    code, out, _ = eigbench("leaderboard", "--check", "--board", board)
+    assert code == 0
+    assert "4 rows scored anew, every generated file is up to date" in out
+
+
+def test_generating_again_changes_nothing(eigbench, board):
+    before = {path: path.read_bytes() for path in board.rglob("*") if path.is_file()}
+    code, out, _ = eigbench("leaderboard", "--board", board)
+    assert code == 0
+    assert "4 rows; written: nothing new" in out
+    assert {path: path.read_bytes() for path in board.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize("share", [0.001, 0.1, 0.3, 0.5, 0.7, 0.9, 0.999])
+def test_one_changed_byte_of_predictions_fails_the_check(eigbench, board, share):
+    path = board / "benchmark" / "predictions" / BOARD / "one-percent.parquet"
+    flip(path, int(share * path.stat().st_size))
+    code, _, err = eigbench("leaderboard", "--check", "--board", board)
+    assert code == 2
+    assert str(path) in err.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    "what",
+    ['"partial"', '"mean"', '"ms_per_mesh"', '"rotation"', '"hardware"', '"python"', "\n}"],
+)
+def test_one_changed_byte_of_a_result_fails_the_check(eigbench, board, what):
+    path = board / "benchmark" / "results" / BOARD / "one-percent.json"
+    text = path.read_text()
+    flip(path, len(text[: text.rindex(what) + len(what) + 4].encode()) if what[0] == '"' else -1)
+    code, _, err = eigbench("leaderboard", "--check", "--board", board)
+    assert code in (1, 2)
+    assert "one-percent" in err or "LEADERBOARD.md" in err
+
+
+@pytest.mark.parametrize("shape", [0, 1000, -1])
+def test_one_changed_label_fails_the_check(eigbench, board, monkeypatch, shape):
+    from synthnet import pins
+
+    submission._pinned.cache_clear()
+    pinned = dict(pins.read("1.0"))
+    tested = sorted(
+        {id.rpartition("/")[0] for id in submission._pinned("1.0-mini", "test", "grouped").ids}
+    )
+    id = tested[shape % len(tested)]
+    label = pinned[id].eigenvalues.copy()
+    label[4] = np.nextafter(label[4], np.inf)
+    pinned[id] = replace(pinned[id], eigenvalues=label)
+    monkeypatch.setattr(pins, "read", lambda version: pinned)
+    submission._pinned.cache_clear()
+    code, _, err = eigbench("leaderboard", "--check", "--board", board)
+    submission._pinned.cache_clear()
+    assert code == 2
+    assert "was made with other labels: its split_digest is" in err
+
+
+def test_edited_page_fails_the_check_and_the_difference_is_shown(eigbench, board):
+    page = board / "LEADERBOARD.md"
+    page.write_text(page.read_text().replace("| 4 | Far |", "| 1 | Far |"))
+    code, _, err = eigbench("leaderboard", "--check", "--board", board)
+    assert code == 1
+    assert "-| 1 | Far |" in err
+    assert "+| 4 | Far |" in err
+    assert f"run eigbench leaderboard --board {board}" in err
+
+
+def test_check_writes_nothing(eigbench, board):
+    (board / "LEADERBOARD.md").write_text("mine")
+    eigbench("leaderboard", "--check", "--board", board)
+    assert (board / "LEADERBOARD.md").read_text() == "mine"
+
+
+def test_stray_files_fail_the_check(eigbench, board):
+    stray = board / "benchmark" / "figures" / "old.svg"
+    stray.write_text("")
+    assert eigbench("leaderboard", "--check", "--board", board)[0] == 1
+    eigbench("leaderboard", "--board", board)
+    assert not stray.exists()
+    stray = board / "benchmark" / "predictions" / BOARD / "lost.parquet"
+    shutil.copy(stray.with_name("far.parquet"), stray)
+    code, _, err = eigbench("leaderboard", "--check", "--board", board)
+    assert code == 2
+    assert "lost.parquet belongs to no row" in err
+    stray.rename(board / "benchmark" / "results" / "readme.txt")
+    assert "readme.txt belongs to no row" in eigbench("leaderboard", "--board", board)[2]
+
+
+def test_result_under_another_name_fails_the_check(eigbench, board):
+    for folder, suffix in (("results", "json"), ("predictions", "parquet")):
+        path = board / "benchmark" / folder / BOARD / f"far.{suffix}"
+        path.rename(path.with_stem("near"))
+    code, _, err = eigbench("leaderboard", "--check", "--board", board)
+    assert code == 2
+    assert f"belongs at benchmark/results/{BOARD}/far.json" in err
+
+
+def test_partial_result_on_the_board_fails_the_check(board, mini_truth, make_submission):
+    path = board / "benchmark" / "results" / BOARD / "far.json"
+    result = json.loads(path.read_text())
+    result["partial"] = True
+    path.write_text(json.dumps(result, indent=1) + "\n")
+    with pytest.raises(ResultError, match="is partial"):
+        leaderboard.read(board)
+
+
+def test_missing_predictions_fail_the_check(board):
+    (board / "benchmark" / "predictions" / BOARD / "far.parquet").unlink()
+    with pytest.raises(PredictionsError, match="there is no file"):
+        leaderboard.read(board)
+
+
+def test_leaderboard_outside_a_checkout_says_what_to_do(eigbench, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = eigbench("leaderboard", "--check")
+    assert code == 2
+    assert "has no benchmark/results" in err
+    assert "--board DIR" in err
+
+
+# --- submit ------------------------------------------------------------------------------
+
+
+def test_submit_places_both_files_unchanged(eigbench, made, tmp_path):
+    code, out, _ = eigbench("submit", made["far"], "--board", tmp_path / "trial")
+    assert code == 0
+    placed = tmp_path / "trial" / "benchmark"
+    result = placed / "results" / BOARD / "far.json"
+    assert result.read_bytes() == made["far"].read_bytes()
+    kept = placed / "predictions" / BOARD / "far.parquet"
+    assert kept.read_bytes() == made["far"].with_suffix(".parquet").read_bytes()
+    assert f"now: eigbench leaderboard --board {tmp_path / 'trial'}" in out
+
+
+def test_submit_replaces_only_when_told(eigbench, made, make_submission, mini_truth, tmp_path):
+    assert eigbench("submit", made["far"], "--board", tmp_path)[0] == 0
+    assert eigbench("submit", made["far"], "--board", tmp_path)[0] == 0  # the very same
+    nearer = make_submission("Far", 2 * mini_truth.eigenvalues)
+    code, _, err = eigbench("submit", nearer, "--board", tmp_path)
+    assert code == 2
+    assert "is there already: give --replace" in err
+    assert submission.read(tmp_path / "benchmark/results" / BOARD / "far.json").name == "Far"
+    assert eigbench("submit", nearer, "--board", tmp_path, "--replace")[0] == 0
+    placed = tmp_path / "benchmark" / "results" / BOARD / "far.json"
+    assert placed.read_bytes() == nearer.read_bytes()
+    assert eigbench("submit", placed, "--board", tmp_path)[0] == 0  # onto itself
+
+
+def test_submit_refuses_a_partial_result(eigbench, predictor_file, mini_home, tmp_path):
+    code = predictor_file("import numpy as np\ndef predict(m): return np.ones((len(m), 10))\n")
+    where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", tmp_path / "r.json"]
+    assert eigbench("evaluate", code, *where, "--limit", 5)[0] == 0
+    code, _, err = eigbench("submit", tmp_path / "r.json", "--board", tmp_path)
+    assert code == 2
+    assert "is partial (made with --limit)" in err
+    assert not (tmp_path / "benchmark").exists()
+
+
+def test_submit_refuses_another_split(made, tmp_path):
+    one = submission.read(made["far"])
+    other = replace(
+        one, result={**one.result, "dataset": {**one.result["dataset"], "split": "train"}}
+    )
+    with pytest.raises(ResultError, match="is of the split train: a board takes test only"):
+        leaderboard.place(other, tmp_path)
+
+
+@pytest.mark.parametrize("value", [np.nan, -1.0, 0.0])
+def test_submit_refuses_predictions_that_no_spectrum_has(
+    eigbench, make_submission, mini_truth, tmp_path, value
+):
+    values = mini_truth.eigenvalues.copy()
+    values[7, 3] = value
+    code, _, err = eigbench("submit", make_submission("Bad", values), "--board", tmp_path)
+    assert code == 2
+    assert f"first ids: {mini_truth.ids[7]}" in err
+    assert not (tmp_path / "benchmark").exists()
+
+
+def test_submit_refuses_predictions_that_are_no_parquet(eigbench, made, mini_truth, tmp_path):
+    one = submission.read(made["far"])
+    kept = tmp_path / "p.npz"
+    np.savez(kept, ids=np.array(mini_truth.ids), eigenvalues=one.predictions[0])
+    result = json.loads(made["far"].read_text())
+    result["predictions"]["sha256"] = sha256(kept)
+    (tmp_path / "r.json").write_text(json.dumps(result))
+    code, _, err = eigbench(
+        "submit", tmp_path / "r.json", "--predictions", kept, "--board", tmp_path
+    )
+    assert code == 2
+    assert "must be the Parquet file of `eigbench evaluate`" in err
+
+
+@pytest.mark.parametrize("name", ["Net $\\foo$", "a\\|b", "[x](y) `z` *w*", "<img>"])
+def test_any_name_can_stand_on_the_page(make_submission, mini_truth, name):
+    one = submission.read(make_submission(name, mini_truth.eigenvalues * 1.1))
+    generated = leaderboard.generate([one], [])
+    page = generated[Path("LEADERBOARD.md")]
+    assert "<img" not in page
+    for row in re.findall(r"^\| 1 \|.*$", page, flags=re.M):
+        assert len(re.findall(r"(?<!\\)(?:\\\\)*\|", row)) == 15
+    ET.fromstring(generated[leaderboard.FIGURES / f"{BOARD}.svg"])
+
+
+# --- compare and plot --------------------------------------------------------------------
+
+
+def test_compare_tells_ties_from_differences(eigbench, made):
+    code, out, _ = eigbench("compare", made["one"], made["twenty"])
+    assert code == 0
+    assert out.count("A is better") == len(METRICS) + 10 - out.count("tie")
+    code, out, _ = eigbench("compare", made["one"], made["one"], "--json")
+    found = json.loads(out)
+    assert {d["verdict"] for d in found["overall"].values()} == {"tie"}
+    assert {d["high"] for d in found["overall"].values()} == {0.0}
+
+
+def test_compare_takes_predictions_from_elsewhere(eigbench, made, tmp_path):
+    paths = []
+    for key in ("one", "far"):
+        shutil.copy(made[key], tmp_path / f"{key}.json")
+        paths.append(made[key].with_suffix(".parquet"))
+    results_ = [tmp_path / "one.json", tmp_path / "far.json"]
+    assert eigbench("compare", *results_)[0] == 2
+    assert eigbench("compare", *results_, "--predictions", *paths)[0] == 0
+
+
+def test_compare_reads_a_partial_result_of_a_directory(
+    eigbench, predictor_file, mini_home, tmp_path
+):
+    code = predictor_file("import numpy as np\ndef predict(m): return np.ones((len(m), 10))\n")
+    where = ["--dataset", mini_home / "1.0-mini", "--limit", 5]
+    for name in "ab":
+        eigbench("evaluate", code, *where, "--out", tmp_path / f"{name}.json")
+    both = [tmp_path / "a.json", tmp_path / "b.json"]
+    assert eigbench("compare", *both, "--dataset", mini_home / "1.0-mini")[0] == 0
+    code, _, err = eigbench("compare", *both, "--dataset", tmp_path)
+    assert code == 2
+    assert "holds no dataset" in err
+
+
+def test_plot_draws_every_picture(eigbench, made, tmp_path):
+    code, out, _ = eigbench("plot", made["one"], made["twenty"], "--out", tmp_path / "figures")
+    assert code == 0
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert names == {
+        "families.png",
+        "error-time.svg",
+        "spectra-one-percent.png",
+        "spectra-twenty-percent.png",
+    }
+    assert all(name in out for name in names)
+
+
+def test_spectra_show_the_best_the_median_and_the_worst_of_each_family(read, mini_truth):
+    figure = figures.spectra(read["one"])
+    titles = [axes.get_title() for axes in figure.axes]
+    assert len(titles) == 3 * len(set(mini_truth.families.tolist()))
+    errors = ranking.per_mesh(read["one"], "rpd")
+    for axes, title in zip(figure.axes, titles, strict=True):
+        name, id = title.splitlines()[0].split(": ")
+        i = mini_truth.ids.index(id)
+        mine = errors[mini_truth.families == mini_truth.families[i]]
+        middle = np.sort(mine)[round((len(mine) - 1) / 2)]
+        assert errors[i] == {"best": mine.min(), "median": middle, "worst": mine.max()}[name]
+        true, predicted = (line.get_ydata() for line in axes.get_lines())
+        np.testing.assert_array_equal(true, mini_truth.eigenvalues[i])
+        np.testing.assert_array_equal(predicted, read["one"].predictions[0, i])
+
+
+def test_plot_of_answers_that_are_not_finite_is_refused(
+    eigbench, make_submission, mini_truth, tmp_path
+):
+    bad = make_submission("Bad", np.full_like(mini_truth.eigenvalues, np.inf))
+    code, _, err = eigbench("plot", bad, "--out", tmp_path)
+    assert code == 2
+    assert "not finite" in err
+
+
+# --- the board of this repository --------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def real(tmp_path_factory):
+    """A copy of this repository's board."""
+    place = tmp_path_factory.mktemp("real")
+    shutil.copy(CHECKOUT / "LEADERBOARD.md", place)
+    shutil.copytree(CHECKOUT / "benchmark", place / "benchmark")
+    return place
+
+
+def test_leaderboard_of_this_repository_is_up_to_date(eigbench, real):
+    code, _, err = eigbench("leaderboard", "--check", "--board", real)
+    assert code == 0, err
+
+
+def test_every_first_row_is_on_the_board(real):
+    names = {path.stem for path in (real / "benchmark/results/1.0-test-grouped").iterdir()}
+    assert names >= {
+        "mean-training-spectrum",
+        "weyl-s-law",
+        "boosted-trees",
+        *(f"rayleigh-ritz-degree-{d}" for d in (3, 5, 7)),
+        *(f"decimation-to-{n}-lapy" for n in (300, 1000)),
+        "lumped-mass",
+        "lapy",
+    }
+
+
+@pytest.fixture(scope="session")
+def first_rows(real):
+    """The results of the baselines of this repository."""
+    names = {path.name for path in (CHECKOUT / "baselines").glob("*.py")}
+    found = [results.read(path) for path in (real / "benchmark/results").glob("*/*.json")]
+    return [result for result in found if result["model"]["code"] in names]
+
+
+def test_first_rows_are_timed_on_one_machine_and_one_thread(first_rows):
+    assert {results.setting(result) for result in first_rows} == {results.setting(first_rows[0])}
+    assert {result["cost"]["threads"] for result in first_rows} == {1}
+    assert all(result["cost"]["cores_used"] < 1.1 for result in first_rows)
+
+
+def test_first_rows_were_made_by_the_code_in_baselines(first_rows):
+    for result in first_rows:
+        for name, digest in result["model"]["sources"].items():
+            assert sha256(CHECKOUT / "baselines" / name) == digest, f"run {name} again"
+
+
+@pytest.mark.parametrize("folder", ["results", "predictions"])
+def test_one_changed_byte_of_a_file_of_this_repository_fails_the_check(
+    eigbench, real, folder, tmp_path
+):
+    shutil.copytree(real, tmp_path / "board")
+    path = min((tmp_path / "board" / "benchmark" / folder).glob("1.0-test-grouped/*"))
+    flip(path, path.stat().st_size // 2)
+    assert eigbench("leaderboard", "--check", "--board", tmp_path / "board")[0] in (1, 2)
