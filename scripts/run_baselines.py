@@ -1,0 +1,47 @@
+"""Evaluate every row of the leaderboard on the full test split, one after the other.
+
+    python scripts/run_baselines.py DIR
+
+One thread each, on a machine with nothing else to do, because times are compared. What is
+finished in DIR is kept, and an interrupted row goes on where it stopped. Takes about an
+hour and a half. `eigbench submit` puts the results in their place.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+BASELINES = Path(__file__).parent.parent / "baselines"
+ROWS = {  # file: seeds
+    "mean": 1,
+    "weyl": 1,
+    "boosted_trees": 3,
+    "ritz3": 1,
+    "ritz5": 1,
+    "ritz7": 1,
+    "decimate300": 1,
+    "decimate1000": 1,
+    "lumped": 1,
+    "exact": 1,
+}
+
+
+def main() -> int:
+    """Run what is not there yet; return the first exit code that is not 0."""
+    place = Path(sys.argv[1])
+    place.mkdir(parents=True, exist_ok=True)
+    for name, seeds in ROWS.items():
+        out = place / f"{name}.json"
+        if out.exists():
+            continue
+        command = ["evaluate", str(BASELINES / f"{name}.py"), "--resume"]
+        command += ["--seeds", str(seeds), "--out", str(out)]
+        print(f"{name}:", flush=True)
+        done = subprocess.run([sys.executable, "-m", "eigbench", *command], check=False)
+        if done.returncode:
+            return done.returncode
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
