@@ -35,8 +35,10 @@ lint: $(STAMP) ## check style and formatting
 types: $(STAMP) ## check the types
 	$(VENV)/bin/python -m mypy
 
-bench: $(STAMP) ## measure what building costs
+bench: $(STAMP) ## measure what building costs, and what the harness adds
 	$(VENV)/bin/python benchmarks/build_cost.py
+	$(VENV)/bin/synthnet build --version 1.0-mini
+	$(VENV)/bin/python benchmarks/harness_overhead.py
 	@echo "after a build of 1.0: $(VENV)/bin/python benchmarks/loading.py"
 
 ci: lint types test ## all checks: lint, types and test

@@ -10,17 +10,24 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from eigbench import cli
+from eigbench.predictor import META_KEYS
 
 from synthnet import filters, recipe, store
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
 README = (ROOT / "README.md").read_text()
+DOCS = [page for page in PAGES if page.parent.name == "docs" or page.name == "README.md"]
 CARD = (ROOT / "docs" / "dataset-card.md").read_text()
 
 
-def blocks(language):
-    return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.S | re.M)
+def blocks(language, text=README):
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.S | re.M)
+
+
+def commands(language, page):
+    return [line for block in blocks(language, page.read_text()) for line in block.splitlines()]
 
 
 def run(command, home, place):
@@ -32,26 +39,53 @@ def run(command, home, place):
     return done.stdout
 
 
-@pytest.mark.parametrize("line", [line for b in blocks("sh") for line in b.splitlines()])
-def test_commands_of_the_readme_run(line, mini_home, tmp_path):
-    program, *arguments = shlex.split(line)
-    if program == "pip":
-        extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-        assert arguments == ["install", "-c", "constraints.txt", "-e", ".[all]"]
-        assert "all" in extras["optional-dependencies"]
-        return
+@pytest.mark.parametrize(
+    "page", [page for page in DOCS if commands("sh", page)], ids=lambda page: page.name
+)
+def test_commands_of_a_page_run_in_their_order(page, mini_home, tmp_path):
     (predictor,) = blocks("py")
     (tmp_path / "my_model.py").write_text(predictor)
-    assert program in ("synthnet", "eigbench")
-    if arguments[0] == "score":
-        evaluate = next(s for b in blocks("sh") for s in b.splitlines() if "evaluate" in s)
-        run([sys.executable, "-m", *shlex.split(evaluate)], mini_home, tmp_path)
-    assert run([sys.executable, "-m", program, *arguments], mini_home, tmp_path)
+    (tmp_path / "benchmark").symlink_to(ROOT / "benchmark")
+    for line in commands("sh", page):
+        program, *arguments = shlex.split(line)
+        if program == "pip":
+            extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+            assert arguments == ["install", "-c", "constraints.txt", "-e", ".[all]"]
+            assert "all" in extras["optional-dependencies"]
+        else:
+            assert program in ("synthnet", "eigbench")
+            assert run([sys.executable, "-m", program, *arguments], mini_home, tmp_path), line
 
 
-@pytest.mark.parametrize("code", blocks("python"))
-def test_code_of_the_readme_runs(code, mini_home, tmp_path):
+@pytest.mark.parametrize(
+    "line", [line for page in DOCS for line in commands("text", page) if "eigbench " in line]
+)
+def test_commands_that_take_too_long_for_a_test_are_understood(line):
+    program, *arguments = shlex.split(line, comments=True)
+    assert program == "eigbench"
+    assert callable(cli._parser().parse_args(arguments).run)
+
+
+@pytest.mark.parametrize(
+    "code", [code for page in DOCS for code in blocks("python", page.read_text())]
+)
+def test_code_of_a_page_runs(code, mini_home, tmp_path):
     assert run([sys.executable, "-c", code], mini_home, tmp_path)
+
+
+def test_meta_of_the_page_on_submitting_has_every_key():
+    (code,) = blocks("py", (ROOT / "docs" / "submit.md").read_text())
+    names = {}
+    exec(code, names)
+    assert tuple(names["META"]) == META_KEYS
+
+
+def test_page_on_submitting_has_the_overhead_that_was_measured():
+    report = json.loads((ROOT / "docs" / "data" / "harness-overhead.json").read_text())
+    page = (ROOT / "docs" / "submit.md").read_text()
+    for row in report["rows"]:
+        assert row["ratio"] <= 1.05
+        assert f"| {' | '.join(str(value) for value in row.values())} |" in page
 
 
 def test_example_runs(mini_home, tmp_path):
