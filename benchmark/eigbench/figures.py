@@ -24,6 +24,7 @@ from synthnet.files import write_atomically
 KINDS = {"trivial": ("#999999", "s"), "classical": ("#0072B2", "o"), "learned": ("#D55E00", "^")}
 TRUE, PREDICTED = "#000000", "#0072B2"
 FLOOR = 1e-3  # errors below are drawn at the lower edge: the exact solver's would be 1e-11
+FASTEST = 0.1  # ms; what is faster is drawn at the left edge
 QUANTILES = {"best": 0.0, "median": 0.5, "worst": 1.0}
 
 
@@ -73,28 +74,74 @@ def _escaped(text: str) -> str:
 
 def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -> None:
     metric = METRICS[key]
-    drawn = []
+    points, notes = [], []
     for one in sorted(submissions, key=lambda s: s.slug):
         mean = one.result["scores"]["overall"][key]["mean"]
         time = one.result["cost"]["ms_per_mesh"]
-        if mean is not None and time > 0:
-            drawn.append((time, max(mean, FLOOR), one, mean))
-    for kind, (colour, marker) in KINDS.items():
-        points = [(x, y) for x, y, one, _ in drawn if one.result["model"]["kind"] == kind]
-        if points:
-            axes.plot(*zip(*points, strict=True), marker, color=colour, label=kind, ms=6)
-    for x, y, one, mean in drawn:
-        note = _escaped(one.name if mean >= FLOOR else f"{one.name} ({mean:.0e})")
-        axes.annotate(note, (x, y), (5, 4), textcoords="offset points", fontsize=8)
+        if mean is None:
+            continue
+        note = _escaped(one.name)
+        note += f" ({mean:.0e})" if mean < FLOOR else ""
+        note += f" ({time:.0e} ms)" if time < FASTEST else ""
+        colour, marker = KINDS[one.result["model"]["kind"]]
+        points.append((max(time, FASTEST), max(mean, FLOOR)))
+        notes.append(note)
+        axes.plot(*points[-1], marker, color=colour, ms=6)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_ylim(bottom=FLOOR / 1.5)
-    axes.margins(x=0.15)
     axes.set_xlabel("ms a mesh, median")
     axes.set_ylabel(f"mean {metric.title} {'↑' if metric.higher_is_better else '↓'}")
     axes.grid(alpha=0.25)
-    if drawn:
-        axes.legend(loc="lower left", frameon=False)
+    if not points:
+        return
+    x, y = np.array(points).T
+    axes.set_xlim(x.min() / 1.8, x.max() * 4)
+    axes.set_ylim(y.min() / 1.8, y.max() * 2.5)
+    for note, (dx, dy, side), point in zip(
+        notes, _label_places(axes, points, notes), points, strict=True
+    ):
+        axes.annotate(
+            note, point, (dx, dy), textcoords="offset points", ha=side, va="center", fontsize=8
+        )
+    kinds = [kind for kind in KINDS if any(s.result["model"]["kind"] == kind for s in submissions)]
+    handles = [
+        axes.plot([], [], KINDS[kind][1], color=KINDS[kind][0], label=kind)[0] for kind in kinds
+    ]
+    axes.legend(handles=handles, loc="lower left", frameon=False)
+
+
+def _label_places(
+    axes: mpl.axes.Axes, points: Sequence[tuple[float, float]], notes: Sequence[str]
+) -> list[tuple[float, float, str]]:
+    """Return for each note an offset in points and a side, so that few notes overlap.
+
+    By arithmetic on the lengths of the notes: a measured text would depend on the fonts.
+    """
+    box = axes.get_position()
+    width, height = axes.figure.get_size_inches() * 72 * (box.width, box.height)
+    limits = np.log10([axes.get_xlim(), axes.get_ylim()])
+    size = np.array([width, height])
+    at = (np.log10(points) - limits[:, 0]) / (limits[:, 1] - limits[:, 0]) * size
+    taken = [(x - 4, y - 4, x + 4, y + 4) for x, y in at]
+    places = []
+    for (x, y), note in zip(at, notes, strict=True):
+        long = 4.6 * len(note)
+        options = {}
+        for dy in (0.0, 9.0, -9.0, 14.0, -14.0):
+            for dx, side, left in ((7.0, "left", x + 7), (-7.0, "right", x - 7 - long)):
+                here = (left, y + dy - 5, left + long, y + dy + 5)
+                outside = max(0.0, -here[0]) + max(0.0, here[2] - width)
+                overlap = sum(_overlap(here, other) for other in taken)
+                options[(dx, dy, side)] = (overlap + 10 * outside, here)
+        best = min(options, key=lambda place: options[place][0])
+        taken.append(options[best][1])
+        places.append(best)
+    return places
+
+
+def _overlap(a: Sequence[float], b: Sequence[float]) -> float:
+    wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+    return max(0.0, wide) * max(0.0, high)
 
 
 def spectra(one: Submission) -> Figure:

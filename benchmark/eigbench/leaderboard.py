@@ -259,7 +259,7 @@ def _families(rows: Sequence[Ranked], key: str) -> list[str]:
     names = rows[0].submission.result["scores"]["families"]
     ordered = [*(f for f in FAMILIES if f in names), *sorted(set(names) - set(FAMILIES))]
     titles = [FAMILIES[name].title if name in FAMILIES else name for name in ordered]
-    counts = ["*instances*", *(f"*{names[name]['count']:,}*" for name in ordered)]
+    counts = ["instances", *(f"{names[name]['count']:,}" for name in ordered)]
     lines = [
         [
             row.submission.name,
@@ -338,8 +338,8 @@ def _digests(rows: Sequence[Ranked]) -> str:
     lines = [
         [
             row.submission.name,
-            f"`{sha256(row.submission.result_path)}`",
-            f"`{sha256(row.submission.predictions_path)}`",
+            sha256(row.submission.result_path),
+            sha256(row.submission.predictions_path),
         ]
         for row in rows
     ]

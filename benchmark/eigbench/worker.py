@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import resource
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -75,6 +76,7 @@ def work(channel: Connection, job: Job) -> None:
     What the predictor prints goes to standard error.
     """
     os.dup2(2, 1)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the other process, which ends this
     try:
         loaded = predictor.load(job.path, device=job.device, seed=job.seed)
         accelerator = _accelerator(job.device)
