@@ -3,8 +3,9 @@
     python benchmarks/harness_overhead.py [--version 1.0-mini] [--rounds 5] [--json]
 
 Both sides run with one thread and batches of 34 meshes: the harness in its process, and a
-process that makes the same batches, calls `predict` and looks at the clock. They take turns; the ratio is that of the medians over rounds of the whole time charged. Beside it
-stands what is not charged: reading meshes, sending answers.
+process that makes the same batches, calls `predict` and looks at the clock. They take turns;
+the ratio is that of the medians over rounds of the whole time charged. Beside it stands
+what is not charged: starting, reading, sending meshes and answers.
 """
 
 import argparse

@@ -117,8 +117,7 @@ def _label_places(
 
     By arithmetic on the lengths of the notes: a measured text would depend on the fonts.
     """
-    box = axes.get_position()
-    width, height = axes.figure.get_size_inches() * 72 * (box.width, box.height)
+    width, height = np.array([axes.bbox.width, axes.bbox.height]) * 72 / axes.figure.dpi
     limits = np.log10([axes.get_xlim(), axes.get_ylim()])
     size = np.array([width, height])
     at = (np.log10(points) - limits[:, 0]) / (limits[:, 1] - limits[:, 0]) * size
@@ -218,7 +217,9 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
         )
         axes.invert_yaxis()
         axes.set_xscale("log")
-        axes.set_xlabel(f"{METRICS[key].title}: quartiles, whiskers 5 to 95 %")
+        axes.set_xlabel(
+            f"{METRICS[key].title}: quartiles, whiskers 5 to 95 %; below {FLOOR / 10:g} at the edge"
+        )
         axes.grid(axis="x", alpha=0.25)
         axes.legend(frameon=False, fontsize=7, loc="upper left", bbox_to_anchor=(0, -0.15))
     return figure
