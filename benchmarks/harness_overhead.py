@@ -54,7 +54,7 @@ def charged(name: str, version: str) -> tuple[float, float]:
         evaluation = evaluate(
             BASELINES / f"{name}.py",
             truth.load(version),
-            store.open_dataset(version),
+            instances.read(store.open_dataset(version), truth.load(version).ids),
             Options(batch_size=BATCH),
             Path(parts),
         )

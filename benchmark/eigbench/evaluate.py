@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench import meshes
 from eigbench.errors import PredictorError
 from eigbench.meshes import Instances
 from eigbench.process import PredictorProcess
 from eigbench.truth import Truth
 from eigbench.worker import Answered, Loaded, Status
-from synthnet import files, store
+from synthnet import files
 from synthnet.types import Mesh
 
 WARM_UP = 16  # meshes predicted before the clock counts
@@ -79,7 +78,7 @@ class Evaluation:
 def evaluate(
     path: Path,
     truth: Truth,
-    dataset: store.StoredDataset,
+    instances: Instances,
     options: Options,
     parts: Path,
     on_batch: Callable[[int], None] | None = None,
@@ -92,8 +91,8 @@ def evaluate(
         The predictor's file; its code is run.
     truth : Truth
         What to predict.
-    dataset : StoredDataset
-        Where the meshes are.
+    instances : Instances
+        The meshes.
     options : Options
         How.
     parts : Path
@@ -107,9 +106,6 @@ def evaluate(
         If the predictor fails, answers with the wrong shape or type, changes its input,
         hangs or dies. The batches before are kept in ``parts``.
     """
-    if not path.is_file():
-        raise PredictorError(f"there is no file {path}")
-    instances = meshes.read(dataset, truth.ids)
     runs = []
     for seed in range(options.seeds):
         place = parts / f"seed-{seed}"

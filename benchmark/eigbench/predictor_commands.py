@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from eigbench import physics, predictions, record, results, scores, tables, truth
+from eigbench import meshes, physics, predictions, record, results, scores, tables, truth
 from eigbench.errors import EigbenchError, PredictorError
-from eigbench.evaluate import Options, evaluate, predict_meshes
+from eigbench.evaluate import Evaluation, Options, evaluate, predict_meshes
 from synthnet import recipe, store
 from synthnet.cli import WRONG_INPUT
 from synthnet.report import Rate
@@ -27,21 +28,22 @@ AGREE = 1e-5  # relative, between batch sizes and orders of one predictor
 
 def check(options: argparse.Namespace) -> int:
     """Try a predictor on the probes, one at a time, shuffled and changed."""
-    ids, meshes = physics.questions()
-    settings = Options(batch_size=len(ids), time_limit=options.time_limit)
-    k = 10
-    answers = predict_meshes(options.predictor, ids, meshes, k, settings)
+    ids, probes = physics.questions()
     base = len(physics.probes())
-    one = Options(batch_size=1, time_limit=options.time_limit)
-    singly = predict_meshes(options.predictor, ids[:base], meshes[:base], k, one)
     order = np.random.default_rng(0).permutation(len(ids))
-    shuffled = predict_meshes(
-        options.predictor,
-        tuple(ids[i] for i in order),
-        tuple(meshes[i] for i in order),
-        k,
-        settings,
-    )
+
+    def ask(chosen: Sequence[int], batch_size: int) -> NDArray[np.float64]:
+        settings = Options(batch_size=batch_size, time_limit=options.time_limit)
+        asked = [ids[i] for i in chosen], [probes[i] for i in chosen]
+        return predict_meshes(options.predictor, *asked, 10, settings)
+
+    console = Console(stderr=True)
+    with console.status("asking about all at once"):
+        answers = ask(range(len(ids)), len(ids))
+    with console.status("asking one at a time"):
+        singly = ask(range(base), 1)
+    with console.status("asking in shuffled order"):
+        shuffled = ask(order.tolist(), len(ids))
     contract = physics.contract(answers)
     findings = [
         *_differences("one mesh at a time", ids, answers[:base], singly),
@@ -96,6 +98,8 @@ def run_evaluate(options: argparse.Namespace) -> int:
     for name, path, suffix in (("--out", out, ".json"), ("--predictions", kept, ".parquet")):
         if path.suffix != suffix:
             raise EigbenchError(f"{name} must end in {suffix}, got {path}")
+    if not options.predictor.is_file():
+        raise PredictorError(f"there is no file {options.predictor}")
     directory = _directory(options)
     wanted = _truth(options, directory)
     partial = options.limit is not None and options.limit < len(wanted.ids)
@@ -109,37 +113,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
         )
     settings = Options(**{f.name: getattr(options, f.name) for f in fields(Options)})
     parts = out.with_name(f".{out.name}.parts")
-    progress = Progress(
-        TextColumn("predicting"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        Rate(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-    )
-    task = progress.add_task("predicting", total=len(wanted.ids) * settings.seeds)
-
-    def on_batch(count: int) -> None:
-        progress.start()  # not before there is something to show
-        progress.advance(task, count)
-
-    try:
-        evaluation = evaluate(
-            options.predictor,
-            wanted,
-            dataset,
-            settings,
-            parts,
-            on_batch=on_batch,
-        )
-    except PredictorError as error:
-        if any(parts.glob("*/*.npz")):
-            raise PredictorError(f"{error} (--resume goes on from the last good batch)") from error
-        raise
-    finally:
-        progress.stop()
-    ids, meshes = physics.questions()
-    answers = predict_meshes(options.predictor, ids, meshes, wanted.eigenvalues.shape[1], settings)
+    evaluation, answers = _predict(options, wanted, dataset, settings, parts)
     predictions.write(kept, wanted, evaluation.predictions)
     result = record.make(
         wanted,
@@ -161,6 +135,51 @@ def run_evaluate(options: argparse.Namespace) -> int:
         print(tables.physics(result["physics"]))
         print(f"\nresult {out}, predictions {kept}")
     return _told(predictions.unphysical(wanted, evaluation.predictions))
+
+
+def _predict(
+    options: argparse.Namespace,
+    wanted: truth.Truth,
+    dataset: store.StoredDataset,
+    settings: Options,
+    parts: Path,
+) -> tuple[Evaluation, NDArray[np.float64]]:
+    """Return the evaluation and the answers to the questions of physics, with progress."""
+    console = Console(stderr=True)
+    with console.status("reading the meshes"):
+        instances = meshes.read(dataset, wanted.ids)
+    loading = console.status("loading the predictor")
+    progress = Progress(
+        TextColumn("predicting"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        Rate(),
+        TimeRemainingColumn(),
+        console=console,
+    )
+    task = progress.add_task("predicting", total=len(wanted.ids) * settings.seeds)
+
+    def on_batch(count: int) -> None:
+        loading.stop()
+        progress.start()
+        progress.advance(task, count)
+
+    try:
+        loading.start()
+        evaluation = evaluate(
+            options.predictor, wanted, instances, settings, parts, on_batch=on_batch
+        )
+    except PredictorError as error:
+        if any(parts.glob("*/*.npz")):
+            raise PredictorError(f"{error} (--resume goes on from the last good batch)") from error
+        raise
+    finally:
+        loading.stop()
+        progress.stop()
+    k = wanted.eigenvalues.shape[1]
+    with console.status("asking about physics"):
+        answers = predict_meshes(options.predictor, *physics.questions(), k, settings)
+    return evaluation, answers
 
 
 def _told(problem: str) -> int:

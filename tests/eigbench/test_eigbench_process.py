@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from eigbench import physics, record, worker
+from eigbench import meshes, physics, record, worker
 from eigbench.errors import PredictorError
 from eigbench.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.worker import Loaded, Status
@@ -42,9 +42,10 @@ def predict(meshes):
 """
 
 
-@pytest.fixture
-def source(mini_home):
-    return store.open_dataset("1.0-mini", mini_home)
+@pytest.fixture(scope="module")
+def source(mini_home, mini_truth):
+    """The meshes of the test split."""
+    return meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
 
 
 def test_neither_ids_nor_labels_are_in_the_memory_of_the_predictors_process(
@@ -90,8 +91,7 @@ def test_meshes_come_in_an_order_that_tells_neither_shape_nor_family(
     )
     code += "\n    return np.repeat(np.array(sizes, float)[:, None], 10, axis=1)\n"
     found = evaluate(predictor_file(code), mini_truth, source, Options(), tmp_path / "parts")
-    sizes = {sample.spec.id: len(sample.mesh.vertices) for sample in source.samples()}
-    expected = [sizes[shape] for shape in mini_truth.shapes.tolist()]
+    expected = [len(source.shapes[shape].vertices) for shape in mini_truth.shapes.tolist()]
     np.testing.assert_array_equal(found.predictions[0, :, 0], expected)  # in the truth's order
 
 
@@ -119,11 +119,11 @@ def test_work_that_is_put_off_until_the_answer_is_read_is_timed(
 
 def test_error_while_the_answer_is_read_is_the_predictors(predictor_file):
     code = LAZY.replace("time.sleep(0.3)", "raise RuntimeError('CUDA error')")
-    ids, meshes = physics.questions()
+    ids, probes = physics.questions()
     with pytest.raises(
         PredictorError, match=r"the predictor failed: RuntimeError: CUDA error \(first"
     ):
-        predict_meshes(predictor_file(code), ids, meshes, 10, Options())
+        predict_meshes(predictor_file(code), ids, probes, 10, Options())
 
 
 def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
