@@ -46,7 +46,7 @@ EIGBENCH_LEVELS = {
     **dict.fromkeys(["predictions", "scores", "results", "tables", "worker"], 2),
     **dict.fromkeys(["process", "submission"], 3),
     **dict.fromkeys(["evaluate", "ranking"], 4),
-    **dict.fromkeys(["record", "figures"], 5),
+    **dict.fromkeys(["record", "figures", "page"], 5),
     "leaderboard": 6,
     **dict.fromkeys(["predictor_commands", "board_commands"], 7),
     "cli": 8,
