@@ -21,6 +21,8 @@ from eigbench.tables import number
 from synthnet import store
 from synthnet.files import make_directory, write_text
 
+SHOWN = 40  # lines of a difference
+
 
 def compare(options: argparse.Namespace) -> int:
     """Print the paired differences of two results."""
@@ -85,7 +87,7 @@ def submit(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps({"model": one.name, "board": one.board, "files": list(map(str, places))}))
         return 0
-    print(f"{one.name}: every score follows from its predictions")
+    print(f"{one.name}: every score follows from its predictions; cost and physics as declared")
     for place in places:
         print(f"  {place}")
     print(f"now: eigbench leaderboard{_board_argument(options)}")
@@ -105,11 +107,11 @@ def regenerate(options: argparse.Namespace) -> int:
         print(json.dumps({"rows": len(found), "stale": list(map(str, [*stale, *orphans]))}))
     if options.check:
         for place in stale:
-            old, new = _text(root / place), generated[place]
-            lines = difflib.unified_diff(
-                old.splitlines(), new.splitlines(), f"{place} as it is", "as generated", lineterm=""
-            )
-            print("\n".join(lines), file=sys.stderr)
+            old, new = _text(root / place).splitlines(), generated[place].splitlines()
+            titles = f"{place} as it is", f"{place} as generated"
+            lines = list(difflib.unified_diff(old, new, *titles, n=0, lineterm=""))
+            more = [f"... and {len(lines) - SHOWN} more lines"] if len(lines) > SHOWN else []
+            print("\n".join([*lines[:SHOWN], *more]), file=sys.stderr)
         for place in orphans:
             print(f"{place} belongs to no board", file=sys.stderr)
         if stale or orphans:
@@ -127,7 +129,8 @@ def regenerate(options: argparse.Namespace) -> int:
     for place in orphans:
         place.unlink()
     if not options.json:
-        print(f"{len(found)} rows; written: {', '.join(map(str, stale)) or 'nothing new'}")
+        written = ", ".join(str(root / place) for place in stale) or "nothing new"
+        print(f"rows: {len(found)}; written: {written}")
         for place in orphans:
             print(f"removed: {place}, which belongs to no board")
     return 0
@@ -139,6 +142,7 @@ def plot(options: argparse.Namespace) -> int:
     if len({one.truth.digest for one in found}) > 1:
         raise EigbenchError("the results are of different datasets, splits or protocols")
     make_directory(options.out)
+    found = [row.submission for row in ranking.ranked(found)]
     written = [options.out / "families.png", options.out / "error-time.svg"]
     figures.save(written[0], figures.families(found, options.metric))
     write_text(written[1], figures.error_against_time(found, options.metric))

@@ -28,6 +28,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         code: int = options.run(options)
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say
+        return 0
     except (EigbenchError, SynthNetError, ValueError) as error:
         print(f"eigbench: {error}", file=sys.stderr)
         return WRONG_INPUT

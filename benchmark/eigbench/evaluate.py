@@ -82,6 +82,7 @@ def evaluate(
     options: Options,
     parts: Path,
     on_batch: Callable[[int], None] | None = None,
+    on_restart: Callable[[], None] | None = None,
 ) -> Evaluation:
     """Run a predictor over the instances of a split, in the order of :attr:`Truth.order`.
 
@@ -99,6 +100,8 @@ def evaluate(
         Directory that keeps each batch's answer until the whole is done.
     on_batch : callable, optional
         Called with the number of meshes of each batch that is done.
+    on_restart : callable, optional
+        Called if answers were left to go on from, but not by this code and these options.
 
     Raises
     ------
@@ -109,7 +112,10 @@ def evaluate(
     runs = []
     for seed in range(options.seeds):
         place = parts / f"seed-{seed}"
-        _open_parts(place, _fingerprint(path, truth, options, seed), path, options.resume)
+        left = place.exists() and options.resume
+        same = _open_parts(place, _fingerprint(path, truth, options, seed), path, options.resume)
+        if left and not same and on_restart is not None:
+            on_restart()
         runs.append(_run(path, truth, instances, options, seed, place, on_batch))
     saved = [part for run in runs for part in run.parts]
     predictions = np.empty((len(runs), *truth.eigenvalues.shape))
@@ -205,13 +211,16 @@ def _fingerprint(path: Path, truth: Truth, options: Options, seed: int) -> dict[
     }
 
 
-def _open_parts(place: Path, fingerprint: dict[str, object], path: Path, resume: bool) -> None:
+def _open_parts(place: Path, fingerprint: dict[str, object], path: Path, resume: bool) -> bool:
+    """Make the directory of parts; return whether what it holds is to be gone on from."""
     note = place / "run.json"
     same = resume and note.exists() and json.loads(note.read_text()) == fingerprint
-    if not (same and _unchanged(place / SOURCES, path.resolve().parent)):
+    same = same and _unchanged(place / SOURCES, path.resolve().parent)
+    if not same:
         shutil.rmtree(place, ignore_errors=True)
         files.make_directory(place)
         files.write_text(note, json.dumps(fingerprint))
+    return same
 
 
 def _unchanged(note: Path, root: Path) -> bool:

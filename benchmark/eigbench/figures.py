@@ -165,6 +165,8 @@ def spectra(one: Submission) -> Figure:
             title = FAMILIES[family].title if family in FAMILIES else family
             row[0].set_ylabel(title)
         panels[0][0].legend(frameon=False, fontsize=7)
+        for axes in panels[-1]:
+            axes.set_xlabel("index", fontsize=7)
         figure.suptitle(f"{_escaped(one.name)}: true and predicted eigenvalues", fontsize=10)
     return figure
 
@@ -193,7 +195,7 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
         figure = Figure(figsize=(7.2, height), layout="constrained")
         axes = figure.subplots()
         width = 0.8 / len(submissions)
-        palette = mpl.colormaps["cividis"](np.linspace(0.1, 0.9, len(submissions)))
+        palette = mpl.colormaps["viridis"](np.linspace(0.05, 0.95, len(submissions)))
         for number, (one, colour) in enumerate(zip(submissions, palette, strict=True)):
             values = np.maximum(ranking.per_mesh(one, key), FLOOR / 10)
             if not np.isfinite(values).all():
@@ -221,7 +223,9 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
             f"{METRICS[key].title}: quartiles, whiskers 5 to 95 %; below {FLOOR / 10:g} at the edge"
         )
         axes.grid(axis="x", alpha=0.25)
-        axes.legend(frameon=False, fontsize=7, loc="upper left", bbox_to_anchor=(0, -0.15))
+        facts = submissions[0].result["dataset"]
+        axes.set_title(f"synthNet {facts['version']}, {facts['split']}", fontsize=9, loc="left")
+        figure.legend(frameon=False, fontsize=7, loc="outside lower center", ncols=2)
     return figure
 
 

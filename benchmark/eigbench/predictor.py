@@ -109,7 +109,10 @@ def sources(path: Path) -> dict[str, str]:
         file = getattr(module, "__file__", None)
         if name.split(".")[0] in ("__main__", "__mp_main__", "eigbench", "synthnet") or not file:
             continue
-        place = Path(file).resolve()
+        place = Path(file)  # relative for modules that are no files: torch has some
+        if not place.is_absolute():
+            continue
+        place = place.resolve()
         installed = any(place.is_relative_to(library.resolve()) for library in libraries)
         if place.suffix == ".py" and place.is_relative_to(root) and not installed:
             found[place.relative_to(root).as_posix()] = sha256(place)

@@ -52,6 +52,11 @@ def check(options: argparse.Namespace) -> int:
     if not np.isfinite(answers).all():
         bad = [ids[i] for i in np.flatnonzero(~np.isfinite(answers).all(axis=1))[:3]]
         findings.append(f"answers that are not finite, first for {', '.join(bad)}")
+    elif not (answers > 0).all():
+        bad = [ids[i] for i in np.flatnonzero(~(answers > 0).all(axis=1))[:3]]
+        findings.append(f"answers that are not positive, first for {', '.join(bad)}")
+    if contract["ascending"] != 1:
+        findings.append("answers that do not ascend: sort each spectrum")
     if options.json:
         print(json.dumps({"physics": contract, "findings": findings}, indent=1))
     else:
@@ -105,6 +110,8 @@ def run_evaluate(options: argparse.Namespace) -> int:
     partial = options.limit is not None and options.limit < len(wanted.ids)
     if partial:
         wanted = wanted.head(options.limit)
+        if out.exists() and not results.read(out)["partial"]:
+            raise EigbenchError(f"{out} is a whole result: give --limit another --out")
     dataset = directory or store.open_dataset(options.dataset, options.root)
     if dataset.manifest.recipe_digest != wanted.recipe_digest:
         raise EigbenchError(
@@ -167,7 +174,13 @@ def _predict(
     try:
         loading.start()
         evaluation = evaluate(
-            options.predictor, wanted, instances, settings, parts, on_batch=on_batch
+            options.predictor,
+            wanted,
+            instances,
+            settings,
+            parts,
+            on_batch=on_batch,
+            on_restart=lambda: console.print("code or settings have changed: starting anew"),
         )
     except PredictorError as error:
         if any(parts.glob("*/*.npz")):

@@ -83,8 +83,7 @@ class PredictorProcess:
     def _receive(self, at: str, ids: Sequence[str]) -> Any:
         if not self._channel.poll(self.time_limit):
             raise PredictorError(
-                f"the predictor took more than {self.time_limit:g} s {at}: "
-                "raise --time-limit or lower --batch-size"
+                f"the predictor took more than {self.time_limit:g} s {at}: raise --time-limit"
             )
         try:
             message = self._channel.recv()

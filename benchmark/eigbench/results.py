@@ -93,7 +93,8 @@ def validate(result: Any, path: Path) -> None:
     error = next(iter(sorted(validator.iter_errors(result), key=lambda e: list(e.path))), None)
     if error is not None:
         place = "/".join(map(str, error.path)) or "the top"
-        raise ResultError(f"{path} is no result: at {place}: {one_line(error)[:200]}")
+        told = " ".join(error.message.split())
+        raise ResultError(f"{path} is no result: at {place}: {told[:200]}")
     _check_means(result, path)
     low, high = result["cost"]["ms_per_mesh_quartiles"]
     if not low <= result["cost"]["ms_per_mesh"] <= high:

@@ -163,7 +163,7 @@ def _beside(path: Path) -> Path:
     on_board = path.parent.parent.parent / "predictions" / path.parent.name / beside.name
     found = next((p for p in (beside, on_board) if p.is_file()), None)
     if found is None:
-        raise ResultError(f"{path}: there are no predictions at {beside}: give --predictions FILE")
+        raise ResultError(f"{path}: there are no predictions at {beside}: put them there")
     return found
 
 

@@ -41,8 +41,8 @@ def overall(result: dict[str, Any]) -> str:
         rows.append(
             [
                 f"{metric.title} {arrow}",
-                number(cell["mean"], d),
-                between,
+                "" if key == "psnr" else number(cell["mean"], d),
+                "" if key == "psnr" else between,
                 spread,
                 "" if key == "psnr20" else number(cell["median"], d),
                 metric.unit,
@@ -97,7 +97,7 @@ def cost(result: dict[str, Any]) -> str:
         ],
         ["peak memory", f"{facts['peak_memory_mb']:.0f} MB"],
         ["parameters", "none" if parameters is None else f"{parameters:,}"],
-        ["training", result["model"].get("training_cost", "not declared")],
+        ["training cost", result["model"].get("training_cost", "not declared")],
         ["hardware", facts["hardware"]],
     ]
     return str(tabulate(rows, tablefmt="plain", disable_numparse=True))

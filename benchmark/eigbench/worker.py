@@ -78,8 +78,8 @@ def work(channel: Connection, job: Job) -> None:
     os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the other process, which ends this
     try:
-        loaded = predictor.load(job.path, device=job.device, seed=job.seed)
         accelerator = _accelerator(job.device)
+        loaded = predictor.load(job.path, device=job.device, seed=job.seed)
         channel.send(Loaded(loaded.meta, loaded.parameters, loaded.seeded, accelerator))
         while True:
             meshes = channel.recv()
@@ -133,7 +133,9 @@ def _accelerator(device: str) -> str:
         import torch
     except ModuleNotFoundError:
         return ""  # another framework's device
-    return str(torch.cuda.get_device_name(device)) if torch.cuda.is_available() else ""
+    if not torch.cuda.is_available():
+        raise PredictorError(f"--device {device}: PyTorch sees no CUDA device here, leave it out")
+    return str(torch.cuda.get_device_name(device))
 
 
 def _peak_bytes() -> int:

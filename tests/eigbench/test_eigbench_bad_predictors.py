@@ -192,6 +192,7 @@ def test_changed_code_starts_anew(evaluate, ids, tmp_path):
     path.write_text(path.read_text() + "\n# another file\n")
     again = evaluate("", "--resume", path=path)
     assert again[0] == 2
+    assert "code or settings have changed: starting anew" in again[2]
     assert ", ".join(ids[10:13]) in again[2]  # the second batch again
     assert batches_kept(tmp_path) == ["000000.npz"]
 

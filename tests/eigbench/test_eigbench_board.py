@@ -113,7 +113,7 @@ def test_result_that_its_labels_or_predictions_do_not_bear_out_is_refused(
 
 def test_result_without_predictions_is_refused(made, tmp_path):
     shutil.copy(made["one"], tmp_path / "r.json")
-    with pytest.raises(ResultError, match=r"no predictions at .*r\.parquet: give --predictions"):
+    with pytest.raises(ResultError, match=r"no predictions at .*r\.parquet: put them there"):
         submission.read(tmp_path / "r.json")
 
 
@@ -249,7 +249,7 @@ def test_every_reported_row_has_a_cell_for_each_column():
 def test_every_row_of_every_table_has_the_cells_of_its_head(board):
     page = (board / "LEADERBOARD.md").read_text().replace("\\|", "")
     tables = re.findall(r"(?:^\|.*\n)+", page, flags=re.M)
-    assert len(tables) == 9
+    assert len(tables) == 10
     for table in tables:
         assert len({line.count("|") for line in table.splitlines()}) == 1, table
 
@@ -282,7 +282,7 @@ def test_generating_again_changes_nothing(eigbench, board):
     before = {path: path.read_bytes() for path in board.rglob("*") if path.is_file()}
     code, out, _ = eigbench("leaderboard", "--board", board)
     assert code == 0
-    assert "4 rows; written: nothing new" in out
+    assert "rows: 4; written: nothing new" in out
     assert {path: path.read_bytes() for path in board.rglob("*") if path.is_file()} == before
 
 

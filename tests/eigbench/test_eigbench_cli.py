@@ -241,6 +241,32 @@ def test_check_finds_answers_that_are_not_finite(eigbench, predictor_file):
     assert "Warning" not in err
 
 
+@pytest.mark.parametrize(
+    ("answer", "finding"),
+    [
+        ("-one(mesh)", "answers that are not positive, first for "),
+        ("one(mesh)[::-1]", "not ascend"),
+    ],
+)
+def test_check_finds_what_a_board_does_not_take_or_no_spectrum_does(
+    eigbench, predictor_file, answer, finding
+):
+    code = f"def predict(meshes): return np.array([{answer} for mesh in meshes])\n"
+    code, out, _ = eigbench("check", predictor_file(WEYL + code))
+    assert code == 1
+    assert finding in out
+
+
+def test_whole_result_is_not_replaced_by_a_partial_one(eigbench, weyl, mini_home, tmp_path):
+    out = tmp_path / "r.json"
+    shutil.copy(weyl.out, out)
+    where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", out, "--limit", 5]
+    code, _, err = eigbench("evaluate", weyl.code, *where)
+    assert code == 2
+    assert "is a whole result: give --limit another --out" in err
+    assert out.read_bytes() == weyl.out.read_bytes()
+
+
 def test_check_of_a_bad_predictor_exits_with_2(eigbench, predictor_file):
     code, out, err = eigbench("check", predictor_file("def predict(meshes): return [[1.0]]"))
     assert (code, out) == (2, "")

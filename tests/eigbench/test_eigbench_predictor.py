@@ -3,6 +3,7 @@
 import dataclasses
 import gc
 import sys
+import types
 
 import numpy as np
 import pytest
@@ -405,6 +406,19 @@ def test_dataset_that_lacks_a_shape_is_refused(mini_home):
         EigbenchError, match=r"lacks 1 shapes of the split, first cone-99999.*verify"
     ):
         instances.read(stored, ["cone-99999/0"])
+
+
+def test_sources_are_the_files_beside_it_and_nothing_that_is_no_file(
+    predictor_file, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)  # where the relative names of modules that are no files would lie
+    (tmp_path / "my_model.npz").write_bytes(b"weights")
+    (tmp_path / "other.npz").write_bytes(b"no part of it")
+    (tmp_path / "a_sibling.py").write_text("x = 1\n")
+    path = predictor_file("import a_sibling\n" + FUNCTION)
+    predictor.load(path)
+    monkeypatch.setitem(sys.modules, "no_file", types.SimpleNamespace(__file__="_ops.py"))
+    assert set(predictor.sources(path)) == {"my_model.py", "my_model.npz", "a_sibling.py"}
 
 
 def test_first_predictor_takes_ten_lines(predictor_file):

@@ -149,6 +149,15 @@ def test_cpu_has_no_accelerator():
     assert worker._accelerator("cpu") == ""
 
 
+def test_device_that_is_not_there_is_refused():
+    torch = pytest.importorskip("torch")
+    if torch.cuda.is_available():
+        assert worker._accelerator("cuda")
+    else:
+        with pytest.raises(PredictorError, match="--device cuda: PyTorch sees no CUDA device"):
+            worker._accelerator("cuda")
+
+
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_peak_memory_is_of_the_predictors_process_alone(
     predictor_file, mini_truth, source, tmp_path
