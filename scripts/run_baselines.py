@@ -3,8 +3,8 @@
     python scripts/run_baselines.py DIR
 
 One thread each, on a machine with nothing else to do, because times are compared. What is
-finished in DIR is kept, and an interrupted row goes on where it stopped. Takes about an
-hour and a half. `eigbench submit` puts the results in their place.
+finished in DIR is kept, and an interrupted row goes on where it stopped. Takes about three
+quarters of an hour. `eigbench submit` puts the results in their place.
 """
 
 import subprocess

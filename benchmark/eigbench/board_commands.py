@@ -81,8 +81,6 @@ def submit(options: argparse.Namespace) -> int:
     """Check a result with its predictions and put both on the board."""
     root = _root(options, make=True)
     one = submission.read(options.result, options.predictions)
-    leaderboard.check_fit(one)
-    leaderboard.generate([one], [])  # it can be drawn
     places = leaderboard.place(one, root, replace=options.replace)
     if options.json:
         print(json.dumps({"model": one.name, "board": one.board, "files": list(map(str, places))}))

@@ -17,7 +17,7 @@ from eigbench.errors import EigbenchError
 from eigbench.metrics import METRICS, psnr
 from eigbench.ranking import RANKED_BY
 from eigbench.submission import Submission
-from synthnet.families import FAMILIES
+from eigbench.tables import family_title, in_order
 from synthnet.files import write_atomically
 
 # Okabe and Ito: told apart by colour-blind readers; the markers tell kinds apart in print.
@@ -90,7 +90,7 @@ def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("ms a mesh, median")
-    axes.set_ylabel(f"mean {metric.title} {'↑' if metric.higher_is_better else '↓'}")
+    axes.set_ylabel(f"mean {metric.heading}")
     axes.grid(alpha=0.25)
     if not points:
         return
@@ -149,8 +149,7 @@ def spectra(one: Submission) -> Figure:
     A row for each family: of its instances the one with the least, the median and the
     largest RPD, with its PSNR and Inverse Laplacian.
     """
-    families = [f for f in FAMILIES if f in set(one.truth.families.tolist())]
-    families += sorted(set(one.truth.families.tolist()) - set(FAMILIES))
+    families = in_order(one.truth.families.tolist())
     errors = ranking.per_mesh(one, RANKED_BY)
     if not np.isfinite(errors).all():
         raise EigbenchError(f"{one.result_path} has predictions that are not finite: no picture")
@@ -162,8 +161,7 @@ def spectra(one: Submission) -> Figure:
             ordered = mine[np.argsort(errors[mine], kind="stable")]
             for axes, (name, quantile) in zip(row, QUANTILES.items(), strict=True):
                 _spectrum(axes, one, int(ordered[round(quantile * (len(ordered) - 1))]), name)
-            title = FAMILIES[family].title if family in FAMILIES else family
-            row[0].set_ylabel(title)
+            row[0].set_ylabel(family_title(family))
         panels[0][0].legend(frameon=False, fontsize=7)
         for axes in panels[-1]:
             axes.set_xlabel("index", fontsize=7)
@@ -188,8 +186,7 @@ def _spectrum(axes: mpl.axes.Axes, one: Submission, i: int, name: str) -> None:
 
 def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
     """Draw the distribution of a metric by family: a box of quartiles, whiskers 5 to 95 %."""
-    present = set(submissions[0].truth.families.tolist())
-    names = [*(f for f in FAMILIES if f in present), *sorted(present - set(FAMILIES))]
+    names = in_order(submissions[0].truth.families.tolist())
     with _style():
         height = 0.35 * len(names) * max(1.0, 0.6 * len(submissions)) + 1.2
         figure = Figure(figsize=(7.2, height), layout="constrained")
@@ -214,9 +211,7 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
             )
             for box in boxes["boxes"]:
                 box.set(facecolor=colour, alpha=0.8)
-        axes.set_yticks(
-            range(len(names)), [FAMILIES[n].title if n in FAMILIES else n for n in names]
-        )
+        axes.set_yticks(range(len(names)), [family_title(name) for name in names])
         axes.invert_yaxis()
         axes.set_xscale("log")
         axes.set_xlabel(

@@ -117,6 +117,7 @@ def place(one: Submission, root: Path, *, replace: bool = False) -> tuple[Path, 
         If another of that name is there and ``replace`` is not given.
     """
     check_fit(one)
+    generate([one], [])  # a row that cannot be drawn would break the page for all
     places = (
         root / RESULTS / one.board / f"{one.slug}.json",
         root / PREDICTIONS / one.board / f"{one.slug}.parquet",

@@ -131,6 +131,11 @@ class Metric:
     source: str
     decimals: int
 
+    @property
+    def heading(self) -> str:
+        """Title with an arrow to the better side: ``RPD ↓``."""
+        return f"{self.title} {'↑' if self.higher_is_better else '↓'}"
+
 
 # The mean of PSNR is infinite as soon as one prediction is exact: look at the median.
 METRICS: dict[str, Metric] = {

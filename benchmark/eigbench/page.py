@@ -12,8 +12,7 @@ from eigbench.metrics import MAIN, METRICS
 from eigbench.physics import TITLES
 from eigbench.ranking import RANKED_BY, Ranked
 from eigbench.submission import Submission
-from eigbench.tables import deviation, number
-from synthnet.families import FAMILIES
+from eigbench.tables import deviation, family_title, in_order, number
 from synthnet.files import sha256
 
 BANNER = """\
@@ -86,7 +85,7 @@ def _cell(text: str) -> str:
 
 
 def _main(rows: Sequence[Ranked]) -> str:
-    headers = ["rank", "model", "kind", *map(_arrow, MAIN), "parameters", "ms a mesh"]
+    headers = ["rank", "model", "kind", *map(_heading, MAIN), "parameters", "ms a mesh"]
     headers += ["hardware", "training set", "seeds"]
     lines = []
     for row in rows:
@@ -108,8 +107,8 @@ def _main(rows: Sequence[Ranked]) -> str:
     return _table(headers, lines, left=3)
 
 
-def _arrow(key: str) -> str:
-    return f"{METRICS[key].title} {'↑' if METRICS[key].higher_is_better else '↓'}"
+def _heading(key: str) -> str:
+    return METRICS[key].heading
 
 
 def _value(value: float | None, key: str) -> str:
@@ -134,7 +133,7 @@ def _medians(rows: Sequence[Ranked]) -> str:
         overall = row.submission.result["scores"]["overall"]
         cells = [_value(overall[key]["median"], key) for key in shown]
         lines.append([row.submission.name, *cells])
-    return _table(["model", *map(_arrow, shown)], lines)
+    return _table(["model", *map(_heading, shown)], lines)
 
 
 def _intervals(rows: Sequence[Ranked]) -> str:
@@ -146,13 +145,13 @@ def _intervals(rows: Sequence[Ranked]) -> str:
             for key in MAIN
         ]
         lines.append([row.submission.name, *cells])
-    return _table(["model", *map(_arrow, MAIN)], lines)
+    return _table(["model", *map(_heading, MAIN)], lines)
 
 
 def _families(rows: Sequence[Ranked], key: str) -> list[str]:
     names = rows[0].submission.result["scores"]["families"]
-    ordered = [*(f for f in FAMILIES if f in names), *sorted(set(names) - set(FAMILIES))]
-    titles = [FAMILIES[name].title if name in FAMILIES else name for name in ordered]
+    ordered = in_order(names)
+    titles = [family_title(name) for name in ordered]
     counts = ["instances", *(f"{names[name]['count']:,}" for name in ordered)]
     lines = [
         [
@@ -164,7 +163,7 @@ def _families(rows: Sequence[Ranked], key: str) -> list[str]:
         ]
         for row in rows
     ]
-    return [f"### {_arrow(key)} by family\n", _table(["model", *titles], [counts, *lines])]
+    return [f"### {_heading(key)} by family\n", _table(["model", *titles], [counts, *lines])]
 
 
 def _per_index(rows: Sequence[Ranked]) -> str:

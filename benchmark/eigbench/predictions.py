@@ -80,16 +80,7 @@ def read(path: Path, truth: Truth) -> NDArray[np.float64]:
         ids, seeds, values = readers[path.suffix](path, k)
     except FileNotFoundError as error:
         raise PredictionsError(f"there is no file {path}") from error
-    except (
-        OSError,
-        EOFError,
-        ValueError,
-        TypeError,
-        KeyError,
-        BadZipFile,
-        zlib.error,
-        pa.ArrowException,
-    ) as error:
+    except DAMAGED as error:
         raise PredictionsError(f"{path} cannot be read: {one_line(error)}") from error
     if not len(ids):
         raise PredictionsError(f"{path} has no predictions")

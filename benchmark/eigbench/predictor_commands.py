@@ -29,7 +29,7 @@ AGREE = 1e-5  # relative, between batch sizes and orders of one predictor
 def check(options: argparse.Namespace) -> int:
     """Try a predictor on the probes, one at a time, shuffled and changed."""
     ids, probes = physics.questions()
-    base = len(physics.probes())
+    base = len(ids) // (1 + len(physics.CHANGES))
     order = np.random.default_rng(0).permutation(len(ids))
 
     def ask(chosen: Sequence[int], batch_size: int) -> NDArray[np.float64]:

@@ -49,9 +49,7 @@ class Ranked:
 
 def per_mesh(submission: Submission, key: str) -> NDArray[np.float64]:
     """Return a metric of each instance, mean over seeds, shape (n,)."""
-    table = np.stack(
-        [METRICS[key].function(p, submission.truth.eigenvalues) for p in submission.predictions]
-    )
+    table = scores.of_metric(submission.truth, submission.predictions, key)
     return np.asarray(table.mean(axis=0))
 
 

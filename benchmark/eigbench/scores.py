@@ -19,10 +19,12 @@ BOOTSTRAP_SEED = 0
 
 def per_mesh(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
     """Return every metric of every prediction, shape (seeds, n), by the metric's key."""
-    return {
-        key: np.stack([metric.function(p, truth.eigenvalues) for p in predictions])
-        for key, metric in METRICS.items()
-    }
+    return {key: of_metric(truth, predictions, key) for key in METRICS}
+
+
+def of_metric(truth: Truth, predictions: NDArray[np.float64], key: str) -> NDArray[np.float64]:
+    """Return one metric of every prediction, shape (seeds, n)."""
+    return np.stack([METRICS[key].function(p, truth.eigenvalues) for p in predictions])
 
 
 def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:

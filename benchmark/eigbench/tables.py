@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from tabulate import tabulate
@@ -29,18 +30,28 @@ def number(value: float | None, decimals: int = 4) -> str:
     return f"{value:.{decimals}f}"
 
 
+def family_title(name: str) -> str:
+    """Return a family's title; the name of one that synthnet does not make."""
+    return FAMILIES[name].title if name in FAMILIES else name
+
+
+def in_order(names: Iterable[str]) -> list[str]:
+    """Return families in synthnet's order, others after them by name."""
+    known = {name: place for place, name in enumerate(FAMILIES)}
+    return sorted(set(names), key=lambda name: (known.get(name, len(known)), name))
+
+
 def overall(result: dict[str, Any]) -> str:
     """Return the table of the six metrics with their uncertainty."""
     rows = []
     for key, metric in METRICS.items():
         cell = result["scores"]["overall"][key]
         d = metric.decimals
-        arrow = "↑" if metric.higher_is_better else "↓"
         spread = "" if cell["seed_std"] is None else f"{cell['seed_std']:.{d}f}"
         between = f"{number(cell['low'], d)} to {number(cell['high'], d)}"
         rows.append(
             [
-                f"{metric.title} {arrow}",
+                metric.heading,
                 "" if key == "psnr" else number(cell["mean"], d),
                 "" if key == "psnr" else between,
                 spread,
@@ -56,11 +67,10 @@ def families(result: dict[str, Any]) -> str:
     """Return the table by family, as the paper's Table 4, with all six metrics."""
     rows = []
     for name, family in result["scores"]["families"].items():
-        title = FAMILIES[name].title if name in FAMILIES else name
         cells = [
             number(family[key]["mean"], m.decimals) for key, m in METRICS.items() if key in MAIN
         ]
-        rows.append([title, f"{family['count']:,}", *cells])
+        rows.append([family_title(name), f"{family['count']:,}", *cells])
     headers = ["family", "instances", *(METRICS[key].title for key in MAIN)]
     return str(tabulate(rows, headers=headers, disable_numparse=True))
 
