@@ -21,7 +21,7 @@ import threadpoolctl
 from synthnet import augment, files, filters, recipe, spectrum, store
 from synthnet._open3d import load_open3d
 from synthnet.distributions import ISOMETRIES, generator
-from synthnet.errors import BuildError, DamagedError, SpectrumError, StoreError
+from synthnet.errors import BuildError, CertificateError, DamagedError, SpectrumError, StoreError
 from synthnet.families import FAMILIES
 from synthnet.interrupts import raise_if_interrupted
 from synthnet.plan import PlannedShape, ShardPlan, plan_shards
@@ -29,7 +29,7 @@ from synthnet.recipe import Recipe
 from synthnet.types import Manifest, Rejection, Sample, ShapeSpec, ShardRecord
 from synthnet.workers import cores, local_processes
 
-PACKAGES = ("synthnet", "numpy", "scipy", "open3d", "open3d-cpu", "trimesh", "pyarrow")
+PACKAGES = ("synthnet", "numpy", "scipy", "numba", "open3d", "open3d-cpu", "trimesh", "pyarrow")
 SHARDS = "shards"
 STANDARD_ERROR = 2  # the descriptor: in a notebook sys.stderr has none
 
@@ -231,12 +231,9 @@ def make_sample(shape: PlannedShape, wanted: Recipe) -> Sample | Rejection:
     if refused := filters.check_mesh(mesh, wanted.filters, family.euler_characteristic):
         return _rejection(spec, *refused)
     try:
-        label = spectrum.compute(
-            mesh,
-            wanted.label.eigenvalues,
-            shift=wanted.label.shift,
-            tolerance=wanted.label.tolerance,
-        )
+        label = spectrum.compute(mesh, wanted.label.eigenvalues)
+    except CertificateError as error:
+        return _rejection(spec, filters.CERTIFICATE, str(error))
     except SpectrumError as error:
         return _rejection(spec, filters.SOLVER, str(error))
     if refused := filters.check_spectrum(label, wanted.filters):
@@ -247,7 +244,7 @@ def make_sample(shape: PlannedShape, wanted: Recipe) -> Sample | Rejection:
         mesh=mesh,
         eigenvalues=label.eigenvalues,
         trivial=label.trivial,
-        residual=label.residual,
+        certificate=label.certificate,
         isometries=augment.draw_isometries(wanted.augmentation, rng),
         split=shape.split,
         paper_splits=shape.paper_splits,

@@ -7,6 +7,7 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -183,7 +184,7 @@ def _show(options: argparse.Namespace) -> int:
         "least_relative_altitude": float(facts.relative_altitudes.min()),
         "eigenvalues": sample.eigenvalues.tolist(),
         "trivial": sample.trivial,
-        "residual": sample.residual,
+        "certificate": asdict(sample.certificate),
     }
     if options.json:
         _print_json(described)

@@ -31,3 +31,7 @@ class MissingPackageError(SynthNetError, ImportError):
 
 class SpectrumError(SynthNetError):
     """The eigenvalue solver returned no answer for a mesh."""
+
+
+class CertificateError(SpectrumError):
+    """Eigenvalues were found, but not proved to be all there are."""

@@ -20,11 +20,9 @@ SCHEMA = 1
 
 @dataclass(frozen=True, slots=True)
 class LabelSettings:
-    """How many eigenvalues, and the shift (in 1/area) and tolerance of the solver."""
+    """How many eigenvalues after the trivial zero."""
 
     eigenvalues: int
-    shift: float
-    tolerance: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,7 +282,6 @@ def _check(recipe: Recipe) -> None:
         ("augmentation: reflections", copies.reflections, 0),
     ):
         _need(value >= least, f"{name} must be at least {least}, got {value}")
-    _need(recipe.label.shift < 0, f"label: shift must be negative, got {recipe.label.shift}")
 
 
 def _need(condition: object, message: str) -> None:

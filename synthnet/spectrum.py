@@ -1,20 +1,58 @@
-"""Eigenvalues of the Laplace-Beltrami operator by linear finite elements."""
+"""Eigenvalues of the Laplace-Beltrami operator by linear finite elements, with a certificate."""
 
 from __future__ import annotations
 
-import warnings
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, sparse
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
-from synthnet import geometry
-from synthnet.errors import SpectrumError
-from synthnet.types import Mesh, Spectrum
+from synthnet.errors import CertificateError, SpectrumError
+from synthnet.solver import fem
+from synthnet.solver.fem import Matrices
+from synthnet.solver.lanczos import Lanczos, RitzPairs
+from synthnet.solver.ldl import Factor, factorise, solve
+from synthnet.solver.ordering import Ordering, find_ordering
+from synthnet.types import Certificate, Mesh, Spectrum
 
-START_SEED = 0  # of the start vector: the same mesh gives the same digits
-DENSE = 40  # vertices up to which ARPACK's subspace would be most of the space
+DENSE = 40  # vertices up to which the basis would be most of the space
+NEAR_ZERO = 1e-3  # of Weyl's k-th eigenvalue: what is below it is exact to so much of it
+SAFETY = 100  # times the rounding errors' first-order effect on the shift of a count
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """How to look for eigenpairs.
+
+    Parameters
+    ----------
+    shift : float
+        Of the operator, in units of what Weyl's law gives for the k-th eigenvalue.
+    residual : float
+        Largest relative residual that is good enough.
+    gap : float
+        Least relative gap above the cluster of the k-th eigenvalue in which to count.
+    vectors : int
+        Most vectors in the basis.
+    strict : bool
+        Whether to keep the basis orthogonal to rounding at every step.
+    seed : int
+        Of the vectors to start from.
+    """
+
+    shift: float
+    residual: float
+    gap: float
+    vectors: int
+    strict: bool
+    seed: int
+
+
+# A shift inside the spectrum needs a quarter fewer steps than one below it; measured on 1.0.
+NORMAL = Setting(shift=0.7, residual=1e-7, gap=1e-3, vectors=161, strict=False, seed=0)
+# Below the spectrum A − σB is definite, so that its factorisation is backward stable.
+STRONGER = Setting(shift=-0.05, residual=1e-7, gap=1e-2, vectors=401, strict=True, seed=1)
 
 
 def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
@@ -49,30 +87,39 @@ def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     M. Reuter, F.-E. Wolter, N. Peinecke, "Laplace-Beltrami spectra as 'Shape-DNA' of
     surfaces and solids", Computer-Aided Design 38 (2006).
     """
-    unused = len(mesh.vertices) - len(np.unique(mesh.faces))
-    if unused:
-        raise ValueError(f"{unused} vertices belong to no triangle: remove them first")
-    edges = geometry.corner_edges(mesh)
-    areas = geometry.areas_of_edges(edges)
-    if not (areas > 0).all():
-        bad = int(np.count_nonzero(~(areas > 0)))
-        raise ValueError(f"{bad} of {len(areas)} faces have no area: remove them first")
-    local_stiffness = np.einsum("fid,fjd->fij", edges, edges) / (4 * areas)[:, None, None]
-    local_mass = areas[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12
-    rows = np.repeat(mesh.faces, 3, axis=1).ravel()
-    columns = np.tile(mesh.faces, (1, 3)).ravel()
+    matrices = _assemble(mesh)
     shape = (len(mesh.vertices),) * 2
-    stiffness = sparse.csc_matrix((local_stiffness.ravel(), (rows, columns)), shape=shape)
-    mass = sparse.csc_matrix((local_mass.ravel(), (rows, columns)), shape=shape)
+    stiffness, mass = (
+        sparse.csc_matrix((values, matrices.indices, matrices.indptr), shape=shape)
+        for values in (matrices.stiffness, matrices.mass)
+    )
     return stiffness, mass
 
 
-def compute(mesh: Mesh, k: int = 10, *, shift: float = -1.0, tolerance: float = 0.0) -> Spectrum:
+def _assemble(mesh: Mesh) -> Matrices:
+    unused = len(mesh.vertices) - np.count_nonzero(np.bincount(mesh.faces.ravel()))
+    if unused:
+        raise ValueError(f"{unused} vertices belong to no triangle: remove them first")
+    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+    return fem.assemble(vertices, np.ascontiguousarray(mesh.faces, dtype=np.int32))
+
+
+def compute(mesh: Mesh, k: int = 10) -> Spectrum:
     r"""Compute the first k eigenvalues after the trivial zero, Neumann on a boundary.
 
-    Solves :math:`A\varphi = \lambda B\varphi` by shift-invert Lanczos from a fixed start
-    vector. The relative residual of a pair is
-    :math:`\|A\varphi - \lambda B\varphi\|_2 / (\max(\lambda, \lambda_1) \|B\varphi\|_2)`.
+    Solves :math:`A\varphi = \lambda B\varphi` by block Lanczos around a shift inside the
+    spectrum, and certifies the answer. With :math:`r = A\varphi - \lambda B\varphi` and M the
+    lumped mass, the relative residual of a pair is
+
+    .. math::
+        \frac{2}{\lambda} \sqrt{\frac{r^T M^{-1} r}{\varphi^T B \varphi}}
+
+    and at least one eigenvalue is within so much of λ, relative to it, because B ≥ M/4 for
+    triangles. A factorisation :math:`A - \sigma B = L D L^T`, σ in a gap above the k-th
+    eigenvalue and all that are as good as equal to it, has as many negative pivots as there
+    are eigenvalues below σ (Sylvester's law of inertia): none was missed if that is the
+    number of pairs found. An answer without certificate is looked for again by a stronger
+    setting.
 
     Parameters
     ----------
@@ -81,109 +128,227 @@ def compute(mesh: Mesh, k: int = 10, *, shift: float = -1.0, tolerance: float = 
         for each, and only the first is left out.
     k : int
         Number of eigenvalues.
-    shift : float
-        Shift in units of 1/area, negative so that A − σB is positive definite. In this
-        unit a scaled copy is solved by the same steps.
-    tolerance : float
-        Of ARPACK; 0 is machine precision. Looser values can miss one of a pair of equal
-        eigenvalues.
 
     Returns
     -------
     Spectrum
-        Eigenvalues in 1/length², float64, ascending.
+        Eigenvalues in 1/length², float64, ascending, with their certificate.
 
     Raises
     ------
     ValueError
-        If k is not between 1 and n − 1, the shift is not negative, a triangle has no area,
-        or a vertex no triangle.
+        If k is not between 1 and n − 1, a triangle has no area, or a vertex no triangle.
+    CertificateError
+        If the stronger setting's answer cannot be certified either.
     SpectrumError
-        If the factorisation or the iteration fails.
+        If the iteration does not converge or a factorisation breaks down.
+
+    References
+    ----------
+    B. N. Parlett, "The Symmetric Eigenvalue Problem" (1998), sections 3.3 and 15.9. A. J.
+    Wathen, "Realistic eigenvalue bounds for the Galerkin mass matrix", IMA J. Numer. Anal. 7
+    (1987).
 
     Examples
     --------
     >>> from synthnet.families import FAMILIES
     >>> sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 40})
-    >>> compute(sphere, k=3).eigenvalues.round(1)  # the smooth sphere has 2, 2, 2
+    >>> spectrum = compute(sphere, k=3)
+    >>> spectrum.eigenvalues.round(1)  # the smooth sphere has 2, 2, 2
     array([2., 2., 2.])
+    >>> spectrum.certificate.count  # zero and these three are all that is below the shift
+    4
     """
     n = len(mesh.vertices)
     if not 1 <= k <= n - 1:
         raise ValueError(f"k must be between 1 and {n - 1} for {n} vertices, got {k}")
-    if not shift < 0:
-        raise ValueError(f"shift must be negative, got {shift}")
-    stiffness, mass = fem_matrices(mesh)
+    matrices = _assemble(mesh)
+    ordering = find_ordering(matrices.indptr, matrices.indices)
+    try:
+        return _certified(matrices, ordering, k, NORMAL)
+    except SpectrumError:
+        return _certified(matrices, ordering, k, STRONGER)
+
+
+def count_below(mesh: Mesh, shift: float) -> int:
+    """Return how many eigenvalues, the zero included, are below a shift in 1/length².
+
+    By the law of inertia, with no eigenvalue computed.
+
+    Raises
+    ------
+    ValueError
+        If a triangle has no area, or a vertex no triangle.
+    SpectrumError
+        If the shift is so close to an eigenvalue that rounding decides.
+    """
+    matrices = _assemble(mesh)
+    factor = factorise(
+        matrices, find_ordering(matrices.indptr, matrices.indices), shift, pivots_only=True
+    )
+    if not factor.finite:
+        raise SpectrumError(f"a pivot of A - {shift:g} B is zero")
+    return factor.negative
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    """Pairs below a gap: vectors as rows, and the gap."""
+
+    values: NDArray[np.float64]
+    vectors: NDArray[np.float64]
+    residual: float
+    gap: tuple[float, float]
+
+
+def _certified(matrices: Matrices, ordering: Ordering, k: int, setting: Setting) -> Spectrum:
+    n = len(matrices.lumped)
     if n <= max(DENSE, 2 * (k + 1) + 1):
-        values, vectors = _dense(stiffness, mass, k + 1)
+        found = _dense(matrices, k, setting)
     else:
-        sigma = shift / geometry.area(mesh)
-        values, vectors = _shift_invert(stiffness, mass, k + 1, sigma, tolerance)
-    order = np.argsort(values, kind="stable")
-    values, vectors = values[order], vectors[:, order]
+        found = _lanczos(matrices, ordering, k, setting)
+    certificate = _certify(matrices, ordering, found)
+    area = float(matrices.lumped.sum())
     return Spectrum(
-        eigenvalues=values[1:],
-        trivial=float(values[0]),
-        residual=_relative_residual(stiffness, mass, values, vectors),
-        eigenvectors=vectors[:, 1:],
+        eigenvalues=found.values[:k],
+        trivial=float(matrices.stiffness.sum()) / area,
+        certificate=certificate,
+        eigenvectors=found.vectors[:k].T,
     )
 
 
-def _dense(
-    stiffness: sparse.csc_matrix, mass: sparse.csc_matrix, count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    try:
-        values, vectors = linalg.eigh(
-            stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1]
+def _certify(matrices: Matrices, ordering: Ordering, found: _Candidate) -> Certificate:
+    low, high = found.gap
+    shift = (low + high) / 2
+    factor = factorise(matrices, ordering, shift, pivots_only=True)
+    if not factor.finite:
+        raise SpectrumError(f"a pivot of A - {shift:g} B is zero")
+    if SAFETY * factor.uncertainty > (high - low) / 2:
+        raise CertificateError(
+            f"rounding moves the shift {shift:g} of the count by {factor.uncertainty:.2g}, "
+            f"too much for the gap from {low:g} to {high:g}"
         )
+    if factor.negative != len(found.values) + 1:
+        raise CertificateError(
+            f"{factor.negative} eigenvalues are below {shift:g}, but "
+            f"{len(found.values) + 1} were found"
+        )
+    return Certificate(factor.negative, shift, found.residual)
+
+
+def _dense(matrices: Matrices, k: int, setting: Setting) -> _Candidate:
+    n = len(matrices.lumped)
+    stiffness, mass = (
+        sparse.csc_matrix((values, matrices.indices, matrices.indptr), shape=(n, n)).toarray()
+        for values in (matrices.stiffness, matrices.mass)
+    )
+    try:
+        values, vectors = linalg.eigh(stiffness, mass)
     except linalg.LinAlgError as error:
         raise SpectrumError(f"dense eigenvalue solver failed: {error}") from error
-    return values, vectors
+    values, rows = values[1:], vectors[:, 1:].T
+    gaps = np.append(np.diff(values), values[-1]) > setting.gap * np.abs(values)
+    last = k - 1 + int(np.argmax(gaps[k - 1 :]))
+    high = float(values[last + 1]) if last + 1 < len(values) else 2 * float(values[last])
+    rows = rows[: last + 1]
+    low = float(values[last])
+    values = values[: last + 1]
+    residual = _largest_residual(
+        matrices, rows @ stiffness - values[:, None] * (rows @ mass), values
+    )
+    return _Candidate(values, rows, residual, (low, high))
 
 
-def _shift_invert(
-    stiffness: sparse.csc_matrix,
-    mass: sparse.csc_matrix,
-    count: int,
-    sigma: float,
-    tolerance: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    n = stiffness.shape[0]
+def _lanczos(matrices: Matrices, ordering: Ordering, k: int, setting: Setting) -> _Candidate:
+    n = len(matrices.lumped)
+    sigma = setting.shift * 4 * np.pi * k / float(matrices.lumped.sum())
+    factor = factorise(matrices, ordering, sigma)
+    if not factor.finite:
+        raise SpectrumError(f"a pivot of A - {sigma:g} B is zero")
+    limit = min(setting.vectors + 8 * k, n - 1)
+    search = Lanczos(
+        matrices, ordering, factor, sigma, limit=limit, strict=setting.strict, seed=setting.seed
+    )
+    tolerance = setting.residual
+    steps = k + 2
+    while search.extend(steps):
+        steps = 2
+        pairs = search.ritz()
+        cut = _gap_above(pairs, k, tolerance, setting.gap, sigma)
+        if cut is None:
+            continue
+        count, gap = cut
+        values, vectors, defects = _rayleigh_ritz(matrices, *search.vectors(pairs, count))
+        residual = _largest_residual(matrices, defects, values)
+        if residual > setting.residual:
+            vectors = _corrected(vectors, defects, factor, ordering)
+            weighted = _times(matrices, matrices.mass, vectors)
+            values, vectors, defects = _rayleigh_ritz(matrices, vectors, weighted)
+            residual = _largest_residual(matrices, defects, values)
+        if residual <= setting.residual:
+            return _Candidate(values, vectors, residual, gap)
+        tolerance /= 10
+    raise SpectrumError(f"no convergence in {search.size} Lanczos vectors")
+
+
+def _gap_above(
+    pairs: RitzPairs, k: int, tolerance: float, gap: float, sigma: float
+) -> tuple[int, tuple[float, float]] | None:
+    """Find the first gap above k pairs of which all below it have converged."""
+    values, errors = pairs.values, pairs.errors
+    converged = errors <= tolerance * np.maximum(values, NEAR_ZERO * abs(sigma))
+    good = len(values) if converged.all() else int(np.argmin(converged))
+    for count in range(k, min(good + 1, len(values))):
+        low, high = float(values[count - 1]), float(values[count] - errors[count])
+        if high > low * (1 + gap):
+            return count, (low, high)
+    return None
+
+
+def _rayleigh_ritz(
+    matrices: Matrices, vectors: NDArray[np.float64], weighted: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """In the span of the rows: values, B-orthonormal rows, and their defects A φ − λ B φ."""
+    stiff = _times(matrices, matrices.stiffness, vectors)
     try:
-        # Positive definite: no pivoting. This ordering halves the fill of SuperLU's
-        # default, but its supernodes suit panels badly: on subdivided boxes the
-        # factorisation is 14 times slower unless both are of one column.
-        factor = splu(
-            stiffness - sigma * mass,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            relax=1,
-            panel_size=1,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError as error:
-        raise SpectrumError(f"factorisation failed: {error}") from error
-    inverse = LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
-    start = np.random.default_rng(START_SEED).random(n) - 0.5
-    try:
-        values, vectors = eigsh(
-            stiffness, count, mass, sigma=sigma, OPinv=inverse, v0=start, tol=tolerance
-        )
-    except ArpackError as error:
-        raise SpectrumError(f"Lanczos iteration failed: {error}") from error
-    return values, vectors
+        values, turn = linalg.eigh(vectors @ stiff.T, vectors @ weighted.T, check_finite=False)
+    except linalg.LinAlgError as error:
+        raise SpectrumError(f"the eigenvectors found are not independent: {error}") from error
+    defects = turn.T @ stiff - values[:, None] * (turn.T @ weighted)
+    return values, turn.T @ vectors, defects
 
 
-def _relative_residual(
-    stiffness: sparse.csc_matrix,
-    mass: sparse.csc_matrix,
-    values: NDArray[np.float64],
+def _corrected(
     vectors: NDArray[np.float64],
+    defects: NDArray[np.float64],
+    factor: Factor,
+    ordering: Ordering,
+) -> NDArray[np.float64]:
+    """One step of inverse iteration, as a correction: rounding in the factor is undone."""
+    steps = defects.copy()
+    for i in range(0, len(steps) - 1, 2):
+        solve(factor, ordering, steps[i : i + 2])
+    if len(steps) % 2:
+        last = np.stack([steps[-1], steps[-1]])
+        solve(factor, ordering, last)
+        steps[-1] = last[0]
+    return vectors - steps
+
+
+def _times(
+    matrices: Matrices, values: NDArray[np.float64], rows: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    product = np.empty_like(rows)
+    for i in range(0, len(rows), 2):
+        two = slice(min(i, len(rows) - 2), None)
+        fem.multiply(matrices.indptr, matrices.indices, values, rows[two], product[two])
+    return product
+
+
+def _largest_residual(
+    matrices: Matrices, defects: NDArray[np.float64], values: NDArray[np.float64]
 ) -> float:
-    weighted = mass @ vectors
-    residuals = np.linalg.norm(stiffness @ vectors - weighted * values, axis=0)
-    with warnings.catch_warnings():
-        # A spectrum that is not finite is for the filters to name, not for NumPy.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        scale = np.maximum(values, values[1]) * np.linalg.norm(weighted, axis=0)
-        return float(np.max(residuals / scale))
+    """Of B-orthonormal vectors; see :func:`compute`. Next to zero it is relative to a floor."""
+    bounds = 2 * np.sqrt(np.square(defects) @ (1 / matrices.lumped))
+    floor = NEAR_ZERO * 4 * np.pi * len(values) / matrices.lumped.sum()
+    return float(np.max(bounds / np.maximum(values, floor)))

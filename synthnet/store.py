@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from synthnet import recipe
 from synthnet.errors import DamagedError, StoreError
 from synthnet.files import one_line, sha256, write_atomically, write_text
-from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
+from synthnet.types import Certificate, Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 MANIFEST = "manifest.json"
 METADATA_KEY = b"synthnet"
 
@@ -42,6 +42,8 @@ SCHEMA = pa.schema(
         pa.field("paper_splits", pa.list_(pa.string()), nullable=False),
         pa.field("eigenvalues", pa.list_(pa.float64()), nullable=False),
         pa.field("trivial", pa.float64(), nullable=False),
+        pa.field("count", pa.int32(), nullable=False),  # of the certificate, as the next two
+        pa.field("shift", pa.float64(), nullable=False),
         pa.field("residual", pa.float64(), nullable=False),
         pa.field("isometries", pa.list_(pa.list_(pa.float64(), 9)), nullable=False),
         pa.field("vertices", pa.list_(pa.list_(pa.float32(), 3)), nullable=False),
@@ -201,6 +203,8 @@ def _column(name: str, samples: Sequence[Sample]) -> pa.Array:
     match name:
         case "id" | "family" | "index" | "group":
             return pa.array([getattr(s.spec, name) for s in samples], field.type)
+        case "count" | "shift" | "residual":
+            return pa.array([getattr(s.certificate, name) for s in samples], field.type)
         case "parameters":
             return pa.array([json.dumps(dict(s.spec.parameters)) for s in samples], field.type)
         case "vertices" | "faces":
@@ -259,7 +263,7 @@ def _decoded(table: pa.Table) -> Iterator[Sample]:
             mesh=Mesh(vertices, faces),
             eigenvalues=np.array(row["eigenvalues"], dtype=np.float64),
             trivial=row["trivial"],
-            residual=row["residual"],
+            certificate=Certificate(row["count"], row["shift"], row["residual"]),
             isometries=isometries.reshape(-1, 3, 3),
             split=row["split"],
             paper_splits=tuple(row["paper_splits"]),
@@ -336,7 +340,7 @@ def read_manifest(directory: Path) -> Manifest | None:
         if found != SCHEMA_VERSION:
             raise StoreError(
                 f"{path} has schema version {found}, this synthnet reads {SCHEMA_VERSION}: "
-                "build it again in another --out"
+                "remove its directory or choose another --out, and build it again"
             )
         shards = tuple(
             ShardRecord(**{**s, "rejections": tuple(Rejection(**r) for r in s["rejections"])})

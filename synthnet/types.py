@@ -91,6 +91,28 @@ class ShapeSpec:
 
 
 @dataclass(frozen=True, slots=True)
+class Certificate:
+    """The proof that a spectrum is complete, see :func:`synthnet.spectrum.compute`.
+
+    Parameters
+    ----------
+    count : int
+        Eigenvalues below the shift, the trivial zero included, by the law of inertia: as
+        many as were found.
+    shift : float
+        Where they were counted, in 1/length²: in a gap above the last eigenvalue of the
+        label and all that are as good as equal to it.
+    residual : float
+        Largest relative residual of the pairs below the shift: each has an eigenvalue
+        within so much of it, relative to it.
+    """
+
+    count: int
+    shift: float
+    residual: float
+
+
+@dataclass(frozen=True, slots=True)
 class Spectrum:
     r"""The smallest eigenpairs of :math:`A\varphi = \lambda B\varphi` on a mesh.
 
@@ -100,15 +122,15 @@ class Spectrum:
         The k eigenvalues after the trivial zero, ascending, in 1/length².
     trivial : float
         The computed value of the zero eigenvalue of the constant function.
-    residual : float
-        Largest relative residual of the pairs, see :func:`synthnet.spectrum.compute`.
+    certificate : Certificate
+        That no eigenvalue was missed.
     eigenvectors : ndarray of shape (n, k), float64
         Eigenfunctions at the vertices, orthonormal in the mass matrix.
     """
 
     eigenvalues: NDArray[np.float64]
     trivial: float
-    residual: float
+    certificate: Certificate
     eigenvectors: NDArray[np.float64] = field(repr=False)
 
 
@@ -124,8 +146,10 @@ class Sample:
         float32 vertices and int32 faces.
     eigenvalues : ndarray of shape (k,), float64
         The label: eigenvalues after the trivial zero, in 1/length².
-    trivial, residual : float
-        Quality of the label, see :class:`Spectrum`.
+    trivial : float
+        The computed value of the zero eigenvalue.
+    certificate : Certificate
+        That the label misses no eigenvalue.
     isometries : ndarray of shape (c, 3, 3), float64
         Orthogonal matrices of the instances; the first is the identity.
     split : str
@@ -138,7 +162,7 @@ class Sample:
     mesh: Mesh
     eigenvalues: NDArray[np.float64]
     trivial: float
-    residual: float
+    certificate: Certificate
     isometries: NDArray[np.float64]
     split: str
     paper_splits: tuple[str, ...]

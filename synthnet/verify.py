@@ -12,9 +12,9 @@ import lapy
 import numpy as np
 import threadpoolctl
 
-from synthnet import augment, files, pins, recipe, store
+from synthnet import augment, files, pins, recipe, spectrum, store
 from synthnet.distributions import ISOMETRIES, generator
-from synthnet.errors import StoreError
+from synthnet.errors import SpectrumError, StoreError
 from synthnet.families import FAMILIES
 from synthnet.files import one_line
 from synthnet.plan import PlannedShape, plan_shards
@@ -60,7 +60,8 @@ def verify(
 
     Checks, in order: the manifest's recipe; SHA-256 of every shard; schema, page checksums
     and row counts; ids, parameters, splits and isometries against the recipe's own draw;
-    every mesh against one generated anew; digests, vertex moments and labels against the
+    every mesh against one generated anew; every certificate, its eigenvalues counted anew;
+    digests, vertex moments and labels against the
     pins of the repository; labels of a random sample against ``lapy.Solver(...).eigs``.
 
     Parameters
@@ -88,7 +89,17 @@ def verify(
     pinned = pins.read(wanted.base)
     chosen = _choose(manifest, planned, sample, seed)
     found: dict[str, list[str]] = {
-        name: [] for name in ("manifest", "digests", "shards", "recipe", "meshes", "pins", "labels")
+        name: []
+        for name in (
+            "manifest",
+            "digests",
+            "shards",
+            "recipe",
+            "meshes",
+            "certificates",
+            "pins",
+            "labels",
+        )
     }
     found["manifest"] += _check_manifest(manifest, wanted, planned)
     seen: set[str] = set()
@@ -106,6 +117,7 @@ def verify(
             seen.add(one.spec.id)
             found["recipe"] += _check_plan(one, planned, wanted)
             found["meshes"] += _check_mesh(one)
+            found["certificates"] += _check_certificate(one, wanted)
             if pinned is not None:
                 found["pins"] += _check_pin(one, pinned)
             if one.spec.id in chosen:
@@ -124,6 +136,7 @@ def verify(
         "shards": len(manifest.shards),
         "recipe": len(planned),
         "meshes": len(seen),
+        "certificates": len(seen),
         "pins": len(seen & set(pinned or ())),
         "labels": relabelled,
     }
@@ -221,6 +234,24 @@ def _check_mesh(sample: Sample) -> Iterator[str]:
         yield f"{spec.id}: a vertex is {off:.2g} of the size off, more than {VERTEX_TOLERANCE:g}"
 
 
+def _check_certificate(sample: Sample, wanted: Recipe) -> Iterator[str]:
+    id, found = sample.spec.id, sample.certificate
+    if not found.residual <= wanted.filters.residual:
+        yield f"{id}: residual is {found.residual:.3g}, above {wanted.filters.residual:g}"
+    if not found.shift > sample.eigenvalues[-1]:
+        yield f"{id}: eigenvalues are counted below {found.shift:g}, which the label exceeds"
+    try:
+        count = spectrum.count_below(sample.mesh, found.shift)
+    except (SpectrumError, ValueError) as error:
+        yield f"{id}: its eigenvalues cannot be counted: {one_line(error)}"
+        return
+    if count != found.count:
+        yield (
+            f"{id}: {count} eigenvalues are below {found.shift:g}, "
+            f"the certificate has {found.count}"
+        )
+
+
 def _check_complete(
     seen: Iterable[str], manifest: Manifest, planned: dict[str, PlannedShape]
 ) -> Iterator[str]:
@@ -245,11 +276,19 @@ def _check_pin(sample: Sample, pinned: dict[str, pins.Pin]) -> Iterator[str]:
 
 
 def _check_label(sample: Sample) -> Iterator[str]:
+    wanted = len(sample.eigenvalues)
+    beyond = min(sample.certificate.count, len(sample.mesh.vertices) - 3)
     try:
-        expected = lapy_eigenvalues(sample.mesh, len(sample.eigenvalues))
+        found = lapy_eigenvalues(sample.mesh, max(wanted, beyond))
     except (RuntimeError, ValueError, np.linalg.LinAlgError) as error:
         yield f"{sample.spec.id}: LaPy has no answer: {one_line(error)}"
         return
-    apart = float(np.max(np.abs(sample.eigenvalues / expected - 1)))
+    apart = float(np.max(np.abs(sample.eigenvalues / found[:wanted] - 1)))
     if not apart <= LAPY_TOLERANCE:
         yield f"{sample.spec.id}: label is {apart:.2g} off LaPy's, more than {LAPY_TOLERANCE:g}"
+    below = 1 + int(np.count_nonzero(found < sample.certificate.shift))
+    if below != min(sample.certificate.count, len(found) + 1):
+        yield (
+            f"{sample.spec.id}: LaPy has {below} eigenvalues below "
+            f"{sample.certificate.shift:g}, the certificate has {sample.certificate.count}"
+        )

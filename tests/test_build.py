@@ -23,7 +23,7 @@ import synthnet.build
 import synthnet.cli
 from synthnet import files, filters, recipe, spectrum, store
 from synthnet.build import build, build_shard, ensure_built, make_sample
-from synthnet.errors import BuildError, SpectrumError, StoreError
+from synthnet.errors import BuildError, CertificateError, SpectrumError, StoreError
 from synthnet.plan import plan_shards
 from synthnet.recipe import Recipe
 from synthnet.types import Mesh, Rejection, Sample, Spectrum
@@ -426,6 +426,22 @@ def test_solver_that_gives_up_is_counted(
     assert ids == ["torus-00000", "torus-00001", "torus-00003"]
 
 
+def test_spectrum_without_certificate_is_counted(
+    tiny: Recipe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def uncertain(*args: object, **options: object) -> NoReturn:
+        raise CertificateError("12 eigenvalues are below 3, but 11 were found")
+
+    monkeypatch.setattr(synthnet.build.spectrum, "compute", uncertain)
+    shape = plan_shards(tiny)[0].shapes[0]
+    assert make_sample(shape, tiny) == Rejection(
+        shape.spec.id,
+        shape.spec.family,
+        "certificate",
+        "12 eigenvalues are below 3, but 11 were found",
+    )
+
+
 def test_spectrum_that_fails_a_check_is_counted(
     tiny: Recipe, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -433,7 +449,8 @@ def test_spectrum_that_fails_a_check_is_counted(
 
     def inexact(mesh: Mesh, *args: object, **options: object) -> Spectrum:
         label = solve(mesh, *args, **options)  # type: ignore[arg-type]
-        return dataclasses.replace(label, residual=1e-3)
+        worse = dataclasses.replace(label.certificate, residual=1e-3)
+        return dataclasses.replace(label, certificate=worse)
 
     monkeypatch.setattr(synthnet.build.spectrum, "compute", inexact)
     shape = plan_shards(tiny)[0].shapes[0]
@@ -463,7 +480,7 @@ def test_label_is_of_the_stored_vertices(family: str, mini_home: Path) -> None:
             with threadpoolctl.threadpool_limits(1):  # as a worker; more change the last bit
                 label = spectrum.compute(mesh, k=10)
             assert label.eigenvalues.tobytes() == sample.eigenvalues.tobytes()
-            assert (label.trivial, label.residual) == (sample.trivial, sample.residual)
+            assert (label.trivial, label.certificate) == (sample.trivial, sample.certificate)
 
 
 def test_shapes_do_not_depend_on_their_company(tiny: Recipe) -> None:

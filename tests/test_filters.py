@@ -7,7 +7,7 @@ import pytest
 from synthnet import filters
 from synthnet.filters import MESH_CHECKS, SPECTRUM_CHECKS, check_mesh, check_spectrum
 from synthnet.recipe import FilterSettings
-from synthnet.types import Mesh, Spectrum
+from synthnet.types import Certificate, Mesh, Spectrum
 
 LIMITS = FilterSettings(altitude=1e-3, trivial=1e-6, residual=1e-5)
 CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -19,7 +19,8 @@ def mesh_of(vertices: list[list[float]], faces: list[list[int]]) -> Mesh:
 
 
 def spectrum_of(*eigenvalues: float, trivial: float = 1e-15, residual: float = 1e-12) -> Spectrum:
-    return Spectrum(np.array(eigenvalues), trivial, residual, np.zeros((0, len(eigenvalues))))
+    proof = Certificate(len(eigenvalues) + 1, 2 * max(eigenvalues), residual)
+    return Spectrum(np.array(eigenvalues), trivial, proof, np.zeros((0, len(eigenvalues))))
 
 
 GOOD_MESH = mesh_of(CORNERS, FACES)

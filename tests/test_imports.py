@@ -23,6 +23,7 @@ LEVELS = {
             "workers",
             "recipe",
             "geometry",
+            "solver",
         ],
         0,
     ),

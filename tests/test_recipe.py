@@ -16,7 +16,7 @@ schema = 1
 version = "test"
 seed = 7
 shard_size = 3
-label = { eigenvalues = 4, shift = -1.0, tolerance = 0.0 }
+label = { eigenvalues = 4 }
 filters = { altitude = 1e-6, trivial = 1e-6, residual = 1e-6 }
 augmentation = { rotations = 2, reflections = 2 }
 splits = { train = 0.7, validation = 0.2, test = 0.1 }
@@ -92,7 +92,8 @@ def test_a_missing_table_is_named(table: str) -> None:
         ("seed = 7", "seed = 7\nsalt = 1", "salt"),
         ("seed = 7", "", "seed"),
         ('version = "test"', "", "version"),
-        ("shift = -1.0, ", "", "shift"),
+        ("eigenvalues = 4", "", "eigenvalues"),
+        ("eigenvalues = 4", "eigenvalues = 4, shift = -1.0", "shift"),
         ("trivial = 1e-6", "trivial = 1e-6, area = 1", "area"),
         ("rotations", "turns", "turns"),
         ("test = 0.1", "holdout = 0.1", "holdout"),
@@ -159,7 +160,7 @@ def test_a_bad_distribution_is_refused(value: str) -> None:
         ("count = 5", "count = 2.5", "^family sphere: count must be an integer, got 2.5$"),
         ("test = 0.1", 'test = "a"', "^splits: test must be a number, got 'a'$"),
         ("test = 0.1", "test = nan", "^splits: test must be a number, got nan$"),
-        ("shift = -1.0", "shift = 1.0", "^label: shift must be negative, got 1.0$"),
+        ("eigenvalues = 4", "eigenvalues = 0", "^label: eigenvalues must be at least 1, got 0$"),
         ("rotations = 2", "rotations = -1", "^augmentation: rotations must be at least 0, got -1$"),
     ],
 )
@@ -247,7 +248,7 @@ def test_the_digest_changes_with_every_value() -> None:
 
     assert build(tomllib.loads(text)).digest == original.digest
     paths = [path for path in leaves(tomllib.loads(text)) if path != ("schema",)]
-    assert len(paths) == 3 + 3 + 3 + 2 + 3 + 10 + 44
+    assert len(paths) == 3 + 1 + 3 + 2 + 3 + 10 + 44
     digests = {original.digest, recipe.load("1.0-mini").digest, recipe.load("1.0-small").digest}
     for path in paths:
         raw = tomllib.loads(text)

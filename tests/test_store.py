@@ -23,7 +23,7 @@ import synthnet
 from synthnet import files, store
 from synthnet.errors import BuildError, DamagedError, StoreError
 from synthnet.recipe import Recipe
-from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
+from synthnet.types import Certificate, Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
 
 REJECTION = Rejection("torus-00007", "torus", "degenerate_face", "20 of 1,200 faces — flat")
 
@@ -44,7 +44,7 @@ def exact(sample: Sample) -> list[Any]:
     spec = sample.spec
     values = [spec.id, spec.family, spec.index, spec.group, sample.split, sample.paper_splits]
     values += [(name, type(v), v) for name, v in spec.parameters.items()]
-    values += [sample.trivial, sample.residual]
+    values += [sample.trivial, sample.certificate]
     mesh = sample.mesh
     arrays = (mesh.vertices, mesh.faces, sample.eigenvalues, sample.isometries)
     return values + [(a.dtype.str, a.shape, np.ascontiguousarray(a).tobytes()) for a in arrays]
@@ -77,7 +77,7 @@ def test_awkward_numbers_come_back_exactly(tmp_path: Path) -> None:
         mesh=Mesh(vertices, np.array([[0, 1, 2]], np.int32)),
         eigenvalues=np.array([5e-324, 0.1 + 0.2, 1e308]),
         trivial=-1.1e-17,
-        residual=float(np.nextafter(1, 2)),
+        certificate=Certificate(4, 1 / 3, float(np.nextafter(1, 2))),
         isometries=np.array([np.eye(3), -np.eye(3) / 3]),
         split="validation",
         paper_splits=("train", "test"),
@@ -248,7 +248,7 @@ def test_no_manifest_is_none(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{", "[]", "3", "null", "{}", '{"schema_version": 1}', "\ufffd\x00"]
+    "text", ["", "{", "[]", "3", "null", "{}", '{"schema_version": 2}', "\ufffd\x00"]
 )
 def test_damaged_manifest_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "manifest.json").write_text(text)
@@ -277,8 +277,8 @@ def test_manifest_that_lacks_a_key_is_refused(key: str, manifest: Manifest, tmp_
 def test_manifest_of_another_schema_version_is_refused(manifest: Manifest, tmp_path: Path) -> None:
     store.write_manifest(tmp_path, manifest)
     path = tmp_path / "manifest.json"
-    path.write_text(path.read_text().replace('"schema_version": 1', '"schema_version": 2'))
-    with pytest.raises(StoreError, match="has schema version 2, this synthnet reads 1"):
+    path.write_text(path.read_text().replace('"schema_version": 2', '"schema_version": 1'))
+    with pytest.raises(StoreError, match="has schema version 1, this synthnet reads 2: remove"):
         store.read_manifest(tmp_path)
 
 

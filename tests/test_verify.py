@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -317,6 +318,47 @@ def test_changed_face_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.usefixtures("pinned")
+@pytest.mark.parametrize("change", [-1, 1])
+def test_altered_count_of_a_certificate_is_found(
+    change: int, mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def claim(sample: Sample) -> dict[str, Any]:
+        proof = sample.certificate
+        return {"certificate": dataclasses.replace(proof, count=proof.count + change)}
+
+    id = tamper_first(mini_copy, claim)
+    (found,) = failed(mini_copy, capsys)["certificates"]
+    assert re.fullmatch(rf"{id}: \d+ eigenvalues are below \S+, the certificate has \d+", found)
+
+
+@pytest.mark.usefixtures("pinned")
+def test_certificate_that_does_not_reach_the_label_is_found(
+    mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def lower(sample: Sample) -> dict[str, Any]:
+        shift = float(sample.eigenvalues[-1]) * (1 - 1e-6)
+        return {"certificate": dataclasses.replace(sample.certificate, shift=shift)}
+
+    id = tamper_first(mini_copy, lower)
+    found = failed(mini_copy, capsys)["certificates"]
+    assert found[0].startswith(f"{id}: eigenvalues are counted below ")
+    assert len(found) == 2  # and there are fewer
+
+
+@pytest.mark.usefixtures("pinned")
+@pytest.mark.parametrize("residual", [2e-6, np.nan])
+def test_residual_above_the_limit_is_found(
+    residual: float, mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    id = tamper_first(
+        mini_copy,
+        lambda s: {"certificate": dataclasses.replace(s.certificate, residual=residual)},
+    )
+    said = f"{id}: residual is {residual:.3g}, above 1e-06"
+    assert failed(mini_copy, capsys) == {"certificates": [said]}
+
+
+@pytest.mark.usefixtures("pinned")
 def test_changed_split_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     id = tamper_first(mini_copy, lambda s: {"split": "test" if s.split == "train" else "train"})
     assert failed(mini_copy, capsys) == {
@@ -545,7 +587,7 @@ def test_digest_is_of_all_that_is_exact(tiny_samples: dict[str, list[Sample]]) -
     sample = tiny_samples["torus"][0]
     spec, mesh = sample.spec, sample.mesh
     same = [
-        dataclasses.replace(sample, eigenvalues=sample.eigenvalues + 1, residual=1.0),
+        dataclasses.replace(sample, eigenvalues=sample.eigenvalues + 1, trivial=1.0),
         dataclasses.replace(sample, mesh=Mesh(mesh.vertices + 1, mesh.faces.astype(np.int64))),
     ]
     parameters = {**spec.parameters, "tube_radius": 0.5}

@@ -1,0 +1,271 @@
+r"""Block Lanczos with two vectors a step for :math:`(A - \sigma B)^{-1} B`.
+
+The operator is self-adjoint in the inner product of B; its eigenvalue θ belongs to
+:math:`\lambda = \sigma + 1/\theta`. The constant function, whose λ is zero, is the first
+vector of the basis and so never found again.
+
+References
+----------
+R. G. Grimes, J. G. Lewis, H. D. Simon, "A shifted block Lanczos algorithm for solving sparse
+symmetric generalized eigenproblems", SIAM J. Matrix Anal. Appl. 15 (1994). H. D. Simon, "The
+Lanczos algorithm with partial reorthogonalization", Math. Comp. 42 (1984).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from synthnet.solver.compiled import kernel
+from synthnet.solver.fem import Matrices, multiply
+from synthnet.solver.ldl import Factor, _subtract_four, dot_four, solve_two
+from synthnet.solver.ordering import Ordering
+
+LOST = 1e-8  # relative; eigenvalues are as good as from a basis orthogonal to 1e-16 (Simon)
+
+
+@dataclass(frozen=True, slots=True)
+class RitzPairs:
+    """Approximations of the eigenpairs around the shift, by ascending eigenvalue.
+
+    Parameters
+    ----------
+    values : ndarray of shape (m,), float64
+        The eigenvalues, the zero of the constant function left out.
+    errors : ndarray of shape (m,), float64
+        First-order bounds of their distance to an eigenvalue.
+    inside, outside : ndarray, float64
+        The eigenvectors, as columns, in the basis without its newest two vectors, and what
+        the operator adds to them in the direction of these.
+    """
+
+    values: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    inside: NDArray[np.float64]
+    outside: NDArray[np.float64]
+
+
+class Lanczos:
+    """A growing basis for the eigenvectors around σ.
+
+    Parameters
+    ----------
+    matrices : Matrices
+        A and B.
+    ordering : Ordering
+        Of their pattern.
+    factor : Factor
+        Of A − σB.
+    sigma : float
+        The shift.
+    limit : int
+        Most vectors in the basis.
+    strict : bool
+        Whether to make every vector orthogonal to all before it, instead of two of four
+        until a loss is seen.
+    seed : int
+        Of the two vectors to start from.
+    """
+
+    def __init__(
+        self,
+        matrices: Matrices,
+        ordering: Ordering,
+        factor: Factor,
+        sigma: float,
+        *,
+        limit: int,
+        strict: bool = False,
+        seed: int = 0,
+    ) -> None:
+        n = len(matrices.lumped)
+        self.matrices, self.ordering, self.factor, self.sigma = matrices, ordering, factor, sigma
+        self.strict, self.limit = strict, limit
+        self.basis = np.empty((limit, n))
+        self.weighted = np.empty((limit, n))  # B times the basis
+        self.projected = np.zeros((limit, limit))
+        area = matrices.lumped.sum()
+        self.basis[0] = 1 / np.sqrt(area)
+        self.weighted[0] = matrices.lumped / np.sqrt(area)
+        self.basis[1:3] = np.random.default_rng(seed).random((2, n)) - 0.5
+        self.size = 3
+        _start(matrices.indptr, matrices.indices, matrices.mass, self.basis, self.weighted)
+
+    def extend(self, steps: int) -> bool:
+        """Add two vectors a step; return whether there was room for all of them."""
+        matrices = self.matrices
+        steps = min(steps, (self.limit - self.size) // 2)
+        if steps > 0:
+            self.size, self.strict = _extend(
+                self.ordering,
+                self.factor.pivots,
+                self.factor.panels,
+                matrices.indptr,
+                matrices.indices,
+                matrices.mass,
+                self.basis,
+                self.weighted,
+                self.projected,
+                self.size,
+                steps,
+                self.strict,
+            )
+        return self.size + 2 <= self.limit
+
+    def ritz(self) -> RitzPairs:
+        """Return the eigenpairs of the projected operator that may be positive eigenvalues."""
+        last = self.size - 2  # the newest two vectors only measure the error
+        bands = np.zeros((3, last - 1))
+        for band in range(3):
+            bands[band, : last - 1 - band] = np.diagonal(self.projected[1:last, 1:last], band)
+        thetas, vectors = linalg.eig_banded(bands, lower=True, check_finite=False)
+        values = self.sigma + 1 / thetas
+        order = np.argsort(values)
+        order = order[values[order] > -1e-9 * abs(self.sigma)]
+        thetas, vectors, values = thetas[order], vectors[:, order], values[order]
+        outside = self.projected[last : self.size, last - 2 : last] @ vectors[-2:]
+        errors = np.hypot(outside[0], outside[1]) * (values - self.sigma) ** 2
+        inside: NDArray[np.float64] = np.multiply(vectors, thetas)
+        return RitzPairs(values, errors, inside, outside)
+
+    def vectors(
+        self, pairs: RitzPairs, count: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the first eigenvectors as rows of shape (count, n), and their products with B.
+
+        They are the Ritz vectors after one more product with the operator, which is free of
+        charge and damps what is wrong in them.
+        """
+        weights = np.concatenate([pairs.inside[:, :count], pairs.outside[:, :count]]).T
+        used = slice(1, self.size)
+        return weights @ self.basis[used], weights @ self.weighted[used]
+
+
+@kernel
+def _start(
+    indptr: NDArray[np.int32],
+    indices: NDArray[np.int32],
+    mass: NDArray[np.float64],
+    basis: NDArray[np.float64],
+    weighted: NDArray[np.float64],
+) -> None:
+    coefficients = np.empty((2, 1))
+    _project(basis, weighted, basis[1:3], 0, 1, coefficients)
+    multiply(indptr, indices, mass, basis[1:3], weighted[1:3])
+    _orthonormalise(basis[1:3], weighted[1:3])
+
+
+@kernel
+def _extend(
+    ordering: Ordering,
+    pivots: NDArray[np.float64],
+    panels: NDArray[np.float64],
+    indptr: NDArray[np.int32],
+    indices: NDArray[np.int32],
+    mass: NDArray[np.float64],
+    basis: NDArray[np.float64],
+    weighted: NDArray[np.float64],
+    projected: NDArray[np.float64],
+    size: int,
+    steps: int,
+    strict: bool,
+) -> tuple[int, bool]:
+    """Add vectors; the sub-blocks of ``projected`` are those of the block tridiagonal matrix."""
+    coefficients = np.empty((2, basis.shape[0]))
+    for _ in range(steps):
+        m = size
+        new = basis[m : m + 2]
+        new[:] = weighted[m - 2 : m]
+        solve_two(ordering, pivots, panels, new)
+        near = max(m - 4, 0)
+        _project(basis, weighted, new, near, m, coefficients)
+        for i in range(2):
+            for j in range(2):
+                projected[m - 2 + i, m - 2 + j] = coefficients[j, m - 2 + i - near]
+        off = 0.5 * (projected[m - 2, m - 1] + projected[m - 1, m - 2])
+        projected[m - 2, m - 1] = projected[m - 1, m - 2] = off
+        # What is left of earlier vectors by rounding: all of them in two steps of four.
+        lost = 0.0
+        if strict or m < 9 or (m // 2) % 4 < 2:
+            _project(basis, weighted, new, 0, m, coefficients)
+            for i in range(2):
+                for j in range(near):
+                    lost = max(lost, abs(coefficients[i, j]))
+        else:
+            _project(basis, weighted, new, near, m, coefficients)
+            _project(basis, weighted, new, 0, 1, coefficients)
+        multiply(indptr, indices, mass, new, weighted[m : m + 2])
+        r, s, t = _orthonormalise(new, weighted[m : m + 2])
+        projected[m, m - 2] = projected[m - 2, m] = r
+        projected[m, m - 1] = projected[m - 1, m] = s
+        projected[m + 1, m - 1] = projected[m - 1, m + 1] = t
+        if lost > LOST * max(r, t):
+            strict = True
+        size += 2
+    return size, strict
+
+
+@kernel
+def _project(
+    basis: NDArray[np.float64],
+    weighted: NDArray[np.float64],
+    new: NDArray[np.float64],
+    low: int,
+    high: int,
+    coefficients: NDArray[np.float64],
+) -> None:
+    """Make two vectors B-orthogonal to the basis from ``low`` to ``high``."""
+    y, z = new[0], new[1]
+    k = low
+    while k + 4 <= high:
+        w = weighted
+        a, b = dot_four(y, z, w[k], w[k + 1], w[k + 2], w[k + 3])
+        for i in range(4):
+            coefficients[0, k - low + i] = a[i]
+            coefficients[1, k - low + i] = b[i]
+        k += 4
+    while k < high:
+        coefficients[0, k - low] = _dot(y, weighted[k])
+        coefficients[1, k - low] = _dot(z, weighted[k])
+        k += 1
+    k = low
+    while k + 4 <= high:
+        a0, a1, a2, a3 = coefficients[0, k - low : k - low + 4]
+        b0, b1, b2, b3 = coefficients[1, k - low : k - low + 4]
+        v = basis
+        four = (v[k], v[k + 1], v[k + 2], v[k + 3])
+        _subtract_four(y, z, four[0], four[1], four[2], four[3], (a0, a1, a2, a3), (b0, b1, b2, b3))
+        k += 4
+    while k < high:
+        y -= coefficients[0, k - low] * basis[k]
+        z -= coefficients[1, k - low] * basis[k]
+        k += 1
+
+
+@kernel
+def _orthonormalise(
+    new: NDArray[np.float64], weighted: NDArray[np.float64]
+) -> tuple[float, float, float]:
+    """Make two vectors B-orthonormal; they were y = r y', z = s y' + t z'."""
+    y, z, by, bz = new[0], new[1], weighted[0], weighted[1]
+    r = np.sqrt(_dot(y, by))
+    y /= r
+    by /= r
+    s = _dot(y, bz)
+    z -= s * y
+    bz -= s * by
+    t = np.sqrt(_dot(z, bz))
+    z /= t
+    bz /= t
+    return r, s, t
+
+
+@kernel
+def _dot(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    total = 0.0
+    for i in range(x.shape[0]):
+        total += x[i] * y[i]
+    return total

@@ -1,0 +1,345 @@
+"""LDLᵀ of A − σB by dense fronts, solutions with it, and the count of negative pivots.
+
+References
+----------
+I. S. Duff, J. K. Reid, "The multifrontal solution of indefinite sparse symmetric linear
+equations", ACM Trans. Math. Software 9 (1983).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.solver.compiled import kernel
+from synthnet.solver.fem import Matrices
+from synthnet.solver.ordering import Ordering
+
+
+@dataclass(frozen=True, slots=True)
+class Factor:
+    """A − σB = L D Lᵀ without pivoting, in the order of an :class:`Ordering`.
+
+    Parameters
+    ----------
+    pivots : ndarray of shape (n,), float64
+        The diagonal D.
+    panels : ndarray, float64
+        Rows of Lᵀ, front by front; empty where only the pivots were asked for.
+    uncertainty : float
+        To first order in rounding, how far the eigenvalues of L D Lᵀ + σB are from those of
+        A: the largest diagonal entry of M⁻¹ |L| |D| |Lᵀ|, M a quarter of the lumped mass
+        (below B), times the rounding unit.
+    """
+
+    pivots: NDArray[np.float64]
+    panels: NDArray[np.float64]
+    uncertainty: float
+
+    @property
+    def negative(self) -> int:
+        """How many pivots are negative: by Sylvester's law, the eigenvalues below σ."""
+        return int(np.count_nonzero(self.pivots < 0))
+
+    @property
+    def finite(self) -> bool:
+        """Whether no pivot was zero and nothing overflowed."""
+        return bool(np.isfinite(self.pivots).all() and np.isfinite(self.uncertainty))
+
+
+def factorise(
+    matrices: Matrices, ordering: Ordering, sigma: float, *, pivots_only: bool = False
+) -> Factor:
+    """Factorise A − σB.
+
+    Parameters
+    ----------
+    matrices : Matrices
+        A and B.
+    ordering : Ordering
+        Of their pattern.
+    sigma : float
+        The shift, in the unit of the eigenvalues.
+    pivots_only : bool
+        Whether to leave out what solving needs.
+    """
+    pivots = np.empty(len(ordering.order))
+    panels = np.empty(0 if pivots_only else ordering.panel[-1])
+    size = _factorise(*matrices[:4], ordering, sigma, pivots, panels)
+    largest = float(np.max(size / matrices.lumped[ordering.order]))
+    return Factor(pivots, panels, 4 * float(np.finfo(np.float64).eps) * largest)
+
+
+@kernel
+def _factorise(
+    indptr: NDArray[np.int32],
+    indices: NDArray[np.int32],
+    stiffness: NDArray[np.float64],
+    mass: NDArray[np.float64],
+    ordering: Ordering,
+    sigma: float,
+    pivots: NDArray[np.float64],
+    panels: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Fill pivots and panels; return the diagonal of |L| |D| |Lᵀ|."""
+    n = pivots.shape[0]
+    fronts = ordering.child.shape[0]
+    memory = np.empty(ordering.widest * ordering.widest)
+    stack = np.empty(ordering.stack)  # what fronts have yet to add to their parents
+    at = np.zeros(fronts, np.int64)
+    local = np.empty(n, np.int32)  # the place in the front of each column
+    absolute = np.zeros(n)
+    top = 0
+    for k in range(fronts):
+        begin = ordering.begin[k]
+        end = ordering.begin[k + 1]
+        rows = ordering.rows[ordering.first_row[k] : ordering.first_row[k + 1]]
+        width = end - begin
+        size = width + rows.shape[0]
+        front = memory[: size * size].reshape(size, size)  # its upper triangle
+        for p in range(size):
+            front[p, p:] = 0.0
+        for p in range(width):
+            local[begin + p] = p
+        for p in range(rows.shape[0]):
+            local[rows[p]] = width + p
+
+        for column in range(begin, end):
+            i = ordering.order[column]
+            for p in range(indptr[i], indptr[i + 1]):
+                j = ordering.position[indices[p]]
+                if j >= column:
+                    front[column - begin, local[j]] = stiffness[p] - sigma * mass[p]
+                    if j == column:
+                        absolute[column] += stiffness[p] - sigma * mass[p]
+        child = ordering.child[k]
+        while child >= 0:
+            theirs = ordering.rows[ordering.first_row[child] : ordering.first_row[child + 1]]
+            place = at[child]
+            for p in range(theirs.shape[0]):
+                target = front[local[theirs[p]]]
+                source = stack[place : place + theirs.shape[0] - p]
+                for q in range(source.shape[0]):
+                    target[local[theirs[p + q]]] += source[q]
+                place += source.shape[0]
+            top = min(top, at[child])
+            child = ordering.sibling[child]
+
+        _eliminate(front, width)
+        for p in range(width):
+            pivot = front[p, p]
+            pivots[begin + p] = pivot
+            scale = 1.0 / pivot
+            if panels.shape[0] > 0:
+                start = ordering.panel[k] + p * size
+                panel = panels[start : start + size]
+                for q in range(p + 1, size):
+                    panel[q] = front[p, q] * scale
+            if pivot < 0.0:  # with signs the terms add up to the diagonal of A − σB
+                absolute[begin + p] -= 2 * pivot
+                for q in range(p + 1, width):
+                    absolute[begin + q] -= 2 * front[p, q] * front[p, q] * scale
+                for q in range(width, size):
+                    absolute[rows[q - width]] -= 2 * front[p, q] * front[p, q] * scale
+        at[k] = top
+        for p in range(width, size):
+            stack[top : top + size - p] = front[p, p:]
+            top += size - p
+    return absolute
+
+
+@kernel
+def _eliminate(front: NDArray[np.float64], width: int) -> None:
+    """Eliminate the first columns of a symmetric matrix, given by its upper triangle."""
+    size = front.shape[0]
+    k = 0
+    while k < width:
+        step = min(4, width - k)
+        for t in range(k, k + step):
+            for s in range(t + 1, k + step):
+                _subtract(front[s, s:], front[t, s:], front[t, s] / front[t, t])
+        if step == 4:
+            i = k + 4
+            while i + 3 < size:
+                _subtract_products(front, k, i)
+                i += 4
+            while i < size:
+                for t in range(k, k + 4):
+                    _subtract(front[i, i:], front[t, i:], front[t, i] / front[t, t])
+                i += 1
+        else:
+            for t in range(k, k + step):
+                for i in range(k + step, size):
+                    _subtract(front[i, i:], front[t, i:], front[t, i] / front[t, t])
+        k += step
+
+
+def solve(factor: Factor, ordering: Ordering, x: NDArray[np.float64]) -> None:
+    """Overwrite the two rows of x, of shape (2, n), with the solutions of (A − σB) y = x."""
+    solve_two(ordering, factor.pivots, factor.panels, x)
+
+
+@kernel
+def solve_two(
+    ordering: Ordering,
+    pivots: NDArray[np.float64],
+    panels: NDArray[np.float64],
+    x: NDArray[np.float64],
+) -> None:
+    """Solve for the two rows of x in place."""
+    fronts = ordering.child.shape[0]
+    x0, x1 = x[0], x[1]
+    y = np.empty(ordering.widest)
+    z = np.empty(ordering.widest)
+    for k in range(fronts):
+        begin = ordering.begin[k]
+        width = ordering.begin[k + 1] - begin
+        rows = ordering.row_vertices[ordering.first_row[k] : ordering.first_row[k + 1]]
+        size = width + rows.shape[0]
+        u = panels[ordering.panel[k] : ordering.panel[k + 1]].reshape(width, size)
+        for p in range(width):
+            i = ordering.order[begin + p]
+            y[p] = x0[i]
+            z[p] = x1[i]
+        y[width:size] = 0.0
+        z[width:size] = 0.0
+        t = 0
+        while t + 4 <= width:
+            for s in range(t, t + 3):
+                for r in range(s + 1, t + 4):
+                    y[r] -= u[s, r] * y[s]
+                    z[r] -= u[s, r] * z[s]
+            _subtract_four(
+                y[t + 4 : size],
+                z[t + 4 : size],
+                u[t, t + 4 :],
+                u[t + 1, t + 4 :],
+                u[t + 2, t + 4 :],
+                u[t + 3, t + 4 :],
+                (y[t], y[t + 1], y[t + 2], y[t + 3]),
+                (z[t], z[t + 1], z[t + 2], z[t + 3]),
+            )
+            t += 4
+        while t < width:
+            _subtract(y[t + 1 : size], u[t, t + 1 :], y[t])
+            _subtract(z[t + 1 : size], u[t, t + 1 :], z[t])
+            t += 1
+        for p in range(width):
+            i = ordering.order[begin + p]
+            x0[i] = y[p]
+            x1[i] = z[p]
+        for p in range(rows.shape[0]):
+            i = rows[p]
+            x0[i] += y[width + p]
+            x1[i] += z[width + p]
+    for k in range(fronts - 1, -1, -1):
+        begin = ordering.begin[k]
+        width = ordering.begin[k + 1] - begin
+        rows = ordering.row_vertices[ordering.first_row[k] : ordering.first_row[k + 1]]
+        size = width + rows.shape[0]
+        u = panels[ordering.panel[k] : ordering.panel[k + 1]].reshape(width, size)
+        for p in range(width):
+            i = ordering.order[begin + p]
+            y[p] = x0[i] / pivots[begin + p]
+            z[p] = x1[i] / pivots[begin + p]
+        for p in range(rows.shape[0]):
+            i = rows[p]
+            y[width + p] = x0[i]
+            z[width + p] = x1[i]
+        t = width
+        while t >= 4:
+            t -= 4
+            a, b = dot_four(
+                y[t + 4 : size],
+                z[t + 4 : size],
+                u[t, t + 4 :],
+                u[t + 1, t + 4 :],
+                u[t + 2, t + 4 :],
+                u[t + 3, t + 4 :],
+            )
+            for s in range(3, -1, -1):
+                dy, dz = a[s], b[s]
+                for r in range(s + 1, 4):
+                    dy += u[t + s, t + r] * y[t + r]
+                    dz += u[t + s, t + r] * z[t + r]
+                y[t + s] -= dy
+                z[t + s] -= dz
+        while t > 0:
+            t -= 1
+            dy = 0.0
+            dz = 0.0
+            for r in range(t + 1, size):
+                dy += u[t, r] * y[r]
+                dz += u[t, r] * z[r]
+            y[t] -= dy
+            z[t] -= dz
+        for p in range(width):
+            i = ordering.order[begin + p]
+            x0[i] = y[p]
+            x1[i] = z[p]
+
+
+# The loops in which the time goes: they read a vector once for several others.
+
+Four = tuple[float, float, float, float]
+Vector = NDArray[np.float64]
+
+
+@kernel
+def _subtract(y: Vector, x: Vector, factor: float) -> None:
+    for j in range(y.shape[0]):
+        y[j] -= factor * x[j]
+
+
+@kernel
+def _subtract_products(front: NDArray[np.float64], k: int, i: int) -> None:
+    """Subtract from rows i to i + 3, right of column i, what pivots k to k + 3 add to them."""
+    x0, x1, x2, x3 = front[k, i:], front[k + 1, i:], front[k + 2, i:], front[k + 3, i:]
+    y0, y1, y2, y3 = front[i, i:], front[i + 1, i:], front[i + 2, i:], front[i + 3, i:]
+    d0, d1 = 1.0 / front[k, k], 1.0 / front[k + 1, k + 1]
+    d2, d3 = 1.0 / front[k + 2, k + 2], 1.0 / front[k + 3, k + 3]
+    a0, a1, a2, a3 = x0[0] * d0, x1[0] * d1, x2[0] * d2, x3[0] * d3
+    b0, b1, b2, b3 = x0[1] * d0, x1[1] * d1, x2[1] * d2, x3[1] * d3
+    c0, c1, c2, c3 = x0[2] * d0, x1[2] * d1, x2[2] * d2, x3[2] * d3
+    e0, e1, e2, e3 = x0[3] * d0, x1[3] * d1, x2[3] * d2, x3[3] * d3
+    for j in range(y0.shape[0]):  # also below the diagonal, which is never read
+        p, q, r, s = x0[j], x1[j], x2[j], x3[j]
+        y0[j] -= a0 * p + a1 * q + a2 * r + a3 * s
+        y1[j] -= b0 * p + b1 * q + b2 * r + b3 * s
+        y2[j] -= c0 * p + c1 * q + c2 * r + c3 * s
+        y3[j] -= e0 * p + e1 * q + e2 * r + e3 * s
+
+
+@kernel
+def _subtract_four(
+    y: Vector, z: Vector, x0: Vector, x1: Vector, x2: Vector, x3: Vector, a: Four, b: Four
+) -> None:
+    """Subtract two combinations of four vectors: y −= Σ aᵢ xᵢ, z −= Σ bᵢ xᵢ."""
+    a0, a1, a2, a3 = a
+    b0, b1, b2, b3 = b
+    for j in range(y.shape[0]):
+        p, q, r, s = x0[j], x1[j], x2[j], x3[j]
+        y[j] -= a0 * p + a1 * q + a2 * r + a3 * s
+        z[j] -= b0 * p + b1 * q + b2 * r + b3 * s
+
+
+@kernel
+def dot_four(
+    y: Vector, z: Vector, x0: Vector, x1: Vector, x2: Vector, x3: Vector
+) -> tuple[Four, Four]:
+    """Return the products of y, and of z, with four vectors."""
+    a0 = a1 = a2 = a3 = 0.0
+    b0 = b1 = b2 = b3 = 0.0
+    for j in range(y.shape[0]):
+        p, q = y[j], z[j]
+        a0 += x0[j] * p
+        a1 += x1[j] * p
+        a2 += x2[j] * p
+        a3 += x3[j] * p
+        b0 += x0[j] * q
+        b1 += x1[j] * q
+        b2 += x2[j] * q
+        b3 += x3[j] * q
+    return (a0, a1, a2, a3), (b0, b1, b2, b3)

@@ -1,0 +1,291 @@
+"""The sparse solver, room by room, against dense linear algebra."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import linalg, sparse
+
+from synthnet import recipe
+from synthnet.families import FAMILIES, draw_shape
+from synthnet.solver import fem, ldl
+from synthnet.solver.lanczos import Lanczos
+from synthnet.solver.ordering import Ordering, find_ordering, minimum_degree
+from synthnet.types import Mesh
+
+
+def drawn(family: str, index: int = 1) -> Mesh:
+    spec = draw_shape(recipe.load("1.0"), family, index)
+    return FAMILIES[family].generate(spec.parameters)
+
+
+def matrices_of(mesh: Mesh) -> fem.Matrices:
+    return fem.assemble(mesh.vertices, mesh.faces.astype(np.int32))
+
+
+def dense(matrices: fem.Matrices) -> tuple[np.ndarray, np.ndarray]:
+    stiffness, mass = (
+        sparse.csr_matrix((values, matrices.indices, matrices.indptr)).toarray()
+        for values in (matrices.stiffness, matrices.mass)
+    )
+    return stiffness, mass
+
+
+def pattern_of(graph: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    matrix = sparse.csr_matrix(graph + graph.T + np.eye(len(graph)))
+    matrix.sort_indices()
+    return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)
+
+
+def fill(indptr: np.ndarray, indices: np.ndarray, order: np.ndarray) -> int:
+    """Entries of the factor below the diagonal, by elimination on a set of neighbours."""
+    position = np.argsort(order)
+    later = [set() for _ in order]
+    for i in range(len(order)):
+        for j in indices[indptr[i] : indptr[i + 1]]:
+            if position[j] > position[i]:
+                later[position[i]].add(position[j])
+    for column in later:
+        if column:
+            later[min(column)] |= column - {min(column)}
+    return sum(len(column) for column in later)
+
+
+# --- the matrices' pattern ---------------------------------------------------------------
+
+
+def test_pattern_of_two_triangles() -> None:
+    faces = np.array([[3, 0, 1], [1, 2, 3]], np.int32)
+    indptr, indices = fem.pattern(faces, 4)
+    assert indptr.tolist() == [0, 3, 7, 10, 14]
+    assert indices.tolist() == [0, 1, 3, 0, 1, 2, 3, 1, 2, 3, 0, 1, 2, 3]
+
+
+def test_a_vertex_of_many_faces_has_sorted_neighbours() -> None:
+    mesh = FAMILIES["cone"].generate(
+        {"radius": 1.0, "height": 1.0, "resolution": 97, "split": 1, "subdivisions": 0}
+    )
+    matrices = matrices_of(mesh)
+    rows = np.split(matrices.indices, matrices.indptr[1:-1])
+    assert max(len(row) for row in rows) == 98
+    assert all((np.diff(row) > 0).all() for row in rows)
+
+
+def test_products_are_those_of_the_matrix() -> None:
+    matrices = matrices_of(drawn("conical_frustum"))
+    stiffness, _ = dense(matrices)
+    x = np.random.default_rng(0).normal(size=(2, len(stiffness)))
+    y = np.empty_like(x)
+    fem.multiply(matrices.indptr, matrices.indices, matrices.stiffness, x, y)
+    np.testing.assert_allclose(y, x @ stiffness, atol=1e-12 * abs(stiffness).max())
+
+
+# --- the ordering ------------------------------------------------------------------------
+
+
+def check_ordering(ordering: Ordering, indptr: np.ndarray, indices: np.ndarray) -> None:
+    n, fronts = len(ordering.order), len(ordering.child)
+    assert sorted(ordering.order) == list(range(n))
+    assert (ordering.position[ordering.order] == np.arange(n)).all()
+    assert ordering.begin[0] == 0
+    assert ordering.begin[-1] == n
+    assert (np.diff(ordering.begin) > 0).all()
+    children = []
+    for k in range(fronts):
+        rows = ordering.rows[ordering.first_row[k] : ordering.first_row[k + 1]]
+        assert (np.diff(rows) > 0).all()
+        assert (rows >= ordering.begin[k + 1]).all()
+        inside = set(range(ordering.begin[k], ordering.begin[k + 1])) | set(rows)
+        for column in range(ordering.begin[k], ordering.begin[k + 1]):
+            i = ordering.order[column]
+            later = {c for c in ordering.position[indices[indptr[i] : indptr[i + 1]]] if c > column}
+            assert later <= inside
+        child = ordering.child[k]
+        while child >= 0:
+            children.append(child)
+            assert child < k
+            theirs = ordering.rows[ordering.first_row[child] : ordering.first_row[child + 1]]
+            assert set(theirs) <= inside
+            child = ordering.sibling[child]
+    assert len(children) == len(set(children))
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(1, 40), st.floats(0.0, 0.4), st.integers(0, 2**32 - 1))
+def test_ordering_of_a_random_graph_is_one_of_its_factor(n: int, p: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    indptr, indices = pattern_of(np.triu(rng.random((n, n)) < p, 1).astype(float))
+    check_ordering(find_ordering(indptr, indices), indptr, indices)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_ordering_of_every_family_is_one_of_its_factor(family: str) -> None:
+    matrices = matrices_of(drawn(family))
+    ordering = find_ordering(matrices.indptr, matrices.indices)
+    check_ordering(ordering, matrices.indptr, matrices.indices)
+
+
+def test_a_path_and_a_star_are_eliminated_without_fill() -> None:
+    for n in (2, 9, 40):
+        path = np.eye(n, k=1)
+        star = np.zeros((n, n))
+        star[0, 1:] = 1
+        for graph in (path, star):
+            indptr, indices = pattern_of(graph)
+            ordering = find_ordering(indptr, indices)
+            assert fill(indptr, indices, ordering.order) == n - 1
+
+
+def test_fill_of_a_grid_is_that_of_a_good_ordering() -> None:
+    side = 30
+    line = np.eye(side, k=1)
+    grid = np.kron(line, np.eye(side)) + np.kron(np.eye(side), line)
+    indptr, indices = pattern_of(grid)
+    natural = fill(indptr, indices, np.arange(side**2))
+    found = fill(indptr, indices, find_ordering(indptr, indices).order)
+    assert natural > 25_000
+    # Nested dissection of a grid by hand needs 31/4 n log2 n in the limit (George, 1973).
+    assert found < 31 / 4 * side**2 * np.log2(side**2) / 4 < natural
+
+
+def test_vertices_with_the_same_neighbours_are_eliminated_together() -> None:
+    indptr, indices = pattern_of(np.triu(np.ones((12, 12)), 1))
+    _, pivots, size, below = minimum_degree(indptr, indices)
+    assert size[pivots].tolist() == [12]
+    assert below[pivots].tolist() == [0]
+
+
+# --- the factorisation -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("shift", [-1.0, 3.0, 30.0])
+def test_factor_solves_and_counts(family: str, shift: float) -> None:
+    matrices = matrices_of(drawn(family))
+    ordering = find_ordering(matrices.indptr, matrices.indices)
+    factor = ldl.factorise(matrices, ordering, shift)
+    assert factor.finite
+    a, b = (
+        sparse.csr_matrix((values, matrices.indices, matrices.indptr))
+        for values in (matrices.stiffness, matrices.mass)
+    )
+    x = np.random.default_rng(0).normal(size=(2, len(ordering.order)))
+    y = x.copy()
+    ldl.solve(factor, ordering, y)
+    backward = abs((a - shift * b) @ y.T - x.T).max()
+    scale = abs(a - shift * b).sum(axis=1).max() * abs(y).max()
+    assert backward <= 1e-12 * scale
+    pivots = ldl.factorise(matrices, ordering, shift, pivots_only=True)
+    np.testing.assert_array_equal(pivots.pivots, factor.pivots)
+    assert pivots.negative == factor.negative
+    assert (factor.negative == 0) == (shift < 0)
+
+
+def test_pivots_of_a_random_matrix_have_the_signs_of_its_eigenvalues() -> None:
+    rng = np.random.default_rng(3)
+    n = 30
+    indptr, indices = pattern_of(np.triu(rng.random((n, n)) < 0.2, 1).astype(float))
+    symmetric = sparse.csr_matrix((np.ones(len(indices)), indices, indptr)).toarray()
+    symmetric = np.triu(symmetric * rng.normal(size=(n, n)))
+    symmetric += np.triu(symmetric, 1).T
+    values = symmetric[np.repeat(np.arange(n), np.diff(indptr)), indices]
+    mass = np.where(np.repeat(np.arange(n), np.diff(indptr)) == indices, 1.0, 0.0)
+    matrices = fem.Matrices(indptr, indices, values, mass, np.ones(n))
+    ordering = find_ordering(indptr, indices)
+    spectrum = linalg.eigvalsh(symmetric)
+    for count in range(0, n, 3):
+        low = spectrum[count - 1] if count else spectrum[0] - 2
+        shift = (low + spectrum[count]) / 2
+        factor = ldl.factorise(matrices, ordering, shift)
+        assert factor.negative == count
+        y = rng.normal(size=(2, n))
+        x = y @ (symmetric - shift * np.eye(n))
+        ldl.solve(factor, ordering, x)
+        np.testing.assert_allclose(x, y, rtol=1e-6, atol=1e-6)
+
+
+def test_uncertainty_is_that_of_the_absolute_factors() -> None:
+    # A - 2B = [[-1, 1], [1, 3]]: L21 = -1, D = (-1, 4); |L||D||L'| = diag(1, 1 + 4).
+    indptr, indices = np.array([0, 2, 4], np.int32), np.array([0, 1, 0, 1], np.int32)
+    values, mass = np.array([1.0, 1, 1, 7]), np.array([1.0, 0, 0, 2])
+    matrices = fem.Matrices(indptr, indices, values, mass, np.array([1.0, 2]))
+    factor = ldl.factorise(matrices, find_ordering(indptr, indices), 2.0)
+    assert sorted(factor.pivots) in ([-1, 4], pytest.approx([-4 / 3, 3]))
+    largest = max(1 / 1, 5 / 2) if factor.pivots[0] == -1 else max((4 / 3 + 1 / 3) / 1, 3 / 2)
+    assert factor.uncertainty == pytest.approx(4 * np.finfo(float).eps * largest)
+
+
+def test_zero_pivot_is_not_finite() -> None:
+    indptr, indices = np.array([0, 2, 4], np.int32), np.array([0, 1, 0, 1], np.int32)
+    matrices = fem.Matrices(
+        indptr, indices, np.array([0.0, 1, 1, 0]), np.eye(2).ravel(), np.ones(2)
+    )
+    assert not ldl.factorise(matrices, find_ordering(indptr, indices), 0.0).finite
+
+
+# --- Lanczos -----------------------------------------------------------------------------
+
+
+def search(mesh: Mesh, sigma: float, *, limit: int = 81, strict: bool = False) -> Lanczos:
+    matrices = matrices_of(mesh)
+    ordering = find_ordering(matrices.indptr, matrices.indices)
+    factor = ldl.factorise(matrices, ordering, sigma)
+    return Lanczos(matrices, ordering, factor, sigma, limit=limit, strict=strict)
+
+
+@pytest.mark.parametrize("strict", [False, True])
+def test_basis_is_orthonormal_and_the_projection_that_of_the_operator(strict: bool) -> None:
+    mesh = drawn("torus")
+    found = search(mesh, 5.0, strict=strict)
+    assert found.extend(20)
+    m = found.size - 2
+    a, b = dense(found.matrices)
+    v = found.basis[: found.size]
+    np.testing.assert_allclose(found.weighted[: found.size], v @ b, atol=1e-12)
+    # Semi-orthogonality: half the digits, unless all vectors are kept orthogonal.
+    np.testing.assert_allclose(v @ b @ v.T, np.eye(found.size), atol=1e-13 if strict else 1e-8)
+    operator = np.linalg.solve(a - 5 * b, b)
+    np.testing.assert_allclose(
+        v[1:m] @ b @ operator @ v[1:m].T, found.projected[1:m, 1:m], atol=1e-9
+    )
+
+
+def test_error_bounds_hold_and_fall() -> None:
+    mesh = drawn("cylinder")
+    a, b = dense(matrices_of(mesh))
+    exact = linalg.eigh(a, b, eigvals_only=True)
+    found = search(mesh, 5.0)
+    before = np.inf
+    for _ in range(4):
+        found.extend(8)
+        pairs = found.ritz()
+        near = np.argsort(abs(pairs.values - 5.0))[:4]
+        apart = abs(pairs.values[near, None] - exact).min(axis=1)
+        assert (apart <= 1.1 * pairs.errors[near] + 1e-11).all()
+        assert pairs.errors[near].max() <= max(before, 1e-15)
+        before = pairs.errors[near].max()
+    vectors, weighted = found.vectors(pairs, 3)
+    np.testing.assert_allclose(weighted, vectors @ b, atol=1e-9)
+    for value, vector in zip(pairs.values[:3], vectors, strict=True):
+        defect = np.linalg.norm(a @ vector - value * b @ vector)
+        assert defect <= 1e-6 * np.linalg.norm(b @ vector)
+
+
+def test_search_ends_where_there_is_no_room() -> None:
+    found = search(drawn("tetrahedron"), 5.0, limit=11)
+    assert found.extend(3)
+    assert not found.extend(3)
+    assert found.size == 11
+    assert not found.extend(1)
+    assert found.size == 11
+
+
+def test_a_shift_close_to_an_eigenvalue_makes_the_search_strict() -> None:
+    mesh = drawn("torus")
+    a, b = dense(matrices_of(mesh))
+    exact = linalg.eigh(a, b, eigvals_only=True, subset_by_index=[0, 20])
+    found = search(mesh, exact[6] * (1 - 1e-5))
+    found.extend(30)
+    assert found.strict
+    values = found.ritz().values
+    np.testing.assert_allclose(values[:6], exact[1:7], rtol=1e-6)
