@@ -18,6 +18,7 @@ from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from importlib import resources
 from multiprocessing import connection
 from typing import Any, TypeAlias
 
@@ -154,6 +155,7 @@ def dask_cluster(scheduler: str) -> Iterator[Workers]:
         try:
             if not client.nthreads():
                 sys.stderr.write(f"{scheduler} has no workers yet: waiting for the first\n")
+            _refuse_workers_without_synthnet(client)
             yield Workers(executor, lambda: sum(client.nthreads().values()))
         except KilledWorker as error:
             raise BuildError(
@@ -170,9 +172,10 @@ def dask_cluster(scheduler: str) -> Iterator[Workers]:
             client.close(timeout=CONNECT_SECONDS)
 
 
-@contextmanager
-def mpi_processes() -> Iterator[Workers]:
+def mpi_processes() -> Engine:
     """Give the other processes of the MPI job that this process is the first of.
+
+    A worker that dies ends the whole job, as MPI has it; finished shards are kept.
 
     Raises
     ------
@@ -198,7 +201,12 @@ def mpi_processes() -> Iterator[Workers]:
             "--engine mpi needs an MPI job of two processes or more: "
             "mpiexec -n 5 python -m mpi4py.futures -m synthnet build --engine mpi"
         )
-    with MPIPoolExecutor() as executor:
+    return _mpi_pool(MPIPoolExecutor())  # what is wrong was said by every process alike
+
+
+@contextmanager
+def _mpi_pool(executor: Any) -> Iterator[Workers]:
+    with executor:
         workers = executor.num_workers
         try:
             yield Workers(executor, lambda: workers)
@@ -207,16 +215,29 @@ def mpi_processes() -> Iterator[Workers]:
             raise
 
 
+def _refuse_workers_without_synthnet(client: Any) -> None:
+    """Raise BuildError if one has none: it would die of the first shard it reads."""
+    found = client.run(resources.files, "synthnet", on_error="return")
+    for address, answer in found.items():
+        if isinstance(answer, ImportError):
+            raise BuildError(
+                f"the Dask worker at {address} has no synthnet: start it in an environment "
+                "like this one"
+            )
+
+
 @contextmanager
 def _quiet(name: str) -> Iterator[None]:
-    """Silence a logger and those below it: what matters is raised."""
-    logger = logging.getLogger(name)
-    before = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
+    """Silence a package's loggers: what matters is raised."""
+    loggers = [logging.getLogger(n) for n in logging.root.manager.loggerDict if n.startswith(name)]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
     try:
         yield
     finally:
-        logger.setLevel(before)
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 # In a worker
