@@ -234,8 +234,9 @@ CHECKS = {
 }
 
 
-BUILD_EXAMPLES = """examples:
-  synthnet build --version 1.0-small --workers 2
+BUILD_EXAMPLES = """example: synthnet build --version 1.0-small --workers 2
+
+many machines:
   synthnet build --engine dask --scheduler tcp://10.0.0.1:8786 --out /shared/synthnet
   mpiexec -n 5 python -m mpi4py.futures -m synthnet build --engine mpi --out /shared/synthnet
   synthnet build --scale 100 --out s3://bucket/synthnet
