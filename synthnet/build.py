@@ -1,24 +1,25 @@
-"""The orchestrator: recipe to shards, by any number of processes."""
+"""The orchestrator: recipe to shards, by the workers of any executor."""
 
 from __future__ import annotations
 
+import functools
 import os
+import socket
 import subprocess
 import sys
 import time
-from collections import deque
-from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import metadata
+from itertools import islice
 from pathlib import Path
 from platform import python_version
 
 import filelock
-import threadpoolctl
 
-from synthnet import augment, files, filters, recipe, spectrum, store
+from synthnet import augment, filters, recipe, spectrum, storage, store
 from synthnet._open3d import load_open3d
 from synthnet.distributions import ISOMETRIES, generator
 from synthnet.errors import BuildError, CertificateError, DamagedError, SpectrumError, StoreError
@@ -26,11 +27,15 @@ from synthnet.families import FAMILIES
 from synthnet.interrupts import raise_if_interrupted
 from synthnet.plan import PlannedShape, ShardPlan, plan_shards
 from synthnet.recipe import Recipe
+from synthnet.storage import Place
 from synthnet.types import Manifest, Rejection, Sample, ShapeSpec, ShardRecord
-from synthnet.workers import cores, local_processes
+from synthnet.version import __version__
+from synthnet.workers import Engine, Workers, local_processes, one_thread
 
 PACKAGES = ("synthnet", "numpy", "scipy", "numba", "open3d", "open3d-cpu", "trimesh", "pyarrow")
 SHARDS = "shards"
+SEEN_WITHIN = 60.0  # seconds: a shared file system's cache may not show a new file at once
+SHARED = "--out must be a directory that all machines share, or a URL"
 STANDARD_ERROR = 2  # the descriptor: in a notebook sys.stderr has none
 
 
@@ -69,11 +74,33 @@ class BuildReport:
     nothing_to_do: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What every shard of a build has in common, and a worker must agree with.
+
+    Parameters
+    ----------
+    wanted : Recipe
+        The recipe.
+    digest : str
+        The recipe's digest as the build computed it.
+    packages : mapping of str to str
+        The versions the build has, by package.
+    directory : Path or RemotePath
+        Where the dataset is to be.
+    """
+
+    wanted: Recipe
+    digest: str
+    packages: Mapping[str, str]
+    directory: Place
+
+
 class Watcher:
     """Is told how a build goes; override what you want to know."""
 
-    def planned(self, plans: Sequence[ShardPlan]) -> None:
-        """All shards are known."""
+    def planned(self, wanted: Recipe) -> None:
+        """The shards of a recipe are about to be made."""
 
     def submitted(self, plan: ShardPlan) -> None:
         """A shard has been given to the workers."""
@@ -83,10 +110,11 @@ class Watcher:
 
 
 def build(
-    version: str,
+    version: str | Recipe,
     *,
     root: str | os.PathLike[str] | None = None,
     workers: int | None = None,
+    engine: Engine | None = None,
     watcher: Watcher | None = None,
     wait_for_lock: bool = False,
 ) -> BuildReport:
@@ -94,12 +122,16 @@ def build(
 
     Parameters
     ----------
-    version : str
-        One of :func:`synthnet.recipe.available`.
-    root : path, optional
-        Directory that holds the versions, see :func:`synthnet.store.home`.
+    version : str or Recipe
+        What :func:`synthnet.recipe.load` takes, or a recipe of your own.
+    root : path or URL, optional
+        What holds the versions, see :func:`synthnet.store.home`.
     workers : int, optional
-        Processes, one thread each; all cores this process may use by default.
+        Local processes, one thread each; all cores this process may use by default.
+    engine : context manager of Workers, optional
+        Who does the work in their stead: :func:`synthnet.workers.dask_cluster`,
+        :func:`~synthnet.workers.mpi_processes`, or :func:`~synthnet.workers.given` any
+        ``concurrent.futures.Executor``.
     watcher : Watcher, optional
         Told of the plan and of every shard, to show progress.
     wait_for_lock : bool
@@ -108,7 +140,7 @@ def build(
     Returns
     -------
     BuildReport
-        The dataset and what it took. The bytes do not depend on ``workers``.
+        The dataset and what it took. The bytes do not depend on who did the work.
 
     Raises
     ------
@@ -118,45 +150,45 @@ def build(
         If the directory holds data of another recipe.
     BuildError
         If the directory cannot be written, the disk is full, another build is at work
-        there, or a worker died. Finished shards are kept.
+        there, a worker died, has other versions or writes elsewhere. Finished shards are
+        kept.
     """
     started = time.perf_counter()
-    wanted = recipe.load(version)
+    wanted = version if isinstance(version, Recipe) else recipe.load(version)
     if workers is not None and workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}")
-    directory = store.dataset_directory(version, root)
+    if workers is not None and engine is not None:
+        raise ValueError("workers are of the local engine: a cluster has those it has")
+    directory = store.dataset_directory(wanted.version, root)
     finished = _finished(directory, wanted)
     if finished is not None:
         return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
     load_open3d()  # if it cannot be imported, say so here and once
     for place in (directory, directory / SHARDS):
-        files.make_directory(place)
+        storage.make_directory(place)
     with _exclusive(directory, wait_for_lock):
         finished = _finished(directory, wanted)  # by the build that was waited for
         if finished is not None:
             return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
-        for place in (directory, directory / SHARDS):
-            files.remove_partial_files(place)
+        _remove_partial_files(directory)
         plans = plan_shards(wanted)
         watcher = watcher or Watcher()
-        watcher.planned(plans)
-        results: dict[str, ShardResult] = {}
-        processes = workers or cores()
-        with local_processes(processes) as executor:
-            ahead = processes + 1  # one shard waits, so that no worker does
-            for plan, result in _run(executor, plans, wanted, directory, ahead, watcher):
-                results[plan.file] = result
-                watcher.finished(plan, result)
-        manifest = _manifest(wanted, [results[plan.file].record for plan in plans])
+        terms = Terms(wanted, wanted.digest, _packages(), directory)
+        with engine or local_processes(workers) as at_work:
+            watcher.planned(wanted)
+            results = dict(_run(at_work, plans, terms, watcher))
+        in_order = [results[number] for number in range(len(plans))]
+        manifest = _manifest(wanted, [result.record for result in in_order])
         store.write_manifest(directory, manifest)
+        _remove_partial_files(directory)  # of a cluster's workers that died
     seconds = dict.fromkeys(wanted.families, 0.0)
-    for plan in plans:
-        seconds[plan.family] += results[plan.file].seconds
+    for result in in_order:
+        seconds[result.record.family] += result.seconds
     return BuildReport(
         dataset=store.StoredDataset(directory, manifest),
         seconds=seconds,
         wall_seconds=time.perf_counter() - started,
-        reused=sum(result.reused for result in results.values()),
+        reused=sum(result.reused for result in in_order),
     )
 
 
@@ -170,11 +202,13 @@ def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> st
     ------
     RecipeError
         If the version is unknown.
+    StoreError
+        If it is at a URL: it has to be on this machine.
     BuildError
         If the build fails; it has printed why.
     """
     wanted = recipe.load(version)
-    directory = store.dataset_directory(version, root)
+    directory = storage.local(store.dataset_directory(version, root), version)
     finished = _finished(directory, wanted)
     if finished is not None:
         return finished
@@ -188,8 +222,36 @@ def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> st
     return store.open_dataset(version, root)
 
 
-def build_shard(plan: ShardPlan, wanted: Recipe, directory: Path) -> ShardResult:
-    """Make one shard, or read it if it is there already; runs in a worker.
+def work(plan: ShardPlan, terms: Terms) -> ShardResult:
+    """Make one shard on the terms of a build; runs in a worker, on whatever machine.
+
+    Raises
+    ------
+    BuildError
+        If the worker has other versions of the packages that make the data, understands
+        another recipe, or does not see the directory.
+    """
+    here, host = _packages(), socket.gethostname()
+    for name in sorted({*here, *terms.packages}):
+        found, expected = here.get(name), terms.packages.get(name)
+        if found != expected:
+            raise BuildError(
+                f"the worker on {host} has {name} {found or 'missing'}, the build has "
+                f"{expected or 'none'}: install the same versions there (constraints.txt)"
+            )
+    if terms.wanted.digest != terms.digest:
+        raise BuildError(
+            f"the worker on {host} understands another recipe than the build: "
+            "install the same synthnet there"
+        )
+    shards = terms.directory / SHARDS
+    if isinstance(shards, Path) and not shards.is_dir():
+        raise BuildError(f"the worker on {host} does not see {shards}: {SHARED}")
+    return build_shard(plan, terms.wanted, terms.directory)
+
+
+def build_shard(plan: ShardPlan, wanted: Recipe, directory: Place) -> ShardResult:
+    """Make one shard, or read it if it is there already.
 
     Raises
     ------
@@ -199,7 +261,7 @@ def build_shard(plan: ShardPlan, wanted: Recipe, directory: Path) -> ShardResult
     started = time.process_time()
     path = directory / plan.file
     damaged = None
-    if path.exists():
+    if storage.size(path) is not None:
         try:
             ids = [shape.spec.id for shape in plan.shapes]
             record = store.read_record(path, wanted.digest, ids)
@@ -207,7 +269,7 @@ def build_shard(plan: ShardPlan, wanted: Recipe, directory: Path) -> ShardResult
         except DamagedError as error:
             damaged = str(error)
     samples, rejections = [], []
-    with threadpoolctl.threadpool_limits(1):
+    with one_thread:
         for shape in plan.shapes:
             made = make_sample(shape, wanted)
             if isinstance(made, Sample):
@@ -255,7 +317,7 @@ def _rejection(spec: ShapeSpec, reason: str, detail: str) -> Rejection:
     return Rejection(spec.id, spec.family, reason, detail)
 
 
-def _finished(directory: Path, wanted: Recipe) -> store.StoredDataset | None:
+def _finished(directory: Place, wanted: Recipe) -> store.StoredDataset | None:
     manifest = store.read_manifest(directory)
     if manifest is None:
         return None
@@ -265,31 +327,45 @@ def _finished(directory: Path, wanted: Recipe) -> store.StoredDataset | None:
             "remove it or choose another --out"
         )
     for shard in manifest.shards:
-        path = directory / shard.file
-        if not path.exists() or path.stat().st_size != shard.size:
+        if storage.size(directory / shard.file) != shard.size:
             return None
     return store.StoredDataset(directory, manifest)
 
 
-def _manifest(wanted: Recipe, records: Sequence[ShardRecord]) -> Manifest:
-    versions = {"python": python_version()}
+@functools.cache
+def _packages() -> dict[str, str]:
+    """Return the versions of the packages that the data depend on."""
+    versions = {}
     for name in PACKAGES:
         try:
             versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             continue  # open3d comes under one of two names
+    return {**versions, "synthnet": __version__}
+
+
+def _manifest(wanted: Recipe, records: Sequence[ShardRecord]) -> Manifest:
     return Manifest(
         version=wanted.version,
         recipe_digest=wanted.digest,
         recipe=wanted.to_dict(),
         drawn={name: wanted.drawn(name) for name in wanted.families},
         shards=tuple(records),
-        packages=versions,
+        packages={"python": python_version(), **_packages()},
     )
 
 
+def _remove_partial_files(directory: Place) -> None:
+    for place in (directory, directory / SHARDS):
+        storage.remove_partial_files(place)
+
+
 @contextmanager
-def _exclusive(directory: Path, wait_for_lock: bool) -> Iterator[None]:
+def _exclusive(directory: Place, wait_for_lock: bool) -> Iterator[None]:
+    """Keep other builds out of a directory; at a URL they do no harm."""
+    if not isinstance(directory, Path):
+        yield
+        return
     lock = filelock.FileLock(directory / ".lock")
     try:
         lock.acquire(timeout=-1 if wait_for_lock else 0)
@@ -304,22 +380,31 @@ def _exclusive(directory: Path, wait_for_lock: bool) -> Iterator[None]:
 
 
 def _run(
-    executor: Executor,
-    plans: Sequence[ShardPlan],
-    wanted: Recipe,
-    directory: Path,
-    ahead: int,
-    watcher: Watcher,
-) -> Iterator[tuple[ShardPlan, ShardResult]]:
-    """Yield shards as they are finished, at most ``ahead`` of them submitted at a time."""
-    waiting = deque(plans)
-    running: dict[Future[ShardResult], ShardPlan] = {}
-    while waiting or running:
-        while waiting and len(running) < ahead:
-            plan = waiting.popleft()
+    workers: Workers, plans: Sequence[ShardPlan], terms: Terms, watcher: Watcher
+) -> Iterator[tuple[int, ShardResult]]:
+    """Yield the shards' numbers and results as they are finished, few submitted at a time."""
+    waiting = iter(enumerate(plans))
+    running: dict[Future[ShardResult], tuple[int, ShardPlan]] = {}
+    while True:
+        for number, plan in islice(waiting, max(0, workers.ahead - len(running))):
             watcher.submitted(plan)
-            running[executor.submit(build_shard, plan, wanted, directory)] = plan
+            running[workers.executor.submit(work, plan, terms)] = number, plan
+        if not running:
+            return
         done, _ = wait(running, timeout=1, return_when=FIRST_COMPLETED)
         raise_if_interrupted()
         for future in done:
-            yield running.pop(future), future.result()
+            number, plan = running.pop(future)
+            result = future.result()
+            _see(terms.directory / plan.file, result.record)
+            watcher.finished(plan, result)
+            yield number, result
+
+
+def _see(path: Place, record: ShardRecord) -> None:
+    """Make sure that what a worker wrote is where it should be."""
+    patience = time.monotonic() + SEEN_WITHIN
+    while storage.size(path) != record.size:
+        if time.monotonic() > patience:
+            raise BuildError(f"a worker has written {path}, but it is not there: {SHARED}")
+        time.sleep(0.5)

@@ -22,6 +22,7 @@ from synthnet.geometry import MeshFacts
 from synthnet.report import FamilyBars, family_table, summary
 from synthnet.types import SPLITS
 from synthnet.version import __version__
+from synthnet.workers import Engine, dask_cluster, mpi_processes
 
 WRONG_INPUT, DIFFERENT = 2, 1
 
@@ -62,13 +63,33 @@ def _versions(options: argparse.Namespace) -> int:
     return 0
 
 
+def _wanted(options: argparse.Namespace) -> recipe.Recipe:
+    wanted = recipe.load(options.version)
+    return wanted if options.scale is None else recipe.scaled(wanted, options.scale)
+
+
+def _engine(options: argparse.Namespace) -> Engine | None:
+    if options.engine != "dask" and options.scheduler is not None:
+        raise ValueError("--scheduler is for --engine dask")
+    if options.engine != "local" and options.workers is not None:
+        raise ValueError(f"--workers is for local processes, not for --engine {options.engine}")
+    if options.engine == "mpi":
+        return mpi_processes()
+    if options.engine == "dask":
+        if options.scheduler is None:
+            raise ValueError("--engine dask needs --scheduler, for example tcp://10.0.0.1:8786")
+        return dask_cluster(options.scheduler)
+    return None
+
+
 def _build(options: argparse.Namespace) -> int:
     bars = FamilyBars()
     with bars.progress:
         report = build(
-            options.version,
+            _wanted(options),
             root=options.out,
             workers=options.workers,
+            engine=_engine(options),
             watcher=bars,
             wait_for_lock=options.wait,
         )
@@ -76,13 +97,14 @@ def _build(options: argparse.Namespace) -> int:
         _print_json(summary(report.dataset.manifest, report))
         return 0
     directory = report.dataset.directory
+    version = report.dataset.manifest.version
     if report.nothing_to_do:
-        print(f"{options.version} is built already in {directory}: nothing to do")
+        print(f"{version} is built already in {directory}: nothing to do")
         print("(every file has its size; `synthnet verify` checks what is in them)")
         return 0
     print(family_table(report.dataset.manifest, report.seconds))
     kept = f", {report.reused} shards kept from an earlier run" if report.reused else ""
-    print(f"\n{options.version} built in {report.wall_seconds:.0f} s{kept}: {directory}")
+    print(f"\n{version} built in {report.wall_seconds:.0f} s{kept}: {directory}")
     return 0
 
 
@@ -213,6 +235,15 @@ CHECKS = {
 }
 
 
+BUILD_EXAMPLES = """example: synthnet build --version 1.0-small --workers 2
+
+many machines:
+  synthnet build --engine dask --scheduler tcp://10.0.0.1:8786 --out /shared/synthnet
+  mpiexec -n 5 python -m mpi4py.futures -m synthnet build --engine mpi --out /shared/synthnet
+  synthnet build --scale 100 --out s3://bucket/synthnet
+"""
+
+
 def _short(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -265,9 +296,10 @@ def _parser() -> argparse.ArgumentParser:
             "--out",
             "--root",
             metavar="DIR",
-            type=Path,
-            help="directory that holds the versions (default: $SYNTHNET_HOME, else the "
-            "user's cache directory, here " + str(store.home()).replace("%", "%%") + ")",
+            help="directory or URL (s3://bucket/data) that holds the versions "
+            "(default: $SYNTHNET_HOME, else the user's cache directory, here "
+            + str(store.home()).replace("%", "%%")
+            + ")",
         )
         sub.add_argument("--json", action="store_true", help="print JSON for a program")
         return sub
@@ -277,18 +309,36 @@ def _parser() -> argparse.ArgumentParser:
             "--version",
             default="1.0",
             metavar="V",
-            help=f"one of {', '.join(recipe.available())} (default: %(default)s)",
+            help=f"one of {', '.join(recipe.available())}, or one of these scaled, as 1.0-x100 "
+            "(default: %(default)s)",
         )
 
     command("versions", _versions, "list what can be built", "")
 
     sub = command("build", _build, "build a version", " --version 1.0-small --workers 2")
+    sub.formatter_class = argparse.RawDescriptionHelpFormatter
+    sub.epilog = BUILD_EXAMPLES
     version_option(sub)
+    sub.add_argument(
+        "--scale",
+        type=int,
+        metavar="N",
+        help="draw N times as many shapes, all new, by the same distributions; "
+        "the version's name is then V-xN",
+    )
+    sub.add_argument(
+        "--engine",
+        choices=("local", "dask", "mpi"),
+        default="local",
+        help="who does the work: processes of this machine (default), a Dask cluster, "
+        "or the other processes of an MPI job; the data do not depend on it",
+    )
+    sub.add_argument("--scheduler", metavar="ADDRESS", help="of the Dask cluster")
     sub.add_argument(
         "--workers",
         type=int,
         metavar="N",
-        help="processes of one thread each (default: the cores there are); "
+        help="local processes of one thread each (default: the cores there are); "
         "the data do not depend on it",
     )
     sub.add_argument(

@@ -6,6 +6,7 @@ import errno
 import hashlib
 import os
 import shutil
+import uuid
 from collections.abc import Callable
 from pathlib import Path
 
@@ -48,7 +49,8 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
     BuildError
         If the disk is full or cannot be written; nothing is left behind.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    # No two writers, on whatever machine, may have a file beside the place in common.
+    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
         write(partial)
         with partial.open("rb") as file:

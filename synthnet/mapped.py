@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from synthnet import store
+from synthnet import storage, store
 from synthnet.types import Mesh
 
 RELEASE_BYTES = 64 * 2**20  # bytes read after which mapped pages are handed back
@@ -22,7 +22,7 @@ FORMAT = 1  # of the files here; part of their directory's name
 def directory(dataset: store.StoredDataset) -> Path:
     """Return where a dataset's arrays are: the name holds all that they depend on."""
     key = f"{dataset.manifest.recipe_digest[:12]}-{FORMAT}"
-    return dataset.directory / "processed" / key
+    return storage.local(dataset.directory, dataset.manifest.version) / "processed" / key
 
 
 class MappedShapes:

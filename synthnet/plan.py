@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import overload
 
 from synthnet import splits
-from synthnet.families import draw_shapes
+from synthnet.families import draw_shape, draw_shapes
 from synthnet.recipe import Recipe
 from synthnet.types import SPLITS, ShapeSpec
 
@@ -30,11 +31,12 @@ class ShardPlan:
     shapes: tuple[PlannedShape, ...]
 
 
-def plan_shards(recipe: Recipe) -> list[ShardPlan]:
+def plan_shards(recipe: Recipe) -> Sequence[ShardPlan]:
     """Draw the shapes, split them and share them out to shards.
 
     A pure function of the recipe: it looks at no mesh. A subset takes shapes of the full
-    version with the splits they have there, from each split its share.
+    version with the splits they have there, from each split its share. A scaled version
+    is planned as its shards are asked for, see :class:`ScaledPlan`.
 
     Examples
     --------
@@ -43,6 +45,8 @@ def plan_shards(recipe: Recipe) -> list[ShardPlan]:
     >>> len(shards), sum(len(shard.shapes) for shard in shards)
     (11, 335)
     """
+    if recipe.scale is not None:
+        return ScaledPlan(recipe)
     specs = draw_shapes(recipe)
     split_of = splits.grouped(specs, recipe.splits, recipe.seed)
     paper_of = splits.paper(specs, recipe.augmentation.instances, recipe.splits, recipe.seed)
@@ -56,8 +60,68 @@ def plan_shards(recipe: Recipe) -> list[ShardPlan]:
         shapes = [PlannedShape(s, split_of[s.id], paper_of[s.id]) for s in members]
         for number, start in enumerate(range(0, len(shapes), recipe.shard_size)):
             chunk = tuple(shapes[start : start + recipe.shard_size])
-            plans.append(ShardPlan(f"shards/{family}-{number:04d}.parquet", family, chunk))
+            plans.append(ShardPlan(_file(family, number), family, chunk))
     return plans
+
+
+def _file(family: str, number: int) -> str:
+    return f"shards/{family}-{number:04d}.parquet"
+
+
+class ScaledPlan(Sequence[ShardPlan]):
+    """The shards of a scaled version, each drawn when it is asked for.
+
+    A family's shapes are numbered from the end of the full version on. A shape that is
+    also one of the full version has its split there; every other's is a function of the
+    shape alone, see :func:`synthnet.splits.by_hash`. So no shape is kept in memory, and
+    the splits of all scaled versions agree with each other and with the full one.
+
+    Parameters
+    ----------
+    recipe : Recipe
+        A scaled one.
+    """
+
+    def __init__(self, recipe: Recipe) -> None:
+        self.recipe = recipe
+        specs = draw_shapes(replace(recipe, scale=None))
+        split_of = splits.grouped(specs, recipe.splits, recipe.seed)
+        self._known = {spec.group: split_of[spec.id] for spec in specs}
+        self._shards = [
+            (name, number)
+            for name in recipe.families
+            for number in range(-(-recipe.drawn(name) // recipe.shard_size))
+        ]
+
+    def __len__(self) -> int:
+        return len(self._shards)
+
+    @overload
+    def __getitem__(self, key: int) -> ShardPlan: ...
+    @overload
+    def __getitem__(self, key: slice) -> Sequence[ShardPlan]: ...
+    def __getitem__(self, key: int | slice) -> ShardPlan | Sequence[ShardPlan]:
+        if isinstance(key, slice):
+            return [self._shard(*shard) for shard in self._shards[key]]
+        return self._shard(*self._shards[key])
+
+    def _shard(self, family: str, number: int) -> ShardPlan:
+        recipe = self.recipe
+        first = recipe.families[family].count
+        indices = range(first, first + recipe.drawn(family))
+        start = number * recipe.shard_size
+        shapes = tuple(self._shape(family, i) for i in indices[start : start + recipe.shard_size])
+        return ShardPlan(_file(family, number), family, shapes)
+
+    def _shape(self, family: str, index: int) -> PlannedShape:
+        recipe = self.recipe
+        spec = draw_shape(recipe, family, index)
+        split = self._known.get(spec.group)
+        if split is None:
+            split = splits.by_hash("grouped", spec.group, recipe.splits, recipe.seed)
+        copies = (f"{spec.id}/{i}" for i in range(recipe.augmentation.instances))
+        paper = tuple(splits.by_hash("paper", copy, recipe.splits, recipe.seed) for copy in copies)
+        return PlannedShape(spec, split, paper)
 
 
 def _subset(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields, replace
 from functools import partial
 from importlib import resources
 from typing import Any, TypeVar
@@ -16,6 +17,8 @@ from synthnet.distributions import DISTRIBUTIONS
 from synthnet.errors import RecipeError
 
 SCHEMA = 1
+SCALED = re.compile(r"(?P<version>.+)-x(?P<scale>[0-9]+)")
+MOST_SCALE = 100_000  # beyond it a family's numbers would not fit the store's int32
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +98,9 @@ class Recipe:
         In the order of the tables.
     subset : Subset or None
         Which part of another version this is; ``None`` for a full version.
+    scale : int or None
+        How many times the shapes of the version it was scaled from; ``None`` for a version
+        as it ships. See :func:`scaled`.
     """
 
     version: str
@@ -106,11 +112,14 @@ class Recipe:
     splits: SplitSettings
     families: Mapping[str, FamilyRecipe]
     subset: Subset | None = None
+    scale: int | None = None
 
     @property
     def base(self) -> str:
-        """The full version whose shapes these are."""
-        return self.version if self.subset is None else self.subset.of
+        """The full version whose shapes these are; a scaled version's are its own."""
+        if self.subset is None or self.scale is not None:
+            return self.version
+        return self.subset.of
 
     @property
     def count(self) -> int:
@@ -120,11 +129,15 @@ class Recipe:
     def drawn(self, family: str) -> int:
         """Return the number of shapes of one family."""
         count = self.families[family].count
-        return count if self.subset is None else self.subset.size(count)
+        size = count if self.subset is None else self.subset.size(count)
+        return size * (self.scale or 1)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain, JSON-ready data."""
-        return asdict(self)
+        """Return plain, JSON-ready data; ``scale`` is in it where there is one."""
+        values = asdict(self)
+        if self.scale is None:
+            del values["scale"]  # the digests of the versions that ship are older than it
+        return values
 
     @property
     def digest(self) -> str:
@@ -146,24 +159,53 @@ def available() -> list[str]:
 
 
 def load(version: str) -> Recipe:
-    """Read the recipe of a version that ships with the package.
+    """Read the recipe of a version that ships with the package, or scale it.
+
+    ``1.0-x100`` is 1.0 scaled by 100, see :func:`scaled`.
 
     Raises
     ------
     RecipeError
-        If there is no such version.
+        If there is no such version, or the scale is below 2.
 
     Examples
     --------
-    >>> load("1.0").count, load("1.0-mini").count
-    (16550, 335)
+    >>> load("1.0").count, load("1.0-mini").count, load("1.0-x100").count
+    (16550, 335, 1655000)
     """
+    if suffixed := SCALED.fullmatch(version):
+        return scaled(load(suffixed["version"]), int(suffixed["scale"]))
     if version not in available():
         raise RecipeError(
             f"unknown version {version!r}: choose one of {', '.join(available())} "
             "(`synthnet versions` lists them)"
         )
     return parse(resources.files("synthnet.versions").joinpath(f"{version}.toml").read_text())
+
+
+def scaled(recipe: Recipe, scale: int) -> Recipe:
+    """Return the recipe of ``scale`` times as many shapes, none of them a shape of this one.
+
+    Seed, distributions, filters and labels stay; the numbers of the shapes go on after the
+    last of the full version. So every scaled version is the beginning of a larger one.
+
+    Raises
+    ------
+    RecipeError
+        If the scale is no integer of 2 or more, or the recipe is scaled already.
+
+    Examples
+    --------
+    >>> larger = scaled(load("1.0"), 100)
+    >>> larger.version, larger.drawn("torus")
+    ('1.0-x100', 200000)
+    """
+    _need(recipe.scale is None, f"{recipe.version} is scaled already: scale what it came from")
+    _need(
+        type(scale) is int and 2 <= scale <= MOST_SCALE,
+        f"scale must be an integer from 2 to {MOST_SCALE:,}, got {scale!r}",
+    )
+    return replace(recipe, version=f"{recipe.version}-x{scale}", scale=scale)
 
 
 def parse(text: str) -> Recipe:
@@ -181,6 +223,7 @@ def parse(text: str) -> Recipe:
     schema = raw.pop("schema", None)
     if type(schema) is not int or schema != SCHEMA:
         raise RecipeError(f"recipe schema must be {SCHEMA}: use a matching synthnet release")
+    _need("scale" not in raw, "a recipe file has no scale: build it with --scale")
     if "subset" in raw:
         return _parse_subset(raw)
     tables = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
@@ -22,6 +21,7 @@ from tabulate import tabulate
 
 from synthnet.build import BuildReport, ShardResult, Watcher
 from synthnet.plan import ShardPlan
+from synthnet.recipe import Recipe
 from synthnet.types import Manifest
 
 
@@ -104,12 +104,10 @@ class FamilyBars(Watcher):
         )
         self.tasks: dict[str, TaskID] = {}
 
-    def planned(self, plans: Sequence[ShardPlan]) -> None:
+    def planned(self, wanted: Recipe) -> None:
         """Show the families with the number of their shapes."""
-        totals: Counter[str] = Counter()
-        for plan in plans:
-            totals[plan.family] += len(plan.shapes)
-        for family, total in totals.items():
+        for family in wanted.families:
+            total = wanted.drawn(family)
             self.tasks[family] = self.progress.add_task(family, total=total, start=False)
 
     def submitted(self, plan: ShardPlan) -> None:

@@ -81,6 +81,24 @@ def paper(
     return {s.id: tuple(split_of[s.id, i] for i in range(instances)) for s in specs}
 
 
+def by_hash(protocol: str, key: str, shares: SplitSettings, seed: int) -> str:
+    """Split by the hash of a group or an instance alone: equal keys are never apart.
+
+    The shares hold in the mean, and no other shape has to be known.
+
+    Examples
+    --------
+    >>> shares = SplitSettings(0.7, 0.2, 0.1)
+    >>> drawn = [by_hash("grouped", str(i), shares, seed=0) for i in range(1000)]
+    >>> [drawn.count(split) for split in SPLITS]
+    [712, 200, 88]
+    """
+    uniform = int.from_bytes(_rank(seed, protocol, key)[:8], "big") / 2**64
+    if uniform < shares.train:
+        return SPLITS[0]
+    return SPLITS[1] if uniform < shares.train + shares.validation else SPLITS[2]
+
+
 def _rank(seed: int, protocol: str, key: str) -> bytes:
     # A hash and no shuffle: equal on every machine, whatever the library's version.
     return hashlib.sha256(f"{seed}/{protocol}/{key}".encode()).digest()

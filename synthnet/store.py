@@ -1,8 +1,8 @@
 """The dataset on disk: Parquet shards, their digests, and the manifest.
 
-A dataset is a directory ``<home>/<version>`` with ``shards/*.parquet`` and, written last,
-``manifest.json``. Every file is written beside its place and moved there when complete,
-so a file that is there is whole.
+A dataset is a directory, or a place at a URL, ``<home>/<version>`` with
+``shards/*.parquet`` and, written last, ``manifest.json``. Every file is written beside its
+place and moved there when complete, so a file that is there is whole.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -24,7 +25,8 @@ from numpy.typing import NDArray
 
 from synthnet import recipe
 from synthnet.errors import DamagedError, StoreError
-from synthnet.files import one_line, sha256, write_atomically, write_text
+from synthnet.files import one_line
+from synthnet.storage import Place, place, sha256, size, write_atomically, write_text
 from synthnet.types import Certificate, Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
 
 SCHEMA_VERSION = 2
@@ -55,19 +57,19 @@ SCHEMA = pa.schema(
 STREAMS = ("vertices.list.element.list.element", "faces.list.element.list.element")
 
 
-def home(root: str | os.PathLike[str] | None = None) -> Path:
-    """Return the directory that holds the versions.
+def home(root: str | os.PathLike[str] | None = None) -> Place:
+    """Return the directory or URL that holds the versions.
 
     ``root`` if given, else ``$SYNTHNET_HOME``, else the user's cache directory by the
     platform's convention.
     """
-    place = root if root is not None else os.environ.get("SYNTHNET_HOME")
-    if not place and root is None:
+    where = root if root is not None else os.environ.get("SYNTHNET_HOME")
+    if not where and root is None:
         return Path(platformdirs.user_cache_dir("synthnet"))
-    return Path(os.path.expanduser(place or ""))  # noqa: PTH111 - Path's raises for ~nobody
+    return place(where or "")
 
 
-def dataset_directory(version: str, root: str | os.PathLike[str] | None = None) -> Path:
+def dataset_directory(version: str, root: str | os.PathLike[str] | None = None) -> Place:
     """Return where a version is or would be: ``<home>/<version>``."""
     return home(root) / version
 
@@ -76,7 +78,7 @@ def dataset_directory(version: str, root: str | os.PathLike[str] | None = None) 
 
 
 def write_shard(
-    path: Path,
+    path: Place,
     samples: Sequence[Sample],
     rejections: Sequence[Rejection],
     *,
@@ -116,7 +118,7 @@ def _encode(table: pa.Table, where: Path | pa.BufferOutputStream) -> None:
     )
 
 
-def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+def read_table(path: Place, columns: Sequence[str] | None = None) -> pa.Table:
     """Read a shard, its page checksums verified.
 
     Raises
@@ -125,7 +127,10 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
         If the file is missing, truncated, altered or of another schema.
     """
     try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        with (
+            _opened(path, whole=columns is None) as source,
+            pq.ParquetFile(source, page_checksum_verification=True) as file,
+        ):
             if not file.schema_arrow.equals(SCHEMA):
                 raise StoreError(f"{path} has another schema: remove it and build again")
             return file.read(columns=list(columns) if columns else None)
@@ -139,12 +144,24 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
         ) from error
 
 
-def read_samples(path: Path) -> Iterator[Sample]:
+@contextmanager
+def _opened(path: Place, *, whole: bool) -> Iterator[Any]:
+    """Give what pyarrow reads a file from: of a URL the object, or parts of it."""
+    if isinstance(path, Path):
+        yield path
+    elif whole:
+        yield pa.BufferReader(path.read_bytes())
+    else:
+        with path.open() as file:
+            yield file
+
+
+def read_samples(path: Place) -> Iterator[Sample]:
     """Read the samples of a shard, in order."""
     yield from _samples(read_table(path), path)
 
 
-def read_record(path: Path, recipe_digest: str, ids: Sequence[str] | None = None) -> ShardRecord:
+def read_record(path: Place, recipe_digest: str, ids: Sequence[str] | None = None) -> ShardRecord:
     """Read a shard whole and return its record; ``ids`` are those kept or rejected in it.
 
     What was read is encoded again, and must give the very bytes of the file: a build that
@@ -181,12 +198,12 @@ def read_record(path: Path, recipe_digest: str, ids: Sequence[str] | None = None
     return _record(path, table, header)
 
 
-def _record(path: Path, table: pa.Table, header: dict[str, Any]) -> ShardRecord:
+def _record(path: Place, table: pa.Table, header: dict[str, Any]) -> ShardRecord:
     return ShardRecord(
         file=f"{path.parent.name}/{path.name}",
         family=header["family"],
         sha256=sha256(path),
-        size=path.stat().st_size,
+        size=size(path) or 0,
         rows=table.num_rows,
         vertices=_length(table["vertices"]),
         faces=_length(table["faces"]),
@@ -238,7 +255,7 @@ def ragged_arrays(column: pa.ChunkedArray) -> Iterator[NDArray[Any]]:
             yield values[start:stop]
 
 
-def _samples(table: pa.Table, path: Path) -> Iterator[Sample]:
+def _samples(table: pa.Table, path: Place) -> Iterator[Sample]:
     try:
         yield from _decoded(table)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
@@ -275,13 +292,13 @@ def _decoded(table: pa.Table) -> Iterator[Sample]:
 
 @dataclass(frozen=True, slots=True)
 class StoredDataset:
-    """A finished dataset on disk."""
+    """A finished dataset, on disk or at a URL."""
 
-    directory: Path
+    directory: Place
     manifest: Manifest
 
-    def paths(self) -> list[Path]:
-        """Return the shards' paths in order of family and index."""
+    def paths(self) -> list[Place]:
+        """Return the shards' places in order of family and index."""
         return [self.directory / shard.file for shard in self.manifest.shards]
 
     def samples(self) -> Iterator[Sample]:
@@ -318,14 +335,14 @@ class StoredDataset:
         )
 
 
-def write_manifest(directory: Path, manifest: Manifest) -> None:
+def write_manifest(directory: Place, manifest: Manifest) -> None:
     """Write the manifest, the mark of a finished dataset."""
     content = {"schema_version": SCHEMA_VERSION, **asdict(manifest)}
     text = json.dumps(content, indent=1) + "\n"
     write_text(directory / MANIFEST, text)
 
 
-def read_manifest(directory: Path) -> Manifest | None:
+def read_manifest(directory: Place) -> Manifest | None:
     """Read the manifest, or return ``None`` where no build has finished.
 
     Raises

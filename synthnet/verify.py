@@ -6,19 +6,19 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import lapy
 import numpy as np
 import threadpoolctl
 
-from synthnet import augment, files, pins, recipe, spectrum, store
+from synthnet import augment, pins, recipe, spectrum, storage, store
 from synthnet.distributions import ISOMETRIES, generator
 from synthnet.errors import SpectrumError, StoreError
 from synthnet.families import FAMILIES
 from synthnet.files import one_line
 from synthnet.plan import PlannedShape, plan_shards
 from synthnet.recipe import Recipe
+from synthnet.storage import Place
 from synthnet.types import Manifest, Mesh, Sample, ShapeSpec, ShardRecord
 
 VERTEX_TOLERANCE = 1e-6  # of the largest coordinate: float32 keeps 6e-8
@@ -39,7 +39,7 @@ class Check:
 class VerifyReport:
     """All checks of a dataset."""
 
-    directory: Path
+    directory: Place
     checks: tuple[Check, ...]
 
     @property
@@ -61,8 +61,8 @@ def verify(
     Checks, in order: the manifest's recipe; SHA-256 of every shard; schema, page checksums
     and row counts; ids, parameters, splits and isometries against the recipe's own draw;
     every mesh against one generated anew; every certificate, its eigenvalues counted anew;
-    digests, vertex moments and labels against the
-    pins of the repository; labels of a random sample against ``lapy.Solver(...).eigs``.
+    digests, vertex moments and labels against the pins of the repository (a scaled version
+    has none); labels of a random sample against ``lapy.Solver(...).eigs``.
 
     Parameters
     ----------
@@ -126,10 +126,10 @@ def verify(
         if on_shard is not None:
             on_shard(number, len(manifest.shards))
     found["recipe"] += _check_complete(seen, manifest, planned)
-    if pinned is None:
-        found["pins"].append(f"the repository pins nothing for {wanted.base}")
-    else:
+    if pinned is not None:
         found["pins"] += _check_kept(seen, manifest, set(planned) & set(pinned))
+    elif wanted.scale is None:
+        found["pins"].append(f"the repository pins nothing for {wanted.base}")
     examined = {
         "manifest": 1,
         "digests": len(manifest.shards),
@@ -176,10 +176,10 @@ def _check_manifest(
             )
 
 
-def _check_file(path: Path, record: ShardRecord) -> Iterator[str]:
-    if not path.exists():
+def _check_file(path: Place, record: ShardRecord) -> Iterator[str]:
+    if storage.size(path) is None:
         yield f"{record.file}: missing"
-    elif (found := files.sha256(path)) != record.sha256:
+    elif (found := storage.sha256(path)) != record.sha256:
         yield f"{record.file}: SHA-256 is {found[:12]}…, the manifest has {record.sha256[:12]}…"
 
 

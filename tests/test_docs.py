@@ -13,6 +13,7 @@ import pytest
 from eigbench import cli
 from eigbench.predictor import META_KEYS
 
+import synthnet.cli
 from synthnet import filters, recipe, store
 
 ROOT = Path(__file__).parent.parent
@@ -64,6 +65,15 @@ def test_commands_that_take_too_long_for_a_test_are_understood(line):
     program, *arguments = shlex.split(line, comments=True)
     assert program == "eigbench"
     assert callable(cli._parser().parse_args(arguments).run)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [line for page in DOCS for line in commands("text", page) if re.search("synthnet (b|i)", line)],
+)
+def test_commands_that_need_a_cluster_are_understood(line):
+    arguments = shlex.split(line.partition("synthnet ")[2])
+    assert callable(synthnet.cli._parser().parse_args(arguments).run)
 
 
 @pytest.mark.parametrize(

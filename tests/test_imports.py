@@ -22,6 +22,7 @@ LEVELS = {
             "interrupts",
             "workers",
             "recipe",
+            "storage",
             "geometry",
             "solver",
         ],

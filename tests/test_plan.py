@@ -114,3 +114,47 @@ def test_the_size_of_the_shards_changes_no_shape(plans: dict[str, list[ShardPlan
     other = plan_shards(dataclasses.replace(recipe.load("1.0-mini"), shard_size=7))
     assert shapes_of(other) == shapes_of(plans["1.0-mini"])
     assert max(len(shard.shapes) for shard in other) == 7
+
+
+# Scaled
+
+
+def test_scaled_shapes_are_new_and_a_smaller_scale_is_the_beginning_of_a_larger() -> None:
+    base = shapes_of(plan_shards(recipe.load("1.0-mini")))
+    twice, thrice = (shapes_of(plan_shards(recipe.load(f"1.0-mini-x{n}"))) for n in (2, 3))
+    assert len(base) == 335
+    assert (len(twice), len(thrice)) == (2 * 335, 3 * 335)
+    assert {id: thrice[id] for id in twice} == twice  # splits and all
+    full = recipe.load("1.0").families
+    assert all(s.spec.index >= full[s.spec.family].count for s in thrice.values())
+
+
+def test_no_shape_is_in_another_split_than_its_equal_in_the_full_version(
+    plans: dict[str, list[ShardPlan]],
+) -> None:
+    split_of = {s.spec.group: s.split for s in shapes_of(plans["1.0"]).values()}
+    found = [s for plan in plan_shards(recipe.load("1.0-x2")) for s in plan.shapes]
+    spheres = [s for s in found if s.spec.family == "sphere" and s.spec.group in split_of]
+    assert len(spheres) > 20
+    assert all(s.split == split_of.get(s.spec.group, s.split) for s in found)
+    own: dict[str, set[str]] = defaultdict(set)
+    for shape in found:
+        own[shape.spec.group].add(shape.split)
+    assert {len(splits) for splits in own.values()} == {1}
+
+
+def test_plan_of_a_scaled_version_is_a_sequence() -> None:
+    shards = plan_shards(recipe.load("1.0-x100"))
+    assert len(shards) == 33_100
+    assert shards[-1].family == "inverted_cone"
+    assert shards[0:2] == [shards[0], shards[1]]
+    assert shards[0].shapes[0].spec.id == "rectangular_prism-02000"
+    with pytest.raises(IndexError):
+        shards[33_100]
+
+
+def test_shares_of_a_scaled_version_hold_in_the_mean() -> None:
+    shapes = shapes_of(plan_shards(recipe.load("1.0-mini-x10"))).values()
+    counts = Counter(shape.split for shape in shapes)
+    shares = [counts[split] / counts.total() for split in SPLITS]
+    assert shares == pytest.approx([0.7, 0.2, 0.1], abs=0.03)

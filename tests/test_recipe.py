@@ -372,3 +372,23 @@ def test_generator_is_a_function_of_its_arguments() -> None:
 
 def test_generator_draws_what_it_always_drew() -> None:
     assert distributions.generator(20240726, "torus", 42, 0).random() == 0.5330528482406418
+
+
+def test_digests_of_the_versions_that_ship_never_change() -> None:
+    assert {v: recipe.load(v).digest[:16] for v in recipe.available()} == {
+        "1.0": "c8bd58d9b709a29e",
+        "1.0-mini": "99a57a6aa230d17e",
+        "1.0-small": "ff94adc77e7700ee",
+    }
+    assert recipe.load("1.0-x2").digest != recipe.load("1.0").digest
+
+
+@pytest.mark.parametrize("version", ["1.0-x0", "1.0-x1", "1.0-x100001"])
+def test_scale_out_of_range_is_refused(version: str) -> None:
+    with pytest.raises(RecipeError, match="scale must be an integer from 2 to 100,000, got"):
+        recipe.load(version)
+
+
+def test_scale_of_a_scaled_version_is_refused() -> None:
+    with pytest.raises(RecipeError, match=r"1\.0-x2 is scaled already"):
+        recipe.load("1.0-x2-x2")

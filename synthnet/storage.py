@@ -1,0 +1,238 @@
+"""Where a dataset is: a directory of this machine, or a place at an fsspec URL.
+
+A directory is a :class:`pathlib.Path` and everything is as in :mod:`synthnet.files`. A URL
+is a :class:`RemotePath`. Objects are written whole, in one request, which object stores do
+atomically; elsewhere an object cut short is found when it is read. There is no lock on a
+URL: two builds of one version write equal bytes, so they waste work and damage nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, TypeAlias
+
+from synthnet import files
+from synthnet.errors import BuildError, MissingPackageError, StoreError
+from synthnet.files import one_line
+
+EXTRAS = {"s3": "s3", "s3a": "s3"}  # by protocol: the extra that brings its package
+
+
+@dataclass(frozen=True, slots=True)
+class RemotePath:
+    """A place at an fsspec URL: as much of :class:`pathlib.Path` as the store needs.
+
+    It is plain text, so a worker anywhere can be sent one. Every method raises
+    :class:`StoreError` or :class:`MissingPackageError` where the place cannot be reached.
+
+    Examples
+    --------
+    >>> place = RemotePath("s3://bucket/data/") / "1.0" / "manifest.json"
+    >>> place.name, str(place.parent)
+    ('manifest.json', 's3://bucket/data/1.0')
+    """
+
+    url: str
+
+    def __truediv__(self, name: str) -> RemotePath:
+        return RemotePath(f"{self.url.rstrip('/')}/{name}")
+
+    def __str__(self) -> str:
+        return self.url
+
+    @property
+    def name(self) -> str:
+        """What follows the last slash."""
+        return self.url.rpartition("/")[2]
+
+    @property
+    def parent(self) -> RemotePath:
+        """What precedes the last slash."""
+        return RemotePath(self.url.rpartition("/")[0])
+
+    def read_bytes(self) -> bytes:
+        """Read the object whole; ``FileNotFoundError`` if there is none."""
+        with self._reached("read") as (system, path):
+            return bytes(system.cat_file(path))
+
+    def read_text(self) -> str:
+        """Read the object whole as UTF-8."""
+        return self.read_bytes().decode()
+
+    def write_bytes(self, content: bytes) -> None:
+        """Write the object whole."""
+        try:
+            with self._reached("write") as (system, path):
+                system.pipe_file(path, content)
+        except FileNotFoundError as error:
+            raise StoreError(f"cannot write {self} ({one_line(error)}): make it first") from error
+
+    def remove(self) -> None:
+        """Remove the object."""
+        with self._reached("remove") as (system, path):
+            system.rm_file(path)
+
+    def size(self) -> int | None:
+        """Return the object's size in bytes, or ``None`` if there is none."""
+        try:
+            with self._reached("read") as (system, path):
+                return int(system.info(path)["size"])
+        except FileNotFoundError:
+            return None
+
+    @contextmanager
+    def open(self) -> Iterator[IO[bytes]]:
+        """Open the object to read parts of it; only these are transferred."""
+        with (
+            self._reached("read") as (system, path),
+            system.open(path, "rb", cache_type="none") as file,
+        ):
+            yield file
+
+    @contextmanager
+    def _reached(self, what: str) -> Iterator[tuple[Any, str]]:
+        """Give the file system and the path in it; turn its errors into one line."""
+        import fsspec
+
+        try:
+            system, path = fsspec.url_to_fs(self.url)
+        except ImportError as error:
+            extra = EXTRAS.get(self.url.partition(":")[0])
+            advice = f"pip install 'synthnet[{extra}]'" if extra else one_line(error)
+            raise MissingPackageError(f"cannot {what} {self}: {advice}") from error
+        except ValueError as error:
+            raise StoreError(
+                f"cannot {what} {self} ({one_line(error)}): choose another --out"
+            ) from error
+        try:
+            yield system, path
+        except FileNotFoundError:
+            raise
+        except _network_errors() as error:
+            raise StoreError(
+                f"cannot {what} {self} ({one_line(error)}): check the URL, the network "
+                "and your credentials"
+            ) from error
+
+
+def _network_errors() -> tuple[type[Exception], ...]:
+    """Return OSError, and what the S3 client raises in its stead where it is in use."""
+    exceptions = sys.modules.get("botocore.exceptions")
+    if exceptions is None:
+        return (OSError,)
+    return (OSError, exceptions.BotoCoreError, exceptions.ClientError)
+
+
+Place: TypeAlias = Path | RemotePath
+
+
+def place(where: str | os.PathLike[str] | RemotePath) -> Place:
+    """Return the place that a path or URL names; ``file://`` is a path.
+
+    Examples
+    --------
+    >>> place("s3://bucket/data")
+    RemotePath(url='s3://bucket/data')
+    >>> place("file:///tmp/data").as_posix()
+    '/tmp/data'
+    """
+    if isinstance(where, RemotePath):
+        return where
+    text = os.fspath(where)
+    protocol, separator, rest = text.partition("://")
+    if separator and protocol != "file":
+        return RemotePath(text.rstrip("/"))
+    return Path(os.path.expanduser(rest if separator else text))  # noqa: PTH111 - Path's raises for ~nobody
+
+
+def local(where: Place, version: str) -> Path:
+    """Return a place that is a directory of this machine.
+
+    Raises
+    ------
+    StoreError
+        If it is a URL: what maps files into memory needs them here.
+    """
+    if isinstance(where, Path):
+        return where
+    raise StoreError(
+        f"{where} is not on this machine: copy it to a directory {version} here (with "
+        "`aws s3 cp --recursive`, or fsspec's get) and give the directory above it as root"
+    )
+
+
+def size(where: Place) -> int | None:
+    """Return the size of a file in bytes, or ``None`` if there is none."""
+    if isinstance(where, RemotePath):
+        return where.size()
+    return where.stat().st_size if where.exists() else None
+
+
+def sha256(where: Place) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits."""
+    if isinstance(where, RemotePath):
+        return hashlib.sha256(where.read_bytes()).hexdigest()
+    return files.sha256(where)
+
+
+def make_directory(where: Place) -> None:
+    """Create a directory, and make sure that it can be written.
+
+    Raises
+    ------
+    BuildError
+        If it cannot.
+    """
+    if isinstance(where, Path):
+        files.make_directory(where)
+        return
+    probe = where / ".writable"
+    try:
+        probe.write_bytes(b"synthnet")
+        probe.remove()
+    except FileNotFoundError:
+        return  # removed by another build: it can be written
+    except StoreError as error:
+        raise BuildError(str(error)) from error
+
+
+def write_atomically(where: Place, write: Callable[[Path], None]) -> None:
+    """Let ``write`` fill a file of this machine, then put it in its place.
+
+    Raises
+    ------
+    BuildError
+        If it cannot be written; nothing is left behind.
+    """
+    if isinstance(where, Path):
+        files.write_atomically(where, write)
+        return
+    with tempfile.TemporaryDirectory(prefix="synthnet-") as directory:
+        whole = Path(directory) / where.name
+        files.write_atomically(whole, write)
+        try:
+            where.write_bytes(whole.read_bytes())
+        except StoreError as error:
+            raise BuildError(str(error)) from error
+
+
+def write_text(where: Place, text: str) -> None:
+    """Write a text file, as :func:`write_atomically` does."""
+
+    def write(partial: Path) -> None:
+        partial.write_text(text)
+
+    write_atomically(where, write)
+
+
+def remove_partial_files(where: Place) -> None:
+    """Remove what a killed writer left beside its place; at a URL it leaves nothing."""
+    if isinstance(where, Path):
+        files.remove_partial_files(where)

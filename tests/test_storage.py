@@ -1,0 +1,104 @@
+"""A dataset at a URL, against an S3-compatible server of the test's own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from synthnet import recipe, storage, store
+from synthnet.build import build, ensure_built
+from synthnet.cli import main
+from synthnet.errors import StoreError
+from synthnet.recipe import Recipe
+from synthnet.storage import RemotePath, place
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[str]:
+    """Endpoint of a server that has the bucket ``data``."""
+    moto = pytest.importorskip("moto.server")
+    s3fs = pytest.importorskip("s3fs")
+    running = moto.ThreadedMotoServer(port=0, verbose=False)
+    running.start()
+    host, port = running.get_host_and_port()
+    endpoint = f"http://{host}:{port}"
+    system = s3fs.S3FileSystem(key="a", secret="b", endpoint_url=endpoint)
+    system.mkdir("data")
+    yield endpoint
+    running.stop()
+
+
+@pytest.fixture
+def bucket(server: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> str:
+    monkeypatch.setenv("AWS_ENDPOINT_URL", server)
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "a")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "b")
+    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+    return f"s3://data/{request.node.name}"
+
+
+def test_build_at_a_url_has_the_bytes_of_a_local_one(
+    bucket: str, tiny: Recipe, tmp_path: Path
+) -> None:
+    here = build(tiny, root=tmp_path, workers=1).dataset
+    there = build(tiny, root=bucket, workers=1).dataset
+    assert there.manifest == here.manifest
+    for mine, its in zip(here.paths(), there.paths(), strict=True):
+        assert isinstance(mine, Path)
+        assert isinstance(its, RemotePath)
+        assert its.read_bytes() == mine.read_bytes()
+    assert build(tiny, root=bucket).nothing_to_do
+    ids = [sample.spec.id for sample in there.samples()]
+    assert ids == [sample.spec.id for sample in here.samples()]
+    assert there.find("torus-00002").spec.id == "torus-00002"
+
+
+def test_interrupted_build_at_a_url_goes_on(bucket: str, tiny: Recipe) -> None:
+    first = build(tiny, root=bucket, workers=1).dataset
+    whole = [path.read_bytes() for path in first.paths()]
+    missing, damaged, *_ = first.paths()
+    missing.remove()
+    damaged.write_bytes(whole[1][:-100])
+    (first.directory / store.MANIFEST).remove()
+    again = build(tiny, root=bucket, workers=1)
+    assert again.reused == len(whole) - 2
+    assert [path.read_bytes() for path in again.dataset.paths()] == whole
+
+
+def test_commands_take_a_url(
+    bucket: str, mini_home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = mini_home / "1.0-mini"
+    for path in sorted(source.rglob("*")):
+        if path.is_file():
+            target = RemotePath(bucket) / "1.0-mini" / path.relative_to(source).as_posix()
+            target.write_bytes(path.read_bytes())
+    common = ["--version", "1.0-mini", "--out", bucket]
+    assert main(["build", *common]) == 0
+    assert main(["info", *common]) == 0
+    assert main(["show", "torus-00005", *common]) == 0
+    assert main(["verify", *common, "--sample", "1"]) == 0
+    out = capsys.readouterr().out
+    assert f"1.0-mini in {bucket}/1.0-mini: verified" in out
+    with pytest.raises(StoreError, match="is not on this machine: copy it to a directory"):
+        ensure_built("1.0-mini", bucket)
+
+
+def test_missing_bucket_is_one_line(bucket: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["build", "--version", "1.0-mini", "--out", "s3://nobody-has-it/x"]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert line.startswith("synthnet: cannot write s3://nobody-has-it/x/1.0-mini/.writable (")
+
+
+def test_unknown_protocol_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", "--out", "nope://data"]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert line.endswith("(Protocol not known: nope): choose another --out")
+
+
+def test_file_url_is_a_path(tmp_path: Path) -> None:
+    assert place(f"file://{tmp_path}") == tmp_path
+    assert storage.local(place(str(tmp_path)), "1.0") == tmp_path
+    assert recipe.load("1.0").version in str(store.dataset_directory("1.0", f"file://{tmp_path}"))

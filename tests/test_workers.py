@@ -1,0 +1,231 @@
+"""Any executor gives the same bytes: threads, a Dask cluster of processes, an MPI job."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+import synthnet.build
+from synthnet.build import Terms, build, work
+from synthnet.cli import main
+from synthnet.errors import BuildError
+from synthnet.plan import ShardPlan, plan_shards
+from synthnet.recipe import Recipe
+from synthnet.types import ShardRecord
+from synthnet.workers import Workers, dask_cluster, given
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+MPIEXEC = Path(sys.executable).parent / "mpiexec"
+
+
+def contents(directory: Path) -> dict[str, bytes]:
+    return {
+        str(p.relative_to(directory)): p.read_bytes()
+        for p in sorted(directory.rglob("*"))
+        if p.is_file() and p.name != ".lock"
+    }
+
+
+@pytest.fixture(scope="module")
+def small(tiny: Recipe) -> Recipe:
+    """Shards of one shape, so that there are many."""
+    return dataclasses.replace(tiny, version="many", shard_size=1)
+
+
+@pytest.fixture(scope="module")
+def expected(small: Recipe, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    home = tmp_path_factory.mktemp("local")
+    build(small, root=home, workers=1)
+    return contents(home / "many")
+
+
+def test_threads_give_the_bytes_of_processes(
+    small: Recipe, expected: dict[str, bytes], tmp_path: Path
+) -> None:
+    with ThreadPoolExecutor(3) as pool:
+        report = build(small, root=tmp_path, engine=given(pool, workers=3))
+        assert pool.submit(int, "1").result() == 1  # it is the caller's, and stays open
+    assert report.reused == 0
+    assert contents(tmp_path / "many") == expected
+
+
+def test_few_shards_are_submitted_at_a_time(small: Recipe, tmp_path: Path) -> None:
+    at_once, most = set(), []
+
+    class Watcher(synthnet.build.Watcher):
+        def submitted(self, plan: ShardPlan) -> None:
+            at_once.add(plan.file)
+            most.append(len(at_once))
+
+        def finished(self, plan: ShardPlan, result: object) -> None:
+            at_once.discard(plan.file)
+
+    with ThreadPoolExecutor(1) as pool:
+        build(small, root=tmp_path, engine=given(pool, workers=1), watcher=Watcher())
+    assert (len(most), max(most)) == (10, 2)
+
+
+def test_shards_kept_submitted_follow_the_workers() -> None:
+    with ThreadPoolExecutor(1) as pool:
+        counts = iter([0, 1, 8, 80])
+        workers = Workers(pool, lambda: next(counts))
+        assert [workers.ahead for _ in range(4)] == [1, 2, 10, 91]
+
+
+@pytest.fixture
+def terms(small: Recipe, tmp_path: Path) -> Terms:
+    (tmp_path / "shards").mkdir()
+    return Terms(small, small.digest, synthnet.build._packages(), tmp_path)
+
+
+def test_worker_with_another_version_is_refused(small: Recipe, terms: Terms) -> None:
+    other = dataclasses.replace(terms, packages={**terms.packages, "numpy": "0.1"})
+    with pytest.raises(BuildError, match=r"has numpy .*, the build has 0\.1: install the same"):
+        work(plan_shards(small)[0], other)
+
+
+def test_worker_that_understands_another_recipe_is_refused(small: Recipe, terms: Terms) -> None:
+    other = dataclasses.replace(terms, digest="0" * 64)
+    with pytest.raises(BuildError, match="understands another recipe than the build"):
+        work(plan_shards(small)[0], other)
+
+
+def test_worker_that_does_not_see_the_directory_is_refused(small: Recipe, terms: Terms) -> None:
+    other = dataclasses.replace(terms, directory=terms.directory / "elsewhere")
+    with pytest.raises(BuildError, match=r"does not see .*: --out must be a directory that all"):
+        work(plan_shards(small)[0], other)
+
+
+def test_shard_written_to_another_disk_is_noticed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(synthnet.build, "SEEN_WITHIN", 0.0)
+    record = ShardRecord("shards/a.parquet", "torus", "0" * 64, 10, 1, 3, 1, ())
+    with pytest.raises(BuildError, match="is not there: --out must be a directory that all"):
+        synthnet.build._see(tmp_path / "a.parquet", record)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--engine", "dask"], "--engine dask needs --scheduler"),
+        (["--scheduler", "tcp://a:1"], "--scheduler is for --engine dask"),
+        (["--engine", "mpi", "--workers", "2"], "--workers is for local processes"),
+        (["--engine", "dask", "--scheduler", "nonsense::"], "no Dask scheduler answers at"),
+        (["--scale", "1"], "scale must be an integer from 2 to"),
+        (["--version", "1.0-x2", "--scale", "2"], "1.0-x2 is scaled already"),
+    ],
+)
+def test_wrong_options_are_one_line(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["build", "--out", str(tmp_path), *arguments]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert line.startswith(f"synthnet: {message}")
+
+
+# Dask
+
+
+@pytest.fixture
+def cluster(
+    environment: dict[str, str], tmp_path: Path
+) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A scheduler and two workers, each a process of its own."""
+    pytest.importorskip("distributed")
+    file = tmp_path / "scheduler.json"
+
+    def start(what: str, *more: str) -> subprocess.Popen[bytes]:
+        common = ["--scheduler-file", str(file), "--no-dashboard"]
+        return subprocess.Popen(
+            [sys.executable, "-m", f"distributed.cli.dask_{what}", *common, *more],
+            env=environment,
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+
+    one = ["--host", "127.0.0.1"]
+    processes = [start("scheduler", "--port", "0", *one)]
+    try:
+        processes += [start("worker", "--nthreads", "1", "--no-nanny", *one) for _ in range(2)]
+        end = time.monotonic() + 30
+        while not file.exists() and time.monotonic() < end:
+            time.sleep(0.05)
+        address = json.loads(file.read_text())["address"]
+        yield address, processes[1:]
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+@pytest.mark.slow
+def test_dask_cluster_gives_the_same_bytes_though_a_worker_is_killed(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]],
+    small: Recipe,
+    expected: dict[str, bytes],
+    tmp_path: Path,
+) -> None:
+    address, workers = cluster
+    made: list[str] = []
+    shards = tmp_path / "many" / "shards"
+    finished: dict[Path, int] = {}
+
+    class Watcher(synthnet.build.Watcher):
+        def finished(self, plan: ShardPlan, result: object) -> None:
+            made.append(plan.file)
+            if len(made) == 3:
+                finished.update({p: p.stat().st_mtime_ns for p in shards.glob("[!.]*")})
+                os.kill(workers[0].pid, signal.SIGKILL)
+
+    report = build(small, root=tmp_path, engine=dask_cluster(address), watcher=Watcher())
+    assert workers[0].wait() == -signal.SIGKILL
+    assert workers[1].poll() is None
+    assert sorted(made) == sorted(plan.file for plan in plan_shards(small))  # each once
+    assert len(finished) >= 3
+    assert {p: p.stat().st_mtime_ns for p in finished} == finished  # none is made again
+    assert report.reused <= 2  # one the dead worker had written but not reported is read
+    assert contents(tmp_path / "many") == expected
+
+
+# MPI
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not MPIEXEC.exists(), reason="needs an MPI library: pip install mpich")
+def test_mpi_job_gives_the_same_bytes(
+    environment: dict[str, str], mini_home: Path, tmp_path: Path
+) -> None:
+    shards = tmp_path / "1.0-mini" / "shards"
+    shards.mkdir(parents=True)
+    for name in ("split_sphere-0000", "inverted_cone-0000", "inverted_cone-0001"):
+        # The long ones are there already, to save time.
+        shutil.copy2(mini_home / "1.0-mini" / "shards" / f"{name}.parquet", shards)
+    job = [str(MPIEXEC), "-n", "3", sys.executable, "-m", "mpi4py.futures", "-m", "synthnet"]
+    build = ["build", "--version", "1.0-mini", "--out", str(tmp_path), "--engine", "mpi"]
+    done = subprocess.run(
+        [*job, *build], env=environment, capture_output=True, text=True, check=False, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    assert contents(tmp_path / "1.0-mini") == contents(mini_home / "1.0-mini")
+
+
+def test_mpi_outside_a_job_is_one_line(tmp_path: Path, command: Command) -> None:
+    pytest.importorskip("mpi4py")
+    done = command("build", "--out", tmp_path, "--engine", "mpi")
+    assert done.returncode == 2
+    (line,) = [line for line in done.stderr.splitlines() if line.strip()]
+    assert line.startswith("synthnet: --engine mpi ")
+    assert list(tmp_path.iterdir()) == []
