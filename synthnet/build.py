@@ -7,10 +7,11 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from platform import python_version
@@ -131,7 +132,7 @@ def build(
     load_open3d()  # if it cannot be imported, say so here and once
     for place in (directory, directory / SHARDS):
         files.make_directory(place)
-    with _exclusive(directory, wait_for_lock):
+    with exclusive(directory, wait_for_lock):
         finished = _finished(directory, wanted)  # by the build that was waited for
         if finished is not None:
             return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
@@ -144,7 +145,8 @@ def build(
         processes = workers or cores()
         with local_processes(processes) as executor:
             ahead = processes + 1  # one shard waits, so that no worker does
-            for plan, result in _run(executor, plans, wanted, directory, ahead, watcher):
+            work = partial(build_shard, wanted=wanted, directory=directory)
+            for plan, result in run_shards(executor, work, plans, ahead, watcher):
                 results[plan.file] = result
                 watcher.finished(plan, result)
         manifest = _manifest(wanted, [results[plan.file].record for plan in plans])
@@ -292,7 +294,14 @@ def _manifest(wanted: Recipe, records: Sequence[ShardRecord]) -> Manifest:
 
 
 @contextmanager
-def _exclusive(directory: Path, wait_for_lock: bool) -> Iterator[None]:
+def exclusive(directory: Path, wait_for_lock: bool) -> Iterator[None]:
+    """Hold the lock of a dataset's directory.
+
+    Raises
+    ------
+    BuildError
+        If another build holds it, and ``wait_for_lock`` is not given.
+    """
     lock = filelock.FileLock(directory / ".lock")
     try:
         lock.acquire(timeout=-1 if wait_for_lock else 0)
@@ -306,22 +315,21 @@ def _exclusive(directory: Path, wait_for_lock: bool) -> Iterator[None]:
         lock.release()
 
 
-def _run(
+def run_shards(
     executor: Executor,
+    work: Callable[[ShardPlan], ShardResult],
     plans: Sequence[ShardPlan],
-    wanted: Recipe,
-    directory: Path,
     ahead: int,
     watcher: Watcher,
 ) -> Iterator[tuple[ShardPlan, ShardResult]]:
-    """Yield shards as they are finished, at most ``ahead`` of them submitted at a time."""
+    """Yield ``work`` of each shard as it is finished, at most ``ahead`` submitted at a time."""
     waiting = deque(plans)
     running: dict[Future[ShardResult], ShardPlan] = {}
     while waiting or running:
         while waiting and len(running) < ahead:
             plan = waiting.popleft()
             watcher.submitted(plan)
-            running[executor.submit(build_shard, plan, wanted, directory)] = plan
+            running[executor.submit(work, plan)] = plan
         done, _ = wait(running, timeout=1, return_when=FIRST_COMPLETED)
         raise_if_interrupted()
         for future in done:

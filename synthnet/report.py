@@ -91,11 +91,18 @@ class Rate(ProgressColumn):
 
 
 class FamilyBars(Watcher):
-    """A progress bar for each family, on standard error."""
+    """A progress bar for each family, on standard error.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    of : str
+        What is made of the families, in front of their names.
+    """
+
+    def __init__(self, of: str = "") -> None:
+        self.of = of
         self.progress = Progress(
-            TextColumn("{task.description:<18}"),
+            TextColumn(f"{{task.description:<{len(of) + 18}}}"),
             BarColumn(),
             MofNCompleteColumn(),
             Rate(),
@@ -110,7 +117,9 @@ class FamilyBars(Watcher):
         for plan in plans:
             totals[plan.family] += len(plan.shapes)
         for family, total in totals.items():
-            self.tasks[family] = self.progress.add_task(family, total=total, start=False)
+            self.tasks[family] = self.progress.add_task(
+                f"{self.of}{family}", total=total, start=False
+            )
 
     def submitted(self, plan: ShardPlan) -> None:
         """Start the family's clock with its first shard."""
@@ -123,7 +132,9 @@ class FamilyBars(Watcher):
         task = self.tasks[plan.family]
         self.progress.advance(task, len(plan.shapes))
         if not self.progress.console.is_terminal and self.progress.tasks[task].finished:
-            self.progress.console.print(f"{plan.family}: done")  # a log has no bars that move
+            self.progress.console.print(
+                f"{self.of}{plan.family}: done"
+            )  # a log has no bars that move
         if result.damaged:
             self.progress.console.print(
                 f"built again: {result.damaged}", highlight=False, markup=False, soft_wrap=True
