@@ -229,7 +229,7 @@ def _show(options: argparse.Namespace) -> int:
     print("eigenvalues (1/length²)")
     print("  " + "  ".join(f"{value:.6g}" for value in eigenvalues))
     if errors is not None:
-        print("estimated to be too large by (1/length²)")
+        print("their estimated errors, label − limit (1/length²)")
         print("  " + "  ".join(f"{value:.2g}" for value in errors))
     if options.png is not None:
         print(f"picture: {options.png}")

@@ -21,7 +21,7 @@ from synthnet.verify import VerifyReport, lapy_eigenvalues, verify
 VERSION = "1.0-mini"
 FAMILY = "split_cone"  # small meshes
 SHARD = f"shards/{FAMILY}-0000.parquet"
-CHECKS = ["manifest", "digests", "shards", "recipe", "meshes", "pins", "labels"]
+CHECKS = ["manifest", "digests", "shards", "recipe", "meshes", "pins", "labels", "errors"]
 
 
 @pytest.fixture(scope="session")
@@ -114,6 +114,7 @@ def test_fresh_build_passes_every_check(mini_home: Path) -> None:
         "meshes": 335,
         "pins": 335,
         "labels": 12,
+        "errors": 0,
     }
     assert counted == [(n, 11) for n in range(1, 12)]
     assert report.directory == mini_home / VERSION
