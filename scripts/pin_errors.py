@@ -18,7 +18,7 @@ target = Path(__file__).parent.parent / "synthnet" / "versions" / f"{version}.er
 if len(sys.argv) > 2:
     target = Path(sys.argv[2])
 dataset = store.open_dataset(version)
-labels = (sample.eigenvalues for sample in dataset.samples())
+labels = (label for path in dataset.paths() for _, label in estimates.labels(path))
 rows = zip(estimates.read(dataset), labels, strict=True)
 pins.write_errors(target, {row.id: row.error / label for row, label in rows})
 print(f"{target}: {target.stat().st_size / 1e6:.2f} MB, {dataset.manifest.rows} shapes")

@@ -118,7 +118,7 @@ def estimate_shard(
         except DamagedError as error:
             damaged = str(error)
     with threadpoolctl.threadpool_limits(1):
-        estimates = [_estimate(*row) for row in _labels(directory / record.file)]
+        estimates = [_estimate(*row) for row in labels(directory / record.file)]
     _write_shard(path, estimates, record)
     return ShardResult(record, time.process_time() - started, reused=False, damaged=damaged)
 
@@ -201,7 +201,8 @@ def is_complete(dataset: StoredDataset) -> bool:
     return True
 
 
-def _labels(path: Path) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:
+def labels(path: Path) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:
+    """Read shapes and labels of a shard, without the meshes."""
     columns = ["id", "family", "index", "parameters", "group", "eigenvalues"]
     for row in store.read_table(path, columns).to_pylist():
         eigenvalues = np.array(row.pop("eigenvalues"))

@@ -45,4 +45,5 @@ FAMILY = Family(
     },
     euler_characteristic=2,
     limit=limit,
+    refinements=2,
 )

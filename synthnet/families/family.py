@@ -39,8 +39,8 @@ class Family:
         see :meth:`limit_eigenvalues`.
     refinements : int
         How often a mesh is refined to estimate its discretisation error: twice where
-        triangles reach from the centre of an end to its rim, or from tip to base, so that
-        the meshes as they are do not converge yet.
+        triangles may reach from the centre of an end to its rim, or from tip to base, so
+        that the meshes as they are do not converge yet.
     congruent : callable, optional
         Maps parameters to a representative of all parameters that give a congruent
         shape, so that mirror images count as one shape in the splits.
