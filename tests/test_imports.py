@@ -44,7 +44,7 @@ EIGBENCH = Path(eigbench.__file__).parent
 EIGBENCH_LEVELS = {
     **dict.fromkeys(["__init__", "errors", "metrics"], 0),
     **dict.fromkeys(["losses", "truth", "meshes", "predictor", "physics"], 1),
-    **dict.fromkeys(["predictions", "scores", "results", "tables", "worker"], 2),
+    **dict.fromkeys(["predictions", "scores", "noise", "results", "tables", "worker"], 2),
     **dict.fromkeys(["process", "submission"], 3),
     **dict.fromkeys(["evaluate", "ranking"], 4),
     **dict.fromkeys(["record", "figures", "page"], 5),
