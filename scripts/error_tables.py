@@ -34,7 +34,7 @@ def true_error(spec: ShapeSpec, label: np.ndarray, row: Estimate) -> np.ndarray:
     family = FAMILIES[spec.family]
     limit = family.limit_eigenvalues(spec.parameters, len(label))
     if limit is None:
-        finer = family.refine(spec.parameters, family.refinements + 1)
+        finer = family.refine(spec.parameters, len(row.refined) + 1)
         limit = extrapolate(row.refined[-1], spectrum.compute(finer).eigenvalues)
     return label - limit
 
@@ -54,7 +54,7 @@ def measured(name: str, labelled: list[tuple[ShapeSpec, np.ndarray]], rows: list
         "shapes": len(rows),
         "first": first,
         "last": last,
-        "refinements": FAMILIES[name].refinements,
+        "refinements": sorted({len(row.refined) for row in rows}),
         "reference": reference,
         "compared": len(chosen),
         "effectivity": np.percentile(ratios, QUANTILES).round(2).tolist(),
@@ -68,7 +68,7 @@ def table(report: dict) -> str:
             FAMILIES[row["family"]].title,
             f"{row['shapes']:,}",
             *(f"{value:.2f} %" for value in (*row["first"], *row["last"])),
-            row["refinements"],
+            ", ".join(map(str, row["refinements"])),
             "known" if row["reference"] == "known" else "one more refinement",
             row["compared"],
             f"{row['effectivity'][1]:.2f} ({row['effectivity'][0]:.2f} to "

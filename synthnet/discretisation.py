@@ -9,9 +9,11 @@ the label:
     \lambda_0 \approx \lambda_{h/2} + \frac{\lambda_{h/2} - \lambda_h}{3}, \qquad
     e = \lambda_h - \lambda_0 \approx \frac43 (\lambda_h - \lambda_{h/2})
 
-(Richardson). Eigenvalues are paired by their index in ascending order. Families with
-triangles that reach across the whole surface are refined twice, and the two finer meshes
-give the limit: see :attr:`synthnet.families.Family.refinements`.
+(Richardson). Eigenvalues are paired by their index in ascending order. A coarse mesh does
+not follow that law yet, so it is refined again, and the two finest meshes give the limit:
+families with triangles that reach across the whole surface at least twice
+(:attr:`synthnet.families.Family.refinements`), and any mesh while the last refinement
+changed an eigenvalue by more than a tenth, up to three times.
 
 References
 ----------
@@ -33,6 +35,9 @@ from synthnet.types import ShapeSpec
 
 Array = NDArray[np.float64]
 
+COARSE = 0.1  # relative change under refinement above which a mesh is refined again
+MOST = 3  # refinements: 64 times the triangles
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
@@ -45,7 +50,7 @@ class Estimate:
     error : ndarray of shape (k,), float64
         Label minus extrapolated limit, in 1/length²; positive where the label is too large.
     refined : ndarray of shape (r, k), float64
-        Eigenvalues of the mesh refined once, and twice where r is 2; in 1/length².
+        Eigenvalues of the mesh refined once, twice, … r times; in 1/length².
     """
 
     id: str
@@ -76,12 +81,13 @@ def estimate(spec: ShapeSpec, eigenvalues: Array) -> Estimate:
     array([ 2.,  2.,  2.,  6.,  6.,  6.,  6.,  6., 12., 12.])
     """
     family = FAMILIES[spec.family]
-    refined = [
-        spectrum.compute(family.refine(spec.parameters, times), len(eigenvalues)).eigenvalues
-        for times in range(1, family.refinements + 1)
-    ]
-    error = eigenvalues - extrapolate(*[eigenvalues, *refined][-2:])
-    return Estimate(spec.id, error, np.array(refined))
+    meshes = [eigenvalues]
+    change = np.inf
+    while len(meshes) <= family.refinements or (len(meshes) <= MOST and change > COARSE):
+        mesh = family.refine(spec.parameters, len(meshes))
+        meshes.append(spectrum.compute(mesh, len(eigenvalues)).eigenvalues)
+        change = float(np.max(np.abs(meshes[-2] / meshes[-1] - 1)))
+    return Estimate(spec.id, eigenvalues - extrapolate(*meshes[-2:]), np.array(meshes[1:]))
 
 
 def extrapolate(coarse: Array, fine: Array) -> Array:

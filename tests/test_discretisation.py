@@ -1,5 +1,6 @@
 """Estimates of the discretisation error against the limits that are known."""
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -87,7 +88,7 @@ def test_estimates_of_polyhedra_agree_with_finer_meshes(family: str) -> None:
 
 
 def test_estimate_keeps_the_eigenvalues_it_comes_from() -> None:
-    spec, label = small("cylinder", radius=1.0, height=1.0, resolution=8, split=2)
+    spec, label = small("cylinder", radius=1.0, height=3.0, resolution=20, split=6)
     found = estimate(spec, label)
     assert found.id == "cylinder-00000"
     assert found.refined.shape == (2, 10)
@@ -98,8 +99,29 @@ def test_estimate_keeps_the_eigenvalues_it_comes_from() -> None:
     np.testing.assert_allclose(found.error, label - (4 * quarter - h) / 3, rtol=1e-12)
 
 
+def test_a_coarse_mesh_is_refined_until_a_step_changes_less_than_a_tenth() -> None:
+    long = {"width": 1.0, "height": 0.3, "depth": 33.0}
+    spec, label = small("rectangular_prism", **long, subdivisions=3)
+    found = estimate(spec, label)
+    meshes = [label, *found.refined]
+    changes = [np.max(a / b - 1) for a, b in itertools.pairwise(meshes)]
+    assert len(changes) == 3
+    assert min(changes[:-1]) > 0.1
+    assert (found.error < label).all()  # from one refinement λ10 would have a limit below zero
+    assert (extrapolate(*meshes[:2]) < 0).any()
+    finer = [small("rectangular_prism", **long, subdivisions=n)[1] for n in (6, 7)]
+    np.testing.assert_allclose(found.error, label - extrapolate(*finer), rtol=0.02)
+
+
+def test_no_mesh_is_refined_more_than_three_times() -> None:
+    size = {"width": 1.0, "height": 1.0, "depth": 1000.0}
+    found = estimate(*small("rectangular_prism", **size, subdivisions=1))
+    assert len(found.refined) == 3
+    assert np.max(found.refined[1] / found.refined[2] - 1) > 0.1
+
+
 def test_one_refinement_is_four_thirds_of_the_difference() -> None:
-    spec, label = small("sphere", radius=1.0, resolution=10)
+    spec, label = small("sphere", radius=1.0, resolution=20)
     found = estimate(spec, label)
     assert found.refined.shape == (1, 10)
     np.testing.assert_allclose(found.error, 4 / 3 * (label - found.refined[0]), rtol=1e-9)

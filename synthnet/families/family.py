@@ -38,7 +38,7 @@ class Family:
         From k and the parameters to the spectrum of the smooth surface, where it is known;
         see :meth:`limit_eigenvalues`.
     refinements : int
-        How often a mesh is refined to estimate its discretisation error: twice where
+        How often a mesh is refined at least to estimate its discretisation error: twice where
         triangles may reach from the centre of an end to its rim, or from tip to base, so
         that the meshes as they are do not converge yet.
     congruent : callable, optional
