@@ -8,14 +8,16 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from importlib import metadata
 from itertools import islice
 from pathlib import Path
 from platform import python_version
+from typing import TypeAlias
 
 import filelock
 
@@ -96,8 +98,14 @@ class Terms:
     directory: Place
 
 
+Job: TypeAlias = Callable[[], ShardResult]
+
+
 class Watcher:
     """Is told how a build goes; override what you want to know."""
+
+    def preparing(self) -> None:
+        """The solver is about to be loaded; the first time on a machine it is compiled."""
 
     def planned(self, wanted: Recipe) -> None:
         """The shards of a recipe are about to be made."""
@@ -164,19 +172,26 @@ def build(
     if finished is not None:
         return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
     load_open3d()  # if it cannot be imported, say so here and once
+    watcher = watcher or Watcher()
+    watcher.preparing()
+    spectrum.compile_solver()  # here, and not in every worker
     for place in (directory, directory / SHARDS):
         storage.make_directory(place)
-    with _exclusive(directory, wait_for_lock):
+    with exclusive(directory, wait_for_lock):
         finished = _finished(directory, wanted)  # by the build that was waited for
         if finished is not None:
             return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
         _remove_partial_files(directory)
         plans = plan_shards(wanted)
-        watcher = watcher or Watcher()
-        terms = Terms(wanted, wanted.digest, _packages(), directory)
+        terms = terms_of(wanted, directory)
+        results: dict[int, ShardResult] = {}
+        jobs = ((plan, partial(work, plan, terms)) for plan in plans)
         with engine or local_processes(workers) as at_work:
             watcher.planned(wanted)
-            results = dict(_run(at_work, plans, terms, watcher))
+            for number, result in run_shards(at_work, jobs, watcher):
+                see(directory / plans[number].file)
+                results[number] = result
+                watcher.finished(plans[number], result)
         in_order = [results[number] for number in range(len(plans))]
         manifest = _manifest(wanted, [result.record for result in in_order])
         store.write_manifest(directory, manifest)
@@ -228,6 +243,18 @@ def work(plan: ShardPlan, terms: Terms) -> ShardResult:
     Raises
     ------
     BuildError
+        If the worker does not agree with the terms.
+    """
+    agree(terms)
+    return build_shard(plan, terms.wanted, terms.directory)
+
+
+def agree(terms: Terms) -> None:
+    """Make sure that this worker does what the build would.
+
+    Raises
+    ------
+    BuildError
         If the worker has other versions of the packages that make the data, understands
         another recipe, or does not see the directory.
     """
@@ -247,7 +274,6 @@ def work(plan: ShardPlan, terms: Terms) -> ShardResult:
     shards = terms.directory / SHARDS
     if isinstance(shards, Path) and not shards.is_dir():
         raise BuildError(f"the worker on {host} does not see {shards}: {SHARED}")
-    return build_shard(plan, terms.wanted, terms.directory)
 
 
 def build_shard(plan: ShardPlan, wanted: Recipe, directory: Place) -> ShardResult:
@@ -332,6 +358,11 @@ def _finished(directory: Place, wanted: Recipe) -> store.StoredDataset | None:
     return store.StoredDataset(directory, manifest)
 
 
+def terms_of(wanted: Recipe, directory: Place) -> Terms:
+    """Return what this process holds its workers to."""
+    return Terms(wanted, wanted.digest, _packages(), directory)
+
+
 @functools.cache
 def _packages() -> dict[str, str]:
     """Return the versions of the packages that the data depend on."""
@@ -361,8 +392,14 @@ def _remove_partial_files(directory: Place) -> None:
 
 
 @contextmanager
-def _exclusive(directory: Place, wait_for_lock: bool) -> Iterator[None]:
-    """Keep other builds out of a directory; at a URL they do no harm."""
+def exclusive(directory: Place, wait_for_lock: bool) -> Iterator[None]:
+    """Keep other builds out of a directory; at a URL they do no harm.
+
+    Raises
+    ------
+    BuildError
+        If another build is there, and ``wait_for_lock`` is not given.
+    """
     if not isinstance(directory, Path):
         yield
         return
@@ -379,32 +416,34 @@ def _exclusive(directory: Place, wait_for_lock: bool) -> Iterator[None]:
         lock.release()
 
 
-def _run(
-    workers: Workers, plans: Sequence[ShardPlan], terms: Terms, watcher: Watcher
+def run_shards(
+    workers: Workers, jobs: Iterable[tuple[ShardPlan, Job]], watcher: Watcher
 ) -> Iterator[tuple[int, ShardResult]]:
-    """Yield the shards' numbers and results as they are finished, few submitted at a time."""
-    waiting = iter(enumerate(plans))
-    running: dict[Future[ShardResult], tuple[int, ShardPlan]] = {}
+    """Yield the jobs' numbers and results as they are finished, few submitted at a time."""
+    waiting = iter(enumerate(jobs))
+    running: dict[Future[ShardResult], int] = {}
     while True:
-        for number, plan in islice(waiting, max(0, workers.ahead - len(running))):
+        for number, (plan, job) in islice(waiting, max(0, workers.ahead - len(running))):
             watcher.submitted(plan)
-            running[workers.executor.submit(work, plan, terms)] = number, plan
+            running[workers.executor.submit(job)] = number
         if not running:
             return
         done, _ = wait(running, timeout=1, return_when=FIRST_COMPLETED)
         raise_if_interrupted()
         for future in done:
-            number, plan = running.pop(future)
-            result = future.result()
-            _see(terms.directory / plan.file, result.record)
-            watcher.finished(plan, result)
-            yield number, result
+            yield running.pop(future), future.result()
 
 
-def _see(path: Place, record: ShardRecord) -> None:
-    """Make sure that what a worker wrote is where it should be."""
+def see(path: Place) -> None:
+    """Wait until what a worker wrote is where it should be.
+
+    Raises
+    ------
+    BuildError
+        If it does not turn up.
+    """
     patience = time.monotonic() + SEEN_WITHIN
-    while storage.size(path) != record.size:
+    while storage.size(path) is None:
         if time.monotonic() > patience:
             raise BuildError(f"a worker has written {path}, but it is not there: {SHARED}")
         time.sleep(0.5)

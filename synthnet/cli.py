@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tabulate import tabulate
 
-from synthnet import recipe, store
-from synthnet.build import build
+from synthnet import estimates, recipe, store
+from synthnet.build import BuildReport, build
 from synthnet.errors import SynthNetError
 from synthnet.geometry import MeshFacts
 from synthnet.report import FamilyBars, family_table, summary
@@ -93,19 +93,49 @@ def _build(options: argparse.Namespace) -> int:
             watcher=bars,
             wait_for_lock=options.wait,
         )
+    estimated = _estimate(options) if options.error_estimates else None
     if options.json:
-        _print_json(summary(report.dataset.manifest, report))
+        described = summary(report.dataset.manifest, report)
+        if estimated is not None:
+            described["error_estimates"] = {
+                "core_seconds": {k: round(v, 3) for k, v in estimated.seconds.items()},
+                "wall_seconds": round(estimated.wall_seconds, 3),
+                "nothing_to_do": estimated.nothing_to_do,
+                "reused_shards": estimated.reused,
+            }
+        _print_json(described)
         return 0
     directory = report.dataset.directory
     version = report.dataset.manifest.version
     if report.nothing_to_do:
         print(f"{version} is built already in {directory}: nothing to do")
         print("(every file has its size; `synthnet verify` checks what is in them)")
-        return 0
-    print(family_table(report.dataset.manifest, report.seconds))
-    kept = f", {report.reused} shards kept from an earlier run" if report.reused else ""
-    print(f"\n{version} built in {report.wall_seconds:.0f} s{kept}: {directory}")
+    else:
+        print(family_table(report.dataset.manifest, report.seconds))
+        kept = f", {report.reused} shards kept from an earlier run" if report.reused else ""
+        print(f"\n{version} built in {report.wall_seconds:.0f} s{kept}: {directory}")
+    if estimated is not None and estimated.nothing_to_do:
+        print("its error estimates are there already: nothing to do")
+    elif estimated is not None:
+        core = sum(estimated.seconds.values())
+        kept = f", {estimated.reused} shards kept from an earlier run" if estimated.reused else ""
+        place = directory / estimates.DIRECTORY
+        print(f"error estimates made in {estimated.wall_seconds:.0f} s ", end="")
+        print(f"({core:,.0f} core-seconds){kept}: {place}")
     return 0
+
+
+def _estimate(options: argparse.Namespace) -> BuildReport:
+    bars = FamilyBars("errors of ")
+    with bars.progress:
+        return estimates.build_estimates(
+            _wanted(options),
+            root=options.out,
+            workers=options.workers,
+            engine=_engine(options),
+            watcher=bars,
+            wait_for_lock=options.wait,
+        )
 
 
 def _info(options: argparse.Namespace) -> int:
@@ -186,7 +216,9 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace) -> int:
-    sample = store.open_dataset(options.version, options.out).find(options.id)
+    dataset = store.open_dataset(options.version, options.out)
+    sample = dataset.find(options.id)
+    estimate = estimates.find(dataset, options.id)
     facts = MeshFacts(sample.mesh)
     if options.png is not None:
         from synthnet.draw import draw_sample
@@ -207,11 +239,12 @@ def _show(options: argparse.Namespace) -> int:
         "eigenvalues": sample.eigenvalues.tolist(),
         "trivial": sample.trivial,
         "certificate": asdict(sample.certificate),
+        "error_estimate": None if estimate is None else estimate.error.tolist(),
     }
     if options.json:
         _print_json(described)
         return 0
-    eigenvalues = described.pop("eigenvalues")
+    eigenvalues, errors = described.pop("eigenvalues"), described.pop("error_estimate")
     parameters = described.pop("parameters")
     described["parameters"] = ", ".join(f"{k} {v}" for k, v in parameters.items())
     print(
@@ -219,6 +252,9 @@ def _show(options: argparse.Namespace) -> int:
     )
     print("eigenvalues (1/length²)")
     print("  " + "  ".join(f"{value:.6g}" for value in eigenvalues))
+    if errors is not None:
+        print("their estimated errors, label − limit (1/length²)")
+        print("  " + "  ".join(f"{value:.2g}" for value in errors))
     if options.png is not None:
         print(f"picture: {options.png}")
     return 0
@@ -232,6 +268,7 @@ CHECKS = {
     "meshes": "generated anew: faces equal, every vertex to 1e-6",
     "pins": "digests of the pinned build; its vertex moments and eigenvalues to 1e-6",
     "labels": "against LaPy's own solver, to 1e-8",
+    "errors": "estimates, where there are any: whole, from their label, some made anew, pins",
 }
 
 
@@ -343,6 +380,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument(
         "--wait", action="store_true", help="wait while another build is at work in the place"
+    )
+    sub.add_argument(
+        "--error-estimates",
+        action="store_true",
+        help="then estimate how far each label is from the smooth surface's spectrum "
+        "(several times the work of the build)",
     )
 
     sub = command("info", _info, "say what a built version holds", " --version 1.0-small")

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -133,6 +134,40 @@ def write(path: Path, pins: Iterable[Pin]) -> None:
                 "moments.list.element": "BYTE_STREAM_SPLIT",
                 "eigenvalues.list.element": "BYTE_STREAM_SPLIT",
             },
+        )
+
+    write_atomically(path, store)
+
+
+def read_errors(version: str) -> dict[str, NDArray[np.float32]] | None:
+    """Return the pinned error estimates of a full version, or ``None`` if it has none.
+
+    Returns
+    -------
+    dict of str to ndarray of shape (k,), float32, or None
+        By id: (label − limit) / label, see :mod:`synthnet.discretisation`.
+    """
+    path = resources.files("synthnet.versions").joinpath(f"{version}.errors.parquet")
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        table = pq.read_table(file)
+    return dict(zip(table["id"].to_pylist(), table["error"].to_numpy(), strict=True))
+
+
+def write_errors(path: Path, errors: Mapping[str, NDArray[np.floating[Any]]]) -> None:
+    """Write the pinned error estimates of a version, relative and as float32."""
+    rows = [np.asarray(row, dtype=np.float32) for row in errors.values()]
+    table = pa.table({"id": list(errors), "error": pa.array(rows, pa.list_(pa.float32()))})
+
+    def store(partial: Path) -> None:
+        pq.write_table(
+            table,
+            partial,
+            compression="zstd",
+            compression_level=19,
+            use_dictionary=False,
+            column_encoding={"error.list.element": "BYTE_STREAM_SPLIT"},
         )
 
     write_atomically(path, store)

@@ -90,12 +90,22 @@ class Rate(ProgressColumn):
         return Text(f"{task.completed / seconds:7.1f} meshes/s", style="cyan")
 
 
-class FamilyBars(Watcher):
-    """A progress bar for each family, on standard error."""
+PREPARING = "solver, compiled once"
 
-    def __init__(self) -> None:
+
+class FamilyBars(Watcher):
+    """A progress bar for each family, on standard error.
+
+    Parameters
+    ----------
+    of : str
+        What is made of the families, in front of their names.
+    """
+
+    def __init__(self, of: str = "") -> None:
+        self.of = of
         self.progress = Progress(
-            TextColumn("{task.description:<18}"),
+            TextColumn(f"{{task.description:<{len(of) + 18}}}"),
             BarColumn(),
             MofNCompleteColumn(),
             Rate(),
@@ -104,11 +114,18 @@ class FamilyBars(Watcher):
         )
         self.tasks: dict[str, TaskID] = {}
 
+    def preparing(self) -> None:
+        """Say so: compiling takes a while."""
+        self.tasks[PREPARING] = self.progress.add_task(PREPARING, total=None)
+
     def planned(self, wanted: Recipe) -> None:
         """Show the families with the number of their shapes."""
+        if PREPARING in self.tasks:
+            self.progress.remove_task(self.tasks.pop(PREPARING))
         for family in wanted.families:
-            total = wanted.drawn(family)
-            self.tasks[family] = self.progress.add_task(family, total=total, start=False)
+            self.tasks[family] = self.progress.add_task(
+                f"{self.of}{family}", total=wanted.drawn(family), start=False
+            )
 
     def submitted(self, plan: ShardPlan) -> None:
         """Start the family's clock with its first shard."""
@@ -121,7 +138,9 @@ class FamilyBars(Watcher):
         task = self.tasks[plan.family]
         self.progress.advance(task, len(plan.shapes))
         if not self.progress.console.is_terminal and self.progress.tasks[task].finished:
-            self.progress.console.print(f"{plan.family}: done")  # a log has no bars that move
+            self.progress.console.print(
+                f"{self.of}{plan.family}: done"
+            )  # a log has no bars that move
         if result.damaged:
             self.progress.console.print(
                 f"built again: {result.damaged}", highlight=False, markup=False, soft_wrap=True

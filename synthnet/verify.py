@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import lapy
 import numpy as np
 import threadpoolctl
+from numpy.typing import NDArray
 
-from synthnet import augment, pins, recipe, spectrum, storage, store
+from synthnet import augment, estimates, pins, recipe, spectrum, storage, store
+from synthnet.discretisation import Estimate, estimate, extrapolate
 from synthnet.distributions import ISOMETRIES, generator
 from synthnet.errors import SpectrumError, StoreError
 from synthnet.families import FAMILIES
@@ -24,6 +26,11 @@ from synthnet.types import Manifest, Mesh, Sample, ShapeSpec, ShardRecord
 VERTEX_TOLERANCE = 1e-6  # of the largest coordinate: float32 keeps 6e-8
 ISOMETRY_TOLERANCE = 1e-12  # of entries: sines differ in their last bits
 LAPY_TOLERANCE = 1e-8  # relative, stored label against LaPy's own solver
+ERRORS_MADE_ANEW = 5  # estimates of the sample: a refined mesh costs several labels
+ERROR_TOLERANCE = 1e-5  # of an error, as a share of its label; that is good to 1e-6
+
+
+CHECKS = ("manifest", "digests", "shards", "recipe", "meshes", "pins", "labels", "errors")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +69,9 @@ def verify(
     and row counts; ids, parameters, splits and isometries against the recipe's own draw;
     every mesh against one generated anew; every certificate, its eigenvalues counted anew;
     digests, vertex moments and labels against the pins of the repository (a scaled version
-    has none); labels of a random sample against ``lapy.Solver(...).eigs``.
+    has none); labels of a random sample against ``lapy.Solver(...).eigs``; the error
+    estimates, where they have been made, against their labels, the pins, and some of the
+    sample's made anew.
 
     Parameters
     ----------
@@ -99,11 +108,15 @@ def verify(
             "certificates",
             "pins",
             "labels",
+            "errors",
         )
     }
     found["manifest"] += _check_manifest(manifest, wanted, planned)
+    estimates_made = estimates.any_made(dataset)
     seen: set[str] = set()
-    relabelled = 0
+    relabelled = estimated = 0
+    pinned_errors = pins.read_errors(wanted.base) or {}
+    anew = set(sorted(chosen)[:: max(1, len(chosen) // ERRORS_MADE_ANEW)][:ERRORS_MADE_ANEW])
     for number, record in enumerate(manifest.shards, start=1):
         path = dataset.directory / record.file
         found["digests"] += _check_file(path, record)
@@ -123,6 +136,14 @@ def verify(
             if one.spec.id in chosen:
                 relabelled += 1
                 found["labels"] += _check_label(one)
+        if estimates_made:
+            try:
+                rows = estimates.read_shard(dataset.directory, record)
+            except StoreError as error:
+                found["errors"].append(str(error))
+            else:
+                estimated += len(rows)
+                found["errors"] += _check_errors(record.file, samples, rows, pinned_errors, anew)
         if on_shard is not None:
             on_shard(number, len(manifest.shards))
     found["recipe"] += _check_complete(seen, manifest, planned)
@@ -139,6 +160,7 @@ def verify(
         "certificates": len(seen),
         "pins": len(seen & set(pinned or ())),
         "labels": relabelled,
+        "errors": estimated,
     }
     checks = tuple(Check(name, examined[name], tuple(p)) for name, p in found.items())
     return VerifyReport(dataset.directory, checks)
@@ -292,3 +314,33 @@ def _check_label(sample: Sample) -> Iterator[str]:
             f"{sample.spec.id}: LaPy has {below} eigenvalues below "
             f"{sample.certificate.shift:g}, the certificate has {sample.certificate.count}"
         )
+
+
+def _check_errors(
+    file: str,
+    samples: list[Sample],
+    rows: list[Estimate],
+    pinned: Mapping[str, NDArray[np.float32]],
+    anew: set[str],
+) -> Iterator[str]:
+    if [row.id for row in rows] != [sample.spec.id for sample in samples]:
+        yield f"{file}: the error estimates beside it are of other shapes"
+        return
+    for sample, row in zip(samples, rows, strict=True):
+        label = sample.eigenvalues
+        if row.error.shape != label.shape or row.refined.shape[1:] != label.shape:
+            yield f"{row.id}: {len(row.error)} error estimates of {len(label)} eigenvalues"
+            continue
+        meshes = [label, *row.refined]
+        sources = [("its own refined eigenvalues", label - extrapolate(*meshes[-2:]))]
+        if row.id in pinned:
+            sources.append(("the pinned one", pinned[row.id] * label))
+        if row.id in anew:
+            sources.append(("one made anew", estimate(sample.spec, label).error))
+        for name, expected in sources:
+            apart = float(np.max(np.abs((row.error - expected) / label)))
+            if not apart <= ERROR_TOLERANCE:
+                yield (
+                    f"{row.id}: error estimate is {apart:.2g} of the label off {name}, "
+                    f"more than {ERROR_TOLERANCE:g}"
+                )

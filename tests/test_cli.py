@@ -309,8 +309,9 @@ def test_json_of_verify(run: Run, mini_home: Path) -> None:
     assert code == (0 if said["ok"] else 1)
     assert set(said) == {"version", "ok", "checks"}
     assert [check["check"] for check in said["checks"]] == list(cli.CHECKS)
-    assert [set(check) for check in said["checks"]] == [{"check", "examined", "problems"}] * 7
-    assert said["checks"][-1] == {"check": "labels", "examined": 2, "problems": []}
+    assert [set(check) for check in said["checks"]] == [{"check", "examined", "problems"}] * 8
+    assert said["checks"][-2] == {"check": "labels", "examined": 2, "problems": []}
+    assert said["checks"][-1] == {"check": "errors", "examined": 0, "problems": []}
 
 
 def test_json_of_show(run: Run, mini_home: Path) -> None:

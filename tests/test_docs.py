@@ -15,6 +15,7 @@ from eigbench.predictor import META_KEYS
 
 import synthnet.cli
 from synthnet import filters, recipe, store
+from synthnet.families import FAMILIES
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
@@ -156,3 +157,19 @@ def test_card_has_the_costs_that_were_measured():
     for number in (whole["ours ms"], whole["plain ms"], whole["ratio"], *loading.values()):
         if number not in (loading["version"], loading["vertices"]):
             assert f"{number:,}" in cost
+
+
+def test_page_on_labels_has_the_errors_that_were_measured():
+    report = json.loads((ROOT / "docs" / "data" / "errors.json").read_text())
+    page = (ROOT / "docs" / "labels.md").read_text()
+    assert [row["family"] for row in report["rows"]] == list(FAMILIES)
+    rows = [re.split(r"\s*\|\s*", line) for line in page.splitlines() if line.startswith("|")]
+    for row in report["rows"]:
+        title = FAMILIES[row["family"]].title
+        (cells,) = (cells for cells in rows if cells[1] == title)
+        shares = [f"{value:.2f} %" for value in (*row["first"], *row["last"])]
+        assert cells[2:7] == [f"{row['shapes']:,}", *shares]
+        low, middle, high = row["effectivity"]
+        assert cells[-2] == f"{middle:.2f} ({low:.2f} to {high:.2f})"
+        assert 0.97 <= middle <= 1.03
+        assert 0.85 <= low <= high <= 1.1

@@ -57,10 +57,11 @@ def compare(options: argparse.Namespace) -> int:
             number(d.b, decimals),
             number(d.a - d.b, decimals),
             between,
+            "none" if d.floor is None else number(d.floor, decimals),
             names[d.verdict],
         ]
 
-    headers = ["A", "B", "A − B", "95 % interval over shapes", "verdict"]
+    headers = ["A", "B", "A − B", "95 % interval over shapes", "noise floor", "verdict"]
     rows = [row(METRICS[key].title, d, key) for key, d in overall.items()]
     print(tabulate(rows, headers=["metric", *headers], disable_numparse=True) + "\n")
     rows = [row(family, d, RANKED_BY) for family, d in families.items()]

@@ -7,12 +7,13 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from eigbench import results
+from eigbench import noise, results
 from eigbench.metrics import MAIN, METRICS
 from eigbench.physics import TITLES
 from eigbench.ranking import RANKED_BY, Ranked
 from eigbench.submission import Submission
 from eigbench.tables import deviation, family_title, in_order, number
+from eigbench.truth import Truth
 from synthnet.files import sha256
 
 BANNER = """\
@@ -36,8 +37,9 @@ def board(rows: Sequence[Ranked], figure: Path) -> list[str]:
         f"## synthNet {facts['version']}, {facts['split']} split, protocol {facts['protocol']}\n",
         f"{facts['shapes']:,} shapes, {facts['instances']:,} instances. Sorted by mean {title}. A "
         "shared rank (=): a group begins with the best row left and goes on to the last row "
-        f"before the first whose paired 95 % interval of the difference in {title} to it "
-        "excludes zero. Mean over instances ± half the 95 % bootstrap interval over shapes; in "
+        "before the first that does not tie with it. Two rows tie if the paired 95 % interval of "
+        f"their difference in {title} includes zero, or the difference is below the noise "
+        "floor. Mean over instances ± half the 95 % bootstrap interval over shapes; in "
         "brackets the standard deviation over seeds, where there are several (it is in no "
         "interval). ms a mesh: median over batches, from raw vertices and faces to "
         "eigenvalues. Scores, intervals and ranks follow from the predictions; kind, training, "
@@ -45,6 +47,7 @@ def board(rows: Sequence[Ranked], figure: Path) -> list[str]:
         "The labels are finite element eigenvalues of each mesh. A solver of that very problem, "
         "LaPy, has no error but rounding: its row shows what exactness costs. ℓ1 and ℓ2 have "
         "a unit, and the smallest shapes make them.\n",
+        _noise(rows[0].submission.truth),
         _main(rows),
         f"![Error against time]({figure.as_posix()})\n",
         "### Medians\n",
@@ -70,6 +73,22 @@ def board(rows: Sequence[Ranked], figure: Path) -> list[str]:
         "files:\n",
         _digests(rows),
     ]
+
+
+def _noise(truth: Truth) -> str:
+    """Return the line of the noise floor."""
+    floors = {key: noise.floor(truth, key) for key in MAIN}
+    if None in floors.values():
+        return (
+            "**Noise floor**: not computed. The discretisation errors of these labels are not "
+            "[estimated](docs/labels.md) and pinned yet, so only intervals make ties.\n"
+        )
+    cells = ", ".join(f"{METRICS[key].title} {_value(floors[key], key)}" for key in MAIN)
+    return (
+        f"**Noise floor**: {cells}. So far are the labels, the spectra of meshes, from the "
+        "[extrapolated spectra](docs/labels.md) of the smooth surfaces and polyhedra (PSNR>20: "
+        "below 100 %). What differs by less is a tie, whichever is nearer to the labels.\n"
+    )
 
 
 def _table(headers: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:

@@ -1,4 +1,9 @@
-"""Which of several predictors is better, and which cannot be told apart."""
+"""Which of several predictors is better, and which cannot be told apart.
+
+Two predictors tie in a metric if the 95 % paired bootstrap interval of their difference
+includes zero (the shapes are too few to tell), or if their difference is below the noise
+floor of the metric (the labels are too coarse to tell), see :mod:`eigbench.noise`.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench import scores
+from eigbench import noise, scores
 from eigbench.errors import EigbenchError
 from eigbench.metrics import METRICS
 from eigbench.submission import Submission
@@ -27,6 +32,8 @@ class Difference:
     low, high : float
         95 % percentile-bootstrap interval over shapes of the mean of a − b; NaN where a
         value is not finite.
+    floor : float or None
+        Noise floor of the metric; None where there is none.
     verdict : str
         ``a``, ``b`` or ``tie``: which is better.
     """
@@ -35,6 +42,7 @@ class Difference:
     b: float
     low: float
     high: float
+    floor: float | None
     verdict: str
 
 
@@ -70,16 +78,23 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
     chosen = slice(None) if family is None else a.truth.families == family
     x, y = per_mesh(a, key)[chosen], per_mesh(b, key)[chosen]
     low, high = scores.paired_interval(x, y, truth, scores.bootstrap_weights(truth))
-    return Difference(float(x.mean()), float(y.mean()), low, high, _verdict(x, y, low, high, key))
+    floor = noise.floor(truth, key)
+    verdict = _verdict(x, y, (low, high), floor, key)
+    return Difference(float(x.mean()), float(y.mean()), low, high, floor, verdict)
 
 
 def _verdict(
-    x: NDArray[np.float64], y: NDArray[np.float64], low: float, high: float, key: str
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    interval: tuple[float, float],
+    floor: float | None,
+    key: str,
 ) -> str:
     bad_x, bad_y = not np.isfinite(x).all(), not np.isfinite(y).all()
     if bad_x or bad_y:  # what is not finite is worse than what is
         return "tie" if bad_x and bad_y else "b" if bad_x else "a"
-    if low <= 0 <= high:
+    low, high = interval
+    if low <= 0 <= high or abs(x.mean() - y.mean()) < (floor or 0):
         return "tie"
     return "a" if (low > 0) == METRICS[key].higher_is_better else "b"
 
@@ -88,8 +103,8 @@ def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Rank
     """Return the submissions best first, in tie groups.
 
     A group begins with the best row that is left and takes in each row after it, in order
-    of the mean, whose paired interval with it includes zero. The order of the input does
-    not matter.
+    of the mean, up to the first that does not tie with it. The order of the input does not
+    matter.
     """
     sign = -1 if METRICS[key].higher_is_better else 1
 

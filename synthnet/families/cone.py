@@ -1,5 +1,9 @@
 """Closed cones (paper §C: radius 1, log-normal height)."""
 
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet import limits
 from synthnet.families import primitives
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh
@@ -13,10 +17,25 @@ def surface(
     return primitives.subdivide(cone, subdivisions)
 
 
+def refined(
+    times: int, *, radius: float, height: float, resolution: int, split: int, subdivisions: int
+) -> Mesh:
+    """Open3D's cone refined onto the smooth cone, then subdivided as :func:`surface`."""
+    cone = primitives.cone(radius=radius, height=height, resolution=resolution, split=split)
+    fine = primitives.refine_lateral(cone, times, lambda z: radius * (1 - z / height))
+    return primitives.subdivide(fine, subdivisions)
+
+
+def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
+    """Spectrum of the smooth cone with its base."""
+    return limits.of_revolution([limits.line(0, radius), limits.line(radius, 0, height)], k)
+
+
 FAMILY = Family(
     name="cone",
     title="Cone",
     surface=surface,
+    refined=refined,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -25,4 +44,6 @@ FAMILY = Family(
         "subdivisions": 0,
     },
     euler_characteristic=2,
+    limit=limit,
+    refinements=2,
 )

@@ -1,5 +1,9 @@
 """Conical frustums: cylinders with one radius scaled (paper §C)."""
 
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet import limits
 from synthnet.families import primitives
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh
@@ -14,10 +18,33 @@ def surface(*, radius: float, height: float, resolution: int, split: int, scalin
     return Mesh(vertices, mesh.faces)
 
 
+def refined(
+    times: int, *, radius: float, height: float, resolution: int, split: int, scaling: float
+) -> Mesh:
+    """Frustum's mesh with the new vertices of side and rims moved out to the surface."""
+    mesh = surface(
+        radius=radius, height=height, resolution=resolution, split=split, scaling=scaling
+    )
+    return primitives.refine_lateral(
+        mesh, times, lambda z: radius * (1 + (scaling - 1) * (z / height + 0.5))
+    )
+
+
+def limit(
+    k: int, *, radius: float, height: float, scaling: float, **_: float
+) -> NDArray[np.float64]:
+    """Spectrum of the smooth frustum with its two discs."""
+    top = radius * scaling
+    return limits.of_revolution(
+        [limits.line(0, radius), limits.line(radius, top, height), limits.line(top, 0)], k
+    )
+
+
 FAMILY = Family(
     name="conical_frustum",
     title="Conical frustum",
     surface=surface,
+    refined=refined,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -26,4 +53,6 @@ FAMILY = Family(
         "scaling": POSITIVE,
     },
     euler_characteristic=2,
+    limit=limit,
+    refinements=2,
 )

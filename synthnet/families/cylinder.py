@@ -1,5 +1,9 @@
 """Closed cylinders (paper §C: radius 1, log-normal height)."""
 
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet import limits
 from synthnet.families import primitives
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh
@@ -10,10 +14,25 @@ def surface(*, radius: float, height: float, resolution: int, split: int) -> Mes
     return primitives.cylinder(radius=radius, height=height, resolution=resolution, split=split)
 
 
+def refined(times: int, *, radius: float, height: float, resolution: int, split: int) -> Mesh:
+    """Cylinder's mesh with the new vertices of side and rims moved out to the radius."""
+    mesh = surface(radius=radius, height=height, resolution=resolution, split=split)
+    return primitives.refine_lateral(mesh, times, lambda z: np.full_like(z, radius))
+
+
+def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
+    """Spectrum of the smooth cylinder with its two discs."""
+    profile = [limits.line(0, radius), limits.line(radius, radius, height), limits.line(radius, 0)]
+    return limits.of_revolution(profile, k)
+
+
 FAMILY = Family(
     name="cylinder",
     title="Cylinder",
     surface=surface,
+    refined=refined,
     least={"radius": POSITIVE, "height": POSITIVE, "resolution": 3, "split": 1},
     euler_characteristic=2,
+    limit=limit,
+    refinements=2,
 )

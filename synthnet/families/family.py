@@ -8,6 +8,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from synthnet.types import Mesh, Parameters
 
 POSITIVE = math.ulp(0.0)  # least value of a length: any positive number
@@ -25,10 +28,19 @@ class Family:
         Name for people.
     surface : callable
         Pure function of the parameters, by keyword, to a float64 :class:`Mesh`.
+    refined : callable
+        The same, after how often to refine, to a finer mesh; see :meth:`refine`.
     least : mapping of str to number
         The parameters there are, and the least value of each.
     euler_characteristic : int
         V − E + F of every mesh of the family.
+    limit : callable, optional
+        From k and the parameters to the spectrum of the smooth surface, where it is known;
+        see :meth:`limit_eigenvalues`.
+    refinements : int
+        How often a mesh is refined at least to estimate its discretisation error: twice where
+        triangles may reach from the centre of an end to its rim, or from tip to base, so
+        that the meshes as they are do not converge yet.
     congruent : callable, optional
         Maps parameters to a representative of all parameters that give a congruent
         shape, so that mirror images count as one shape in the splits.
@@ -37,8 +49,11 @@ class Family:
     name: str
     title: str
     surface: Callable[..., Mesh]
+    refined: Callable[..., Mesh]
     least: Mapping[str, float]
     euler_characteristic: int
+    limit: Callable[..., NDArray[np.float64]] | None = None
+    refinements: int = 1
     congruent: Callable[[Parameters], Parameters] | None = None
 
     def generate(self, parameters: Parameters) -> Mesh:
@@ -55,6 +70,61 @@ class Family:
         ValueError
             If a parameter is missing, unknown, not finite or below its limit.
         """
+        return self.surface(**self._arguments(parameters))
+
+    def refine(self, parameters: Parameters, times: int = 1) -> Mesh:
+        """Make the mesh of the given parameters with every triangle split into four.
+
+        A new vertex on an edge of a curved part is moved onto the smooth surface, so that
+        the step halves. Where the generator itself subdivides (cones, split cones), what it
+        subdivides is refined so, and then subdivided: the vertices that the generator
+        leaves inside the smooth surface would otherwise stay there. An inverted cone is
+        refined as the cone it is isometric to.
+
+        Parameters
+        ----------
+        parameters : mapping of str to number
+            As for :meth:`generate`.
+        times : int
+            How often; 0 gives the mesh of :meth:`generate`, an inverted cone as a cone.
+
+        Returns
+        -------
+        Mesh
+            float64 vertices, int64 faces, closed and oriented outwards; 4^times the
+            triangles of :meth:`generate`.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`generate`, or if ``times`` is negative.
+        """
+        if times < 0:
+            raise ValueError(f"times must be at least 0, got {times}")
+        return self.refined(times, **self._arguments(parameters))
+
+    def limit_eigenvalues(self, parameters: Parameters, k: int = 10) -> NDArray[np.float64] | None:
+        """Return the first k non-zero eigenvalues of the smooth surface, or None if not known.
+
+        Returns
+        -------
+        ndarray of shape (k,), float64, or None
+            In 1/length², ascending, to a relative 1e-8.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`generate`.
+        """
+        return None if self.limit is None else self.limit(k, **self._arguments(parameters))
+
+    def group(self, parameters: Parameters) -> str:
+        """Hash of family and parameters: equal for shapes that are the same shape."""
+        representative = parameters if self.congruent is None else self.congruent(parameters)
+        text = json.dumps([self.name, dict(representative)], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def _arguments(self, parameters: Parameters) -> dict[str, float | int]:
         if set(parameters) != set(self.least):
             raise ValueError(
                 f"{self.name} takes the parameters {', '.join(self.least)}; "
@@ -68,10 +138,4 @@ class Family:
             if isinstance(least, int) and value != int(value):
                 raise ValueError(f"{self.name}: {name} must be an integer, got {value}")
         whole = {name for name, least in self.least.items() if isinstance(least, int)}
-        return self.surface(**{k: int(v) if k in whole else v for k, v in parameters.items()})
-
-    def group(self, parameters: Parameters) -> str:
-        """Hash of family and parameters: equal for shapes that are the same shape."""
-        representative = parameters if self.congruent is None else self.congruent(parameters)
-        text = json.dumps([self.name, dict(representative)], sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        return {k: int(v) if k in whole else v for k, v in parameters.items()}

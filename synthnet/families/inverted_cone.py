@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from synthnet.families import cone
 from synthnet.families.family import POSITIVE, Family
@@ -35,10 +36,37 @@ def surface(
     return Mesh(np.column_stack([mesh.vertices[:, :2], reflected]), mesh.faces)
 
 
+def refined(
+    times: int,
+    *,
+    radius: float,
+    height: float,
+    resolution: int,
+    split: int,
+    subdivisions: int,
+    flip: float,
+) -> Mesh:
+    """Refined mesh of the cone, to which the inverted one is isometric."""
+    return cone.refined(
+        times,
+        radius=radius,
+        height=height,
+        resolution=resolution,
+        split=split,
+        subdivisions=subdivisions,
+    )
+
+
+def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
+    """Spectrum of the smooth cone, to which the inverted one is isometric."""
+    return cone.limit(k, radius=radius, height=height)
+
+
 FAMILY = Family(
     name="inverted_cone",
     title="Inverted cone",
     surface=surface,
+    refined=refined,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -48,4 +76,5 @@ FAMILY = Family(
         "flip": POSITIVE,
     },
     euler_characteristic=2,
+    limit=limit,
 )

@@ -12,10 +12,16 @@ def surface(*, width: float, height: float, depth: float, subdivisions: int) -> 
     )
 
 
+def refined(times: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
+    """Box subdivided ``times`` times more: a polyhedron is its own limit."""
+    return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + times)
+
+
 FAMILY = Family(
     name="rectangular_prism",
     title="Rectangular prism",
     surface=surface,
+    refined=refined,
     least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
     euler_characteristic=2,
 )

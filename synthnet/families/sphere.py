@@ -1,5 +1,9 @@
 """Spheres by latitude and longitude (paper §C: radius 1)."""
 
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet import limits
 from synthnet.families import primitives
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh
@@ -10,10 +14,22 @@ def surface(*, radius: float, resolution: int) -> Mesh:
     return primitives.sphere(radius=radius, resolution=resolution)
 
 
+def refined(times: int, *, radius: float, resolution: int) -> Mesh:
+    """Sphere's mesh with the midpoints of its edges moved out to the radius."""
+    return primitives.refine_sphere(surface(radius=radius, resolution=resolution), times, radius)
+
+
+def limit(k: int, *, radius: float, **_: float) -> NDArray[np.float64]:
+    """Spectrum of the smooth sphere."""
+    return limits.of_sphere(radius, k)
+
+
 FAMILY = Family(
     name="sphere",
     title="Sphere",
     surface=surface,
+    refined=refined,
     least={"radius": POSITIVE, "resolution": 2},
     euler_characteristic=2,
+    limit=limit,
 )

@@ -1,5 +1,9 @@
 """Split cones: two halves of different resolution (paper §C)."""
 
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet import limits
 from synthnet.families import primitives
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh
@@ -27,10 +31,41 @@ def surface(
     return primitives.subdivide(hull, subdivisions)
 
 
+def refined(
+    times: int,
+    *,
+    radius: float,
+    height: float,
+    resolution_a: int,
+    resolution_b: int,
+    split_a: int,
+    split_b: int,
+    subdivisions: int,
+) -> Mesh:
+    """Hull refined onto the smooth cone, then subdivided as :func:`surface`."""
+    hull = surface(
+        radius=radius,
+        height=height,
+        resolution_a=resolution_a,
+        resolution_b=resolution_b,
+        split_a=split_a,
+        split_b=split_b,
+        subdivisions=0,
+    )
+    fine = primitives.refine_lateral(hull, times, lambda z: radius * (1 - z / height))
+    return primitives.subdivide(fine, subdivisions)
+
+
+def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
+    """Spectrum of the smooth cone with its base."""
+    return limits.of_revolution([limits.line(0, radius), limits.line(radius, 0, height)], k)
+
+
 FAMILY = Family(
     name="split_cone",
     title="Split cone",
     surface=surface,
+    refined=refined,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -41,4 +76,6 @@ FAMILY = Family(
         "subdivisions": 0,
     },
     euler_characteristic=2,
+    limit=limit,
+    refinements=2,
 )

@@ -1,5 +1,9 @@
 """Split spheres: two halves of different resolution (paper §C)."""
 
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet import limits
 from synthnet.families import primitives
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh, Parameters
@@ -19,11 +23,24 @@ def congruent(parameters: Parameters) -> Parameters:
     return {**parameters, "resolution_a": a, "resolution_b": b}
 
 
+def refined(times: int, *, radius: float, resolution_a: int, resolution_b: int) -> Mesh:
+    """Hull with the midpoints of its edges moved out to the radius."""
+    mesh = surface(radius=radius, resolution_a=resolution_a, resolution_b=resolution_b)
+    return primitives.refine_sphere(mesh, times, radius)
+
+
+def limit(k: int, *, radius: float, **_: float) -> NDArray[np.float64]:
+    """Spectrum of the smooth sphere."""
+    return limits.of_sphere(radius, k)
+
+
 FAMILY = Family(
     name="split_sphere",
     title="Split sphere",
     surface=surface,
+    refined=refined,
     least={"radius": POSITIVE, "resolution_a": 2, "resolution_b": 2},
     euler_characteristic=2,
+    limit=limit,
     congruent=congruent,
 )

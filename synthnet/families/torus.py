@@ -1,7 +1,14 @@
 """Tori of revolution (paper §C: torus radius 1, log-normal tube radius)."""
 
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet import limits
 from synthnet.families import primitives
 from synthnet.families.family import POSITIVE, Family
+from synthnet.limits import Arc
 from synthnet.types import Mesh
 
 
@@ -17,10 +24,47 @@ def surface(
     )
 
 
+def refined(
+    times: int,
+    *,
+    torus_radius: float,
+    tube_radius: float,
+    radial_resolution: int,
+    tubular_resolution: int,
+) -> Mesh:
+    """Torus's mesh with the midpoints of its edges moved onto the tube."""
+    mesh = surface(
+        torus_radius=torus_radius,
+        tube_radius=tube_radius,
+        radial_resolution=radial_resolution,
+        tubular_resolution=tubular_resolution,
+    )
+
+    def onto(points: primitives.Points) -> primitives.Points:
+        around = points * [1, 1, 0]
+        centres = around * (torus_radius / np.linalg.norm(around, axis=1, keepdims=True))
+        away = points - centres
+        moved: primitives.Points = centres + away * (
+            tube_radius / np.linalg.norm(away, axis=1, keepdims=True)
+        )
+        return moved
+
+    return primitives.refine(mesh, times, onto)
+
+
+def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> NDArray[np.float64]:
+    """Spectrum of the smooth torus, as a surface of revolution."""
+    half = math.pi * tube_radius
+    outer = Arc(half, lambda s: torus_radius + tube_radius * np.sin(s / tube_radius))
+    inner = Arc(half, lambda s: torus_radius - tube_radius * np.sin(s / tube_radius))
+    return limits.of_revolution([outer, inner], k, closed=True)
+
+
 FAMILY = Family(
     name="torus",
     title="Torus",
     surface=surface,
+    refined=refined,
     least={
         "torus_radius": POSITIVE,
         "tube_radius": POSITIVE,
@@ -28,4 +72,5 @@ FAMILY = Family(
         "tubular_resolution": 3,
     },
     euler_characteristic=0,
+    limit=limit,
 )

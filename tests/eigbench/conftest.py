@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import io
 import json
 from collections.abc import Callable
@@ -12,8 +13,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from eigbench import cli, truth
+from eigbench import cli, predictions, results, scores, truth
 from eigbench.truth import Truth
+
+from synthnet.files import sha256
 
 WEYL = """
 import numpy as np
@@ -84,6 +87,28 @@ def weyl(tmp_path_factory: pytest.TempPathFactory, mini_home: Path) -> Evaluated
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         assert cli.main(["evaluate", str(code), *options]) == 0
     return Evaluated(code, out, place / "result.parquet", json.loads(out.read_text()))
+
+
+@pytest.fixture(scope="session")
+def make_submission(
+    weyl: Evaluated, mini_truth: Truth, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[..., Path]:
+    """Return a function that makes a result and predictions of its own name and answers."""
+
+    def make(name: str, values: Any, **model: Any) -> Path:
+        place = tmp_path_factory.mktemp("made")
+        out, kept = place / "result.json", place / "result.parquet"
+        values = np.asarray(values, dtype=np.float64)
+        values = values if values.ndim == 3 else values[None]
+        predictions.write(kept, mini_truth, values)
+        result = copy.deepcopy(weyl.result)
+        result["model"].update({"name": name, **model})
+        result["predictions"] = {"sha256": sha256(kept), "seeds": len(values)}
+        result["scores"] = scores.score(mini_truth, values)
+        results.write(out, result)
+        return out
+
+    return make
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """Submissions, ranks, LEADERBOARD.md and its check, compare and plot."""
 
-import copy
 import json
 import re
 import shutil
@@ -11,7 +10,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
-from eigbench import figures, leaderboard, predictions, ranking, results, scores, submission
+from eigbench import figures, leaderboard, ranking, results, submission
 from eigbench.errors import EigbenchError, PredictionsError, ResultError
 from eigbench.metrics import METRICS
 
@@ -19,26 +18,6 @@ from synthnet.files import sha256
 
 BOARD = "1.0-mini-test-grouped"
 CHECKOUT = Path(__file__).parent.parent.parent
-
-
-@pytest.fixture(scope="session")
-def make_submission(weyl, mini_truth, tmp_path_factory):
-    """Return a function that makes a result and predictions of its own name and answers."""
-
-    def make(name, values, **model):
-        place = tmp_path_factory.mktemp("made")
-        out, kept = place / "result.json", place / "result.parquet"
-        values = np.asarray(values, dtype=np.float64)
-        values = values if values.ndim == 3 else values[None]
-        predictions.write(kept, mini_truth, values)
-        result = copy.deepcopy(weyl.result)
-        result["model"].update({"name": name, **model})
-        result["predictions"] = {"sha256": sha256(kept), "seeds": len(values)}
-        result["scores"] = scores.score(mini_truth, values)
-        results.write(out, result)
-        return out
-
-    return make
 
 
 @pytest.fixture(scope="session")

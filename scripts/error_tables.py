@@ -1,0 +1,109 @@
+"""Measure the error estimates of a built version: docs/data/errors.json and docs/labels.md.
+
+    synthnet build --version 1.0 --error-estimates
+    python scripts/error_tables.py 1.0
+
+The quantiles are over all shapes; the effectivity (estimate over true error) over at most
+SAMPLE of a family, evenly spaced. Where the limit is not known, the estimate after one
+more refinement stands for the true error.
+"""
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import threadpoolctl
+from rich.progress import track
+from tabulate import tabulate
+
+from synthnet import estimates, spectrum, store
+from synthnet.discretisation import Estimate, extrapolate
+from synthnet.families import FAMILIES
+from synthnet.types import ShapeSpec
+
+ROOT = Path(__file__).parent.parent
+PAGE, DATA = ROOT / "docs" / "labels.md", ROOT / "docs" / "data" / "errors.json"
+SAMPLE = {"known": 100, "finer": 20}
+QUANTILES = (5, 50, 95)
+
+
+def true_error(spec: ShapeSpec, label: np.ndarray, row: Estimate) -> np.ndarray:
+    """Return the label minus the limit, or minus a better extrapolation."""
+    family = FAMILIES[spec.family]
+    limit = family.limit_eigenvalues(spec.parameters, len(label))
+    if limit is None:
+        finer = family.refine(spec.parameters, len(row.refined) + 1)
+        limit = extrapolate(row.refined[-1], spectrum.compute(finer).eigenvalues)
+    return label - limit
+
+
+def measured(name: str, labelled: list[tuple[ShapeSpec, np.ndarray]], rows: list[Estimate]) -> dict:
+    """Return the numbers of one family."""
+    relative = 100 * np.array(
+        [row.error / label for (_, label), row in zip(labelled, rows, strict=True)]
+    )
+    reference = "finer" if FAMILIES[name].limit is None else "known"
+    chosen = np.linspace(0, len(rows) - 1, min(SAMPLE[reference], len(rows))).round().astype(int)
+    true = [true_error(*labelled[i], rows[i]) for i in track(chosen.tolist(), name)]
+    ratios = np.array([rows[i].error for i in chosen]) / true
+    first, last = (np.percentile(relative[:, i], (50, 95)).round(2).tolist() for i in (0, -1))
+    return {
+        "family": name,
+        "shapes": len(rows),
+        "first": first,
+        "last": last,
+        "refinements": sorted({len(row.refined) for row in rows}),
+        "reference": reference,
+        "compared": len(chosen),
+        "effectivity": np.percentile(ratios, QUANTILES).round(2).tolist(),
+    }
+
+
+def table(report: dict) -> str:
+    """Return the table of the page."""
+    cells = [
+        [
+            FAMILIES[row["family"]].title,
+            f"{row['shapes']:,}",
+            *(f"{value:.2f} %" for value in (*row["first"], *row["last"])),
+            ", ".join(map(str, row["refinements"])),
+            "known" if row["reference"] == "known" else "one more refinement",
+            row["compared"],
+            f"{row['effectivity'][1]:.2f} ({row['effectivity'][0]:.2f} to "
+            f"{row['effectivity'][2]:.2f})",
+        ]
+        for row in report["rows"]
+    ]
+    headers = ["family", "shapes", "λ1 median", "λ1 95 %", "λ10 median", "λ10 95 %"]
+    headers += ["refined", "limit", "compared", "estimate / true, median (5 to 95 %)"]
+    text = tabulate(cells, headers, tablefmt="github", disable_numparse=True)
+    return f"Estimated error as a share of the label, synthNet {report['version']}:\n\n{text}"
+
+
+def main() -> None:
+    """Measure, and rewrite the marked part of the page."""
+    dataset = store.open_dataset(sys.argv[1])
+    found = {row.id: row for row in estimates.read(dataset)}
+    rows = []
+    with threadpoolctl.threadpool_limits(1):
+        for name in dataset.manifest.drawn:
+            files = [shard.file for shard in dataset.manifest.shards if shard.family == name]
+            mine = [row for file in files for row in estimates.labels(dataset.directory / file)]
+            rows.append(measured(name, mine, [found[spec.id] for spec, _ in mine]))
+    report = {"version": sys.argv[1], "rows": rows}
+    DATA.write_text(json.dumps(report, indent=1) + "\n")
+    begin, end = "<!-- begin errors -->", "<!-- end errors -->"
+    text = re.sub(
+        f"{begin}.*?{end}",
+        lambda _: f"{begin}\n{table(report)}\n{end}",
+        PAGE.read_text(),
+        flags=re.S,
+    )
+    PAGE.write_text(text)
+    print(f"{DATA} and {PAGE} written")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,273 @@
+"""Estimates of the labels' discretisation errors, in files beside the shards.
+
+``<home>/<version>/errors/<family>-0000.parquet`` has a row for each shape of
+``shards/<family>-0000.parquet``, in its order, and the SHA-256 of that shard. The shards
+and the manifest do not depend on whether the estimates are there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from synthnet import recipe, storage, store
+from synthnet.build import (
+    BuildReport,
+    ShardResult,
+    Terms,
+    Watcher,
+    agree,
+    exclusive,
+    run_shards,
+    see,
+    terms_of,
+)
+from synthnet.discretisation import Estimate, estimate
+from synthnet.errors import DamagedError, SpectrumError, StoreError
+from synthnet.files import one_line
+from synthnet.plan import plan_shards
+from synthnet.recipe import Recipe
+from synthnet.storage import Place
+from synthnet.store import METADATA_KEY, StoredDataset
+from synthnet.types import ShapeSpec, ShardRecord
+from synthnet.workers import Engine, local_processes, one_thread
+
+DIRECTORY = "errors"
+SCHEMA_VERSION = 1
+AGAIN = "run `synthnet build --error-estimates` again"
+
+SCHEMA = pa.schema(
+    [
+        pa.field("id", pa.string(), nullable=False),
+        pa.field("error", pa.list_(pa.float64()), nullable=False),  # 1/length²
+        pa.field("refined", pa.list_(pa.list_(pa.float64())), nullable=False),  # 1/length²
+    ]
+)
+
+
+def build_estimates(
+    version: str | Recipe,
+    *,
+    root: str | os.PathLike[str] | None = None,
+    workers: int | None = None,
+    engine: Engine | None = None,
+    watcher: Watcher | None = None,
+    wait_for_lock: bool = False,
+) -> BuildReport:
+    """Estimate the error of every label of a built dataset, or finish doing so.
+
+    Parameters
+    ----------
+    version, root, workers, engine, watcher, wait_for_lock
+        As for :func:`synthnet.build.build`.
+
+    Returns
+    -------
+    BuildReport
+        The dataset and what the estimates took.
+
+    Raises
+    ------
+    StoreError
+        If the dataset has not been built there, or a shard is damaged or of another recipe.
+    SpectrumError
+        If the solver fails on a refined mesh.
+    BuildError
+        If the directory cannot be written, the disk is full, another build is at work
+        there, or a worker died. Finished estimates are kept.
+    """
+    started = time.perf_counter()
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers must be at least 1, got {workers}")
+    wanted = version if isinstance(version, Recipe) else recipe.load(version)
+    dataset = store.open_dataset(wanted.version, root)
+    directory = dataset.directory
+    if dataset.manifest.recipe_digest != wanted.digest:
+        raise StoreError(f"{directory} holds {wanted.version} of another recipe: remove it")
+    if is_complete(dataset):
+        return BuildReport(dataset, {}, time.perf_counter() - started, 0, nothing_to_do=True)
+    storage.make_directory(directory / DIRECTORY)
+    watcher = watcher or Watcher()
+    seconds = dict.fromkeys(dataset.manifest.drawn, 0.0)
+    reused = 0
+    with exclusive(directory, wait_for_lock), engine or local_processes(workers) as at_work:
+        storage.remove_partial_files(directory / DIRECTORY)
+        plans, terms = plan_shards(wanted), terms_of(wanted, directory)
+        shards = zip(plans, dataset.manifest.shards, strict=True)
+        jobs = ((plan, partial(work, record, terms)) for plan, record in shards)
+        watcher.planned(wanted)
+        for number, result in run_shards(at_work, jobs, watcher):
+            see(path_of(directory, result.record))
+            seconds[result.record.family] += result.seconds
+            reused += result.reused
+            watcher.finished(plans[number], result)
+    return BuildReport(dataset, seconds, time.perf_counter() - started, reused)
+
+
+def work(record: ShardRecord, terms: Terms) -> ShardResult:
+    """Estimate the errors of one shard on the terms of a build; runs in a worker."""
+    agree(terms)
+    return estimate_shard(record, terms.directory)
+
+
+def estimate_shard(record: ShardRecord, directory: Place) -> ShardResult:
+    """Estimate the errors of one shard, or read them if they are there."""
+    started = time.process_time()
+    path = path_of(directory, record)
+    damaged = None
+    if storage.size(path) is not None:
+        try:
+            read_shard(directory, record)
+            return ShardResult(record, time.process_time() - started, reused=True)
+        except DamagedError as error:
+            damaged = str(error)
+    with one_thread:
+        estimates = [_estimate(*row) for row in labels(directory / record.file)]
+    _write_shard(path, estimates, record)
+    return ShardResult(record, time.process_time() - started, reused=False, damaged=damaged)
+
+
+def path_of(directory: Place, record: ShardRecord) -> Place:
+    """Return where the estimates of a shard are."""
+    return directory / DIRECTORY / PurePosixPath(record.file).name
+
+
+def read_shard(directory: Place, record: ShardRecord) -> list[Estimate]:
+    """Read the estimates of one shard.
+
+    What was read is encoded again, and must give the very bytes of the file.
+
+    Raises
+    ------
+    DamagedError
+        If they are missing, damaged, or of a shard of other bytes.
+    StoreError
+        If the file cannot be read.
+    """
+    path = path_of(directory, record)
+    try:
+        content = path.read_bytes()
+        with pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True) as file:
+            table = file.read()
+        header = json.loads((table.schema.metadata or {}).get(METADATA_KEY, b"{}"))
+    except FileNotFoundError as error:
+        raise DamagedError(f"{path} is missing: {AGAIN}") from error
+    except PermissionError as error:
+        raise StoreError(f"cannot read {path} ({error.strerror}): ask its owner") from error
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise DamagedError(f"{path} is damaged ({one_line(error)}): {AGAIN}") from error
+    if not table.schema.equals(SCHEMA) or header != _header(record):
+        raise DamagedError(f"{path} is not of {record.file} as it is: {AGAIN}")
+    estimates = [
+        Estimate(row["id"], np.array(row["error"]), np.array(row["refined"]))
+        for row in table.to_pylist()
+    ]
+    if _encoded(estimates, record) != content:
+        raise DamagedError(f"{path} is damaged (its bytes are not those of its content): {AGAIN}")
+    return estimates
+
+
+def read(dataset: StoredDataset) -> Iterator[Estimate]:
+    """Read the estimates of all shapes, in the order of the shards.
+
+    Raises
+    ------
+    DamagedError
+        If a file of them is missing or damaged, or of another build.
+
+    Examples
+    --------
+    >>> from synthnet import store
+    >>> dataset = store.open_dataset("1.0-mini")  # doctest: +SKIP
+    >>> {one.id: one.error for one in read(dataset)}["cone-00042"]  # doctest: +SKIP
+    """
+    for record in dataset.manifest.shards:
+        yield from read_shard(dataset.directory, record)
+
+
+def any_made(dataset: StoredDataset) -> bool:
+    """Return whether estimates of any shard are there."""
+    return any(
+        storage.size(path_of(dataset.directory, record)) is not None
+        for record in dataset.manifest.shards
+    )
+
+
+def find(dataset: StoredDataset, id: str) -> Estimate | None:
+    """Return the estimate of a shape, or None where none have been made.
+
+    Raises
+    ------
+    DamagedError
+        If they have been made, but the file is missing or damaged.
+    """
+    if not any_made(dataset):
+        return None
+    family = id.rpartition("-")[0]
+    shards = [record for record in dataset.manifest.shards if record.family == family]
+    rows = (row for record in shards for row in read_shard(dataset.directory, record))
+    return next((row for row in rows if row.id == id), None)
+
+
+def is_complete(dataset: StoredDataset) -> bool:
+    """Return whether the estimates of every shard are there and whole."""
+    try:
+        for _ in read(dataset):
+            pass
+    except DamagedError:
+        return False
+    return True
+
+
+def labels(path: Place) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:
+    """Read shapes and labels of a shard, without the meshes."""
+    columns = ["id", "family", "index", "parameters", "group", "eigenvalues"]
+    for row in store.read_table(path, columns).to_pylist():
+        eigenvalues = np.array(row.pop("eigenvalues"))
+        yield ShapeSpec(**{**row, "parameters": json.loads(row["parameters"])}), eigenvalues
+
+
+def _estimate(spec: ShapeSpec, eigenvalues: NDArray[np.float64]) -> Estimate:
+    try:
+        return estimate(spec, eigenvalues)
+    except SpectrumError as error:
+        raise SpectrumError(f"{spec.id}, refined: {error}") from error
+
+
+def _header(record: ShardRecord) -> dict[str, object]:
+    return {"schema_version": SCHEMA_VERSION, "shard_sha256": record.sha256}
+
+
+def _write_shard(path: Place, estimates: list[Estimate], record: ShardRecord) -> None:
+    content = _encoded(estimates, record)
+
+    def write(partial: Path) -> None:
+        partial.write_bytes(content)
+
+    storage.write_atomically(path, write)
+
+
+def _encoded(estimates: list[Estimate], record: ShardRecord) -> bytes:
+    header = json.dumps(_header(record), sort_keys=True)
+    table = pa.Table.from_pylist(
+        [
+            {"id": one.id, "error": one.error.tolist(), "refined": one.refined.tolist()}
+            for one in estimates
+        ],
+        schema=SCHEMA.with_metadata({METADATA_KEY: header}),
+    )
+    buffer = pa.BufferOutputStream()
+    pq.write_table(
+        table, buffer, compression="zstd", use_dictionary=False, write_page_checksum=True
+    )
+    content: bytes = buffer.getvalue().to_pybytes()
+    return content
