@@ -266,6 +266,7 @@ CHECKS = {
     "shards": "schema, page checksums and rows of every shard",
     "recipe": "ids, parameters, splits and isometries drawn anew",
     "meshes": "generated anew: faces equal, every vertex to 1e-6",
+    "certificates": "residuals, and the eigenvalues below the shift counted anew",
     "pins": "digests of the pinned build; its vertex moments and eigenvalues to 1e-6",
     "labels": "against LaPy's own solver, to 1e-8",
     "errors": "estimates, where there are any: whole, from their label, some made anew, pins",

@@ -121,7 +121,7 @@ class FamilyBars(Watcher):
     def planned(self, wanted: Recipe) -> None:
         """Show the families with the number of their shapes."""
         if PREPARING in self.tasks:
-            self.progress.remove_task(self.tasks.pop(PREPARING))
+            self.progress.update(self.tasks[PREPARING], visible=False)  # known by its number
         for family in wanted.families:
             self.tasks[family] = self.progress.add_task(
                 f"{self.of}{family}", total=wanted.drawn(family), start=False
