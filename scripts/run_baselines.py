@@ -23,6 +23,7 @@ ROWS = {  # file: seeds
     "decimate1000": 1,
     "lumped": 1,
     "exact": 1,
+    "certified": 1,
 }
 
 

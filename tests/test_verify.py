@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import synthnet.verify
-from synthnet import cli, pins, recipe, store
+from synthnet import cli, pins, recipe, spectrum, store
 from synthnet.errors import RecipeError, StoreError
 from synthnet.plan import plan_shards
 from synthnet.types import Mesh, Rejection, Sample, ShapeSpec
@@ -22,7 +22,17 @@ from synthnet.verify import VerifyReport, lapy_eigenvalues, verify
 VERSION = "1.0-mini"
 FAMILY = "split_cone"  # small meshes
 SHARD = f"shards/{FAMILY}-0000.parquet"
-CHECKS = ["manifest", "digests", "shards", "recipe", "meshes", "pins", "labels", "errors"]
+CHECKS = [
+    "manifest",
+    "digests",
+    "shards",
+    "recipe",
+    "meshes",
+    "certificates",
+    "pins",
+    "labels",
+    "errors",
+]
 
 
 @pytest.fixture(scope="session")
@@ -49,6 +59,27 @@ def generate_each_mesh_once(known_meshes: dict[str, Mesh], monkeypatch: pytest.M
         return known_meshes[key]
 
     monkeypatch.setattr(synthnet.verify, "generated_anew", once)
+
+
+@pytest.fixture(scope="session")
+def known_counts() -> dict[tuple[bytes, bytes, float], int]:
+    return {}
+
+
+@pytest.fixture(autouse=True)
+def count_each_mesh_once(
+    known_counts: dict[tuple[bytes, bytes, float], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Counting the eigenvalues of all of 1.0-mini takes five seconds."""
+    count = spectrum.count_below
+
+    def once(mesh: Mesh, shift: float) -> int:
+        key = (mesh.vertices.tobytes(), mesh.faces.tobytes(), shift)
+        if key not in known_counts:
+            known_counts[key] = count(mesh, shift)
+        return known_counts[key]
+
+    monkeypatch.setattr(synthnet.verify.spectrum, "count_below", once)
 
 
 @pytest.fixture
@@ -113,6 +144,7 @@ def test_fresh_build_passes_every_check(mini_home: Path) -> None:
         "shards": 11,
         "recipe": 335,
         "meshes": 335,
+        "certificates": 335,
         "pins": 335,
         "labels": 12,
         "errors": 0,
@@ -143,7 +175,9 @@ def test_sample_is_drawn_by_its_seed(mini_home: Path, monkeypatch: pytest.Monkey
     seen.clear()
     report = verify(VERSION, root=mini_home, sample=1000)
     assert len(seen) == 335  # every shape once, when more are asked for
-    assert len(problems(report)["labels"]) == 335
+    found = problems(report)["labels"]
+    assert sum("off LaPy's" in problem for problem in found) == 335
+    assert sum("LaPy has" in problem for problem in found) > 300  # ones are below most shifts
 
 
 def test_lapy_agrees_on_every_family(mini_home: Path) -> None:
@@ -301,7 +335,7 @@ def test_swapped_vertices_are_found(mini_copy: Path, capsys: pytest.CaptureFixtu
         return {"mesh": Mesh(vertices, sample.mesh.faces)}
 
     tamper_first(mini_copy, swap)
-    assert list(failed(mini_copy, capsys)) == ["meshes", "pins"]
+    assert list(failed(mini_copy, capsys)) == ["meshes", "certificates", "pins"]
 
 
 @pytest.mark.usefixtures("pinned")
