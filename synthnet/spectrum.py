@@ -30,7 +30,8 @@ class Setting:
     shift : float
         Of the operator, in units of what Weyl's law gives for the k-th eigenvalue.
     residual : float
-        Largest relative residual that is good enough.
+        Largest relative residual that is good enough; very fine meshes end where rounding
+        lets it fall no further.
     gap : float
         Least relative gap above the cluster of the k-th eigenvalue in which to count.
     vectors : int
@@ -279,7 +280,7 @@ def _lanczos(matrices: Matrices, ordering: Ordering, k: int, setting: Setting) -
     search = Lanczos(
         matrices, ordering, factor, sigma, limit=limit, strict=setting.strict, seed=setting.seed
     )
-    tolerance = setting.residual
+    tolerance, least = setting.residual, np.inf
     steps = k + 2
     while search.extend(steps):
         steps = 2
@@ -295,8 +296,10 @@ def _lanczos(matrices: Matrices, ordering: Ordering, k: int, setting: Setting) -
             weighted = _times(matrices, matrices.mass, vectors)
             values, vectors, defects = _rayleigh_ritz(matrices, vectors, weighted)
             residual = _largest_residual(matrices, defects, values)
-        if residual <= setting.residual:
+        # What another round does not halve is rounding in the product with A.
+        if residual <= setting.residual or residual > least / 2:
             return _Candidate(values, vectors, residual, gap)
+        least = residual
         tolerance /= 10
     raise SpectrumError(f"no convergence in {search.size} Lanczos vectors")
 
