@@ -12,7 +12,7 @@ from synthnet.errors import CertificateError, SpectrumError
 from synthnet.solver import fem
 from synthnet.solver.fem import Matrices
 from synthnet.solver.lanczos import Lanczos, RitzPairs
-from synthnet.solver.ldl import Factor, factorise, solve
+from synthnet.solver.ldl import factorise, solve
 from synthnet.solver.ordering import Ordering, find_ordering
 from synthnet.types import Certificate, Mesh, Spectrum
 
@@ -119,7 +119,8 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
     triangles. A factorisation :math:`A - \sigma B = L D L^T`, σ in a gap above the k-th
     eigenvalue and all that are as good as equal to it, has as many negative pivots as there
     are eigenvalues below σ (Sylvester's law of inertia): none was missed if that is the
-    number of pairs found. An answer without certificate is looked for again by a stronger
+    number of pairs found, which are different ones because their φ are B-orthonormal (Kahan).
+    An answer without certificate is looked for again by a stronger
     setting.
 
     Parameters
@@ -292,8 +293,9 @@ def _lanczos(matrices: Matrices, ordering: Ordering, k: int, setting: Setting) -
         values, vectors, defects = _rayleigh_ritz(matrices, *search.vectors(pairs, count))
         residual = _largest_residual(matrices, defects, values)
         if residual > setting.residual:
-            vectors = _corrected(vectors, defects, factor, ordering)
-            weighted = _times(matrices, matrices.mass, vectors)
+            # A step of inverse iteration, as a correction: rounding in the factor is undone.
+            vectors -= solve(factor, ordering, defects)
+            weighted = fem.multiply(matrices, matrices.mass, vectors)
             values, vectors, defects = _rayleigh_ritz(matrices, vectors, weighted)
             residual = _largest_residual(matrices, defects, values)
         # What another round does not halve is rounding in the product with A.
@@ -322,40 +324,13 @@ def _rayleigh_ritz(
     matrices: Matrices, vectors: NDArray[np.float64], weighted: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """In the span of the rows: values, B-orthonormal rows, and their defects A φ − λ B φ."""
-    stiff = _times(matrices, matrices.stiffness, vectors)
+    stiff = fem.multiply(matrices, matrices.stiffness, vectors)
     try:
         values, turn = linalg.eigh(vectors @ stiff.T, vectors @ weighted.T, check_finite=False)
     except linalg.LinAlgError as error:
         raise SpectrumError(f"the eigenvectors found are not independent: {error}") from error
     defects = turn.T @ stiff - values[:, None] * (turn.T @ weighted)
     return values, turn.T @ vectors, defects
-
-
-def _corrected(
-    vectors: NDArray[np.float64],
-    defects: NDArray[np.float64],
-    factor: Factor,
-    ordering: Ordering,
-) -> NDArray[np.float64]:
-    """One step of inverse iteration, as a correction: rounding in the factor is undone."""
-    steps = defects.copy()
-    for i in range(0, len(steps) - 1, 2):
-        solve(factor, ordering, steps[i : i + 2])
-    if len(steps) % 2:
-        last = np.stack([steps[-1], steps[-1]])
-        solve(factor, ordering, last)
-        steps[-1] = last[0]
-    return vectors - steps
-
-
-def _times(
-    matrices: Matrices, values: NDArray[np.float64], rows: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    product = np.empty_like(rows)
-    for i in range(0, len(rows), 2):
-        two = slice(min(i, len(rows) - 2), None)
-        fem.multiply(matrices.indptr, matrices.indices, values, rows[two], product[two])
-    return product
 
 
 def _largest_residual(

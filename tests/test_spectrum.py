@@ -260,6 +260,14 @@ def test_a_second_component_gives_a_second_zero() -> None:
     assert found.certificate.count >= 7
 
 
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_few_eigenvalues_are_the_first(k: int) -> None:
+    mesh = rectangle(17, 13)
+    found = spectrum.compute(mesh, k)
+    np.testing.assert_allclose(found.eigenvalues, spectrum.compute(mesh).eigenvalues[:k], rtol=1e-9)
+    assert found.eigenvectors.shape == (len(mesh.vertices), k)
+
+
 def test_all_eigenvalues_of_a_tetrahedron() -> None:
     # Regular, edge 2 sqrt 2, face |T| = 2 sqrt 3. All angles are 60°, so
     # A_ij = -cot 60° = -1/sqrt 3 and A_ii = 3/sqrt 3; B_ij = |T|/6 and B_ii = 3 |T|/6.

@@ -148,8 +148,19 @@ def _add_triangles(
     return flat
 
 
-@kernel
 def multiply(
+    matrices: Matrices, values: NDArray[np.float64], rows: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the products of vectors, the rows of a (c, n) array, with A or B by its values."""
+    even = np.concatenate([rows, rows[len(rows) - len(rows) % 2 :]])
+    product = np.empty_like(even)
+    for i in range(0, len(even), 2):
+        multiply_two(matrices.indptr, matrices.indices, values, even[i : i + 2], product[i : i + 2])
+    return product[: len(rows)]
+
+
+@kernel
+def multiply_two(
     indptr: NDArray[np.int32],
     indices: NDArray[np.int32],
     values: NDArray[np.float64],

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet.solver.compiled import kernel
-from synthnet.solver.fem import Matrices, multiply
+from synthnet.solver.fem import Matrices, multiply_two
 from synthnet.solver.ldl import Factor, _subtract_four, dot_four, solve_two
 from synthnet.solver.ordering import Ordering
 
@@ -154,7 +154,7 @@ def _start(
 ) -> None:
     coefficients = np.empty((2, 1))
     _project(basis, weighted, basis[1:3], 0, 1, coefficients)
-    multiply(indptr, indices, mass, basis[1:3], weighted[1:3])
+    multiply_two(indptr, indices, mass, basis[1:3], weighted[1:3])
     _orthonormalise(basis[1:3], weighted[1:3])
 
 
@@ -197,7 +197,7 @@ def _extend(
         else:
             _project(basis, weighted, new, near, m, coefficients)
             _project(basis, weighted, new, 0, 1, coefficients)
-        multiply(indptr, indices, mass, new, weighted[m : m + 2])
+        multiply_two(indptr, indices, mass, new, weighted[m : m + 2])
         r, s, t = _orthonormalise(new, weighted[m : m + 2])
         projected[m, m - 2] = projected[m - 2, m] = r
         projected[m, m - 1] = projected[m - 1, m] = s

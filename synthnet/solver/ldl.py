@@ -176,9 +176,12 @@ def _eliminate(front: NDArray[np.float64], width: int) -> None:
         k += step
 
 
-def solve(factor: Factor, ordering: Ordering, x: NDArray[np.float64]) -> None:
-    """Overwrite the two rows of x, of shape (2, n), with the solutions of (A − σB) y = x."""
-    solve_two(ordering, factor.pivots, factor.panels, x)
+def solve(factor: Factor, ordering: Ordering, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the solutions y of (A − σB) y = x for each row x of a (c, n) array."""
+    even = np.concatenate([rows, rows[len(rows) - len(rows) % 2 :]])
+    for i in range(0, len(even), 2):
+        solve_two(ordering, factor.pivots, factor.panels, even[i : i + 2])
+    return even[: len(rows)]
 
 
 @kernel
