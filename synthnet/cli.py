@@ -245,6 +245,11 @@ def _show(options: argparse.Namespace) -> int:
         _print_json(described)
         return 0
     eigenvalues, errors = described.pop("eigenvalues"), described.pop("error_estimate")
+    proof = sample.certificate
+    described["certificate"] = (
+        f"{proof.count} eigenvalues below {proof.shift:.6g}, zero included, as many as were "
+        f"found; each exact to {proof.residual:.1g}"
+    )
     parameters = described.pop("parameters")
     described["parameters"] = ", ".join(f"{k} {v}" for k, v in parameters.items())
     print(
