@@ -8,7 +8,7 @@ import pytest
 
 from synthnet import distributions, filters, geometry, recipe, spectrum
 from synthnet.errors import RecipeError
-from synthnet.families import FAMILIES, draw_shape, draw_shapes
+from synthnet.families import FAMILIES, draw_shape, draw_shapes, primitives
 from synthnet.families.primitives import convex_hull
 from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe
 from synthnet.types import Mesh, ShapeSpec
@@ -371,6 +371,43 @@ def test_faces_of_a_hull_do_not_hang_on_the_last_bit(family: str, shape: dict[st
         ulps = rng.integers(-1, 2, size=mesh.vertices.shape)
         hull = convex_hull(mesh.vertices * (1 + np.finfo(float).eps * ulps))
         np.testing.assert_array_equal(hull.faces, mesh.faces)
+
+
+@pytest.mark.parametrize(
+    ("a", "b"), [(2, 2), (2, 9), (3, 2), (20, 20), (20, 51), (33, 22), (42, 86), (61, 60)]
+)
+def test_hemispheres_are_joined_as_any_halves_are(a: int, b: int) -> None:
+    halves = [primitives.sphere(radius=1.0, resolution=resolution) for resolution in (a, b)]
+    expected = primitives.join_halves(*halves)
+    found = primitives.join_hemispheres(*halves)
+    np.testing.assert_array_equal(found.vertices, expected.vertices)
+    np.testing.assert_array_equal(found.faces, expected.faces)
+
+
+def test_hull_of_most_of_two_hemispheres_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    sought = []
+    hull = primitives._hull
+
+    def count(points: np.ndarray) -> np.ndarray:
+        sought.append(len(points))
+        return hull(points)
+
+    monkeypatch.setattr(primitives, "_hull", count)
+    halves = [primitives.sphere(radius=1.0, resolution=resolution) for resolution in (60, 70)]
+    found = primitives.join_hemispheres(*halves)
+    assert len(sought) == 1
+    assert sought[0] < len(found.vertices) / 6
+
+
+def test_hemispheres_with_a_gap_are_joined_by_their_whole_hull(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    halves = [primitives.sphere(radius=1.0, resolution=resolution) for resolution in (9, 12)]
+    expected = primitives.join_halves(*halves)
+    band = primitives._band
+    monkeypatch.setattr(primitives, "_band", lambda *arguments: band(*arguments)[1:])
+    found = primitives.join_hemispheres(*halves)
+    np.testing.assert_array_equal(found.faces, expected.faces)
 
 
 def test_convex_hull_drops_inner_points_and_fans_flat_facets_from_their_first_vertex() -> None:

@@ -11,7 +11,7 @@ from synthnet.types import Mesh, Parameters
 
 def surface(*, radius: float, resolution_a: int, resolution_b: int) -> Mesh:
     """Hull of the points with x ≤ 0 of one sphere and with x ≥ 0 of another."""
-    return primitives.join_halves(
+    return primitives.join_hemispheres(
         primitives.sphere(radius=radius, resolution=resolution_a),
         primitives.sphere(radius=radius, resolution=resolution_b),
     )
