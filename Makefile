@@ -25,8 +25,8 @@ quickstart: $(STAMP) ## install everything, build VERSION, show it and load a fi
 	$(VENV)/bin/python examples/first_batch.py $(VERSION)
 	@echo "Now: . $(VENV)/bin/activate"
 
-test: $(STAMP) ## run the tests
-	$(VENV)/bin/python -m pytest
+test: $(STAMP) ## run the tests, a process a core
+	$(VENV)/bin/python -m pytest -n auto --dist loadfile
 
 lint: $(STAMP) ## check style and formatting
 	$(VENV)/bin/python -m ruff check

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import filelock
 import hypothesis
 import pytest
 
@@ -80,8 +81,12 @@ def mini_home(
     command: Callable[..., subprocess.CompletedProcess[str]],
 ) -> Path:
     """Directory with 1.0-mini, built once by two workers. Read only: copy it to damage it."""
-    home = tmp_path_factory.mktemp("mini")
-    done = command("build", "--version", "1.0-mini", "--out", home, "--workers", "2")
+    base = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        base = base.parent  # the directory that the processes of one run share
+    home = base / "mini"
+    with filelock.FileLock(base / "mini.lock"):
+        done = command("build", "--version", "1.0-mini", "--out", home, "--workers", "2")
     assert done.returncode == 0, done.stderr
     return home
 
