@@ -1,6 +1,10 @@
 """Measure the peak memory of builds of growing size: of the build's process and of its workers.
 
 Every build is a new process. Peaks are the kernel's own (``VmHWM`` of /proc), in MB; Linux only.
+Rows gather in docs/data/build-memory.json and docs/clusters.md:
+
+    python benchmarks/build_memory.py --scale 1 4
+    python benchmarks/build_memory.py --scale 1 20 --families split_cone conical_frustum
 """
 
 from __future__ import annotations
@@ -9,6 +13,7 @@ import argparse
 import dataclasses
 import json
 import multiprocessing
+import re
 import resource
 import sys
 import tempfile
@@ -20,7 +25,8 @@ from tabulate import tabulate
 from synthnet import recipe
 from synthnet.build import build
 
-RESULT = Path(__file__).parent.parent / "docs" / "data" / "build-memory.json"
+DOCS = Path(__file__).parent.parent / "docs"
+RESULT, PAGE = DOCS / "data" / "build-memory.json", DOCS / "clusters.md"
 
 
 def peak_mb() -> float:
@@ -55,15 +61,42 @@ def measure(version: str, families: list[str], share: float, scale: int, workers
     }
 
 
+def table(rows: list[dict]) -> str:
+    """Return the rows as Markdown."""
+    cells = [
+        [
+            row["families"],
+            f"{row['scale']} ×",
+            *(f"{row[key]:,}" for key in ("shapes", "shards")),
+            *(f"{row[key]:,.0f}" for key in ("build MB", "largest worker MB", "seconds")),
+        ]
+        for row in rows
+    ]
+    headers = ["families", "size", "shapes", "shards", "build MB", "largest worker MB", "seconds"]
+    align = ["left"] + ["right"] * 6
+    return tabulate(cells, headers, tablefmt="github", disable_numparse=True, colalign=align)
+
+
+def keep(row: dict) -> list[dict]:
+    """Put a row into the file and the page, in the place of an older one like it."""
+    old = json.loads(RESULT.read_text()) if RESULT.exists() else []
+    same = ("families", "scale", "share")
+    rows = [r for r in old if any(r[key] != row[key] for key in same)] + [row]
+    rows.sort(key=lambda r: (r["families"] != "all", r["families"], r["share"] * r["scale"]))
+    RESULT.write_text(json.dumps(rows, indent=1) + "\n")
+    marked = re.compile(r"(<!-- begin memory -->\n).*(<!-- end memory -->)", re.DOTALL)
+    PAGE.write_text(marked.sub(lambda m: f"{m[1]}{table(rows)}\n{m[2]}", PAGE.read_text()))
+    return rows
+
+
 def main() -> None:
-    """Measure each scale, print a table and write the JSON."""
+    """Measure each scale; after each, write the JSON and the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--version", default="1.0")
     parser.add_argument("--families", nargs="*", default=[], help="default: all")
     parser.add_argument("--share", type=float, default=1.0, help="of the recipe's counts")
     parser.add_argument("--scale", nargs="+", type=int, default=[1, 4])
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=RESULT)
     options = parser.parse_args()
     rows = []
     for scale in options.scale:
@@ -71,17 +104,10 @@ def main() -> None:
         arguments = (options.version, options.families, options.share, scale, options.workers)
         # A process has one peak in its life, so each build gets a new one.
         with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-            rows.append(pool.submit(measure, *arguments).result())
-    print(tabulate(rows, headers="keys"))
-    families = options.families or list(recipe.load(options.version).families)
-    found = {
-        "version": options.version,
-        "families": families,
-        "share": options.share,
-        "workers": options.workers,
-        "rows": rows,
-    }
-    options.out.write_text(json.dumps(found, indent=1) + "\n")
+            row = pool.submit(measure, *arguments).result()
+        families = ", ".join(options.families).replace("_", " ") or "all"
+        rows = keep({"families": families, "share": options.share, **row})
+    print(table(rows))
 
 
 if __name__ == "__main__":
