@@ -257,21 +257,34 @@ def _check_mesh(sample: Sample) -> Iterator[str]:
 
 
 def _check_certificate(sample: Sample, wanted: Recipe) -> Iterator[str]:
-    id, found = sample.spec.id, sample.certificate
-    if not found.residual <= wanted.filters.residual:
-        yield f"{id}: residual is {found.residual:.3g}, above {wanted.filters.residual:g}"
-    if not found.shift > sample.eigenvalues[-1]:
-        yield f"{id}: eigenvalues are counted below {found.shift:g}, which the label exceeds"
+    """Count the eigenvalues below the shift, and below the last gap within the label."""
+    id, proof, label = sample.spec.id, sample.certificate, sample.eigenvalues
+    if not 0 <= proof.residual <= wanted.filters.residual:
+        limit = wanted.filters.residual
+        yield f"{id}: residual is {proof.residual:.3g}, not between 0 and {limit:g}"
+    if not proof.shift > label[-1] or proof.count < len(label) + 1:
+        yield (
+            f"{id}: {proof.count} eigenvalues counted below {proof.shift:g} do not cover "
+            f"the label's {len(label)} up to {label[-1]:g}"
+        )
+    edges = np.concatenate([[0.0], label])
+    gaps = np.flatnonzero(np.diff(edges) > spectrum.NORMAL.gap * edges[1:])
+    if len(gaps) == 0:
+        yield f"{id}: no label: its eigenvalues are not positive"
+        return
+    lower = int(gaps[-1])  # eigenvalues of the label below its last gap
+    shifts = (proof.shift, float(edges[lower] + edges[lower + 1]) / 2)
     try:
-        count = spectrum.count_below(sample.mesh, found.shift)
+        counts = spectrum.count_below(sample.mesh, *shifts)
     except (SpectrumError, ValueError) as error:
         yield f"{id}: its eigenvalues cannot be counted: {one_line(error)}"
         return
-    if count != found.count:
-        yield (
-            f"{id}: {count} eigenvalues are below {found.shift:g}, "
-            f"the certificate has {found.count}"
-        )
+    sources = ("certificate", "label")
+    for shift, count, expected, what in zip(
+        shifts, counts, (proof.count, lower + 1), sources, strict=True
+    ):
+        if count != expected:
+            yield f"{id}: {count} eigenvalues are below {shift:g}, the {what} has {expected}"
 
 
 def _check_complete(

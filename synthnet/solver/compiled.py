@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 from numba import njit
@@ -11,7 +13,17 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Sums may be reordered and fused so that loops use the processor's vector units; infinities
 # and NaN keep their meaning, and a division by zero gives them instead of an error.
-SETTINGS = {"fastmath": {"reassoc", "contract"}, "error_model": "numpy"}
+# Threads may run several at once.
+SETTINGS = {"nogil": True, "fastmath": {"reassoc", "contract"}, "error_model": "numpy"}
+
+
+def _stamp() -> str:
+    """Return a hash of all sources here: a kernel holds the code of those it calls."""
+    sources = sorted(Path(__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:12]
+
+
+STAMP = _stamp()
 
 
 def kernel(function: Function) -> Function:
@@ -20,6 +32,8 @@ def kernel(function: Function) -> Function:
     The code is kept beside the module, or in the user's cache, for the next process; where
     neither can be written every process compiles anew.
     """
+    # Numba's cache knows a function by its name, and looks at its own file only.
+    function.__qualname__ += f"_{STAMP}"
     try:
         compiled: Function = njit(cache=True, **SETTINGS)(function)
     except RuntimeError:  # Numba found no place for its cache

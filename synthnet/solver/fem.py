@@ -108,6 +108,20 @@ def _sort(numbers: NDArray[np.int32]) -> None:
 
 
 @kernel
+def _place(numbers: NDArray[np.int32], low: int, high: int, number: int) -> int:
+    """Return where a number is in an ascending range of numbers."""
+    while high - low > 8:
+        middle = (low + high) // 2
+        if numbers[middle] <= number:
+            low = middle
+        else:
+            high = middle
+    while numbers[low] != number:
+        low += 1
+    return low
+
+
+@kernel
 def _add_triangles(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
@@ -140,11 +154,10 @@ def _add_triangles(
                 local[c, d] = dot * scale
         for c in range(3):
             row = faces[f, c]
-            for p in range(indptr[row], indptr[row + 1]):
-                for d in range(3):
-                    if indices[p] == faces[f, d]:
-                        stiffness[p] += local[c, d]
-                        mass[p] += area / 6 if c == d else area / 12
+            for d in range(3):
+                p = _place(indices, indptr[row], indptr[row + 1], faces[f, d])
+                stiffness[p] += local[c, d]
+                mass[p] += area / 6 if c == d else area / 12
     return flat
 
 

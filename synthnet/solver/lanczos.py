@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet.solver.compiled import kernel
-from synthnet.solver.fem import Matrices, multiply_two
-from synthnet.solver.ldl import Factor, _subtract_four, dot_four, solve_two
+from synthnet.solver.fem import Matrices, multiply, multiply_two
+from synthnet.solver.ldl import Factor, dot_four, solve_two, subtract_four
 from synthnet.solver.ordering import Ordering
 
 LOST = 1e-8  # relative; eigenvalues are as good as from a basis orthogonal to 1e-16 (Simon)
@@ -63,6 +63,8 @@ class Lanczos:
         The shift.
     limit : int
         Most vectors in the basis.
+    known : ndarray of shape (m, n), float64
+        B-orthonormal eigenvectors to stay orthogonal to, so that others are found.
     strict : bool
         Whether to make every vector orthogonal to all before it, instead of two of four
         until a loss is seen.
@@ -78,21 +80,27 @@ class Lanczos:
         sigma: float,
         *,
         limit: int,
+        known: NDArray[np.float64] | None = None,
         strict: bool = False,
         seed: int = 0,
     ) -> None:
         n = len(matrices.lumped)
+        if known is None:
+            known = np.empty((0, n))
+        self.first = first = 1 + len(known)  # the basis proper begins here
         self.matrices, self.ordering, self.factor, self.sigma = matrices, ordering, factor, sigma
-        self.strict, self.limit = strict, limit
-        self.basis = np.empty((limit, n))
-        self.weighted = np.empty((limit, n))  # B times the basis
-        self.projected = np.zeros((limit, limit))
+        self.strict, self.limit = strict, limit + len(known)
+        self.basis = np.empty((self.limit, n))
+        self.weighted = np.empty((self.limit, n))  # B times the basis
+        self.projected = np.zeros((self.limit, self.limit))
         area = matrices.lumped.sum()
         self.basis[0] = 1 / np.sqrt(area)
         self.weighted[0] = matrices.lumped / np.sqrt(area)
-        self.basis[1:3] = np.random.default_rng(seed).random((2, n)) - 0.5
-        self.size = 3
-        _start(matrices.indptr, matrices.indices, matrices.mass, self.basis, self.weighted)
+        self.basis[1:first] = known
+        self.weighted[1:first] = multiply(matrices, matrices.mass, known)
+        self.size = first + 2
+        self.basis[first : self.size] = np.random.default_rng(seed).random((2, n)) - 0.5
+        _start(matrices.indptr, matrices.indices, matrices.mass, self.basis, self.weighted, first)
 
     def extend(self, steps: int) -> bool:
         """Add two vectors a step; return whether there was room for all of them."""
@@ -110,6 +118,7 @@ class Lanczos:
                 self.weighted,
                 self.projected,
                 self.size,
+                self.first,
                 steps,
                 self.strict,
             )
@@ -117,10 +126,12 @@ class Lanczos:
 
     def ritz(self) -> RitzPairs:
         """Return the eigenpairs of the projected operator that may be positive eigenvalues."""
-        last = self.size - 2  # the newest two vectors only measure the error
-        bands = np.zeros((3, last - 1))
+        first, last = self.first, self.size - 2  # the newest two only measure the error
+        bands = np.zeros((3, last - first))
         for band in range(3):
-            bands[band, : last - 1 - band] = np.diagonal(self.projected[1:last, 1:last], band)
+            bands[band, : last - first - band] = np.diagonal(
+                self.projected[first:last, first:last], band
+            )
         thetas, vectors = linalg.eig_banded(bands, lower=True, check_finite=False)
         values = self.sigma + 1 / thetas
         order = np.argsort(values)
@@ -140,7 +151,7 @@ class Lanczos:
         charge and damps what is wrong in them.
         """
         weights = np.concatenate([pairs.inside[:, :count], pairs.outside[:, :count]]).T
-        used = slice(1, self.size)
+        used = slice(self.first, self.size)
         return weights @ self.basis[used], weights @ self.weighted[used]
 
 
@@ -151,11 +162,14 @@ def _start(
     mass: NDArray[np.float64],
     basis: NDArray[np.float64],
     weighted: NDArray[np.float64],
+    first: int,
 ) -> None:
-    coefficients = np.empty((2, 1))
-    _project(basis, weighted, basis[1:3], 0, 1, coefficients)
-    multiply_two(indptr, indices, mass, basis[1:3], weighted[1:3])
-    _orthonormalise(basis[1:3], weighted[1:3])
+    coefficients = np.empty((2, first))
+    new, product = basis[first : first + 2], weighted[first : first + 2]
+    _project(basis, weighted, new, 0, first, coefficients)
+    _project(basis, weighted, new, 0, first, coefficients)
+    multiply_two(indptr, indices, mass, new, product)
+    _orthonormalise(new, product)
 
 
 @kernel
@@ -170,6 +184,7 @@ def _extend(
     weighted: NDArray[np.float64],
     projected: NDArray[np.float64],
     size: int,
+    first: int,
     steps: int,
     strict: bool,
 ) -> tuple[int, bool]:
@@ -189,14 +204,14 @@ def _extend(
         projected[m - 2, m - 1] = projected[m - 1, m - 2] = off
         # What is left of earlier vectors by rounding: all of them in two steps of four.
         lost = 0.0
-        if strict or m < 9 or (m // 2) % 4 < 2:
+        if strict or m < first + 8 or (m // 2) % 4 < 2:
             _project(basis, weighted, new, 0, m, coefficients)
             for i in range(2):
                 for j in range(near):
                     lost = max(lost, abs(coefficients[i, j]))
         else:
             _project(basis, weighted, new, near, m, coefficients)
-            _project(basis, weighted, new, 0, 1, coefficients)
+            _project(basis, weighted, new, 0, first, coefficients)
         multiply_two(indptr, indices, mass, new, weighted[m : m + 2])
         r, s, t = _orthonormalise(new, weighted[m : m + 2])
         projected[m, m - 2] = projected[m - 2, m] = r
@@ -237,7 +252,7 @@ def _project(
         b0, b1, b2, b3 = coefficients[1, k - low : k - low + 4]
         v = basis
         four = (v[k], v[k + 1], v[k + 2], v[k + 3])
-        _subtract_four(y, z, four[0], four[1], four[2], four[3], (a0, a1, a2, a3), (b0, b1, b2, b3))
+        subtract_four(y, z, four[0], four[1], four[2], four[3], (a0, a1, a2, a3), (b0, b1, b2, b3))
         k += 4
     while k < high:
         y -= coefficients[0, k - low] * basis[k]

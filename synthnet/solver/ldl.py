@@ -214,7 +214,7 @@ def solve_two(
                 for r in range(s + 1, t + 4):
                     y[r] -= u[s, r] * y[s]
                     z[r] -= u[s, r] * z[s]
-            _subtract_four(
+            subtract_four(
                 y[t + 4 : size],
                 z[t + 4 : size],
                 u[t, t + 4 :],
@@ -316,7 +316,7 @@ def _subtract_products(front: NDArray[np.float64], k: int, i: int) -> None:
 
 
 @kernel
-def _subtract_four(
+def subtract_four(
     y: Vector, z: Vector, x0: Vector, x1: Vector, x2: Vector, x3: Vector, a: Four, b: Four
 ) -> None:
     """Subtract two combinations of four vectors: y −= Σ aᵢ xᵢ, z −= Σ bᵢ xᵢ."""
