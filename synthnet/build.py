@@ -457,7 +457,7 @@ def run_shards(
 def _result(future: Future[ShardResult], plan: ShardPlan) -> ShardResult:
     try:
         return future.result()
-    except MemoryError as error:
+    except (MemoryError, SystemError) as error:  # what C code raises that forgot to say which
         raise BuildError(
             f"a worker ran out of memory at {plan.file}: finished shards are kept, "
             "run the same command again, with fewer --workers or more memory"

@@ -123,11 +123,12 @@ def test_files_of_another_recipe_are_noticed(mini_copy: Path) -> None:
     assert "torus has 40 shapes kept or rejected and 41 drawn" in check.problems[0]
 
 
+@pytest.mark.parametrize("error", [MemoryError(), SystemError("error return without exception")])
 def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(
-    tiny: Recipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    error: Exception, tiny: Recipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def starve(*_: object) -> NoReturn:
-        raise MemoryError
+        raise error
 
     with monkeypatch.context() as patch, ThreadPoolExecutor(1) as pool:
         patch.setattr(synthnet.build, "make_sample", starve)
