@@ -168,7 +168,7 @@ def build(
     if workers is not None and engine is not None:
         raise ValueError("workers are of the local engine: a cluster has those it has")
     directory = store.dataset_directory(wanted.version, root)
-    finished = _finished(directory, wanted)
+    finished = _finished(directory, wanted, is_whole)
     if finished is not None:
         return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
     load_open3d()  # if it cannot be imported, say so here and once
@@ -178,7 +178,7 @@ def build(
     for place in (directory, directory / SHARDS):
         storage.make_directory(place)
     with exclusive(directory, wait_for_lock):
-        finished = _finished(directory, wanted)  # by the build that was waited for
+        finished = _finished(directory, wanted, is_whole)  # by the build waited for
         if finished is not None:
             return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
         _remove_partial_files(directory)
@@ -224,7 +224,7 @@ def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> st
     """
     wanted = recipe.load(version)
     directory = storage.local(store.dataset_directory(version, root), version)
-    finished = _finished(directory, wanted)
+    finished = _finished(directory, wanted, is_there)
     if finished is not None:
         return finished
     sys.stderr.write(f"synthNet {version} is not in {directory} yet: building it\n")
@@ -343,7 +343,21 @@ def _rejection(spec: ShapeSpec, reason: str, detail: str) -> Rejection:
     return Rejection(spec.id, spec.family, reason, detail)
 
 
-def _finished(directory: Place, wanted: Recipe) -> store.StoredDataset | None:
+def is_there(path: Place, shard: ShardRecord) -> bool:
+    """Return whether a shard is there with its size; takes no time."""
+    return storage.size(path) == shard.size
+
+
+def is_whole(path: Place, shard: ShardRecord) -> bool:
+    """Return whether a shard is there with its bytes; those at a URL are its store's care."""
+    if not is_there(path, shard):
+        return False
+    return not isinstance(path, Path) or storage.sha256(path) == shard.sha256
+
+
+def _finished(
+    directory: Place, wanted: Recipe, is_kept: Callable[[Place, ShardRecord], bool]
+) -> store.StoredDataset | None:
     manifest = store.read_manifest(directory)
     if manifest is None:
         return None
@@ -352,9 +366,8 @@ def _finished(directory: Place, wanted: Recipe) -> store.StoredDataset | None:
             f"{directory} holds {manifest.version} of another recipe: "
             "remove it or choose another --out"
         )
-    for shard in manifest.shards:
-        if storage.size(directory / shard.file) != shard.size:
-            return None
+    if not all(is_kept(directory / shard.file, shard) for shard in manifest.shards):
+        return None
     return store.StoredDataset(directory, manifest)
 
 
@@ -419,19 +432,36 @@ def exclusive(directory: Place, wait_for_lock: bool) -> Iterator[None]:
 def run_shards(
     workers: Workers, jobs: Iterable[tuple[ShardPlan, Job]], watcher: Watcher
 ) -> Iterator[tuple[int, ShardResult]]:
-    """Yield the jobs' numbers and results as they are finished, few submitted at a time."""
+    """Yield the jobs' numbers and results as they are finished, few submitted at a time.
+
+    Raises
+    ------
+    BuildError
+        If a worker ran out of memory.
+    """
     waiting = iter(enumerate(jobs))
-    running: dict[Future[ShardResult], int] = {}
+    running: dict[Future[ShardResult], tuple[int, ShardPlan]] = {}
     while True:
         for number, (plan, job) in islice(waiting, max(0, workers.ahead - len(running))):
             watcher.submitted(plan)
-            running[workers.executor.submit(job)] = number
+            running[workers.executor.submit(job)] = number, plan
         if not running:
             return
         done, _ = wait(running, timeout=1, return_when=FIRST_COMPLETED)
         raise_if_interrupted()
         for future in done:
-            yield running.pop(future), future.result()
+            number, plan = running.pop(future)
+            yield number, _result(future, plan)
+
+
+def _result(future: Future[ShardResult], plan: ShardPlan) -> ShardResult:
+    try:
+        return future.result()
+    except (MemoryError, SystemError) as error:  # what C code raises that forgot to say which
+        raise BuildError(
+            f"a worker ran out of memory at {plan.file}: finished shards are kept, "
+            "run the same command again, with fewer --workers or more memory"
+        ) from error
 
 
 def see(path: Place) -> None:

@@ -110,6 +110,7 @@ def build_estimates(
             seconds[result.record.family] += result.seconds
             reused += result.reused
             watcher.finished(plans[number], result)
+        storage.remove_partial_files(directory / DIRECTORY)  # of workers that died
     return BuildReport(dataset, seconds, time.perf_counter() - started, reused)
 
 

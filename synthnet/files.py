@@ -33,7 +33,7 @@ def make_directory(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
         probe = path / ".writable"
         probe.touch()
-        probe.unlink()
+        probe.unlink(missing_ok=True)  # another build may probe at the same time
     except OSError as error:
         raise BuildError(
             f"cannot write to {path} ({error.strerror}): choose another place with --out "
@@ -110,7 +110,7 @@ def make_in_place(directory: Path, marker: str, fill: Callable[[Path], None]) ->
 def remove_partial_files(directory: Path) -> None:
     """Remove what a killed writer left beside its place."""
     for partial in directory.glob(".*.partial"):
-        partial.unlink()
+        partial.unlink(missing_ok=True)  # a worker that outlives its build may just move it
 
 
 def one_line(error: BaseException) -> str:

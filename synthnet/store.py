@@ -31,6 +31,7 @@ from synthnet.types import Certificate, Manifest, Mesh, Rejection, Sample, Shape
 
 SCHEMA_VERSION = 2
 MANIFEST = "manifest.json"
+SEAL = "sha256"
 METADATA_KEY = b"synthnet"
 
 SCHEMA = pa.schema(
@@ -338,8 +339,16 @@ class StoredDataset:
 def write_manifest(directory: Place, manifest: Manifest) -> None:
     """Write the manifest, the mark of a finished dataset."""
     content = {"schema_version": SCHEMA_VERSION, **asdict(manifest)}
-    text = json.dumps(content, indent=1) + "\n"
-    write_text(directory / MANIFEST, text)
+    write_text(directory / MANIFEST, _sealed(content))
+
+
+def _sealed(content: dict[str, Any]) -> str:
+    """Return content as JSON text; its last key is the SHA-256 of the other ones.
+
+    So no byte of the text can be altered without a trace.
+    """
+    seal = hashlib.sha256(json.dumps(content).encode()).hexdigest()
+    return json.dumps({**content, SEAL: seal}, indent=1) + "\n"
 
 
 def read_manifest(directory: Place) -> Manifest | None:
@@ -348,11 +357,14 @@ def read_manifest(directory: Place) -> Manifest | None:
     Raises
     ------
     StoreError
-        If it is not JSON, lacks a key, or has another schema version.
+        If it is not JSON, lacks a key, has another schema version, or was altered.
     """
     path = directory / MANIFEST
     try:
-        content = json.loads(path.read_text())
+        written = path.read_bytes()
+        content = json.loads(written)
+        content.pop(SEAL, None)
+        sealed = _sealed(content)
         found = content.pop("schema_version")
         if found != SCHEMA_VERSION:
             raise StoreError(
@@ -365,6 +377,7 @@ def read_manifest(directory: Place) -> Manifest | None:
         )
         manifest = Manifest(**content, shards=shards)
         _check_types(manifest)
+        _check_bytes(written, sealed)
         return manifest  # noqa: TRY300 - all of it may raise
     except (FileNotFoundError, NotADirectoryError):
         return None
@@ -394,6 +407,12 @@ def _check_types(manifest: Manifest) -> None:
             raise TypeError(f"{value!r} is no {kind.__name__}")
     if {shard.family for shard in manifest.shards} - set(manifest.drawn):
         raise ValueError("a shard is of a family that was not drawn")
+
+
+def _check_bytes(written: bytes, sealed: str) -> None:
+    """Raise ValueError where a byte of the manifest was altered."""
+    if written != sealed.encode():
+        raise ValueError("its bytes are not those of its content")
 
 
 def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> StoredDataset:

@@ -7,6 +7,7 @@ machinery raises into one line.
 
 from __future__ import annotations
 
+import importlib
 import logging
 import multiprocessing
 import os
@@ -100,11 +101,15 @@ def local_processes(workers: int | None = None) -> Iterator[Workers]:
 
 
 def _start_worker() -> None:
-    """Leave Ctrl-C to the parent, and end when the parent is gone."""
+    """Leave Ctrl-C to the parent, end when the parent is gone, and load what the work needs."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+    try:
+        importlib.import_module("synthnet.build")
+    except MemoryError:
+        os._exit(1)  # the parent says so in one line; here it would be a traceback
 
 
 def _follow(sentinel: int) -> None:

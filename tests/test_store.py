@@ -257,6 +257,22 @@ def test_damaged_manifest_is_refused(text: str, tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_every_altered_byte_of_a_manifest_is_refused(manifest: Manifest, tmp_path: Path) -> None:
+    store.write_manifest(tmp_path, manifest)
+    path = tmp_path / "manifest.json"
+    written = path.read_bytes()
+    for at, byte in enumerate(written):
+        blank = bytes([byte]).isspace()
+        for other in set(b" \n\r\t") - {byte} if blank else {byte ^ 1}:
+            path.write_bytes(written[:at] + bytes([other]) + written[at + 1 :])
+            with pytest.raises(StoreError):
+                store.read_manifest(tmp_path)
+    for text in (written[:-1], written + b"\n", json.dumps(json.loads(written)).encode()):
+        path.write_bytes(text)
+        with pytest.raises(DamagedError, match="its bytes are not those of its content"):
+            store.read_manifest(tmp_path)
+
+
 def test_manifest_that_is_no_text_is_refused(tmp_path: Path) -> None:
     (tmp_path / "manifest.json").write_bytes(b"\xff\xfe\x80")
     with pytest.raises(DamagedError, match="is damaged"):

@@ -1,5 +1,6 @@
 """The command line: help, check, score; what the tables say."""
 
+import dataclasses
 import json
 import re
 import shutil
@@ -8,6 +9,8 @@ import numpy as np
 import pytest
 from eigbench import physics, predictions, predictor_commands, tables
 from eigbench.metrics import METRICS
+
+from synthnet import store
 
 COMMANDS = ("check", "evaluate", "score", "compare", "submit", "leaderboard", "plot")
 WEYL = """
@@ -157,9 +160,9 @@ def test_dataset_may_be_a_directory(eigbench, predictor_file, mini_home, tmp_pat
 def test_dataset_of_another_recipe_is_refused(eigbench, predictor_file, mini_home, tmp_path):
     place = tmp_path / "home" / "1.0-mini"
     shutil.copytree(mini_home / "1.0-mini", place)
-    manifest = place / "manifest.json"
-    digest = json.loads(manifest.read_text())["recipe_digest"]
-    manifest.write_text(manifest.read_text().replace(digest, digest[::-1]))
+    manifest = store.read_manifest(place)
+    other = dataclasses.replace(manifest, recipe_digest=manifest.recipe_digest[::-1])
+    store.write_manifest(place, other)
     code, _, err = eigbench(
         *("evaluate", predictor_file(WEYL), "--dataset", "1.0-mini"),
         *("--root", tmp_path / "home", "--out", tmp_path / "r.json"),

@@ -1,0 +1,153 @@
+"""Builds killed, starved and damaged, a few times each; scripts/break_builds.py does more."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import random
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from types import ModuleType
+from typing import NoReturn
+
+import pytest
+
+import synthnet.build
+from synthnet import cli, files, store
+from synthnet.build import build
+from synthnet.errors import BuildError
+from synthnet.recipe import Recipe
+from synthnet.verify import verify_files
+from synthnet.workers import given
+
+ROOT = Path(__file__).parent.parent
+VERSION = "1.0-mini"
+SHARD = "shards/torus-0000.parquet"
+linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
+
+
+@pytest.fixture(scope="module")
+def breaker() -> ModuleType:
+    """The script, as a module."""
+    spec = importlib.util.spec_from_file_location(
+        "break_builds", ROOT / "scripts" / "break_builds.py"
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["break_builds"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@linux
+@pytest.mark.slow
+def test_killed_builds_end_with_the_same_bytes(
+    breaker: ModuleType, mini_home: Path, tmp_path: Path
+) -> None:
+    rng, small = random.Random(1), breaker.small_ones
+    outcome = breaker.kill_builds(mini_home, tmp_path, 2, rng, missing=small, seconds=4.0)
+    assert (outcome.wrong, outcome.cases, outcome.same) == ([], 2, 2)
+
+
+@linux
+@pytest.mark.slow
+def test_full_disk_is_one_line_and_the_build_goes_on(
+    breaker: ModuleType, mini_home: Path, tmp_path: Path
+) -> None:
+    outcome = breaker.fill_disks(mini_home, tmp_path, 1, random.Random(0), breaker.small_ones)
+    if outcome.skipped:
+        pytest.skip(outcome.skipped)
+    assert (outcome.wrong, outcome.refused, outcome.same) == ([], 1, 1)
+
+
+@linux
+@pytest.mark.slow
+def test_every_altered_byte_is_found_and_mended_or_refused(
+    breaker: ModuleType, mini_home: Path, tmp_path: Path
+) -> None:
+    outcome = breaker.flip_bytes(mini_home, tmp_path, 30, random.Random(3), build_every=30)
+    assert (outcome.wrong, outcome.same) == ([], 30)
+    assert {"verify: digests", "verify: refused"} <= set(outcome.seen)
+
+
+def test_harness_notices_what_is_wrong(breaker: ModuleType) -> None:
+    expected = {"a": b"1", "b": b"2"}
+    assert breaker.difference(expected, expected) is None
+    assert breaker.difference({"a": b"0", "b": b"2"}, expected) == "differ: a"
+    assert breaker.difference({**expected, ".x.partial": b""}, expected) == "differ: .x.partial"
+    assert breaker.difference({"b": b"2"}, expected) == "differ: a"
+
+
+def test_altered_shard_is_mended_by_a_build_though_its_size_is_right(
+    mini_home: Path, mini_copy: Path
+) -> None:
+    path = mini_copy / VERSION / SHARD
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    assert build(VERSION, root=mini_copy, workers=1).reused == 10
+    assert path.read_bytes() == (mini_home / VERSION / SHARD).read_bytes()
+
+
+def test_files_alone_are_verified_on_request(
+    mini_copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["verify", "--files", "--version", VERSION, "--out", str(mini_copy)]
+    assert cli.main(arguments) == 0
+    capsys.readouterr()
+    (mini_copy / VERSION / SHARD).write_bytes(b"no Parquet")
+    assert cli.main([*arguments, "--json"]) == 1
+    found = {c["check"]: c["problems"] for c in json.loads(capsys.readouterr().out)["checks"]}
+    assert list(found) == ["manifest", "digests", "shards", "errors"]
+    assert SHARD in found["digests"][0]
+    assert SHARD in found["shards"][0]
+
+
+def test_files_of_another_recipe_are_noticed(mini_copy: Path) -> None:
+    (check, *_) = verify_files(VERSION, root=mini_copy).checks
+    assert (check.name, check.problems) == ("manifest", ())
+    manifest = store.open_dataset(VERSION, mini_copy).manifest
+    drawn = {**manifest.drawn, "torus": 41}
+    other = type(manifest)(
+        **{
+            name: getattr(manifest, name)
+            for name in manifest.__dataclass_fields__
+            if name != "drawn"
+        },
+        drawn=drawn,
+    )
+    store.write_manifest(mini_copy / VERSION, other)
+    (check, *_) = verify_files(VERSION, root=mini_copy).checks
+    assert "torus has 40 shapes kept or rejected and 41 drawn" in check.problems[0]
+
+
+@pytest.mark.parametrize("error", [MemoryError(), SystemError("error return without exception")])
+def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(
+    error: Exception, tiny: Recipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def starve(*_: object) -> NoReturn:
+        raise error
+
+    with monkeypatch.context() as patch, ThreadPoolExecutor(1) as pool:
+        patch.setattr(synthnet.build, "make_sample", starve)
+        with pytest.raises(BuildError, match=r"ran out of memory at shards/.*: finished"):
+            build(tiny, root=tmp_path, engine=given(pool, workers=1))
+    assert not list((tmp_path / "tiny").rglob("*.p*"))
+    with ThreadPoolExecutor(1) as pool:
+        assert not build(tiny, root=tmp_path, engine=given(pool, workers=1)).nothing_to_do
+
+
+def test_two_builds_may_look_for_a_place_at_once(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(files.make_directory, [tmp_path / "place"] * 2000))
+    assert list((tmp_path / "place").iterdir()) == []
+
+
+def test_leftover_that_vanishes_is_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gone = tmp_path / ".torus-0000.parquet.1.partial"
+    monkeypatch.setattr(Path, "glob", lambda *_: [gone])  # a dying worker has just moved it
+    files.remove_partial_files(tmp_path)
