@@ -29,6 +29,7 @@ from synthnet.families import FAMILIES
 from synthnet.interrupts import raise_if_interrupted
 from synthnet.plan import PlannedShape, ShardPlan, plan_shards
 from synthnet.recipe import Recipe
+from synthnet.solver.compiled import processor
 from synthnet.storage import Place
 from synthnet.types import Manifest, Rejection, Sample, ShapeSpec, ShardRecord
 from synthnet.version import __version__
@@ -88,6 +89,8 @@ class Terms:
         The recipe's digest as the build computed it.
     packages : mapping of str to str
         The versions the build has, by package.
+    processor : str
+        The kind of processor: the last digits of a label hang on it.
     directory : Path or RemotePath
         Where the dataset is to be.
     """
@@ -95,6 +98,7 @@ class Terms:
     wanted: Recipe
     digest: str
     packages: Mapping[str, str]
+    processor: str
     directory: Place
 
 
@@ -163,10 +167,7 @@ def build(
     """
     started = time.perf_counter()
     wanted = version if isinstance(version, Recipe) else recipe.load(version)
-    if workers is not None and workers < 1:
-        raise ValueError(f"workers must be at least 1, got {workers}")
-    if workers is not None and engine is not None:
-        raise ValueError("workers are of the local engine: a cluster has those it has")
+    check_workers(workers, engine)
     directory = store.dataset_directory(wanted.version, root)
     finished = _finished(directory, wanted, is_whole)
     if finished is not None:
@@ -189,7 +190,7 @@ def build(
         with engine or local_processes(workers) as at_work:
             watcher.planned(wanted)
             for number, result in run_shards(at_work, jobs, watcher):
-                see(directory / plans[number].file)
+                see(directory / plans[number].file, result.record.size)
                 results[number] = result
                 watcher.finished(plans[number], result)
         in_order = [results[number] for number in range(len(plans))]
@@ -205,6 +206,14 @@ def build(
         wall_seconds=time.perf_counter() - started,
         reused=sum(result.reused for result in in_order),
     )
+
+
+def check_workers(workers: int | None, engine: Engine | None) -> None:
+    """Raise ValueError if there are to be no local workers, or any beside an engine."""
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers must be at least 1, got {workers}")
+    if workers is not None and engine is not None:
+        raise ValueError("workers are of the local engine: a cluster has those it has")
 
 
 def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> store.StoredDataset:
@@ -266,6 +275,12 @@ def agree(terms: Terms) -> None:
                 f"the worker on {host} has {name} {found or 'missing'}, the build has "
                 f"{expected or 'none'}: install the same versions there (constraints.txt)"
             )
+    if processor() != terms.processor:
+        raise BuildError(
+            f"the worker on {host} has a processor of another kind ({processor()}) than the "
+            f"build ({terms.processor}): their labels would differ in the last digits, so "
+            "take machines of one kind"
+        )
     if terms.wanted.digest != terms.digest:
         raise BuildError(
             f"the worker on {host} understands another recipe than the build: "
@@ -373,7 +388,7 @@ def _finished(
 
 def terms_of(wanted: Recipe, directory: Place) -> Terms:
     """Return what this process holds its workers to."""
-    return Terms(wanted, wanted.digest, _packages(), directory)
+    return Terms(wanted, wanted.digest, _packages(), processor(), directory)
 
 
 @functools.cache
@@ -464,8 +479,8 @@ def _result(future: Future[ShardResult], plan: ShardPlan) -> ShardResult:
         ) from error
 
 
-def see(path: Place) -> None:
-    """Wait until what a worker wrote is where it should be.
+def see(path: Place, size: int | None = None) -> None:
+    """Wait until what a worker wrote is where it should be, of the size if that is known.
 
     Raises
     ------
@@ -473,7 +488,7 @@ def see(path: Place) -> None:
         If it does not turn up.
     """
     patience = time.monotonic() + SEEN_WITHIN
-    while storage.size(path) is None:
+    while (found := storage.size(path)) is None or size not in (None, found):
         if time.monotonic() > patience:
             raise BuildError(f"a worker has written {path}, but it is not there: {SHARED}")
         time.sleep(0.5)

@@ -167,7 +167,7 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _verify(options: argparse.Namespace) -> int:
-    from synthnet.verify import verify, verify_files
+    from synthnet.verify import CHECKS, verify, verify_files
 
     progress = Progress(
         TextColumn("verifying"),
@@ -266,19 +266,6 @@ def _show(options: argparse.Namespace) -> int:
     if options.png is not None:
         print(f"picture: {options.png}")
     return 0
-
-
-CHECKS = {
-    "manifest": "the recipe's digest and the counts by family",
-    "digests": "SHA-256 of every shard",
-    "shards": "schema, page checksums and rows of every shard",
-    "recipe": "ids, parameters, splits and isometries drawn anew",
-    "meshes": "generated anew: faces equal, every vertex to 1e-6",
-    "certificates": "residuals, and the eigenvalues below the shift counted anew",
-    "pins": "digests of the pinned build; its vertex moments and eigenvalues to 1e-6",
-    "labels": "against LaPy's own solver, to 1e-8",
-    "errors": "estimates, where there are any: whole, from their label, some made anew, pins",
-}
 
 
 BUILD_EXAMPLES = """example: synthnet build --version 1.0-small --workers 2

@@ -19,13 +19,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from synthnet import recipe, storage, store
+from synthnet import recipe, spectrum, storage, store
 from synthnet.build import (
     BuildReport,
     ShardResult,
     Terms,
     Watcher,
     agree,
+    check_workers,
     exclusive,
     run_shards,
     see,
@@ -86,8 +87,7 @@ def build_estimates(
         there, or a worker died. Finished estimates are kept.
     """
     started = time.perf_counter()
-    if workers is not None and workers < 1:
-        raise ValueError(f"workers must be at least 1, got {workers}")
+    check_workers(workers, engine)
     wanted = version if isinstance(version, Recipe) else recipe.load(version)
     dataset = store.open_dataset(wanted.version, root)
     directory = dataset.directory
@@ -97,6 +97,8 @@ def build_estimates(
         return BuildReport(dataset, {}, time.perf_counter() - started, 0, nothing_to_do=True)
     storage.make_directory(directory / DIRECTORY)
     watcher = watcher or Watcher()
+    watcher.preparing()
+    spectrum.compile_solver()
     seconds = dict.fromkeys(dataset.manifest.drawn, 0.0)
     reused = 0
     with exclusive(directory, wait_for_lock), engine or local_processes(workers) as at_work:
@@ -168,10 +170,13 @@ def read_shard(directory: Place, record: ShardRecord) -> list[Estimate]:
         raise DamagedError(f"{path} is damaged ({one_line(error)}): {AGAIN}") from error
     if not table.schema.equals(SCHEMA) or header != _header(record):
         raise DamagedError(f"{path} is not of {record.file} as it is: {AGAIN}")
-    estimates = [
-        Estimate(row["id"], np.array(row["error"]), np.array(row["refined"]))
-        for row in table.to_pylist()
-    ]
+    try:
+        estimates = [
+            Estimate(row["id"], np.array(row["error"]), np.array(row["refined"]))
+            for row in table.to_pylist()
+        ]
+    except ValueError as error:  # rows of different length
+        raise DamagedError(f"{path} is damaged ({one_line(error)}): {AGAIN}") from error
     if _encoded(estimates, record) != content:
         raise DamagedError(f"{path} is damaged (its bytes are not those of its content): {AGAIN}")
     return estimates

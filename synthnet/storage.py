@@ -22,6 +22,7 @@ from synthnet import files
 from synthnet.errors import BuildError, MissingPackageError, StoreError
 from synthnet.files import one_line
 
+OBJECT_STORES = {"s3", "s3a", "gs", "gcs", "abfs", "az"}  # no directories, but buckets
 EXTRAS = {"s3": "s3", "s3a": "s3"}  # by protocol: the extra that brings its package
 
 
@@ -74,6 +75,13 @@ class RemotePath:
         except FileNotFoundError as error:
             raise StoreError(f"cannot write {self} ({one_line(error)}): make it first") from error
 
+    def make(self) -> None:
+        """Make the directory where the file system has directories; a bucket is not made."""
+        with self._reached("write") as (system, path):
+            protocols = [system.protocol] if isinstance(system.protocol, str) else system.protocol
+            if not OBJECT_STORES.intersection(protocols):
+                system.makedirs(path, exist_ok=True)
+
     def remove(self) -> None:
         """Remove the object."""
         with self._reached("remove") as (system, path):
@@ -103,6 +111,10 @@ class RemotePath:
 
         try:
             system, path = fsspec.url_to_fs(self.url)
+        except OSError as error:
+            raise StoreError(
+                f"cannot {what} {self} ({one_line(error)}): check the URL and the network"
+            ) from error
         except ImportError as error:
             extra = EXTRAS.get(self.url.partition(":")[0])
             advice = f"pip install 'synthnet[{extra}]'" if extra else one_line(error)
@@ -195,6 +207,7 @@ def make_directory(where: Place) -> None:
         return
     probe = where / ".writable"
     try:
+        where.make()
         probe.write_bytes(b"synthnet")
         probe.remove()
     except FileNotFoundError:

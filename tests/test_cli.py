@@ -308,8 +308,8 @@ def test_json_of_verify(run: Run, mini_home: Path) -> None:
     said = json.loads(out)
     assert code == (0 if said["ok"] else 1)
     assert set(said) == {"version", "ok", "checks"}
-    assert [check["check"] for check in said["checks"]] == list(cli.CHECKS)
-    assert [set(check) for check in said["checks"]] == [{"check", "examined", "problems"}] * 8
+    assert [check["check"] for check in said["checks"]] == list(CHECKS)
+    assert [set(check) for check in said["checks"]] == [{"check", "examined", "problems"}] * 9
     assert said["checks"][-2] == {"check": "labels", "examined": 2, "problems": []}
     assert said["checks"][-1] == {"check": "errors", "examined": 0, "problems": []}
 

@@ -102,17 +102,17 @@ def test_command_makes_what_is_missing_and_keeps_the_rest(
     assert contents(home) == after
 
 
-def test_the_same_shard_gives_the_same_bytes(dataset: StoredDataset, plan: ShardPlan) -> None:
-    records = {plan.file: record_of(dataset)}
-    path = estimates.path_of(dataset.directory, records[plan.file])
+def test_the_same_shard_gives_the_same_bytes(dataset: StoredDataset) -> None:
+    record = record_of(dataset)
+    path = estimates.path_of(dataset.directory, record)
     found = []
     for _ in range(2):
         path.unlink()
-        result = estimates.estimate_shard(plan, dataset.directory, records)
+        result = estimates.estimate_shard(record, dataset.directory)
         assert (result.reused, result.damaged) == (False, None)
         found.append(path.read_bytes())
     assert found[0] == found[1]
-    assert estimates.estimate_shard(plan, dataset.directory, records).reused
+    assert estimates.estimate_shard(record, dataset.directory).reused
 
 
 @pytest.mark.parametrize("damage", ["byte", "other shard", "schema"])
@@ -132,7 +132,7 @@ def test_damaged_estimates_are_not_read(dataset: StoredDataset, damage: str) -> 
 
 
 def test_a_damaged_file_is_said_and_replaced(
-    dataset: StoredDataset, plan: ShardPlan, monkeypatch: pytest.MonkeyPatch
+    dataset: StoredDataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fake(spec: ShapeSpec, values: np.ndarray) -> Estimate:
         return Estimate(spec.id, values, np.stack([values]))
@@ -141,14 +141,14 @@ def test_a_damaged_file_is_said_and_replaced(
     record = record_of(dataset)
     estimates.path_of(dataset.directory, record).write_bytes(b"no Parquet")
     assert not estimates.is_complete(dataset)
-    result = estimates.estimate_shard(plan, dataset.directory, {plan.file: record})
+    result = estimates.estimate_shard(record, dataset.directory)
     assert result.damaged is not None
     assert "is damaged" in result.damaged
     assert estimates.is_complete(dataset)
 
 
 def test_a_solver_that_fails_names_the_shape(
-    dataset: StoredDataset, plan: ShardPlan, monkeypatch: pytest.MonkeyPatch
+    dataset: StoredDataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(spec: ShapeSpec, values: np.ndarray) -> Estimate:
         raise SpectrumError("factorisation failed")
@@ -157,7 +157,7 @@ def test_a_solver_that_fails_names_the_shape(
     record = record_of(dataset)
     estimates.path_of(dataset.directory, record).unlink()
     with pytest.raises(SpectrumError, match=rf"^{FAMILY}-\d+, refined: factorisation failed$"):
-        estimates.estimate_shard(plan, dataset.directory, {plan.file: record})
+        estimates.estimate_shard(record, dataset.directory)
 
 
 def test_estimates_need_a_dataset_of_this_recipe(dataset: StoredDataset, tmp_path: Path) -> None:

@@ -154,8 +154,13 @@ def test_fresh_build_passes_every_check(mini_home: Path) -> None:
     assert report.directory == mini_home / VERSION
 
 
-def test_every_check_is_explained_on_the_command_line() -> None:
-    assert list(cli.CHECKS) == CHECKS
+def test_every_check_is_explained_on_the_command_line(
+    mini_home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert list(synthnet.verify.CHECKS) == CHECKS
+    cli.main(["verify", "--version", VERSION, "--out", str(mini_home), "--sample", "0"])
+    said = capsys.readouterr().out
+    assert all(what in said for what in synthnet.verify.CHECKS.values())
 
 
 def test_sample_is_drawn_by_its_seed(mini_home: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,6 @@ from synthnet.cli import main
 from synthnet.errors import BuildError
 from synthnet.plan import ShardPlan, plan_shards
 from synthnet.recipe import Recipe
-from synthnet.types import ShardRecord
 from synthnet.workers import Workers, dask_cluster, given
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -111,9 +110,13 @@ def test_shard_written_to_another_disk_is_noticed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(synthnet.build, "SEEN_WITHIN", 0.0)
-    record = ShardRecord("shards/a.parquet", "torus", "0" * 64, 10, 1, 3, 1, ())
+    path = tmp_path / "a.parquet"
     with pytest.raises(BuildError, match="is not there: --out must be a directory that all"):
-        synthnet.build._see(tmp_path / "a.parquet", record)
+        synthnet.build.see(path)
+    path.write_bytes(b"an older shard")
+    with pytest.raises(BuildError, match="is not there: --out must be a directory that all"):
+        synthnet.build.see(path, 10)
+    synthnet.build.see(path, 14)
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+from llvmlite import binding
 from numba import njit
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -15,6 +17,13 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 # and NaN keep their meaning, and a division by zero gives them instead of an error.
 # Threads may run several at once.
 SETTINGS = {"nogil": True, "fastmath": {"reassoc", "contract"}, "error_model": "numpy"}
+
+
+@cache
+def processor() -> str:
+    """Return the kind of processor that kernels are compiled for, with a hash of its features."""
+    features = binding.get_host_cpu_features().flatten()
+    return f"{binding.get_host_cpu_name()}-{hashlib.sha256(features.encode()).hexdigest()[:8]}"
 
 
 def _stamp() -> str:
