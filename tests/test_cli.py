@@ -13,6 +13,7 @@ import pytest
 
 from synthnet import cli, recipe, store
 from synthnet.plan import plan_shards
+from synthnet.verify import CHECKS
 
 VERSION = "1.0-mini"
 COMMANDS = ("versions", "build", "info", "verify", "show")

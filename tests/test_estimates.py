@@ -15,10 +15,9 @@ import pytest
 
 import synthnet.build
 import synthnet.verify
-from synthnet import cli, estimates, pins, recipe, store
+from synthnet import cli, estimates, pins, store
 from synthnet.discretisation import Estimate, estimate
 from synthnet.errors import BuildError, DamagedError, SpectrumError, StoreError
-from synthnet.plan import ShardPlan, plan_shards
 from synthnet.store import StoredDataset
 from synthnet.types import Sample, ShapeSpec, ShardRecord
 from synthnet.verify import verify
@@ -57,11 +56,6 @@ def dataset(mini_copy: Path) -> StoredDataset:
         rows = [no_error(s) for s in store.read_samples(found.directory / record.file)]
         estimates._write_shard(estimates.path_of(found.directory, record), rows, record)
     return found
-
-
-@pytest.fixture
-def plan() -> ShardPlan:
-    return next(p for p in plan_shards(recipe.load(VERSION)) if p.family == FAMILY)
 
 
 def contents(home: Path) -> dict[str, bytes]:
