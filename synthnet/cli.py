@@ -251,7 +251,7 @@ def _show(options: argparse.Namespace) -> int:
     proof = sample.certificate
     described["certificate"] = (
         f"{proof.count} eigenvalues below {proof.shift:.6g}, zero included, as many as were "
-        f"found; each exact to {proof.residual:.1g}"
+        f"found; each within a relative {proof.residual:.1g} of an exact one"
     )
     parameters = described.pop("parameters")
     described["parameters"] = ", ".join(f"{k} {v}" for k, v in parameters.items())

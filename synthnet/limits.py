@@ -28,7 +28,6 @@ DEGREE = 10  # of the polynomials on an element
 PIECES = 8  # elements of an arc before grading
 RATIO = 3.0  # most that the radius may grow over an element that does not touch the axis
 LAYERS = 12  # halvings of an element towards the axis
-AXIS = 1e-12  # share of the largest radius under which a point lies on the axis
 
 
 @dataclass(frozen=True, slots=True)

@@ -127,9 +127,9 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
     triangles. A factorisation :math:`A - \sigma B = L D L^T`, σ in a gap above the k-th
     eigenvalue and all that are as good as equal to it, has as many negative pivots as there
     are eigenvalues below σ (Sylvester's law of inertia): none was missed if that is the
-    number of pairs found, which are different ones because their φ are B-orthonormal (Kahan).
-    An answer without certificate is looked for again by a stronger
-    setting.
+    number of pairs found. More are searched for beside them as long as some are missing;
+    an answer without certificate is looked for again by a stronger setting. Next to zero,
+    below a thousandth of Weyl's k-th eigenvalue, the residual is relative to that instead.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
 
     References
     ----------
-    B. N. Parlett, "The Symmetric Eigenvalue Problem" (1998), sections 3.3 and 15.9. A. J.
+    B. N. Parlett, "The Symmetric Eigenvalue Problem" (1998), sections 3.3, 11.5 and 15.9. A. J.
     Wathen, "Realistic eigenvalue bounds for the Galerkin mass matrix", IMA J. Numer. Anal. 7
     (1987).
 

@@ -3,7 +3,8 @@
 A directory is a :class:`pathlib.Path` and everything is as in :mod:`synthnet.files`. A URL
 is a :class:`RemotePath`. Objects are written whole, in one request, which object stores do
 atomically; elsewhere an object cut short is found when it is read. There is no lock on a
-URL: two builds of one version write equal bytes, so they waste work and damage nothing.
+URL: two builds of one version on processors of one kind write equal bytes, so they waste
+work and damage nothing.
 """
 
 from __future__ import annotations

@@ -29,9 +29,9 @@ class Factor:
     panels : ndarray, float64
         Rows of Lᵀ, front by front; empty where only the pivots were asked for.
     uncertainty : float
-        To first order in rounding, how far the eigenvalues of L D Lᵀ + σB are from those of
-        A: the largest diagonal entry of M⁻¹ |L| |D| |Lᵀ|, M a quarter of the lumped mass
-        (below B), times the rounding unit.
+        An estimate of how far rounding moves the eigenvalues, in their unit: the largest
+        diagonal entry of M⁻¹ |L| |D| |Lᵀ|, M a quarter of the lumped mass (below B), times
+        the rounding unit. No bound: the norm of that matrix is a few times larger.
     """
 
     pivots: NDArray[np.float64]
