@@ -638,7 +638,7 @@ def test_refined_no_times_is_the_mesh_itself(family: str) -> None:
     assert same.faces.tobytes() == mesh.faces.tobytes()
 
 
-@pytest.mark.parametrize("family", set(FAMILIES) - {"inverted_cone", *POLYHEDRA})
+@pytest.mark.parametrize("family", sorted(set(FAMILIES) - {"inverted_cone", *POLYHEDRA}))
 def test_old_vertices_stay_where_they_are(family: str) -> None:
     parameters = dict(SMALL[family])
     if "subdivisions" in parameters:
