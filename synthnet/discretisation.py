@@ -13,7 +13,7 @@ the label:
 not follow that law yet, so it is refined again, and the two finest meshes give the limit:
 families with triangles that reach across the whole surface at least twice
 (:attr:`synthnet.families.Family.refinements`), and any mesh while the last refinement
-changed an eigenvalue by more than a tenth, up to three times.
+changed an eigenvalue by more than a tenth, up to five times.
 
 References
 ----------
@@ -36,7 +36,7 @@ from synthnet.types import ShapeSpec
 Array = NDArray[np.float64]
 
 COARSE = 0.1  # relative change under refinement above which a mesh is refined again
-MOST = 3  # refinements: 64 times the triangles
+MOST = 5  # refinements: 1,024 times the triangles
 
 
 @dataclass(frozen=True, slots=True)
