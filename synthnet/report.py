@@ -115,8 +115,9 @@ class FamilyBars(Watcher):
         self.tasks: dict[str, TaskID] = {}
 
     def preparing(self) -> None:
-        """Say so: compiling takes a while."""
-        self.tasks[PREPARING] = self.progress.add_task(PREPARING, total=None)
+        """Say so where it can be wiped out again: compiling takes a while, but only once."""
+        if self.progress.console.is_terminal:
+            self.tasks[PREPARING] = self.progress.add_task(PREPARING, total=None)
 
     def planned(self, wanted: Recipe) -> None:
         """Show the families with the number of their shapes."""

@@ -91,6 +91,14 @@ def mini_home(
     return home
 
 
+@pytest.fixture(scope="session")
+def unpacking_home(mini_home: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory with a copy of 1.0-mini beside which PyG and datasets may put their files."""
+    home = tmp_path_factory.mktemp("unpacking") / "home"
+    shutil.copytree(mini_home, home)
+    return home
+
+
 @pytest.fixture
 def mini_copy(mini_home: Path, tmp_path: Path) -> Path:
     """Directory with a copy of 1.0-mini that a test may damage."""

@@ -44,7 +44,7 @@ def run(command, home, place):
 @pytest.mark.parametrize(
     "page", [page for page in DOCS if commands("sh", page)], ids=lambda page: page.name
 )
-def test_commands_of_a_page_run_in_their_order(page, mini_home, tmp_path):
+def test_commands_of_a_page_run_in_their_order(page, unpacking_home, tmp_path):
     (predictor,) = blocks("py")
     (tmp_path / "my_model.py").write_text(predictor)
     (tmp_path / "benchmark").symlink_to(ROOT / "benchmark")
@@ -56,7 +56,7 @@ def test_commands_of_a_page_run_in_their_order(page, mini_home, tmp_path):
             assert "all" in extras["optional-dependencies"]
         else:
             assert program in ("synthnet", "eigbench")
-            assert run([sys.executable, "-m", program, *arguments], mini_home, tmp_path), line
+            assert run([sys.executable, "-m", program, *arguments], unpacking_home, tmp_path), line
 
 
 @pytest.mark.parametrize(
@@ -80,8 +80,8 @@ def test_commands_that_need_a_cluster_are_understood(line):
 @pytest.mark.parametrize(
     "code", [code for page in DOCS for code in blocks("python", page.read_text())]
 )
-def test_code_of_a_page_runs(code, mini_home, tmp_path):
-    assert run([sys.executable, "-c", code], mini_home, tmp_path)
+def test_code_of_a_page_runs(code, unpacking_home, tmp_path):
+    assert run([sys.executable, "-c", code], unpacking_home, tmp_path)
 
 
 def test_meta_of_the_page_on_submitting_has_every_key():
@@ -99,9 +99,9 @@ def test_page_on_submitting_has_the_overhead_that_was_measured():
         assert f"| {' | '.join(str(value) for value in row.values())} |" in page
 
 
-def test_example_runs(mini_home, tmp_path):
+def test_example_runs(unpacking_home, tmp_path):
     example = ROOT / "examples" / "first_batch.py"
-    assert "a batch:" in run([sys.executable, str(example), "1.0-mini"], mini_home, tmp_path)
+    assert "a batch:" in run([sys.executable, str(example), "1.0-mini"], unpacking_home, tmp_path)
 
 
 def test_make_targets_are_there():

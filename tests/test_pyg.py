@@ -19,13 +19,13 @@ MINI = "1.0-mini"
 
 
 @pytest.fixture(scope="session")
-def samples(mini_home):
-    return {s.spec.id: s for s in store.open_dataset(MINI, mini_home).samples()}
+def samples(unpacking_home):
+    return {s.spec.id: s for s in store.open_dataset(MINI, unpacking_home).samples()}
 
 
 @pytest.fixture
-def open_split(mini_home):
-    return lambda split="train", **options: SynthNet(mini_home, MINI, split, **options)
+def open_split(unpacking_home):
+    return lambda split="train", **options: SynthNet(unpacking_home, MINI, split, **options)
 
 
 def as_mesh(data):
@@ -312,9 +312,9 @@ def test_pre_transform_must_return_what_can_be_stored(open_split):
         ),
     ],
 )
-def test_unknown_options_are_refused(mini_home, options, message):
+def test_unknown_options_are_refused(unpacking_home, options, message):
     with pytest.raises(ValueError, match=message):
-        SynthNet(mini_home, MINI, **options)
+        SynthNet(unpacking_home, MINI, **options)
 
 
 def test_a_missing_version_is_built_on_first_use(tmp_path, monkeypatch, capfd):

@@ -102,3 +102,10 @@ def test_file_url_is_a_path(tmp_path: Path) -> None:
     assert place(f"file://{tmp_path}") == tmp_path
     assert storage.local(place(str(tmp_path)), "1.0") == tmp_path
     assert recipe.load("1.0").version in str(store.dataset_directory("1.0", f"file://{tmp_path}"))
+
+
+def test_build_at_a_url_of_directories_makes_them(tiny: Recipe, tmp_path: Path) -> None:
+    report = build(tiny, root=f"local://{tmp_path}/deep/data", workers=1)
+    assert isinstance(report.dataset.directory, RemotePath)
+    assert (tmp_path / "deep" / "data" / "tiny" / "manifest.json").is_file()
+    assert build(tiny, root=f"local://{tmp_path}/deep/data", workers=1).nothing_to_do

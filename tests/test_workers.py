@@ -85,7 +85,7 @@ def test_shards_kept_submitted_follow_the_workers() -> None:
 @pytest.fixture
 def terms(small: Recipe, tmp_path: Path) -> Terms:
     (tmp_path / "shards").mkdir()
-    return Terms(small, small.digest, synthnet.build._packages(), tmp_path)
+    return synthnet.build.terms_of(small, tmp_path)
 
 
 def test_worker_with_another_version_is_refused(small: Recipe, terms: Terms) -> None:
@@ -232,3 +232,11 @@ def test_mpi_outside_a_job_is_one_line(tmp_path: Path, command: Command) -> None
     (line,) = [line for line in done.stderr.splitlines() if line.strip()]
     assert line.startswith("synthnet: --engine mpi ")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_worker_with_another_processor_is_refused(small: Recipe, terms: Terms) -> None:
+    other = dataclasses.replace(terms, processor="m68000-0")
+    with pytest.raises(
+        BuildError, match=r"has a processor of another kind .* than the build \(m68"
+    ):
+        work(plan_shards(small)[0], other)
