@@ -13,7 +13,8 @@ the label:
 not follow that law yet, so it is refined again, and the two finest meshes give the limit:
 families with triangles that reach across the whole surface at least twice
 (:attr:`synthnet.families.Family.refinements`), and any mesh while the last refinement
-changed an eigenvalue by more than a tenth, up to five times.
+changed an eigenvalue by more than a tenth, up to five times, or as often as the solver can
+certify the finer mesh.
 
 References
 ----------
@@ -30,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet import spectrum
+from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES
 from synthnet.types import ShapeSpec
 
@@ -85,7 +87,12 @@ def estimate(spec: ShapeSpec, eigenvalues: Array) -> Estimate:
     change = np.inf
     while len(meshes) <= family.refinements or (len(meshes) <= MOST and change > COARSE):
         mesh = family.refine(spec.parameters, len(meshes))
-        meshes.append(spectrum.compute(mesh, len(eigenvalues)).eigenvalues)
+        try:
+            meshes.append(spectrum.compute(mesh, len(eigenvalues)).eigenvalues)
+        except SpectrumError:
+            if len(meshes) <= family.refinements:
+                raise
+            break  # slivers so fine that rounding has the say: the meshes before it must do
         change = float(np.max(np.abs(meshes[-2] / meshes[-1] - 1)))
     return Estimate(spec.id, eigenvalues - extrapolate(*meshes[-2:]), np.array(meshes[1:]))
 
