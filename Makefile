@@ -35,7 +35,8 @@ lint: $(STAMP) ## check style and formatting
 types: $(STAMP) ## check the types
 	$(VENV)/bin/python -m mypy
 
-bench: $(STAMP) ## measure what building costs, and what the harness adds
+bench: $(STAMP) ## measure the solver against LaPy, what building costs, and what the harness adds
+	$(VENV)/bin/python benchmarks/solver.py
 	$(VENV)/bin/python benchmarks/build_cost.py
 	$(VENV)/bin/synthnet build --version 1.0-mini
 	$(VENV)/bin/python benchmarks/harness_overhead.py
