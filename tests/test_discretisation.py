@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 import threadpoolctl
 
-from synthnet import recipe, spectrum
+from synthnet import discretisation, recipe, spectrum
 from synthnet.discretisation import estimate, extrapolate
+from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES, draw_shape
-from synthnet.types import ShapeSpec
+from synthnet.types import Mesh, ShapeSpec, Spectrum
 
 DRAWS = 4
 POLYHEDRA = ("rectangular_prism", "tetrahedron")
@@ -113,11 +114,43 @@ def test_a_coarse_mesh_is_refined_until_a_step_changes_less_than_a_tenth() -> No
     np.testing.assert_allclose(found.error, label - extrapolate(*finer), rtol=0.02)
 
 
-def test_no_mesh_is_refined_more_than_three_times() -> None:
+def test_a_coarse_mesh_is_refined_until_little_changes_or_five_times(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     size = {"width": 1.0, "height": 1.0, "depth": 1000.0}
-    found = estimate(*small("rectangular_prism", **size, subdivisions=1))
-    assert len(found.refined) == 3
-    assert np.max(found.refined[1] / found.refined[2] - 1) > 0.1
+    spec, label = small("rectangular_prism", **size, subdivisions=1)
+    found = estimate(spec, label)
+    assert len(found.refined) == discretisation.MOST == 5
+    changes = np.max(found.refined[:-1] / found.refined[1:] - 1, axis=1)
+    assert (changes[:-1] > 0.1).all()
+    assert changes[-1] < 0.1
+    monkeypatch.setattr(discretisation, "MOST", 3)
+    fewer = estimate(spec, label)
+    np.testing.assert_array_equal(fewer.refined, found.refined[:3])
+
+
+def test_refinement_ends_where_the_solver_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    size = {"width": 1.0, "height": 1.0, "depth": 1000.0}
+    spec, label = small("rectangular_prism", **size, subdivisions=1)
+    solve, calls = spectrum.compute, []
+
+    def fails_at(number: int) -> None:
+        def compute(mesh: Mesh, k: int) -> Spectrum:
+            calls.append(mesh)
+            if len(calls) == number:
+                raise SpectrumError("rounding has the say")
+            return solve(mesh, k)
+
+        calls.clear()
+        monkeypatch.setattr(discretisation.spectrum, "compute", compute)
+
+    fails_at(3)
+    found = estimate(spec, label)
+    assert len(found.refined) == 2
+    np.testing.assert_allclose(found.error, label - extrapolate(*found.refined), rtol=1e-12)
+    fails_at(1)
+    with pytest.raises(SpectrumError, match="rounding has the say"):
+        estimate(spec, label)
 
 
 def test_one_refinement_is_four_thirds_of_the_difference() -> None:
