@@ -173,9 +173,6 @@ def build(
     if finished is not None:
         return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
     load_open3d()  # if it cannot be imported, say so here and once
-    watcher = watcher or Watcher()
-    watcher.preparing()
-    spectrum.compile_solver()  # here, and not in every worker
     for place in (directory, directory / SHARDS):
         storage.make_directory(place)
     with exclusive(directory, wait_for_lock):
@@ -183,6 +180,9 @@ def build(
         if finished is not None:
             return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
         _remove_partial_files(directory)
+        watcher = watcher or Watcher()
+        watcher.preparing()
+        spectrum.compile_solver()  # here, and not in every worker
         plans = plan_shards(wanted)
         terms = terms_of(wanted, directory)
         results: dict[int, ShardResult] = {}

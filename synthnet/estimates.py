@@ -97,12 +97,12 @@ def build_estimates(
         return BuildReport(dataset, {}, time.perf_counter() - started, 0, nothing_to_do=True)
     storage.make_directory(directory / DIRECTORY)
     watcher = watcher or Watcher()
-    watcher.preparing()
-    spectrum.compile_solver()
     seconds = dict.fromkeys(dataset.manifest.drawn, 0.0)
     reused = 0
     with exclusive(directory, wait_for_lock), engine or local_processes(workers) as at_work:
         storage.remove_partial_files(directory / DIRECTORY)
+        watcher.preparing()
+        spectrum.compile_solver()
         plans, terms = plan_shards(wanted), terms_of(wanted, directory)
         shards = zip(plans, dataset.manifest.shards, strict=True)
         jobs = ((plan, partial(work, record, terms)) for plan, record in shards)

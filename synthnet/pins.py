@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -101,11 +101,9 @@ def differences(found: Pin, expected: Pin) -> Iterator[str]:
 
 def read(version: str) -> dict[str, Pin] | None:
     """Return the pins of a full version by id, or ``None`` if it has none."""
-    path = resources.files("synthnet.versions").joinpath(f"{version}.lock.parquet")
-    if not path.is_file():
+    table = _shipped(f"{version}.lock.parquet")
+    if table is None:
         return None
-    with path.open("rb") as file:
-        table = pq.read_table(file)
     columns = (table[name].to_pylist() for name in ("id", "digest"))
     arrays = (np.stack(table[name].to_numpy()) for name in ("moments", "eigenvalues"))
     return {row[0]: Pin(*row) for row in zip(*columns, *arrays, strict=True)}
@@ -122,21 +120,7 @@ def write(path: Path, pins: Iterable[Pin]) -> None:
             "eigenvalues": pa.array([p.eigenvalues for p in rows], pa.list_(pa.float64())),
         }
     )
-
-    def store(partial: Path) -> None:
-        pq.write_table(
-            table,
-            partial,
-            compression="zstd",
-            compression_level=19,
-            use_dictionary=False,
-            column_encoding={
-                "moments.list.element": "BYTE_STREAM_SPLIT",
-                "eigenvalues.list.element": "BYTE_STREAM_SPLIT",
-            },
-        )
-
-    write_atomically(path, store)
+    _store(path, table, ("moments", "eigenvalues"))
 
 
 def read_errors(version: str) -> dict[str, NDArray[np.float32]] | None:
@@ -147,11 +131,9 @@ def read_errors(version: str) -> dict[str, NDArray[np.float32]] | None:
     dict of str to ndarray of shape (k,), float32, or None
         By id: (label − limit) / label, see :mod:`synthnet.discretisation`.
     """
-    path = resources.files("synthnet.versions").joinpath(f"{version}.errors.parquet")
-    if not path.is_file():
+    table = _shipped(f"{version}.errors.parquet")
+    if table is None:
         return None
-    with path.open("rb") as file:
-        table = pq.read_table(file)
     return dict(zip(table["id"].to_pylist(), table["error"].to_numpy(), strict=True))
 
 
@@ -159,6 +141,19 @@ def write_errors(path: Path, errors: Mapping[str, NDArray[np.floating[Any]]]) ->
     """Write the pinned error estimates of a version, relative and as float32."""
     rows = [np.asarray(row, dtype=np.float32) for row in errors.values()]
     table = pa.table({"id": list(errors), "error": pa.array(rows, pa.list_(pa.float32()))})
+    _store(path, table, ("error",))
+
+
+def _shipped(name: str) -> pa.Table | None:
+    path = resources.files("synthnet.versions").joinpath(name)
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        return pq.read_table(file)
+
+
+def _store(path: Path, table: pa.Table, numbers: Sequence[str]) -> None:
+    """Write a table whose columns ``numbers`` are lists of floats."""
 
     def store(partial: Path) -> None:
         pq.write_table(
@@ -167,7 +162,7 @@ def write_errors(path: Path, errors: Mapping[str, NDArray[np.floating[Any]]]) ->
             compression="zstd",
             compression_level=19,
             use_dictionary=False,
-            column_encoding={"error.list.element": "BYTE_STREAM_SPLIT"},
+            column_encoding={f"{name}.list.element": "BYTE_STREAM_SPLIT" for name in numbers},
         )
 
     write_atomically(path, store)

@@ -352,7 +352,7 @@ def _lanczos(
         count, gap = cut
         rows = search.vectors(pairs, count)
         if known is not None:
-            weighted = fem.multiply(matrices, matrices.mass, known.vectors)
+            weighted = search.weighted[1 : search.first]
             rows = np.concatenate([known.vectors, rows[0]]), np.concatenate([weighted, rows[1]])
         values, vectors, residual = _polished(matrices, ordering, factor, rows, setting.residual)
         found = _Candidate(values, vectors, residual, gap)
