@@ -4,6 +4,7 @@ The seconds come from the report of that build, which is kept in docs/data:
 
     synthnet build --version 1.0 --json > docs/data/build-1.0.json
     python benchmarks/build_cost.py --json > docs/data/build-cost.json
+    python benchmarks/build_full.py
     python benchmarks/loading.py 1.0 --json > docs/data/loading-1.0.json
     python scripts/card_tables.py
 """
@@ -86,15 +87,18 @@ def measured(name: str) -> dict:
     return json.loads((DATA / f"{name}.json").read_text())
 
 
-def cost(build: dict, loading: dict) -> str:
+def cost(build: dict, full: dict, loading: dict) -> str:
     """Return what a built mesh and an epoch cost."""
     whole = build["rows"][-1]
     return (
         f"Building a mesh, with checks, label, copies and storage, takes {whole['ours ms']} "
         f"core-milliseconds; a plain loop over Open3D and `lapy.Solver(...).eigs(11)`, which "
         f"checks and stores nothing, {whole['plain ms']}: {whole['ratio']} of it, over "
-        f"{whole['shapes']} random shapes, in one run, on one thread (`make bench`). The train "
-        f"split opens in {loading['open_seconds']} s; an epoch of a `DataLoader` over its "
+        f"{whole['shapes']} random shapes, in one run, on one thread (`make bench`). The whole of "
+        f"{full['version']} on {full['workers']} cores, one after the other: the loop "
+        f"{full['plain seconds']:.0f} s, the build {full['build seconds']:.0f} s, "
+        f"{full['ratio']} of it (`python benchmarks/build_full.py`). The train split opens in "
+        f"{loading['open_seconds']} s; an epoch of a `DataLoader` over its "
         f"{loading['instances']:,} instances, without a model, takes {loading['epoch_seconds']} s "
         f"and at most {loading['peak_resident_mb']} MB of resident memory "
         "(`python benchmarks/loading.py`)."
@@ -105,7 +109,7 @@ def main() -> None:
     """Rewrite the marked parts of the card."""
     parts = {
         "composition": f"\n{composition(measured('build-1.0'))}\n",
-        "cost": f"\n{cost(measured('build-cost'), measured('loading-1.0'))}\n",
+        "cost": f"\n{cost(*map(measured, ('build-cost', 'build-full', 'loading-1.0')))}\n",
         "inverted-cones": inverted_cone_flaw(),
         "split-cones": split_cone_flaw(store.open_dataset("1.0")),
     }
