@@ -35,11 +35,12 @@ lint: $(STAMP) ## check style and formatting
 types: $(STAMP) ## check the types
 	$(VENV)/bin/python -m mypy
 
-bench: $(STAMP) ## measure the solver against LaPy, what building costs, and what the harness adds
+bench: $(STAMP) ## measure solver, building, harness and network, each against a peer
 	$(VENV)/bin/python benchmarks/solver.py
 	$(VENV)/bin/python benchmarks/build_cost.py
 	$(VENV)/bin/synthnet build --version 1.0-mini
 	$(VENV)/bin/python benchmarks/harness_overhead.py
+	PYTHONPATH=. $(VENV)/bin/python benchmarks/gcn.py --version 1.0-mini
 	@echo "after a build of 1.0: $(VENV)/bin/python benchmarks/loading.py"
 
 ci: lint types test ## all checks: lint, types and test

@@ -16,6 +16,7 @@ from eigbench.metrics import METRIC_VERSION
 from eigbench.results import SCHEMA_VERSION, dataset_facts
 from eigbench.truth import Truth
 from synthnet.files import sha256
+from synthnet.solver.compiled import processor
 
 PACKAGES = ("synthnet", "numpy", "scipy", "lapy", "torch", "torch-geometric", "scikit-learn")
 
@@ -87,13 +88,18 @@ def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
 
 
 def hardware() -> str:
-    """Return a label of this machine: times are compared only where it is the same."""
+    """Return a label of this machine: times are compared only where it is the same.
+
+    The model's name alone will not do: a virtual machine's "AMD EPYC" may be of any
+    generation, and one may be twice as fast as another. The kind is LLVM's name of it.
+    """
     model = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():
         lines = [line for line in info.read_text().splitlines() if line.startswith("model name")]
         model = lines[0].partition(":")[2].strip() if lines else model
-    return f"{model}, {os.cpu_count()} cores"
+    kind = processor().rpartition("-")[0]
+    return f"{model} ({kind}), {os.cpu_count()} cores"
 
 
 def environment() -> dict[str, str]:

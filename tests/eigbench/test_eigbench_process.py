@@ -1,5 +1,6 @@
 """The predictor's process: what it can see, what the clock sees, what is recorded of it."""
 
+import os
 import sys
 
 import numpy as np
@@ -10,6 +11,7 @@ from eigbench.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.worker import Loaded, Status
 
 from synthnet import store
+from synthnet.solver.compiled import processor
 
 SPY = """
 import gc, re, sys
@@ -143,6 +145,10 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
     assert cost["peak_memory_mb"] == 1
     assert cost["hardware"].startswith("NVIDIA A100, ")
     assert "NVIDIA" not in record.hardware()
+
+
+def test_hardware_names_the_kind_of_processor() -> None:
+    assert f"({processor().rpartition('-')[0]}), {os.cpu_count()} cores" in record.hardware()
 
 
 def test_cpu_has_no_accelerator():

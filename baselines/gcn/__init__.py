@@ -1,0 +1,1 @@
+"""The paper's graph convolutional networks: encodings, model, training and named configurations."""

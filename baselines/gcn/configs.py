@@ -1,0 +1,93 @@
+"""Named configurations: every row of the paper's Tables 1 to 3, and what we would do today."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from .model import GCNConfig
+
+
+@dataclass(frozen=True, slots=True)
+class TrainConfig:
+    """How a network is trained.
+
+    Parameters
+    ----------
+    model : GCNConfig
+        What is trained.
+    loss : str
+        ``rpd``, ``polar`` or ``l1``: those of :mod:`eigbench.losses`.
+    optimiser : str
+        ``sgd`` (with ``momentum``) or ``adamw``.
+    learning_rate, momentum, weight_decay : float
+        Its settings.
+    schedule : str
+        ``constant``, or ``one-cycle``: a rise over a tenth of the steps, then a cosine to zero.
+    epochs, batch_size : int
+        An epoch is every instance of the training split once (``stored``), or every shape
+        once (``random``).
+    isometries : str
+        ``stored``: the dataset's instances. ``random``: a fresh isometry at every visit.
+    clip : float
+        Norm beyond which a gradient is shortened; 0 for never.
+    """
+
+    model: GCNConfig = field(default_factory=GCNConfig)
+    loss: str = "rpd"
+    optimiser: str = "sgd"
+    learning_rate: float = 1e-3
+    momentum: float = 0.9
+    weight_decay: float = 1e-5
+    schedule: str = "constant"
+    epochs: int = 200
+    batch_size: int = 32
+    isometries: str = "stored"
+    clip: float = 0.0
+
+
+# Paper, section 4.2.
+TABLE_1 = TrainConfig(learning_rate=1e-3, epochs=200, batch_size=32)
+TABLES_2_AND_3 = TrainConfig(learning_rate=1e-4, epochs=400, batch_size=16)
+
+PAPER: dict[str, TrainConfig] = {
+    "table1-polar": replace(TABLE_1, loss="polar"),
+    "table1-rpd": TABLE_1,
+    "table1-l1": replace(TABLE_1, loss="l1"),
+    **{
+        name: replace(TABLES_2_AND_3, model=GCNConfig(encoding, virtual, blocks))
+        for name, encoding, virtual, blocks in (
+            ("table2-none-virtual", "none", True, 3),
+            ("table2-a", "A", False, 3),
+            ("table2-a-virtual", "A", True, 3),
+            ("table2-alg", "ALG", False, 3),
+            ("table2-alg-virtual", "ALG", True, 3),
+            # The rows of Table 3 with three blocks are those above.
+            ("table3-a-4", "A", False, 4),
+            ("table3-a-5", "A", False, 5),
+            ("table3-a-4-virtual", "A", True, 4),
+            ("table3-a-5-virtual", "A", True, 5),
+        )
+    },
+}
+
+
+def modern(config: TrainConfig) -> TrainConfig:
+    """Return the same network and loss with the optimiser and schedule of today."""
+    return replace(
+        config,
+        optimiser="adamw",
+        learning_rate=1e-3,
+        weight_decay=1e-2,
+        schedule="one-cycle",
+        epochs=30,
+        batch_size=16,
+        isometries="random",
+        clip=1.0,
+    )
+
+
+MODERN: dict[str, TrainConfig] = {
+    **{f"{name}-modern": modern(config) for name, config in PAPER.items()},
+    "modern": modern(TrainConfig(model=GCNConfig("ALG", False, 3, scale_free=True))),
+}
+CONFIGS = {**PAPER, **MODERN}

@@ -1,0 +1,100 @@
+"""A trained network as a predictor: what the files ``baselines/gcn_*.py`` share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from synthnet.types import Mesh
+
+from . import data, weights
+from .configs import TrainConfig
+from .encodings import MeshError
+from .folded import each
+from .run import predict
+
+LOSS_NAMES = {"rpd": "RPDLoss", "polar": "PolarLoss", "l1": "ℓ1"}
+
+
+def weights_of(file: str) -> Path:
+    """Return where a row's weights are: beside its file, under the same name."""
+    return Path(file).with_suffix(".safetensors")
+
+
+def title(config: TrainConfig) -> str:
+    """Return a network's name for a table."""
+    model = config.model
+    parts = [
+        f"GCN {model.encoding}",
+        "virtual node" if model.virtual_node else "",
+        f"{model.blocks} blocks" if model.blocks != 3 else "",
+        LOSS_NAMES[config.loss],
+        "scale-free" if model.scale_free else "",
+        "" if config.optimiser == "sgd" else "modern",
+    ]
+    return ", ".join(part for part in parts if part)
+
+
+def meta(file: str) -> dict[str, str]:
+    """Return the META of a row, read from its weights."""
+    _, record = weights.read(weights_of(file))
+    config = weights.config_of(record)
+    return {
+        "name": title(config),
+        "kind": "learned",
+        "paper": "https://proceedings.mlr.press/v251/wu24a.html",
+        "training_data": f"synthNet {record['version']} train, {record['protocol']}",
+        "training_cost": (
+            f"{record['minutes']:.0f} min: {record['steps']:,} steps of {config.batch_size} "
+            f"meshes, {record['epochs']:g} of {config.epochs} epochs"
+        ),
+        "hardware": f"{record['device']}, {record['processes']} × {record['threads']} threads",
+    }
+
+
+class Row:
+    """A trained network with ``predict(meshes)``.
+
+    Parameters
+    ----------
+    path : Path
+        Weights in safetensors.
+    device : str
+        ``cpu`` or ``cuda``.
+    """
+
+    def __init__(self, path: Path, device: str = "cpu") -> None:
+        self.model, self.record = weights.load_model(path, device)
+        self.encode = data.encoder(self.model.config)
+        self.device, self.threads = device, torch.get_num_threads()
+
+    def predict(self, meshes: Sequence[Mesh]) -> np.ndarray:
+        """Return the eigenvalues, as the network gives them, shape (B, 10).
+
+        Raises
+        ------
+        MeshError
+            If a mesh has no faces, too few vertices, or coordinates that are not finite.
+        """
+        for number, mesh in enumerate(meshes):
+            least = self.model.config.outputs + 1
+            if len(mesh.vertices) < least:
+                raise MeshError(
+                    f"mesh {number} has {len(mesh.vertices)} vertices: {least - 1} eigenvalues "
+                    f"after zero need at least {least}"
+                )
+        graphs = each(self.encode, meshes, self.threads)
+        graphs = [one.to(self.device) for one in graphs]
+        return predict(self.model, graphs, self.threads).double().numpy()
+
+    def parameters(self) -> list[torch.nn.Parameter]:
+        """Return the network's parameters, which the harness counts."""
+        return list(self.model.parameters())
+
+
+def load_row(file: str, device: str) -> Row:
+    """Return the predictor of a row's file."""
+    return Row(weights_of(file), device)

@@ -1,0 +1,295 @@
+"""A training run: its batches, steps, checkpoints and record."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from eigbench.metrics import METRICS
+from torch import Tensor, nn
+from torch.nn.parallel import DistributedDataParallel
+
+from synthnet.files import write_text
+
+from . import data, weights
+from .configs import TrainConfig
+from .folded import outputs
+from .graphs import Graphs
+from .model import GCN
+from .objective import Objective, eigenvalues
+
+CHECKPOINT, LOG, WEIGHTS = "checkpoint.safetensors", "log.csv", "weights.safetensors"
+COLUMNS = ("epoch", "steps", "minutes", "loss", "validation_psnr20", "validation_rpd")
+WARM = 0.1  # of the steps, in which a one-cycle schedule rises
+
+
+class TrainingError(Exception):
+    """Training cannot begin, or go on; what was finished is kept."""
+
+
+@dataclass(slots=True)
+class Progressed:
+    """How far a run is: steps taken, minutes spent, losses of this epoch, rows of the log."""
+
+    steps: int = 0
+    minutes: float = 0.0
+    losses: list[float] = field(default_factory=list)
+    log: list[dict[str, float]] = field(default_factory=list)
+
+
+class Run:
+    """A training run that can be stopped and taken up again at any step.
+
+    The batches, the isometries and the rate of a step hang on the seed and its number alone, so
+    a resumed run ends with the weights of an uninterrupted one.
+
+    Parameters
+    ----------
+    config : TrainConfig
+        What to do.
+    shapes : Shapes
+        The dataset, encoded for this network.
+    protocol : str
+        ``grouped`` or ``paper``.
+    seed : int
+        Of the first weights, the order and the isometries.
+    out : Path
+        Directory of the files.
+    device : torch.device
+        Where to compute.
+    dtype : torch.dtype
+        Of the blocks: float32 or bfloat16.
+    threads : int
+        Meshes at a time on a CPU.
+    rank, world : int
+        Of this process, and how many there are.
+    """
+
+    def __init__(
+        self,
+        config: TrainConfig,
+        shapes: data.Shapes,
+        *,
+        protocol: str,
+        seed: int,
+        out: Path,
+        device: torch.device,
+        dtype: torch.dtype = torch.float32,
+        threads: int = 1,
+        rank: int = 0,
+        world: int = 1,
+    ) -> None:
+        self.config, self.shapes, self.protocol, self.seed = config, shapes, protocol, seed
+        self.out, self.device, self.dtype = out, device, dtype
+        self.threads, self.rank, self.world = threads, rank, world
+        torch.manual_seed(seed)
+        self.model = GCN(config.model).to(device)
+        objective = Objective(self.model, config.loss, dtype, threads)
+        self.objective: nn.Module = DistributedDataParallel(objective) if world > 1 else objective
+        self.optimiser = optimiser(config, self.model)
+        self.instances = shapes.instances("train", protocol)
+        if config.isometries == "random":
+            self.instances = torch.unique(self.instances[:, 0])[:, None]
+        self.validation = torch.unique(shapes.instances("validation", protocol)[:, 0]).tolist()
+        self.per_epoch = len(self.instances) // config.batch_size  # what is left over is left out
+        if not self.per_epoch:
+            raise TrainingError(
+                f"{len(self.instances)} instances are no batch of {config.batch_size}: "
+                "choose a larger version or a smaller batch"
+            )
+        self.total = self.per_epoch * config.epochs
+        self.progressed = Progressed()
+        self.since = time.monotonic()
+
+    def rate(self, step: int) -> float:
+        """Return the learning rate of a step."""
+        if self.config.schedule == "constant":
+            return self.config.learning_rate
+        rise = max(1, round(WARM * self.total))
+        if step < rise:
+            return self.config.learning_rate * (step + 1) / rise
+        return (
+            self.config.learning_rate
+            * (1 + math.cos(math.pi * (step - rise) / (self.total - rise)))
+            / 2
+        )
+
+    def batch(self, step: int) -> tuple[list[int], Tensor]:
+        """Return the shapes of a step's batch, and their isometries, (b, 3, 3)."""
+        epoch, at = divmod(step, self.per_epoch)
+        order = torch.randperm(len(self.instances), generator=generator(self.seed, 0, epoch))
+        size = self.config.batch_size
+        chosen = self.instances[order[at * size : (at + 1) * size]]
+        shapes = chosen[:, 0].tolist()
+        if self.config.isometries == "stored":
+            return shapes, self.shapes.isometries[chosen[:, 0], chosen[:, 1]]
+        return shapes, random_isometries(len(shapes), generator(self.seed, 1, step))
+
+    def step(self) -> None:
+        """Take a step of the optimiser; after the last of an epoch, write a row of the log."""
+        number = self.progressed.steps
+        shapes, isometries = self.batch(number)
+        mine = slice(self.rank, None, self.world)
+        graphs = [self.shapes.graphs[i] for i in shapes[mine]]
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.rate(number)
+        self.optimiser.zero_grad()
+        loss = self.objective(graphs, isometries[mine].to(self.device), self.shapes.y[shapes[mine]])
+        # DistributedDataParallel takes the mean over processes, whatever their shares.
+        (loss * (len(graphs) * self.world / len(shapes))).backward()
+        if self.config.clip:
+            nn.utils.clip_grad_norm_(self.model.parameters(), self.config.clip)
+        self.optimiser.step()
+        self.progressed.steps += 1
+        self.progressed.losses.append(loss.item())
+        if self.progressed.steps % self.per_epoch == 0:
+            self.end_epoch()
+
+    def end_epoch(self) -> None:
+        """Validate, and add a row to the log."""
+        losses, self.progressed.losses = self.progressed.losses, []
+        row = {
+            "epoch": self.progressed.steps // self.per_epoch,
+            "steps": self.progressed.steps,
+            "minutes": round(self.minutes(), 3),
+            "loss": sum(losses) / len(losses),
+            **self.validate(),
+        }
+        self.progressed.log.append(row)
+
+    def validate(self) -> dict[str, float]:
+        """Return PSNR>20 and RPD over the shapes of the validation split."""
+        found = predict(self.model, [self.shapes.graphs[i] for i in self.validation], self.threads)
+        p, g = found.double().numpy(), self.shapes.y[self.validation].cpu().double().numpy()
+        return {
+            f"validation_{key}": float(METRICS[key].function(p, g).mean())
+            for key in ("psnr20", "rpd")
+        }
+
+    def minutes(self) -> float:
+        """Return the minutes trained, those before an interruption included."""
+        return self.progressed.minutes + (time.monotonic() - self.since) / 60
+
+    def record(self) -> dict[str, Any]:
+        """Return what is to be known of the weights."""
+        return {
+            "config": weights.describe(self.config),
+            "version": self.shapes.version,
+            "recipe": self.shapes.digest,
+            "protocol": self.protocol,
+            "seed": self.seed,
+            "steps": self.progressed.steps,
+            "of": self.total,
+            "epochs": round(self.progressed.steps / self.per_epoch, 2),
+            "minutes": round(self.minutes(), 2),
+            "dtype": str(self.dtype).removeprefix("torch."),
+            "processes": self.world,
+            "threads": self.threads,
+            "device": device_name(self.device),
+            "losses": self.progressed.losses,
+            "log": self.progressed.log,
+        }
+
+    def save(self) -> None:
+        """Write the checkpoint and the log."""
+        if self.rank:
+            return
+        tensors = {f"model.{name}": tensor for name, tensor in self.model.state_dict().items()}
+        for number, state in self.optimiser.state_dict()["state"].items():
+            for name, tensor in state.items():
+                tensors[f"optimiser.{number}.{name}"] = tensor
+        weights.write(self.out / CHECKPOINT, tensors, self.record())
+        text = io.StringIO()
+        writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.progressed.log)
+        write_text(self.out / LOG, text.getvalue())
+
+    def resume(self) -> None:
+        """Go on from the checkpoint.
+
+        Raises
+        ------
+        TrainingError
+            If it is of another configuration, dataset, protocol or seed.
+        WeightsError
+            If it is missing or damaged.
+        """
+        path = self.out / CHECKPOINT
+        tensors, record = weights.read(path)
+        mine = self.record()
+        for key in ("config", "version", "recipe", "protocol", "seed"):
+            if record.get(key) != mine[key]:
+                apart = difference(record.get(key), mine[key])
+                raise TrainingError(
+                    f"{path} is of another run: its {key} is {apart}; "
+                    "choose another --out, or the same options"
+                )
+        model = {n.removeprefix("model."): t for n, t in tensors.items() if n.startswith("model.")}
+        weights.fill(self.model, model, path)
+        state: dict[int, dict[str, Tensor]] = {}
+        for name, tensor in tensors.items():
+            kind, number, *rest = name.split(".")
+            if kind == "optimiser":
+                state.setdefault(int(number), {})[".".join(rest)] = tensor
+        groups = self.optimiser.state_dict()["param_groups"]
+        self.optimiser.load_state_dict({"state": state, "param_groups": groups})
+        self.progressed = Progressed(
+            record["steps"], record["minutes"], record["losses"], record["log"]
+        )
+        self.since = time.monotonic()
+
+    def finish(self) -> None:
+        """Write the weights of a row."""
+        if not self.rank:
+            weights.save_model(self.out / WEIGHTS, self.model, self.record())
+
+
+def predict(model: GCN, graphs: list[Graphs], threads: int = 1) -> Tensor:
+    """Return the eigenvalues of encoded meshes, (B, k), float32, on the CPU."""
+    areas = torch.cat([one.areas for one in graphs])
+    return eigenvalues(outputs(model, graphs, threads=threads), areas, model.config).cpu()
+
+
+def optimiser(config: TrainConfig, model: nn.Module) -> torch.optim.Optimizer:
+    """Return the optimiser of a configuration."""
+    rate, decay = config.learning_rate, config.weight_decay
+    if config.optimiser == "adamw":
+        return torch.optim.AdamW(model.parameters(), rate, weight_decay=decay)
+    return torch.optim.SGD(model.parameters(), rate, momentum=config.momentum, weight_decay=decay)
+
+
+def generator(*numbers: int) -> torch.Generator:
+    """Return a generator that hangs on these numbers alone."""
+    seed = 0
+    for number in numbers:
+        seed = (seed * 1_000_003 + number + 1) % 2**63
+    return torch.Generator().manual_seed(seed)
+
+
+def random_isometries(count: int, random: torch.Generator) -> Tensor:
+    """Draw matrices uniformly from O(3), (count, 3, 3), float32."""
+    q, r = torch.linalg.qr(torch.randn(count, 3, 3, dtype=torch.float64, generator=random))
+    return (q * torch.sign(torch.diagonal(r, dim1=1, dim2=2))[:, None, :]).float()
+
+
+def difference(theirs: Any, mine: Any) -> str:
+    """Say in a few words how two values differ."""
+    if isinstance(theirs, dict) and isinstance(mine, dict):
+        for key in mine:
+            if theirs.get(key) != mine[key]:
+                return f"{key} {difference(theirs.get(key), mine[key])}"
+    return f"{theirs!r}, not {mine!r}"
+
+
+def device_name(device: torch.device) -> str:
+    """Return a device's name for the record."""
+    if device.type == "cuda":
+        return torch.cuda.get_device_name(device)
+    return f"CPU, {torch.backends.cpu.get_cpu_capability()}"

@@ -1,0 +1,32 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import torch
+
+from synthnet.types import Mesh, Sample
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """PyTorch's own threads wait for each other, which takes long where processes share cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="session")
+def meshes(tiny_samples: dict[str, list[Sample]]) -> list[Mesh]:
+    """Ten small meshes of four families."""
+    return [sample.mesh for samples in tiny_samples.values() for sample in samples]
+
+
+@pytest.fixture(scope="session")
+def orthogonal() -> np.ndarray:
+    """A rotation and a reflection, (2, 3, 3)."""
+    q, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
+    q = q * np.sign(np.linalg.det(q))
+    return np.stack([q, -q])

@@ -1,0 +1,177 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+from eigbench.losses import rpd_loss
+from torch_geometric.data import Batch, Data
+
+from baselines.gcn import folded
+from baselines.gcn.data import encoder
+from baselines.gcn.encodings import CHANNELS, encoding
+from baselines.gcn.graphs import Graphs, graph, join
+from baselines.gcn.model import GCN, WIDTHS, GCNConfig
+from synthnet.types import Mesh
+
+CONFIGS = [GCNConfig(name, virtual) for name in CHANNELS for virtual in (False, True)]
+CONFIGS += [GCNConfig("A", True, 4), GCNConfig("ALG", False, 5)]
+IDS = [f"{c.encoding}{'-virtual' * c.virtual_node}-{c.blocks}" for c in CONFIGS]
+
+
+@pytest.fixture(params=[1, 2], ids=["one thread", "two threads"])
+def threads(request: pytest.FixtureRequest) -> int:
+    return int(request.param)
+
+
+def encoded(meshes: list[Mesh], config: GCNConfig) -> list[Data]:
+    transform = encoding(config.encoding, virtual_node=config.virtual_node)
+    kept = []
+    for mesh in meshes:
+        pos = torch.from_numpy(mesh.vertices.astype(np.float64))
+        data = transform(Data(pos=pos, face=torch.from_numpy(mesh.faces.T.astype(np.int64))))
+        weight = {"edge_weight": data.edge_weight} if "edge_weight" in data else {}
+        kept.append(Data(x=data.x, edge_index=data.edge_index, **weight))
+    return kept
+
+
+def model_of(config: GCNConfig) -> GCN:
+    torch.manual_seed(1)
+    return GCN(config)
+
+
+def norm_apart(found: torch.Tensor, wanted: torch.Tensor) -> float:
+    return float((found - wanted).norm() / wanted.norm())
+
+
+@pytest.mark.parametrize("config", CONFIGS, ids=IDS)
+def test_outputs_are_those_of_the_plain_network(
+    config: GCNConfig, meshes: list[Mesh], threads: int
+) -> None:
+    data = encoded(meshes, config)
+    model = model_of(config)
+    wanted = model(Batch.from_data_list(data)).detach()
+    found = folded.outputs(model, [graph(one) for one in data], threads=threads)
+    assert norm_apart(found, wanted) < 1e-5
+
+
+@pytest.mark.parametrize("config", CONFIGS, ids=IDS)
+def test_gradients_are_those_of_the_plain_network(
+    config: GCNConfig, meshes: list[Mesh], threads: int
+) -> None:
+    data = encoded(meshes, config)
+    y = torch.rand(len(data), 10) + 1
+    plain, ours = model_of(config), model_of(config)
+    wanted = rpd_loss(plain(Batch.from_data_list(data)), y)
+    wanted.backward()
+    graphs = [graph(one) for one in data]
+    found = folded.batch_loss(
+        ours, graphs, None, y, lambda p, g, _: rpd_loss(p, g), threads=threads
+    )
+    found.backward()
+    assert found.item() == pytest.approx(wanted.item(), rel=1e-5)
+    flat = [torch.cat([p.grad.flatten() for p in m.parameters()]) for m in (ours, plain)]
+    assert norm_apart(*flat) < 1e-5
+
+
+def test_bfloat16_is_near(meshes: list[Mesh]) -> None:
+    config = GCNConfig("ALG")
+    model, graphs = model_of(config), [graph(one) for one in encoded(meshes, config)]
+    wanted = folded.outputs(model, graphs)
+    apart = norm_apart(folded.outputs(model, graphs, torch.bfloat16), wanted)
+    assert 1e-6 < apart < 0.02  # eight bits of mantissa, and another result than float32's
+
+
+def test_gradients_in_bfloat16_are_near(meshes: list[Mesh]) -> None:
+    config = GCNConfig("ALG")
+    graphs = [graph(one) for one in encoded(meshes, config)]
+    y = torch.rand(len(graphs), 10) + 1
+    flat = []
+    for dtype in (torch.bfloat16, torch.float32):
+        model = model_of(config)
+        loss = folded.batch_loss(model, graphs, None, y, lambda p, g, _: rpd_loss(p, g), dtype)
+        loss.backward()
+        flat.append(torch.cat([p.grad.flatten() for p in model.parameters()]))
+    assert norm_apart(*flat) < 0.05
+
+
+@pytest.mark.parametrize("config", CONFIGS[:6], ids=IDS[:6])
+def test_features_turn_as_the_mesh_does(
+    config: GCNConfig, meshes: list[Mesh], orthogonal: np.ndarray
+) -> None:
+    encode = encoder(config)
+    for matrix in orthogonal:
+        faces = [m.faces if np.linalg.det(matrix) > 0 else m.faces[:, ::-1] for m in meshes]
+        moved = [
+            Mesh(m.vertices.astype(np.float64) @ matrix.T, f)
+            for m, f in zip(meshes, faces, strict=True)
+        ]
+        isometries = torch.from_numpy(matrix).float().repeat(len(meshes), 1, 1)
+        here = join([encode(mesh) for mesh in meshes], isometries)
+        there = join([encode(mesh) for mesh in moved])
+        torch.testing.assert_close(here.features, there.features, rtol=1e-5, atol=1e-4)
+
+
+def test_join_keeps_meshes_apart(meshes: list[Mesh]) -> None:
+    graphs = [encoder(GCNConfig("ALG"))(mesh) for mesh in meshes[:3]]
+    joined = join(graphs)
+    sizes = [len(one.features) for one in graphs]
+    assert joined.starts == (0, sizes[0], sizes[0] + sizes[1], sum(sizes))
+    for one, start, end in zip(graphs, joined.starts, joined.starts[1:], strict=False):
+        first, last = joined.offsets[start], joined.offsets[end]
+        inside = joined.neighbours[first:last]
+        assert inside.min() >= start
+        assert inside.max() < end
+        assert torch.equal(inside - start, one.neighbours)
+
+
+@pytest.mark.parametrize("sizes", [[5], [1, 1, 1], [10, 3, 3, 3, 1], [4, 9, 2, 9]])
+def test_chunks_hold_every_mesh_once_and_respect_the_limit(sizes: list[int]) -> None:
+    groups = folded.chunks(sizes, limit=6)
+    assert sorted(i for group in groups for i in group) == list(range(len(sizes)))
+    for group in groups:
+        assert len(group) == 1 or sum(sizes[i] for i in group) <= 6
+
+
+def test_threads_give_the_same_bits(meshes: list[Mesh]) -> None:
+    config = GCNConfig("ALG", True)
+    graphs = [graph(one) for one in encoded(meshes, config)] * 3
+    model = model_of(config)
+    answers = [folded.outputs(model, graphs, threads=count) for count in (1, 2)]
+    assert torch.equal(*answers)
+
+
+# The network
+
+
+@pytest.mark.parametrize("blocks", [3, 4, 5])
+def test_parameters_counted_by_hand(blocks: int) -> None:
+    widths = [7, *WIDTHS[:blocks]]
+    convolutions = sum(2 * i * o + o + o * o + o for i, o in pairwise(widths))
+    head = 256 * 64 + 64 + 3 * (64 * 64 + 64) + 64 * 10 + 10
+    assert GCN(GCNConfig("ALG", False, blocks)).parameter_count() == convolutions + head
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"encoding": "B"}, "the encoding must be one of none, A, ALG, got 'B'"),
+        ({"blocks": 6}, "blocks must be 1 to 5, got 6"),
+        ({"blocks": 0}, "blocks must be 1 to 5, got 0"),
+    ],
+)
+def test_options_out_of_range(options: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        GCNConfig(**options)
+
+
+@pytest.mark.gpu
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
+def test_a_graph_on_the_gpu_gives_the_same(meshes: list[Mesh]) -> None:
+    config = GCNConfig("ALG", True)
+    graphs: list[Graphs] = [graph(one) for one in encoded(meshes, config)]
+    wanted = folded.outputs(model_of(config), graphs)
+    moved = [one.to("cuda") for one in graphs]
+    found = folded.outputs(model_of(config).to("cuda"), moved).cpu()
+    assert norm_apart(found, wanted) < 1e-4

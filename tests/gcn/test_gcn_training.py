@@ -1,0 +1,369 @@
+from __future__ import annotations
+
+import math
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from rich.console import Console
+
+import baselines.gcn
+from baselines.gcn import train, weights
+from baselines.gcn.configs import CONFIGS, MODERN, PAPER, TrainConfig
+from baselines.gcn.data import Shapes, encoder
+from baselines.gcn.model import GCN, GCNConfig
+from baselines.gcn.objective import LOSSES, eigenvalues
+from baselines.gcn.predictor import Row, title
+from baselines.gcn.run import CHECKPOINT, LOG, Run, TrainingError, random_isometries
+from synthnet.types import Mesh, Sample
+
+ROOT = Path(baselines.gcn.__file__).parent.parent.parent
+QUIET = Console(quiet=True)
+
+
+@pytest.fixture(scope="session")
+def shapes(tiny_samples: dict[str, list[Sample]]) -> Callable[[GCNConfig], Shapes]:
+    samples = [sample for members in tiny_samples.values() for sample in members]
+
+    def encode(config: GCNConfig) -> Shapes:
+        splits = np.array(["validation", "test"] + ["train"] * (len(samples) - 2))
+        return Shapes(
+            [encoder(config)(sample.mesh) for sample in samples],
+            torch.from_numpy(np.array([s.eigenvalues for s in samples], np.float32)),
+            torch.from_numpy(np.array([s.isometries for s in samples], np.float32)),
+            splits,
+            np.repeat(splits[:, None], 9, axis=1),
+            "tiny",
+            "digest",
+        )
+
+    return encode
+
+
+@pytest.fixture
+def make(shapes: Callable[[GCNConfig], Shapes], tmp_path: Path) -> Callable[..., Run]:
+    def run(config: TrainConfig, out: Path = tmp_path, seed: int = 0) -> Run:
+        cpu = torch.device("cpu")
+        encoded = shapes(config.model)
+        return Run(config, encoded, protocol="grouped", seed=seed, out=out, device=cpu)
+
+    return run
+
+
+SMALL = {"epochs": 2, "batch_size": 6}
+STORED = replace(PAPER["table2-alg-virtual"], **SMALL)
+RANDOM = replace(MODERN["modern"], epochs=9, batch_size=3)
+
+
+def flat(run: Run) -> torch.Tensor:
+    return torch.cat([p.detach().flatten() for p in run.model.parameters()])
+
+
+# Configurations
+
+
+def test_the_papers_schedules() -> None:
+    for name, config in PAPER.items():
+        first = name.startswith("table1")
+        assert (config.learning_rate, config.epochs, config.batch_size) == (
+            (1e-3, 200, 32) if first else (1e-4, 400, 16)
+        )
+        assert (config.optimiser, config.momentum, config.weight_decay) == ("sgd", 0.9, 1e-5)
+        assert (config.schedule, config.isometries, config.clip) == ("constant", "stored", 0)
+
+
+def test_every_row_of_the_papers_tables() -> None:
+    assert {name: c.loss for name, c in PAPER.items() if name.startswith("table1")} == {
+        "table1-polar": "polar",
+        "table1-rpd": "rpd",
+        "table1-l1": "l1",
+    }
+    networks = [c.model for name, c in PAPER.items() if not name.startswith("table1")]
+    rows = {(m.encoding, m.virtual_node, m.blocks) for m in networks}
+    table2 = {("none", True), ("A", False), ("A", True), ("ALG", False), ("ALG", True)}
+    table3 = {("A", virtual, blocks) for virtual in (False, True) for blocks in (4, 5)}
+    assert rows == {(*row, 3) for row in table2} | table3
+    assert len(networks) == len(rows)
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_a_configuration_survives_its_record(name: str) -> None:
+    record = {"config": weights.describe(CONFIGS[name])}
+    assert weights.config_of(record) == CONFIGS[name]
+
+
+def test_names_of_rows_differ() -> None:
+    assert len({title(config) for config in CONFIGS.values()}) == len(CONFIGS)
+
+
+# Steps
+
+
+@pytest.mark.parametrize("config", [STORED, RANDOM], ids=["stored", "random"])
+def test_a_resumed_run_ends_with_the_same_weights(
+    config: TrainConfig, make: Callable[..., Run], tmp_path: Path
+) -> None:
+    whole = make(config, tmp_path / "whole")
+    (tmp_path / "whole").mkdir()
+    while whole.progressed.steps < whole.total:
+        whole.step()
+    (tmp_path / "parts").mkdir()
+    for stop in (1, whole.total // 2, whole.total):
+        part = make(config, tmp_path / "parts")
+        if stop > 1:
+            part.resume()
+        while part.progressed.steps < stop:
+            part.step()
+        part.save()
+    assert torch.equal(flat(whole), flat(part))
+    logs = [
+        [{k: v for k, v in row.items() if k != "minutes"} for row in run.progressed.log]
+        for run in (whole, part)
+    ]
+    assert logs[0] == logs[1]
+    assert len(logs[0]) == config.epochs
+
+
+def test_seeds_differ(make: Callable[..., Run]) -> None:
+    runs = [make(STORED, seed=seed) for seed in (0, 0, 1)]
+    for run in runs:
+        run.step()
+    assert torch.equal(flat(runs[0]), flat(runs[1]))
+    assert not torch.equal(flat(runs[0]), flat(runs[2]))
+
+
+def test_an_epoch_is_every_instance_once(make: Callable[..., Run]) -> None:
+    run = make(STORED)
+    chosen = [shape for step in range(run.per_epoch) for shape in run.batch(step)[0]]
+    assert sorted(chosen) == sorted(run.instances[:, 0].tolist())
+    assert len(chosen) == 9 * len(set(chosen))
+
+
+@pytest.mark.parametrize("name", LOSSES)
+def test_training_lowers_the_loss(name: str, make: Callable[..., Run]) -> None:
+    config = replace(RANDOM, loss=name, epochs=60, batch_size=6, schedule="constant")
+    run = make(config)
+    for _ in range(run.total):
+        run.step()
+    losses = [row["loss"] for row in run.progressed.log]
+    assert np.mean(losses[-5:]) < 0.8 * losses[0]
+
+
+def test_one_cycle_rises_and_falls_to_nothing(make: Callable[..., Run]) -> None:
+    run = make(replace(RANDOM, epochs=50))
+    rates = [run.rate(step) for step in range(run.total)]
+    top = rates.index(max(rates))
+    assert max(rates) == pytest.approx(RANDOM.learning_rate)
+    assert rates[: top + 1] == sorted(rates[: top + 1])
+    assert rates[top:] == sorted(rates[top:], reverse=True)
+    assert rates[-1] < 0.01 * RANDOM.learning_rate
+
+
+def test_random_isometries_are_orthogonal_and_of_both_kinds() -> None:
+    drawn = random_isometries(64, torch.Generator().manual_seed(0))
+    torch.testing.assert_close(drawn @ drawn.mT, torch.eye(3).expand(64, 3, 3), atol=1e-5, rtol=0)
+    signs = torch.linalg.det(drawn).round()
+    assert set(signs.tolist()) == {-1.0, 1.0}
+    assert abs(drawn.mean()) < 0.1
+
+
+def test_time_is_up(make: Callable[..., Run], tmp_path: Path) -> None:
+    run = make(STORED)
+    assert train.loop(run, 1e-9, QUIET) == "time is up"
+    run.save()
+    again = make(STORED)
+    again.resume()
+    assert train.loop(again, None, QUIET) == "done"
+    assert again.progressed.steps == again.total
+    again.save()
+    assert len((tmp_path / LOG).read_text().splitlines()) == 1 + STORED.epochs
+
+
+# Files
+
+
+def test_weights_are_what_is_scored(
+    make: Callable[..., Run], meshes: list[Mesh], tmp_path: Path
+) -> None:
+    run = make(RANDOM)
+    run.step()
+    run.finish()
+    row = Row(tmp_path / "weights.safetensors")
+    assert row.record["steps"] == 1
+    assert row.model.config == RANDOM.model
+    answers = row.predict(meshes)
+    assert answers.shape == (len(meshes), 10)
+    halved = flat(run).half().float()
+    assert torch.equal(torch.cat([p.flatten() for p in row.parameters()]), halved)
+
+
+@pytest.mark.parametrize("name", ["table3-a-5-virtual", "table2-alg"])
+def test_weights_of_the_largest_network_are_below_2_mb(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    weights.save_model(path, GCN(CONFIGS[name].model), {"config": weights.describe(CONFIGS[name])})
+    assert path.stat().st_size < 2e6
+
+
+def test_a_checkpoint_of_another_run_is_refused_and_kept(
+    make: Callable[..., Run], tmp_path: Path
+) -> None:
+    make(STORED).save()
+    before = (tmp_path / CHECKPOINT).read_bytes()
+    other = replace(STORED, model=replace(STORED.model, blocks=4))
+    with pytest.raises(TrainingError, match=r"another run: its config is model blocks 3, not 4"):
+        make(other).resume()
+    with pytest.raises(TrainingError, match="its seed is 0, not 1"):
+        make(STORED, seed=1).resume()
+    assert (tmp_path / CHECKPOINT).read_bytes() == before
+
+
+def test_weights_of_another_model(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    weights.save_model(path, GCN(GCNConfig("A")), {"config": weights.describe(CONFIGS["modern"])})
+    with pytest.raises(weights.WeightsError, match="is of another model"):
+        weights.load_model(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"no weights", b"\x08" + bytes(7) + b"{}      "])
+def test_damaged_weights(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(weights.WeightsError, match="is damaged, or no file of this program"):
+        weights.load_model(path)
+
+
+def test_missing_weights(tmp_path: Path) -> None:
+    with pytest.raises(weights.WeightsError, match="there is no file"):
+        weights.load_model(tmp_path / "none.safetensors")
+
+
+# The scale-free network
+
+
+def test_a_scale_free_network_obeys_scaling(make: Callable[..., Run], meshes: list[Mesh]) -> None:
+    run = make(RANDOM)
+    run.step()
+    run.finish()
+    row = Row(run.out / "weights.safetensors")
+    doubled = [Mesh(2.0 * mesh.vertices.astype(np.float64), mesh.faces) for mesh in meshes]
+    np.testing.assert_allclose(row.predict(doubled), row.predict(meshes) / 4, rtol=1e-4)
+
+
+def test_outputs_of_zero_are_weyls_law() -> None:
+    found = eigenvalues(torch.zeros(1, 10), torch.tensor([2.0]), GCNConfig(scale_free=True))
+    assert found[0].tolist() == pytest.approx([2 * math.pi * i for i in range(1, 11)])
+
+
+# Bad meshes
+
+
+@pytest.mark.parametrize(
+    ("mesh", "message"),
+    [
+        (Mesh(np.eye(3), np.array([[0, 1, 2]])), "mesh 0 has 3 vertices: 10 eigenvalues"),
+        (Mesh(np.random.default_rng(0).normal(size=(12, 3)), np.zeros((0, 3), int)), "no faces"),
+        (Mesh(np.full((12, 3), np.nan), np.array([[0, 1, 2]])), "vertex 0 is .*must be finite"),
+    ],
+    ids=["one triangle", "no faces", "nan"],
+)
+def test_bad_meshes(mesh: Mesh, message: str, make: Callable[..., Run]) -> None:
+    run = make(STORED)
+    run.finish()
+    with pytest.raises(ValueError, match=message):
+        Row(run.out / "weights.safetensors").predict([mesh])
+
+
+# The command line
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    assert train.main([str(a) for a in arguments]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_bad_options_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    out = ("--out", tmp_path)
+    assert "there is no configuration 'table9': choose one of table1-polar" in refused(
+        capsys, "--config", "table9", *out
+    )
+    assert "--epochs must be positive, got 0" in refused(
+        capsys, "--config", "modern", "--epochs", 0, *out
+    )
+    assert "--max-minutes must be positive, got -1.0" in refused(
+        capsys, "--config", "modern", "--max-minutes", -1, *out
+    )
+    assert "--device must be cpu or cuda, got 'tpu'" in refused(
+        capsys, "--config", "modern", "--device", "tpu", *out
+    )
+    assert "has no checkpoint: leave --resume out to begin" in refused(
+        capsys, "--config", "modern", "--resume", *out
+    )
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
+def test_cuda_that_is_not_there(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    arguments = ("--config", "modern", "--device", "cuda", "--out", tmp_path)
+    assert "no CUDA device is available: use --device cpu" in refused(capsys, *arguments)
+
+
+def test_memory_of_a_gpu_that_is_full(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> int:
+        raise torch.OutOfMemoryError
+
+    monkeypatch.setattr(train, "train", full)
+    said = refused(capsys, "--config", "modern", "--batch-size", 64, "--out", tmp_path)
+    assert "does not hold a batch of 64: choose a smaller --batch-size" in said
+
+
+def launch(home: Path, *arguments: object, processes: int = 1) -> subprocess.CompletedProcess[str]:
+    start = ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={processes}", "-m"]
+    return subprocess.run(
+        [sys.executable, *(start if processes > 1 else ["-m"]), "baselines.gcn.train"]
+        + [str(a) for a in (*arguments, "--version", "1.0-mini", "--data", home, "--threads", 1)],
+        cwd=ROOT,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.slow
+def test_two_processes_train_as_one_does(mini_home: Path, tmp_path: Path) -> None:
+    found = []
+    for processes in (1, 2):
+        out = tmp_path / str(processes)
+        options = ("--config", "table2-a", "--epochs", 1, "--batch-size", 500, "--out", out)
+        done = launch(mini_home, *options, processes=processes)
+        assert done.returncode == 0, done.stderr
+        tensors, record = weights.read(out / CHECKPOINT)
+        assert record["processes"] == processes
+        assert record["steps"] > 1
+        found.append(torch.cat([t.flatten() for n, t in tensors.items() if n.startswith("model.")]))
+    torch.testing.assert_close(found[0], found[1], rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_the_command_stops_and_goes_on(mini_home: Path, tmp_path: Path) -> None:
+    options = ("--config", "modern", "--epochs", 1, "--batch-size", 100, "--out", tmp_path / "run")
+    stopped = launch(mini_home, *options, "--max-minutes", 1e-6)
+    assert stopped.returncode == 0, stopped.stderr
+    assert re.search(r"^0 of 2 steps, .*; --resume goes on: ", stopped.stdout)
+    twice = launch(mini_home, *options)
+    assert twice.returncode == 2
+    assert "has a checkpoint: add --resume to go on with it" in twice.stderr
+    done = launch(mini_home, *options, "--resume")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("2 of 2 steps, ")
+    assert Row(tmp_path / "run" / "weights.safetensors").record["version"] == "1.0-mini"
