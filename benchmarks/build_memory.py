@@ -57,7 +57,6 @@ def measure(version: str, families: list[str], share: float, scale: int, workers
         "shards": shards,
         "build MB": round(peak_mb(), 1),
         "largest worker MB": round(workers_peak, 1),
-        "seconds": round(report.wall_seconds, 1),
     }
 
 
@@ -68,12 +67,12 @@ def table(rows: list[dict]) -> str:
             row["families"],
             f"{row['scale']} ×",
             *(f"{row[key]:,}" for key in ("shapes", "shards")),
-            *(f"{row[key]:,.0f}" for key in ("build MB", "largest worker MB", "seconds")),
+            *(f"{row[key]:,.0f}" for key in ("build MB", "largest worker MB")),
         ]
         for row in rows
     ]
-    headers = ["families", "size", "shapes", "shards", "build MB", "largest worker MB", "seconds"]
-    align = ["left"] + ["right"] * 6
+    headers = ["families", "size", "shapes", "shards", "build MB", "largest worker MB"]
+    align = ["left"] + ["right"] * 5
     return tabulate(cells, headers, tablefmt="github", disable_numparse=True, colalign=align)
 
 
