@@ -15,6 +15,7 @@ Loading runs the file's code.
 from __future__ import annotations
 
 import importlib.util
+import os
 import sys
 import sysconfig
 from collections.abc import Callable, Sequence
@@ -59,12 +60,16 @@ class Predictor:
         Trainable and frozen parameters of a torch module; ``None`` where there is none.
     seeded : bool
         Whether it was made with a seed, by ``load(device, seed)``.
+    roots : tuple of Path
+        The file's directory, and those that its code has put on ``sys.path``: where what it
+        imports is a part of it.
     """
 
     predict: Callable[[Sequence[Mesh]], Any]
     meta: dict[str, str]
     parameters: int | None
     seeded: bool = False
+    roots: tuple[Path, ...] = ()
 
 
 def load(path: Path, *, device: str = "cpu", seed: int = 0) -> Predictor:
@@ -75,7 +80,14 @@ def load(path: Path, *, device: str = "cpu", seed: int = 0) -> Predictor:
     PredictorError
         If there is no such file, its code fails, or it has none of the four doors.
     """
-    module = _module(path)
+    known = set(sys.path)
+    found = _found(_module(path), path, device, seed)
+    added = (Path(place).resolve() for place in sys.path if place not in known)
+    return replace(found, roots=(path.resolve().parent, *added))
+
+
+def _found(module: ModuleType, path: Path, device: str, seed: int) -> Predictor:
+    """Return the predictor of a module, by the first door that it has."""
     meta = _meta(module, path)
     try:
         if callable(function := getattr(module, "predict", None)):
@@ -96,10 +108,10 @@ def load(path: Path, *, device: str = "cpu", seed: int = 0) -> Predictor:
     )
 
 
-def sources(path: Path) -> dict[str, str]:
+def sources(path: Path, roots: Sequence[Path]) -> dict[str, str]:
     """Return the SHA-256 of the files a predictor is made of, by name relative to its directory.
 
-    These are its file, each module it has imported from there, and what lies beside it under
+    These are its file, each module it has imported from ``roots``, and what lies beside it under
     the same name: ``my_model.safetensors``. Other files that it reads are not seen.
     """
     root = path.resolve().parent
@@ -114,8 +126,9 @@ def sources(path: Path) -> dict[str, str]:
             continue
         place = place.resolve()
         installed = any(place.is_relative_to(library.resolve()) for library in libraries)
-        if place.suffix == ".py" and place.is_relative_to(root) and not installed:
-            found[place.relative_to(root).as_posix()] = sha256(place)
+        inside = any(place.is_relative_to(one) for one in roots)
+        if place.suffix == ".py" and inside and not installed:
+            found[Path(os.path.relpath(place, root)).as_posix()] = sha256(place)
     return dict(sorted(found.items()))
 
 

@@ -84,7 +84,7 @@ def work(channel: Connection, job: Job) -> None:
         while True:
             meshes = channel.recv()
             if meshes is None:
-                channel.send(Status(_peak_bytes(), predictor.sources(job.path)))
+                channel.send(Status(_peak_bytes(), predictor.sources(job.path, loaded.roots)))
             else:
                 channel.send(_answer(loaded, meshes, job.k))
     except PredictorError as error:

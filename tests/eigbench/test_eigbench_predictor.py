@@ -2,8 +2,10 @@
 
 import dataclasses
 import gc
+import os
 import sys
 import types
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -416,9 +418,25 @@ def test_sources_are_the_files_beside_it_and_nothing_that_is_no_file(
     (tmp_path / "other.npz").write_bytes(b"no part of it")
     (tmp_path / "a_sibling.py").write_text("x = 1\n")
     path = predictor_file("import a_sibling\n" + FUNCTION)
-    predictor.load(path)
+    loaded = predictor.load(path)
     monkeypatch.setitem(sys.modules, "no_file", types.SimpleNamespace(__file__="_ops.py"))
-    assert set(predictor.sources(path)) == {"my_model.py", "my_model.npz", "a_sibling.py"}
+    found = predictor.sources(path, loaded.roots)
+    assert set(found) == {"my_model.py", "my_model.npz", "a_sibling.py"}
+
+
+def test_sources_of_a_directory_that_the_file_puts_on_the_path(
+    predictor_file, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    shared = tmp_path / "shared" / "a_package"
+    shared.mkdir(parents=True)
+    (shared / "__init__.py").write_text("")
+    (shared / "net.py").write_text("x = 1\n")
+    path = predictor_file(
+        f"import sys\nsys.path.insert(0, {str(shared.parent)!r})\nimport a_package.net\n" + FUNCTION
+    )
+    found = predictor.sources(path, predictor.load(path).roots)
+    assert {Path(os.path.relpath(shared / "net.py", path.parent)).as_posix()} < set(found)
 
 
 def test_first_predictor_takes_ten_lines(predictor_file):
