@@ -7,7 +7,7 @@ VERSION ?= 1.0-small
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help quickstart test lint types bench ci clean
+.PHONY: help quickstart test lint types bench tables ci clean
 
 help: ## list the targets
 	@echo "Usage: make TARGET [VENV=$(VENV)] [PYTHON=$(PYTHON)] [VERSION=$(VERSION)]"
@@ -42,6 +42,9 @@ bench: $(STAMP) ## measure solver, building, harness and network, each against a
 	$(VENV)/bin/python benchmarks/harness_overhead.py
 	PYTHONPATH=. $(VENV)/bin/python benchmarks/gcn.py --version 1.0-mini
 	@echo "after a build of 1.0: $(VENV)/bin/python benchmarks/loading.py"
+
+tables: $(STAMP) ## write docs/reproduction.md: the paper's tables beside ours
+	PYTHONPATH=. $(VENV)/bin/python scripts/reproduction.py
 
 ci: lint types test ## all checks: lint, types and test
 

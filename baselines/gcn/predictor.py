@@ -95,6 +95,17 @@ class Row:
         return list(self.model.parameters())
 
 
-def load_row(file: str, device: str) -> Row:
-    """Return the predictor of a row's file."""
-    return Row(weights_of(file), device)
+def load_row(file: str, device: str, seed: int) -> Row:
+    """Return the predictor of a row's file.
+
+    Raises
+    ------
+    WeightsError
+        If the weights were not trained with this seed, or cannot be read.
+    """
+    row = Row(weights_of(file), device)
+    if seed != row.record["seed"]:
+        raise weights.WeightsError(
+            f"{weights_of(file)} was trained with seed {row.record['seed']} alone, not {seed}"
+        )
+    return row

@@ -26,6 +26,7 @@ from .objective import Objective, eigenvalues
 
 CHECKPOINT, LOG, WEIGHTS = "checkpoint.safetensors", "log.csv", "weights.safetensors"
 COLUMNS = ("epoch", "steps", "minutes", "loss", "validation_psnr20", "validation_rpd")
+EVERY = 100  # steps, or an epoch if that is less, after which the log gets a row
 WARM = 0.1  # of the steps, in which a one-cycle schedule rises
 
 
@@ -35,7 +36,7 @@ class TrainingError(Exception):
 
 @dataclass(slots=True)
 class Progressed:
-    """How far a run is: steps taken, minutes spent, losses of this epoch, rows of the log."""
+    """How far a run is; the losses are those since the last row of the log."""
 
     steps: int = 0
     minutes: float = 0.0
@@ -104,6 +105,7 @@ class Run:
                 "choose a larger version or a smaller batch"
             )
         self.total = self.per_epoch * config.epochs
+        self.every = min(self.per_epoch, EVERY)
         self.progressed = Progressed()
         self.since = time.monotonic()
 
@@ -132,7 +134,7 @@ class Run:
         return shapes, random_isometries(len(shapes), generator(self.seed, 1, step))
 
     def step(self) -> None:
-        """Take a step of the optimiser; after the last of an epoch, write a row of the log."""
+        """Take a step of the optimiser; now and then, validate and add a row to the log."""
         number = self.progressed.steps
         shapes, isometries = self.batch(number)
         mine = slice(self.rank, None, self.world)
@@ -148,14 +150,14 @@ class Run:
         self.optimiser.step()
         self.progressed.steps += 1
         self.progressed.losses.append(loss.item())
-        if self.progressed.steps % self.per_epoch == 0:
-            self.end_epoch()
+        if self.progressed.steps % self.every == 0 or self.progressed.steps == self.total:
+            self.add_to_log()
 
-    def end_epoch(self) -> None:
+    def add_to_log(self) -> None:
         """Validate, and add a row to the log."""
         losses, self.progressed.losses = self.progressed.losses, []
         row = {
-            "epoch": self.progressed.steps // self.per_epoch,
+            "epoch": round(self.progressed.steps / self.per_epoch, 3),
             "steps": self.progressed.steps,
             "minutes": round(self.minutes(), 3),
             "loss": sum(losses) / len(losses),

@@ -29,7 +29,7 @@ QUANTILES = {"best": 0.0, "median": 0.5, "worst": 1.0}
 
 
 @contextmanager
-def _style() -> Iterator[None]:
+def style() -> Iterator[None]:
     """Plain axes, and SVG that is the same to the byte at each run."""
     settings: Any = {  # matplotlib's type of keys is a list of 300 literals
         "font.size": 9,
@@ -54,7 +54,7 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
     by_label: dict[str, list[Submission]] = {}
     for one in submissions:
         by_label.setdefault(results.setting(one.result), []).append(one)
-    with _style():
+    with style():
         # Places by hand: those of an automatic layout depend on the version of FreeType
         figure = Figure(figsize=(7.2, 4.4 * len(by_label)))
         panels = np.ravel(figure.subplots(len(by_label), squeeze=False))
@@ -153,7 +153,7 @@ def spectra(one: Submission) -> Figure:
     errors = ranking.per_mesh(one, RANKED_BY)
     if not np.isfinite(errors).all():
         raise EigbenchError(f"{one.result_path} has predictions that are not finite: no picture")
-    with _style():
+    with style():
         figure = Figure(figsize=(7.2, 1.7 * len(families) + 0.6), layout="constrained")
         panels = figure.subplots(len(families), len(QUANTILES), squeeze=False)
         for row, family in zip(panels, families, strict=True):
@@ -187,7 +187,7 @@ def _spectrum(axes: mpl.axes.Axes, one: Submission, i: int, name: str) -> None:
 def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
     """Draw the distribution of a metric by family: a box of quartiles, whiskers 5 to 95 %."""
     names = in_order(submissions[0].truth.families.tolist())
-    with _style():
+    with style():
         height = 0.35 * len(names) * max(1.0, 0.6 * len(submissions)) + 1.2
         figure = Figure(figsize=(7.2, height), layout="constrained")
         axes = figure.subplots()
@@ -230,5 +230,5 @@ def save(path: Path, figure: Figure) -> None:
     def write(to: Path) -> None:
         figure.savefig(to, format=path.suffix[1:], dpi=160)
 
-    with _style():
+    with style():
         write_atomically(path, write)
