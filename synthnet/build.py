@@ -175,11 +175,10 @@ def build(
     load_open3d()  # if it cannot be imported, say so here and once
     for place in (directory, directory / SHARDS):
         storage.make_directory(place)
-    with exclusive(directory, wait_for_lock):
+    with exclusive(directory, wait_for_lock, directory, directory / SHARDS):
         finished = _finished(directory, wanted, is_whole)  # by the build waited for
         if finished is not None:
             return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
-        _remove_partial_files(directory)
         watcher = watcher or Watcher()
         watcher.preparing()
         spectrum.compile_solver()  # here, and not in every worker
@@ -196,7 +195,6 @@ def build(
         in_order = [results[number] for number in range(len(plans))]
         manifest = _manifest(wanted, [result.record for result in in_order])
         store.write_manifest(directory, manifest)
-        _remove_partial_files(directory)  # of a cluster's workers that died
     seconds = dict.fromkeys(wanted.families, 0.0)
     for result in in_order:
         seconds[result.record.family] += result.seconds
@@ -414,14 +412,12 @@ def _manifest(wanted: Recipe, records: Sequence[ShardRecord]) -> Manifest:
     )
 
 
-def _remove_partial_files(directory: Place) -> None:
-    for place in (directory, directory / SHARDS):
-        storage.remove_partial_files(place)
-
-
 @contextmanager
-def exclusive(directory: Place, wait_for_lock: bool) -> Iterator[None]:
+def exclusive(directory: Place, wait_for_lock: bool, *folders: Place) -> Iterator[None]:
     """Keep other builds out of a directory; at a URL they do no harm.
+
+    Partial files in ``folders`` are removed at the beginning, and at the end, however it ends:
+    they are of workers that died or were stopped, and on a full disk they are in the way.
 
     Raises
     ------
@@ -439,8 +435,12 @@ def exclusive(directory: Place, wait_for_lock: bool) -> Iterator[None]:
             f"another build is writing to {directory}: wait for it (--wait) or choose another --out"
         ) from error
     try:
+        for folder in folders:
+            storage.remove_partial_files(folder)
         yield
     finally:
+        for folder in folders:
+            storage.remove_partial_files(folder)
         lock.release()
 
 

@@ -99,8 +99,8 @@ def build_estimates(
     watcher = watcher or Watcher()
     seconds = dict.fromkeys(dataset.manifest.drawn, 0.0)
     reused = 0
-    with exclusive(directory, wait_for_lock), engine or local_processes(workers) as at_work:
-        storage.remove_partial_files(directory / DIRECTORY)
+    alone = exclusive(directory, wait_for_lock, directory / DIRECTORY)
+    with alone, engine or local_processes(workers) as at_work:
         watcher.preparing()
         spectrum.compile_solver()
         plans, terms = plan_shards(wanted), terms_of(wanted, directory)
@@ -112,7 +112,6 @@ def build_estimates(
             seconds[result.record.family] += result.seconds
             reused += result.reused
             watcher.finished(plans[number], result)
-        storage.remove_partial_files(directory / DIRECTORY)  # of workers that died
     return BuildReport(dataset, seconds, time.perf_counter() - started, reused)
 
 

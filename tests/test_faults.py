@@ -139,6 +139,21 @@ def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(
         assert not build(tiny, root=tmp_path, engine=given(pool, workers=1)).nothing_to_do
 
 
+def test_a_build_that_fails_leaves_no_partial_file_of_a_stopped_worker(
+    tiny: Recipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shards = tmp_path / "tiny" / "shards"
+
+    def stopped(*_: object) -> None:
+        (shards / ".torus-0000.parquet.1.partial").write_text("of a worker that was stopped")
+        raise BuildError("no space left")
+
+    monkeypatch.setattr("synthnet.build.build_shard", stopped)
+    with ThreadPoolExecutor(1) as pool, pytest.raises(BuildError, match="no space left"):
+        build(tiny, root=tmp_path, engine=given(pool, workers=1))
+    assert not list(tmp_path.rglob("*.partial"))
+
+
 def test_two_builds_may_look_for_a_place_at_once(tmp_path: Path) -> None:
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(files.make_directory, [tmp_path / "place"] * 2000))
