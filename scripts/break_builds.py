@@ -42,6 +42,10 @@ VERSION = "1.0-mini"
 PATIENCE = 300.0  # seconds: a build that takes longer hangs
 LARGE = ("split_sphere", "inverted_cone", "rectangular_prism", "cone", "cylinder")
 WHO = ("the build", "a worker", "all its processes")
+NAMES = (
+    *("killed", "killed with --error-estimates", "disk full", "byte altered"),
+    *("out of memory", "two at once", "two at one URL"),
+)
 AT_THE_END = 0.2  # of the kills: once the last shard is there, so that the manifest is hit
 
 
@@ -531,7 +535,6 @@ def table(report: dict) -> str:
 
 def all_faults(options: argparse.Namespace, place: Path) -> list[Outcome]:
     """Do everything, with a reference made first."""
-    rng = random.Random(options.seed)
     reference = place / "reference"
     sys.stderr.write("an undisturbed build, with error estimates, to compare with\n")
     build = Build(reference, "--error-estimates")
@@ -543,15 +546,19 @@ def all_faults(options: argparse.Namespace, place: Path) -> list[Outcome]:
         raise RuntimeError("the undisturbed build lacks shards")
     with_estimates = options.kills // 5
     few = max(1, options.kills // 10)
-    return [
-        kill_builds(reference, place, options.kills - with_estimates, rng),
-        kill_builds(reference, place, with_estimates, rng, "--error-estimates", missing=small_ones),
-        fill_disks(reference, place, few, rng),
-        flip_bytes(reference, place, options.flips, rng),
-        starve_workers(reference, place, few, rng),
-        build_twice(reference, place, 2 * few, rng, small_ones),
-        build_twice_at_a_url(reference, few, rng),
-    ]
+    faults: dict[str, Callable[[random.Random], Outcome]] = {
+        "killed": lambda rng: kill_builds(reference, place, options.kills - with_estimates, rng),
+        "killed with --error-estimates": lambda rng: kill_builds(
+            reference, place, with_estimates, rng, "--error-estimates", missing=small_ones
+        ),
+        "disk full": lambda rng: fill_disks(reference, place, few, rng),
+        "byte altered": lambda rng: flip_bytes(reference, place, options.flips, rng),
+        "out of memory": lambda rng: starve_workers(reference, place, few, rng),
+        "two at once": lambda rng: build_twice(reference, place, 2 * few, rng, small_ones),
+        "two at one URL": lambda rng: build_twice_at_a_url(reference, few, rng),
+    }
+    chosen = options.only or NAMES
+    return [faults[name](random.Random(f"{options.seed} {name}")) for name in chosen]
 
 
 def main() -> int:
@@ -562,11 +569,18 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--flips", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--only", nargs="+", choices=NAMES, help="these faults; --json keeps its other rows"
+    )
     parser.add_argument("--json", type=Path, help="write the numbers here, and the page")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="break-builds-") as place:
         outcomes = all_faults(options, Path(place))
-    report = {"version": VERSION, "seed": options.seed, "rows": [asdict(o) for o in outcomes]}
+    rows = {outcome.fault: asdict(outcome) for outcome in outcomes}
+    if options.only and options.json and options.json.exists():
+        kept = json.loads(options.json.read_text())["rows"]
+        rows = {row["fault"]: row for row in kept} | rows
+    report = {"version": VERSION, "seed": options.seed, "rows": list(rows.values())}
     print(table(report))
     for problem in (problem for outcome in outcomes for problem in outcome.wrong):
         print(f"WRONG: {problem}")
