@@ -31,6 +31,7 @@ from train_gcn import RESULTS, ROWS, name_of
 from baselines.gcn import weights
 from baselines.gcn.configs import CONFIGS, PAPER
 from baselines.gcn.model import GCN
+from baselines.gcn.predictor import told
 from synthnet.types import PROTOCOLS
 
 ROOT = Path(__file__).parent.parent
@@ -182,7 +183,7 @@ def runs() -> str:
                 continue
             r = record(config, protocol)
             numbers = [f"{r['steps']:,}", f"{r['of']:,}", f"{r['epochs']:g}", f"{r['minutes']:.1f}"]
-            hardware = f"{r['device']}, {r['threads']} threads, {r['dtype']}"
+            hardware = f"{'; '.join(dict.fromkeys(map(told, r['sessions'])))}, {r['dtype']}"
             rows.append([config, protocol, count, r["version"], *numbers, hardware])
     return markdown(headers, rows, 2)
 

@@ -6,6 +6,13 @@ from dataclasses import dataclass, field, replace
 
 from .model import GCNConfig
 
+KNOWN = {
+    "loss": ("rpd", "polar", "l1"),
+    "optimiser": ("sgd", "adamw"),
+    "schedule": ("constant", "one-cycle"),
+    "isometries": ("stored", "random"),
+}
+
 
 @dataclass(frozen=True, slots=True)
 class TrainConfig:
@@ -25,7 +32,7 @@ class TrainConfig:
         ``constant``, or ``one-cycle``: a rise over a tenth of the steps, then a cosine to zero.
     epochs, batch_size : int
         An epoch is every instance of the training split once (``stored``), or every shape
-        once (``random``).
+        once (``random``), but for what does not fill a last batch.
     isometries : str
         ``stored``: the dataset's instances. ``random``: a fresh isometry at every visit.
     clip : float
@@ -43,6 +50,13 @@ class TrainConfig:
     batch_size: int = 32
     isometries: str = "stored"
     clip: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, known in KNOWN.items():
+            if getattr(self, name) not in known:
+                raise ValueError(
+                    f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}"
+                )
 
 
 # Paper, section 4.2.

@@ -48,9 +48,19 @@ def corner_edges(pos: Tensor, face: Tensor) -> Tensor:
 
 
 def doubled_normals(edges: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the normals of length 2 a(f), (3, m), and 2 a(f), (m,), from :func:`corner_edges`."""
+    """Return the normals of length 2 a(f), (3, m), and 2 a(f), (m,), from :func:`corner_edges`.
+
+    Raises
+    ------
+    MeshError
+        If a triangle has no area.
+    """
     normals = torch.linalg.cross(edges[:, 0], edges[:, 1], dim=0)
-    return normals, normals.square().sum(dim=0).sqrt()
+    doubled = normals.square().sum(dim=0).sqrt()
+    if not (doubled > 0).all():
+        first = int(torch.nonzero(~(doubled > 0))[0])
+        raise MeshError(f"face {first} has no area: remove degenerate faces first")
+    return normals, doubled
 
 
 def voronoi_areas(pos: Tensor, face: Tensor) -> Tensor:

@@ -68,16 +68,16 @@ def fold(model: GCN) -> list[Tensor]:
 
 
 class Aggregate(torch.autograd.Function):
-    """``[A a, a, A 1, 1, 0, 0]`` of activations a."""
+    """``[A a, a, A 1, 1, 0, 0]`` of activations a; on a GPU with A as a sparse matrix."""
 
     @staticmethod
-    def forward(ctx: Any, a: Tensor, graphs: Graphs) -> Tensor:
+    def forward(ctx: Any, a: Tensor, graphs: Graphs, sparse: Tensor | None) -> Tensor:
         """Return (n, 2c + 4) of (n, c)."""
-        ctx.graphs = graphs
+        ctx.graphs, ctx.sparse = graphs, sparse
         n, c = a.shape
         both = a.new_empty(n, 2 * c + TAIL)
-        if a.is_cuda:
-            both[:, :c] = adjacency(graphs, a.dtype) @ a
+        if sparse is not None:
+            both[:, :c] = sparse @ a
             both[:, c : 2 * c] = a
         else:
             gather(graphs.offsets, graphs.neighbours, graphs.weights, a, both)
@@ -85,16 +85,16 @@ class Aggregate(torch.autograd.Function):
         return both
 
     @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:
         """Return the gradient with respect to a: A is symmetric."""
         graphs: Graphs = ctx.graphs
         n, c = len(gradient), (gradient.shape[1] - TAIL) // 2
-        if gradient.is_cuda:
-            far = adjacency(graphs, gradient.dtype) @ gradient[:, :c].contiguous()
-            return far + gradient[:, c : 2 * c], None
+        if ctx.sparse is not None:
+            far = ctx.sparse @ gradient[:, :c].contiguous()
+            return far + gradient[:, c : 2 * c], None, None
         x = gradient.new_empty(n, c)
         scatter(graphs.offsets, graphs.neighbours, graphs.weights, gradient, x)
-        return x, None
+        return x, None, None
 
 
 def adjacency(graphs: Graphs, dtype: torch.dtype) -> Tensor:
@@ -117,9 +117,10 @@ def apply(
     """
     slope, blocks = model.config.slope, model.config.blocks
     both = graphs.features.to(dtype)
+    sparse = adjacency(graphs, dtype) if both.is_cuda else None
     a = functional.leaky_relu_(product(both, matrices[0], dtype), slope)
     for matrix in matrices[1:blocks]:
-        both = Aggregate.apply(a, graphs)
+        both = Aggregate.apply(a, graphs, sparse)
         a = functional.leaky_relu_(product(both, matrix, dtype), slope)
     means = [
         a[start:end].mean(dim=0, dtype=torch.float32) for start, end in pairwise(graphs.starts)
@@ -146,7 +147,14 @@ def has_bfloat16() -> bool:
     return torch.backends.cpu.get_cpu_capability() not in ("DEFAULT", "AVX2")
 
 
-def chunks(sizes: Sequence[int], limit: int = CHUNK) -> list[list[int]]:
+def grouped(graphs: Sequence[Graphs]) -> list[list[int]]:
+    """Return the meshes that are computed together: on a GPU all of them."""
+    if graphs[0].features.is_cuda:
+        return [list(range(len(graphs)))]
+    return chunks([len(one.features) for one in graphs], CHUNK)
+
+
+def chunks(sizes: Sequence[int], limit: int) -> list[list[int]]:
     """Sort meshes by size, the largest first, and group them up to so many vertices."""
     groups: list[list[int]] = []
     room = 0
@@ -177,16 +185,15 @@ def outputs(
     """Return the outputs of graphs of one mesh each, (B, k), without gradients."""
     with torch.no_grad():
         matrices = fold(model)
-        groups = chunks([len(one.features) for one in graphs])
+        groups = grouped(graphs)
 
         def work(group: list[int]) -> Tensor:
             with torch.no_grad():
                 return apply(matrices, join([graphs[i] for i in group]), model, dtype)
 
-        answers = each(work, groups, threads)
-    order = torch.tensor([i for group in groups for i in group])
-    found = torch.empty(len(graphs), model.config.outputs)
-    found[order] = torch.cat(answers)
+        answers = torch.cat(each(work, groups, threads))
+    found = torch.empty_like(answers)
+    found[[i for group in groups for i in group]] = answers
     return found
 
 
@@ -235,7 +242,7 @@ def batch_loss(
     """
     matrices = fold(model)
     leaves = [matrix.detach().requires_grad_() for matrix in matrices]
-    groups = chunks([len(one.features) for one in graphs])
+    groups = grouped(graphs)
 
     def work(group: list[int]) -> tuple[Tensor, ...]:
         moved = None if isometries is None else isometries[group]

@@ -110,7 +110,7 @@ def feature_matrices(isometries: Tensor, width: int) -> Tensor:
     The channels are coordinates (3), then perhaps the area (1) and the Gauss map (3), twice.
     """
     channels = (width - TAIL) // 2
-    matrices = torch.eye(width).repeat(len(isometries), 1, 1)
+    matrices = torch.eye(width, device=isometries.device).repeat(len(isometries), 1, 1)
     for half in (0, channels):
         for vector in (0, 4) if channels == 7 else (0,):
             at = slice(half + vector, half + vector + 3)

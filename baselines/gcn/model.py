@@ -25,7 +25,7 @@ class GCNConfig:
     virtual_node : bool
         Whether every graph has one.
     blocks : int
-        3, 4 or 5.
+        1 to 5; the paper has 3, 4 and 5.
     scale_free : bool
         Not the paper's: the mesh is centred and divided by s, the root of its area, Voronoi
         areas by their mean, and the outputs are logarithms of factors to Weyl's law. Scaling

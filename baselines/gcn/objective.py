@@ -20,12 +20,13 @@ def eigenvalues(outputs: Tensor, areas: Tensor, config: GCNConfig) -> Tensor:
     r"""Return the eigenvalues that a network's outputs o stand for, (B, k), in 1/length².
 
     They are the outputs themselves, or, of a scale-free network, Weyl's law corrected:
-    :math:`4\pi i\,e^{o_i} / \mathrm{area}`, with o between -20 and 20 so that no step overflows.
+    :math:`4\pi i\,e^{o_i} / \mathrm{area}`, with o bent to between -20 and 20,
+    so that no step overflows.
     """
     if not config.scale_free:
         return outputs
     law = 4 * torch.pi * torch.arange(1, outputs.shape[1] + 1, device=outputs.device)
-    return law * torch.exp(outputs.clamp(-MOST, MOST)) / areas[:, None]
+    return law * torch.exp(MOST * torch.tanh(outputs / MOST)) / areas[:, None]
 
 
 class Objective(nn.Module):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,6 +15,7 @@ from . import data, weights
 from .configs import TrainConfig
 from .encodings import MeshError
 from .folded import each
+from .graphs import Graphs
 from .run import predict
 
 LOSS_NAMES = {"rpd": "RPDLoss", "polar": "PolarLoss", "l1": "ℓ1"}
@@ -51,8 +53,13 @@ def meta(file: str) -> dict[str, str]:
             f"{record['minutes']:.0f} min: {record['steps']:,} steps of {config.batch_size} "
             f"meshes, {record['epochs']:g} of {config.epochs} epochs"
         ),
-        "hardware": f"{record['device']}, {record['processes']} × {record['threads']} threads",
+        "hardware": "; ".join(dict.fromkeys(map(told, record["sessions"]))),
     }
+
+
+def told(session: dict[str, Any]) -> str:
+    """Return what a session of training ran on: ``CPU, AVX2, 1 × 2 threads``."""
+    return f"{session['device']}, {session['processes']} × {session['threads']} threads"
 
 
 class Row:
@@ -86,9 +93,19 @@ class Row:
                     f"mesh {number} has {len(mesh.vertices)} vertices: {least - 1} eigenvalues "
                     f"after zero need at least {least}"
                 )
-        graphs = each(self.encode, meshes, self.threads)
+        if not len(meshes):
+            return np.zeros((0, self.model.config.outputs))
+        graphs = each(self.encoded, list(enumerate(meshes)), self.threads)
         graphs = [one.to(self.device) for one in graphs]
         return predict(self.model, graphs, self.threads).double().numpy()
+
+    def encoded(self, numbered: tuple[int, Mesh]) -> Graphs:
+        """Return an encoded mesh, or say which one cannot be."""
+        number, mesh = numbered
+        try:
+            return self.encode(mesh)
+        except MeshError as error:
+            raise MeshError(f"mesh {number}: {error}") from error
 
     def parameters(self) -> list[torch.nn.Parameter]:
         """Return the network's parameters, which the harness counts."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import torch
 from eigbench.metrics import METRICS
-from torch import Tensor, nn
+from torch import Tensor, distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 
 from synthnet.files import write_text
@@ -27,6 +27,7 @@ from .objective import Objective, eigenvalues
 CHECKPOINT, LOG, WEIGHTS = "checkpoint.safetensors", "log.csv", "weights.safetensors"
 COLUMNS = ("epoch", "steps", "minutes", "loss", "validation_psnr20", "validation_rpd")
 EVERY = 100  # steps, or an epoch if that is less, after which the log gets a row
+VALIDATED = 200  # shapes of the validation split, always the same
 WARM = 0.1  # of the steps, in which a one-cycle schedule rises
 
 
@@ -42,6 +43,7 @@ class Progressed:
     minutes: float = 0.0
     losses: list[float] = field(default_factory=list)
     log: list[dict[str, float]] = field(default_factory=list)
+    sessions: list[dict[str, Any]] = field(default_factory=list)
 
 
 class Run:
@@ -94,10 +96,14 @@ class Run:
         objective = Objective(self.model, config.loss, dtype, threads)
         self.objective: nn.Module = DistributedDataParallel(objective) if world > 1 else objective
         self.optimiser = optimiser(config, self.model)
+        if config.batch_size < world:
+            raise TrainingError(f"a batch of {config.batch_size} cannot be shared by {world}")
         self.instances = shapes.instances("train", protocol)
         if config.isometries == "random":
             self.instances = torch.unique(self.instances[:, 0])[:, None]
-        self.validation = torch.unique(shapes.instances("validation", protocol)[:, 0]).tolist()
+        validation = torch.unique(shapes.instances("validation", protocol)[:, 0])
+        chosen = torch.randperm(len(validation), generator=generator(0))[:VALIDATED]
+        self.validation = validation[chosen].tolist()
         self.per_epoch = len(self.instances) // config.batch_size  # what is left over is left out
         if not self.per_epoch:
             raise TrainingError(
@@ -143,6 +149,11 @@ class Run:
             group["lr"] = self.rate(number)
         self.optimiser.zero_grad()
         loss = self.objective(graphs, isometries[mine].to(self.device), self.shapes.y[shapes[mine]])
+        if not torch.isfinite(loss):
+            raise TrainingError(
+                f"the loss is {loss.item()} at step {number}: the last checkpoint in {self.out} "
+                "is kept; take a lower rate"
+            )
         # DistributedDataParallel takes the mean over processes, whatever their shares.
         (loss * (len(graphs) * self.world / len(shapes))).backward()
         if self.config.clip:
@@ -156,17 +167,23 @@ class Run:
     def add_to_log(self) -> None:
         """Validate, and add a row to the log."""
         losses, self.progressed.losses = self.progressed.losses, []
+        mean = torch.tensor(sum(losses) / len(losses), device=self.device)
+        if self.world > 1:  # each process has seen a share of every batch
+            distributed.all_reduce(mean, distributed.ReduceOp.SUM)
+            mean /= self.world
+        if self.rank:
+            return
         row = {
             "epoch": round(self.progressed.steps / self.per_epoch, 3),
             "steps": self.progressed.steps,
             "minutes": round(self.minutes(), 3),
-            "loss": sum(losses) / len(losses),
+            "loss": mean.item(),
             **self.validate(),
         }
         self.progressed.log.append(row)
 
     def validate(self) -> dict[str, float]:
-        """Return PSNR>20 and RPD over the shapes of the validation split."""
+        """Return PSNR>20 and RPD over some shapes of the validation split."""
         found = predict(self.model, [self.shapes.graphs[i] for i in self.validation], self.threads)
         p, g = found.double().numpy(), self.shapes.y[self.validation].cpu().double().numpy()
         return {
@@ -191,11 +208,18 @@ class Run:
             "epochs": round(self.progressed.steps / self.per_epoch, 2),
             "minutes": round(self.minutes(), 2),
             "dtype": str(self.dtype).removeprefix("torch."),
-            "processes": self.world,
-            "threads": self.threads,
-            "device": device_name(self.device),
+            "sessions": [*self.progressed.sessions, self.session()],
             "losses": self.progressed.losses,
             "log": self.progressed.log,
+        }
+
+    def session(self) -> dict[str, Any]:
+        """Return what this process computes on, and for how long it has."""
+        return {
+            "device": device_name(self.device),
+            "processes": self.world,
+            "threads": self.threads,
+            "minutes": round((time.monotonic() - self.since) / 60, 2),
         }
 
     def save(self) -> None:
@@ -219,14 +243,14 @@ class Run:
         Raises
         ------
         TrainingError
-            If it is of another configuration, dataset, protocol or seed.
+            If it is of another configuration, dataset, protocol, seed or dtype.
         WeightsError
             If it is missing or damaged.
         """
         path = self.out / CHECKPOINT
         tensors, record = weights.read(path)
         mine = self.record()
-        for key in ("config", "version", "recipe", "protocol", "seed"):
+        for key in ("config", "version", "recipe", "protocol", "seed", "dtype"):
             if record.get(key) != mine[key]:
                 apart = difference(record.get(key), mine[key])
                 raise TrainingError(
@@ -240,11 +264,16 @@ class Run:
             kind, number, *rest = name.split(".")
             if kind == "optimiser":
                 state.setdefault(int(number), {})[".".join(rest)] = tensor
+        try:
+            done = [record[key] for key in ("steps", "minutes", "losses", "log", "sessions")]
+        except KeyError as error:
+            raise weights.WeightsError(f"{path} is damaged: it lacks {error}") from error
+        parameters = list(self.model.parameters())
+        if done[0] and set(state) != set(range(len(parameters))):
+            raise weights.WeightsError(f"{path} is damaged: it lacks a part of the optimiser")
         groups = self.optimiser.state_dict()["param_groups"]
         self.optimiser.load_state_dict({"state": state, "param_groups": groups})
-        self.progressed = Progressed(
-            record["steps"], record["minutes"], record["losses"], record["log"]
-        )
+        self.progressed = Progressed(*done)
         self.since = time.monotonic()
 
     def finish(self) -> None:

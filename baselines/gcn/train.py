@@ -33,7 +33,8 @@ from synthnet.types import PROTOCOLS
 
 from . import data
 from .configs import CONFIGS
-from .run import CHECKPOINT, Run, TrainingError
+from .encodings import MeshError
+from .run import CHECKPOINT, WEIGHTS, Run, TrainingError
 from .weights import WeightsError
 
 CHECKPOINT_SECONDS = 60.0
@@ -43,14 +44,17 @@ def main(arguments: list[str] | None = None) -> int:
     """Train, and return the exit code."""
     options = parser().parse_args(arguments)
     try:
-        with group() as (rank, world):
+        with group(options.device) as (rank, world):
             return train(options, rank, world)
+    except KeyboardInterrupt:
+        sys.stderr.write("gcn.train: interrupted before the first step\n")
+        return 130
     except torch.OutOfMemoryError:
         return refuse(
             f"the GPU's memory does not hold a batch of {options.batch_size or 'this size'}: "
             "choose a smaller --batch-size or --version; the last checkpoint is kept"
         )
-    except (SynthNetError, TrainingError, WeightsError) as error:
+    except (SynthNetError, TrainingError, WeightsError, MeshError) as error:
         return refuse(str(error))
 
 
@@ -91,8 +95,10 @@ def train(options: argparse.Namespace, rank: int, world: int) -> int:
         "max_minutes": options.max_minutes,
         "threads": options.threads,
     }.items():
-        if value is not None and value <= 0:
+        if value is not None and not 0 < value < float("inf"):
             raise TrainingError(f"--{name.replace('_', '-')} must be positive, got {value}")
+    if not 0 <= options.seed < 2**63:
+        raise TrainingError(f"--seed must be 0 to 2**63 - 1, got {options.seed}")
     config = replace(CONFIGS[options.config], **{k: v for k, v in given.items() if v is not None})
     begun = (options.out / CHECKPOINT).exists()
     if options.resume and not begun:
@@ -102,13 +108,15 @@ def train(options: argparse.Namespace, rank: int, world: int) -> int:
             f"{options.out} has a checkpoint: add --resume to go on with it, "
             "or choose another --out"
         )
+    if not begun and (options.out / WEIGHTS).exists():
+        raise TrainingError(f"{options.out} has {WEIGHTS} of another run: choose another --out")
     threads = options.threads or torch.get_num_threads()
     torch.set_num_threads(1)  # meshes are shared out among threads, not their operations
-    make_directory(options.out)
     device = place(options.device, rank)
     console = Console(stderr=True, quiet=bool(rank))
     console.print(f"Encoding the shapes of {options.version}")
     shapes = data.load(options.version, config.model, options.data, threads).to(device)
+    make_directory(options.out)
     run = Run(
         config,
         shapes,
@@ -208,13 +216,15 @@ def said(run: Run) -> str:
 
 
 @contextlib.contextmanager
-def group() -> Iterator[tuple[int, int]]:
+def group(device: str) -> Iterator[tuple[int, int]]:
     """Join the processes that ``torchrun`` has started, if it has; yield rank and number."""
     world = int(os.environ.get("WORLD_SIZE", "1"))
     if world == 1:
         yield 0, 1
         return
-    distributed.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+    if device == "cuda" and torch.cuda.is_available():
+        torch.cuda.set_device(int(os.environ["LOCAL_RANK"]))
+    distributed.init_process_group("nccl" if device == "cuda" else "gloo")
     try:
         yield distributed.get_rank(), world
     finally:

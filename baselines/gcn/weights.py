@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor, nn
 
 from synthnet.files import write_atomically
@@ -28,7 +28,12 @@ def write(path: Path, tensors: dict[str, Tensor], record: dict[str, Any]) -> Non
     """Write tensors and what is to be known of them, atomically."""
     metadata = {"record": json.dumps({"format": FORMAT, **record})}
     kept = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    write_atomically(path, lambda partial: save_file(kept, partial, metadata))
+    content = save(kept, metadata)
+
+    def fill(partial: Path) -> None:
+        partial.write_bytes(content)
+
+    write_atomically(path, fill)
 
 
 def read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -54,9 +59,18 @@ def read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
 
 
 def config_of(record: dict[str, Any]) -> TrainConfig:
-    """Return the configuration in a record."""
-    given = dict(record["config"])
-    return TrainConfig(**{**given, "model": GCNConfig(**given["model"])})
+    """Return the configuration in a record.
+
+    Raises
+    ------
+    WeightsError
+        If there is none.
+    """
+    try:
+        given = dict(record["config"])
+        return TrainConfig(**{**given, "model": GCNConfig(**given["model"])})
+    except (KeyError, TypeError, ValueError) as error:
+        raise WeightsError(f"the record has no configuration of this program: {error}") from error
 
 
 def describe(config: TrainConfig) -> dict[str, Any]:
@@ -65,8 +79,18 @@ def describe(config: TrainConfig) -> dict[str, Any]:
 
 
 def save_model(path: Path, model: GCN, record: dict[str, Any]) -> None:
-    """Write a network's weights in half precision: that is what a row is scored with."""
-    write(path, {name: t.to(torch.float16) for name, t in model.state_dict().items()}, record)
+    """Write a network's weights in half precision: that is what a row is scored with.
+
+    Raises
+    ------
+    WeightsError
+        If a weight is too large for that, or no number.
+    """
+    halved = {name: tensor.to(torch.float16) for name, tensor in model.state_dict().items()}
+    for name, tensor in halved.items():
+        if not torch.isfinite(tensor).all():
+            raise WeightsError(f"{name} is not finite in half precision: training has diverged")
+    write(path, halved, record)
 
 
 def load_model(path: Path, device: str = "cpu") -> tuple[GCN, dict[str, Any]]:

@@ -41,6 +41,12 @@ def moved(mesh: Mesh, matrix: np.ndarray, scale: float = 1.0) -> Mesh:
 
 def test_golden_file_has_every_family_and_obtuse_triangles() -> None:
     assert {row["id"].rsplit("-", 1)[0] for row in GOLDEN} == set(FAMILIES)
+    obtuse = []
+    for row in GOLDEN:
+        corners = np.array(row["vertices"]).reshape(-1, 3)[np.array(row["faces"]).reshape(-1, 3)]
+        squares = np.sort(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2), axis=1)
+        obtuse.append((squares[:, 2] > 1.01 * squares[:, :2].sum(axis=1)).mean())
+    assert sum(share > 0.3 for share in obtuse) > 5
 
 
 @pytest.mark.parametrize("row", GOLDEN, ids=[row["id"] for row in GOLDEN])
@@ -170,6 +176,15 @@ def test_presets(name: str, virtual: bool, meshes: list[Mesh]) -> None:
 def test_unknown_preset() -> None:
     with pytest.raises(ValueError, match="the encoding must be one of none, A, ALG, got 'L'"):
         encoding("L")
+
+
+@pytest.mark.parametrize("name", ["A", "ALG"])
+@pytest.mark.parametrize("corners", [[1, 1, 2], [1, 2, 3]])
+def test_a_face_without_area(name: str, corners: list[int]) -> None:
+    pos = torch.tensor([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [0, 1, 0]])
+    face = torch.tensor([[0, 1, 4], corners]).T
+    with pytest.raises(MeshError, match="face 1 has no area: remove degenerate faces first"):
+        encoding(name)(Data(pos=pos, face=face))
 
 
 def test_no_faces_and_nan() -> None:

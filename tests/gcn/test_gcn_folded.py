@@ -25,6 +25,13 @@ def threads(request: pytest.FixtureRequest) -> int:
     return int(request.param)
 
 
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch: pytest.MonkeyPatch, meshes: list[Mesh]) -> None:
+    """The meshes are so small that all would go together."""
+    monkeypatch.setattr(folded, "CHUNK", 60)
+    assert len(folded.chunks([len(mesh.vertices) for mesh in meshes], folded.CHUNK)) > 3
+
+
 def encoded(meshes: list[Mesh], config: GCNConfig) -> list[Data]:
     transform = encoding(config.encoding, virtual_node=config.virtual_node)
     kept = []
@@ -73,6 +80,28 @@ def test_gradients_are_those_of_the_plain_network(
     assert found.item() == pytest.approx(wanted.item(), rel=1e-5)
     flat = [torch.cat([p.grad.flatten() for p in m.parameters()]) for m in (ours, plain)]
     assert norm_apart(*flat) < 1e-5
+
+
+@pytest.mark.parametrize("config", CONFIGS[:6], ids=IDS[:6])
+def test_gradients_of_moved_meshes_are_those_of_the_plain_network(
+    config: GCNConfig, meshes: list[Mesh], orthogonal: np.ndarray
+) -> None:
+    matrices = [orthogonal[i % 2] for i in range(len(meshes))]
+    moved = [
+        Mesh(
+            mesh.vertices.astype(np.float64) @ matrix.T,
+            mesh.faces if np.linalg.det(matrix) > 0 else mesh.faces[:, ::-1],
+        )
+        for mesh, matrix in zip(meshes, matrices, strict=True)
+    ]
+    y = torch.rand(len(meshes), 10) + 1
+    plain, ours = model_of(config), model_of(config)
+    rpd_loss(plain(Batch.from_data_list(encoded(moved, config))), y).backward()
+    graphs = [graph(one) for one in encoded(meshes, config)]
+    isometries = torch.from_numpy(np.stack(matrices)).float()
+    folded.batch_loss(ours, graphs, isometries, y, lambda p, g, _: rpd_loss(p, g)).backward()
+    flat = [torch.cat([p.grad.flatten() for p in m.parameters()]) for m in (ours, plain)]
+    assert norm_apart(*flat) < 1e-4  # the coordinates themselves are rounded otherwise
 
 
 def test_bfloat16_is_near(meshes: list[Mesh]) -> None:
@@ -168,10 +197,28 @@ def test_options_out_of_range(options: dict, message: str) -> None:
 
 @pytest.mark.gpu
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
-def test_a_graph_on_the_gpu_gives_the_same(meshes: list[Mesh]) -> None:
+def test_meshes_on_the_gpu_give_the_same(meshes: list[Mesh]) -> None:
     config = GCNConfig("ALG", True)
     graphs: list[Graphs] = [graph(one) for one in encoded(meshes, config)]
     wanted = folded.outputs(model_of(config), graphs)
     moved = [one.to("cuda") for one in graphs]
-    found = folded.outputs(model_of(config).to("cuda"), moved).cpu()
-    assert norm_apart(found, wanted) < 1e-4
+    model = model_of(config).to("cuda")
+    assert norm_apart(folded.outputs(model, moved).cpu(), wanted) < 1e-4
+    y, still = torch.ones(len(meshes), 10, device="cuda"), torch.eye(3, device="cuda")
+    still = still.repeat(len(meshes), 1, 1)
+    folded.batch_loss(model, moved, still, y, lambda p, g, _: rpd_loss(p, g)).backward()
+    assert all(torch.isfinite(p.grad).all() for p in model.parameters())
+
+
+def test_the_sparse_matrix_of_a_gpu_is_the_same_product(meshes: list[Mesh]) -> None:
+    config = GCNConfig("ALG", True)
+    one = join([graph(data) for data in encoded(meshes, config)])
+    a = torch.rand(len(one.features), 5, requires_grad=True)
+    weight = torch.rand(len(one.features), 14)
+    found = []
+    for sparse in (None, folded.adjacency(one, torch.float32)):
+        both = folded.Aggregate.apply(a, one, sparse)
+        (gradient,) = torch.autograd.grad((both * weight).sum(), a)
+        found.append((both.detach(), gradient))
+    for ours, theirs in zip(*found, strict=True):
+        torch.testing.assert_close(ours, theirs)

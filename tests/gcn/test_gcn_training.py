@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import math
 import os
 import re
@@ -22,6 +23,7 @@ from baselines.gcn.model import GCN, GCNConfig
 from baselines.gcn.objective import LOSSES, eigenvalues
 from baselines.gcn.predictor import Row, title
 from baselines.gcn.run import CHECKPOINT, LOG, Run, TrainingError, random_isometries
+from synthnet.errors import BuildError
 from synthnet.types import Mesh, Sample
 
 ROOT = Path(baselines.gcn.__file__).parent.parent.parent
@@ -141,9 +143,15 @@ def test_seeds_differ(make: Callable[..., Run]) -> None:
 
 def test_an_epoch_is_every_instance_once(make: Callable[..., Run]) -> None:
     run = make(STORED)
-    chosen = [shape for step in range(run.per_epoch) for shape in run.batch(step)[0]]
-    assert sorted(chosen) == sorted(run.instances[:, 0].tolist())
-    assert len(chosen) == 9 * len(set(chosen))
+    seen = []
+    for step in range(run.per_epoch):
+        shapes, isometries = run.batch(step)
+        for shape, isometry in zip(shapes, isometries, strict=True):
+            stored = run.shapes.isometries[shape]
+            (instance,) = torch.nonzero((stored == isometry).all(dim=(1, 2))).flatten().tolist()
+            seen.append((shape, instance))
+    assert sorted(seen) == [tuple(pair) for pair in run.instances.tolist()]
+    assert len(seen) == 72
 
 
 @pytest.mark.parametrize("name", LOSSES)
@@ -221,7 +229,82 @@ def test_a_checkpoint_of_another_run_is_refused_and_kept(
         make(other).resume()
     with pytest.raises(TrainingError, match="its seed is 0, not 1"):
         make(STORED, seed=1).resume()
+    half = make(STORED)
+    half.dtype = torch.bfloat16
+    with pytest.raises(TrainingError, match="its dtype is 'float32', not 'bfloat16'"):
+        half.resume()
     assert (tmp_path / CHECKPOINT).read_bytes() == before
+
+
+@pytest.mark.parametrize("lost", ["steps", "optimiser"])
+def test_a_checkpoint_that_lacks_something(
+    lost: str, make: Callable[..., Run], tmp_path: Path
+) -> None:
+    run = make(RANDOM)
+    run.step()
+    run.save()
+    tensors, record = weights.read(tmp_path / CHECKPOINT)
+    kept = {name: t for name, t in tensors.items() if not name.startswith(f"{lost}.3.")}
+    weights.write(tmp_path / CHECKPOINT, kept, {k: v for k, v in record.items() if k != lost})
+    with pytest.raises(weights.WeightsError, match=r"is damaged: it lacks (a part|'steps')"):
+        make(RANDOM).resume()
+
+
+def test_a_run_keeps_what_each_session_ran_on(make: Callable[..., Run]) -> None:
+    for count in (1, 2, 3):
+        run = make(STORED)
+        run.threads = count
+        if count > 1:
+            run.resume()
+        run.step()
+        run.save()
+    assert [session["threads"] for session in run.record()["sessions"]] == [1, 2, 3]
+
+
+def test_a_loss_that_is_no_number_stops_before_the_step(
+    make: Callable[..., Run], tmp_path: Path
+) -> None:
+    run = make(STORED)
+    run.save()
+    kept, before = (tmp_path / CHECKPOINT).read_bytes(), flat(run)
+    run.shapes.y.fill_(float("nan"))
+    with pytest.raises(TrainingError, match="the loss is nan at step 0: the last checkpoint"):
+        run.step()
+    assert torch.equal(flat(run), before)
+    assert (tmp_path / CHECKPOINT).read_bytes() == kept
+
+
+def test_weights_too_large_for_half_precision(make: Callable[..., Run], tmp_path: Path) -> None:
+    run = make(STORED)
+    with torch.no_grad():
+        run.model.head[0].weight[0, 0] = 1e6
+    with pytest.raises(weights.WeightsError, match="training has diverged"):
+        run.finish()
+    assert not (tmp_path / "weights.safetensors").exists()
+
+
+def test_a_full_disk_is_one_line(
+    make: Callable[..., Run], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    run = make(STORED)
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(BuildError, match=r"no space left for .*checkpoint\.safetensors"):
+        run.save()
+
+
+def test_no_meshes_have_no_eigenvalues(make: Callable[..., Run]) -> None:
+    run = make(STORED)
+    run.finish()
+    assert Row(run.out / "weights.safetensors").predict([]).shape == (0, 10)
+
+
+@pytest.mark.parametrize("name", ["loss", "optimiser", "schedule", "isometries"])
+def test_unknown_words_of_a_configuration(name: str) -> None:
+    with pytest.raises(ValueError, match=f"{name} must be one of .*, got 'other'"):
+        TrainConfig(**{name: "other"})
 
 
 def test_weights_of_another_model(tmp_path: Path) -> None:
@@ -269,9 +352,10 @@ def test_outputs_of_zero_are_weyls_law() -> None:
     [
         (Mesh(np.eye(3), np.array([[0, 1, 2]])), "mesh 0 has 3 vertices: 10 eigenvalues"),
         (Mesh(np.random.default_rng(0).normal(size=(12, 3)), np.zeros((0, 3), int)), "no faces"),
-        (Mesh(np.full((12, 3), np.nan), np.array([[0, 1, 2]])), "vertex 0 is .*must be finite"),
+        (Mesh(np.full((12, 3), np.nan), np.array([[0, 1, 2]])), "mesh 0: vertex 0 is .*finite"),
+        (Mesh(np.eye(12, 3), np.array([[0, 1, 1]])), "mesh 0: face 0 has no area"),
     ],
-    ids=["one triangle", "no faces", "nan"],
+    ids=["one triangle", "no faces", "nan", "no area"],
 )
 def test_bad_meshes(mesh: Mesh, message: str, make: Callable[..., Run]) -> None:
     run = make(STORED)
@@ -301,12 +385,28 @@ def test_bad_options_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: 
     assert "--max-minutes must be positive, got -1.0" in refused(
         capsys, "--config", "modern", "--max-minutes", -1, *out
     )
+    assert "--max-minutes must be positive, got nan" in refused(
+        capsys, "--config", "modern", "--max-minutes", "nan", *out
+    )
+    assert "--seed must be 0 to 2**63 - 1, got -1" in refused(
+        capsys, "--config", "modern", "--seed", -1, *out
+    )
     assert "--device must be cpu or cuda, got 'tpu'" in refused(
         capsys, "--config", "modern", "--device", "tpu", *out
     )
     assert "has no checkpoint: leave --resume out to begin" in refused(
         capsys, "--config", "modern", "--resume", *out
     )
+
+
+def test_weights_without_a_checkpoint_are_kept(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "weights.safetensors").write_text("keep")
+    assert "has weights.safetensors of another run: choose another --out" in refused(
+        capsys, "--config", "modern", "--out", tmp_path
+    )
+    assert (tmp_path / "weights.safetensors").read_text() == "keep"
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
@@ -348,7 +448,7 @@ def test_two_processes_train_as_one_does(mini_home: Path, tmp_path: Path) -> Non
         done = launch(mini_home, *options, processes=processes)
         assert done.returncode == 0, done.stderr
         tensors, record = weights.read(out / CHECKPOINT)
-        assert record["processes"] == processes
+        assert record["sessions"][0]["processes"] == processes
         assert record["steps"] > 1
         found.append(torch.cat([t.flatten() for n, t in tensors.items() if n.startswith("model.")]))
     torch.testing.assert_close(found[0], found[1], rtol=1e-4, atol=1e-6)
