@@ -25,7 +25,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from tabulate import tabulate
@@ -60,6 +60,10 @@ class Outcome:
     skipped: str = ""
     seen: Counter[str] = field(default_factory=Counter)
     wrong: list[str] = field(default_factory=list)
+
+    def row(self) -> dict:
+        """Return the same, ready for JSON; ``asdict`` would take a counter's pairs for its keys."""
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {"seen": dict(self.seen)}
 
     def judge(self, problem: str | None) -> None:
         """Count a case."""
@@ -576,7 +580,7 @@ def main() -> int:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="break-builds-") as place:
         outcomes = all_faults(options, Path(place))
-    rows = {outcome.fault: asdict(outcome) for outcome in outcomes}
+    rows = {outcome.fault: outcome.row() for outcome in outcomes}
     if options.only and options.json and options.json.exists():
         kept = json.loads(options.json.read_text())["rows"]
         rows = {row["fault"]: row for row in kept} | rows

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import random
+import re
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -137,6 +138,15 @@ def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(
     assert not list((tmp_path / "tiny").rglob("*.p*"))
     with ThreadPoolExecutor(1) as pool:
         assert not build(tiny, root=tmp_path, engine=given(pool, workers=1)).nothing_to_do
+
+
+def test_a_report_survives_json(breaker: ModuleType) -> None:
+    outcome = breaker.Outcome("killed", cases=3, refused=1, same=2, wrong=["left behind"])
+    outcome.seen["the build, at work"] = 3
+    row = json.loads(json.dumps(outcome.row()))
+    assert row["seen"] == {"the build, at work": 3}
+    table = breaker.table({"version": "1.0-mini", "seed": 0, "rows": [row]})
+    assert re.search(r"killed +\| 3 +\| 1 +\| 2 +\| 1 +\| 3 the build, at work", table)
 
 
 def test_a_build_that_fails_leaves_no_partial_file_of_a_stopped_worker(
