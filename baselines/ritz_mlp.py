@@ -1,0 +1,147 @@
+"""Rayleigh-Ritz values of degree 4, corrected by a small network.
+
+A perceptron maps the 28 numbers of `ritz_features.py` to the logarithms of label / Ritz value,
+so scaling is exact, and no isometry changes an answer. Its weights, of three seeds, stand in
+`ritz_mlp.safetensors`, made by
+
+    python baselines/ritz_mlp.py
+
+from a built 1.0. It is not told a shape's family.
+"""
+
+import time
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from eigbench import truth
+from rich.progress import track
+from ritz_features import CORRECTED, NAMES, features
+from safetensors import safe_open
+from safetensors.numpy import save
+from scipy.special import expit
+from threadpoolctl import threadpool_limits
+
+from synthnet import Mesh, store
+from synthnet.files import write_atomically
+
+META = {
+    "name": "Ritz values, degree 4, corrected by an MLP",
+    "kind": "learned",
+    "training_data": "synthNet 1.0 train, one instance a shape",
+    "training_cost": "minutes on one core: see docs/learned.md",
+}
+WEIGHTS = Path(__file__).with_suffix(".safetensors")
+SEEDS, WIDTH, DEPTH, EPOCHS, BATCH, RATE = 3, 256, 3, 400, 256, 3e-3
+
+
+class Corrected:
+    """The network of one seed, in NumPy."""
+
+    def __init__(self, tensors: dict[str, np.ndarray]) -> None:
+        self.mean, self.scale = tensors["mean"], tensors["scale"]
+        depth = sum(name.endswith(".weight") for name in tensors)
+        self.layers = [(tensors[f"{i}.weight"].T, tensors[f"{i}.bias"]) for i in range(depth)]
+
+    def correct(self, numbers: np.ndarray) -> np.ndarray:
+        """Return log(label / Ritz value) of each row of features, (B, 10)."""
+        x = ((numbers - self.mean) / self.scale).astype(np.float32)
+        for i, (weight, bias) in enumerate(self.layers):
+            if i:
+                x = x * expit(x)  # SiLU
+            x = x @ weight + bias
+        return x
+
+    def predict(self, meshes: Sequence[Mesh]) -> np.ndarray:
+        """Return the eigenvalues, ascending, shape (B, 10)."""
+        areas, rows = zip(*map(features, meshes), strict=True)
+        numbers = np.array(rows)
+        logs = numbers[:, :CORRECTED] + self.correct(numbers)
+        return np.sort(np.exp(logs), axis=1) / np.array(areas)[:, None]
+
+
+def load(device: str, seed: int) -> Corrected:
+    """Return the network that was trained with a seed."""
+    if not 0 <= seed < SEEDS:
+        raise ValueError(f"{WEIGHTS.name} has the seeds 0 to {SEEDS - 1}, not {seed}")
+    prefix = f"seed{seed}."
+    with safe_open(WEIGHTS, framework="np") as file:
+        mine = [name for name in file.keys() if name.startswith(prefix)]  # noqa: SIM118
+        return Corrected({name.removeprefix(prefix): file.get_tensor(name) for name in mine})
+
+
+def read(version: str = "1.0", split: str = "train") -> tuple[np.ndarray, ...]:
+    """Return families, features and log(label · area) of a split's shapes."""
+    labels = truth.load(version, split)
+    wanted = dict(zip(labels.shapes, labels.eigenvalues, strict=True))
+    families, rows, logs = [], [], []
+    with threadpool_limits(1):  # on small matrices BLAS's threads wait for each other
+        for path in track(store.open_dataset(version).paths(), f"features, {split}"):
+            for sample in store.read_samples(path):
+                if sample.spec.id in wanted:
+                    area, numbers = features(sample.mesh)
+                    families.append(sample.spec.family)
+                    rows.append(numbers)
+                    logs.append(np.log(wanted[sample.spec.id] * area))
+    return np.array(families), np.array(rows), np.array(logs)
+
+
+def train(
+    numbers: np.ndarray, targets: np.ndarray, seed: int, *, depth: int = DEPTH, epochs: int = EPOCHS
+) -> dict[str, np.ndarray]:
+    """Fit a network to log(label / Ritz value) by ℓ1, AdamW and a one-cycle rate."""
+    import torch
+
+    torch.set_num_threads(1)
+    torch.manual_seed(seed)
+    mean, scale = numbers.mean(axis=0), numbers.std(axis=0) + 1e-9
+    x = torch.tensor((numbers - mean) / scale, dtype=torch.float32)
+    y = torch.tensor(targets, dtype=torch.float32)
+    sizes = [x.shape[1], *[WIDTH] * depth, y.shape[1]]
+    linear = [torch.nn.Linear(i, o) for i, o in pairwise(sizes)]
+    layers = [part for one in linear for part in (one, torch.nn.SiLU())][:-1]
+    network = torch.nn.Sequential(*layers)
+    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=1e-4)
+    steps = len(x) // BATCH
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, RATE, total_steps=epochs * steps, pct_start=0.1
+    )
+    for _ in track(range(epochs), f"seed {seed}"):
+        order = torch.randperm(len(x))
+        for step in range(steps):
+            chosen = order[step * BATCH : (step + 1) * BATCH]
+            loss = (network(x[chosen]) - y[chosen]).abs().mean()
+            optimiser.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+            optimiser.step()
+            schedule.step()
+    tensors = {"mean": mean, "scale": scale}
+    for i, one in enumerate(linear):
+        tensors[f"{i}.weight"] = one.weight.detach().numpy().copy()
+        tensors[f"{i}.bias"] = one.bias.detach().numpy().copy()
+    return tensors
+
+
+def main() -> None:
+    """Train the seeds on a built 1.0 and write their weights."""
+    started = time.perf_counter()
+    _, numbers, logs = read()
+    read_in = time.perf_counter()
+    tensors = {}
+    for seed in range(SEEDS):
+        fitted = train(numbers, logs - numbers[:, :CORRECTED], seed)
+        tensors |= {f"seed{seed}.{name}": value for name, value in fitted.items()}
+    content = save(tensors, {"features": ",".join(NAMES)})
+    write_atomically(WEIGHTS, lambda partial: _fill(partial, content))
+    print(f"features of {len(numbers):,} shapes: {read_in - started:.0f} s on one core")
+    print(f"training {SEEDS} seeds: {time.perf_counter() - read_in:.0f} s on one core")
+
+
+def _fill(partial: Path, content: bytes) -> None:
+    partial.write_bytes(content)
+
+
+if __name__ == "__main__":
+    main()

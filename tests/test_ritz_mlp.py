@@ -1,0 +1,141 @@
+"""baselines/ritz_mlp.py: its features, their invariance, and the committed weights."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from eigbench import predictor
+from eigbench.errors import PredictorError
+from eigbench.metrics import METRICS
+from numpy.polynomial.legendre import legvander
+from safetensors import safe_open
+
+from synthnet import store
+from synthnet.families import FAMILIES
+from synthnet.types import Mesh, Sample
+
+BASELINES = Path(__file__).parent.parent / "baselines"
+
+
+@pytest.fixture(scope="module")
+def features() -> ModuleType:
+    sys.path.insert(0, str(BASELINES))
+    try:
+        return importlib.import_module("ritz_features")
+    finally:
+        sys.path.remove(str(BASELINES))
+
+
+@pytest.fixture(scope="module")
+def ritz() -> ModuleType:
+    sys.path.insert(0, str(BASELINES))
+    try:
+        return importlib.import_module("ritz")
+    finally:
+        sys.path.remove(str(BASELINES))
+
+
+@pytest.fixture(scope="module")
+def samples(mini_home: Path) -> list[Sample]:
+    """The test shapes of 1.0-mini."""
+    stored = store.open_dataset("1.0-mini", mini_home)
+    return [sample for sample in stored.samples() if sample.split == "test"]
+
+
+def test_ritz_values_are_those_of_the_plain_way(
+    features: ModuleType, ritz: ModuleType, samples: list[Sample]
+) -> None:
+    for sample in samples:
+        area, numbers = features.features(sample.mesh)
+        wanted = ritz.ritz_values(sample.mesh, features.DEGREE)
+        np.testing.assert_allclose(np.exp(numbers[:10]) / area, wanted, rtol=1e-6)
+        assert (wanted > sample.eigenvalues * (1 - 1e-9)).all()  # they bound the label from above
+
+
+def test_basis_is_all_products_up_to_the_degree(features: ModuleType) -> None:
+    x = np.random.default_rng(0).uniform(-1, 1, size=(5, 3))
+    basis = np.zeros((5, 36))
+    features.legendre(x, np.ones(3), 4, basis)
+    p, q, r = (legvander(c, 4) for c in x.T)
+    powers = range(5)
+    wanted = [
+        p[:, i] * q[:, j] * r[:, k]
+        for i in powers
+        for j in powers
+        for k in powers
+        if i + j + k <= 4
+    ]
+    np.testing.assert_allclose(basis[:, :35], np.stack(wanted, axis=1), atol=1e-14)
+    assert (basis[:, 35] == 0).all()
+
+
+def test_moments_of_a_unit_cube_by_hand(features: ModuleType) -> None:
+    cube = FAMILIES["rectangular_prism"].generate(
+        {"width": 1.0, "height": 1.0, "depth": 1.0, "subdivisions": 2}
+    )
+    area, numbers = features.features(cube)
+    named = dict(zip(features.NAMES, np.exp(numbers), strict=True))
+    assert area == pytest.approx(6.0)
+    assert named["log_volume"] == pytest.approx(1 / 6**1.5)
+    # ∫x² about the centre: 2 faces at 1/2 give 1/4 each, 4 faces 1/12 each; over area²
+    for axis in (1, 2, 3):
+        assert named[f"log_inertia_{axis}"] == pytest.approx((2 / 4 + 4 / 12) / 36)
+    assert named["log_farthest"] == pytest.approx(0.75 / 6)
+
+
+@pytest.mark.parametrize("reflected", [False, True])
+def test_no_isometry_scale_or_renumbering_changes_the_features(
+    reflected: bool, features: ModuleType, samples: list[Sample]
+) -> None:
+    rng = np.random.default_rng(int(reflected))
+    for sample in samples:
+        vertices = sample.mesh.vertices.astype(np.float64)
+        matrix, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        matrix = matrix * np.sign(np.linalg.det(matrix)) * (-1 if reflected else 1)
+        order = rng.permutation(len(vertices))
+        there = 7.0 * vertices @ matrix.T + rng.normal(size=3)
+        moved = Mesh(there[order], np.argsort(order)[sample.mesh.faces][:, ::-1])
+        area, numbers = features.features(Mesh(vertices, sample.mesh.faces))
+        other, found = features.features(moved)
+        assert other / area == pytest.approx(49, rel=1e-12)
+        np.testing.assert_allclose(found, numbers, atol=1e-6)
+
+
+def test_weights_fit_their_features(features: ModuleType) -> None:
+    with safe_open(BASELINES / "ritz_mlp.safetensors", framework="np") as file:
+        assert file.metadata()["features"] == ",".join(features.NAMES)
+        assert {name.split(".")[0] for name in file.keys()} == {"seed0", "seed1", "seed2"}  # noqa: SIM118
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_every_seed_is_a_good_predictor(seed: int, samples: list[Sample]) -> None:
+    row = predictor.load(BASELINES / "ritz_mlp.py", seed=seed)
+    found = row.predict([sample.mesh for sample in samples])
+    wanted = np.array([sample.eigenvalues for sample in samples])
+    assert METRICS["rpd"].function(found, wanted).mean() < 0.05
+    assert METRICS["psnr20"].function(found, wanted).mean() == 1
+    assert (np.diff(found, axis=1) >= 0).all()
+
+
+def test_a_seed_without_weights() -> None:
+    with pytest.raises(PredictorError, match="has the seeds 0 to 2, not 3"):
+        predictor.load(BASELINES / "ritz_mlp.py", seed=3)
+
+
+@pytest.mark.parametrize(
+    ("faces", "message"),
+    [(np.zeros((0, 3), int), "the mesh has area 0"), (np.array([[0, 1, 1]]), "has area 0")],
+)
+def test_a_mesh_without_area(faces: np.ndarray, message: str, features: ModuleType) -> None:
+    with pytest.raises(ValueError, match=message):
+        features.features(Mesh(np.eye(3), faces))
+
+
+def test_one_triangle_has_too_few_values(features: ModuleType) -> None:
+    with pytest.raises(ValueError, match="polynomials have 2 values on the mesh, 10 are needed"):
+        features.features(Mesh(np.eye(3), np.array([[0, 1, 2]])))
