@@ -108,11 +108,14 @@ def _build(options: argparse.Namespace) -> int:
     directory = report.dataset.directory
     version = report.dataset.manifest.version
     if report.nothing_to_do:
-        print(f"{version} is built already in {directory}: nothing to do")
+        rest = ": nothing to do" if estimated is None else ""
+        print(f"{version} is built already in {directory}{rest}")
         print("(every file is as it was written; `synthnet verify` checks what is in them)")
     else:
         print(family_table(report.dataset.manifest, report.seconds))
         kept = f", {report.reused} shards kept from an earlier run" if report.reused else ""
+        if kept:
+            print("\n(core-seconds are those of this run: of kept shards only the reading)", end="")
         print(f"\n{version} built in {report.wall_seconds:.0f} s{kept}: {directory}")
     if estimated is not None and estimated.nothing_to_do:
         print("its error estimates are there already: nothing to do")
@@ -159,6 +162,8 @@ def _info(options: argparse.Namespace) -> int:
     print(f"\nversion    {manifest.version}  (recipe {manifest.recipe_digest[:12]})")
     print(f"directory  {dataset.directory}")
     print(f"size       {size / 1e6:,.1f} MB in {len(manifest.shards)} shards")
+    known = "of every label" if estimates.is_complete(dataset) else "none (--error-estimates)"
+    print(f"estimates  {known}")
     print("splits     " + ", ".join(f"{name} {splits[name]:,}" for name in SPLITS))
     print("made with  " + ", ".join(f"{k} {v}" for k, v in manifest.packages.items()))
     for rejection in manifest.rejections:
@@ -214,7 +219,11 @@ def _verify(options: argparse.Namespace) -> int:
         print(f"  … and {len(report.problems) - options.limit} more (--limit shows more)")
     print(f"\n{options.version} in {report.directory}: {'DIFFERENT' if failed else 'verified'}")
     if failed:
-        print("remove the files named above, if any, and run `synthnet build` again")
+        out = f" --out {options.out}" if options.out else ""
+        print(
+            f"run `synthnet build --version {options.version}{out}`: it makes damaged shards anew,"
+        )
+        print("and says which other files to remove first")
     return DIFFERENT if failed else 0
 
 

@@ -32,6 +32,7 @@ from synthnet.types import Certificate, Manifest, Mesh, Rejection, Sample, Shape
 SCHEMA_VERSION = 2
 MANIFEST = "manifest.json"
 SEAL = "sha256"
+AGAIN = "run `synthnet build` again, with its --version and --out"
 METADATA_KEY = b"synthnet"
 
 SCHEMA = pa.schema(
@@ -136,12 +137,12 @@ def read_table(path: Place, columns: Sequence[str] | None = None) -> pa.Table:
                 raise StoreError(f"{path} has another schema: remove it and build again")
             return file.read(columns=list(columns) if columns else None)
     except FileNotFoundError as error:
-        raise DamagedError(f"{path} is missing: run `synthnet build` again") from error
+        raise DamagedError(f"{path} is missing: {AGAIN}") from error
     except PermissionError as error:
         raise StoreError(f"cannot read {path} ({error.strerror}): ask its owner") from error
     except (OSError, ValueError, pa.ArrowException) as error:
         raise DamagedError(
-            f"{path} is damaged ({one_line(error)}): remove it and run `synthnet build` again"
+            f"{path} is damaged ({one_line(error)}): remove it and {AGAIN}"
         ) from error
 
 
@@ -183,8 +184,7 @@ def read_record(path: Place, recipe_digest: str, ids: Sequence[str] | None = Non
         same = False
     if not same:
         raise DamagedError(
-            f"{path} is damaged (its bytes are not those of its content): "
-            "remove it and run `synthnet build` again"
+            f"{path} is damaged (its bytes are not those of its content): remove it and {AGAIN}"
         )
     if header.get("recipe_digest") != recipe_digest:
         raise StoreError(
@@ -193,8 +193,7 @@ def read_record(path: Place, recipe_digest: str, ids: Sequence[str] | None = Non
     found = [*table["id"].to_pylist(), *(r["id"] for r in header["rejections"])]
     if ids is not None and sorted(found) != sorted(ids):
         raise DamagedError(
-            f"{path} is damaged (it holds other shapes than it should): "
-            "remove it and run `synthnet build` again"
+            f"{path} is damaged (it holds other shapes than it should): remove it and {AGAIN}"
         )
     return _record(path, table, header)
 
@@ -261,7 +260,7 @@ def _samples(table: pa.Table, path: Place) -> Iterator[Sample]:
         yield from _decoded(table)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise DamagedError(
-            f"{path} is damaged ({one_line(error)}): remove it and run `synthnet build` again"
+            f"{path} is damaged ({one_line(error)}): remove it and {AGAIN}"
         ) from error
 
 
@@ -385,7 +384,7 @@ def read_manifest(directory: Place) -> Manifest | None:
         raise StoreError(f"cannot read {path} ({error.strerror}): choose another --out") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise DamagedError(
-            f"{path} is damaged ({one_line(error)}): remove it and run `synthnet build` again"
+            f"{path} is damaged ({one_line(error)}): remove it and {AGAIN}"
         ) from error
 
 

@@ -92,7 +92,13 @@ def test_command_makes_what_is_missing_and_keeps_the_rest(
     assert {k: v for k, v in after.items() if "/errors/" not in k} == contents(mini_home)
     again = command(*arguments, "--json")
     assert json.loads(again.stdout)["error_estimates"]["nothing_to_do"] is True
-    assert "its error estimates are there already: nothing to do" in command(*arguments).stdout
+    said = command(*arguments).stdout
+    assert "its error estimates are there already: nothing to do" in said
+    assert "is built already" in said.splitlines()[0]
+    assert "nothing to do" not in said.splitlines()[0]
+    for place, known in ((home, "of every label"), (mini_home, "none (--error-estimates)")):
+        told = command("info", "--version", "1.0-mini", "--out", place).stdout
+        assert f"estimates  {known}\n" in told
     assert contents(home) == after
 
 
