@@ -22,22 +22,23 @@ from synthnet.types import Mesh, Sample
 BASELINES = Path(__file__).parent.parent / "baselines"
 
 
-@pytest.fixture(scope="module")
-def features() -> ModuleType:
+def sibling(name: str) -> ModuleType:
+    """Import a file of baselines/, as those beside it do."""
     sys.path.insert(0, str(BASELINES))
     try:
-        return importlib.import_module("ritz_features")
+        return importlib.import_module(name)
     finally:
         sys.path.remove(str(BASELINES))
+
+
+@pytest.fixture(scope="module")
+def features() -> ModuleType:
+    return sibling("ritz_features")
 
 
 @pytest.fixture(scope="module")
 def ritz() -> ModuleType:
-    sys.path.insert(0, str(BASELINES))
-    try:
-        return importlib.import_module("ritz")
-    finally:
-        sys.path.remove(str(BASELINES))
+    return sibling("ritz")
 
 
 @pytest.fixture(scope="module")
