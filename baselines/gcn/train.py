@@ -32,7 +32,7 @@ from synthnet.files import make_directory
 from synthnet.types import PROTOCOLS
 
 from . import data
-from .configs import CONFIGS
+from .configs import CONFIGS, TrainConfig
 from .encodings import MeshError
 from .run import CHECKPOINT, WEIGHTS, Run, TrainingError
 from .weights import WeightsError
@@ -83,8 +83,14 @@ def parser() -> argparse.ArgumentParser:
     return made
 
 
-def train(options: argparse.Namespace, rank: int, world: int) -> int:
-    """Run what the options say, as one of ``world`` processes."""
+def checked(options: argparse.Namespace) -> TrainConfig:
+    """Return the configuration that the options name.
+
+    Raises
+    ------
+    TrainingError
+        If an option is out of range, or ``--out`` holds another run's files.
+    """
     if options.config not in CONFIGS:
         raise TrainingError(
             f"there is no configuration {options.config!r}: choose one of {', '.join(CONFIGS)}"
@@ -99,7 +105,6 @@ def train(options: argparse.Namespace, rank: int, world: int) -> int:
             raise TrainingError(f"--{name.replace('_', '-')} must be positive, got {value}")
     if not 0 <= options.seed < 2**63:
         raise TrainingError(f"--seed must be 0 to 2**63 - 1, got {options.seed}")
-    config = replace(CONFIGS[options.config], **{k: v for k, v in given.items() if v is not None})
     begun = (options.out / CHECKPOINT).exists()
     if options.resume and not begun:
         raise TrainingError(f"{options.out} has no checkpoint: leave --resume out to begin")
@@ -110,6 +115,12 @@ def train(options: argparse.Namespace, rank: int, world: int) -> int:
         )
     if not begun and (options.out / WEIGHTS).exists():
         raise TrainingError(f"{options.out} has {WEIGHTS} of another run: choose another --out")
+    return replace(CONFIGS[options.config], **{k: v for k, v in given.items() if v is not None})
+
+
+def train(options: argparse.Namespace, rank: int, world: int) -> int:
+    """Run what the options say, as one of ``world`` processes."""
+    config = checked(options)
     threads = options.threads or torch.get_num_threads()
     torch.set_num_threads(1)  # meshes are shared out among threads, not their operations
     device = place(options.device, rank)
