@@ -24,7 +24,7 @@ from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
 from synthnet import Mesh, store
-from synthnet.files import write_atomically
+from synthnet.files import write_bytes
 
 META = {
     "name": "Ritz values, degree 4, corrected by an MLP",
@@ -133,14 +133,9 @@ def main() -> None:
     for seed in range(SEEDS):
         fitted = train(numbers, logs - numbers[:, :CORRECTED], seed)
         tensors |= {f"seed{seed}.{name}": value for name, value in fitted.items()}
-    content = save(tensors, {"features": ",".join(NAMES)})
-    write_atomically(WEIGHTS, lambda partial: _fill(partial, content))
+    write_bytes(WEIGHTS, save(tensors, {"features": ",".join(NAMES)}))
     print(f"features of {len(numbers):,} shapes: {read_in - started:.0f} s on one core")
     print(f"training {SEEDS} seeds: {time.perf_counter() - read_in:.0f} s on one core")
-
-
-def _fill(partial: Path, content: bytes) -> None:
-    partial.write_bytes(content)
 
 
 if __name__ == "__main__":

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from .model import GCNConfig
+from .objective import LOSSES
 
 KNOWN = {
-    "loss": ("rpd", "polar", "l1"),
+    "loss": tuple(LOSSES),
     "optimiser": ("sgd", "adamw"),
     "schedule": ("constant", "one-cycle"),
     "isometries": ("stored", "random"),

@@ -35,7 +35,6 @@ from .kernels import gather, scatter
 from .model import GCN
 
 CHUNK = 4096  # vertices up to which meshes go together on a CPU
-Loss = Callable[[Tensor, Tensor], Tensor]
 
 
 def fold(model: GCN) -> list[Tensor]:

@@ -8,7 +8,7 @@ import torch
 from eigbench import losses
 from torch import Tensor, nn
 
-from .folded import batch_loss
+from .folded import batch_loss, outputs
 from .graphs import Graphs
 from .model import GCN, GCNConfig
 
@@ -27,6 +27,12 @@ def eigenvalues(outputs: Tensor, areas: Tensor, config: GCNConfig) -> Tensor:
         return outputs
     law = 4 * torch.pi * torch.arange(1, outputs.shape[1] + 1, device=outputs.device)
     return law * torch.exp(MOST * torch.tanh(outputs / MOST)) / areas[:, None]
+
+
+def predict(model: GCN, graphs: Sequence[Graphs], threads: int = 1) -> Tensor:
+    """Return the eigenvalues of encoded meshes, (B, k), float32, on the CPU."""
+    areas = torch.cat([one.areas for one in graphs])
+    return eigenvalues(outputs(model, graphs, threads=threads), areas, model.config).cpu()
 
 
 class Objective(nn.Module):

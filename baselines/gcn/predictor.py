@@ -1,4 +1,4 @@
-"""A trained network as a predictor: what the files ``baselines/gcn_*.py`` share."""
+"""A trained network as a predictor: what the files in ``baselines/reproduction`` share."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .configs import TrainConfig
 from .encodings import MeshError
 from .folded import each
 from .graphs import Graphs
-from .run import predict
+from .objective import predict
 
 LOSS_NAMES = {"rpd": "RPDLoss", "polar": "PolarLoss", "l1": "ℓ1"}
 

@@ -19,10 +19,8 @@ from synthnet.files import write_text
 
 from . import data, weights
 from .configs import TrainConfig
-from .folded import outputs
-from .graphs import Graphs
 from .model import GCN
-from .objective import Objective, eigenvalues
+from .objective import Objective, predict
 
 CHECKPOINT, LOG, WEIGHTS = "checkpoint.safetensors", "log.csv", "weights.safetensors"
 COLUMNS = ("epoch", "steps", "minutes", "loss", "validation_psnr20", "validation_rpd")
@@ -280,12 +278,6 @@ class Run:
         """Write the weights of a row."""
         if not self.rank:
             weights.save_model(self.out / WEIGHTS, self.model, self.record())
-
-
-def predict(model: GCN, graphs: list[Graphs], threads: int = 1) -> Tensor:
-    """Return the eigenvalues of encoded meshes, (B, k), float32, on the CPU."""
-    areas = torch.cat([one.areas for one in graphs])
-    return eigenvalues(outputs(model, graphs, threads=threads), areas, model.config).cpu()
 
 
 def optimiser(config: TrainConfig, model: nn.Module) -> torch.optim.Optimizer:

@@ -12,7 +12,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from synthnet.files import write_atomically
+from synthnet.files import write_bytes
 
 from .configs import TrainConfig
 from .model import GCN, GCNConfig
@@ -28,12 +28,7 @@ def write(path: Path, tensors: dict[str, Tensor], record: dict[str, Any]) -> Non
     """Write tensors and what is to be known of them, atomically."""
     metadata = {"record": json.dumps({"format": FORMAT, **record})}
     kept = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    content = save(kept, metadata)
-
-    def fill(partial: Path) -> None:
-        partial.write_bytes(content)
-
-    write_atomically(path, fill)
+    write_bytes(path, save(kept, metadata))
 
 
 def read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
