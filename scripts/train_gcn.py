@@ -1,18 +1,20 @@
 """Train every row of the paper's Tables 1 to 3 under one budget, and score it.
 
-    python scripts/train_gcn.py --minutes 5 --runs runs
-    python scripts/train_gcn.py --minutes 5 --runs runs --protocols grouped --configs modern
+    python scripts/train_gcn.py --minutes 2 --runs runs --epochs 3=5 4=3 5=2
+    python scripts/train_gcn.py --minutes 2 --runs runs --protocols grouped --configs modern
 
 For each protocol and configuration: training for so many minutes, with what the configuration
 says otherwise; its weights and a predictor go to baselines/reproduction, its result and
 predictions on the version's test split to benchmark/reproduction. What is finished is left as it
 is, an interrupted run goes on. Nothing else should run on the machine: the budget is of time.
-Then `make tables`.
+A one-cycle rate must come to its end within the minutes: --epochs says, for networks of so many
+blocks, how many epochs that is. Then `make tables`.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import subprocess
 import sys
@@ -46,6 +48,12 @@ def load(device: str, seed: int) -> Row:
 '''
 
 
+def pair(text: str) -> tuple[int, int]:
+    """Return the two whole numbers of ``3=5``."""
+    first, _, second = text.partition("=")
+    return int(first), int(second)
+
+
 def name_of(config: str, protocol: str) -> str:
     """Return the name of a row's files."""
     name = config.replace("-", "_")
@@ -63,6 +71,9 @@ def trained(config: str, protocol: str, out: Path, options: argparse.Namespace) 
     command = ["baselines.gcn.train", "--config", config, "--protocol", protocol]
     command += ["--version", options.version, "--device", options.device, "--out", str(out)]
     command += ["--max-minutes", f"{left:.3f}", *resume]
+    if CONFIGS[config].schedule == "one-cycle":
+        epochs = options.epochs.get(CONFIGS[config].model.blocks)
+        command += ["--epochs", str(epochs)] if epochs else []
     return subprocess.run([sys.executable, "-m", *command], cwd=ROOT, check=False).returncode == 0
 
 
@@ -74,6 +85,7 @@ def scored(row: Path, protocol: str, result: Path, options: argparse.Namespace) 
     """
     command = ["eigbench", "evaluate", str(row), "--dataset", options.version]
     command += ["--protocol", protocol, "--device", options.device, "--out", str(result)]
+    command += ["--threads", str(os.cpu_count())]
     subprocess.run([sys.executable, "-m", *command], cwd=ROOT, check=False)
     return result.exists()
 
@@ -85,11 +97,20 @@ def main() -> int:
     )
     parser.add_argument("--minutes", type=float, required=True, help="of training, for every row")
     parser.add_argument("--runs", type=Path, required=True, help="directory of the checkpoints")
+    parser.add_argument(
+        "--epochs",
+        nargs="*",
+        type=pair,
+        default=[],
+        metavar="BLOCKS=EPOCHS",
+        help="of one-cycle schedules, by blocks of the network (default: the configuration's)",
+    )
     parser.add_argument("--version", default="1.0-small")
     parser.add_argument("--protocols", nargs="+", default=PROTOCOLS, choices=PROTOCOLS)
     parser.add_argument("--configs", nargs="+", default=list(PAPER), choices=list(CONFIGS))
     parser.add_argument("--device", default="cpu")
     options = parser.parse_args()
+    options.epochs = dict(options.epochs)
     ROWS.mkdir(exist_ok=True)
     wrong = []
     for protocol in options.protocols:

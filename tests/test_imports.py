@@ -45,7 +45,7 @@ EIGBENCH = Path(eigbench.__file__).parent
 # The same for the benchmark: a module imports modules of lower levels only.
 EIGBENCH_LEVELS = {
     **dict.fromkeys(["__init__", "errors", "metrics"], 0),
-    **dict.fromkeys(["losses", "truth", "meshes", "predictor", "physics"], 1),
+    **dict.fromkeys(["losses", "truth", "meshes", "predictor", "physics", "reference"], 1),
     **dict.fromkeys(["predictions", "scores", "noise", "results", "tables", "worker"], 2),
     **dict.fromkeys(["process", "submission"], 3),
     **dict.fromkeys(["evaluate", "ranking"], 4),

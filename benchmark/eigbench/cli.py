@@ -98,6 +98,12 @@ def _parser() -> argparse.ArgumentParser:
         "--limit", type=_positive, metavar="N", help="only N instances: a partial result"
     )
     sub.add_argument("--resume", action="store_true", help="go on with an interrupted run")
+    sub.add_argument(
+        "--no-reference",
+        dest="reference",
+        action="store_false",
+        help="do not time LaPy on some of the same meshes; a board wants that",
+    )
 
     sub = command(
         "score",

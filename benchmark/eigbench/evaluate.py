@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import math
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eigbench import reference
 from eigbench.errors import PredictorError
 from eigbench.meshes import Instances
 from eigbench.process import PredictorProcess
@@ -20,6 +23,7 @@ from synthnet import files
 from synthnet.types import Mesh
 
 WARM_UP = 16  # meshes predicted before the clock counts
+REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the same batches
 SOURCES = "sources.json"  # of a run that has begun: digests of the predictor's files
 
 
@@ -41,6 +45,9 @@ class Options:
         Most seconds for one batch.
     resume : bool
         Go on from the batches that an interrupted run has left.
+    reference : bool
+        Time LaPy, on one thread, on the batches that hold the first and the last
+        :data:`REFERENCE` meshes, each right after the predictor.
     """
 
     device: str = "cpu"
@@ -49,6 +56,7 @@ class Options:
     threads: int = 1
     time_limit: float = 3600.0
     resume: bool = False
+    reference: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +69,8 @@ class Evaluation:
         In the order of the truth's ids, in 1/length².
     seconds, cpu_seconds, sizes : ndarray of shape (batches,)
         Wall and CPU seconds, and meshes, of every batch of every seed.
+    reference_seconds : ndarray of shape (batches,)
+        Wall seconds of LaPy on the same meshes; NaN where it was not asked.
     loaded : Loaded
         META and parameters of the predictor.
     status : Status
@@ -71,6 +81,7 @@ class Evaluation:
     seconds: NDArray[np.float64]
     cpu_seconds: NDArray[np.float64]
     sizes: NDArray[np.int64]
+    reference_seconds: NDArray[np.float64]
     loaded: Loaded
     status: Status
 
@@ -120,12 +131,14 @@ def evaluate(
     saved = [part for run in runs for part in run.parts]
     predictions = np.empty((len(runs), *truth.eigenvalues.shape))
     for seed, run in enumerate(runs):
-        predictions[seed, truth.order] = np.concatenate([part.values for part in run.parts])
+        answers = [part.answered.values for part in run.parts]
+        predictions[seed, truth.order] = np.concatenate(answers)
     return Evaluation(
         predictions=predictions,
-        seconds=np.array([part.seconds for part in saved]),
-        cpu_seconds=np.array([part.cpu_seconds for part in saved]),
-        sizes=np.array([len(part.values) for part in saved]),
+        seconds=np.array([part.answered.seconds for part in saved]),
+        cpu_seconds=np.array([part.answered.cpu_seconds for part in saved]),
+        sizes=np.array([len(part.answered.values) for part in saved]),
+        reference_seconds=np.array([part.reference_seconds for part in saved]),
         loaded=runs[0].loaded,
         status=Status(max(r.status.peak_bytes for r in runs), runs[0].status.sources),
     )
@@ -144,8 +157,14 @@ def predict_meshes(
 
 
 @dataclass(frozen=True, slots=True)
+class _Part:
+    answered: Answered
+    reference_seconds: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
 class _Run:
-    parts: list[Answered]
+    parts: list[_Part]
     loaded: Loaded
     status: Status
 
@@ -160,23 +179,33 @@ def _run(
     on_batch: Callable[[int], None] | None,
 ) -> _Run:
     parts = _read_parts(place)
-    done = sum(len(part.values) for part in parts)
+    done = sum(len(part.answered.values) for part in parts)
     if on_batch is not None and done:
         on_batch(done)
     ids = [truth.ids[i] for i in truth.order]
-    with _process(path, truth.eigenvalues.shape[1], options, seed) as process:
+    k = truth.eigenvalues.shape[1]
+    with contextlib.ExitStack() as stack:
+        process = stack.enter_context(_process(path, k, options, seed))
         if options.seeds > 1 and not process.loaded.seeded:
             raise PredictorError(
                 f"{path} takes no seed: define load(device, seed), or leave --seeds out"
             )
-        warm = ids[: min(WARM_UP, options.batch_size)]
-        process.predict(warm, [instances.mesh(id) for id in warm])
+        warm_ids = ids[: min(WARM_UP, options.batch_size)]
+        warm = [instances.mesh(id) for id in warm_ids]
+        process.predict(warm_ids, warm)
         files.write_text(place / SOURCES, json.dumps(process.status().sources))
+        peer: PredictorProcess | None = None
         for first, last in _batches(len(ids), options.batch_size, done):
             batch = ids[first:last]
-            answered = process.predict(batch, [instances.mesh(id) for id in batch])
-            _write_part(place, len(parts), answered)
-            parts.append(answered)
+            given = [instances.mesh(id) for id in batch]
+            part = _Part(process.predict(batch, given))
+            if options.reference and (first < REFERENCE or last > len(ids) - REFERENCE):
+                if peer is None:
+                    peer = stack.enter_context(_reference_process(k, options))
+                    peer.predict(warm_ids, warm)
+                part = replace(part, reference_seconds=peer.predict(batch, given).seconds)
+            _write_part(place, len(parts), part)
+            parts.append(part)
             if on_batch is not None:
                 on_batch(len(batch))
         return _Run(parts, process.loaded, process.status())
@@ -191,6 +220,11 @@ def _process(path: Path, k: int, options: Options, seed: int) -> PredictorProces
         threads=options.threads,
         time_limit=options.time_limit,
     )
+
+
+def _reference_process(k: int, options: Options) -> PredictorProcess:
+    alone = replace(options, device="cpu", threads=1)
+    return _process(Path(reference.__file__), k, alone, 0)
 
 
 def _batches(count: int, size: int, done: int = 0) -> list[tuple[int, int]]:
@@ -208,6 +242,7 @@ def _fingerprint(path: Path, truth: Truth, options: Options, seed: int) -> dict[
         "device": options.device,
         "threads": options.threads,
         "seed": seed,
+        "reference": options.reference,
     }
 
 
@@ -233,24 +268,24 @@ def _unchanged(note: Path, root: Path) -> bool:
     )
 
 
-def _read_parts(place: Path) -> list[Answered]:
+def _read_parts(place: Path) -> list[_Part]:
     parts = []
     for path in sorted(place.glob("*.npz")):
         with np.load(path, allow_pickle=False) as part:
-            parts.append(
-                Answered(part["values"], float(part["seconds"]), float(part["cpu_seconds"]))
-            )
+            answered = Answered(part["values"], float(part["seconds"]), float(part["cpu_seconds"]))
+            parts.append(_Part(answered, float(part["reference_seconds"])))
     return parts
 
 
-def _write_part(place: Path, number: int, answered: Answered) -> None:
+def _write_part(place: Path, number: int, part: _Part) -> None:
     def write(to: Path) -> None:
         with to.open("wb") as file:
             np.savez(
                 file,
-                values=answered.values,
-                seconds=answered.seconds,
-                cpu_seconds=answered.cpu_seconds,
+                values=part.answered.values,
+                seconds=part.answered.seconds,
+                cpu_seconds=part.answered.cpu_seconds,
+                reference_seconds=part.reference_seconds,
             )
 
     files.write_atomically(place / f"{number:06d}.npz", write)

@@ -112,11 +112,15 @@ def place(one: Submission, root: Path, *, replace: bool = False) -> tuple[Path, 
     Raises
     ------
     ResultError
-        If it does not fit, see :func:`check_fit`.
+        If it does not fit, see :func:`check_fit`, or was not timed beside LaPy.
     EigbenchError
         If another of that name is there and ``replace`` is not given.
     """
     check_fit(one)
+    if one.result["cost"].get("reference") is None:
+        raise ResultError(
+            f"{one.result_path} was not timed beside LaPy: evaluate without --no-reference"
+        )
     generate([one], [])  # a row that cannot be drawn would break the page for all
     places = (
         root / RESULTS / one.board / f"{one.slug}.json",

@@ -12,7 +12,7 @@ from eigbench.metrics import MAIN, METRICS
 from eigbench.physics import TITLES
 from eigbench.ranking import RANKED_BY, Ranked
 from eigbench.submission import Submission
-from eigbench.tables import deviation, family_title, in_order, number
+from eigbench.tables import beside_lapy, deviation, family_title, in_order, number
 from eigbench.truth import Truth
 from synthnet.files import sha256
 
@@ -42,7 +42,9 @@ def board(rows: Sequence[Ranked], figure: Path) -> list[str]:
         "floor. Mean over instances ± half the 95 % bootstrap interval over shapes; in "
         "brackets the standard deviation over seeds, where there are several (it is in no "
         "interval). ms a mesh: median over batches, from raw vertices and faces to "
-        "eigenvalues. Scores, intervals and ranks follow from the predictions; kind, training, "
+        "eigenvalues. By LaPy: how many times less than LaPy's on one thread, timed in the same "
+        "run on some of the same batches; this may be compared between machines, ms may not. "
+        "Scores, intervals and ranks follow from the predictions; kind, training, "
         "cost and physics are what the run declared.\n",
         "The labels are finite element eigenvalues of each mesh. A solver of that very problem, "
         "LaPy, has no error but rounding: its row shows what exactness costs. ℓ1 and ℓ2 have "
@@ -105,7 +107,7 @@ def _cell(text: str) -> str:
 
 def _main(rows: Sequence[Ranked]) -> str:
     headers = ["rank", "model", "kind", *map(_heading, MAIN), "parameters", "ms a mesh"]
-    headers += ["hardware", "training set", "seeds"]
+    headers += ["by LaPy", "hardware", "training set", "seeds"]
     lines = []
     for row in rows:
         result = row.submission.result
@@ -118,6 +120,7 @@ def _main(rows: Sequence[Ranked]) -> str:
                 *(_with_uncertainty(result["scores"]["overall"][key], key) for key in MAIN),
                 "" if model["parameters"] is None else f"{model['parameters']:,}",
                 number(facts["ms_per_mesh"], 2),
+                beside_lapy(facts),
                 results.setting(result),
                 model.get("training_data", "not declared"),
                 str(result["predictions"]["seeds"]),
@@ -214,6 +217,8 @@ def _cost(rows: Sequence[Ranked]) -> str:
                     number(facts["ms_per_mesh"], 2),
                     f"{number(low, 2)} to {number(high, 2)}",
                     number(facts["ms_per_mesh_mean"], 2),
+                    _lapys_own(facts),
+                    beside_lapy(facts),
                     str(facts["batch_size"]),
                     number(facts["cores_used"], 2),
                     f"{facts['peak_memory_mb']:.0f}",
@@ -226,6 +231,8 @@ def _cost(rows: Sequence[Ranked]) -> str:
             "ms a mesh, median",
             "quartiles",
             "mean",
+            "LaPy's",
+            "by LaPy",
             "batch",
             "cores used",
             "peak MB",
@@ -233,6 +240,12 @@ def _cost(rows: Sequence[Ranked]) -> str:
         headers += ["parameters", "training cost (declared)"]
         parts.append(f"{_cell(label)}:\n\n{_table(headers, lines)}")
     return "\n".join(parts)
+
+
+def _lapys_own(facts: dict[str, Any]) -> str:
+    """Return LaPy's ms a mesh in a run, on the batches that it was given too."""
+    beside = facts.get("reference")
+    return "not timed" if beside is None else number(beside["ms_per_mesh"], 2)
 
 
 def _physics(rows: Sequence[Ranked]) -> str:

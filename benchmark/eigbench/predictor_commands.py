@@ -7,7 +7,7 @@ import json
 import shutil
 import sys
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +119,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
             "check it with `synthnet verify`"
         )
     settings = Options(**{f.name: getattr(options, f.name) for f in fields(Options)})
+    settings = replace(settings, reference=settings.reference and not partial)
     parts = out.with_name(f".{out.name}.parts")
     evaluation, answers = _predict(options, wanted, dataset, settings, parts)
     predictions.write(kept, wanted, evaluation.predictions)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from eigbench import scores
+from eigbench import reference, scores
 from eigbench.evaluate import Evaluation, Options
 from eigbench.metrics import METRIC_VERSION
 from eigbench.results import SCHEMA_VERSION, dataset_facts
@@ -70,7 +70,8 @@ def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
 
     Median and quartiles are over the batches, the mean is over the meshes: the whole time
     divided by their number. ``cores_used`` is CPU time by wall time, whatever ``threads``
-    says.
+    says. ``reference`` is LaPy on some of the same batches: ``ratio`` is its time by the
+    predictor's, so more than 1 is faster than LaPy.
     """
     each = 1e3 * evaluation.seconds / evaluation.sizes
     low, middle, high = np.percentile(each, [25, 50, 75])
@@ -84,6 +85,22 @@ def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
         "device": options.device,
         "peak_memory_mb": evaluation.status.peak_bytes / 2**20,
         "hardware": ", ".join(filter(None, [evaluation.loaded.accelerator, hardware()])),
+        "reference": beside_reference(evaluation),
+    }
+
+
+def beside_reference(evaluation: Evaluation) -> dict[str, Any] | None:
+    """Return LaPy's time on the batches that it was given too, and the ratio; or ``None``."""
+    both = np.isfinite(evaluation.reference_seconds)
+    if not both.any():
+        return None
+    meshes = int(evaluation.sizes[both].sum())
+    seconds = float(evaluation.reference_seconds[both].sum())
+    return {
+        "solver": reference.META["name"],
+        "meshes": meshes,
+        "ms_per_mesh": 1e3 * seconds / meshes,
+        "ratio": seconds / float(evaluation.seconds[both].sum()),
     }
 
 

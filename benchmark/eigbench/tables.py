@@ -97,6 +97,7 @@ def cost(result: dict[str, Any]) -> str:
             f"{facts['ms_per_mesh']:.2f} ({low:.2f} to {high:.2f})",
         ],
         ["ms a mesh, mean", f"{facts['ms_per_mesh_mean']:.2f}"],
+        ["LaPy's time by this, same meshes", beside_lapy(facts)],
         [
             "batch size, threads, device",
             f"{facts['batch_size']}, {facts['threads']}, {facts['device']}",
@@ -111,6 +112,23 @@ def cost(result: dict[str, Any]) -> str:
         ["hardware", facts["hardware"]],
     ]
     return str(tabulate(rows, tablefmt="plain", disable_numparse=True))
+
+
+def beside_lapy(facts: dict[str, Any]) -> str:
+    """Return how many times faster than LaPy a run was, from a result's cost.
+
+    Examples
+    --------
+    >>> beside_lapy({"reference": {"ratio": 14.04}}), beside_lapy({"reference": {"ratio": 0.515}})
+    ('14 ×', '0.52 ×')
+    >>> beside_lapy({"reference": None})
+    'not timed'
+    """
+    beside = facts.get("reference")
+    if beside is None:
+        return "not timed"
+    two_digits = float(f"{beside['ratio']:.2g}")
+    return f"{two_digits:,g} ×"
 
 
 def deviation(key: str, value: float | None) -> str:

@@ -409,6 +409,32 @@ def test_submit_refuses_a_partial_result(eigbench, predictor_file, mini_home, tm
     assert not (tmp_path / "benchmark").exists()
 
 
+def test_submit_refuses_what_was_not_timed_beside_lapy(made, tmp_path):
+    one = submission.read(made["far"])
+    cost = {**one.result["cost"], "reference": None}
+    with pytest.raises(ResultError, match="was not timed beside LaPy: evaluate without --no-ref"):
+        leaderboard.place(replace(one, result={**one.result, "cost": cost}), tmp_path)
+
+
+def test_ratio_to_lapy_is_on_the_page(read):
+    ratios = {
+        "far": {"ratio": 12.34, "ms_per_mesh": 70.0, "meshes": 1, "solver": "LaPy"},
+        "one": None,
+    }
+    rows = [
+        replace(
+            row, result={**row.result, "cost": {**row.result["cost"], "reference": ratios[key]}}
+        )
+        for key, row in read.items()
+        if key in ratios
+    ]
+    text = leaderboard.generate(rows, [])[Path("LEADERBOARD.md")]
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    assert any("| Far |" in line and "| 12 × |" in line for line in lines)
+    assert any("| One percent |" in line and "| not timed |" in line for line in lines)
+    assert any("| 70.00 | 12 × |" in line for line in lines)
+
+
 def test_submit_refuses_another_split(made, tmp_path):
     one = submission.read(made["far"])
     other = replace(
@@ -451,7 +477,7 @@ def test_any_name_can_stand_on_the_page(make_submission, mini_truth, name):
     page = generated[Path("LEADERBOARD.md")]
     assert "<img" not in page
     for row in re.findall(r"^\| 1 \|.*$", page, flags=re.M):
-        assert len(re.findall(r"(?<!\\)(?:\\\\)*\|", row)) == 15
+        assert len(re.findall(r"(?<!\\)(?:\\\\)*\|", row)) == 16
     ET.fromstring(generated[leaderboard.FIGURES / f"{BOARD}.svg"])
 
 
@@ -568,8 +594,14 @@ def first_rows(real):
     return [result for result in found if result["model"]["code"] in names]
 
 
-def test_first_rows_are_timed_on_one_machine_and_one_thread(first_rows):
-    assert {results.setting(result) for result in first_rows} == {results.setting(first_rows[0])}
+def test_first_rows_are_timed_on_lapys_machine_or_beside_it(first_rows):
+    (lapy,) = [result for result in first_rows if result["model"]["code"] == "exact.py"]
+    for result in first_rows:
+        same = results.setting(result) == results.setting(lapy)
+        assert same or result["cost"]["reference"], result["model"]["name"]
+
+
+def test_first_rows_are_timed_on_one_thread(first_rows):
     assert {result["cost"]["threads"] for result in first_rows} == {1}
     assert all(result["cost"]["cores_used"] < 1.1 for result in first_rows)
 

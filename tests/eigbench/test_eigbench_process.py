@@ -2,10 +2,11 @@
 
 import os
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from eigbench import meshes, physics, record, worker
+from eigbench import meshes, physics, record, reference, worker
 from eigbench.errors import PredictorError
 from eigbench.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.worker import Loaded, Status
@@ -97,6 +98,14 @@ def test_meshes_come_in_an_order_that_tells_neither_shape_nor_family(
     np.testing.assert_array_equal(found.predictions[0, :, 0], expected)  # in the truth's order
 
 
+SLEEPER = """
+import time
+import numpy as np
+
+def predict(meshes):
+    time.sleep(0.01)
+    return np.ones((len(meshes), 10))
+"""
 LAZY = """
 import time
 import numpy as np
@@ -134,6 +143,7 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
         seconds=np.array([0.1, 0.3, 0.2]),
         cpu_seconds=np.array([0.2, 0.6, 0.4]),
         sizes=np.array([10, 10, 10]),
+        reference_seconds=np.array([1.0, np.nan, 2.0]),
         loaded=Loaded({}, None, False, "NVIDIA A100"),
         status=Status(2**20, {}),
     )
@@ -145,6 +155,57 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
     assert cost["peak_memory_mb"] == 1
     assert cost["hardware"].startswith("NVIDIA A100, ")
     assert "NVIDIA" not in record.hardware()
+    assert cost["reference"] == {
+        "solver": reference.META["name"],
+        "meshes": 20,
+        "ms_per_mesh": pytest.approx(150),
+        "ratio": pytest.approx(10),  # 3 s of LaPy, 0.3 s of the predictor
+    }
+
+
+@pytest.mark.parametrize(
+    ("size", "batches", "timed"),
+    [(200, [200, 106], [True, True]), (30, [30] * 10 + [6], [True] * 4 + [False] * 2 + [True] * 5)],
+)
+def test_lapy_is_timed_on_the_batches_of_the_first_and_last_meshes(
+    predictor_file, mini_truth, source, tmp_path, monkeypatch, size, batches, timed
+):
+    monkeypatch.setattr(reference, "__file__", str(predictor_file(SLEEPER, "peer.py")))
+    options = Options(batch_size=size, reference=True)
+    found = evaluate(predictor_file(SLEEPER), mini_truth, source, options, tmp_path / "parts")
+    assert found.sizes.tolist() == batches
+    assert np.isfinite(found.reference_seconds).tolist() == timed
+    assert np.nanmin(found.reference_seconds) >= 0.01
+
+
+def test_lapys_time_is_kept_with_an_interrupted_run(
+    predictor_file, mini_truth, source, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(reference, "__file__", str(predictor_file(SLEEPER, "peer.py")))
+    fails = SLEEPER.replace("time.sleep(0.01)", "assert len(meshes) != 106")
+    question = (predictor_file(fails), mini_truth, source)
+    options = Options(reference=True)
+    with pytest.raises(PredictorError):
+        evaluate(*question, options, tmp_path / "parts")
+    left = next((tmp_path / "parts").rglob("*.npz")).stat().st_mtime_ns
+    with pytest.raises(PredictorError):
+        evaluate(*question, replace(options, resume=True), tmp_path / "parts")
+    kept = list((tmp_path / "parts").rglob("*.npz"))
+    assert [path.stat().st_mtime_ns for path in kept] == [left]
+    with np.load(kept[0]) as part:
+        assert part["reference_seconds"] >= 0.01
+
+
+def test_reference_answers_the_labels(mini_truth, source):
+    ids = mini_truth.ids[:3]
+    found = reference.predict([source.mesh(id) for id in ids])
+    assert found == pytest.approx(mini_truth.eigenvalues[:3], rel=1e-8)
+
+
+def test_without_reference_there_is_no_ratio(predictor_file, mini_truth, source, tmp_path):
+    wanted = mini_truth.head(5)
+    found = evaluate(predictor_file(SLEEPER), wanted, source, Options(), tmp_path / "parts")
+    assert record.cost(found, Options())["reference"] is None
 
 
 def test_hardware_names_the_kind_of_processor() -> None:
