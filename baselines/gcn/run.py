@@ -24,7 +24,8 @@ from .objective import Objective, predict
 
 CHECKPOINT, LOG, WEIGHTS = "checkpoint.safetensors", "log.csv", "weights.safetensors"
 COLUMNS = ("epoch", "steps", "minutes", "loss", "validation_psnr20", "validation_rpd")
-EVERY = 100  # steps, or an epoch if that is less, after which the log gets a row
+LOGGED = 10  # steps after which the log gets a row
+EVERY = 100  # steps, or an epoch if that is less, after which the network is validated
 VALIDATED = 200  # shapes of the validation split, always the same
 WARM = 0.1  # of the steps, in which a one-cycle schedule rises
 
@@ -159,11 +160,13 @@ class Run:
         self.optimiser.step()
         self.progressed.steps += 1
         self.progressed.losses.append(loss.item())
-        if self.progressed.steps % self.every == 0 or self.progressed.steps == self.total:
-            self.add_to_log()
+        steps = self.progressed.steps
+        validated = steps % self.every == 0 or steps == self.total
+        if validated or steps % LOGGED == 0:
+            self.add_to_log(validated)
 
-    def add_to_log(self) -> None:
-        """Validate, and add a row to the log."""
+    def add_to_log(self, validated: bool) -> None:
+        """Add a row to the log, with scores on the validation split or without."""
         losses, self.progressed.losses = self.progressed.losses, []
         mean = torch.tensor(sum(losses) / len(losses), device=self.device)
         if self.world > 1:  # each process has seen a share of every batch
@@ -176,9 +179,14 @@ class Run:
             "steps": self.progressed.steps,
             "minutes": round(self.minutes(), 3),
             "loss": mean.item(),
-            **self.validate(),
+            **(self.validate() if validated else {}),
         }
         self.progressed.log.append(row)
+
+    def validated(self) -> dict[str, float] | None:
+        """Return the last row of the log that has scores."""
+        scored = (row for row in reversed(self.progressed.log) if "validation_rpd" in row)
+        return next(scored, None)
 
     def validate(self) -> dict[str, float]:
         """Return PSNR>20 and RPD over some shapes of the validation split."""

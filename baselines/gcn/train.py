@@ -5,7 +5,8 @@
     python -m baselines.gcn.train --config modern --out runs/modern --resume
     torchrun --nproc-per-node 2 -m baselines.gcn.train --config modern --out runs/modern
 
-The directory --out gets checkpoint.safetensors, log.csv and weights.safetensors. A run that was
+The directory --out gets checkpoint.safetensors, log.csv (the mean loss of every ten steps, scores
+on the validation split of every hundredth) and weights.safetensors. A run that was
 interrupted, or stopped by --max-minutes, goes on with --resume.
 """
 
@@ -207,8 +208,8 @@ def bar(run: Run, console: Console) -> Iterator[Any]:
             text = f"step {done.steps:,} of {run.total:,}"
             if recent:
                 text += f"  loss {sum(recent) / len(recent):.4f}"
-            if done.log:
-                text += f"  validation PSNR>20 {done.log[-1]['validation_psnr20']:.1%}"
+            if last := run.validated():
+                text += f"  validation PSNR>20 {last['validation_psnr20']:.1%}"
             text += f"  {max(0.0, left) / 60:.1f} min left"
             progress.update(task, completed=done.steps, description=text)
 
@@ -219,8 +220,8 @@ def said(run: Run) -> str:
     """Return the end of a run in one line."""
     done = run.progressed
     text = f"{done.steps:,} of {run.total:,} steps, {run.minutes():.1f} min"
-    if done.log:
-        text += f", validation PSNR>20 {done.log[-1]['validation_psnr20']:.1%}"
+    if last := run.validated():
+        text += f", validation PSNR>20 {last['validation_psnr20']:.1%}"
     if done.steps < run.total:
         text += "; --resume goes on"
     return f"{text}: {run.out}"

@@ -130,7 +130,18 @@ def test_a_resumed_run_ends_with_the_same_weights(
         for run in (whole, part)
     ]
     assert logs[0] == logs[1]
-    assert len(logs[0]) == config.epochs
+    assert sum("validation_rpd" in row for row in logs[0]) == config.epochs
+
+
+def test_log_has_every_tenth_step_and_scores_of_every_epoch(make: Callable[..., Run]) -> None:
+    run = make(STORED)
+    for _ in range(2 * run.per_epoch):
+        run.step()
+    steps = {row["steps"]: "validation_rpd" in row for row in run.progressed.log}
+    epochs = {run.per_epoch, 2 * run.per_epoch}
+    assert set(steps) == {*range(10, 2 * run.per_epoch + 1, 10), *epochs}
+    assert {step for step, scored in steps.items() if scored} == epochs
+    assert run.validated() == run.progressed.log[-1]
 
 
 def test_seeds_differ(make: Callable[..., Run]) -> None:
