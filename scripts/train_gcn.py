@@ -85,12 +85,12 @@ def scored(row: Path, protocol: str, result: Path, options: argparse.Namespace) 
     """
     command = ["eigbench", "evaluate", str(row), "--dataset", options.version]
     command += ["--protocol", protocol, "--device", options.device, "--out", str(result)]
-    command += ["--threads", str(os.cpu_count())]
+    command += ["--threads", str(os.cpu_count()), "--no-reference"]
     subprocess.run([sys.executable, "-m", *command], cwd=ROOT, check=False)
     return result.exists()
 
 
-def main() -> int:
+def main(arguments: list[str] | None = None) -> int:
     """Do what is not done yet; return 1 if something went wrong."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -109,7 +109,7 @@ def main() -> int:
     parser.add_argument("--protocols", nargs="+", default=PROTOCOLS, choices=PROTOCOLS)
     parser.add_argument("--configs", nargs="+", default=list(PAPER), choices=list(CONFIGS))
     parser.add_argument("--device", default="cpu")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     options.epochs = dict(options.epochs)
     ROWS.mkdir(exist_ok=True)
     wrong = []

@@ -29,6 +29,19 @@ def eigenvalues(outputs: Tensor, areas: Tensor, config: GCNConfig) -> Tensor:
     return law * torch.exp(MOST * torch.tanh(outputs / MOST)) / areas[:, None]
 
 
+def mean_outputs(y: Tensor, areas: Tensor, config: GCNConfig) -> Tensor:
+    """Return the outputs, (k,), that stand for the geometric mean of labels, (S, k).
+
+    An untrained network is put there by its last bias. The paper does not say how it begins;
+    but RPDLoss is constant where an output is negative, so an output that begins there has no
+    gradient of its own, and PyTorch's initial values leave about half of the ten there.
+    """
+    if not config.scale_free:
+        return y.log().mean(dim=0).exp()
+    law = 4 * torch.pi * torch.arange(1, y.shape[1] + 1, device=y.device)
+    return (y * areas[:, None] / law).log().mean(dim=0)
+
+
 def predict(model: GCN, graphs: Sequence[Graphs], threads: int = 1) -> Tensor:
     """Return the eigenvalues of encoded meshes, (B, k), float32, on the CPU."""
     areas = torch.cat([one.areas for one in graphs])

@@ -20,7 +20,7 @@ from synthnet.files import write_text
 from . import data, weights
 from .configs import TrainConfig
 from .model import GCN
-from .objective import Objective, predict
+from .objective import Objective, mean_outputs, predict
 
 CHECKPOINT, LOG, WEIGHTS = "checkpoint.safetensors", "log.csv", "weights.safetensors"
 COLUMNS = ("epoch", "steps", "minutes", "loss", "validation_psnr20", "validation_rpd")
@@ -100,6 +100,10 @@ class Run:
         self.instances = shapes.instances("train", protocol)
         if config.isometries == "random":
             self.instances = torch.unique(self.instances[:, 0])[:, None]
+        trained = torch.unique(self.instances[:, 0]).tolist()
+        areas = torch.cat([shapes.graphs[i].areas for i in trained])
+        with torch.no_grad():
+            self.model.head[-1].bias.copy_(mean_outputs(shapes.y[trained], areas, config.model))
         validation = torch.unique(shapes.instances("validation", protocol)[:, 0])
         chosen = torch.randperm(len(validation), generator=generator(0))[:VALIDATED]
         self.validation = validation[chosen].tolist()

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from eigbench import losses
 from rich.console import Console
 
 import baselines.gcn
@@ -20,7 +21,7 @@ from baselines.gcn import train, weights
 from baselines.gcn.configs import CONFIGS, MODERN, PAPER, TrainConfig
 from baselines.gcn.data import Shapes, encoder
 from baselines.gcn.model import GCN, GCNConfig
-from baselines.gcn.objective import LOSSES, eigenvalues
+from baselines.gcn.objective import LOSSES, eigenvalues, predict
 from baselines.gcn.predictor import Row, title
 from baselines.gcn.run import CHECKPOINT, LOG, Run, TrainingError, random_isometries
 from synthnet.errors import BuildError
@@ -142,6 +143,29 @@ def test_log_has_every_tenth_step_and_scores_of_every_epoch(make: Callable[..., 
     assert set(steps) == {*range(10, 2 * run.per_epoch + 1, 10), *epochs}
     assert {step for step, scored in steps.items() if scored} == epochs
     assert run.validated() == run.progressed.log[-1]
+
+
+@pytest.mark.parametrize("config", [STORED, RANDOM])
+def test_network_begins_near_the_mean_training_spectrum(
+    config: TrainConfig, make: Callable[..., Run]
+) -> None:
+    run = make(config)
+    shapes = sorted(set(run.instances[:, 0].tolist()))
+    with torch.no_grad():
+        run.model.head[-1].weight.zero_()
+    found = predict(run.model, [run.shapes.graphs[i] for i in shapes])
+    y = run.shapes.y[shapes]
+    if config.model.scale_free:
+        areas = torch.cat([run.shapes.graphs[i].areas for i in shapes])[:, None]
+        found, y = found * areas, y * areas
+    assert found == pytest.approx(y.log().mean(dim=0).exp().expand_as(found), rel=1e-2)
+
+
+def test_rpd_has_no_gradient_where_an_output_is_negative() -> None:
+    p = torch.tensor([[-1.0, 1.0]], requires_grad=True)
+    losses.rpd_loss(p, torch.tensor([[2.0, 2.0]])).backward()
+    assert p.grad is not None
+    assert p.grad[0, 0].abs() < 1e-8 < p.grad[0, 1].abs()
 
 
 def test_seeds_differ(make: Callable[..., Run]) -> None:

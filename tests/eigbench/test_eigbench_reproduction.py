@@ -1,0 +1,145 @@
+"""The page of the paper's tables, and the script that trains their rows."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from eigbench import submission
+
+from baselines.gcn import weights
+from baselines.gcn.configs import CONFIGS, PAPER
+
+ROOT = Path(__file__).parent.parent.parent
+
+
+@pytest.fixture
+def scripts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> tuple[ModuleType, ModuleType]:
+    """train_gcn.py and reproduction.py, as modules whose files lie in a directory of their own."""
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    for name in ("train_gcn", "reproduction"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    import reproduction
+    import train_gcn
+
+    (tmp_path / "baselines").mkdir()
+    (tmp_path / "baselines" / "gcn").symlink_to(ROOT / "baselines" / "gcn")
+    for module in (train_gcn, reproduction):
+        monkeypatch.setattr(module, "ROWS", tmp_path / "baselines" / "reproduction")
+        monkeypatch.setattr(module, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(reproduction, "PAGE", tmp_path / "reproduction.md")
+    return train_gcn, reproduction
+
+
+def rows_of(page: str, first: str) -> list[list[str]]:
+    """Return the cells of the lines of tables that begin with a word."""
+    lines = [line for line in page.splitlines() if re.match(rf"\| {re.escape(first)} +\|", line)]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def test_page_of_this_repository_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    import reproduction
+
+    assert reproduction.main(["--check"]) == 0
+    text = reproduction.PAGE.read_text()
+    pictures = re.findall(r"!\[\w+\]\(([\w.-]+)\)", text)
+    assert len(pictures) == 2
+    assert all((reproduction.PAGE.parent / name).stat().st_size for name in pictures)
+
+
+def test_what_was_not_run_says_so(scripts: tuple[ModuleType, ModuleType]) -> None:
+    _, reproduction = scripts
+    page = reproduction.page()
+    for config in PAPER:
+        (run, *_), count = rows_of(page, config)[:1], 0
+        count += run.count("not run")
+        assert count == 6
+    ours = [line for line in page.splitlines() if "| ours, " in line]
+    assert len(ours) == 2 * (3 + 5 + 8 + 3)
+    assert not any(re.search(r"\d", line.partition("| ours, ")[2]) for line in ours)
+    assert page.count("\nNot run.\n") == 2  # the losses and the spectra
+    assert "| reported " in page
+
+
+@pytest.mark.parametrize(
+    ("better", "worse", "verdict"),
+    [(1.01, 4.0, "yes"), (4.0, 1.01, "no, the reverse"), (1.01, 1.01, "a tie")],
+)
+def test_findings_are_judged_by_paired_intervals(
+    scripts, make_submission, mini_truth, monkeypatch, better, worse, verdict
+):
+    _, reproduction = scripts
+    made = {
+        config: submission.read(make_submission(config, mini_truth.eigenvalues * factor))
+        for config, factor in (("table1-rpd", better), ("table1-polar", worse))
+    }
+    monkeypatch.setattr(
+        reproduction, "read", lambda config, protocol: made.get(config) if protocol else None
+    )
+    (found,) = [
+        row
+        for row in rows_of(reproduction.findings(), "RPDLoss beats PolarLoss")
+        if "not" not in row
+    ]
+    assert found[2] == "the paper's"
+    assert found[-1] == verdict
+    shares = ["100.00%" if factor < 2 else "0.00%" for factor in (better, worse)]
+    assert found[3] == " against ".join(shares)
+
+
+def test_row_is_trained_and_scored_once_and_stands_on_the_page(
+    scripts, mini_home, tmp_path, monkeypatch
+):
+    train_gcn, reproduction = scripts
+    monkeypatch.setenv("SYNTHNET_HOME", str(mini_home))
+    options = ["--minutes", "0.03", "--runs", str(tmp_path / "runs"), "--version", "1.0-mini"]
+    options += ["--protocols", "grouped", "--configs", "table1-rpd-modern", "--epochs", "3=1"]
+    assert train_gcn.main(options) == 0
+    row = train_gcn.ROWS / "table1_rpd_modern.safetensors"
+    record = weights.read(row)[1]
+    assert record["config"]["epochs"] == 1
+    assert record["version"] == "1.0-mini"
+    assert 0 < record["steps"] <= record["of"]
+    result = json.loads((train_gcn.RESULTS / "grouped" / "table1-rpd-modern.json").read_text())
+    assert result["partial"] is False
+    assert result["model"]["parameters"] == 198_794
+
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()}
+    assert train_gcn.main(options) == 0
+    assert before == {path: path.stat().st_mtime_ns for path in before}
+
+    assert reproduction.main([]) == 0
+    assert reproduction.main(["--check"]) == 0
+    page = reproduction.PAGE.read_text()
+    (run,) = rows_of(page, "table1-rpd-modern")[:1]
+    assert run[3:6] == ["1.0-mini", str(record["steps"]), str(record["of"])]
+    score = result["scores"]["families"]["cone"]["invlap"]["mean"]
+    assert any(f"{score:.4f}" in row for row in rows_of(page, "table1-rpd-modern"))
+    reproduction.PAGE.write_text(page.replace(f"{score:.4f}", "0.1234"))
+    assert reproduction.main(["--check"]) == 1
+
+
+def test_training_that_fails_is_told_and_writes_no_row(scripts, tmp_path, monkeypatch, capfd):
+    train_gcn, _ = scripts
+    monkeypatch.setenv("SYNTHNET_HOME", str(tmp_path / "nothing"))
+    options = ["--minutes", "1", "--runs", str(tmp_path / "runs"), "--configs", "table1-rpd"]
+    assert train_gcn.main([*options, "--protocols", "paper"]) == 1
+    assert "failed: table1-rpd, paper: training" in capfd.readouterr().err
+    assert not list(train_gcn.ROWS.iterdir())
+
+
+def test_every_table_of_the_paper_has_a_configuration_a_row(
+    scripts: tuple[ModuleType, ModuleType],
+) -> None:
+    _, reproduction = scripts
+    given = reproduction.REPORTED["tables"]
+    assert [len(table["rows"]) for table in given[:4]] == [3, 5, 8, 3]
+    assert {config for table in reproduction.TABLES for config in table} == set(PAPER)
+    pairs = {config for f in reproduction.FINDINGS for config in (f.better, f.worse)}
+    assert pairs <= set(PAPER)
+    assert all(f"{config}-modern" in CONFIGS for config in PAPER)
