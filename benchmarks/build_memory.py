@@ -13,7 +13,6 @@ import argparse
 import dataclasses
 import json
 import multiprocessing
-import re
 import resource
 import sys
 import tempfile
@@ -24,6 +23,7 @@ from tabulate import tabulate
 
 from synthnet import recipe
 from synthnet.build import build
+from synthnet.files import write_marked
 
 DOCS = Path(__file__).parent.parent / "docs"
 RESULT, PAGE = DOCS / "data" / "build-memory.json", DOCS / "clusters.md"
@@ -83,8 +83,7 @@ def keep(row: dict) -> list[dict]:
     rows = [r for r in old if any(r[key] != row[key] for key in same)] + [row]
     rows.sort(key=lambda r: (r["families"] != "all", r["families"], r["share"] * r["scale"]))
     RESULT.write_text(json.dumps(rows, indent=1) + "\n")
-    marked = re.compile(r"(<!-- begin memory -->\n).*(<!-- end memory -->)", re.DOTALL)
-    PAGE.write_text(marked.sub(lambda m: f"{m[1]}{table(rows)}\n{m[2]}", PAGE.read_text()))
+    write_marked(PAGE, memory=f"\n{table(rows)}\n")
     return rows
 
 

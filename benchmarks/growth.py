@@ -26,6 +26,7 @@ from tabulate import tabulate
 
 from synthnet import spectrum
 from synthnet.families import FAMILIES
+from synthnet.files import write_marked
 from synthnet.types import Mesh
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -165,10 +166,7 @@ def main() -> None:
     rows = measure(options.largest)
     (DOCS / "data" / "growth.json").write_text(json.dumps(rows, indent=1) + "\n")
     draw(rows, DOCS / "growth.svg")
-    page = DOCS / "labels.md"
-    marked = re.compile(r"(<!-- begin growth -->\n).*(<!-- end growth -->)", re.DOTALL)
-    text = marked.sub(lambda m: f"{m[1]}{table(rows)}\n{m[2]}", page.read_text())
-    page.write_text(text)
+    write_marked(DOCS / "labels.md", growth=f"\n{table(rows)}\n")
     print(table(rows))
 
 

@@ -10,7 +10,6 @@ A quarter of an hour on one core.
 from __future__ import annotations
 
 import json
-import re
 import sys
 from pathlib import Path
 
@@ -24,6 +23,8 @@ import ritz_mlp  # noqa: E402
 from eigbench.metrics import METRICS  # noqa: E402
 from eigbench.tables import family_title  # noqa: E402
 from ritz_features import CORRECTED, NAMES, VALUES  # noqa: E402
+
+from synthnet.files import write_marked  # noqa: E402
 
 RESULT, PAGE = ROOT / "docs" / "data" / "ritz-mlp.json", ROOT / "docs" / "learned.md"
 EPOCHS = ritz_mlp.EPOCHS // 4
@@ -116,7 +117,7 @@ def write(found: dict[str, list[dict]]) -> None:
             disable_numparse=True,
             colalign=["left"] + ["right"] * 3,
         ),
-        "left-out": tabulate(
+        "left_out": tabulate(
             [
                 [family_title(r["family"]), r["shapes"], *(c for k in WAYS for c in pair(r[k]))]
                 for r in found["left_out"]
@@ -131,11 +132,7 @@ def write(found: dict[str, list[dict]]) -> None:
             colalign=["left"] + ["right"] * 7,
         ),
     }
-    text = PAGE.read_text()
-    for name, table in parts.items():
-        marks = re.compile(rf"(<!-- begin {name} -->\n).*(<!-- end {name} -->)", re.DOTALL)
-        text = marks.sub(lambda m: f"{m[1]}{table}\n{m[2]}", text)  # noqa: B023
-    PAGE.write_text(text)
+    write_marked(PAGE, **{name: f"\n{table}\n" for name, table in parts.items()})
 
 
 WAYS = {"with": "trained on it", "without": "left out", "ritz": "Ritz alone"}

@@ -32,6 +32,7 @@ from tabulate import tabulate
 
 from synthnet import recipe, store
 from synthnet.errors import SynthNetError
+from synthnet.files import write_marked
 from synthnet.plan import plan_shards
 from synthnet.storage import RemotePath
 from synthnet.verify import verify_files
@@ -590,16 +591,8 @@ def main() -> int:
         print(f"WRONG: {problem}")
     if options.json:
         options.json.write_text(json.dumps(report, indent=1) + "\n")
-        PAGE.write_text(page(PAGE.read_text(), report))
+        write_marked(PAGE, faults=f"\n{table(report)}\n")
     return int(any(outcome.wrong for outcome in outcomes))
-
-
-def page(text: str, report: dict) -> str:
-    """Return the page with the table between its markers."""
-    begin, end = "<!-- begin faults -->", "<!-- end faults -->"
-    return re.sub(
-        f"{begin}.*?{end}", lambda _: f"{begin}\n{table(report)}\n{end}", text, flags=re.S
-    )
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ The seconds come from the report of that build, which is kept in docs/data:
 """
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from tabulate import tabulate
 
 from synthnet import recipe, spectrum, store
 from synthnet.families import FAMILIES, draw_shapes
+from synthnet.files import write_marked
 
 ROOT = Path(__file__).parent.parent
 CARD, DATA = ROOT / "docs" / "dataset-card.md", ROOT / "docs" / "data"
@@ -110,14 +110,10 @@ def main() -> None:
     parts = {
         "composition": f"\n{composition(measured('build-1.0'))}\n",
         "cost": f"\n{cost(*map(measured, ('build-cost', 'build-full', 'loading-1.0')))}\n",
-        "inverted-cones": inverted_cone_flaw(),
-        "split-cones": split_cone_flaw(store.open_dataset("1.0")),
+        "inverted_cones": inverted_cone_flaw(),
+        "split_cones": split_cone_flaw(store.open_dataset("1.0")),
     }
-    text = CARD.read_text()
-    for name, content in parts.items():
-        begin, end = f"<!-- begin {name} -->", f"<!-- end {name} -->"
-        text = re.sub(f"{begin}.*?{end}", lambda _: f"{begin}{content}{end}", text, flags=re.S)  # noqa: B023
-    CARD.write_text(text)
+    write_marked(CARD, **parts)
     print(f"{CARD} written")
 
 

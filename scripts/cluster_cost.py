@@ -5,8 +5,9 @@ For a million meshes, docs/clusters.md gets the numbers too.
 
 import argparse
 import json
-import re
 from pathlib import Path
+
+from synthnet.files import write_marked
 
 DOCS = Path(__file__).parent.parent / "docs"
 MEASURED, PAGE = DOCS / "data" / "build-1.0.json", DOCS / "clusters.md"
@@ -35,8 +36,7 @@ def main() -> None:
     text = cost(json.loads(MEASURED.read_text()), options.meshes, options.cores)
     print(text, end="")
     if options.meshes == MILLION:
-        marked = re.compile(r"(<!-- begin million -->\n).*(<!-- end million -->)", re.DOTALL)
-        PAGE.write_text(marked.sub(lambda m: f"{m[1]}{text}{m[2]}", PAGE.read_text()))
+        write_marked(PAGE, million=f"\n{text}")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ more refinement stands for the true error.
 """
 
 import json
-import re
 import sys
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from tabulate import tabulate
 from synthnet import estimates, spectrum, store
 from synthnet.discretisation import Estimate, extrapolate
 from synthnet.families import FAMILIES
+from synthnet.files import write_marked
 from synthnet.types import ShapeSpec
 
 ROOT = Path(__file__).parent.parent
@@ -94,14 +94,7 @@ def main() -> None:
             rows.append(measured(name, mine, [found[spec.id] for spec, _ in mine]))
     report = {"version": sys.argv[1], "rows": rows}
     DATA.write_text(json.dumps(report, indent=1) + "\n")
-    begin, end = "<!-- begin errors -->", "<!-- end errors -->"
-    text = re.sub(
-        f"{begin}.*?{end}",
-        lambda _: f"{begin}\n{table(report)}\n{end}",
-        PAGE.read_text(),
-        flags=re.S,
-    )
-    PAGE.write_text(text)
+    write_marked(PAGE, errors=f"\n{table(report)}\n")
     print(f"{DATA} and {PAGE} written")
 
 

@@ -5,10 +5,11 @@ python scripts/solver_table.py
 """
 
 import json
-import re
 from pathlib import Path
 
 from tabulate import tabulate
+
+from synthnet.files import write_marked
 
 DOCS = Path(__file__).parent.parent / "docs"
 
@@ -41,7 +42,5 @@ def table(rows: list[dict]) -> str:
 
 
 if __name__ == "__main__":
-    page = DOCS / "labels.md"
     rows = json.loads((DOCS / "data" / "solver.json").read_text())
-    marked = re.compile(r"(<!-- begin solver -->\n).*(<!-- end solver -->)", re.DOTALL)
-    page.write_text(marked.sub(lambda m: f"{m[1]}{table(rows)}\n{m[2]}", page.read_text()))
+    write_marked(DOCS / "labels.md", solver=f"\n{table(rows)}\n")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import re
 import shutil
 import uuid
 from collections.abc import Callable
@@ -68,6 +69,26 @@ def write_text(path: Path, text: str) -> None:
         partial.write_text(text)
 
     write_atomically(path, write)
+
+
+def write_marked(path: Path, **parts: str) -> None:
+    """Write text between marks of a page: ``<!-- begin name -->`` and ``<!-- end name -->``.
+
+    An underscore of a name is a hyphen in the mark.
+
+    Raises
+    ------
+    ValueError
+        If the page has no such marks, or several; nothing is written.
+    """
+    text = path.read_text()
+    for name, part in parts.items():
+        mark = name.replace("_", "-")
+        pattern = re.compile(f"(<!-- begin {mark} -->).*?(<!-- end {mark} -->)", re.DOTALL)
+        text, count = pattern.subn(lambda m: f"{m[1]}{part}{m[2]}", text)  # noqa: B023
+        if count != 1:
+            raise ValueError(f"{path} has the marks of {mark} {count} times, not once")
+    write_text(path, text)
 
 
 def write_bytes(path: Path, content: bytes) -> None:
