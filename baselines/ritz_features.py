@@ -22,6 +22,9 @@ DEPENDENT = 1e-11  # of the Gram matrix, below which polynomials agree on the su
 @kernel
 def legendre(x, scales, degree, basis):  # type: ignore[no-untyped-def]
     """Write the products of Legendre polynomials up to a total degree, one row a vertex."""
+    rise, fall = np.empty(degree + 1), np.empty(degree + 1)
+    for k in range(2, degree + 1):
+        rise[k], fall[k] = (2 * k - 1) / k, (k - 1) / k
     tables = np.empty((3, degree + 1))
     for v in range(x.shape[0]):
         for c in range(3):
@@ -29,12 +32,13 @@ def legendre(x, scales, degree, basis):  # type: ignore[no-untyped-def]
             tables[c, 0] = 1.0
             tables[c, 1] = t
             for k in range(2, degree + 1):
-                tables[c, k] = ((2 * k - 1) * t * tables[c, k - 1] - (k - 1) * tables[c, k - 2]) / k
+                tables[c, k] = rise[k] * t * tables[c, k - 1] - fall[k] * tables[c, k - 2]
         column = 0
         for i in range(degree + 1):
             for j in range(degree + 1 - i):
+                both = tables[0, i] * tables[1, j]
                 for k in range(degree + 1 - i - j):
-                    basis[v, column] = tables[0, i] * tables[1, j] * tables[2, k]
+                    basis[v, column] = both * tables[2, k]
                     column += 1
 
 
@@ -83,48 +87,50 @@ def ritz_values(x: np.ndarray, faces: np.ndarray, scales: np.ndarray, degree: in
 @kernel
 def surface(vertices, faces):  # type: ignore[no-untyped-def]
     """Return the area, the centroid, and the second moments about it, (3, 3), in length⁴."""
-    area, centroid, second = 0.0, np.zeros(3), np.zeros((3, 3))
-    total, u, w = np.empty(3), np.empty(3), np.empty(3)
+    area, first = 0.0, np.zeros(3)
+    xx, yy, zz, xy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for f in range(faces.shape[0]):
         i, j, k = faces[f]
-        for c in range(3):
-            u[c] = vertices[j, c] - vertices[i, c]
-            w[c] = vertices[k, c] - vertices[i, c]
-            total[c] = vertices[i, c] + vertices[j, c] + vertices[k, c]
-        x, y, z = u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]
-        a = 0.5 * np.sqrt(x * x + y * y + z * z)
+        # Scalars: Numba keeps them in registers, small arrays take three times as long
+        ax, ay, az = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        bx, by, bz = vertices[j, 0], vertices[j, 1], vertices[j, 2]
+        cx, cy, cz = vertices[k, 0], vertices[k, 1], vertices[k, 2]
+        ux, uy, uz, wx, wy, wz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+        nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+        a = 0.5 * np.sqrt(nx * nx + ny * ny + nz * nz)
+        sx, sy, sz = ax + bx + cx, ay + by + cy, az + bz + cz
         area += a
-        for c in range(3):
-            centroid[c] += a * total[c] / 3
-            for d in range(3):
-                own = vertices[i, c] * vertices[i, d] + vertices[j, c] * vertices[j, d]
-                own += vertices[k, c] * vertices[k, d]
-                second[c, d] += a * (own + total[c] * total[d]) / 12
-    centroid /= area
-    for c in range(3):
-        for d in range(3):
-            second[c, d] -= area * centroid[c] * centroid[d]
-    return area, centroid, second
+        first[0] += a * sx
+        first[1] += a * sy
+        first[2] += a * sz
+        xx += a * (ax * ax + bx * bx + cx * cx + sx * sx)
+        yy += a * (ay * ay + by * by + cy * cy + sy * sy)
+        zz += a * (az * az + bz * bz + cz * cz + sz * sz)
+        xy += a * (ax * ay + bx * by + cx * cy + sx * sy)
+        xz += a * (ax * az + bx * bz + cx * cz + sx * sz)
+        yz += a * (ay * az + by * bz + cy * cz + sy * sz)
+    centroid = first / (3 * area)
+    second = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))) / 12
+    return area, centroid, second - area * np.outer(centroid, centroid)
 
 
 @kernel
 def higher(x, faces):  # type: ignore[no-untyped-def]
     """Return the volume, ∫|x|⁴, ∫|x|⁶, and means of squared edges, of a surface of area 1."""
     volume, fourth, sixth, longest, shortest, squares = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    u, w, centre = np.empty(3), np.empty(3), np.empty(3)
     for f in range(faces.shape[0]):
         i, j, k = faces[f]
-        uu, ww, uw, r = 0.0, 0.0, 0.0, 0.0
-        for c in range(3):
-            u[c], w[c] = x[j, c] - x[i, c], x[k, c] - x[i, c]
-            centre[c] = (x[i, c] + x[j, c] + x[k, c]) / 3
-            uu += u[c] * u[c]
-            ww += w[c] * w[c]
-            uw += u[c] * w[c]
-            r += centre[c] * centre[c]
-        nx, ny, nz = u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]
+        ax, ay, az = x[i, 0], x[i, 1], x[i, 2]
+        ux, uy, uz = x[j, 0] - ax, x[j, 1] - ay, x[j, 2] - az
+        wx, wy, wz = x[k, 0] - ax, x[k, 1] - ay, x[k, 2] - az
+        mx, my, mz = ax + (ux + wx) / 3, ay + (uy + wy) / 3, az + (uz + wz) / 3
+        uu = ux * ux + uy * uy + uz * uz
+        ww = wx * wx + wy * wy + wz * wz
+        uw = ux * wx + uy * wy + uz * wz
+        r = mx * mx + my * my + mz * mz
+        nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
         a = 0.5 * np.sqrt(nx * nx + ny * ny + nz * nz)
-        volume += (x[i, 0] * nx + x[i, 1] * ny + x[i, 2] * nz) / 6
+        volume += (ax * nx + ay * ny + az * nz) / 6
         fourth += a * r * r
         sixth += a * r * r * r
         third = uu + ww - 2 * uw

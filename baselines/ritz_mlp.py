@@ -44,6 +44,10 @@ class Corrected:
         depth = sum(name.endswith(".weight") for name in tensors)
         self.layers = [(tensors[f"{i}.weight"].T, tensors[f"{i}.bias"]) for i in range(depth)]
 
+    def parameters(self) -> list[np.ndarray]:
+        """Return the weights and biases, which the harness counts."""
+        return [array for layer in self.layers for array in layer]
+
     def correct(self, numbers: np.ndarray) -> np.ndarray:
         """Return log(label / Ritz value) of each row of features, (B, 10)."""
         x = ((numbers - self.mean) / self.scale).astype(np.float32)

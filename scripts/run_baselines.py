@@ -2,9 +2,12 @@
 
     python scripts/run_baselines.py DIR
 
-One thread each, on a machine with nothing else to do, because times are compared. What is
-finished in DIR is kept, and an interrupted row goes on where it stopped. Takes about three
-quarters of an hour. `eigbench submit` puts the results in their place.
+    python scripts/run_baselines.py DIR ritz5 exact
+
+One thread each, on a machine with nothing else to do, because times are compared; each is timed
+beside LaPy, so rows may be made on several machines. What is finished in DIR is kept, and an
+interrupted row goes on where it stopped. All of them take one to two hours. `eigbench submit` puts
+the results in their place.
 """
 
 import subprocess
@@ -24,6 +27,7 @@ ROWS = {  # file: seeds
     "lumped": 1,
     "exact": 1,
     "certified": 1,
+    "ritz_mlp": 3,
 }
 
 
@@ -31,12 +35,12 @@ def main() -> int:
     """Run what is not there yet; return the first exit code that is not 0."""
     place = Path(sys.argv[1])
     place.mkdir(parents=True, exist_ok=True)
-    for name, seeds in ROWS.items():
+    for name in sys.argv[2:] or ROWS:
         out = place / f"{name}.json"
         if out.exists():
             continue
         command = ["evaluate", str(BASELINES / f"{name}.py"), "--resume"]
-        command += ["--seeds", str(seeds), "--out", str(out)]
+        command += ["--seeds", str(ROWS[name]), "--out", str(out)]
         print(f"{name}:", flush=True)
         done = subprocess.run([sys.executable, "-m", "eigbench", *command], check=False)
         if done.returncode:

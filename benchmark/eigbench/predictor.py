@@ -15,6 +15,7 @@ Loading runs the file's code.
 from __future__ import annotations
 
 import importlib.util
+import math
 import os
 import sys
 import sysconfig
@@ -57,7 +58,8 @@ class Predictor:
     meta : dict of str to str
         The file's ``META``, with a name and a kind in any case.
     parameters : int or None
-        Trainable and frozen parameters of a torch module; ``None`` where there is none.
+        Numbers in what ``parameters()`` gives, tensors (frozen too) or arrays; ``None`` where
+        there is no such method.
     seeded : bool
         Whether it was made with a seed, by ``load(device, seed)``.
     roots : tuple of Path
@@ -243,8 +245,8 @@ def _of_torch(
     return Predictor(predict, meta, _count(model))
 
 
-def _count(module: Any) -> int:
-    return sum(int(parameter.numel()) for parameter in module.parameters())
+def _count(thing: Any) -> int:
+    return sum(math.prod(parameter.shape) for parameter in thing.parameters())
 
 
 def _told(error: BaseException) -> str:

@@ -103,6 +103,17 @@ def test_torch_door_applies_the_transform_of_the_file(predictor_file):
     np.testing.assert_array_equal(loaded.predict([MESH]), bias)
 
 
+def test_arrays_of_a_predictor_are_counted(predictor_file):
+    code = """
+import numpy as np
+
+class Predictor:
+    def parameters(self): return [np.ones((3, 4)), np.ones(5)]
+    def predict(self, meshes): return np.ones((len(meshes), 10))
+"""
+    assert predictor.load(predictor_file(code)).parameters == 17
+
+
 def test_parameters_of_a_torch_module_behind_the_load_door_are_counted(predictor_file):
     pytest.importorskip("torch")
     code = TORCH.replace("model = Net()", "") + (
