@@ -70,11 +70,13 @@ class Aggregate(torch.autograd.Function):
     """``[A a, a, A 1, 1, 0, 0]`` of activations a; on a GPU with A as a sparse matrix."""
 
     @staticmethod
-    def forward(ctx: Any, a: Tensor, graphs: Graphs, sparse: Tensor | None) -> Tensor:
-        """Return (n, 2c + 4) of (n, c)."""
-        ctx.graphs, ctx.sparse = graphs, sparse
+    def forward(
+        ctx: Any, a: Tensor, graphs: Graphs, sparse: Tensor | None, dtype: torch.dtype
+    ) -> Tensor:
+        """Return (n, 2c + 4), in a dtype, of (n, c)."""
+        ctx.graphs, ctx.sparse, ctx.dtype = graphs, sparse, a.dtype
         n, c = a.shape
-        both = a.new_empty(n, 2 * c + TAIL)
+        both = a.new_empty(n, 2 * c + TAIL, dtype=dtype)
         if sparse is not None:
             both[:, :c] = sparse @ a
             both[:, c : 2 * c] = a
@@ -84,16 +86,16 @@ class Aggregate(torch.autograd.Function):
         return both
 
     @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None, None]:
         """Return the gradient with respect to a: A is symmetric."""
         graphs: Graphs = ctx.graphs
         n, c = len(gradient), (gradient.shape[1] - TAIL) // 2
         if ctx.sparse is not None:
             far = ctx.sparse @ gradient[:, :c].contiguous()
-            return far + gradient[:, c : 2 * c], None, None
+            return far + gradient[:, c : 2 * c], None, None, None
         x = gradient.new_empty(n, c)
         scatter(graphs.offsets, graphs.neighbours, graphs.weights, gradient, x)
-        return x, None, None
+        return x.to(ctx.dtype), None, None, None
 
 
 def adjacency(graphs: Graphs, dtype: torch.dtype) -> Tensor:
@@ -112,15 +114,17 @@ def apply(
 ) -> Tensor:
     """Return the outputs of some meshes, (B, k), by the folded matrices.
 
-    The blocks are computed in ``dtype``, means and head in float32.
+    Activations have ``dtype``, means and head float32. On a processor that multiplies no bfloat16
+    only they are rounded to it, and sums and products are in float32.
     """
     slope, blocks = model.config.slope, model.config.blocks
-    both = graphs.features.to(dtype)
+    products = product_dtype(dtype, graphs.features.device)
+    both = graphs.features.to(products)
     sparse = adjacency(graphs, dtype) if both.is_cuda else None
-    a = functional.leaky_relu_(product(both, matrices[0], dtype), slope)
+    a = functional.leaky_relu_(both @ matrices[0].to(products), slope).to(dtype)
     for matrix in matrices[1:blocks]:
-        both = Aggregate.apply(a, graphs, sparse)
-        a = functional.leaky_relu_(product(both, matrix, dtype), slope)
+        both = Aggregate.apply(a, graphs, sparse, products)
+        a = functional.leaky_relu_(both @ matrix.to(products), slope).to(dtype)
     means = [
         a[start:end].mean(dim=0, dtype=torch.float32) for start, end in pairwise(graphs.starts)
     ]
@@ -132,13 +136,11 @@ def apply(
     return x
 
 
-def product(both: Tensor, matrix: Tensor, dtype: torch.dtype) -> Tensor:
-    """Return ``both @ matrix`` in a dtype; ``both`` has it already."""
-    matrix = matrix.to(dtype)
-    if dtype == torch.bfloat16 and not both.is_cuda and not has_bfloat16():
-        # PyTorch's own product would be fifty times slower than in float32.
-        return (both.float() @ matrix.float()).to(dtype)
-    return both @ matrix
+def product_dtype(dtype: torch.dtype, device: torch.device) -> torch.dtype:
+    """Return the dtype in which matrices are multiplied."""
+    if dtype == torch.bfloat16 and device.type == "cpu" and not has_bfloat16():
+        return torch.float32  # PyTorch's product in bfloat16 would be fifty times slower
+    return dtype
 
 
 def has_bfloat16() -> bool:

@@ -65,6 +65,26 @@ def _gather_half(offsets, neighbours, weights, x, both):  # type: ignore[no-unty
 
 
 @kernel
+def _gather_wide(offsets, neighbours, weights, x, both):  # type: ignore[no-untyped-def]
+    n, c = x.shape
+    row = np.empty(c, np.uint32)
+    values = row.view(np.float32)
+    for i in range(n):
+        for k in range(c):
+            row[k] = np.uint32(x[i, k]) << np.uint32(16)
+        for k in range(c):
+            both[i, k] = 0
+            both[i, c + k] = values[k]
+        for e in range(offsets[i], offsets[i + 1]):
+            j = neighbours[e]
+            w = weights[e] if len(weights) else np.float32(1)
+            for k in range(c):
+                row[k] = np.uint32(x[j, k]) << np.uint32(16)
+            for k in range(c):
+                both[i, k] += w * values[k]
+
+
+@kernel
 def _scatter_half(offsets, neighbours, weights, both, x):  # type: ignore[no-untyped-def]
     n, c = x.shape
     total = np.empty(c, np.float32)
@@ -86,11 +106,21 @@ def _scatter_half(offsets, neighbours, weights, both, x):  # type: ignore[no-unt
             x[i, k] = bits >> np.uint32(16)
 
 
+RUNS = {
+    (torch.float32, torch.float32): _gather,
+    (torch.bfloat16, torch.bfloat16): _gather_half,
+    (torch.bfloat16, torch.float32): _gather_wide,
+}
+
+
 def gather(
     offsets: Tensor, neighbours: Tensor, weights: Tensor | None, x: Tensor, both: Tensor
 ) -> None:
-    """Write ``[A x, x]`` to the first 2c columns of ``both``; x has shape (n, c)."""
-    run = _gather_half if x.dtype == torch.bfloat16 else _gather
+    """Write ``[A x, x]`` to the first 2c columns of ``both``; x has shape (n, c).
+
+    Of x in bfloat16 ``both`` may be in float32.
+    """
+    run = RUNS[x.dtype, both.dtype]
     run(*_arrays(offsets, neighbours, weights), _array(x), _array(both))
 
 

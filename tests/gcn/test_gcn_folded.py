@@ -104,6 +104,13 @@ def test_gradients_of_moved_meshes_are_those_of_the_plain_network(
     assert norm_apart(*flat) < 1e-4  # the coordinates themselves are rounded otherwise
 
 
+@pytest.fixture(params=[False, True], ids=["emulated", "native"])
+def processor(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that multiplies bfloat16, and one that does not: both ways are right everywhere."""
+    monkeypatch.setattr(folded, "has_bfloat16", lambda: request.param)
+
+
+@pytest.mark.usefixtures("processor")
 def test_bfloat16_is_near(meshes: list[Mesh]) -> None:
     config = GCNConfig("ALG")
     model, graphs = model_of(config), [graph(one) for one in encoded(meshes, config)]
@@ -112,6 +119,7 @@ def test_bfloat16_is_near(meshes: list[Mesh]) -> None:
     assert 1e-6 < apart < 0.02  # eight bits of mantissa, and another result than float32's
 
 
+@pytest.mark.usefixtures("processor")
 def test_gradients_in_bfloat16_are_near(meshes: list[Mesh]) -> None:
     config = GCNConfig("ALG")
     graphs = [graph(one) for one in encoded(meshes, config)]
@@ -217,7 +225,7 @@ def test_the_sparse_matrix_of_a_gpu_is_the_same_product(meshes: list[Mesh]) -> N
     weight = torch.rand(len(one.features), 14)
     found = []
     for sparse in (None, folded.adjacency(one, torch.float32)):
-        both = folded.Aggregate.apply(a, one, sparse)
+        both = folded.Aggregate.apply(a, one, sparse, torch.float32)
         (gradient,) = torch.autograd.grad((both * weight).sum(), a)
         found.append((both.detach(), gradient))
     for ours, theirs in zip(*found, strict=True):
