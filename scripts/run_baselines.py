@@ -10,6 +10,7 @@ interrupted row goes on where it stopped. All of them take one to two hours. `ei
 the results in their place.
 """
 
+import argparse
 import subprocess
 import sys
 from pathlib import Path
@@ -33,9 +34,17 @@ ROWS = {  # file: seeds
 
 def main() -> int:
     """Run what is not there yet; return the first exit code that is not 0."""
-    place = Path(sys.argv[1])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("place", type=Path, metavar="DIR", help="of the results")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(ROWS)}")
+    options = parser.parse_args()
+    place = options.place
+    if unknown := set(options.names) - set(ROWS):
+        parser.error(f"there is no row {min(unknown)!r}: choose of {', '.join(ROWS)}")
     place.mkdir(parents=True, exist_ok=True)
-    for name in sys.argv[2:] or ROWS:
+    for name in options.names or ROWS:
         out = place / f"{name}.json"
         if out.exists():
             continue

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -23,6 +22,7 @@ from pathlib import Path
 from baselines.gcn import weights
 from baselines.gcn.configs import CONFIGS, PAPER
 from baselines.gcn.run import CHECKPOINT, WEIGHTS
+from synthnet.files import write_bytes, write_text
 from synthnet.types import PROTOCOLS
 
 ROOT = Path(__file__).parent.parent
@@ -49,9 +49,11 @@ def load(device: str, seed: int) -> Row:
 
 
 def pair(text: str) -> tuple[int, int]:
-    """Return the two whole numbers of ``3=5``."""
-    first, _, second = text.partition("=")
-    return int(first), int(second)
+    """Return blocks and epochs of ``3=5``."""
+    blocks, _, epochs = text.partition("=")
+    if not (blocks.isdigit() and epochs.isdigit() and int(epochs)):
+        raise argparse.ArgumentTypeError(f"must be like 3=5, got {text!r}")
+    return int(blocks), int(epochs)
 
 
 def name_of(config: str, protocol: str) -> str:
@@ -66,7 +68,7 @@ def trained(config: str, protocol: str, out: Path, options: argparse.Namespace) 
     if (out / CHECKPOINT).exists():
         _, record = weights.read(out / CHECKPOINT)
         if record["steps"] >= record["of"] or record["minutes"] >= 0.99 * options.minutes:
-            return True
+            return (out / WEIGHTS).exists()
         left, resume = left - record["minutes"], ["--resume"]
     command = ["baselines.gcn.train", "--config", config, "--protocol", protocol]
     command += ["--version", options.version, "--device", options.device, "--out", str(out)]
@@ -111,6 +113,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--device", default="cpu")
     options = parser.parse_args(arguments)
     options.epochs = dict(options.epochs)
+    chosen = {CONFIGS[config].model.blocks for config in options.configs}
+    if unknown := set(options.epochs) - chosen:
+        parser.error(f"--epochs: no chosen configuration has {min(unknown)} blocks")
     ROWS.mkdir(exist_ok=True)
     wrong = []
     for protocol in options.protocols:
@@ -124,8 +129,8 @@ def main(arguments: list[str] | None = None) -> int:
             if not trained(config, protocol, out, options):
                 wrong.append(f"{config}, {protocol}: training")
                 continue
-            shutil.copyfile(out / WEIGHTS, row.with_suffix(".safetensors"))
-            row.write_text(ROW.format(config=config, protocol=protocol))
+            write_bytes(row.with_suffix(".safetensors"), (out / WEIGHTS).read_bytes())
+            write_text(row, ROW.format(config=config, protocol=protocol))
             result.parent.mkdir(parents=True, exist_ok=True)
             if not scored(row, protocol, result, options):
                 wrong.append(f"{config}, {protocol}: scoring")

@@ -27,6 +27,7 @@ COLUMNS = ("epoch", "steps", "minutes", "loss", "validation_psnr20", "validation
 LOGGED = 10  # steps after which the log gets a row
 EVERY = 100  # steps, or an epoch if that is less, after which the network is validated
 VALIDATED = 200  # shapes of the validation split, always the same
+ROWS = 2000  # of a log; when it has more, every second one is dropped
 WARM = 0.1  # of the steps, in which a one-cycle schedule rises
 
 
@@ -186,6 +187,8 @@ class Run:
             **(self.validate() if validated else {}),
         }
         self.progressed.log.append(row)
+        if len(self.progressed.log) > ROWS:
+            self.progressed.log = thinned(self.progressed.log)
 
     def validated(self) -> dict[str, float] | None:
         """Return the last row of the log that has scores."""
@@ -290,6 +293,13 @@ class Run:
         """Write the weights of a row."""
         if not self.rank:
             weights.save_model(self.out / WEIGHTS, self.model, self.record())
+
+
+def thinned(log: list[dict[str, float]]) -> list[dict[str, float]]:
+    """Return every second row with scores, and every second without; the last ones are kept."""
+    scored = [row for row in log if "validation_rpd" in row]
+    others = [row for row in log if "validation_rpd" not in row]
+    return sorted(scored[::-2] + others[::-2], key=lambda row: row["steps"])
 
 
 def optimiser(config: TrainConfig, model: nn.Module) -> torch.optim.Optimizer:

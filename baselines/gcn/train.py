@@ -5,8 +5,9 @@
     python -m baselines.gcn.train --config modern --out runs/modern --resume
     torchrun --nproc-per-node 2 -m baselines.gcn.train --config modern --out runs/modern
 
-The directory --out gets checkpoint.safetensors, log.csv (the mean loss of every ten steps, scores
-on the validation split of every hundredth) and weights.safetensors. A run that was
+The directory --out gets checkpoint.safetensors, log.csv (the mean loss of every ten steps; every
+hundred, or every epoch if that is shorter, scores on the validation split) and
+weights.safetensors. A run that was
 interrupted, or stopped by --max-minutes, goes on with --resume.
 """
 
@@ -204,10 +205,9 @@ def bar(run: Run, console: Console) -> Iterator[Any]:
             left = spent / (done.steps - first) * (run.total - done.steps)
             if minutes is not None:
                 left = min(left, 60 * minutes - spent)
-            recent = done.losses[-50:]
             text = f"step {done.steps:,} of {run.total:,}"
-            if recent:
-                text += f"  loss {sum(recent) / len(recent):.4f}"
+            if done.log:
+                text += f"  loss {done.log[-1]['loss']:.4f}"
             if last := run.validated():
                 text += f"  validation PSNR>20 {last['validation_psnr20']:.1%}"
             text += f"  {max(0.0, left) / 60:.1f} min left"

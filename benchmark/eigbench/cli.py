@@ -102,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
         "--no-reference",
         dest="reference",
         action="store_false",
-        help="do not time LaPy on some of the same meshes; a board wants that",
+        help="do not time LaPy on some of the same meshes; a board wants it timed",
     )
 
     sub = command(

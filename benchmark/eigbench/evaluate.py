@@ -200,10 +200,16 @@ def _run(
             given = [instances.mesh(id) for id in batch]
             part = _Part(process.predict(batch, given))
             if options.reference and (first < REFERENCE or last > len(ids) - REFERENCE):
-                if peer is None:
-                    peer = stack.enter_context(_reference_process(k, options))
-                    peer.predict(warm_ids, warm)
-                part = replace(part, reference_seconds=peer.predict(batch, given).seconds)
+                try:
+                    if peer is None:
+                        peer = stack.enter_context(_reference_process(k, options))
+                        peer.predict(warm_ids, warm)
+                    part = replace(part, reference_seconds=peer.predict(batch, given).seconds)
+                except PredictorError as error:
+                    raise PredictorError(
+                        f"{reference.META['name']}, timed beside the predictor, failed "
+                        f"({error}): --no-reference leaves it out"
+                    ) from error
             _write_part(place, len(parts), part)
             parts.append(part)
             if on_batch is not None:
@@ -223,7 +229,8 @@ def _process(path: Path, k: int, options: Options, seed: int) -> PredictorProces
 
 
 def _reference_process(k: int, options: Options) -> PredictorProcess:
-    alone = replace(options, device="cpu", threads=1)
+    limit = max(options.time_limit, Options.time_limit)  # the user's is for a fast predictor
+    alone = replace(options, device="cpu", threads=1, time_limit=limit)
     return _process(Path(reference.__file__), k, alone, 0)
 
 

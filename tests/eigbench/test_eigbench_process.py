@@ -234,3 +234,13 @@ def test_peak_memory_is_of_the_predictors_process_alone(
     wanted = mini_truth.head(10)
     found = evaluate(predictor_file(code), wanted, source, Options(), tmp_path / "parts")
     assert found.status.peak_bytes < ballast.nbytes / 2
+
+
+def test_failure_of_lapy_is_not_laid_on_the_predictor(
+    predictor_file, mini_truth, source, tmp_path, monkeypatch
+):
+    broken = predictor_file("def predict(meshes): raise ValueError('no')", "peer.py")
+    monkeypatch.setattr(reference, "__file__", str(broken))
+    question = (predictor_file(SLEEPER), mini_truth.head(5), source, Options(reference=True))
+    with pytest.raises(PredictorError, match="^LaPy .*timed beside .* ValueError: no.*--no-ref"):
+        evaluate(*question, tmp_path / "parts")
