@@ -24,6 +24,7 @@ from synthnet.types import Mesh
 
 WARM_UP = 16  # meshes predicted before the clock counts
 REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the same batches
+TIME_LIMIT = 3600.0  # seconds for a batch
 SOURCES = "sources.json"  # of a run that has begun: digests of the predictor's files
 
 
@@ -54,7 +55,7 @@ class Options:
     batch_size: int = 200
     seeds: int = 1
     threads: int = 1
-    time_limit: float = 3600.0
+    time_limit: float = TIME_LIMIT
     resume: bool = False
     reference: bool = False
 
@@ -229,7 +230,7 @@ def _process(path: Path, k: int, options: Options, seed: int) -> PredictorProces
 
 
 def _reference_process(k: int, options: Options) -> PredictorProcess:
-    limit = max(options.time_limit, Options.time_limit)  # the user's is for a fast predictor
+    limit = max(options.time_limit, TIME_LIMIT)  # the user's may be for a fast predictor
     alone = replace(options, device="cpu", threads=1, time_limit=limit)
     return _process(Path(reference.__file__), k, alone, 0)
 

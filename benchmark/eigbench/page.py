@@ -44,8 +44,8 @@ def board(rows: Sequence[Ranked], figure: Path) -> list[str]:
         "interval). ms a mesh: median over batches, from raw vertices and faces to "
         "eigenvalues. By LaPy: how many times less than LaPy's on one thread, timed in the same "
         "run on some of the same batches; for equal device and threads this may be compared "
-        "between machines, ms may not. Scores, intervals and ranks follow from the predictions; kind, training, "
-        "cost and physics are what the run declared.\n",
+        "between machines, ms may not. Scores, intervals and ranks follow from the predictions; "
+        "kind, training, cost and physics are what the run declared.\n",
         "The labels are finite element eigenvalues of each mesh. A solver of that very problem, "
         "LaPy, has no error but rounding: its row shows what exactness costs. ℓ1 and ℓ2 have "
         "a unit, and the smallest shapes make them.\n",

@@ -242,5 +242,5 @@ def test_failure_of_lapy_is_not_laid_on_the_predictor(
     broken = predictor_file("def predict(meshes): raise ValueError('no')", "peer.py")
     monkeypatch.setattr(reference, "__file__", str(broken))
     question = (predictor_file(SLEEPER), mini_truth.head(5), source, Options(reference=True))
-    with pytest.raises(PredictorError, match="^LaPy .*timed beside .* ValueError: no.*--no-ref"):
+    with pytest.raises(PredictorError, match=r"^LaPy .*timed beside .* ValueError: no.*--no-ref"):
         evaluate(*question, tmp_path / "parts")
