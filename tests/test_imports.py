@@ -29,7 +29,7 @@ LEVELS = {
         ],
         0,
     ),
-    **dict.fromkeys(["families", "filters", "spectrum", "augment", "splits", "store"], 1),
+    **dict.fromkeys(["families", "filters", "repair", "spectrum", "augment", "splits", "store"], 1),
     **dict.fromkeys(["plan", "pins", "draw", "discretisation"], 2),
     "build": 3,
     **dict.fromkeys(["mapped", "hf", "estimates"], 4),

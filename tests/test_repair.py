@@ -1,0 +1,179 @@
+"""Each rule on the smallest mesh that offends it, and that nothing else is changed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthnet import recipe, repair
+from synthnet.families import FAMILIES, draw_shape
+from synthnet.geometry import MeshFacts, area, volume
+from synthnet.types import Mesh
+
+CUBE = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)], float)
+FACES = np.array(
+    [
+        *([0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4]),
+        *([2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5]),
+    ]
+)
+
+
+def done(vertices: np.ndarray, faces: np.ndarray, **options: bool) -> repair.Repaired:
+    return repair.repair(Mesh(np.asarray(vertices, float), np.asarray(faces)), least=4, **options)
+
+
+def refused(vertices: np.ndarray, faces: np.ndarray, **options: bool) -> str:
+    with pytest.raises(repair.Refused) as error:
+        done(vertices, faces, **options)
+    assert str(error.value) == f"{error.value.reason}: {error.value.detail}"
+    return error.value.reason
+
+
+def test_clean_mesh_is_left_as_it_is() -> None:
+    found = done(CUBE, FACES)
+    assert (found.repairs, found.orientable) == ({}, True)
+    np.testing.assert_array_equal(found.mesh.vertices, CUBE)
+    np.testing.assert_array_equal(found.mesh.faces, FACES)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_is_left_as_it_is(family: str) -> None:
+    version = recipe.load("1.0")
+    spec = draw_shape(version, family, 0)
+    mesh = FAMILIES[family].generate(spec.parameters).stored()
+    found = repair.repair(mesh)
+    assert found.repairs == {}
+    np.testing.assert_array_equal(found.mesh.faces, mesh.faces)
+
+
+def test_soup_of_triangles_becomes_a_surface() -> None:
+    found = done(CUBE[FACES].reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    assert found.repairs == {"merged vertices": 28}
+    facts = MeshFacts(found.mesh)
+    assert (facts.n_vertices, facts.euler_characteristic, facts.is_closed) == (8, 2, True)
+    assert volume(found.mesh) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(("apart", "merged"), [(1e-8, True), (1e-6, False)])
+def test_nearly_equal_positions_are_merged(apart: float, merged: bool) -> None:
+    soup = CUBE[FACES].reshape(-1, 3) + np.arange(36)[:, None] % 2 * apart
+    corners = np.arange(36).reshape(-1, 3)
+    if merged:
+        assert done(soup, corners).repairs == {"merged vertices": 28}
+    else:
+        assert refused(soup, corners) == "components"
+
+
+def test_merging_goes_by_the_size_of_the_mesh() -> None:
+    soup = 1e-9 * CUBE[FACES].reshape(-1, 3)
+    assert done(soup, np.arange(36).reshape(-1, 3)).repairs == {"merged vertices": 28}
+
+
+def test_small_repairs_are_counted_and_the_surface_is_the_same() -> None:
+    faces = [*FACES, FACES[0], FACES[1][::-1], [0, 0, 1], [2, 5, 2]]
+    vertices = [*CUBE, [9, 9, 9], [np.nan, 0, 0]]
+    found = done(vertices, faces)
+    assert found.repairs == {
+        "faces with repeated corners": 2,
+        "duplicate faces": 2,
+        "loose vertices": 2,
+    }
+    np.testing.assert_array_equal(found.mesh.vertices, CUBE)
+    np.testing.assert_array_equal(found.mesh.faces, FACES)
+
+
+def test_faces_are_turned_to_agree_and_outwards() -> None:
+    mixed = FACES.copy()
+    mixed[[2, 5, 7]] = mixed[[2, 5, 7], ::-1]
+    found = done(CUBE, mixed)
+    assert found.repairs == {"turned faces": 3}
+    assert MeshFacts(found.mesh).n_repeated_half_edges == 0
+    assert volume(found.mesh) == pytest.approx(1)
+    inside_out = done(CUBE + 100, FACES[:, ::-1])
+    assert inside_out.repairs == {"turned faces": 12}
+    assert volume(inside_out.mesh) == pytest.approx(1)
+
+
+def test_open_surface_is_turned_as_most_of_it_is() -> None:
+    opened = FACES[2:].copy()
+    opened[0] = opened[0, ::-1]
+    found = done(CUBE, opened)
+    assert found.repairs == {"turned faces": 1}
+    np.testing.assert_array_equal(found.mesh.faces[1:], opened[1:])
+
+
+def strip(turns: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    """Return a closed strip with so many half turns: 0 a cylinder, 1 a Möbius band."""
+    angle = 2 * np.pi * np.arange(n) / n
+    tilt = turns * angle / 2
+    side = np.stack([np.cos(tilt) * np.cos(angle), np.cos(tilt) * np.sin(angle), np.sin(tilt)], 1)
+    middle = 3 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    vertices = np.concatenate([middle - side, middle + side])
+    faces = []
+    for i in range(n):
+        a, b, c, d = i, i + n, (i + 1) % n, (i + 1) % n + n
+        if i == n - 1 and turns % 2:
+            c, d = d, c
+        faces += [[a, b, c], [b, d, c]]
+    return vertices, np.array(faces)
+
+
+def test_mobius_band_stays_as_it_is() -> None:
+    vertices, faces = strip(1)
+    found = done(vertices, faces)
+    assert not found.orientable
+    assert found.repairs == {}
+    np.testing.assert_array_equal(found.mesh.faces, faces)
+    assert done(*strip(0)).orientable
+
+
+def test_pinched_vertex_is_split() -> None:
+    """Two fans that meet in one vertex, and are one surface elsewhere."""
+    vertices, faces = strip(0)
+    faces = np.where(faces == 6, 0, faces)  # opposite points of a rim become one
+    found = done(vertices, faces)
+    assert found.repairs == {"loose vertices": 1, "pinched vertices": 1}
+    assert MeshFacts(found.mesh).n_vertices == 24
+    assert (found.mesh.vertices[found.mesh.faces] == vertices[faces]).all()
+
+
+def test_two_cubes_that_share_a_corner_are_two_components() -> None:
+    faces = np.concatenate([FACES, np.where(FACES == 0, 7, FACES + 8)])
+    vertices = np.concatenate([CUBE, CUBE + 1])
+    assert refused(vertices, faces) == "components"
+
+
+def test_largest_component_is_kept_if_asked() -> None:
+    vertices = np.concatenate([CUBE, 5 + 2 * CUBE])
+    both = np.concatenate([FACES, FACES + 8])
+    with pytest.raises(repair.Refused, match=r"2 components, the largest has 80\.0% of the area"):
+        done(vertices, both)
+    found = done(vertices, both, keep_largest=True)
+    assert found.repairs == {"components left out": 1}
+    assert area(found.mesh) == pytest.approx(24)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "reason"),
+    [
+        (CUBE, np.zeros((0, 3), int), "no_faces"),
+        (CUBE, [[0, 0, 1], [1, 2, 2]], "no_faces"),
+        ([*CUBE[:7], [1, np.nan, 1]], FACES, "finite"),
+        (np.zeros((8, 3)), FACES, "no_faces"),
+        ([*CUBE[:4], [0.5, 0, 0]], [[0, 2, 3], [0, 3, 1], [0, 1, 4]], "degenerate_face"),
+        (CUBE, [*FACES, [0, 7, 1]], "non_manifold_edge"),
+        (CUBE[:3], [[0, 1, 2]], "few_vertices"),
+    ],
+)
+def test_what_no_rule_mends_is_refused(
+    vertices: np.ndarray, faces: np.ndarray, reason: str
+) -> None:
+    assert refused(vertices, np.asarray(faces)) == reason
+
+
+def test_unit_area() -> None:
+    mesh, scale = repair.unit_area(Mesh(3 * CUBE + 7, FACES))
+    assert area(mesh) == pytest.approx(1)
+    assert scale == pytest.approx(1 / np.sqrt(54))
+    np.testing.assert_allclose(mesh.vertices.mean(axis=0), 0, atol=1e-12)
