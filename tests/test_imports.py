@@ -29,7 +29,9 @@ LEVELS = {
         ],
         0,
     ),
-    **dict.fromkeys(["families", "filters", "repair", "spectrum", "augment", "splits", "store"], 1),
+    **dict.fromkeys(
+        ["families", "filters", "repair", "reading", "spectrum", "augment", "splits", "store"], 1
+    ),
     **dict.fromkeys(["plan", "pins", "draw", "discretisation"], 2),
     "build": 3,
     **dict.fromkeys(["mapped", "hf", "estimates"], 4),
