@@ -31,7 +31,7 @@ from synthnet.plan import PlannedShape, ShardPlan, plan_shards
 from synthnet.recipe import Recipe
 from synthnet.solver.compiled import processor
 from synthnet.storage import Place
-from synthnet.types import Manifest, Rejection, Sample, ShapeSpec, ShardRecord
+from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord, Spectrum
 from synthnet.version import __version__
 from synthnet.workers import Engine, Workers, local_processes, one_thread
 
@@ -111,8 +111,8 @@ class Watcher:
     def preparing(self) -> None:
         """The solver is about to be loaded; the first time on a machine it is compiled."""
 
-    def planned(self, wanted: Recipe) -> None:
-        """The shards of a recipe are about to be made."""
+    def planned(self, drawn: Mapping[str, int]) -> None:
+        """The shards are about to be made, of so many shapes by family."""
 
     def submitted(self, plan: ShardPlan) -> None:
         """A shard has been given to the workers."""
@@ -187,7 +187,7 @@ def build(
         results: dict[int, ShardResult] = {}
         jobs = ((plan, partial(work, plan, terms)) for plan in plans)
         with engine or local_processes(workers) as at_work:
-            watcher.planned(wanted)
+            watcher.planned({name: wanted.drawn(name) for name in wanted.families})
             for number, result in run_shards(at_work, jobs, watcher):
                 see(directory / plans[number].file, result.record.size)
                 results[number] = result
@@ -218,7 +218,7 @@ def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> st
     """Open a dataset; build it first, with a notice on standard error, if it is not there.
 
     The build runs as a command of its own, so that a script that calls this needs no
-    ``if __name__ == "__main__"``.
+    ``if __name__ == "__main__"``. What was imported is only opened.
 
     Raises
     ------
@@ -229,6 +229,10 @@ def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> st
     BuildError
         If the build fails; it has printed why.
     """
+    imported = store.open_imported(version, root)
+    if imported is not None:
+        storage.local(imported.directory, version)
+        return imported
     wanted = recipe.load(version)
     directory = storage.local(store.dataset_directory(version, root), version)
     finished = _finished(directory, wanted, is_there)
@@ -331,14 +335,9 @@ def make_sample(shape: PlannedShape, wanted: Recipe) -> Sample | Rejection:
     mesh = family.generate(spec.parameters).stored()
     if refused := filters.check_mesh(mesh, wanted.filters, family.euler_characteristic):
         return _rejection(spec, *refused)
-    try:
-        label = spectrum.compute(mesh, wanted.label.eigenvalues)
-    except CertificateError as error:
-        return _rejection(spec, filters.CERTIFICATE, str(error))
-    except SpectrumError as error:
-        return _rejection(spec, filters.SOLVER, str(error))
-    if refused := filters.check_spectrum(label, wanted.filters):
-        return _rejection(spec, *refused)
+    label = label_or_rejection(spec, mesh, wanted)
+    if isinstance(label, Rejection):
+        return label
     rng = generator(wanted.seed, spec.family, spec.index, ISOMETRIES)
     return Sample(
         spec=spec,
@@ -350,6 +349,19 @@ def make_sample(shape: PlannedShape, wanted: Recipe) -> Sample | Rejection:
         split=shape.split,
         paper_splits=shape.paper_splits,
     )
+
+
+def label_or_rejection(spec: ShapeSpec, mesh: Mesh, wanted: Recipe) -> Spectrum | Rejection:
+    """Return the certified spectrum of a mesh, or why there is none within a recipe's limits."""
+    try:
+        label = spectrum.compute(mesh, wanted.label.eigenvalues)
+    except CertificateError as error:
+        return _rejection(spec, filters.CERTIFICATE, str(error))
+    except SpectrumError as error:
+        return _rejection(spec, filters.SOLVER, str(error))
+    if refused := filters.check_spectrum(label, wanted.filters):
+        return _rejection(spec, *refused)
+    return label
 
 
 def _rejection(spec: ShapeSpec, reason: str, detail: str) -> Rejection:
@@ -401,6 +413,11 @@ def _packages() -> dict[str, str]:
     return {**versions, "synthnet": __version__}
 
 
+def made_with() -> dict[str, str]:
+    """Return the versions of Python and the packages, for a manifest."""
+    return {"python": python_version(), **_packages()}
+
+
 def _manifest(wanted: Recipe, records: Sequence[ShardRecord]) -> Manifest:
     return Manifest(
         version=wanted.version,
@@ -408,7 +425,7 @@ def _manifest(wanted: Recipe, records: Sequence[ShardRecord]) -> Manifest:
         recipe=wanted.to_dict(),
         drawn={name: wanted.drawn(name) for name in wanted.families},
         shards=tuple(records),
-        packages={"python": python_version(), **_packages()},
+        packages=made_with(),
     )
 
 

@@ -1,4 +1,4 @@
-"""The command line: ``synthnet versions | build | info | verify | show``."""
+"""The command line: ``synthnet versions | build | import | info | verify | show``."""
 
 from __future__ import annotations
 
@@ -139,6 +139,35 @@ def _estimate(options: argparse.Namespace) -> BuildReport:
             watcher=bars,
             wait_for_lock=options.wait,
         )
+
+
+def _import(options: argparse.Namespace) -> int:
+    from synthnet.importing import Settings, import_meshes, what_was_met
+
+    bars = FamilyBars()
+    with bars.progress:
+        report = import_meshes(
+            options.directory,
+            options.name,
+            Settings(options.unit_area, options.keep_largest, options.split),
+            root=options.out,
+            workers=options.workers,
+            watcher=bars,
+        )
+    rows = what_was_met(report.dataset)
+    if options.json:
+        _print_json({**summary(report.dataset.manifest, report), "files": rows})
+    else:
+        met = [row for row in rows if row["what"]]
+        if met:
+            print(tabulate(met, headers="keys", maxcolwidths=[None, None, None, 60], intfmt=","))
+        counts = Counter(row["outcome"] for row in rows)
+        told = ", ".join(f"{count:,} {outcome}" for outcome, count in counts.items())
+        print(f"\n{len(rows):,} files: {told}: {report.dataset.directory}")
+    if not report.dataset.manifest.rows:
+        print("synthnet: no file became a shape: the table says why", file=sys.stderr)
+        return WRONG_INPUT
+    return 0
 
 
 def _info(options: argparse.Namespace) -> int:
@@ -392,6 +421,30 @@ def _parser() -> argparse.ArgumentParser:
         help="then estimate how far each label is from the smooth surface's spectrum "
         "(several times the work of the build)",
     )
+
+    sub = command(
+        "import",
+        _import,
+        "make a dataset of your own mesh files",
+        " scans --name scans --unit-area",
+    )
+    sub.add_argument(
+        "directory", type=Path, nargs="+", metavar="DIR", help="with OBJ, OFF, PLY or STL files"
+    )
+    sub.add_argument("--name", required=True, metavar="NAME", help="of the dataset")
+    sub.add_argument("--unit-area", action="store_true", help="scale every surface to area 1")
+    sub.add_argument(
+        "--keep-largest",
+        action="store_true",
+        help="of several components keep the largest, instead of refusing the file",
+    )
+    sub.add_argument(
+        "--split",
+        choices=("test", "hash"),
+        default="test",
+        help="all files are test shapes (default), or 70, 20 and 10 %% by the hash of the file",
+    )
+    sub.add_argument("--workers", type=int, metavar="N", help="local processes")
 
     sub = command("info", _info, "say what a built version holds", " --version 1.0-small")
     version_option(sub)

@@ -25,6 +25,10 @@ class BuildError(SynthNetError):
     """A build could not go on; what it had finished is kept."""
 
 
+class MeshImportError(SynthNetError):
+    """There is nothing to import, or the dataset's name will not do."""
+
+
 class MissingPackageError(SynthNetError, ImportError):
     """A package that is needed is not installed, or cannot be imported."""
 

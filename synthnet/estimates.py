@@ -106,7 +106,7 @@ def build_estimates(
         plans, terms = plan_shards(wanted), terms_of(wanted, directory)
         shards = zip(plans, dataset.manifest.shards, strict=True)
         jobs = ((plan, partial(work, record, terms)) for plan, record in shards)
-        watcher.planned(wanted)
+        watcher.planned({name: wanted.drawn(name) for name in wanted.families})
         for number, result in run_shards(at_work, jobs, watcher):
             see(path_of(directory, result.record))
             seconds[result.record.family] += result.seconds

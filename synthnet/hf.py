@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
+from synthnet import store
+from synthnet.errors import StoreError
 from synthnet.types import SPLITS
 
 if TYPE_CHECKING:
@@ -35,6 +37,8 @@ def load_dataset(
         If the split is unknown.
     ImportError
         If the package ``datasets`` is not installed.
+    StoreError
+        If there is no shape in the split.
     """
     if split not in SPLITS:
         raise ValueError(f"split must be one of {', '.join(SPLITS)}, got {split!r}")
@@ -48,6 +52,10 @@ def load_dataset(
     from synthnet.build import ensure_built
 
     stored = ensure_built(version, root)
+    if not any(
+        split in store.read_table(p, ["split"])["split"].to_pylist() for p in stored.paths()
+    ):
+        raise StoreError(f"{version} has no shape in the split {split}: choose another")
     return datasets.Dataset.from_parquet(
         [str(path) for path in stored.paths()],
         split=datasets.NamedSplit(split),

@@ -252,7 +252,7 @@ def oriented(state: Repaired) -> Repaired:
         turn = ~turn  # as the most of them are
     mesh = Mesh(state.mesh.vertices, np.where(turn[:, None], faces[:, ::-1], faces))
     closed = 2 * len(left) == 3 * m
-    if closed and volume(_centred(mesh)) < 0:
+    if closed and volume(centred(mesh)) < 0:
         turn, mesh = ~turn, Mesh(mesh.vertices, mesh.faces[:, ::-1])
     return state.with_repair("turned faces", int(turn.sum()), mesh)
 
@@ -260,10 +260,11 @@ def oriented(state: Repaired) -> Repaired:
 def unit_area(mesh: Mesh) -> tuple[Mesh, float]:
     """Return the mesh centred and scaled to area 1, and the factor of its lengths."""
     scale = 1 / np.sqrt(area(mesh))
-    return Mesh(_centred(mesh).vertices * scale, mesh.faces), float(scale)
+    return Mesh(centred(mesh).vertices * scale, mesh.faces), float(scale)
 
 
-def _centred(mesh: Mesh) -> Mesh:
+def centred(mesh: Mesh) -> Mesh:
+    """Return the mesh with the mean of its vertices at the origin."""
     return Mesh(mesh.vertices - mesh.vertices.mean(axis=0), mesh.faces)
 
 

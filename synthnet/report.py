@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Console
@@ -21,7 +22,6 @@ from tabulate import tabulate
 
 from synthnet.build import BuildReport, ShardResult, Watcher
 from synthnet.plan import ShardPlan
-from synthnet.recipe import Recipe
 from synthnet.types import Manifest
 
 
@@ -119,13 +119,13 @@ class FamilyBars(Watcher):
         if self.progress.console.is_terminal:
             self.tasks[PREPARING] = self.progress.add_task(PREPARING, total=None)
 
-    def planned(self, wanted: Recipe) -> None:
+    def planned(self, drawn: Mapping[str, int]) -> None:
         """Show the families with the number of their shapes."""
         if PREPARING in self.tasks:
             self.progress.update(self.tasks[PREPARING], visible=False)  # known by its number
-        for family in wanted.families:
+        for family, count in drawn.items():
             self.tasks[family] = self.progress.add_task(
-                f"{self.of}{family}", total=wanted.drawn(family), start=False
+                f"{self.of}{family}", total=count, start=False
             )
 
     def submitted(self, plan: ShardPlan) -> None:

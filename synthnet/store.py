@@ -414,6 +414,15 @@ def _check_bytes(written: bytes, sealed: str) -> None:
         raise ValueError("its bytes are not those of its content")
 
 
+def open_imported(name: str, root: str | os.PathLike[str] | None = None) -> StoredDataset | None:
+    """Open the dataset of that name if :mod:`synthnet.importing` has made one."""
+    directory = dataset_directory(name, root)
+    manifest = read_manifest(directory)
+    if manifest is None or "imported" not in manifest.recipe:
+        return None
+    return open_dataset(name, root)
+
+
 def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> StoredDataset:
     """Open a finished dataset.
 

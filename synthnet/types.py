@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Vertices: TypeAlias = NDArray[np.floating[Any]]
 Faces: TypeAlias = NDArray[np.integer[Any]]
-Parameters: TypeAlias = Mapping[str, float | int]
+Parameters: TypeAlias = Mapping[str, float | int | str]
 
 SPLITS = ("train", "validation", "test")
 PROTOCOLS = ("grouped", "paper")

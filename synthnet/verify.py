@@ -100,6 +100,9 @@ def verify(
     StoreError
         If the dataset has not been built there or its manifest is damaged.
     """
+    imported = store.open_imported(version, root)
+    if imported is not None:
+        return verify_imported(imported, sample=sample, seed=seed, on_shard=on_shard)
     wanted = recipe.load(version)
     dataset = store.open_dataset(version, root)
     manifest = dataset.manifest
@@ -174,8 +177,9 @@ def verify_files(version: str, *, root: str | os.PathLike[str] | None = None) ->
     StoreError
         If the dataset has not been built there or its manifest is damaged.
     """
-    wanted = recipe.load(version)
-    dataset = store.open_dataset(version, root)
+    dataset = store.open_imported(version, root)
+    wanted = recipe.load(version) if dataset is None else None
+    dataset = dataset or store.open_dataset(version, root)
     shards = dataset.manifest.shards
     made = shards if estimates.any_made(dataset) else ()
     found = {
@@ -189,6 +193,45 @@ def verify_files(version: str, *, root: str | os.PathLike[str] | None = None) ->
         Check(name, examined.get(name, len(shards)), tuple(p)) for name, p in found.items()
     )
     return VerifyReport(dataset.directory, checks)
+
+
+def verify_imported(
+    dataset: store.StoredDataset,
+    *,
+    sample: int = 100,
+    seed: int = 0,
+    on_shard: Callable[[int, int], None] | None = None,
+) -> VerifyReport:
+    """Verify a dataset of imported meshes: all that needs neither a recipe nor its files."""
+    manifest = dataset.manifest
+    limits = recipe.load(manifest.recipe["rules"])
+    rng = np.random.default_rng(seed)
+    chosen = set(rng.choice(manifest.rows, min(sample, manifest.rows), replace=False).tolist())
+    seen = relabelled = 0
+    names = ("manifest", "digests", "shards", "certificates", "labels")
+    found: dict[str, list[str]] = {name: [] for name in names}
+    found["manifest"] += _check_manifest(manifest, None)
+    for number, record in enumerate(manifest.shards, start=1):
+        path = dataset.directory / record.file
+        found["digests"] += _check_file(path, record)
+        try:
+            samples = list(store.read_samples(path))
+        except StoreError as error:
+            found["shards"].append(str(error))
+            continue
+        found["shards"] += _check_rows(samples, record)
+        for one in samples:
+            found["certificates"] += _check_certificate(one, limits)
+            if seen in chosen:
+                relabelled += 1
+                found["labels"] += _check_label(one)
+            seen += 1
+        if on_shard is not None:
+            on_shard(number, len(manifest.shards))
+    many = len(manifest.shards)
+    examined = (1, many, many, seen, relabelled)
+    checks = [Check(n, e, tuple(found[n])) for n, e in zip(names, examined, strict=True)]
+    return VerifyReport(dataset.directory, tuple(checks))
 
 
 def lapy_eigenvalues(mesh: Mesh, k: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -207,11 +250,14 @@ def _choose(
     return set(rng.choice(kept, size=min(sample, len(kept)), replace=False).tolist())
 
 
-def _check_manifest(manifest: Manifest, wanted: Recipe) -> Iterator[str]:
-    if manifest.recipe_digest != wanted.digest:
-        yield "manifest: made from another recipe than this release's"
-    for family in wanted.families:
-        expected = wanted.drawn(family)
+def _check_manifest(manifest: Manifest, wanted: Recipe | None) -> Iterator[str]:
+    if wanted is None:  # imported: the manifest alone knows how many
+        drawn = dict(manifest.drawn)
+    else:
+        drawn = {family: wanted.drawn(family) for family in wanted.families}
+        if manifest.recipe_digest != wanted.digest:
+            yield "manifest: made from another recipe than this release's"
+    for family, expected in drawn.items():
         shards = [s for s in manifest.shards if s.family == family]
         counted = sum(s.rows + len(s.rejections) for s in shards)
         if not counted == manifest.drawn.get(family) == expected:

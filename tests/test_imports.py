@@ -34,7 +34,7 @@ LEVELS = {
     ),
     **dict.fromkeys(["plan", "pins", "draw", "discretisation"], 2),
     "build": 3,
-    **dict.fromkeys(["mapped", "hf", "estimates"], 4),
+    **dict.fromkeys(["mapped", "hf", "estimates", "importing"], 4),
     **dict.fromkeys(["pyg", "verify", "__init__"], 5),
     "report": 6,
     "cli": 7,

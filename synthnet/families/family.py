@@ -130,12 +130,13 @@ class Family:
                 f"{self.name} takes the parameters {', '.join(self.least)}; "
                 f"got {', '.join(parameters) or 'none'}"
             )
+        arguments: dict[str, float | int] = {}
         for name, least in self.least.items():
             value = parameters[name]
-            if not math.isfinite(value) or value < least:
+            if isinstance(value, str) or not math.isfinite(value) or value < least:
                 limit = "positive" if least == POSITIVE else f"at least {least:g}"
                 raise ValueError(f"{self.name}: {name} must be {limit}, got {value}")
             if isinstance(least, int) and value != int(value):
                 raise ValueError(f"{self.name}: {name} must be an integer, got {value}")
-        whole = {name for name, least in self.least.items() if isinstance(least, int)}
-        return {k: int(v) if k in whole else v for k, v in parameters.items()}
+            arguments[name] = int(value) if isinstance(least, int) else value
+        return arguments
