@@ -225,6 +225,31 @@ def findings() -> str:
     return markdown(headers, rows, 3)
 
 
+def how_far() -> str:
+    """Say what share of the paper's schedule its rows have had: what their ties are worth."""
+    runs = [record(c, p) for c in PAPER for p in PROTOCOLS if read(c, p) is not None]
+    if not runs:
+        return ""
+    share = max(r["steps"] / r["of"] for r in runs)
+    if share >= 1:
+        return ""
+    return (
+        f"No row under the paper's schedule has had more than {share:.1%} of its steps. Ties among "
+        "them say that the budget is too small to tell, not that the paper is wrong."
+    )
+
+
+def best_first() -> str:
+    """Return all rows of ours under ``grouped``, by RPD."""
+    found = [(c, one) for c in ordered() if (one := read(c, "grouped")) is not None]
+    if not found:
+        return f"Not run: `{TABLES[0][1]}` and the others."
+    found.sort(key=lambda pair: pair[1].result["scores"]["overall"]["rpd"]["mean"])
+    keys = ("rpd", "psnr20", "invlap", "l1")
+    headers = ["configuration", *(METRICS[key].heading for key in keys)]
+    return markdown(headers, [[c, *(mean(one, key) for key in keys)] for c, one in found], 1)
+
+
 def splits_against_originals() -> str:
     """Return the errors of split shapes beside those of the shapes they were split from."""
     rows = []
@@ -345,6 +370,11 @@ def page() -> str:
         "Under `grouped`, by the paired interval of RPD and its noise floor, as on the "
         "[leaderboard](../LEADERBOARD.md).",
         findings(),
+        how_far(),
+        "## All rows of ours, best first",
+        "Under `grouped`. `modern` is scale-free, the others are not.",
+        best_first(),
+        "## Splits against their originals",
         "Split shapes are other meshes of the same surfaces (InvLap):",
         splits_against_originals(),
         "## How much is leakage",

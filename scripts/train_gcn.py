@@ -37,7 +37,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from gcn.predictor import Row, load_row, meta  # noqa: E402
+from gcn.predictor import Row, load_row, meta
 
 META = meta(__file__)
 

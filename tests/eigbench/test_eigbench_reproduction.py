@@ -88,6 +88,20 @@ def test_findings_are_judged_by_paired_intervals(
     assert found[3] == " against ".join(shares)
 
 
+@pytest.mark.parametrize(("steps", "told"), [(5, "more than 5.0% of its steps"), (100, "")])
+def test_page_says_how_far_the_papers_schedule_went(scripts, monkeypatch, steps, told):
+    _, reproduction = scripts
+    monkeypatch.setattr(
+        reproduction, "read", lambda config, protocol: config == "table1-rpd" or None
+    )
+    monkeypatch.setattr(
+        reproduction, "record", lambda config, protocol: {"steps": steps, "of": 100}
+    )
+    found = reproduction.how_far()
+    assert told in found
+    assert bool(found) == bool(told)
+
+
 def test_row_is_trained_and_scored_once_and_stands_on_the_page(
     scripts, mini_home, tmp_path, monkeypatch
 ):
