@@ -10,6 +10,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import trimesh
 from eigbench import cli
 from eigbench.predictor import META_KEYS
 
@@ -48,6 +49,8 @@ def test_commands_of_a_page_run_in_their_order(page, unpacking_home, tmp_path):
     (predictor,) = blocks("py")
     (tmp_path / "my_model.py").write_text(predictor)
     (tmp_path / "benchmark").symlink_to(ROOT / "benchmark")
+    (tmp_path / "scans").mkdir()
+    trimesh.creation.torus(3, 1).export(tmp_path / "scans" / "torus.stl")
     for line in commands("sh", page):
         program, *arguments = shlex.split(line)
         if program == "pip":

@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
             "--dataset",
             default="1.0",
             metavar="V",
-            help="a version, or a directory that synthnet built (default: 1.0)",
+            help="a version, an import, or a directory that synthnet made (default: 1.0)",
         )
         sub.add_argument("--split", default="test", choices=SPLITS)
         sub.add_argument("--protocol", default="grouped", choices=PROTOCOLS)

@@ -82,12 +82,14 @@ def _differences(
 
 
 def _directory(options: argparse.Namespace) -> store.StoredDataset | None:
-    """Return the dataset that ``--dataset`` names as a directory, if it does."""
+    """Return the dataset that ``--dataset`` names as a directory or an import, if it does."""
     if options.dataset in recipe.available():
         return None  # a version, even where a directory has its name
     place = Path(options.dataset)
     manifest = store.read_manifest(place)
-    return None if manifest is None else store.StoredDataset(place, manifest)
+    if manifest is not None:
+        return store.StoredDataset(place, manifest)
+    return store.open_imported(options.dataset, getattr(options, "root", None))
 
 
 def _truth(options: argparse.Namespace, directory: store.StoredDataset | None) -> truth.Truth:
