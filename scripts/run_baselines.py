@@ -29,6 +29,7 @@ ROWS = {  # file: seeds
     "exact": 1,
     "certified": 1,
     "ritz_mlp": 3,
+    "reproduction/modern": 1,
 }
 
 
@@ -45,7 +46,7 @@ def main() -> int:
         parser.error(f"there is no row {min(unknown)!r}: choose of {', '.join(ROWS)}")
     place.mkdir(parents=True, exist_ok=True)
     for name in options.names or ROWS:
-        out = place / f"{name}.json"
+        out = place / f"{Path(name).name}.json"
         if out.exists():
             continue
         command = ["evaluate", str(BASELINES / f"{name}.py"), "--resume"]

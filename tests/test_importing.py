@@ -234,3 +234,16 @@ def test_folder_without_one_good_file_exits_with_2(
     captured = capsys.readouterr()
     assert "unreadable" in captured.out
     assert "synthnet: no file became a shape" in captured.err
+
+
+@pytest.mark.slow
+def test_altered_files_become_certified_shapes_or_rejections(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(Path(__file__).parent.parent / "scripts")
+    import fuzz_import
+
+    found = fuzz_import.run(cases=36, seed=1)
+    assert found["problems"] == []
+    assert sum(sum(row.values()) for row in found["outcomes"].values()) == 36
+    assert "unreadable" in {name for row in found["outcomes"].values() for name in row}
