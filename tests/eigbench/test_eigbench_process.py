@@ -244,3 +244,9 @@ def test_failure_of_lapy_is_not_laid_on_the_predictor(
     question = (predictor_file(SLEEPER), mini_truth.head(5), source, Options(reference=True))
     with pytest.raises(PredictorError, match=r"^LaPy .*timed beside .* ValueError: no.*--no-ref"):
         evaluate(*question, tmp_path / "parts")
+
+
+def test_cpu_time_is_finer_than_a_clock_tick():
+    seen = {worker._cpu_seconds() for _ in range(1000)}
+    assert len(seen) > 100
+    assert max(seen) - min(seen) < 1
