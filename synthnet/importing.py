@@ -101,7 +101,7 @@ def import_meshes(
     Raises
     ------
     MeshImportError
-        If a directory is missing or has no such file, or the name is that of a version.
+        If a directory is missing or has no such file, or the name will not do.
     StoreError
         If another import, or files since changed, are there under that name.
     BuildError
@@ -117,7 +117,7 @@ def import_meshes(
     directory = store.dataset_directory(name, root)
     for folder in (directory, directory / SHARDS):
         storage.make_directory(folder)
-    roots = {plan.family: place.resolve() for plan, place in _families(plans, places)}
+    roots = {family_of(place): place.resolve() for place in places}
     watcher = watcher or Watcher()
     with exclusive(directory, False, directory, directory / SHARDS):
         watcher.preparing()
@@ -172,13 +172,11 @@ def what_was_met(dataset: store.StoredDataset) -> list[dict[str, str | int]]:
 
 
 def check_name(name: str) -> None:
-    """Raise MeshImportError unless a dataset may have this name."""
+    """Raise MeshImportError unless a dataset may have this name: versions begin with a digit."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9._-]*", name):
         raise MeshImportError(
             f"--name must be a letter, then letters, digits, '.', '_' or '-', got {name!r}"
         )
-    if name in recipe.available():
-        raise MeshImportError(f"{name} is a version of synthNet: choose another --name")
 
 
 def plan_files(places: Sequence[Path], settings: Settings) -> list[ShardPlan]:
@@ -193,7 +191,7 @@ def plan_files(places: Sequence[Path], settings: Settings) -> list[ShardPlan]:
         found = sorted(p for p in place.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
         if not found:
             raise MeshImportError(f"{place} has no {', '.join(SUFFIXES)} file")
-        family = re.sub(r"[^a-z0-9]+", "_", place.resolve().name.lower()).strip("_") or "meshes"
+        family = family_of(place)
         if family in seen:
             raise MeshImportError(f"{seen[family]} and {place} would both be the family {family}")
         seen[family] = place
@@ -204,6 +202,11 @@ def plan_files(places: Sequence[Path], settings: Settings) -> list[ShardPlan]:
     return plans
 
 
+def family_of(place: Path) -> str:
+    """Return the name of a directory in small letters, digits and underscores."""
+    return re.sub(r"[^a-z0-9]+", "_", place.resolve().name.lower()).strip("_") or "meshes"
+
+
 def _planned(family: str, index: int, place: Path, path: Path, settings: Settings) -> PlannedShape:
     digest = files.sha256(path)
     told = {"file": path.relative_to(place).as_posix(), "sha256": digest}
@@ -212,23 +215,19 @@ def _planned(family: str, index: int, place: Path, path: Path, settings: Setting
     return PlannedShape(spec, split, (split,))
 
 
-def _families(plans: Sequence[ShardPlan], places: Sequence[Path]) -> list[tuple[ShardPlan, Path]]:
-    first = {plan.family: plan for plan in reversed(plans)}
-    return list(zip(sorted(first.values(), key=plans.index), places, strict=True))
-
-
 def import_shard(
     plan: ShardPlan, place: Path, settings: Settings, digest: str, directory: Place
 ) -> ShardResult:
     """Make one shard, or keep the one that is there; runs in a worker."""
     started = time.process_time()
     path = directory / plan.file
+    damaged = None
     if storage.size(path) is not None:
         try:
             record = store.read_record(path, digest, [shape.spec.id for shape in plan.shapes])
             return ShardResult(record, time.process_time() - started, reused=True)
-        except DamagedError:
-            pass  # it is made anew
+        except DamagedError as error:
+            damaged = str(error)
     samples: list[Sample] = []
     rejections: list[Rejection] = []
     with one_thread, Reader() as reader:
@@ -239,7 +238,7 @@ def import_shard(
             else:
                 rejections.append(made)
     record = store.write_shard(path, samples, rejections, family=plan.family, recipe_digest=digest)
-    return ShardResult(record, time.process_time() - started, reused=False)
+    return ShardResult(record, time.process_time() - started, reused=False, damaged=damaged)
 
 
 def import_file(

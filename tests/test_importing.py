@@ -132,6 +132,10 @@ def test_second_import_keeps_the_shards_and_changed_files_are_refused(
     again = run(folder)
     assert (first.reused, again.reused) == (0, 1)
     assert all(p.read_bytes() == content for p, content in files.items())
+    (shard,) = first.dataset.paths()
+    Path(shard).write_bytes(Path(shard).read_bytes()[:-9])
+    assert run(folder).reused == 0  # made anew
+    assert all(p.read_bytes() == content for p, content in files.items())
     TORUS.export(folder / "a.ply")
     with pytest.raises(StoreError, match="belongs to another recipe: remove"):
         run(folder)
