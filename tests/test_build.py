@@ -258,7 +258,9 @@ def test_two_builds_at_once_do_not_mix(
 ) -> None:
     first = started(tmp_path)
     wait_for(lambda: workers(first.pid))
+    os.kill(first.pid, signal.SIGSTOP)  # or it may be done before the second has started
     second = command("build", "--version", VERSION, "--out", tmp_path)
+    os.kill(first.pid, signal.SIGCONT)
     assert second.returncode == 2
     assert one_line(second.stderr) == (
         f"synthnet: another build is writing to {tmp_path / VERSION}: "
