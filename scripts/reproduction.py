@@ -41,6 +41,7 @@ PAGE = ROOT / "docs" / "reproduction.md"
 REPORTED = json.loads((ROOT / "benchmark" / "reported" / "wu-2024.json").read_text())
 COLUMNS = ("invlap", "polar", "rpd", "psnr20", "l1", "l2")
 NOT_RUN = "not run"
+LOSSES, TIMES, SPECTRA = (f"reproduction-{name}.svg" for name in ("losses", "times", "spectra"))
 EXAMPLES = "modern"  # the row whose spectra are drawn
 OURS = {"grouped": "ours, grouped", "paper": "ours, paper's protocol"}
 INTRO = """\
@@ -280,12 +281,18 @@ def leakage() -> str:
     return markdown([*headers, f"RPD, {first}", f"RPD, {second}"], rows, 1)
 
 
+def measured_seconds() -> list[dict[str, Any]]:
+    """Return what ``benchmarks/gcn.py --figure-2`` has measured, if it was run."""
+    path = ROOT / "docs" / "data" / "gcn.json"
+    found: list[dict[str, Any]] = json.loads(path.read_text())["figure2"] if path.exists() else []
+    return found
+
+
 def times() -> str:
     """Return Figure 2 as a table: seconds of networks and solvers."""
-    path = ROOT / "docs" / "data" / "gcn.json"
-    if not path.exists():
+    found = measured_seconds()
+    if not found:
         return "Not run."
-    found = json.loads(path.read_text())["figure2"]
     rows = [[r["what"], r["where"], f"{r['seconds']:.3g}"] for r in found]
     if not any(r["where"].startswith("cuda") for r in found):
         rows.insert(0, [found[0]["what"], "a GPU", NOT_RUN])
@@ -296,13 +303,9 @@ def times() -> str:
 
 def time_bars() -> Figure | None:
     """Draw Figure 2: seconds for a batch of 200 meshes, ours and the paper's."""
-    path = ROOT / "docs" / "data" / "gcn.json"
-    if not path.exists():
+    ours = [(f"{r['what']}; {r['where']}", r["seconds"]) for r in measured_seconds()]
+    if not ours:
         return None
-    ours = [
-        (f"{r['what']}; {r['where']}", r["seconds"])
-        for r in json.loads(path.read_text())["figure2"]
-    ]
     given = [row for row in REPORTED["tables"][4]["rows"] if "200 meshes" in row[0]]
     theirs = [(f"reported: {what}; {where}", float(s)) for what, where, s in given]
     bars = sorted(ours + theirs, key=lambda bar: -bar[1])
@@ -354,9 +357,20 @@ def curves(panels: Sequence[mpl.axes.Axes], configs: Sequence[str]) -> None:
     left.legend(frameon=False, fontsize=7, loc="lower left")
 
 
-def page() -> str:
-    """Return the whole page."""
-    spectra = read(EXAMPLES, "grouped")
+def pictures() -> dict[Path, Figure]:
+    """Draw what there is to draw, by where it goes."""
+    one = read(EXAMPLES, "grouped")
+    drawn = {
+        LOSSES: loss_curves(),
+        TIMES: time_bars(),
+        SPECTRA: figures.spectra(one) if one else None,
+    }
+    return {PAGE.with_name(name): figure for name, figure in drawn.items() if figure is not None}
+
+
+def page(drawn: Iterable[Path]) -> str:
+    """Return the whole page, with the pictures that were drawn."""
+    names = {path.name for path in drawn}
     tables = REPORTED["tables"]
     parts = [
         "<!-- Written by `make tables`. -->",
@@ -382,22 +396,22 @@ def page() -> str:
         leakage(),
         "## Figure 2: time",
         times(),
-        "![Seconds](reproduction-times.svg)" if time_bars() else "",
+        f"![Seconds]({TIMES})" if TIMES in names else "",
         "## Figure 5: how steady the losses are",
-        "![Losses](reproduction-losses.svg)" if loss_curves() else "Not run.",
+        f"![Losses]({LOSSES})" if LOSSES in names else "Not run.",
         "## Figure 6: spectra",
-        "![Spectra](reproduction-spectra.svg)" if spectra else "Not run.",
+        f"![Spectra]({SPECTRA})" if SPECTRA in names else "Not run.",
         "## What does not agree in the paper itself",
         "\n".join(f"- {note}" for note in REPORTED["notes"]),
     ]
     return "\n\n".join(filter(None, parts)) + "\n"
 
 
-def check(text: str, pictures: dict[Path, Figure]) -> int:
+def check(text: str, drawn: dict[Path, Figure]) -> int:
     """Say which files are missing or not what their data say; return the exit code."""
     with tempfile.TemporaryDirectory() as place:
         wanted = {PAGE: text.encode()}
-        for path, figure in pictures.items():
+        for path, figure in drawn.items():
             figures.save(Path(place) / path.name, figure)
             wanted[path] = (Path(place) / path.name).read_bytes()
     old = [p for p, content in wanted.items() if not p.exists() or p.read_bytes() != content]
@@ -412,21 +426,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     options = parser.parse_args(arguments)
     mpl.use("agg")
-    text = page()
-    one = read(EXAMPLES, "grouped")
-    drawn = {
-        "losses": loss_curves(),
-        "times": time_bars(),
-        "spectra": figures.spectra(one) if one else None,
-    }
-    pictures = {
-        PAGE.with_name(f"reproduction-{name}.svg"): figure
-        for name, figure in drawn.items()
-        if figure
-    }
+    drawn = pictures()
+    text = page(drawn)
     if options.check:
-        return check(text, pictures)
-    for path, figure in pictures.items():
+        return check(text, drawn)
+    for path, figure in drawn.items():
         figures.save(path, figure)
     write_text(PAGE, text)
     print(f"{PAGE} written")

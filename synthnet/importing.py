@@ -31,7 +31,6 @@ from synthnet.build import (
     run_shards,
 )
 from synthnet.errors import DamagedError, MeshImportError
-from synthnet.geometry import MeshFacts
 from synthnet.plan import PlannedShape, ShardPlan
 from synthnet.reading import SUFFIXES, Reader, UnreadableError
 from synthnet.recipe import SplitSettings
@@ -286,7 +285,6 @@ def surface(read: Mesh, settings: Settings) -> tuple[Mesh, dict[str, float | int
     if settings.unit_area:
         mesh, found["scale"] = repair.unit_area(mesh)
     stored = mesh.stored()
-    flat = int(np.count_nonzero(MeshFacts(stored).relative_altitudes <= repair.FLAT))
-    if flat:
+    if flat := repair.flat_faces(stored):
         raise repair.Refused("degenerate_face", f"{flat} faces have no area in float32")
     return stored, found

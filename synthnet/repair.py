@@ -169,15 +169,15 @@ def without_duplicates(state: Repaired) -> Repaired:
 
 def without_loose_vertices(state: Repaired) -> Repaired:
     """Drop vertices without a face; those that were merged into another are no repair."""
-    used, numbered = np.unique(state.mesh.faces, return_inverse=True)
-    count = len(state.mesh.vertices) - len(used) - state.repairs.get("merged vertices", 0)
-    mesh = Mesh(state.mesh.vertices[used], numbered.reshape(-1, 3))
+    mesh = _compact(state.mesh)
+    gone = len(state.mesh.vertices) - len(mesh.vertices)
+    count = gone - state.repairs.get("merged vertices", 0)
     return state.with_repair("loose vertices", count, mesh)
 
 
 def not_flat(state: Repaired) -> Repaired:
     """Refuse triangles without area."""
-    bad = int(np.count_nonzero(MeshFacts(state.mesh).relative_altitudes <= FLAT))
+    bad = flat_faces(state.mesh)
     if bad:
         raise Refused("degenerate_face", f"{bad} of {len(state.mesh.faces)} faces have no area")
     return state
@@ -228,9 +228,7 @@ def connected(state: Repaired, keep_largest: bool) -> Repaired:
     share = areas.max() / areas.sum()
     if not keep_largest:
         raise Refused("components", f"{count} components, the largest has {share:.1%} of the area")
-    kept = Mesh(state.mesh.vertices, faces[of_face == areas.argmax()])
-    used, numbered = np.unique(kept.faces, return_inverse=True)
-    mesh = Mesh(kept.vertices[used], numbered.reshape(-1, 3))
+    mesh = _compact(Mesh(state.mesh.vertices, faces[of_face == areas.argmax()]))
     return state.with_repair("components left out", count - 1, mesh)
 
 
@@ -257,6 +255,11 @@ def oriented(state: Repaired) -> Repaired:
     return state.with_repair("turned faces", int(turn.sum()), mesh)
 
 
+def flat_faces(mesh: Mesh) -> int:
+    """Return how many triangles have no area to speak of."""
+    return int(np.count_nonzero(MeshFacts(mesh).relative_altitudes <= FLAT))
+
+
 def unit_area(mesh: Mesh) -> tuple[Mesh, float]:
     """Return the mesh centred and scaled to area 1, and the factor of its lengths."""
     scale = 1 / np.sqrt(area(mesh))
@@ -266,6 +269,12 @@ def unit_area(mesh: Mesh) -> tuple[Mesh, float]:
 def centred(mesh: Mesh) -> Mesh:
     """Return the mesh with the mean of its vertices at the origin."""
     return Mesh(mesh.vertices - mesh.vertices.mean(axis=0), mesh.faces)
+
+
+def _compact(mesh: Mesh) -> Mesh:
+    """Return the mesh without the vertices that no face names."""
+    used, numbered = np.unique(mesh.faces, return_inverse=True)
+    return Mesh(mesh.vertices[used], numbered.reshape(-1, 3))
 
 
 def _neighbours(

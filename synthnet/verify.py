@@ -117,14 +117,9 @@ def verify(
     pinned_errors = pins.read_errors(wanted.base) or {}
     anew = set(sorted(chosen)[:: max(1, len(chosen) // ERRORS_MADE_ANEW)][:ERRORS_MADE_ANEW])
     for number, record in enumerate(manifest.shards, start=1):
-        path = dataset.directory / record.file
-        found["digests"] += _check_file(path, record)
-        try:
-            samples = list(store.read_samples(path))
-        except StoreError as error:
-            found["shards"].append(str(error))
+        samples = _read_checked(dataset, record, found)
+        if samples is None:
             continue
-        found["shards"] += _check_rows(samples, record)
         for one in samples:
             seen.add(one.spec.id)
             found["recipe"] += _check_plan(one, planned, wanted)
@@ -212,15 +207,7 @@ def verify_imported(
     found: dict[str, list[str]] = {name: [] for name in names}
     found["manifest"] += _check_manifest(manifest, None)
     for number, record in enumerate(manifest.shards, start=1):
-        path = dataset.directory / record.file
-        found["digests"] += _check_file(path, record)
-        try:
-            samples = list(store.read_samples(path))
-        except StoreError as error:
-            found["shards"].append(str(error))
-            continue
-        found["shards"] += _check_rows(samples, record)
-        for one in samples:
+        for one in _read_checked(dataset, record, found) or ():
             found["certificates"] += _check_certificate(one, limits)
             if seen in chosen:
                 relabelled += 1
@@ -232,6 +219,21 @@ def verify_imported(
     examined = (1, many, many, seen, relabelled)
     checks = [Check(n, e, tuple(found[n])) for n, e in zip(names, examined, strict=True)]
     return VerifyReport(dataset.directory, tuple(checks))
+
+
+def _read_checked(
+    dataset: store.StoredDataset, record: ShardRecord, found: dict[str, list[str]]
+) -> list[Sample] | None:
+    """Return a shard's samples, or ``None`` if it cannot be read; note what is wrong with it."""
+    path = dataset.directory / record.file
+    found["digests"] += _check_file(path, record)
+    try:
+        samples = list(store.read_samples(path))
+    except StoreError as error:
+        found["shards"].append(str(error))
+        return None
+    found["shards"] += _check_rows(samples, record)
+    return samples
 
 
 def lapy_eigenvalues(mesh: Mesh, k: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

@@ -52,7 +52,7 @@ def test_page_of_this_repository_is_up_to_date(monkeypatch: pytest.MonkeyPatch) 
 
 def test_what_was_not_run_says_so(scripts: tuple[ModuleType, ModuleType]) -> None:
     _, reproduction = scripts
-    page = reproduction.page()
+    page = reproduction.page(reproduction.pictures())
     for config in PAPER:
         assert rows_of(page, config)[0].count("not run") == 7
     ours = [line for line in page.splitlines() if "| ours, " in line]
