@@ -1,6 +1,8 @@
 """Train every row of the paper's Tables 1 to 3 under one budget, and score it.
 
-    python scripts/train_gcn.py --minutes 2 --runs runs --epochs 3=5 4=3 5=2
+    export PYTHONPATH=.
+    python scripts/train_gcn.py --minutes 2 --runs runs --protocols grouped --epochs 3=5 4=3 5=2
+    python scripts/train_gcn.py --minutes 2 --runs runs --protocols paper --epochs 3=4 4=2 5=1
     python scripts/train_gcn.py --minutes 2 --runs runs --protocols grouped --configs modern
 
 For each protocol and configuration: training for so many minutes, with what the configuration
