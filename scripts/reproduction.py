@@ -292,8 +292,13 @@ def look_ups() -> str:
     if not path.exists():
         return "Not run."
     rows = [
-        [row["predictor"], row["protocol"], *(f"{row[key]:.2%}" for key in ("seen", "psnr20"))]
-        + [f"{row['rpd']:.3g}"]
+        [
+            row["predictor"],
+            row["protocol"],
+            f"{row['seen']:.2%}",
+            f"{row['psnr20']:.2%}",
+            f"{row['rpd']:.3g}",
+        ]
         for row in json.loads(path.read_text())["rows"]
     ]
     headers = ["predictor", "protocol", "test meshes with a copy in training", "PSNR>20 ↑", "RPD ↓"]

@@ -333,7 +333,7 @@ def make_sample(shape: PlannedShape, wanted: Recipe) -> Sample | Rejection:
     spec = shape.spec
     family = FAMILIES[spec.family]
     mesh = family.generate(spec.parameters).stored()
-    if refused := filters.check_mesh(mesh, wanted.filters, family.euler_characteristic):
+    if refused := filters.check_mesh(mesh, wanted.filters, family.topology(spec.parameters)):
         return _rejection(spec, *refused)
     label = label_or_rejection(spec, mesh, wanted)
     if isinstance(label, Rejection):

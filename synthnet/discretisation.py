@@ -12,9 +12,10 @@ the label:
 (Richardson). Eigenvalues are paired by their index in ascending order. A coarse mesh does
 not follow that law yet, so it is refined again, and the two finest meshes give the limit:
 families with triangles that reach across the whole surface at least twice
-(:attr:`synthnet.families.Family.refinements`), and any mesh while the last refinement
-changed an eigenvalue by more than a tenth, up to five times, or as often as the solver can
-certify the finer mesh.
+(:attr:`synthnet.families.Family.refinements`), those of 2.0, whose refinements are uniform
+meshes of the surface whatever the mesh in question, and any mesh while the last refinement
+changed an eigenvalue by more than a tenth (a fiftieth in 2.0), up to five times, or as often as
+the solver can certify the finer mesh.
 
 References
 ----------
@@ -37,7 +38,6 @@ from synthnet.types import ShapeSpec
 
 Array = NDArray[np.float64]
 
-COARSE = 0.1  # relative change under refinement above which a mesh is refined again
 MOST = 5  # refinements: 1,024 times the triangles
 
 
@@ -60,7 +60,9 @@ class Estimate:
     refined: Array
 
 
-def estimate(spec: ShapeSpec, eigenvalues: Array) -> Estimate:
+def estimate(
+    spec: ShapeSpec, eigenvalues: Array, known: dict[str, Array] | None = None
+) -> Estimate:
     """Estimate the error of a label by refinement and extrapolation.
 
     Parameters
@@ -69,6 +71,9 @@ def estimate(spec: ShapeSpec, eigenvalues: Array) -> Estimate:
         The shape: its parameters say what the smooth surface is.
     eigenvalues : ndarray of shape (k,), float64
         Its label.
+    known : dict, optional
+        Spectra of refined meshes found before, to which those of this call are added: the
+        triangulations of one surface share theirs.
 
     Raises
     ------
@@ -83,16 +88,20 @@ def estimate(spec: ShapeSpec, eigenvalues: Array) -> Estimate:
     array([ 2.,  2.,  2.,  6.,  6.,  6.,  6.,  6., 12., 12.])
     """
     family = FAMILIES[spec.family]
+    known = {} if known is None else known
     meshes = [eigenvalues]
     change = np.inf
-    while len(meshes) <= family.refinements or (len(meshes) <= MOST and change > COARSE):
-        mesh = family.refine(spec.parameters, len(meshes))
-        try:
-            meshes.append(spectrum.compute(mesh, len(eigenvalues)).eigenvalues)
-        except SpectrumError:
-            if len(meshes) <= family.refinements:
-                raise
-            break  # slivers so fine that rounding has the say: the meshes before it must do
+    while len(meshes) <= family.refinements or (len(meshes) <= MOST and change > family.settled):
+        key = f"{len(eigenvalues)} {family.refinement(spec.parameters, len(meshes))}"
+        if key not in known:
+            mesh = family.refine(spec.parameters, len(meshes))
+            try:
+                known[key] = spectrum.compute(mesh, len(eigenvalues)).eigenvalues
+            except SpectrumError:
+                if len(meshes) <= family.refinements:
+                    raise
+                break  # slivers so fine that rounding has the say: the meshes before must do
+        meshes.append(known[key])
         change = float(np.max(np.abs(meshes[-2] / meshes[-1] - 1)))
     return Estimate(spec.id, eigenvalues - extrapolate(*meshes[-2:]), np.array(meshes[1:]))
 

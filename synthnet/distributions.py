@@ -63,7 +63,7 @@ def draw(distributions: Mapping[str, Any], rng: np.random.Generator) -> dict[str
     return values
 
 
-PARAMETERS, ISOMETRIES = 0, 1  # the streams of a shape
+PARAMETERS, ISOMETRIES, TRIANGULATIONS = 0, 1, 2  # the streams of a shape
 
 
 def generator(seed: int, family: str, index: int, stream: int) -> np.random.Generator:
@@ -78,7 +78,7 @@ def generator(seed: int, family: str, index: int, stream: int) -> np.random.Gene
     family, index : str, int
         The shape.
     stream : int
-        :data:`PARAMETERS` or :data:`ISOMETRIES`.
+        :data:`PARAMETERS`, :data:`ISOMETRIES` or :data:`TRIANGULATIONS`.
     """
     key = int.from_bytes(hashlib.sha256(family.encode()).digest()[:4], "big")
     child = np.random.SeedSequence(seed, spawn_key=(key, index, stream))

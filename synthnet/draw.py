@@ -11,6 +11,7 @@ from matplotlib.colors import LightSource
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from synthnet.files import write_atomically
+from synthnet.geometry import MeshFacts
 from synthnet.types import Mesh, Sample
 
 BLUE, GREY = "#0072b2", "#666666"  # Okabe and Ito: told apart by colour-blind readers
@@ -50,7 +51,7 @@ def draw_sample(sample: Sample, path: Path) -> None:
 
 def _draw_mesh(axes: object, mesh: Mesh) -> None:
     vertices = mesh.vertices.astype(np.float64)
-    faces = _facing(mesh)
+    faces = _facing(mesh) if MeshFacts(mesh).is_closed else mesh.faces  # else both sides are seen
     shades = LightSource(azdeg=200, altdeg=35)
     surface = Poly3DCollection(
         vertices[faces],

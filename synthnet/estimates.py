@@ -132,8 +132,9 @@ def estimate_shard(record: ShardRecord, directory: Place) -> ShardResult:
             return ShardResult(record, time.process_time() - started, reused=True)
         except DamagedError as error:
             damaged = str(error)
+    known: dict[str, NDArray[np.float64]] = {}
     with one_thread:
-        estimates = [_estimate(*row) for row in labels(directory / record.file)]
+        estimates = [_estimate(*row, known) for row in labels(directory / record.file)]
     _write_shard(path, estimates, record)
     return ShardResult(record, time.process_time() - started, reused=False, damaged=damaged)
 
@@ -241,9 +242,11 @@ def labels(path: Place) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:
         yield ShapeSpec(**{**row, "parameters": json.loads(row["parameters"])}), eigenvalues
 
 
-def _estimate(spec: ShapeSpec, eigenvalues: NDArray[np.float64]) -> Estimate:
+def _estimate(
+    spec: ShapeSpec, eigenvalues: NDArray[np.float64], known: dict[str, NDArray[np.float64]]
+) -> Estimate:
     try:
-        return estimate(spec, eigenvalues)
+        return estimate(spec, eigenvalues, known)
     except SpectrumError as error:
         raise SpectrumError(f"{spec.id}, refined: {error}") from error
 

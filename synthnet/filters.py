@@ -14,16 +14,16 @@ import numpy as np
 
 from synthnet.geometry import MeshFacts
 from synthnet.recipe import FilterSettings
-from synthnet.types import Mesh, Spectrum
+from synthnet.types import Mesh, Spectrum, Topology
 
 
-def finite(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+def finite(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
     """All coordinates are finite."""
     bad = int(np.count_nonzero(~np.isfinite(facts.mesh.vertices).all(axis=1)))
     return f"{bad} vertices are not finite" if bad else None
 
 
-def degenerate_face(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+def degenerate_face(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
     """Every triangle has an altitude above ``limits.altitude`` of its longest edge."""
     altitudes = facts.relative_altitudes
     bad = int(np.count_nonzero(altitudes <= limits.altitude))
@@ -35,26 +35,28 @@ def degenerate_face(facts: MeshFacts, limits: FilterSettings, euler: int) -> str
     )
 
 
-def duplicate_face(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+def duplicate_face(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
     """No two triangles have the same three corners."""
     bad = facts.n_duplicate_faces
     return f"{bad} faces repeat another" if bad else None
 
 
-def non_manifold_edge(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+def non_manifold_edge(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
     """No edge belongs to more than two triangles."""
     bad = int(np.count_nonzero(facts.edge_valences > 2))
     return f"{bad} edges have more than two faces" if bad else None
 
 
-def components(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+def components(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
     """The mesh is connected, with no vertex left over."""
     count = facts.n_components
     return f"{count} components instead of one" if count != 1 else None
 
 
-def orientation(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+def orientation(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
     """Neighbours turn the same way, and a closed surface encloses a positive volume."""
+    if not wanted.orientable:
+        return None
     if facts.n_repeated_half_edges:
         return f"{facts.n_repeated_half_edges} edges are passed twice in one direction"
     if facts.is_closed and facts.volume <= 0:
@@ -62,10 +64,16 @@ def orientation(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | N
     return None
 
 
-def euler_characteristic(facts: MeshFacts, limits: FilterSettings, euler: int) -> str | None:
+def euler_characteristic(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
     """V − E + F is what the family declares."""
-    found = facts.euler_characteristic
-    return f"Euler characteristic {found} instead of {euler}" if found != euler else None
+    found, expected = facts.euler_characteristic, wanted.euler_characteristic
+    return f"Euler characteristic {found} instead of {expected}" if found != expected else None
+
+
+def boundary(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
+    """The boundary has as many curves as the family declares."""
+    found, expected = facts.n_boundaries, wanted.boundaries
+    return f"{found} boundary curves instead of {expected}" if found != expected else None
 
 
 def non_finite_eigenvalue(spectrum: Spectrum, limits: FilterSettings) -> str | None:
@@ -103,7 +111,7 @@ def residual(spectrum: Spectrum, limits: FilterSettings) -> str | None:
     return f"relative residual is {found:.3g}, above {limits.residual:g}"
 
 
-MESH_CHECKS: dict[str, Callable[[MeshFacts, FilterSettings, int], str | None]] = {
+MESH_CHECKS: dict[str, Callable[[MeshFacts, FilterSettings, Topology], str | None]] = {
     "finite": finite,
     "degenerate_face": degenerate_face,
     "duplicate_face": duplicate_face,
@@ -111,6 +119,7 @@ MESH_CHECKS: dict[str, Callable[[MeshFacts, FilterSettings, int], str | None]] =
     "components": components,
     "orientation": orientation,
     "euler_characteristic": euler_characteristic,
+    "boundary": boundary,
 }
 
 SOLVER = "solver"  # reason of a shape for which the solver itself gave up
@@ -125,7 +134,7 @@ SPECTRUM_CHECKS: dict[str, Callable[[Spectrum, FilterSettings], str | None]] = {
 }
 
 
-def check_mesh(mesh: Mesh, limits: FilterSettings, euler: int) -> tuple[str, str] | None:
+def check_mesh(mesh: Mesh, limits: FilterSettings, wanted: Topology) -> tuple[str, str] | None:
     """Return the name and the finding of the first check a mesh fails, or ``None``.
 
     Parameters
@@ -134,12 +143,12 @@ def check_mesh(mesh: Mesh, limits: FilterSettings, euler: int) -> tuple[str, str
         At the precision it is stored in.
     limits : FilterSettings
         The recipe's limits.
-    euler : int
-        Euler characteristic the family declares.
+    wanted : Topology
+        What the family declares.
     """
     facts = MeshFacts(mesh)
     for name, check in MESH_CHECKS.items():
-        if finding := check(facts, limits, euler):
+        if finding := check(facts, limits, wanted):
             return name, finding
     return None
 

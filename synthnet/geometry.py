@@ -142,6 +142,18 @@ class MeshFacts:
         return bool((self.edge_valences == 2).all())
 
     @cached_property
+    def n_boundaries(self) -> int:
+        """Number of connected pieces of the edges with a single triangle; 0 if closed."""
+        tails, heads = self._half_edges
+        keys = np.minimum(tails, heads) * self.n_vertices + np.maximum(tails, heads)
+        unique, counts = np.unique(keys, return_counts=True)
+        tails, heads = np.divmod(unique[counts == 1], self.n_vertices)
+        ones: NDArray[Any] = np.ones(len(tails))
+        graph = sparse.coo_matrix((ones, (tails, heads)), shape=(self.n_vertices,) * 2)
+        _, piece = connected_components(graph, directed=False)
+        return len(np.unique(piece[tails]))
+
+    @cached_property
     def euler_characteristic(self) -> int:
         """V − E + F."""
         return self.n_vertices - len(self.edge_valences) + self.n_faces

@@ -1,4 +1,4 @@
-r"""Laplace-Beltrami eigenvalues of smooth surfaces: of revolution, and of the sphere.
+r"""Laplace-Beltrami eigenvalues of smooth surfaces, of revolution and in closed form.
 
 On a surface of revolution with the distance r(s) from the axis at arc length s the
 functions u(s) cos mθ and u(s) sin mθ separate the variables:
@@ -6,8 +6,9 @@ functions u(s) cos mθ and u(s) sin mθ separate the variables:
 .. math::
     -\frac{1}{r} (r u')' + \frac{m^2}{r^2} u = \lambda u, \qquad m = 0, 1, 2, \dots
 
-with u finite on the axis, or periodic where the profile is closed. Each eigenvalue of an
-m > 0 belongs to two functions.
+with u finite on the axis, or periodic where the profile is closed, and u' = 0 (Neumann) on a
+boundary, where the profile ends off the axis. Each eigenvalue of an m > 0 belongs to two
+functions.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 DEGREE = 10  # of the polynomials on an element
 PIECES = 8  # elements of an arc before grading
 RATIO = 3.0  # most that the radius may grow over an element that does not touch the axis
+ON_AXIS = 1e-12  # of an arc's length: an end so near to the axis is on it
 LAYERS = 12  # halvings of an element towards the axis
 
 
@@ -54,7 +56,7 @@ def line(start: float, stop: float, rise: float = 0.0) -> Arc:
 
 
 def of_revolution(profile: Sequence[Arc], k: int, *, closed: bool = False) -> Array:
-    r"""Return the first k non-zero eigenvalues of a closed surface of revolution.
+    r"""Return the first k non-zero eigenvalues of a surface of revolution.
 
     Polynomials of degree 10 on elements that are halved towards the axis, where a cone's
     eigenfunctions behave like :math:`s^{m/\sin\beta}`, β the half angle. A dense solver
@@ -64,8 +66,8 @@ def of_revolution(profile: Sequence[Arc], k: int, *, closed: bool = False) -> Ar
     Parameters
     ----------
     profile : sequence of Arc
-        In order; the ends meet. The first begins and the last ends on the axis, but for
-        a closed profile.
+        In order; the ends meet. The surface has a boundary where the first begins or the last
+        ends off the axis, unless the profile is closed.
     k : int
         Number of eigenvalues.
     closed : bool
@@ -85,6 +87,8 @@ def of_revolution(profile: Sequence[Arc], k: int, *, closed: bool = False) -> Ar
     >>> profile = [Arc(math.pi, np.sin)]
     >>> of_revolution(profile, 9).round(6)
     array([ 2.,  2.,  2.,  6.,  6.,  6.,  6.,  6., 12.])
+    >>> of_revolution([line(0, 1)], 2).round(6)  # a disc: the square of J1's first maximum
+    array([3.389958, 3.389958])
     """
     elements = [
         (arc, start, stop) for arc in profile for start, stop in _elements(arc, _largest(profile))
@@ -112,6 +116,42 @@ def of_sphere(radius: float, k: int) -> Array:
     """
     degrees = [degree for degree in range(1, k + 1) for _ in range(2 * degree + 1)]
     return np.array([degree * (degree + 1) for degree in degrees[:k]]) / radius**2
+
+
+def of_rectangle(width: float, height: float, k: int) -> Array:
+    r"""Return the first k non-zero eigenvalues of a rectangle with Neumann's condition.
+
+    :math:`\pi^2 (i^2/w^2 + j^2/h^2)`.
+
+    Examples
+    --------
+    >>> (of_rectangle(1.0, 1.0, 4) / math.pi**2).round(9)
+    array([1., 1., 2., 4.])
+    """
+    return _lowest((math.pi * _upto(k) / width) ** 2, (math.pi * _upto(k) / height) ** 2, k)
+
+
+def of_open_cylinder(radius: float, height: float, k: int) -> Array:
+    r"""Return the first k non-zero eigenvalues of a cylinder without discs, Neumann at its ends.
+
+    :math:`m^2/r^2 + \pi^2 j^2/h^2`, twice where m > 0.
+
+    Examples
+    --------
+    >>> of_open_cylinder(1.0, math.pi, 4).round(9)
+    array([1., 1., 1., 2.])
+    """
+    around = np.concatenate([_upto(k), _upto(k)[1:]])
+    return _lowest((around / radius) ** 2, (math.pi * _upto(k) / height) ** 2, k)
+
+
+def _upto(k: int) -> Array:
+    return np.arange(k + 1, dtype=np.float64)
+
+
+def _lowest(first: Array, second: Array, k: int) -> Array:
+    """Return the k lowest sums after zero of one of each."""
+    return np.sort(np.add.outer(first, second).ravel())[1 : k + 1]
 
 
 def _largest(profile: Sequence[Arc]) -> float:
@@ -168,9 +208,13 @@ def _separated(elements: Sequence[tuple[Arc, float, float]], m: int, k: int, clo
 def _joined(
     matrix: Array, elements: Sequence[tuple[Arc, float, float]], m: int, closed: bool
 ) -> Array:
-    """Join the ends of a closed profile; on the axis take u = 0 where m > 0."""
+    """Join the ends of a closed profile; take u = 0 on the axis where m > 0."""
     if closed:
         matrix[0] += matrix[-1]
         matrix[:, 0] += matrix[:, -1]
         return matrix[:-1, :-1]
-    return matrix[1:-1, 1:-1] if m > 0 else matrix
+    (first, start, _), (last, _, stop) = elements[0], elements[-1]
+    starts_on_axis = m > 0 and first.radius(np.array([start]))[0] <= ON_AXIS * first.length
+    ends_on_axis = m > 0 and last.radius(np.array([stop]))[0] <= ON_AXIS * last.length
+    kept = slice(int(starts_on_axis), len(matrix) - int(ends_on_axis))
+    return matrix[kept, kept]

@@ -127,8 +127,8 @@ class ScaledPlan(Sequence[ShardPlan]):
 def _subset(
     members: Sequence[ShapeSpec], split_of: Mapping[str, str], recipe: Recipe
 ) -> list[ShapeSpec]:
-    size = recipe.drawn(members[0].family)
-    quotas = dict(zip(SPLITS, splits.quotas(size, recipe.splits), strict=True))
+    surfaces = splits.quotas(recipe.drawn(members[0].family) // recipe.copies, recipe.splits)
+    quotas = {split: n * recipe.copies for split, n in zip(SPLITS, surfaces, strict=True)}
     taken = []
     for spec in members:
         if quotas[split_of[spec.id]]:

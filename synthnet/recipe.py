@@ -68,13 +68,16 @@ class Subset:
     least: int
 
     def size(self, count: int) -> int:
-        """Return how many of ``count`` shapes the subset takes."""
+        """Return how many of ``count`` surfaces the subset takes."""
         return min(count, max(self.least, round(self.share * count)))
 
 
 @dataclass(frozen=True, slots=True)
 class FamilyRecipe:
-    """How many shapes of a family, and each parameter's constant or distribution."""
+    """How many shapes of a family, and each parameter's constant or distribution.
+
+    Where surfaces come in several triangulations, each of these is a shape.
+    """
 
     count: int
     parameters: Mapping[str, Any]
@@ -96,6 +99,9 @@ class Recipe:
         Settings of the steps.
     families : mapping of str to FamilyRecipe
         In the order of the tables.
+    triangulations : mapping of str to constant or distribution, or None
+        In how many triangulations each surface comes, and each one's number of vertices;
+        ``None`` where the families' parameters say all.
     subset : Subset or None
         Which part of another version this is; ``None`` for a full version.
     scale : int or None
@@ -111,6 +117,7 @@ class Recipe:
     augmentation: AugmentationSettings
     splits: SplitSettings
     families: Mapping[str, FamilyRecipe]
+    triangulations: Mapping[str, Any] | None = None
     subset: Subset | None = None
     scale: int | None = None
 
@@ -128,15 +135,21 @@ class Recipe:
 
     def drawn(self, family: str) -> int:
         """Return the number of shapes of one family."""
-        count = self.families[family].count
-        size = count if self.subset is None else self.subset.size(count)
-        return size * (self.scale or 1)
+        surfaces = self.families[family].count // self.copies
+        size = surfaces if self.subset is None else self.subset.size(surfaces)
+        return size * self.copies * (self.scale or 1)
+
+    @property
+    def copies(self) -> int:
+        """In how many triangulations each surface comes."""
+        return 1 if self.triangulations is None else len(self.triangulations)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain, JSON-ready data; ``scale`` is in it where there is one."""
+        """Return plain, JSON-ready data; ``scale``, ``triangulations`` where there are any."""
         values = asdict(self)
-        if self.scale is None:
-            del values["scale"]  # the digests of the versions that ship are older than it
+        for name in ("scale", "triangulations"):  # the digests of 1.0 are older than they
+            if values[name] is None:
+                del values[name]
         return values
 
     @property
@@ -234,6 +247,7 @@ def parse(text: str) -> Recipe:
             ("augmentation", partial(_record, AugmentationSettings)),
             ("splits", partial(_record, SplitSettings)),
             ("families", _families),
+            ("triangulations", _triangulations),
         )
         if name in raw
     }
@@ -283,12 +297,23 @@ def _families(_: str, tables: Any) -> dict[str, FamilyRecipe]:
     for name, family in families.items():
         _need(family.count >= 1, f"family {name}: count must be at least 1, got {family.count}")
         for parameter, value in family.parameters.items():
-            _need(
-                _is_number(value) or _is_distribution(value),
-                f"family {name}: parameter {parameter} must be a number or one of "
-                f"{', '.join(DISTRIBUTIONS)} with two arguments, got {value!r}",
-            )
+            _check_draw(f"family {name}: parameter {parameter}", value)
     return families
+
+
+def _triangulations(_: str, table: Any) -> dict[str, Any]:
+    _need(isinstance(table, Mapping) and table, f"triangulations must be a table, got {table!r}")
+    for name, value in table.items():
+        _check_draw(f"triangulation {name}", value)
+    return dict(table)
+
+
+def _check_draw(what: str, value: Any) -> None:
+    _need(
+        _is_number(value) or _is_distribution(value),
+        f"{what} must be a number or one of {', '.join(DISTRIBUTIONS)} with two arguments, "
+        f"got {value!r}",
+    )
 
 
 def _is_number(value: Any) -> bool:
@@ -316,6 +341,12 @@ def _check(recipe: Recipe) -> None:
         min(shares.values()) > 0 and abs(sum(shares.values()) - 1) <= 1e-9,
         f"splits must be positive and add up to 1, got {shares}",
     )
+    for name, family in recipe.families.items():
+        _need(
+            family.count % recipe.copies == 0,
+            f"family {name}: count must be a multiple of {recipe.copies}, the number of "
+            f"triangulations, got {family.count}",
+        )
     copies = recipe.augmentation
     for name, value, least in (
         ("seed", recipe.seed, 0),

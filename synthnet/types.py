@@ -66,6 +66,25 @@ class Mesh:
 
 
 @dataclass(frozen=True, slots=True)
+class Topology:
+    """What kind of surface a mesh is.
+
+    Parameters
+    ----------
+    euler_characteristic : int
+        V − E + F.
+    boundaries : int
+        Number of closed curves the boundary consists of; 0 for a closed surface.
+    orientable : bool
+        Whether the surface has two sides.
+    """
+
+    euler_characteristic: int
+    boundaries: int = 0
+    orientable: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class ShapeSpec:
     """One drawn shape: everything its mesh is a function of.
 

@@ -10,7 +10,7 @@ import threadpoolctl
 from synthnet import discretisation, recipe, spectrum
 from synthnet.discretisation import estimate, extrapolate
 from synthnet.errors import SpectrumError
-from synthnet.families import FAMILIES, draw_shape
+from synthnet.families import FAMILIES, PRIMITIVES, draw_shape
 from synthnet.types import Mesh, ShapeSpec, Spectrum
 
 DRAWS = 4
@@ -52,9 +52,9 @@ def small(family: str, **parameters: float) -> tuple[ShapeSpec, np.ndarray]:
 
 
 def test_every_family_has_a_limit_or_is_a_polyhedron() -> None:
-    unknown = {name for name, family in FAMILIES.items() if family.limit is None}
+    unknown = {name for name, family in PRIMITIVES.items() if family.limit is None}
     assert unknown == set(POLYHEDRA)
-    assert set(EFFECTIVITY) == set(FAMILIES) - unknown
+    assert set(EFFECTIVITY) == set(PRIMITIVES) - unknown
     assert (
         FAMILIES["tetrahedron"].limit_eigenvalues(
             {"width": 1.0, "height": 1.0, "depth": 1.0, "subdivisions": 1}

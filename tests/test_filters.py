@@ -7,7 +7,7 @@ import pytest
 from synthnet import filters
 from synthnet.filters import MESH_CHECKS, SPECTRUM_CHECKS, check_mesh, check_spectrum
 from synthnet.recipe import FilterSettings
-from synthnet.types import Certificate, Mesh, Spectrum
+from synthnet.types import Certificate, Mesh, Spectrum, Topology
 
 LIMITS = FilterSettings(altitude=1e-3, trivial=1e-6, residual=1e-5)
 CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -47,6 +47,13 @@ BAD_MESHES = {
         "3 edges are passed twice in one direction",
     ),
     "euler_characteristic": (mesh_of(CORNERS, FACES[:3]), "Euler characteristic 1 instead of 2"),
+    "boundary": (
+        mesh_of(
+            [[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (0, 1))],
+            [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [2, 0, 3], [2, 3, 5]],
+        ),
+        "2 boundary curves instead of 0",
+    ),
 }
 
 BAD_SPECTRA = {
@@ -75,6 +82,7 @@ def test_the_order_of_the_checks_is_fixed() -> None:
         "components",
         "orientation",
         "euler_characteristic",
+        "boundary",
     ]
     assert list(SPECTRUM_CHECKS) == [
         "non_finite_eigenvalue",
@@ -93,15 +101,17 @@ def test_reasons_are_distinct_and_name_their_function() -> None:
 
 
 def test_a_good_mesh_and_a_good_spectrum_pass() -> None:
-    assert check_mesh(GOOD_MESH, LIMITS, euler=2) is None
-    assert check_mesh(GOOD_MESH.stored(), LIMITS, euler=2) is None
+    assert check_mesh(GOOD_MESH, LIMITS, Topology(2)) is None
+    assert check_mesh(GOOD_MESH.stored(), LIMITS, Topology(2)) is None
     assert check_spectrum(GOOD_SPECTRUM, LIMITS) is None
 
 
 @pytest.mark.parametrize("name", MESH_CHECKS)
 def test_bad_mesh_is_refused_by_its_check_and_not_by_an_earlier_one(name: str) -> None:
     mesh, finding = BAD_MESHES[name]
-    assert check_mesh(mesh, LIMITS, euler=2) == (name, finding)
+    # Of connected surfaces only one with a boundary has a torus's number, and none a sphere's.
+    wanted = Topology(0 if name == "boundary" else 2)
+    assert check_mesh(mesh, LIMITS, wanted) == (name, finding)
 
 
 @pytest.mark.parametrize("name", SPECTRUM_CHECKS)
@@ -113,32 +123,42 @@ def test_bad_spectrum_is_refused_by_its_check_and_not_by_an_earlier_one(name: st
 def test_the_first_failure_is_the_one_reported() -> None:
     # Faces twice: every edge has four faces, passed twice in one direction.
     doubled = mesh_of(CORNERS, FACES + FACES)
-    assert check_mesh(doubled, LIMITS, euler=2) == ("duplicate_face", "4 faces repeat another")
+    assert check_mesh(doubled, LIMITS, Topology(2)) == ("duplicate_face", "4 faces repeat another")
     worst = spectrum_of(-1.0, -2.0, trivial=1.0, residual=1.0)
     assert check_spectrum(worst, LIMITS) == ("non_positive_eigenvalue", "first eigenvalue is -1")
 
 
 def test_a_surface_turned_inside_out_is_refused() -> None:
     inside_out = Mesh(GOOD_MESH.vertices, GOOD_MESH.faces[:, ::-1])
-    found = check_mesh(inside_out, LIMITS, euler=2)
+    found = check_mesh(inside_out, LIMITS, Topology(2))
     assert found == ("orientation", "the enclosed volume is -0.167")
 
 
 def test_an_open_surface_needs_no_volume() -> None:
-    assert check_mesh(mesh_of(CORNERS, [[0, 1, 2]]), LIMITS, euler=1) == (
+    assert check_mesh(mesh_of(CORNERS, [[0, 1, 2]]), LIMITS, Topology(1, 1)) == (
         "components",
         "2 components instead of one",
     )
-    assert check_mesh(mesh_of(CORNERS[:3], [[0, 1, 2]]), LIMITS, euler=1) is None
+    assert check_mesh(mesh_of(CORNERS[:3], [[0, 1, 2]]), LIMITS, Topology(1, 1)) is None
+
+
+def test_a_surface_of_one_side_needs_no_orientation() -> None:
+    band = [[i, (i + 1) % 5, (i + 2) % 5] for i in range(5)]  # Möbius's own five triangles
+    corners = [[np.cos(i), np.sin(i), np.sin(3.0 * i)] for i in range(5)]
+    mesh = mesh_of(corners, band)
+    assert check_mesh(mesh, LIMITS, Topology(0, 1, orientable=False)) is None
+    found = check_mesh(mesh, LIMITS, Topology(0, 1))
+    assert found is not None
+    assert found[0] == "orientation"
 
 
 def test_the_euler_characteristic_is_compared_with_the_declared_one() -> None:
-    found = check_mesh(GOOD_MESH, LIMITS, euler=0)
+    found = check_mesh(GOOD_MESH, LIMITS, Topology(0))
     assert found == ("euler_characteristic", "Euler characteristic 2 instead of 0")
 
 
 def test_a_face_with_a_corner_twice_is_degenerate() -> None:
-    found = check_mesh(mesh_of(CORNERS, [*FACES, [1, 1, 2]]), LIMITS, euler=2)
+    found = check_mesh(mesh_of(CORNERS, [*FACES, [1, 1, 2]]), LIMITS, Topology(2))
     assert found is not None
     assert found[0] == "degenerate_face"
 
@@ -148,8 +168,8 @@ def test_an_altitude_at_the_limit_is_refused_and_one_above_is_not() -> None:
         return mesh_of([[0, 0, 0], [2, 0, 0], [1, 2 * altitude, 0]], [[0, 1, 2]])
 
     limits = dataclasses.replace(LIMITS, altitude=2.0**-10)
-    assert check_mesh(flat(2.0**-10), limits, euler=1) is not None
-    assert check_mesh(flat(2.0**-10 * 1.001), limits, euler=1) is None
+    assert check_mesh(flat(2.0**-10), limits, Topology(1, 1)) is not None
+    assert check_mesh(flat(2.0**-10 * 1.001), limits, Topology(1, 1)) is None
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -6,14 +6,23 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.types import Mesh, Parameters
+from synthnet.types import Mesh, Parameters, Topology
 
 POSITIVE = math.ulp(0.0)  # least value of a length: any positive number
+Euler: TypeAlias = int | Callable[[Parameters], int]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A parameter that is one of a few names."""
+
+    names: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +39,18 @@ class Family:
         Pure function of the parameters, by keyword, to a float64 :class:`Mesh`.
     refined : callable
         The same, after how often to refine, to a finer mesh; see :meth:`refine`.
-    least : mapping of str to number
-        The parameters there are, and the least value of each.
-    euler_characteristic : int
-        V − E + F of every mesh of the family.
+    least : mapping of str to number or Choice
+        The parameters there are, and the least value of each, or its choices.
+    euler_characteristic : int or callable
+        V − E + F of every mesh of the family, or that from the parameters.
+    shared : callable, optional
+        Maps parameters to those that refined meshes hang on, where these are fewer.
+    most : mapping of str to number
+        The largest value of parameters that have one.
+    boundaries : int
+        Number of closed curves the boundary consists of.
+    orientable : bool
+        Whether the surface has two sides.
     limit : callable, optional
         From k and the parameters to the spectrum of the smooth surface, where it is known;
         see :meth:`limit_eigenvalues`.
@@ -41,6 +58,8 @@ class Family:
         How often a mesh is refined at least to estimate its discretisation error: twice where
         triangles may reach from the centre of an end to its rim, or from tip to base, so
         that the meshes as they are do not converge yet.
+    settled : float
+        Relative change of an eigenvalue under the last refinement at which an estimate rests.
     congruent : callable, optional
         Maps parameters to a representative of all parameters that give a congruent
         shape, so that mirror images count as one shape in the splits.
@@ -50,11 +69,22 @@ class Family:
     title: str
     surface: Callable[..., Mesh]
     refined: Callable[..., Mesh]
-    least: Mapping[str, float]
-    euler_characteristic: int
+    least: Mapping[str, float | Choice]
+    euler_characteristic: Euler
     limit: Callable[..., NDArray[np.float64]] | None = None
     refinements: int = 1
+    settled: float = 0.1
     congruent: Callable[[Parameters], Parameters] | None = None
+    shared: Callable[[Parameters], Parameters] | None = None
+    most: Mapping[str, float] = field(default_factory=dict)
+    boundaries: int = 0
+    orientable: bool = True
+
+    def topology(self, parameters: Parameters) -> Topology:
+        """Return what the mesh of the given parameters must be as a surface."""
+        euler = self.euler_characteristic
+        number = euler if isinstance(euler, int) else euler(parameters)
+        return Topology(number, self.boundaries, self.orientable)
 
     def generate(self, parameters: Parameters) -> Mesh:
         """Make the mesh of the given parameters.
@@ -63,12 +93,12 @@ class Family:
         -------
         Mesh
             float64 vertices (n, 3) in units of the radius or width, int64 faces (m, 3),
-            closed and oriented outwards.
+            oriented, outwards if closed, unless the family is not orientable.
 
         Raises
         ------
         ValueError
-            If a parameter is missing, unknown, not finite or below its limit.
+            If a parameter is missing, unknown, not finite or beyond its limits.
         """
         return self.surface(**self._arguments(parameters))
 
@@ -103,6 +133,11 @@ class Family:
             raise ValueError(f"times must be at least 0, got {times}")
         return self.refined(times, **self._arguments(parameters))
 
+    def refinement(self, parameters: Parameters, times: int) -> str:
+        """Return a key of :meth:`refine`: equal keys, equal meshes."""
+        kept = dict(parameters if self.shared is None else self.shared(parameters))
+        return json.dumps([self.name, times, kept], sort_keys=True)
+
     def limit_eigenvalues(self, parameters: Parameters, k: int = 10) -> NDArray[np.float64] | None:
         """Return the first k non-zero eigenvalues of the smooth surface, or None if not known.
 
@@ -124,17 +159,26 @@ class Family:
         text = json.dumps([self.name, dict(representative)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
-    def _arguments(self, parameters: Parameters) -> dict[str, float | int]:
+    def _arguments(self, parameters: Parameters) -> dict[str, Any]:
         if set(parameters) != set(self.least):
             raise ValueError(
                 f"{self.name} takes the parameters {', '.join(self.least)}; "
                 f"got {', '.join(parameters) or 'none'}"
             )
-        arguments: dict[str, float | int] = {}
+        arguments: dict[str, Any] = {}
         for name, least in self.least.items():
             value = parameters[name]
+            if isinstance(least, Choice):
+                if value not in least.names:
+                    names = ", ".join(least.names)
+                    raise ValueError(f"{self.name}: {name} must be one of {names}, got {value}")
+                arguments[name] = value
+                continue
             if isinstance(value, str) or not math.isfinite(value) or value < least:
                 limit = "positive" if least == POSITIVE else f"at least {least:g}"
+                raise ValueError(f"{self.name}: {name} must be {limit}, got {value}")
+            if value > self.most.get(name, math.inf):
+                limit = f"at most {self.most[name]:g}"
                 raise ValueError(f"{self.name}: {name} must be {limit}, got {value}")
             if isinstance(least, int) and value != int(value):
                 raise ValueError(f"{self.name}: {name} must be an integer, got {value}")

@@ -1,0 +1,37 @@
+"""Flat annuli, with two boundary circles."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet import limits
+from synthnet.families.atlas import Atlas
+from synthnet.families.charted import charted
+from synthnet.families.family import POSITIVE
+from synthnet.families.revolution import Piece, revolution, rows, straight
+
+
+def atlas(*, inner: float) -> Atlas:
+    """Plane between the circles of radius ``inner`` and 1."""
+    around = math.pi * (1 + inner)
+    sectors = max(6, min(24, math.floor(around / (1 - inner) + 0.5)))
+    row = rows(1 - inner, around / sectors)
+    return revolution([Piece("band", straight((1, 0), (inner, 0)), row)], sectors)
+
+
+def limit(k: int, *, inner: float, **_: object) -> NDArray[np.float64]:
+    """Spectrum of the annulus with Neumann's condition."""
+    return limits.of_revolution([limits.line(inner, 1)], k)
+
+
+FAMILY = charted(
+    "annulus",
+    "Annulus",
+    atlas,
+    {"inner": POSITIVE},
+    euler_characteristic=0,
+    boundaries=2,
+    most={"inner": 0.9},
+    limit=limit,
+)

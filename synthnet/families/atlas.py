@@ -1,0 +1,234 @@
+r"""Surfaces given by charts, and their triangulations.
+
+A surface is the image of a few flat patches, triangles with coordinates in a chart. Their
+corners and edges are glued where their images meet. A mesh of the surface is a triangulation
+of the patches that fits together along the glue; each corner of its triangles keeps its
+coordinates, so that a mesh can be refined and its vertices be moved on the smooth surface:
+
+.. math::
+    X : \{1, \dots, q\} \times \mathbb{R}^d \to \mathbb{R}^3, \qquad v = X(\text{chart}, u)
+
+No decision of :meth:`Atlas.uniform` hangs on a rounding: the faces are a function of the
+integers alone, the same on every machine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from synthnet.types import Mesh
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+Chart: TypeAlias = Callable[[Integers, Floats], Floats]
+
+SAME = 1e-7  # of the surface's extent: corners of patches so near are one
+
+
+@dataclass(frozen=True, slots=True)
+class Charted:
+    """A triangulation whose corners know their coordinates.
+
+    Parameters
+    ----------
+    faces : ndarray of shape (m, 3), int64
+        Vertex numbers.
+    corners : ndarray of shape (m, 3, d), float64
+        Chart coordinates of each corner; a vertex on a seam has several.
+    charts : ndarray of shape (m,), int64
+        Chart of each face.
+    """
+
+    faces: Integers
+    corners: Floats
+    charts: Integers
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices."""
+        return int(self.faces.max()) + 1
+
+    def first_corners(self) -> Integers:
+        """Return of each vertex the first of the 3m corners that is there, shape (n,)."""
+        _, first = np.unique(self.faces.ravel(), return_index=True)
+        return first.astype(np.int64)
+
+    def edges(self) -> tuple[Integers, Integers]:
+        """Return the edges, shape (e, 2), and of each face that from corner i to i + 1, (m, 3)."""
+        sides = np.sort(np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=2), axis=2)
+        keys = sides[:, :, 0] * self.n_vertices + sides[:, :, 1]
+        unique, of_side = np.unique(keys.ravel(), return_inverse=True)
+        edges = np.stack(np.divmod(unique, self.n_vertices), axis=1)
+        return edges, of_side.reshape(-1, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class Atlas:
+    """A surface as the image of patches.
+
+    Parameters
+    ----------
+    corners : ndarray of shape (p, 3, d), float64
+        Chart coordinates of the patches' corners, counter-clockwise seen from outside.
+    charts : ndarray of shape (p,), int64
+        Chart of each patch.
+    chart : callable
+        X: from charts (n,) and coordinates (n, d) to points (n, 3), in length units.
+    singular : ndarray of shape (p, 3), bool, optional
+        Corners where eigenfunctions have infinite slope (the surface has more than 2π of angle
+        there, or its boundary turns inwards), at most one of a patch. A graded mesh is finer
+        towards them.
+    """
+
+    corners: Floats
+    charts: Integers
+    chart: Chart
+    singular: NDArray[np.bool_] | None = None
+
+    def glued(self) -> Integers:
+        """Return the corners' vertex numbers, shape (p, 3): images that meet are one vertex.
+
+        Raises
+        ------
+        ValueError
+            If more than two patches meet in an edge, or one has two corners in a place.
+        """
+        points = self.chart(np.repeat(self.charts, 3), _flat(self.corners))
+        near = cKDTree(points).query_pairs(
+            SAME * float(np.ptp(points, axis=0).max()), output_type="ndarray"
+        )
+        ones = np.ones(len(near))
+        graph = sparse.coo_matrix((ones, (near[:, 0], near[:, 1])), shape=(len(points),) * 2)
+        _, numbers = connected_components(graph, directed=False)
+        faces: Integers = numbers.reshape(-1, 3).astype(np.int64)
+        _, of_side = Charted(faces, self.corners, self.charts).edges()
+        repeated = faces == np.roll(faces, 1, axis=1)
+        if np.bincount(of_side.ravel()).max() > 2 or repeated.any():
+            raise ValueError("patches must meet in whole edges, at most two in each")
+        return faces
+
+    def uniform(self, n: int, *, graded: bool = False) -> Charted:
+        """Cut every patch into n² triangles of equal size in its chart.
+
+        Vertices are numbered corners first, then those on the patches' edges, then inner ones.
+
+        Parameters
+        ----------
+        n : int
+            How often each edge is cut.
+        graded : bool
+            Whether distances from singular corners are squared, so that triangles there shrink
+            like n⁻²: then eigenvalues approach their limits like n⁻² there, too.
+
+        Raises
+        ------
+        ValueError
+            If n is below 1.
+
+        References
+        ----------
+        G. Raugel, "Résolution numérique par une méthode d'éléments finis du problème de Dirichlet
+        pour le laplacien dans un polygone", C. R. Acad. Sci. 286 (1978).
+        """
+        if n < 1:
+            raise ValueError(f"n must be at least 1, got {n}")
+        macro = Charted(self.glued(), self.corners, self.charts)
+        edges, of_side = macro.edges()
+        i, j = _lattice(n)
+        weights = np.stack([n - i - j, i, j], axis=1) / n  # of a patch's corners, (l, 3)
+
+        first_inner = macro.n_vertices + len(edges) * (n - 1)
+        numbers = np.zeros((len(macro.faces), len(i)), dtype=np.int64)
+        inner = (i > 0) & (j > 0) & (i + j < n)
+        numbers[:, inner] = first_inner + np.arange(len(macro.faces) * inner.sum()).reshape(
+            len(macro.faces), -1
+        )
+        for side, on, along in ((0, j == 0, i), (1, i + j == n, j), (2, i == 0, n - j)):
+            tails, heads = macro.faces[:, side], macro.faces[:, (side + 1) % 3]
+            forth = np.where((tails < heads)[:, None], along[on], n - along[on])
+            numbers[:, on] = macro.n_vertices + of_side[:, [side]] * (n - 1) + forth - 1
+        for corner in range(3):
+            numbers[:, weights[:, corner] == 1] = macro.faces[:, [corner]]
+
+        place = np.full((n + 2, n + 2), -1)
+        place[i, j] = np.arange(len(i))
+        up, down = i + j < n, i + j < n - 1
+        local = np.concatenate(
+            [
+                np.stack([place[i, j], place[i + 1, j], place[i, j + 1]], axis=1)[up],
+                np.stack([place[i + 1, j], place[i + 1, j + 1], place[i, j + 1]], axis=1)[down],
+            ]
+        )
+        shares = np.broadcast_to(weights, (len(macro.faces), *weights.shape))
+        if graded and self.singular is not None:
+            shares = _graded(shares, self.singular)
+        coordinates = np.einsum("plc,pcd->pld", shares, self.corners)
+        return Charted(
+            numbers[:, local].reshape(-1, 3),
+            coordinates[:, local].reshape(-1, 3, self.corners.shape[2]),
+            np.repeat(self.charts, len(local)),
+        )
+
+    def steps(self, vertices: float) -> int:
+        """Return the n for which :meth:`uniform` has about so many vertices."""
+        return max(1, math.floor(math.sqrt(2 * vertices / len(self.charts)) + 0.5))
+
+    def points(self, mesh: Charted) -> Floats:
+        """Return the vertices of a mesh, shape (n, 3)."""
+        first = mesh.first_corners()
+        return self.chart(mesh.charts[first // 3], _flat(mesh.corners)[first])
+
+    def mesh(self, mesh: Charted) -> Mesh:
+        """Return the mesh in space."""
+        return Mesh(self.points(mesh), mesh.faces)
+
+
+def _graded(shares: Floats, singular: NDArray[np.bool_]) -> Floats:
+    """Square the distance from the singular corner of each patch that has one."""
+    if (singular.sum(axis=1) > 1).any():
+        raise ValueError("a patch must have at most one singular corner")
+    corner = singular[:, np.newaxis, :]
+    away = 1 - (shares * corner).sum(axis=2, keepdims=True)
+    squared = np.where(corner, 1 - away**2, shares * away)
+    return np.where(corner.any(axis=2, keepdims=True), squared, shares)
+
+
+def _flat(corners: Floats) -> Floats:
+    return corners.reshape(-1, corners.shape[2])
+
+
+def _lattice(n: int) -> tuple[Integers, Integers]:
+    """Return the numbers i, j ≥ 0 with i + j ≤ n."""
+    i, j = np.indices((n + 1, n + 1), dtype=np.int64)
+    return i[i + j <= n], j[i + j <= n]
+
+
+def glue_charts(*parts: tuple[int, Floats]) -> tuple[Floats, Integers]:
+    """Put the patches of several charts together: corners (p, 3, d) and charts (p,)."""
+    corners = np.concatenate([corners for _, corners in parts])
+    charts = np.concatenate([np.full(len(corners), chart) for chart, corners in parts])
+    return corners, charts.astype(np.int64)
+
+
+def rectangle(u: Floats, v: Floats) -> Floats:
+    """Return patches of the rectangles between grid lines, two each, shape (p, 3, 2).
+
+    Parameters
+    ----------
+    u, v : ndarray of shape (a,) and (b,)
+        Ascending coordinates of the lines.
+    """
+    corner = np.stack(np.meshgrid(u, v, indexing="ij"), axis=2)
+    low, right = corner[:-1, :-1], corner[1:, :-1]
+    high, left = corner[1:, 1:], corner[:-1, 1:]
+    pairs = [np.stack([low, right, high], axis=2), np.stack([low, high, left], axis=2)]
+    return np.stack(pairs, axis=2).reshape(-1, 3, 2)

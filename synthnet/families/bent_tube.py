@@ -1,0 +1,61 @@
+"""Closed tubes, elliptic, twisted and bent, with round ends."""
+
+import numpy as np
+
+from synthnet.families.atlas import Atlas, Floats
+from synthnet.families.charted import charted
+from synthnet.families.family import POSITIVE
+from synthnet.families.revolution import Piece, revolution, rows
+
+
+def atlas(*, length: float, flatness: float, turns: float, bend: float) -> Atlas:
+    """Tube of radius 1 and flatness·1 about an arc of ``length`` that bends by ``bend`` radians.
+
+    Its ellipse makes so many turns on the way; the round ends are half ellipsoids.
+    """
+
+    def lower(s: Floats) -> tuple[Floats, Floats]:
+        return np.sin(np.pi / 2 * s), -np.cos(np.pi / 2 * s)
+
+    def middle(s: Floats) -> tuple[Floats, Floats]:
+        return np.ones_like(s), length * s
+
+    def upper(s: Floats) -> tuple[Floats, Floats]:
+        return np.sin(np.pi / 2 * s), length + np.cos(np.pi / 2 * s)
+
+    straight = revolution(
+        [Piece("base", lower), Piece("band", middle, rows(length, 1)), Piece("tip", upper)], 6
+    )
+    curvature = bend / length
+
+    def onto(points: Floats) -> Floats:
+        x, y, z = points.T
+        angle = 2 * np.pi * turns * np.clip(z / length, 0, 1)
+        y = flatness * y
+        x, y = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)
+        if curvature == 0:
+            return np.stack([x, y, z], axis=1)
+        along = np.clip(z, 0, length)
+        beyond = z - along  # the ends go on straight
+        turn, out = curvature * along, 1 / curvature - x
+        return np.stack(
+            [
+                1 / curvature - out * np.cos(turn) + beyond * np.sin(turn),
+                y,
+                out * np.sin(turn) + beyond * np.cos(turn),
+            ],
+            axis=1,
+        )
+
+    return Atlas(
+        straight.corners, straight.charts, lambda charts, u: onto(straight.chart(charts, u))
+    )
+
+
+FAMILY = charted(
+    "bent_tube",
+    "Bent tube",
+    atlas,
+    {"length": POSITIVE, "flatness": POSITIVE, "turns": 0.0, "bend": 0.0},
+    most={"flatness": 1.0, "turns": 2.0, "bend": 4.5},
+)

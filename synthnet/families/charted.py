@@ -1,0 +1,130 @@
+"""Families of surfaces given by an atlas, each in several triangulations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.families import remesh
+from synthnet.families.atlas import Atlas, Charted
+from synthnet.families.family import Choice, Euler, Family
+from synthnet.types import Mesh, Parameters
+
+TRIANGULATIONS = ("uniform", "adaptive", "irregular")
+TRIANGULATION: Mapping[str, float | Choice] = {
+    "triangulation": Choice(TRIANGULATIONS),
+    "vertices": 50,
+    "seed": 0,
+}
+NEAREST = (1 / 4, 1 / 16)  # shares of the vertices around the focus of an adaptive mesh
+GROWTH = 1 + 3 * sum(4**i * share for i, share in enumerate(NEAREST))  # of its vertices
+SETTLED = 0.02  # relative change under the last refinement
+REFERENCE = 4000  # vertices of the coarsest mesh of those that estimate an error
+
+
+def triangulate(
+    atlas: Atlas, *, triangulation: str, vertices: int, seed: int, halves: bool = False
+) -> Charted:
+    """Return a mesh of a surface with about so many vertices.
+
+    Parameters
+    ----------
+    atlas : Atlas
+        The surface.
+    triangulation : str
+        ``uniform``: every patch cut into equal triangles. ``adaptive``: four times finer, and
+        four times again, towards a random point. ``irregular``: vertices moved at random on
+        the surface, then edges flipped until they are Delaunay.
+    vertices : int
+        How many are wanted; the mesh has what comes nearest.
+    seed : int
+        Of the random point or moves.
+    halves : bool
+        Whether the half with x > 0 is four times finer, or sixteen times, for an odd seed.
+    """
+    rng = np.random.Generator(np.random.PCG64(seed))
+    times = 1 + seed % 2 if halves else 0
+    growth = (1 + 4**times) / 2 * (GROWTH if triangulation == "adaptive" else 1)
+    mesh = atlas.uniform(atlas.steps(vertices / growth))
+    mesh = remesh.finer_half(atlas, mesh, times)
+    if triangulation == "adaptive":
+        points = atlas.points(mesh)
+        low, high = points.min(axis=0), points.max(axis=0)
+        focus = low + (high - low) * rng.random(3)
+        mesh = remesh.towards(atlas, mesh, focus, NEAREST)
+    if triangulation == "irregular":
+        mesh = remesh.irregular(atlas, mesh, rng)
+    return mesh
+
+
+def reference(atlas: Atlas, times: int) -> Charted:
+    """Return the mesh that estimates of errors rest on, its step halved with each time."""
+    return atlas.uniform(atlas.steps(REFERENCE) * 2 ** (times - 1), graded=True)
+
+
+def one_shape(parameters: Parameters) -> Parameters:
+    """Drop what says how the surface is triangulated: the surface is the shape."""
+    return {name: value for name, value in parameters.items() if name not in TRIANGULATION}
+
+
+def charted(
+    name: str,
+    title: str,
+    atlas: Callable[..., Atlas],
+    least: Mapping[str, float | Choice],
+    *,
+    euler_characteristic: Euler = 2,
+    boundaries: int = 0,
+    orientable: bool = True,
+    most: Mapping[str, float] | None = None,
+    limit: Callable[..., NDArray[np.float64]] | None = None,
+    halves: bool = False,
+) -> Family:
+    """Return the family of an atlas, with the parameters of its triangulations.
+
+    Parameters
+    ----------
+    name, title, euler_characteristic, boundaries, orientable, most, limit
+        As of :class:`~synthnet.families.family.Family`.
+    halves : bool
+        As of :func:`triangulate`.
+    atlas : callable
+        From the surface's parameters, by keyword, to its atlas.
+    least : mapping
+        The surface's parameters; :data:`TRIANGULATION` comes on top.
+    """
+
+    def surface(*, triangulation: str, vertices: int, seed: int, **shape: float) -> Mesh:
+        charts = atlas(**shape)
+        return charts.mesh(
+            triangulate(
+                charts, triangulation=triangulation, vertices=vertices, seed=seed, halves=halves
+            )
+        )
+
+    def refined(
+        times: int, *, triangulation: str, vertices: int, seed: int, **shape: float
+    ) -> Mesh:
+        if times == 0:
+            return surface(triangulation=triangulation, vertices=vertices, seed=seed, **shape)
+        charts = atlas(**shape)
+        return charts.mesh(reference(charts, times))
+
+    return Family(
+        name=name,
+        title=title,
+        surface=surface,
+        refined=refined,
+        least={**least, **TRIANGULATION},
+        most=most or {},
+        euler_characteristic=euler_characteristic,
+        boundaries=boundaries,
+        orientable=orientable,
+        limit=limit,
+        refinements=2,
+        settled=SETTLED,
+        congruent=one_shape,
+        shared=one_shape,
+    )

@@ -1,0 +1,44 @@
+"""Cones with the tip pushed inwards (of 2.0): isometric to the cone."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.families import circular_cone
+from synthnet.families.atlas import Atlas
+from synthnet.families.charted import charted
+from synthnet.families.revolution import Piece, revolution, rows, straight
+
+
+def atlas(*, radius: float, height: float, flip: float) -> Atlas:
+    """Cone whose part above z = flip·height is reflected in that plane."""
+    plane, rim = flip * height, (1 - flip) * radius
+    side = math.hypot(radius, height)
+    return revolution(
+        [
+            Piece("base", straight((0, 0), (radius, 0))),
+            Piece("band", straight((radius, 0), (rim, plane)), rows(flip * side, radius)),
+            Piece(
+                "tip",
+                straight((0, 2 * plane - height), (rim, plane)),
+                rows((1 - flip) * side, radius),
+            ),
+        ],
+        circular_cone.SECTORS,
+    )
+
+
+def limit(k: int, *, radius: float, height: float, **_: object) -> NDArray[np.float64]:
+    """Spectrum of the smooth cone, to which the dented one is isometric."""
+    return circular_cone.limit(k, radius=radius, height=height)
+
+
+FAMILY = charted(
+    "dented_cone",
+    "Dented cone",
+    atlas,
+    {**circular_cone.LEAST, "flip": 0.5},
+    most={"flip": 0.95},
+    limit=limit,
+)

@@ -1,0 +1,26 @@
+"""Flat elliptic discs, with boundary."""
+
+import numpy as np
+
+from synthnet.families.atlas import Atlas
+from synthnet.families.charted import charted
+from synthnet.families.family import POSITIVE
+from synthnet.families.revolution import Piece, revolution, straight
+
+
+def atlas(*, flatness: float) -> Atlas:
+    """Ellipse of half axes 1 and ``flatness`` in the plane z = 0."""
+    disc = revolution([Piece("tip", straight((0, 0), (1, 0)))], 6)
+    axes = np.array([1, flatness, 1])
+    return Atlas(disc.corners, disc.charts, lambda charts, u: disc.chart(charts, u) * axes)
+
+
+FAMILY = charted(
+    "elliptic_disc",
+    "Elliptic disc",
+    atlas,
+    {"flatness": POSITIVE},
+    euler_characteristic=1,
+    boundaries=1,
+    most={"flatness": 1.0},
+)

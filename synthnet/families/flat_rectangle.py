@@ -1,0 +1,32 @@
+"""Flat rectangles, with boundary."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet import limits
+from synthnet.families.atlas import Atlas, rectangle
+from synthnet.families.charted import charted
+from synthnet.families.family import POSITIVE
+from synthnet.families.polyhedra import flat, lines, polyhedron
+
+
+def atlas(*, width: float, height: float) -> Atlas:
+    """Rectangle [0, width] × [0, height] in the plane z = 0."""
+    cell = min(width, height)
+    return polyhedron(flat(rectangle(lines(width, cell), lines(height, cell))))
+
+
+def limit(k: int, *, width: float, height: float, **_: object) -> NDArray[np.float64]:
+    """Spectrum of the rectangle with Neumann's condition."""
+    return limits.of_rectangle(width, height, k)
+
+
+FAMILY = charted(
+    "flat_rectangle",
+    "Flat rectangle",
+    atlas,
+    {"width": POSITIVE, "height": POSITIVE},
+    euler_characteristic=1,
+    boundaries=1,
+    limit=limit,
+)

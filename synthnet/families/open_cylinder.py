@@ -1,0 +1,33 @@
+"""Cylinders without discs, with two boundary circles."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet import limits
+from synthnet.families.atlas import Atlas
+from synthnet.families.charted import charted
+from synthnet.families.family import POSITIVE
+from synthnet.families.revolution import Piece, revolution, rows, straight
+
+
+def atlas(*, height: float) -> Atlas:
+    """Cylinder of radius 1 about the z axis, from z = 0."""
+    sectors = max(6, min(24, int(2 * np.pi / height + 0.5)))
+    row = rows(height, 2 * np.pi / sectors)
+    return revolution([Piece("band", straight((1, 0), (1, height)), row)], sectors)
+
+
+def limit(k: int, *, height: float, **_: object) -> NDArray[np.float64]:
+    """Spectrum of the cylinder with Neumann's condition at both ends."""
+    return limits.of_open_cylinder(1.0, height, k)
+
+
+FAMILY = charted(
+    "open_cylinder",
+    "Open cylinder",
+    atlas,
+    {"height": POSITIVE},
+    euler_characteristic=0,
+    boundaries=2,
+    limit=limit,
+)

@@ -1,0 +1,79 @@
+"""Atlases of surfaces of flat faces: the coordinates are the points themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.families.atlas import Atlas, Floats, glue_charts, rectangle
+
+
+def polyhedron(*faces: Floats, singular: Floats | None = None) -> Atlas:
+    """Return the atlas of a polyhedron.
+
+    Parameters
+    ----------
+    faces : ndarray of shape (p, 3, 3), each
+        The patches of each flat face, or of faces in one plane.
+    singular : ndarray of shape (c, 3), optional
+        Corners to which a graded mesh is finer; see :class:`~synthnet.families.atlas.Atlas`.
+    """
+    corners, charts = glue_charts(*enumerate(faces))
+    marked: NDArray[np.bool_] | None = None
+    if singular is not None:
+        marked = (corners[:, :, None] == singular).all(axis=3).any(axis=2)
+    return Atlas(corners, charts, lambda _, points: points, marked)
+
+
+def flat(patches: Floats, height: float = 0.0, *, turned: bool = False) -> Floats:
+    """Lift patches of the plane, (p, 3, 2), to a height; ``turned`` makes them face down."""
+    points = np.concatenate([patches, np.full((*patches.shape[:2], 1), height)], axis=2)
+    return points[:, ::-1] if turned else points
+
+
+def prism(
+    patches: Floats,
+    outline: Floats,
+    height: float,
+    cell: float,
+    walls: Sequence[int],
+    inward: Floats,
+) -> Atlas:
+    """Return the atlas of the prism over a polygon.
+
+    Parameters
+    ----------
+    patches : ndarray of shape (p, 3, 2)
+        Triangles of the polygon, counter-clockwise; all corners on its outline are in
+        ``outline``.
+    outline : ndarray of shape (o, 2)
+        The outline, counter-clockwise, every corner of a patch there included.
+    height : float
+        From z = 0 up.
+    cell : float
+        About the height of a row of patches of the walls; there are two at least.
+    walls : sequence of o int
+        Number of the wall that each piece of the outline belongs to; pieces in line are one.
+    inward : ndarray of shape (c, 2)
+        Corners of the outline that may turn inwards, no two of one patch.
+    """
+    heights = np.linspace(0, height, max(2, len(lines(height, cell)) - 1) + 1)
+    faces = [flat(patches, 0.0, turned=True), flat(patches, height)]
+    ahead = np.roll(outline, -1, axis=0)
+    for wall in sorted(set(walls)):
+        pieces = []
+        for number in np.flatnonzero(np.array(walls) == wall):
+            unit = rectangle(np.array([0.0, 1.0]), heights)
+            along = unit[:, :, :1]
+            base = outline[number] + along * (ahead[number] - outline[number])
+            pieces.append(np.concatenate([base, unit[:, :, 1:]], axis=2))
+        faces.append(np.concatenate(pieces))
+    ends = [np.column_stack([inward, np.full(len(inward), z)]) for z in (0.0, height)]
+    return polyhedron(*faces, singular=np.concatenate(ends))
+
+
+def lines(length: float, around: float, most: int = 6) -> Floats:
+    """Return equidistant coordinates from 0 to a length, about ``around`` apart."""
+    return np.linspace(0, length, max(1, min(most, int(length / around + 0.5))) + 1)

@@ -1,0 +1,51 @@
+"""Atlases of surfaces that are seen whole from the origin, over an icosahedron."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from synthnet.families.atlas import Atlas, Floats, Integers
+
+GOLDEN = (1 + np.sqrt(5)) / 2
+CORNERS = np.array(
+    [[s, t * GOLDEN, 0] for s in (-1, 1) for t in (-1, 1)]
+    + [[0, s, t * GOLDEN] for s in (-1, 1) for t in (-1, 1)]
+    + [[t * GOLDEN, 0, s] for s in (-1, 1) for t in (-1, 1)]
+)
+EDGE = 2.0
+
+
+def icosahedron() -> Floats:
+    """Return the twenty faces, shape (20, 3, 3), counter-clockwise seen from outside."""
+    near = np.isclose(np.linalg.norm(CORNERS[:, None] - CORNERS, axis=2), EDGE)
+    found = []
+    for a in range(12):
+        for b in range(a + 1, 12):
+            for c in range(b + 1, 12):
+                if near[a, b] and near[b, c] and near[a, c]:
+                    turn = np.linalg.det(CORNERS[[a, b, c]])
+                    found.append((a, b, c) if turn > 0 else (a, c, b))
+    return np.asarray(CORNERS[np.array(found)])
+
+
+def radial(
+    distance: Callable[[Floats], Floats], onto: Callable[[Floats], Floats] | None = None
+) -> Atlas:
+    """Return the atlas of a surface by its distance from the origin in each direction.
+
+    Parameters
+    ----------
+    distance : callable
+        From unit vectors of shape (n, 3) to positive numbers (n,).
+    onto : callable, optional
+        A map of space that the surface is put through, points (n, 3) to points.
+    """
+
+    def chart(_: Integers, u: Floats) -> Floats:
+        directions = u / np.linalg.norm(u, axis=1, keepdims=True)
+        points = directions * distance(directions)[:, None]
+        return points if onto is None else onto(points)
+
+    return Atlas(icosahedron(), np.zeros(20, dtype=np.int64), chart)

@@ -1,0 +1,91 @@
+"""Atlases of surfaces of revolution, piece by piece of their profile."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from synthnet.families.atlas import Atlas, Floats, Integers, glue_charts, rectangle
+
+Profile: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A smooth piece of a profile.
+
+    Parameters
+    ----------
+    kind : {"base", "band", "tip"}
+        ``base`` begins on the axis, ``tip`` ends there, ``band`` does not meet it.
+    profile : callable
+        From s in [0, 1] to distance from the axis and height. Pieces follow each other with
+        the surface's outside on the right: from the lowest point outwards and up. s grows
+        that way; but on a tip s is 0 on the axis.
+    cells : int
+        Rows of patches along the piece.
+    """
+
+    kind: Literal["base", "band", "tip"]
+    profile: Profile
+    cells: int = 1
+
+
+def straight(start: tuple[float, float], stop: tuple[float, float]) -> Profile:
+    """Return the straight profile from one (radius, height) to another."""
+    (r0, z0), (r1, z1) = start, stop
+    return lambda s: (r0 + (r1 - r0) * s, z0 + (z1 - z0) * s)
+
+
+def rows(length: float, around: float, most: int = 12) -> int:
+    """Return how many rows of patches make them about as long as they are wide."""
+    return max(1, min(most, math.floor(length / around + 0.5)))
+
+
+def revolution(pieces: Sequence[Piece], sectors: int) -> Atlas:
+    """Return the atlas of the surface about the z axis.
+
+    Coordinates are (θ, s) on a band, (s, sθ) on a piece that meets the axis, so that the
+    point there has but one pair.
+    """
+    theta = np.linspace(0, 2 * math.pi, sectors + 1)
+    patches = [_patches(piece, theta) for piece in pieces]
+    kinds = [piece.kind for piece in pieces]
+    profiles = [piece.profile for piece in pieces]
+
+    def chart(charts: Integers, u: Floats) -> Floats:
+        points = np.empty((len(u), 3))
+        for number, (kind, profile) in enumerate(zip(kinds, profiles, strict=True)):
+            here = charts == number
+            first, second = u[here].T
+            angle, s = first, second
+            if kind != "band":
+                angle = np.divide(second, first, out=np.zeros_like(first), where=first > 0)
+                s = first
+            radius, height = profile(s)
+            points[here] = np.stack(
+                [radius * np.cos(angle), radius * np.sin(angle), height + 0 * s], axis=1
+            )
+        return points
+
+    return Atlas(*glue_charts(*enumerate(patches)), chart)
+
+
+def _patches(piece: Piece, theta: Floats) -> Floats:
+    s = np.linspace(0, 1, piece.cells + 1)
+    if piece.kind == "band":
+        return rectangle(theta, s)
+    left, right = theta[:-1], theta[1:]
+    ones = np.full_like(left, s[1])
+    fan = np.stack([_polar(0 * left, left), _polar(ones, right), _polar(ones, left)], axis=1)
+    rest = rectangle(theta, s[1:])
+    corners = np.concatenate([fan, _polar(rest[:, :, 1], rest[:, :, 0])])
+    return corners[:, ::-1] if piece.kind == "tip" else corners
+
+
+def _polar(s: Floats, theta: Floats) -> Floats:
+    return np.stack([s, s * theta], axis=-1)

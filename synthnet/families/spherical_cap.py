@@ -1,0 +1,38 @@
+"""Caps of the unit sphere, the hemisphere among them, with boundary."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet import limits
+from synthnet.families.atlas import Atlas, Floats
+from synthnet.families.charted import charted
+from synthnet.families.revolution import Piece, revolution, rows
+from synthnet.limits import Arc
+
+
+def atlas(*, angle: float) -> Atlas:
+    """Points of the unit sphere within ``angle`` radians of the lowest one."""
+
+    def profile(s: Floats) -> tuple[Floats, Floats]:
+        return np.sin(angle * s), -np.cos(angle * s)
+
+    return revolution([Piece("base", profile, rows(angle, math.pi / 4))], 6)
+
+
+def limit(k: int, *, angle: float, **_: object) -> NDArray[np.float64]:
+    """Spectrum of the cap with Neumann's condition."""
+    return limits.of_revolution([Arc(angle, np.sin)], k)
+
+
+FAMILY = charted(
+    "spherical_cap",
+    "Spherical cap",
+    atlas,
+    {"angle": 0.1},
+    euler_characteristic=1,
+    boundaries=1,
+    most={"angle": 3.0},
+    limit=limit,
+)
