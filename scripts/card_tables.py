@@ -1,4 +1,4 @@
-"""Write the measured parts of docs/dataset-card.md from a built 1.0.
+"""Write the measured parts of the dataset cards from built versions.
 
 The seconds come from the report of that build, which is kept in docs/data:
 
@@ -6,10 +6,14 @@ The seconds come from the report of that build, which is kept in docs/data:
     python benchmarks/build_cost.py --json > docs/data/build-cost.json
     python benchmarks/build_full.py
     python benchmarks/loading.py 1.0 --json > docs/data/loading-1.0.json
-    python scripts/card_tables.py
+    python scripts/card_tables.py 1.0
+
+    synthnet build --version 2.0 --json > docs/data/build-2.0.json
+    python scripts/card_tables.py 2.0
 """
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +24,11 @@ from synthnet.families import FAMILIES, draw_shapes
 from synthnet.files import write_marked
 
 ROOT = Path(__file__).parent.parent
-CARD, DATA = ROOT / "docs" / "dataset-card.md", ROOT / "docs" / "data"
+CARDS = {
+    "1.0": ROOT / "docs" / "dataset-card.md",
+    "2.0": ROOT / "docs" / "dataset-card-2.0.md",
+}
+DATA = ROOT / "docs" / "data"
 # A cone whose spectrum a further subdivision changes by less than 1 %.
 SMOOTH = {"resolution": 60, "split": 20, "subdivisions": 2}
 
@@ -42,13 +50,14 @@ def composition(report: dict) -> str:
     totals = [sum(row[i] for row in rows) for i in (1, 3, 4, 5, 6)]
     rejected = totals[0] - totals[1]
     rows.append(["All", totals[0], str(rejected), *totals[1:4], round(totals[4], 1)])
-    rows.append(["*The paper, as reported*", 16550, "189", 16361, "", "", ""])
+    if report["version"] == "1.0":
+        rows.append(["*The paper, as reported*", 16550, "189", 16361, "", "", ""])
     headers = ["family", "drawn", "rejected", "kept", "vertices", "faces", "core-seconds"]
     table = tabulate(rows, headers, tablefmt="github", intfmt=",", floatfmt=",.1f")
     minutes = report["wall_seconds"] / 60
     size = report["bytes"] / 1e6
     return (
-        f"{table}\n\nBuilt by `synthnet build --version 1.0` on 2 cores in {minutes:.1f} minutes; "
+        f"{table}\n\nBuilt by `synthnet build --version {report['version']}` on 2 cores in {minutes:.1f} minutes; "
         f"{size:,.0f} MB."
     )
 
@@ -106,15 +115,17 @@ def cost(build: dict, full: dict, loading: dict) -> str:
 
 
 def main() -> None:
-    """Rewrite the marked parts of the card."""
-    parts = {
-        "composition": f"\n{composition(measured('build-1.0'))}\n",
-        "cost": f"\n{cost(*map(measured, ('build-cost', 'build-full', 'loading-1.0')))}\n",
-        "inverted_cones": inverted_cone_flaw(),
-        "split_cones": split_cone_flaw(store.open_dataset("1.0")),
-    }
-    write_marked(CARD, **parts)
-    print(f"{CARD} written")
+    """Rewrite the marked parts of a card."""
+    version = sys.argv[1]
+    parts = {"composition": f"\n{composition(measured(f'build-{version}'))}\n"}
+    if version == "1.0":
+        parts |= {
+            "cost": f"\n{cost(*map(measured, ('build-cost', 'build-full', 'loading-1.0')))}\n",
+            "inverted_cones": inverted_cone_flaw(),
+            "split_cones": split_cone_flaw(store.open_dataset("1.0")),
+        }
+    write_marked(CARDS[version], **parts)
+    print(f"{CARDS[version]} written")
 
 
 if __name__ == "__main__":

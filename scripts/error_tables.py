@@ -1,4 +1,4 @@
-"""Measure the error estimates of a built version: docs/data/errors.json and docs/labels.md.
+"""Measure the error estimates of a built version: docs/data and a table of docs.
 
     synthnet build --version 1.0 --error-estimates
     python scripts/error_tables.py 1.0
@@ -24,7 +24,11 @@ from synthnet.files import write_marked
 from synthnet.types import ShapeSpec
 
 ROOT = Path(__file__).parent.parent
-PAGE, DATA = ROOT / "docs" / "labels.md", ROOT / "docs" / "data" / "errors.json"
+DOCS = ROOT / "docs"
+PAGES = {
+    "1.0": (DOCS / "labels.md", DOCS / "data" / "errors.json"),
+    "2.0": (DOCS / "dataset-card-2.0.md", DOCS / "data" / "errors-2.0.json"),
+}
 SAMPLE = {"known": 100, "finer": 20}
 QUANTILES = (5, 50, 95)
 
@@ -84,6 +88,7 @@ def table(report: dict) -> str:
 
 def main() -> None:
     """Measure, and rewrite the marked part of the page."""
+    page, data = PAGES[sys.argv[1]]
     dataset = store.open_dataset(sys.argv[1])
     found = {row.id: row for row in estimates.read(dataset)}
     rows = []
@@ -93,9 +98,9 @@ def main() -> None:
             mine = [row for file in files for row in estimates.labels(dataset.directory / file)]
             rows.append(measured(name, mine, [found[spec.id] for spec, _ in mine]))
     report = {"version": sys.argv[1], "rows": rows}
-    DATA.write_text(json.dumps(report, indent=1) + "\n")
-    write_marked(PAGE, errors=f"\n{table(report)}\n")
-    print(f"{DATA} and {PAGE} written")
+    data.write_text(json.dumps(report, indent=1) + "\n")
+    write_marked(page, errors=f"\n{table(report)}\n")
+    print(f"{data} and {page} written")
 
 
 if __name__ == "__main__":

@@ -165,7 +165,7 @@ def available() -> list[str]:
     Examples
     --------
     >>> available()
-    ['1.0', '1.0-mini', '1.0-small']
+    ['1.0', '1.0-mini', '1.0-small', '2.0', '2.0-mini']
     """
     files = resources.files("synthnet.versions").iterdir()
     return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))

@@ -189,7 +189,7 @@ def test_a_subset_takes_a_part_of_its_version(old: str, new: str, message: str) 
 
 
 def test_an_unknown_version_is_answered_with_the_known_ones() -> None:
-    message = r"unknown version '0.9': choose one of 1.0, 1.0-mini, 1.0-small"
+    message = r"unknown version '0.9': choose one of 1.0, 1.0-mini, 1.0-small, 2.0"
     with pytest.raises(RecipeError, match=message):
         recipe.load("0.9")
 
@@ -379,6 +379,8 @@ def test_digests_of_the_versions_that_ship_never_change() -> None:
         "1.0": "c8bd58d9b709a29e",
         "1.0-mini": "99a57a6aa230d17e",
         "1.0-small": "ff94adc77e7700ee",
+        "2.0": "64c0bd25635f3490",
+        "2.0-mini": "341e8f763dbdaffe",
     }
     assert recipe.load("1.0-x2").digest != recipe.load("1.0").digest
 

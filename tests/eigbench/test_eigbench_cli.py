@@ -109,7 +109,7 @@ def test_score_prints_the_tables(eigbench, weyl):
     [
         (["--dataset", "1.0"], "lacks "),
         (["--dataset", "1.0-mini", "--split", "train"], "lacks "),
-        (["--dataset", "2.0"], "unknown version '2.0'"),
+        (["--dataset", "3.0"], "unknown version '3.0'"),
     ],
 )
 def test_score_against_another_split_is_refused(eigbench, weyl, more, message):
