@@ -57,8 +57,8 @@ def composition(report: dict) -> str:
     minutes = report["wall_seconds"] / 60
     size = report["bytes"] / 1e6
     return (
-        f"{table}\n\nBuilt by `synthnet build --version {report['version']}` on 2 cores in {minutes:.1f} minutes; "
-        f"{size:,.0f} MB."
+        f"{table}\n\nBuilt by `synthnet build --version {report['version']}` on 2 cores in "
+        f"{minutes:.1f} minutes; {size:,.0f} MB."
     )
 
 

@@ -29,6 +29,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from torch import distributed
 
+from synthnet.build import ensure_built
 from synthnet.errors import SynthNetError
 from synthnet.files import make_directory
 from synthnet.types import PROTOCOLS
@@ -127,6 +128,7 @@ def train(options: argparse.Namespace, rank: int, world: int) -> int:
     torch.set_num_threads(1)  # meshes are shared out among threads, not their operations
     device = place(options.device, rank)
     console = Console(stderr=True, quiet=bool(rank))
+    ensure_built(options.version, options.data)  # or say why not, before anything is promised
     console.print(f"Encoding the shapes of {options.version}")
     shapes = data.load(options.version, config.model, options.data, threads).to(device)
     make_directory(options.out)

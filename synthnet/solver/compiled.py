@@ -41,8 +41,9 @@ def kernel(function: Function) -> Function:
     The code is kept beside the module, or in the user's cache, for the next process; where
     neither can be written every process compiles anew.
     """
-    # Numba's cache knows a function by its name, and looks at its own file only.
-    function.__qualname__ += f"_{STAMP}"
+    # Numba's cache knows a function by its name, and looks at its own file only. What it keeps
+    # names the module, which may be imported by two names (baselines.gcn and gcn).
+    function.__qualname__ += f"_{function.__module__.replace('.', '_')}_{STAMP}"
     try:
         compiled: Function = njit(cache=True, **SETTINGS)(function)
     except RuntimeError:  # Numba found no place for its cache

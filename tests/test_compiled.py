@@ -1,0 +1,38 @@
+"""Machine code that is kept for the next process."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SOURCE = """
+from synthnet.solver.compiled import kernel
+
+@kernel
+def _twice(x):
+    return 2.0 * x
+"""
+
+
+@pytest.mark.parametrize("order", [("room.part", "part"), ("part", "room.part")])
+def test_a_module_may_be_imported_by_two_names(order: tuple[str, str], tmp_path: Path) -> None:
+    """As baselines.gcn by its training, and as gcn by its rows."""
+    (tmp_path / "room").mkdir()
+    (tmp_path / "room" / "part.py").write_text(SOURCE)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    for name in order:
+        place = tmp_path / "room" if name == "part" else tmp_path
+        code = f"import sys; sys.path.insert(0, {str(place)!r})\n"
+        code += f"import importlib; print(importlib.import_module({name!r})._twice(2.0))"
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env=environment,
+            cwd=place,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stdout) == (0, "4.0\n"), done.stderr
+    assert list((tmp_path / "cache").rglob("*.nbi"))
