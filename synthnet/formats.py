@@ -12,6 +12,7 @@ way, or one has no area, the file is refused: another cut would be a guess.
 
 from __future__ import annotations
 
+import codecs
 import io
 import re
 from array import array
@@ -27,6 +28,13 @@ from synthnet.errors import SynthNetError
 Triangles: TypeAlias = tuple[NDArray[np.float64], NDArray[np.int64]]
 Rows: TypeAlias = Iterator[tuple[int, list[bytes]]]
 
+# What OBJ has beside v and f (Wavefront, Advanced Visualizer, appendix B1); an unknown word may be
+# a v or f that was damaged. Not here: call and csh, which would read other files.
+OBJ_OTHERS = frozenset(
+    b"vt vn vp p l g s mg o usemtl mtllib usemap maplib bevel c_interp d_interp lod shadow_obj "
+    b"trace_obj deg bmat step cstype curv curv2 surf parm trim hole scrv sp end con ctech "
+    b"stech".split()
+)
 PLY_KINDS = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
     **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"},
@@ -109,6 +117,8 @@ def read_obj(content: bytes) -> Triangles:
                 raise UnreadableError(f"line {line}: vertex 0, but OBJ counts from 1")
             known = len(positions) // 3  # a negative number counts back from the last so far
             polygons.add([c - 1 if c > 0 else known + c for c in corners], line)
+        elif words[0] not in OBJ_OTHERS:
+            raise UnreadableError(f"line {line}: {_told(words[0])} begins no line of an OBJ file")
     return polygons.triangles(positions)
 
 
@@ -178,12 +188,12 @@ def _ply_header(lines: Sequence[bytes]) -> tuple[str, list[Element]]:
             case ["element", name, count] if count.isdecimal() and len(count) < 19:
                 elements.append(Element(name, int(count)))
                 continue
-            case ["property", kind, name] if kind in PLY_KINDS and elements:
-                kinds = PLY_KINDS[kind], None
-            case ["property", "list", length, kind, name] if (
-                {length, kind} <= set(PLY_KINDS) and PLY_KINDS[length][0] in "iu" and elements
+            case ["property", one, name] if one in PLY_KINDS and elements:
+                kinds = PLY_KINDS[one], None
+            case ["property", "list", many, one, name] if (
+                {many, one} <= set(PLY_KINDS) and PLY_KINDS[many][0] in "iu" and elements
             ):
-                kinds = PLY_KINDS[kind], PLY_KINDS[length]
+                kinds = PLY_KINDS[one], PLY_KINDS[many]
             case _:
                 raise UnreadableError(f"line {number}: {_told(line)} is of no PLY header")
         if name in elements[-1].properties:
@@ -197,8 +207,11 @@ def _ply_header(lines: Sequence[bytes]) -> tuple[str, list[Element]]:
         )
     if any(known["vertex"].get(axis, ("", "list"))[1] for axis in "xyz"):
         raise UnreadableError("its header has no properties x, y and z of the vertices")
-    if sum(lists) != 1 or known["face"][PLY_INDICES[lists.index(True)]][1] is None:
+    if sum(lists) != 1:
         raise UnreadableError("its header has no faces with one list vertex_indices")
+    kind, length = known["face"][PLY_INDICES[lists.index(True)]]
+    if length is None or kind[0] not in "iu":
+        raise UnreadableError("its header has vertex_indices that are no list of whole numbers")
     return form, elements
 
 
@@ -398,6 +411,7 @@ def _turned(triangles: NDArray[np.float64], polygon: NDArray[np.int64]) -> NDArr
 
 def _rows(content: bytes, first: int = 1) -> Rows:
     """Yield the number and words of each line that has any, comments left out."""
+    content = content.removeprefix(codecs.BOM_UTF8)
     if b"\n" not in content:
         content = content.replace(b"\r", b"\n")
     for line, text in enumerate(io.BytesIO(content), start=first):

@@ -78,6 +78,11 @@ def test_obj_counts_from_1_or_back_from_the_last_vertex_so_far() -> None:
     assert read(text.encode(), ".obj")[1].tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
 
 
+def test_text_may_begin_with_a_mark_of_its_bytes_order() -> None:
+    text = "\ufeff" + VERTICES + "f 1 2 3\n"
+    assert len(read(text.encode(), ".obj")[0]) == 4
+
+
 def test_obj_is_read_alone() -> None:
     text = "mtllib missing.mtl\nvt 0 0\nvn 0 0 1\no a\ng b\nusemtl c\ns off\nv 5 5 5 1 0 0\n"
     vertices, faces = read((text + VERTICES + "f 2 3 4\nl 1 2\np 1\n").encode(), ".obj")
@@ -188,6 +193,8 @@ def test_binary_stl_may_begin_with_solid() -> None:
         (".obj", VERTICES + "f 1 2 1_0\n", "line 5: '1 2 1_0': no whole numbers"),
         (".obj", VERTICES + f"f 1 2 {2**64}\n", "line 5: no vertex has a number that large"),
         (".obj", VERTICES + "f 1 2 \\\n3\n", "line 5: it goes on in the next line"),
+        (".obj", VERTICES + "w 1 2 3\n", "line 5: 'w' begins no line of an OBJ file"),
+        (".obj", "call other.obj\n", "line 1: 'call' begins no line of an OBJ file"),
         (".obj", "v 0 0\n", "line 1: '0 0' are no three numbers"),
         (".obj", "\nv 0 0 1_0\n", "line 2: '0 0 1_0' are no three numbers"),
         (".obj", b"v 0 \xff\x1b 0\n", r"line 1: '0 \xff\x1b 0' are no three numbers"),
@@ -208,6 +215,8 @@ def test_binary_stl_may_begin_with_solid() -> None:
         (".ply", PLY.replace("format ascii 1.0\n", ""), "its header has no format"),
         (".ply", PLY.replace("float y", "float t"), "no properties x, y and z of the vertices"),
         (".ply", PLY.replace("vertex_indices", "v"), "no faces with one list vertex_indices"),
+        (".ply", PLY.replace("list uchar ", ""), "vertex_indices that are no list of whole"),
+        (".ply", PLY.replace("uchar int", "uchar float"), "vertex_indices that are no list of"),
         (".ply", PLY + POINTS, "cut off: 0 of 1 faces"),
         (".ply", PLY + POINTS + "3 0 1\n", "cut off: 0 of 1 faces, line 14 ends early"),
         (".ply", PLY + POINTS + "3 0 1 2 3\n", "line 14: 5 values instead of 4"),
