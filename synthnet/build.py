@@ -179,31 +179,55 @@ def build(
         finished = _finished(directory, wanted, is_whole)  # by the build waited for
         if finished is not None:
             return BuildReport(finished, {}, time.perf_counter() - started, 0, nothing_to_do=True)
-        watcher = watcher or Watcher()
-        watcher.preparing()
-        spectrum.compile_solver()  # here, and not in every worker
-        plans = plan_shards(wanted)
         terms = terms_of(wanted, directory)
-        results: dict[int, ShardResult] = {}
-        jobs = ((plan, partial(work, plan, terms)) for plan in plans)
-        with engine or local_processes(workers) as at_work:
-            watcher.planned({name: wanted.drawn(name) for name in wanted.families})
-            for number, result in run_shards(at_work, jobs, watcher):
-                see(directory / plans[number].file, result.record.size)
-                results[number] = result
-                watcher.finished(plans[number], result)
-        in_order = [results[number] for number in range(len(plans))]
-        manifest = _manifest(wanted, [result.record for result in in_order])
+        jobs = ((plan, partial(work, plan, terms)) for plan in plan_shards(wanted))
+        drawn = {name: wanted.drawn(name) for name in wanted.families}
+        results = make_shards(
+            jobs, directory, drawn, workers=workers, engine=engine, watcher=watcher
+        )
+        manifest = _manifest(wanted, [result.record for result in results])
         store.write_manifest(directory, manifest)
-    seconds = dict.fromkeys(wanted.families, 0.0)
-    for result in in_order:
+    return report(store.StoredDataset(directory, manifest), results, started)
+
+
+def make_shards(
+    jobs: Iterable[tuple[ShardPlan, Job]],
+    directory: Place,
+    drawn: Mapping[str, int],
+    *,
+    workers: int | None,
+    engine: Engine | None,
+    watcher: Watcher | None,
+) -> list[ShardResult]:
+    """Have the shards of a dataset made, and return their results in the order of the jobs.
+
+    Raises
+    ------
+    BuildError
+        If a worker died or does not agree, or a shard is not where it should be.
+    """
+    watcher = watcher or Watcher()
+    watcher.preparing()
+    spectrum.compile_solver()  # here, and not in every worker
+    results: dict[int, ShardResult] = {}
+    with engine or local_processes(workers) as at_work:
+        watcher.planned(drawn)
+        for number, plan, result in run_shards(at_work, jobs, watcher):
+            see(directory / plan.file, result.record.size)
+            results[number] = result
+            watcher.finished(plan, result)
+    return [result for _, result in sorted(results.items())]
+
+
+def report(
+    dataset: store.StoredDataset, results: Sequence[ShardResult], started: float
+) -> BuildReport:
+    """Return what a build did that began at ``started`` by :func:`time.perf_counter`."""
+    seconds = dict.fromkeys(dataset.manifest.drawn, 0.0)
+    for result in results:
         seconds[result.record.family] += result.seconds
-    return BuildReport(
-        dataset=store.StoredDataset(directory, manifest),
-        seconds=seconds,
-        wall_seconds=time.perf_counter() - started,
-        reused=sum(result.reused for result in in_order),
-    )
+    reused = sum(result.reused for result in results)
+    return BuildReport(dataset, seconds, time.perf_counter() - started, reused)
 
 
 def check_workers(workers: int | None, engine: Engine | None) -> None:
@@ -463,8 +487,8 @@ def exclusive(directory: Place, wait_for_lock: bool, *folders: Place) -> Iterato
 
 def run_shards(
     workers: Workers, jobs: Iterable[tuple[ShardPlan, Job]], watcher: Watcher
-) -> Iterator[tuple[int, ShardResult]]:
-    """Yield the jobs' numbers and results as they are finished, few submitted at a time.
+) -> Iterator[tuple[int, ShardPlan, ShardResult]]:
+    """Yield the jobs' numbers, plans and results as they finish, few submitted at a time.
 
     Raises
     ------
@@ -483,7 +507,7 @@ def run_shards(
         raise_if_interrupted()
         for future in done:
             number, plan = running.pop(future)
-            yield number, _result(future, plan)
+            yield number, plan, _result(future, plan)
 
 
 def _result(future: Future[ShardResult], plan: ShardPlan) -> ShardResult:

@@ -153,6 +153,7 @@ def _import(options: argparse.Namespace) -> int:
             root=options.out,
             workers=options.workers,
             watcher=bars,
+            wait_for_lock=options.wait,
         )
     rows = what_was_met(report.dataset)
     if options.json:
@@ -164,6 +165,8 @@ def _import(options: argparse.Namespace) -> int:
         counts = Counter(row["outcome"] for row in rows)
         told = ", ".join(f"{count:,} {outcome}" for outcome, count in counts.items())
         print(f"\n{len(rows):,} files: {told}: {report.dataset.directory}")
+        if report.nothing_to_do:
+            print("(imported already: nothing to do)")
     if not report.dataset.manifest.rows:
         print("synthnet: no file became a shape: the table says why", file=sys.stderr)
         return WRONG_INPUT
@@ -249,9 +252,10 @@ def _verify(options: argparse.Namespace) -> int:
     print(f"\n{options.version} in {report.directory}: {'DIFFERENT' if failed else 'verified'}")
     if failed:
         out = f" --out {options.out}" if options.out else ""
-        print(
-            f"run `synthnet build --version {options.version}{out}`: it makes damaged shards anew,"
-        )
+        again = f"`synthnet build --version {options.version}{out}`"
+        if store.open_imported(options.version, options.out) is not None:
+            again = f"the `synthnet import` of {options.version} again"
+        print(f"run {again}: it makes damaged shards anew,")
         print("and says which other files to remove first")
     return DIFFERENT if failed else 0
 
@@ -445,6 +449,9 @@ def _parser() -> argparse.ArgumentParser:
         help="all files are test shapes (default), or 70, 20 and 10 %% by the hash of the file",
     )
     sub.add_argument("--workers", type=int, metavar="N", help="local processes")
+    sub.add_argument(
+        "--wait", action="store_true", help="wait while another import is at work in the place"
+    )
 
     sub = command("info", _info, "say what a built version holds", " --version 1.0-small")
     version_option(sub)

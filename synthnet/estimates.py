@@ -103,15 +103,15 @@ def build_estimates(
     with alone, engine or local_processes(workers) as at_work:
         watcher.preparing()
         spectrum.compile_solver()
-        plans, terms = plan_shards(wanted), terms_of(wanted, directory)
-        shards = zip(plans, dataset.manifest.shards, strict=True)
+        terms = terms_of(wanted, directory)
+        shards = zip(plan_shards(wanted), dataset.manifest.shards, strict=True)
         jobs = ((plan, partial(work, record, terms)) for plan, record in shards)
         watcher.planned({name: wanted.drawn(name) for name in wanted.families})
-        for number, result in run_shards(at_work, jobs, watcher):
+        for _, plan, result in run_shards(at_work, jobs, watcher):
             see(path_of(directory, result.record))
             seconds[result.record.family] += result.seconds
             reused += result.reused
-            watcher.finished(plans[number], result)
+            watcher.finished(plan, result)
     return BuildReport(dataset, seconds, time.perf_counter() - started, reused)
 
 

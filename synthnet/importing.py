@@ -1,7 +1,7 @@
 """Meshes of others as a dataset: read, repaired, labelled, certified and stored as drawn ones.
 
-Each directory is a family, each file a shape. A file that cannot be read, repaired or labelled is
-a rejection with its reason, as a drawn shape that a filter refuses, and stops no other.
+Each directory is a family, each file a shape. A file that cannot be opened, read, repaired or
+labelled is a rejection with its reason, as a drawn shape that a filter refuses, and stops no other.
 """
 
 from __future__ import annotations
@@ -10,38 +10,51 @@ import hashlib
 import json
 import os
 import re
+import socket
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from synthnet import files, recipe, repair, spectrum, splits, storage, store
+from synthnet import files, filters, recipe, repair, splits, storage, store
 from synthnet.build import (
     SHARDS,
     BuildReport,
     ShardResult,
+    Terms,
     Watcher,
+    agree,
+    check_workers,
     exclusive,
+    is_whole,
     label_or_rejection,
     made_with,
-    run_shards,
+    make_shards,
+    report,
+    terms_of,
 )
-from synthnet.errors import DamagedError, MeshImportError
+from synthnet.errors import BuildError, DamagedError, MeshImportError, StoreError
+from synthnet.files import one_line
+from synthnet.formats import SUFFIXES, UnreadableError
 from synthnet.plan import PlannedShape, ShardPlan
-from synthnet.reading import SUFFIXES, Reader, UnreadableError
+from synthnet.reading import ChangedError, Reader
 from synthnet.recipe import SplitSettings
 from synthnet.storage import Place
 from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec
-from synthnet.workers import Engine, local_processes, one_thread
+from synthnet.workers import Engine, one_thread
 
-RULES = "1.0"  # the recipe whose limits labels must keep
-SHARD_SIZE = 50
+LIMITS = "1.0"  # the recipe whose limits labels must keep
+RULES = 1  # of reading and repair; to be raised with any that gives a file another outcome
+SHARD_FILES, SHARD_BYTES = 50, 8_000_000  # at most, so that Ctrl-C loses little
+MOST_BYTES = 2_000_000_000  # of a file; MOST_FACES as ASCII STL, the longest, are 1 GB
 SHARES = SplitSettings(0.7, 0.2, 0.1)
-UNREADABLE = "unreadable"
+UNREADABLE, CHANGED, TOO_LARGE, MEMORY = "unreadable", "changed", "too_large", "memory"
+FACTS = ("file", "sha256", "scale", "not_orientable")  # parameters that are no repair
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +80,40 @@ class Settings:
             raise ValueError(f"split must be test or hash, got {self.split!r}")
 
 
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A file that was found.
+
+    Parameters
+    ----------
+    path : Path
+        Where it is.
+    name : str
+        Its path in the directory it was found in, without what cannot be printed.
+    size : int
+        In bytes.
+    sha256 : str
+        Of its bytes; empty if it is refused.
+    refused : tuple of str
+        Reason and detail, if it is not to be read at all.
+    """
+
+    path: Path
+    name: str
+    size: int = 0
+    sha256: str = ""
+    refused: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class FilePlan:
+    """A shard to be, the file of each of its shapes, and the directory they were found in."""
+
+    shard: ShardPlan
+    sources: tuple[Source, ...]
+    place: Path
+
+
 def import_meshes(
     places: Sequence[Path],
     name: str,
@@ -76,6 +123,7 @@ def import_meshes(
     workers: int | None = None,
     engine: Engine | None = None,
     watcher: Watcher | None = None,
+    wait_for_lock: bool = False,
 ) -> BuildReport:
     """Make a dataset of all OBJ, OFF, PLY and STL files in some directories.
 
@@ -89,7 +137,7 @@ def import_meshes(
         Of the dataset: its directory under ``root``.
     settings : Settings, optional
         How files become shapes.
-    root, workers, engine, watcher
+    root, workers, engine, watcher, wait_for_lock
         As for :func:`synthnet.build.build`.
 
     Returns
@@ -100,74 +148,76 @@ def import_meshes(
     Raises
     ------
     MeshImportError
-        If a directory is missing or has no such file, or the name will not do.
+        If a directory is missing, has no such file or is where the dataset would be, or the
+        name will not do.
     StoreError
-        If another import, or files since changed, are there under that name.
+        If another import, or something else, is there under that name; nothing is overwritten.
     BuildError
         As :func:`synthnet.build.build`.
     """
     started = time.perf_counter()
     settings = settings or Settings()
+    check_workers(workers, engine)
     check_name(name)
-    plans = plan_files(places, settings)
-    listed = [[s.spec.id, dict(s.spec.parameters)] for plan in plans for s in plan.shapes]
-    described = {"imported": asdict(settings), "rules": RULES}
-    digest = hashlib.sha256(json.dumps([described, listed], sort_keys=True).encode()).hexdigest()
     directory = store.dataset_directory(name, root)
+    _check_places(places, directory)
+    plans = plan_files(places, settings)
+    described = describe(plans, settings)
+    digest = digest_of(described)
+    _check_directory(directory)
     for folder in (directory, directory / SHARDS):
         storage.make_directory(folder)
-    roots = {family_of(place): place.resolve() for place in places}
-    watcher = watcher or Watcher()
-    with exclusive(directory, False, directory, directory / SHARDS):
-        watcher.preparing()
-        spectrum.compile_solver()
-        work = (
-            (plan, partial(import_shard, plan, roots[plan.family], settings, digest, directory))
-            for plan in plans
+    with exclusive(directory, wait_for_lock, directory, directory / SHARDS):
+        finished = _finished(directory, digest, plans)
+        if finished is not None:
+            return replace(report(finished, [], started), nothing_to_do=True)
+        terms = terms_of(recipe.load(LIMITS), directory)
+        work = partial(import_work, settings=settings, digest=digest, terms=terms)
+        jobs = ((plan.shard, partial(work, plan)) for plan in plans)
+        drawn = Counter(plan.shard.family for plan in plans for _ in plan.sources)
+        results = make_shards(
+            jobs, directory, drawn, workers=workers, engine=engine, watcher=watcher
         )
-        results: dict[int, ShardResult] = {}
-        drawn = Counter(plan.family for plan in plans for _ in plan.shapes)
-        with engine or local_processes(workers) as at_work:
-            watcher.planned(drawn)
-            for number, result in run_shards(at_work, work, watcher):
-                results[number] = result
-                watcher.finished(plans[number], result)
-        records = tuple(results[number].record for number in range(len(plans)))
+        records = tuple(result.record for result in results)
         manifest = Manifest(name, digest, described, dict(drawn), records, made_with())
         store.write_manifest(directory, manifest)
-    seconds = Counter[str]()
-    for result in results.values():
-        seconds[result.record.family] += result.seconds  # type: ignore[assignment]
-    return BuildReport(
-        dataset=store.StoredDataset(directory, manifest),
-        seconds=dict(seconds),
-        wall_seconds=time.perf_counter() - started,
-        reused=sum(result.reused for result in results.values()),
-    )
+    return report(store.StoredDataset(directory, manifest), results, started)
+
+
+def describe(plans: Sequence[FilePlan], settings: Settings) -> dict[str, Any]:
+    """Return all that the shards hang on, as it stands in the manifest in place of a recipe."""
+    listed = {
+        shape.spec.id: dict(shape.spec.parameters)
+        | ({} if source.refused is None else {"refused": ": ".join(source.refused)})
+        for plan in plans
+        for shape, source in zip(plan.shard.shapes, plan.sources, strict=True)
+    }
+    return {"imported": asdict(settings), "limits": LIMITS, "rules": RULES, "files": listed}
+
+
+def digest_of(described: dict[str, Any]) -> str:
+    """Return the SHA-256 of what :func:`describe` returns."""
+    return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
 
 
 def what_was_met(dataset: store.StoredDataset) -> list[dict[str, str | int]]:
     """Return a row for each file: its id, name, what was repaired or why it was refused."""
-    rows: list[dict[str, str | int]] = []
+    listed = dataset.manifest.recipe["files"]
+    rows: dict[str, dict[str, str | int]] = {}
     for sample in dataset.samples():
         told = dict(sample.spec.parameters)
-        row = {"id": sample.spec.id, "file": str(told.pop("file"))}
-        repairs = {k: v for k, v in told.items() if k not in ("sha256", "scale")}
-        done = ", ".join(f"{count:,} {name.replace('_', ' ')}" for name, count in repairs.items())
-        rows.append(
-            {
-                **row,
-                "outcome": "repaired" if repairs else "as it was",
-                "what": done,
-                "vertices": len(sample.mesh.vertices),
-                "faces": len(sample.mesh.faces),
-            }
-        )
+        repairs = {k: v for k, v in told.items() if k not in FACTS}
+        done = [f"{count:,} {name.replace('_', ' ')}" for name, count in repairs.items()]
+        rows[sample.spec.id] = {
+            "outcome": "repaired" if repairs else "as it was",
+            "what": ", ".join(done + ["not orientable"] * ("not_orientable" in told)),
+            "vertices": len(sample.mesh.vertices),
+            "faces": len(sample.mesh.faces),
+        }
     for refused in dataset.manifest.rejections:
-        file, _, detail = refused.detail.partition(": ")
-        what = f"{refused.reason}: {detail}"
-        rows.append({"id": refused.id, "file": file, "outcome": "rejected", "what": what})
-    return sorted(rows, key=lambda row: str(row["id"]))
+        detail = refused.detail.removeprefix(f"{listed[refused.id]['file']}: ")
+        rows[refused.id] = {"outcome": "rejected", "what": f"{refused.reason}: {detail}"}
+    return [{"id": id, "file": listed[id]["file"], **rows[id]} for id in listed]
 
 
 def check_name(name: str) -> None:
@@ -178,83 +228,218 @@ def check_name(name: str) -> None:
         )
 
 
-def plan_files(places: Sequence[Path], settings: Settings) -> list[ShardPlan]:
+def _check_places(places: Sequence[Path], directory: Place) -> None:
+    """Raise MeshImportError unless the directories are there, apart, and not the dataset's."""
+    seen: dict[Path, Path] = {}
+    for place in places:
+        if not place.is_dir():
+            raise MeshImportError(f"{place} is no directory")
+        where = place.resolve()
+        for other, given in seen.items():
+            if _overlap(where, other):
+                raise MeshImportError(
+                    f"{given} and {place} are the same or one within the other: give one of them"
+                )
+        seen[where] = place
+        if isinstance(directory, Path) and _overlap(where, directory.resolve()):
+            raise MeshImportError(
+                f"the dataset's directory {directory} and {place} are the same or one within the "
+                "other: choose another --out or --name"
+            )
+
+
+def _overlap(one: Path, other: Path) -> bool:
+    return one == other or one in other.parents or other in one.parents
+
+
+def _check_directory(directory: Place) -> None:
+    """Raise MeshImportError if a directory holds things that are no dataset's."""
+    if not isinstance(directory, Path) or not directory.exists():
+        return
+    if not directory.is_dir():
+        raise MeshImportError(f"{directory} is no directory: choose another --out or --name")
+    known = {SHARDS, ".lock", store.MANIFEST, "processed"}
+    strange = sorted(p.name for p in directory.iterdir() if p.name not in known)
+    strange = [name for name in strange if not re.fullmatch(r"\..*\.partial|\.writable", name)]
+    if strange:
+        raise MeshImportError(
+            f"{directory} holds {files.printable(strange[0])}, which is of no import: nothing "
+            "was overwritten, choose another --out or --name"
+        )
+
+
+def _finished(
+    directory: Place, digest: str, plans: Sequence[FilePlan]
+) -> store.StoredDataset | None:
+    """Return the dataset if this very import is there and whole.
+
+    Raises
+    ------
+    StoreError
+        If another dataset is there, or a part of one.
+    """
+    advice = f"nothing was overwritten: remove {directory} or choose another --name"
+    manifest = store.read_manifest(directory)
+    if manifest is not None and manifest.recipe_digest != digest:
+        raise StoreError(
+            f"{directory} is of other directories, files, options or rules than this import; "
+            f"{advice}"
+        )
+    if isinstance(directory, Path):
+        planned = {directory / plan.shard.file for plan in plans}
+        for path in sorted((directory / SHARDS).glob("[!.]*")):
+            if path not in planned or store.recipe_digest_of(path) not in (digest, None):
+                raise StoreError(
+                    f"{path} is of other directories, files, options or rules than this import, "
+                    f"or of none; {advice}"
+                )
+    if manifest is None or not all(is_whole(directory / s.file, s) for s in manifest.shards):
+        return None
+    return store.StoredDataset(directory, manifest)
+
+
+def plan_files(places: Sequence[Path], settings: Settings) -> list[FilePlan]:
     """Return the shards: the files of each directory in order of their path.
 
     The split and the group of a file hang on its bytes alone, so copies are never apart.
     """
-    plans, seen = [], dict[str, Path]()
-    for place in places:
-        if not place.is_dir():
-            raise MeshImportError(f"{place} is no directory")
-        found = sorted(p for p in place.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
-        if not found:
+    plans, seen = list[FilePlan](), dict[str, Path]()
+    for place in (place.resolve() for place in places):  # a worker may be in another directory
+        paths = list(_found(place))
+        if not paths:
             raise MeshImportError(f"{place} has no {', '.join(SUFFIXES)} file")
         family = family_of(place)
         if family in seen:
             raise MeshImportError(f"{seen[family]} and {place} would both be the family {family}")
         seen[family] = place
-        shapes = [_planned(family, i, place, path, settings) for i, path in enumerate(found)]
-        for number, first in enumerate(range(0, len(shapes), SHARD_SIZE)):
-            chunk = tuple(shapes[first : first + SHARD_SIZE])
-            plans.append(ShardPlan(f"{SHARDS}/{family}-{number:04d}.parquet", family, chunk))
+        sources = [_source(place, path, error) for path, error in sorted(paths)]
+        shapes = [_planned(family, i, source, settings) for i, source in enumerate(sources)]
+        for number, (first, last) in enumerate(_chunks([source.size for source in sources])):
+            file = f"{SHARDS}/{family}-{number:04d}.parquet"
+            shard = ShardPlan(file, family, tuple(shapes[first:last]))
+            plans.append(FilePlan(shard, tuple(sources[first:last]), place))
     return plans
 
 
 def family_of(place: Path) -> str:
     """Return the name of a directory in small letters, digits and underscores."""
-    return re.sub(r"[^a-z0-9]+", "_", place.resolve().name.lower()).strip("_") or "meshes"
+    return re.sub(r"[^a-z0-9]+", "_", place.name.lower()).strip("_") or "meshes"
 
 
-def _planned(family: str, index: int, place: Path, path: Path, settings: Settings) -> PlannedShape:
-    digest = files.sha256(path)
-    told = {"file": path.relative_to(place).as_posix(), "sha256": digest}
-    spec = ShapeSpec(f"{family}-{index:05d}", family, index, told, digest[:16])
-    split = "test" if settings.split == "test" else splits.by_hash("import", digest, SHARES, 0)
+def _found(place: Path) -> Iterator[tuple[Path, str]]:
+    """Yield the files of a mesh's suffix; and directories that cannot be read, with why."""
+    errors: list[OSError] = []
+    for folder, _, names in os.walk(place, onerror=errors.append):
+        for name in names:
+            if Path(name).suffix.lower() in SUFFIXES:
+                yield Path(folder, name), ""
+    for error in errors:
+        yield Path(error.filename), f"cannot be opened ({error.strerror})"
+
+
+def _source(place: Path, path: Path, error: str) -> Source:
+    name = files.printable(path.relative_to(place).as_posix())
+    if error:
+        return Source(path, f"{name}/", refused=(UNREADABLE, error))
+    try:
+        size = path.stat().st_size
+        if not path.is_file():
+            return Source(path, name, refused=(UNREADABLE, "is no file"))
+        if size > MOST_BYTES:
+            told = f"{size:,} bytes, more than {MOST_BYTES:,}"
+            return Source(path, name, refused=(TOO_LARGE, told))
+        return Source(path, name, size, files.sha256(path))
+    except OSError as wrong:
+        told = f"cannot be opened ({wrong.strerror})"
+        return Source(path, name, refused=(UNREADABLE, told))
+
+
+def _chunks(sizes: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Yield the first and past the last file of each shard."""
+    first, total = 0, 0
+    for i, size in enumerate(sizes):
+        if i > first and (i - first == SHARD_FILES or total + size > SHARD_BYTES):
+            yield first, i
+            first, total = i, 0
+        total += size
+    yield first, len(sizes)
+
+
+def _planned(family: str, index: int, source: Source, settings: Settings) -> PlannedShape:
+    told = {"file": source.name, "sha256": source.sha256}
+    spec = ShapeSpec(f"{family}-{index:05d}", family, index, told, source.sha256[:16])
+    split = split_of(source.sha256, settings.split)
     return PlannedShape(spec, split, (split,))
 
 
-def import_shard(
-    plan: ShardPlan, place: Path, settings: Settings, digest: str, directory: Place
-) -> ShardResult:
-    """Make one shard, or keep the one that is there; runs in a worker."""
+def split_of(sha256: str, rule: str) -> str:
+    """Return the split of a file by the rule of :class:`Settings`."""
+    return "test" if rule == "test" else splits.by_hash("import", sha256, SHARES, 0)
+
+
+def import_work(plan: FilePlan, *, settings: Settings, digest: str, terms: Terms) -> ShardResult:
+    """Make one shard on the terms of an import; runs in a worker, on whatever machine."""
+    agree(terms)
+    if not plan.place.is_dir():  # or all files of it would be rejected as unreadable
+        raise BuildError(
+            f"the worker on {socket.gethostname()} does not see {plan.place}: the meshes must be "
+            "in a directory that all machines share"
+        )
+    return import_shard(plan, settings, digest, terms.directory)
+
+
+def import_shard(plan: FilePlan, settings: Settings, digest: str, directory: Place) -> ShardResult:
+    """Make one shard, or keep the one that is there."""
     started = time.process_time()
-    path = directory / plan.file
+    path = directory / plan.shard.file
     damaged = None
     if storage.size(path) is not None:
         try:
-            record = store.read_record(path, digest, [shape.spec.id for shape in plan.shapes])
+            ids = [shape.spec.id for shape in plan.shard.shapes]
+            record = store.read_record(path, digest, ids)
             return ShardResult(record, time.process_time() - started, reused=True)
         except DamagedError as error:
             damaged = str(error)
     samples: list[Sample] = []
     rejections: list[Rejection] = []
     with one_thread, Reader() as reader:
-        for shape in plan.shapes:
-            made = import_file(shape, place, settings, reader)
+        for shape, source in zip(plan.shard.shapes, plan.sources, strict=True):
+            made = import_file(shape, source, settings, reader)
             if isinstance(made, Sample):
                 samples.append(made)
             else:
                 rejections.append(made)
-    record = store.write_shard(path, samples, rejections, family=plan.family, recipe_digest=digest)
+    family = plan.shard.family
+    record = store.write_shard(path, samples, rejections, family=family, recipe_digest=digest)
     return ShardResult(record, time.process_time() - started, reused=False, damaged=damaged)
 
 
 def import_file(
-    shape: PlannedShape, place: Path, settings: Settings, reader: Reader
+    shape: PlannedShape, source: Source, settings: Settings, reader: Reader
 ) -> Sample | Rejection:
     """Return the labelled surface of a file, or why there is none."""
     spec = shape.spec
-    file = str(spec.parameters["file"])
+
+    def rejected(reason: str, detail: str) -> Rejection:
+        return Rejection(spec.id, spec.family, reason, f"{source.name}: {detail}")
+
+    if source.refused is not None:
+        return rejected(*source.refused)
     try:
-        mesh, found = surface(reader.read(place / file), settings)
+        mesh, found = surface(reader.read(source.path, source.sha256), settings)
+        label = label_or_rejection(spec, mesh, recipe.load(LIMITS))
     except UnreadableError as error:
-        return Rejection(spec.id, spec.family, UNREADABLE, f"{file}: {error}")
+        return rejected(UNREADABLE, str(error))
+    except ChangedError as error:
+        return rejected(CHANGED, str(error))
     except repair.Refused as error:
-        return Rejection(spec.id, spec.family, error.reason, f"{file}: {error.detail}")
-    label = label_or_rejection(spec, mesh, recipe.load(RULES))
+        return rejected(error.reason, error.detail)
+    except MemoryError:
+        return rejected(MEMORY, "its surface or label needs more memory than there is")
+    except ValueError as error:
+        return rejected(filters.SOLVER, one_line(error))
     if isinstance(label, Rejection):
-        return replace(label, detail=f"{file}: {label.detail}")
+        return rejected(label.reason, label.detail)
     return Sample(
         spec=replace(spec, parameters={**spec.parameters, **found}),
         mesh=mesh,

@@ -1,38 +1,37 @@
-"""Reading mesh files of strangers: OBJ, OFF, PLY and STL, by trimesh in a process of its own.
+"""Reading mesh files of strangers: OBJ, OFF, PLY and STL, in a process of its own.
 
-A truncated or altered file may make a parser raise anything, ask for all memory or never come
-back. None of that reaches the process that asks.
+A truncated or altered file may ask for all memory or take for ever. None of that reaches the
+process that asks.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
+import math
 import multiprocessing
-import os
 import resource
 import signal
-from dataclasses import dataclass
+import time
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
+from synthnet import formats
 from synthnet.errors import SynthNetError
-from synthnet.files import one_line
+from synthnet.formats import SUFFIXES, UnreadableError
 from synthnet.types import Mesh
+from synthnet.workers import follow_parent
 
-SUFFIXES = (".obj", ".off", ".ply", ".stl")
 SECONDS, GIGABYTES = 120.0, 8.0
+PATIENCE = 10 * SECONDS  # by the clock, for a disk that hangs: processor time does not pass then
 
 
-class UnreadableError(SynthNetError):
-    """A file that is no mesh, or that the parser cannot read within its limits."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Failed:
-    message: str
+class ChangedError(SynthNetError):
+    """A file whose bytes are not those that were to be read."""
 
 
 class Reader:
@@ -41,9 +40,11 @@ class Reader:
     Parameters
     ----------
     seconds : float
-        Most time for a file.
+        Most processor time for a file; it does not depend on what else the machine does.
     gigabytes : float
         Most memory of the process that reads.
+    patience : float
+        Most seconds by the clock for a file.
 
     Examples
     --------
@@ -53,8 +54,13 @@ class Reader:
             mesh = reader.read(Path("bunny.obj"))
     """
 
-    def __init__(self, seconds: float = SECONDS, gigabytes: float = GIGABYTES) -> None:
-        self.seconds, self.gigabytes = seconds, gigabytes
+    def __init__(
+        self,
+        seconds: float = SECONDS,
+        gigabytes: float = GIGABYTES,
+        patience: float = PATIENCE,
+    ) -> None:
+        self.seconds, self.gigabytes, self.patience = seconds, gigabytes, patience
         self._process: multiprocessing.process.BaseProcess | None = None
         self._channel: Connection
 
@@ -71,8 +77,18 @@ class Reader:
         """End the process."""
         self._end()
 
-    def read(self, path: Path) -> Mesh:
+    def read(self, path: Path, sha256: str | None = None) -> Mesh:
         """Return the triangles of a file as they stand in it, polygons cut into triangles.
+
+        A process that dies is no proof against the file: it may have died before, or for want of
+        memory elsewhere. So a second one is asked.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+        sha256 : str, optional
+            Of the bytes that it must have.
 
         Returns
         -------
@@ -83,72 +99,101 @@ class Reader:
         ------
         UnreadableError
             If it cannot be read; later files can be.
+        ChangedError
+            If it has other bytes.
         """
         if path.suffix.lower() not in SUFFIXES:
             raise UnreadableError(f"{path.name} is none of {', '.join(SUFFIXES)}")
+        request = json.dumps([str(path), sha256]).encode()
+        try:
+            return self._ask(request)
+        except (EOFError, OSError):
+            self._fail_if_slow()
+        try:
+            return self._ask(request)
+        except (EOFError, OSError):
+            self._fail_if_slow()
+        raise UnreadableError("the process that reads it died twice")
+
+    def _ask(self, request: bytes) -> Mesh:
         if self._process is None:
             self._begin()
-        try:
-            self._channel.send(path)
-            if not self._channel.poll(self.seconds):
-                self._end()
-                raise UnreadableError(f"not read within {self.seconds:g} s")
-            answer = self._channel.recv()
-        except (EOFError, OSError):
+        self._channel.send_bytes(request)
+        if not self._channel.poll(self.patience):
             self._end()
-            raise UnreadableError("the parser crashed") from None
-        if isinstance(answer, _Failed):
-            raise UnreadableError(answer.message)
-        vertices, faces = answer
-        if not len(faces):
-            raise UnreadableError("it holds no triangles, or is cut off")
-        try:
-            return Mesh(vertices, faces)
-        except ValueError as error:
-            raise UnreadableError(str(error)) from error
+            raise UnreadableError(f"not read within {self.patience:g} s")
+        answer = json.loads(self._channel.recv_bytes())
+        if "changed" in answer:
+            raise ChangedError(answer["changed"])
+        if "unreadable" in answer:
+            raise UnreadableError(answer["unreadable"])
+        vertices = np.frombuffer(self._channel.recv_bytes(), np.float64)
+        faces = np.frombuffer(self._channel.recv_bytes(), np.int64)
+        return Mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3))
 
     def _begin(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._channel, other = context.Pipe()
-        self._process = context.Process(target=_serve, args=(other, self.gigabytes), daemon=True)
+        limits = self.seconds, self.gigabytes
+        self._process = context.Process(target=_serve, args=(other, *limits), daemon=True)
         self._process.start()
         other.close()
 
-    def _end(self) -> None:
+    def _end(self) -> int | None:
+        """End the process and return its exit code; it may have ended before."""
         if self._process is None:
-            return
+            return None
+        process, self._process = self._process, None
         self._channel.close()
-        self._process.kill()
-        self._process.join()
-        self._process = None
+        process.kill()
+        process.join()
+        return process.exitcode
+
+    def _fail_if_slow(self) -> None:
+        if self._end() == -signal.SIGXCPU:
+            raise UnreadableError(f"not read within {self.seconds:g} s of processor time")
 
 
-def _serve(channel: Connection, gigabytes: float) -> None:
-    """Answer each path with vertices and faces, or with why there are none."""
+def _serve(channel: Connection, seconds: float, gigabytes: float) -> None:
+    """Answer each request, until there is nobody to ask."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the other process
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    for descriptor in (1, 2):  # parsers print
-        os.dup2(nowhere, descriptor)
-    import trimesh
-
-    limit = round(gigabytes * 2**30)
-    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    follow_parent()
+    _limit(resource.RLIMIT_CORE, 0)
+    _limit(resource.RLIMIT_AS, round(gigabytes * 2**30))
     while True:
         try:
-            path = channel.recv()
+            request = channel.recv_bytes()
         except EOFError:
             return
-        try:
-            mesh = trimesh.load(
-                path, file_type=path.suffix[1:].lower(), force="mesh", process=False
-            )
-            answer = (
-                np.array(mesh.vertices, np.float64).reshape(-1, 3),
-                np.array(mesh.faces, np.int64).reshape(-1, 3),
-            )
-        except MemoryError:
-            channel.send(_Failed(f"needs more than {gigabytes:g} GB of memory"))
-        except Exception as error:  # noqa: BLE001 - a parser of others, on any bytes whatever
-            channel.send(_Failed(f"{type(error).__name__}: {one_line(error)}"[:200]))
-        else:
-            channel.send(answer)
+        _limit(resource.RLIMIT_CPU, math.ceil(time.process_time() + seconds))
+        path, sha256 = json.loads(request)
+        _send(channel, *_answer(path, sha256, gigabytes))
+
+
+def _limit(kind: int, most: int) -> None:
+    """Limit this process, but to no more than whoever started it allows."""
+    hard = resource.getrlimit(kind)[1]
+    resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+def _answer(
+    path: str, sha256: str | None, gigabytes: float
+) -> tuple[dict[str, str], formats.Triangles | None]:
+    """Return why a file's triangles cannot be had, or nothing and the triangles."""
+    try:
+        content = Path(path).read_bytes()
+        if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
+            return {"changed": "its bytes are others than when the import began"}, None
+        return {}, formats.read(content, Path(path).suffix.lower())
+    except OSError as error:
+        return {"unreadable": f"cannot be opened ({error.strerror})"}, None
+    except UnreadableError as error:
+        return {"unreadable": str(error)}, None
+    except MemoryError:
+        return {"unreadable": f"needs more than {gigabytes:g} GB of memory"}, None
+
+
+def _send(channel: Connection, told: dict[str, str], triangles: Any) -> None:
+    channel.send_bytes(json.dumps(told).encode())
+    for values in triangles or ():
+        channel.send_bytes(np.ascontiguousarray(values).data.cast("B"))

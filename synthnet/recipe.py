@@ -189,9 +189,12 @@ def load(version: str) -> Recipe:
     if suffixed := SCALED.fullmatch(version):
         return scaled(load(suffixed["version"]), int(suffixed["scale"]))
     if version not in available():
+        told = (
+            "" if version[:1].isdigit() else ", or make it of your own meshes by `synthnet import`"
+        )
         raise RecipeError(
             f"unknown version {version!r}: choose one of {', '.join(available())} "
-            "(`synthnet versions` lists them)"
+            f"(`synthnet versions` lists them){told}"
         )
     return parse(resources.files("synthnet.versions").joinpath(f"{version}.toml").read_text())
 

@@ -7,8 +7,11 @@ refused is named, and nothing is guessed.
 finding               rule
 ====================  ==========================================================================
 no faces              refused: ``no_faces``
+too many              refused: ``too_large``; faces before, vertices after merging
 not finite            refused if a face uses such a coordinate: ``finite``
-equal positions       vertices nearer than :data:`NEAR` of the diagonal become one
+size                  refused if the diagonal is outside :data:`DIAGONALS`: ``extent``
+equal positions       vertices nearer than :data:`NEAR` of the diagonal become one; refused
+                      if :data:`COLLAPSED` of the faces fall together by it: ``extent``
 repeated corners      faces that name a vertex twice (after that) are dropped
 duplicate faces       of faces with the same three corners one is kept
 loose vertices        vertices without a face are dropped
@@ -24,6 +27,7 @@ few vertices          refused: ``few_vertices``
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -31,14 +35,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from synthnet.errors import SynthNetError
 from synthnet.geometry import MeshFacts, area, face_areas, volume
-from synthnet.types import Mesh
+from synthnet.types import Mesh, Vertices
 
 NEAR = 1e-7  # of the diagonal of the bounding box: a float32 has 6e-8 of its size
 FLAT = 1e-9  # altitude / longest edge, at or below which a triangle has no area to speak of
+DIAGONALS = (1e-30, 1e30)  # of the bounding box: of these float32 can store the smallest parts
+COLLAPSED = 0.25  # of the faces; scans and CAD have some slivers that merging takes away
+# A factor has about 8 n log2(n) entries (A. George, SIAM J. Numer. Anal. 10, 1973): 2.7 GB here
+MOST_VERTICES = 2_000_000
+MOST_FACES = 4_000_000  # a closed surface has twice as many as vertices
 
 
 class Refused(SynthNetError):
@@ -100,13 +108,17 @@ def repair(mesh: Mesh, *, least: int = 11, keep_largest: bool = False) -> Repair
     """
     if not len(mesh.faces):
         raise Refused("no_faces", "the file has vertices only, or nothing")
+    if len(mesh.faces) > MOST_FACES:
+        raise Refused("too_large", f"{len(mesh.faces):,} faces, more than {MOST_FACES:,}")
     state = Repaired(Mesh(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)))
     rules: tuple[Callable[[Repaired], Repaired], ...] = (
         finite,
+        within_extent,
         merged,
         without_repeated_corners,
         without_duplicates,
         without_loose_vertices,
+        not_too_large,
         not_flat,
         manifold_edges,
         split_pinches,
@@ -132,27 +144,48 @@ def finite(state: Repaired) -> Repaired:
     return replace(state, mesh=Mesh(vertices, state.mesh.faces))
 
 
+def within_extent(state: Repaired) -> Repaired:
+    """Refuse sizes that float32 cannot store or whose squares and areas have no float64."""
+    found, (least, most) = _diagonal(state.mesh), DIAGONALS
+    if not least <= found <= most:
+        raise Refused("extent", f"the diagonal is {found:g}, not between {least:g} and {most:g}")
+    return state
+
+
 def merged(state: Repaired) -> Repaired:
     """Make one vertex of those at the same position, the one that comes first."""
     vertices, faces = state.mesh.vertices, state.mesh.faces
     used = np.unique(faces)
-    points = vertices[used]
-    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-    _, first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    pairs = cKDTree(points[first]).query_pairs(NEAR * diagonal, output_type="ndarray")
-    joined = _components(len(first), pairs[:, 0], pairs[:, 1])[same.ravel()]
+    distance = NEAR * _diagonal(state.mesh)
+    joined = _near(vertices[used], distance)
     keep = np.full(joined.max() + 1, len(used))
     np.minimum.at(keep, joined, np.arange(len(used)))
     target = np.arange(len(vertices))
     target[used] = used[keep[joined]]
-    count = len(used) - len(keep)
-    return state.with_repair("merged vertices", count, Mesh(vertices, target[faces]))
+    mesh = Mesh(vertices, target[faces])
+    apart = (vertices[faces] != np.roll(vertices[faces], 1, axis=1)).any(axis=2).all(axis=1)
+    gone = int(np.count_nonzero(apart & _repeated(mesh.faces)))
+    if gone > COLLAPSED * len(faces):
+        raise Refused(
+            "extent",
+            f"{gone:,} of {len(faces):,} faces are smaller than {distance:.2g}, {NEAR:g} of the "
+            "diagonal: is a vertex far away?",
+        )
+    return state.with_repair("merged vertices", len(used) - len(keep), mesh)
+
+
+def not_too_large(state: Repaired) -> Repaired:
+    """Refuse surfaces whose label would take all memory."""
+    count = len(state.mesh.vertices)
+    if count > MOST_VERTICES:
+        raise Refused("too_large", f"{count:,} vertices, more than {MOST_VERTICES:,}")
+    return state
 
 
 def without_repeated_corners(state: Repaired) -> Repaired:
     """Drop faces that name a vertex twice."""
     faces = state.mesh.faces
-    good = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    good = ~_repeated(faces)
     if not good.any():
         raise Refused("no_faces", "no face has three corners that differ")
     mesh = Mesh(state.mesh.vertices, faces[good])
@@ -257,7 +290,7 @@ def oriented(state: Repaired) -> Repaired:
 
 def flat_faces(mesh: Mesh) -> int:
     """Return how many triangles have no area to speak of."""
-    return int(np.count_nonzero(MeshFacts(mesh).relative_altitudes <= FLAT))
+    return int(np.count_nonzero(~(MeshFacts(mesh).relative_altitudes > FLAT)))  # NaN is none
 
 
 def unit_area(mesh: Mesh) -> tuple[Mesh, float]:
@@ -269,6 +302,37 @@ def unit_area(mesh: Mesh) -> tuple[Mesh, float]:
 def centred(mesh: Mesh) -> Mesh:
     """Return the mesh with the mean of its vertices at the origin."""
     return Mesh(mesh.vertices - mesh.vertices.mean(axis=0), mesh.faces)
+
+
+def _diagonal(mesh: Mesh) -> float:
+    """Return the diagonal of the bounding box; vertices without a face do not count."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces)], axis=0)))
+
+
+def _repeated(faces: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Return which faces name a vertex twice."""
+    repeated: NDArray[np.bool_] = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    return repeated
+
+
+def _near(points: Vertices, distance: float) -> NDArray[np.int64]:
+    """Return a number for each point, (n,), equal for those joined by steps below a distance.
+
+    Points that share a cell of twice that width are joined. Along an axis the cells of two grids
+    half a cell apart have no walls nearer to each other than the distance, so two points within
+    it share a cell of one of the two, and of one of the eight in space. No step is longer than
+    a cell's diagonal, 3.5 times the distance. Memory is linear in the points, however they lie.
+    """
+    n = len(points)
+    scaled = (points - points.min(axis=0)) / (2 * distance)  # at most 5e6 by NEAR
+    joined = np.arange(n)
+    for shift in itertools.product((0.0, 0.5), repeat=3):
+        x, y, z = np.floor(scaled + shift).astype(np.int64).T
+        column = np.unique((x << 24) + y, return_inverse=True)[1].ravel()
+        cell = np.unique((column << 24) + z, return_inverse=True)[1].ravel()
+        joined = _components(2 * n, joined, n + cell)[joined]
+    return np.unique(joined, return_inverse=True)[1].ravel()
 
 
 def _compact(mesh: Mesh) -> Mesh:

@@ -32,7 +32,10 @@ from synthnet.types import Certificate, Manifest, Mesh, Rejection, Sample, Shape
 SCHEMA_VERSION = 2
 MANIFEST = "manifest.json"
 SEAL = "sha256"
-AGAIN = "run `synthnet build` again, with its --version and --out"
+AGAIN = (
+    "run `synthnet build` again, with its --version and --out, or for an import the same "
+    "`synthnet import`"
+)
 METADATA_KEY = b"synthnet"
 
 SCHEMA = pa.schema(
@@ -188,7 +191,8 @@ def read_record(path: Place, recipe_digest: str, ids: Sequence[str] | None = Non
         )
     if header.get("recipe_digest") != recipe_digest:
         raise StoreError(
-            f"{path} belongs to another recipe: remove {path.parent.parent} or choose another --out"
+            f"{path} belongs to another recipe: remove {path.parent.parent} or choose another "
+            "--out, or for an import another --name"
         )
     found = [*table["id"].to_pylist(), *(r["id"] for r in header["rejections"])]
     if ids is not None and sorted(found) != sorted(ids):
@@ -196,6 +200,16 @@ def read_record(path: Place, recipe_digest: str, ids: Sequence[str] | None = Non
             f"{path} is damaged (it holds other shapes than it should): remove it and {AGAIN}"
         )
     return _record(path, table, header)
+
+
+def recipe_digest_of(path: Path) -> str | None:
+    """Return the digest in a shard's header, or ``None`` if the file is no whole shard."""
+    try:
+        with pq.ParquetFile(path) as file:
+            header = json.loads((file.schema_arrow.metadata or {}).get(METADATA_KEY, b"{}"))
+        return str(header["recipe_digest"])
+    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException):
+        return None
 
 
 def _record(path: Place, table: pa.Table, header: dict[str, Any]) -> ShardRecord:

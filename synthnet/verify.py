@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -10,13 +11,15 @@ import lapy
 import numpy as np
 import threadpoolctl
 from numpy.typing import NDArray
+from scipy import linalg
 
-from synthnet import augment, estimates, pins, recipe, spectrum, storage, store
+from synthnet import augment, estimates, importing, pins, recipe, spectrum, storage, store
 from synthnet.discretisation import Estimate, estimate, extrapolate
 from synthnet.distributions import ISOMETRIES, generator
 from synthnet.errors import SpectrumError, StoreError
 from synthnet.families import FAMILIES
 from synthnet.files import one_line
+from synthnet.geometry import area
 from synthnet.plan import PlannedShape, plan_shards
 from synthnet.recipe import Recipe
 from synthnet.storage import Place
@@ -33,7 +36,7 @@ CHECKS = {  # in order, with what each holds
     "manifest": "the recipe's digest and the counts by family",
     "digests": "SHA-256 of every shard",
     "shards": "schema, page checksums and rows of every shard",
-    "recipe": "ids, parameters, splits and isometries drawn anew",
+    "recipe": "ids, parameters, splits and isometries, drawn anew or as an import lists them",
     "meshes": "generated anew: faces equal, every vertex to 1e-6",
     "certificates": "residuals, and the eigenvalues counted anew below two shifts",
     "pins": "digests of the pinned build; its vertex moments and eigenvalues to 1e-6",
@@ -197,17 +200,35 @@ def verify_imported(
     seed: int = 0,
     on_shard: Callable[[int, int], None] | None = None,
 ) -> VerifyReport:
-    """Verify a dataset of imported meshes: all that needs neither a recipe nor its files."""
+    """Verify a dataset of imported meshes; the files themselves need not be there.
+
+    Checks, in order: that the manifest's digest is that of its options and list of files, and the
+    counts by family; SHA-256 of every shard; schema, page checksums and row counts; that every
+    file listed is stored or rejected, with its name, hash and split; every certificate, its
+    eigenvalues counted anew; labels of a random sample against ``lapy.Solver(...).eigs``.
+
+    Raises
+    ------
+    StoreError
+        If the manifest lists no files, as those before synthnet 0.1 did not.
+    """
     manifest = dataset.manifest
-    limits = recipe.load(manifest.recipe["rules"])
+    if not {"limits", "files"} <= set(manifest.recipe):
+        raise StoreError(
+            f"{dataset.directory} was imported by an older synthnet: remove it and import again"
+        )
+    limits = recipe.load(manifest.recipe["limits"])
     rng = np.random.default_rng(seed)
     chosen = set(rng.choice(manifest.rows, min(sample, manifest.rows), replace=False).tolist())
+    ids: list[str] = [rejection.id for rejection in manifest.rejections]
     seen = relabelled = 0
-    names = ("manifest", "digests", "shards", "certificates", "labels")
+    names = ("manifest", "digests", "shards", "recipe", "certificates", "labels")
     found: dict[str, list[str]] = {name: [] for name in names}
     found["manifest"] += _check_manifest(manifest, None)
     for number, record in enumerate(manifest.shards, start=1):
         for one in _read_checked(dataset, record, found) or ():
+            ids.append(one.spec.id)
+            found["recipe"] += _check_listed(one, manifest)
             found["certificates"] += _check_certificate(one, limits)
             if seen in chosen:
                 relabelled += 1
@@ -215,10 +236,34 @@ def verify_imported(
             seen += 1
         if on_shard is not None:
             on_shard(number, len(manifest.shards))
+    listed = manifest.recipe["files"]
+    times = Counter(ids)
+    found["recipe"] += [
+        f"{id}: {times[id]} times among those stored or rejected"
+        for id in sorted({*listed, *times})
+        if times[id] != 1
+    ]
     many = len(manifest.shards)
-    examined = (1, many, many, seen, relabelled)
+    examined = (1, many, many, len(listed), seen, relabelled)
     checks = [Check(n, e, tuple(found[n])) for n, e in zip(names, examined, strict=True)]
     return VerifyReport(dataset.directory, tuple(checks))
+
+
+def _check_listed(sample: Sample, manifest: Manifest) -> Iterator[str]:
+    """Compare a shape with what the manifest lists of its file."""
+    spec = sample.spec
+    listed = manifest.recipe["files"].get(spec.id)
+    if listed is None:
+        yield f"{spec.id}: not in the manifest's list of files"
+        return
+    if {name: spec.parameters.get(name) for name in listed} != listed:
+        yield f"{spec.id}: file or SHA-256 differ from the manifest's list"
+    split = importing.split_of(listed["sha256"], manifest.recipe["imported"]["split"])
+    expected = (listed["sha256"][:16], split, (split,))
+    if (spec.group, sample.split, sample.paper_splits) != expected:
+        yield f"{spec.id}: group or splits differ from those of its file"
+    if not np.array_equal(sample.isometries, np.eye(3)[None]):
+        yield f"{spec.id}: isometries are not the identity alone"
 
 
 def _read_checked(
@@ -237,11 +282,22 @@ def _read_checked(
 
 
 def lapy_eigenvalues(mesh: Mesh, k: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return the first k eigenvalues after zero by LaPy's own solver, on one thread."""
+    """Return the first k eigenvalues after zero by LaPy's own solver, on one thread.
+
+    The mesh is scaled to area 1 for it, since the shift next to zero that LaPy solves around is
+    a fixed one. Of a mesh that is hardly larger than the basis ARPACK needs, LaPy's matrices are
+    solved densely: ARPACK finds no more than n - 1 eigenvalues.
+    """
+    size = area(mesh)
+    vertices = mesh.vertices.astype(np.float64) / np.sqrt(size)
     with threadpoolctl.threadpool_limits(1):
-        solver = lapy.Solver(lapy.TriaMesh(mesh.vertices.astype(np.float64), mesh.faces))
-        values, _ = solver.eigs(k + 1, rng=0)
-    return np.asarray(values[1:], dtype=np.float64)
+        solver = lapy.Solver(lapy.TriaMesh(vertices, mesh.faces))
+        if len(vertices) <= 2 * (k + 1):
+            dense = solver.stiffness.toarray(), solver.mass.toarray()
+            values = linalg.eigh(*dense, eigvals_only=True)[: k + 1]
+        else:
+            values, _ = solver.eigs(k + 1, rng=0)
+    return np.asarray(values[1:], dtype=np.float64) / size
 
 
 def _choose(
@@ -255,6 +311,8 @@ def _choose(
 def _check_manifest(manifest: Manifest, wanted: Recipe | None) -> Iterator[str]:
     if wanted is None:  # imported: the manifest alone knows how many
         drawn = dict(manifest.drawn)
+        if manifest.recipe_digest != importing.digest_of(dict(manifest.recipe)):
+            yield "manifest: its digest is not that of its options and files"
     else:
         drawn = {family: wanted.drawn(family) for family in wanted.families}
         if manifest.recipe_digest != wanted.digest:
@@ -405,7 +463,10 @@ def _check_label(sample: Sample) -> Iterator[str]:
     except (RuntimeError, ValueError, np.linalg.LinAlgError) as error:
         yield f"{sample.spec.id}: LaPy has no answer: {one_line(error)}"
         return
-    apart = float(np.max(np.abs(sample.eigenvalues / found[:wanted] - 1)))
+    # Next to zero labels are exact to a part of Weyl's k-th eigenvalue, and so is LaPy
+    least = spectrum.NEAR_ZERO * 4 * np.pi * wanted / area(sample.mesh)
+    off = np.abs(sample.eigenvalues - found[:wanted]) / np.maximum(found[:wanted], least)
+    apart = float(off.max())
     if not apart <= LAPY_TOLERANCE:
         yield f"{sample.spec.id}: label is {apart:.2g} off LaPy's, more than {LAPY_TOLERANCE:g}"
     below = 1 + int(np.count_nonzero(found < sample.certificate.shift))

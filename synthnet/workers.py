@@ -103,13 +103,18 @@ def local_processes(workers: int | None = None) -> Iterator[Workers]:
 def _start_worker() -> None:
     """Leave Ctrl-C to the parent, end when the parent is gone, and load what the work needs."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+    follow_parent()
     try:
         importlib.import_module("synthnet.build")
     except MemoryError:
         os._exit(1)  # the parent says so in one line; here it would be a traceback
+
+
+def follow_parent() -> None:
+    """From now on end this process when its parent is gone, whatever it is at."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
 
 
 def _follow(sentinel: int) -> None:

@@ -19,6 +19,7 @@ LEVELS = {
             "_open3d",
             "distributions",
             "files",
+            "formats",
             "interrupts",
             "workers",
             "recipe",

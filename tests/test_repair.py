@@ -70,6 +70,60 @@ def test_merging_goes_by_the_size_of_the_mesh() -> None:
     assert done(soup, np.arange(36).reshape(-1, 3)).repairs == {"merged vertices": 28}
 
 
+def test_merging_joins_what_steps_below_the_distance_join_and_little_more() -> None:
+    """Against all pairs: those below the distance are joined, others up to 3.5 times it may be."""
+    rng = np.random.default_rng(0)
+    points = np.concatenate([rng.random((400, 3)) * 30, np.repeat(rng.random((5, 3)) * 30, 9, 0)])
+    joined = repair._near(points, 1.0)
+    apart = np.linalg.norm(points[:, None] - points, axis=2)
+    groups = []
+    for limit in (1.0, 2 * np.sqrt(3)):
+        pairs = np.nonzero(apart <= limit)
+        groups.append(repair._components(len(points), *pairs))
+    near, far = groups
+    together = joined[:, None] == joined
+    assert together[near[:, None] == near].all()
+    assert not together[far[:, None] != far].any()
+    assert 5 < joined.max() + 1 < len(points) - 40
+
+
+def test_a_vertex_far_away_is_refused_and_takes_no_memory() -> None:
+    """All others are within the merging distance of each other: 10^10 pairs."""
+    n = 300
+    grid = np.stack([*np.meshgrid(np.arange(n), np.arange(n)), np.zeros((n, n))], -1).reshape(-1, 3)
+    corner = np.arange(n * (n - 1)).reshape(n - 1, n)[:, :-1].ravel()
+    faces = np.stack([corner, corner + 1, corner + n], axis=1)
+    far = np.concatenate([grid / n, [[1e9, 0, 0]]])
+    with pytest.raises(repair.Refused, match=r"extent: .* is a vertex far away\?"):
+        repair.repair(Mesh(far, np.concatenate([faces, [[0, 1, n * n]]])))
+
+
+def test_a_few_slivers_are_merged_away() -> None:
+    """An edge cut in two 1e-9 from its end, in both of its faces."""
+    vertices = np.concatenate([CUBE, [[1e-9, 0, 0]]])
+    faces = [f for f in FACES.tolist() if not {0, 1} <= set(f)]
+    found = done(vertices, [*faces, [0, 3, 8], [8, 3, 1], [0, 8, 5], [8, 1, 5]])
+    assert found.repairs == {"merged vertices": 1, "faces with repeated corners": 2}
+    assert MeshFacts(found.mesh).is_closed
+
+
+@pytest.mark.parametrize(
+    ("limit", "told"),
+    [("MOST_FACES", "12 faces, more than 7"), ("MOST_VERTICES", "8 vertices, more than 7")],
+)
+def test_what_is_too_large_is_refused(
+    limit: str, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(repair, limit, 7)
+    with pytest.raises(repair.Refused, match=f"too_large: {told}"):
+        done(CUBE, FACES)
+
+
+def test_faces_whose_area_is_no_number_are_flat() -> None:
+    assert repair.flat_faces(Mesh(np.where(CUBE == 1, np.nan, CUBE), FACES)) == 12
+    assert repair.flat_faces(Mesh(CUBE, FACES)) == 0
+
+
 def test_small_repairs_are_counted_and_the_surface_is_the_same() -> None:
     faces = [*FACES, FACES[0], FACES[1][::-1], [0, 0, 1], [2, 5, 2]]
     vertices = [*CUBE, [9, 9, 9], [np.nan, 0, 0]]
@@ -160,7 +214,10 @@ def test_largest_component_is_kept_if_asked() -> None:
         (CUBE, np.zeros((0, 3), int), "no_faces"),
         (CUBE, [[0, 0, 1], [1, 2, 2]], "no_faces"),
         ([*CUBE[:7], [1, np.nan, 1]], FACES, "finite"),
-        (np.zeros((8, 3)), FACES, "no_faces"),
+        (np.zeros((8, 3)), FACES, "extent"),
+        (1e31 * CUBE, FACES, "extent"),
+        (1e308 * CUBE - 1e308 * (1 - CUBE), FACES, "extent"),  # its diagonal overflows
+        (1e-31 * CUBE, FACES, "extent"),
         ([*CUBE[:4], [0.5, 0, 0]], [[0, 2, 3], [0, 3, 1], [0, 1, 4]], "degenerate_face"),
         (CUBE, [*FACES, [0, 7, 1]], "non_manifold_edge"),
         (CUBE[:3], [[0, 1, 2]], "few_vertices"),

@@ -1,0 +1,259 @@
+"""Files of each format: read as they stand, or refused with what is wrong and where."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from synthnet import formats
+from synthnet.formats import UnreadableError, read
+
+FORMATS = {
+    "ascii.obj": {"file_type": "obj"},
+    "ascii.off": {"file_type": "off"},
+    "ascii.ply": {"file_type": "ply", "encoding": "ascii"},
+    "binary.ply": {"file_type": "ply", "encoding": "binary"},
+    "ascii.stl": {"file_type": "stl_ascii"},
+    "binary.stl": {"file_type": "stl"},
+}
+SPHERE = trimesh.creation.icosphere(subdivisions=1)
+POINTS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
+VERTICES = "".join(f"v {line}\n" for line in POINTS.splitlines())
+PLY = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+PLY += "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+FACET = "facet normal 0 0 1\nouter loop\n" + "vertex 1 2 3\n" * 3 + "endloop\nendfacet\n"
+
+
+def content(name: str) -> bytes:
+    made = SPHERE.export(**FORMATS[name])
+    return made.encode() if isinstance(made, str) else made
+
+
+def suffix(name: str) -> str:
+    return name[name.index(".") :]
+
+
+def refused(text: str | bytes, kind: str) -> str:
+    with pytest.raises(UnreadableError) as error:
+        read(text.encode() if isinstance(text, str) else text, kind)
+    (line,) = str(error.value).splitlines()
+    assert line.isprintable()
+    return line
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_is_read(name: str) -> None:
+    vertices, faces = read(content(name), suffix(name))
+    assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
+    np.testing.assert_allclose(vertices[faces], SPHERE.triangles, atol=1e-6)
+    if not name.endswith("stl"):
+        np.testing.assert_array_equal(faces, SPHERE.faces)
+
+
+@pytest.mark.parametrize("name", sorted(set(FORMATS) - {"ascii.obj"}))
+def test_no_file_that_was_cut_off_is_read(name: str) -> None:
+    """But within the digits of the last number, or the blanks and the name at the end."""
+    whole = content(name)
+    end = len(whole.rstrip().removesuffix(b"endsolid")) if name == "ascii.stl" else len(whole)
+    if name in ("ascii.off", "ascii.ply"):
+        end = len(whole.rstrip().rstrip(b"0123456789"))
+    for size in {*range(0, end, max(1, end // 300)), *range(end - 120, end)}:
+        refused(whole[:size], suffix(name))
+
+
+@pytest.mark.parametrize("name", ["ascii.off", "ascii.ply", "ascii.stl"])
+def test_a_line_that_is_gone_or_there_twice_is_seen(name: str) -> None:
+    lines = content(name).splitlines(keepends=True)
+    for i, line in enumerate(lines):
+        if not line.strip() or line.split()[0] in (b"ply", b"outer", b"endloop", b"comment"):
+            continue
+        refused(b"".join(lines[:i] + lines[i + 1 :]), suffix(name))
+        if line.split()[0] not in (b"OFF", b"format", b"end_header"):
+            refused(b"".join([*lines[:i], line, *lines[i:]]), suffix(name))
+
+
+def test_obj_counts_from_1_or_back_from_the_last_vertex_so_far() -> None:
+    text = VERTICES + "f -4 -3 -2\nv 9 9 9\nf 1/7 3//2 4/1/1 # a comment\nf -5 4 5\n"
+    assert read(text.encode(), ".obj")[1].tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+
+
+def test_text_may_begin_with_a_mark_of_its_bytes_order() -> None:
+    text = "\ufeff" + VERTICES + "f 1 2 3\n"
+    assert len(read(text.encode(), ".obj")[0]) == 4
+
+
+def test_obj_is_read_alone() -> None:
+    text = "mtllib missing.mtl\nvt 0 0\nvn 0 0 1\no a\ng b\nusemtl c\ns off\nv 5 5 5 1 0 0\n"
+    vertices, faces = read((text + VERTICES + "f 2 3 4\nl 1 2\np 1\n").encode(), ".obj")
+    assert len(vertices) == 5  # the loose one too
+    assert faces.tolist() == [[1, 2, 3]]
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+def test_lines_end_in_any_way(newline: str) -> None:
+    text = (VERTICES + "f 1 2 3\n").replace("\n", newline)
+    assert len(read(text.encode(), ".obj")[1]) == 1
+    text = f"OFF\n4 1 0\n{POINTS}3 0 1 2\n".replace("\n", newline)
+    assert len(read(text.encode(), ".off")[1]) == 1
+
+
+@pytest.mark.parametrize("head", ["OFF\n4 1 0", "OFF 4 1 0", "OFF4 1 0", "# c\n\nCOFF # c\n4 1"])
+def test_off_headers(head: str) -> None:
+    text = f"{head}\n{POINTS}4 0 1 2 3 255 0 0\n"
+    assert read(text.encode(), ".off")[1].tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
+def test_polygons_are_fans_in_the_order_of_the_file() -> None:
+    hexagon = [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3]
+    text = "".join(f"v {x} {y} 0\n" for x, y in hexagon) + "f 1 2 3 4 5 6\nf 1 2 3\nf 3 2 1 6\n"
+    assert read(text.encode(), ".obj")[1].tolist() == [
+        *([0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]),
+        *([0, 1, 2], [2, 1, 0], [2, 0, 5]),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("points", "face"),
+    [
+        ("v 0 0 0\nv 2 0 0\nv 1 .5 0\nv 1 2 0\n", "f 2 3 4 1"),  # an arrow, cut from a side
+        (VERTICES, "f 1 2 4 3"),  # a bow tie
+        ("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 1 1 0\n", "f 1 2 3 4"),  # three corners in a line
+    ],
+)
+def test_polygons_that_a_fan_cannot_cut_are_refused(points: str, face: str) -> None:
+    assert refused(points + "f 1 2 4\n" + face, ".obj") == (
+        "line 6: a polygon that is not convex: save triangles"
+    )
+
+
+def test_arrow_is_cut_from_its_inner_corner_or_its_tip() -> None:
+    text = "v 0 0 0\nv 2 0 0\nv 1 .5 0\nv 1 2 0\nf 3 4 1 2\nf 1 2 3 4\n"
+    assert read(text.encode(), ".obj")[1].tolist() == [[2, 3, 0], [2, 0, 1], [0, 1, 2], [0, 2, 3]]
+
+
+def test_polygons_that_name_a_vertex_twice_are_left_to_repair() -> None:
+    assert read((VERTICES + "f 1 2 3 3").encode(), ".obj")[1].tolist() == [[0, 1, 2], [0, 2, 2]]
+
+
+def binary_ply(faces: str, rows: bytes, order: str = "<", vertices: str = "") -> bytes:
+    name = {"<": "little", ">": "big"}[order]
+    header = f"ply\nformat binary_{name}_endian 1.0\ncomment c\nelement vertex 4\n"
+    header += (
+        f"property double x\nproperty float y\nproperty short z\n{vertices}{faces}end_header\n"
+    )
+    kinds = np.dtype([("x", order + "f8"), ("y", order + "f4"), ("z", order + "i2")])
+    points = np.array([tuple(map(float, p.split())) for p in POINTS.splitlines()], kinds)
+    return header.encode() + points.tobytes() + rows
+
+
+LIST = "element face 2\nproperty list uchar short vertex_index\nproperty uchar red\n"
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_binary_ply_of_any_kinds_and_order(order: str) -> None:
+    kinds = np.dtype([("n", "u1"), ("i", order + "i2", 4), ("red", "u1")])
+    rows = np.array([(4, [0, 1, 2, 3], 7), (4, [3, 2, 1, 0], 7)], kinds).tobytes()
+    vertices, faces = read(binary_ply(LIST, rows, order), ".ply")
+    assert vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    assert faces.tolist() == [[0, 1, 2], [0, 2, 3], [3, 2, 1], [3, 1, 0]]
+
+
+def test_ascii_ply_with_other_elements_and_properties() -> None:
+    text = PLY.replace("element face 1\n", "element camera 1\nproperty float f\nelement face 1\n")
+    text = text.replace(
+        "property list", ("property uchar red\nproperty list uchar float uv\nproperty list")
+    )
+    text += POINTS + "50.0\n255 2 0.5 0.5 4 0 1 2 3\n"
+    assert read(text.encode(), ".ply")[1].tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
+def test_ascii_stl_of_two_solids_and_any_names() -> None:
+    text = f"solid vertex of a facet\n{FACET}endsolid\nSOLID b\n{FACET.upper()}ENDSOLID b\n"
+    vertices, faces = read(text.encode(), ".stl")
+    assert (vertices == [1, 2, 3]).all()
+    assert faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
+def test_binary_stl_may_begin_with_solid() -> None:
+    whole = b"solid".ljust(80) + content("binary.stl")[80:]
+    assert len(read(whole, ".stl")[1]) == 80
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "told"),
+    [
+        (".obj", "", "it holds no triangles, or is cut off"),
+        (".obj", VERTICES, "it holds no triangles, or is cut off"),
+        (".obj", VERTICES + "f 1 2 0\n", "line 5: vertex 0, but OBJ counts from 1"),
+        (".obj", VERTICES + "f 1 2 9\n", "line 5: a corner is none of the 4 vertices"),
+        (".obj", VERTICES + "f 1 2 -5\n", "line 5: a corner is none of the 4 vertices"),
+        (".obj", VERTICES + "f 1 2\n", "line 5: a face of 2 corners"),
+        (".obj", VERTICES + "f 1 2 x\n", "line 5: '1 2 x': no whole numbers"),
+        (".obj", VERTICES + "f 1 2 1_0\n", "line 5: '1 2 1_0': no whole numbers"),
+        (".obj", VERTICES + f"f 1 2 {2**64}\n", "line 5: no vertex has a number that large"),
+        (".obj", VERTICES + "f 1 2 \\\n3\n", "line 5: it goes on in the next line"),
+        (".obj", VERTICES + "w 1 2 3\n", "line 5: 'w' begins no line of an OBJ file"),
+        (".obj", "call other.obj\n", "line 1: 'call' begins no line of an OBJ file"),
+        (".obj", "v 0 0\n", "line 1: '0 0' are no three numbers"),
+        (".obj", "\nv 0 0 1_0\n", "line 2: '0 0 1_0' are no three numbers"),
+        (".obj", b"v 0 \xff\x1b 0\n", r"line 1: '0 \xff\x1b 0' are no three numbers"),
+        (".off", "", "line 1: it begins with '', not with OFF"),
+        (".off", "4OFF\n", "line 1: it begins with '4OFF', not with OFF"),
+        (".off", "OFF BINARY x\n", "line 1: 'BINARY x': no whole numbers"),
+        (".off", "OFF\n4\n", "line 2: the numbers of vertices and faces are missing"),
+        (".off", "OFF\n9 1 0\n" + POINTS, "cut off: 4 of 9 vertices"),
+        (".off", f"OFF\n4 1200 0\n{POINTS}3 0 1 2\n", "cut off: 1 of 1,200 faces"),
+        (".off", f"OFF\n4 2 0\n{POINTS}3 0 1 2\n3 0 2\n", "cut off: 1 of 2 faces, line 8 ends"),
+        (".off", f"OFF\n4 1 0\n{POINTS}3 0 1 2\n3 0 2 3\n", "line 8: it comes after the 1 faces"),
+        (".off", f"OFF\n4 1 0\n{POINTS}3 0 1 7\n", "line 7: a corner is none of the 4 vertices"),
+        (".off", f"OFF\n4 1 0\n{POINTS}-3 0 1 2\n", "line 7: a face of 0 corners"),
+        (".ply", "no ply", "it has no PLY header from ply to end_header"),
+        (".ply", PLY.replace("ascii", "asci"), "line 2: 'format asci 1.0' is of no PLY header"),
+        (".ply", PLY.replace("float x", "flaot x"), "line 4: 'property flaot x' is of no PLY"),
+        (".ply", PLY.replace("float y", "float x"), "line 5: the property 'x' again"),
+        (".ply", PLY.replace("format ascii 1.0\n", ""), "its header has no format"),
+        (".ply", PLY.replace("float y", "float t"), "no properties x, y and z of the vertices"),
+        (".ply", PLY.replace("vertex_indices", "v"), "no faces with one list vertex_indices"),
+        (".ply", PLY.replace("list uchar ", ""), "vertex_indices that are no list of whole"),
+        (".ply", PLY.replace("uchar int", "uchar float"), "vertex_indices that are no list of"),
+        (".ply", PLY + POINTS, "cut off: 0 of 1 faces"),
+        (".ply", PLY + POINTS + "3 0 1\n", "cut off: 0 of 1 faces, line 14 ends early"),
+        (".ply", PLY + POINTS + "3 0 1 2 3\n", "line 14: 5 values instead of 4"),
+        (".ply", PLY + POINTS + "3 0 1 2\n1\n", "line 15: it comes after all that its header"),
+        (".ply", binary_ply(LIST, b""), "cut off: 0 of 2 faces, as its header has"),
+        (".ply", binary_ply(LIST, bytes([3] + 7 * [0])), "cut off: 1 of 2 faces, as its header"),
+        (".ply", binary_ply(LIST, bytes([3] + 7 * [0]) * 3), "8 bytes more than its header"),
+        (
+            ".ply",
+            binary_ply(LIST, bytes([3, *7 * [0], 4, *7 * [0]])),
+            "lists vertex_index of several lengths in a binary PLY",
+        ),
+        (".ply", binary_ply(LIST, bytes([2] + 5 * [0]) * 2), "faces of 2 corners"),
+        (
+            ".ply",
+            binary_ply(LIST.replace("uchar short", "uint short"), b"\xff" * 40),
+            "a list vertex_index of 4,294,967,295 values, more than the file has bytes",
+        ),
+        (
+            ".ply",
+            binary_ply(LIST, np.array([3, 0, 9, 0, 0, 0, 0, 0] * 2, "u1").tobytes()),
+            "face 1: a corner is none of the 4 vertices",
+        ),
+        (".stl", bytes(80) + (7).to_bytes(4, "little") + bytes(120), "cut off: 2 of 7 faces"),
+        (".stl", bytes(84 + 3), "3 bytes more than its 0 faces take"),
+        (".stl", bytes(84), "it holds no triangles"),
+        (".stl", f"solid\n{FACET}facet\nvertex 1 2 3\n", "cut off: 1 of 2 faces have their"),
+        (".stl", f"solid\n{FACET}vertex 1 2 3\nendsolid", "cut off: 1 of 1 faces have their"),
+        (".stl", f"solid\n{FACET}", "cut off: 0 of 1 solids have their endsolid"),
+        (".stl", "solid\nfacet\nvertex 1 2 3\nendfacet", "line 4: a facet that has not three"),
+        (".stl", "solid\nfacet\nvertex 1 two 3\n", "line 3: '1 two 3' are no three numbers"),
+    ],
+)
+def test_what_is_no_mesh_is_refused(kind: str, text: str | bytes, told: str) -> None:
+    assert told in refused(text, kind)
+
+
+def test_suffixes_are_those_of_the_documentation() -> None:
+    assert formats.SUFFIXES == (".obj", ".off", ".ply", ".stl")
+    assert all(suffix[1:].upper() in (formats.__doc__ or "") for suffix in formats.SUFFIXES)
