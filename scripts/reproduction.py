@@ -59,8 +59,9 @@ a row: a small part of the paper's 200 or 400 epochs, as the next table says. Sc
 over every instance of the test split, computed anew from the committed predictions. Nothing of
 the paper's is in our rows. Names that end in `-modern` have the same network, loss and encoding,
 trained by AdamW with a one-cycle rate made to end within the minutes (networks of four and five
-blocks came to 95 % of it), batches of 16, a fresh isometry at every visit and gradient clipping; `modern` is besides scale-free: its mesh has area 1, its
-outputs are logarithms of factors to Weyl's law.
+blocks came to 95 % of it), batches of 16, a fresh isometry at every visit and gradient clipping;
+`modern` is besides scale-free: its mesh has area 1, its outputs are logarithms of factors to
+Weyl's law.
 
 How a network begins the paper does not say. Here the last bias is the geometric mean of the
 training labels, because RPDLoss is constant where an output is negative: an output that begins
@@ -437,8 +438,8 @@ def page(drawn: Iterable[Path]) -> str:
         findings(),
         "## All rows of ours, best first",
         "Under `grouped`. `modern` is scale-free, the others are not. In italics, rows of the "
-        "leaderboard on the same meshes: Weyl's law has learned nothing, the mean spectrum looks at "
-        "no mesh.",
+        "leaderboard on the same meshes: Weyl's law has learned nothing, the mean spectrum looks "
+        "at no mesh.",
         best_first(),
         "## Splits against their originals",
         "Split shapes are other meshes of the same surfaces (InvLap):",
@@ -457,8 +458,8 @@ def page(drawn: Iterable[Path]) -> str:
         "of the validation split.",
         f"![Losses]({LOSSES})" if LOSSES in names else "Not run.",
         "## Figure 6: spectra",
-        f"Labels and predictions of the row `{EXAMPLES}` under `grouped`; for each family the test "
-        "meshes with the least, the median and the largest RPD.",
+        f"Labels and predictions of the row `{EXAMPLES}` under `grouped`; for each family the "
+        "test meshes with the least, the median and the largest RPD.",
         f"![Spectra]({SPECTRA})" if SPECTRA in names else "Not run.",
         "## Notes on the paper's numbers",
         "\n".join(f"- {note}" for note in REPORTED["notes"]),

@@ -15,7 +15,8 @@ families with triangles that reach across the whole surface at least twice
 (:attr:`synthnet.families.Family.refinements`), those of 2.0, whose refinements are uniform
 meshes of the surface whatever the mesh in question, and any mesh while the last refinement
 changed an eigenvalue by more than a tenth (a fiftieth in 2.0), up to five times, or as often as
-the solver can certify the finer mesh.
+the solver can certify the finer mesh. Families of 2.0 whose limit is known have their error
+from there.
 
 References
 ----------
@@ -52,7 +53,8 @@ class Estimate:
     error : ndarray of shape (k,), float64
         Label minus extrapolated limit, in 1/length²; positive where the label is too large.
     refined : ndarray of shape (r, k), float64
-        Eigenvalues of the mesh refined once, twice, … r times; in 1/length².
+        Eigenvalues of the mesh refined once, twice, … r times, or the limit itself, twice, where
+        it is taken from a closed form; in 1/length².
     """
 
     id: str
@@ -89,6 +91,10 @@ def estimate(
     """
     family = FAMILIES[spec.family]
     known = {} if known is None else known
+    if family.exact:
+        limit = family.limit_eigenvalues(spec.parameters, len(eigenvalues))
+        assert limit is not None
+        return Estimate(spec.id, eigenvalues - limit, np.array([limit, limit]))
     meshes = [eigenvalues]
     change = np.inf
     while len(meshes) <= family.refinements or (len(meshes) <= MOST and change > family.settled):

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.special import ndtri
+
+
+class Uniform(Protocol):
+    """What draws need of a generator."""
+
+    def random(self) -> float:
+        """Return a number in [0, 1)."""
+
 
 CLAMP = 3.0  # standard deviations; paper, caption of Table 5
 
@@ -34,7 +42,7 @@ DISTRIBUTIONS: dict[str, Callable[..., float | int]] = {
 }
 
 
-def draw(distributions: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float | int]:
+def draw(distributions: Mapping[str, Any], rng: Uniform) -> dict[str, float | int]:
     """Draw parameters: one uniform number each, through the inverse distribution.
 
     ``Generator.random`` is the part of NumPy's streams that is a plain function of
@@ -45,7 +53,7 @@ def draw(distributions: Mapping[str, Any], rng: np.random.Generator) -> dict[str
     distributions : mapping of str to a number or ``{name: [arguments]}``
         As in a recipe.
     rng : numpy.random.Generator
-        Source of the numbers.
+        Source of the numbers in [0, 1).
 
     Examples
     --------
@@ -63,7 +71,7 @@ def draw(distributions: Mapping[str, Any], rng: np.random.Generator) -> dict[str
     return values
 
 
-PARAMETERS, ISOMETRIES, TRIANGULATIONS = 0, 1, 2  # the streams of a shape
+PARAMETERS, ISOMETRIES, MESHES = 0, 1, 2  # the streams of a shape
 
 
 def generator(seed: int, family: str, index: int, stream: int) -> np.random.Generator:
@@ -78,7 +86,7 @@ def generator(seed: int, family: str, index: int, stream: int) -> np.random.Gene
     family, index : str, int
         The shape.
     stream : int
-        :data:`PARAMETERS`, :data:`ISOMETRIES` or :data:`TRIANGULATIONS`.
+        :data:`PARAMETERS`, :data:`ISOMETRIES` or :data:`MESHES`.
     """
     key = int.from_bytes(hashlib.sha256(family.encode()).digest()[:4], "big")
     child = np.random.SeedSequence(seed, spawn_key=(key, index, stream))

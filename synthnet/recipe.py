@@ -13,11 +13,12 @@ from functools import partial
 from importlib import resources
 from typing import Any, TypeVar
 
-from synthnet.distributions import DISTRIBUTIONS
+from synthnet.distributions import DISTRIBUTIONS, draw
 from synthnet.errors import RecipeError
 
 SCHEMA = 1
 SCALED = re.compile(r"(?P<version>.+)-x(?P<scale>[0-9]+)")
+LEAST_VERTICES = 50  # of a mesh that a recipe asks for
 MOST_SCALE = 100_000  # beyond it a family's numbers would not fit the store's int32
 
 
@@ -73,10 +74,18 @@ class Subset:
 
 
 @dataclass(frozen=True, slots=True)
+class Size:
+    """One of the meshes of a surface: its name, and a draw of how many vertices are wanted."""
+
+    name: str
+    vertices: Any
+
+
+@dataclass(frozen=True, slots=True)
 class FamilyRecipe:
     """How many shapes of a family, and each parameter's constant or distribution.
 
-    Where surfaces come in several triangulations, each of these is a shape.
+    Where surfaces come in several sizes, each of these is a shape.
     """
 
     count: int
@@ -99,9 +108,8 @@ class Recipe:
         Settings of the steps.
     families : mapping of str to FamilyRecipe
         In the order of the tables.
-    triangulations : mapping of str to constant or distribution, or None
-        In how many triangulations each surface comes, and each one's number of vertices;
-        ``None`` where the families' parameters say all.
+    sizes : tuple of Size or None
+        The meshes that each surface comes in; ``None`` where the families' parameters say all.
     subset : Subset or None
         Which part of another version this is; ``None`` for a full version.
     scale : int or None
@@ -117,7 +125,7 @@ class Recipe:
     augmentation: AugmentationSettings
     splits: SplitSettings
     families: Mapping[str, FamilyRecipe]
-    triangulations: Mapping[str, Any] | None = None
+    sizes: tuple[Size, ...] | None = None
     subset: Subset | None = None
     scale: int | None = None
 
@@ -141,13 +149,13 @@ class Recipe:
 
     @property
     def copies(self) -> int:
-        """In how many triangulations each surface comes."""
-        return 1 if self.triangulations is None else len(self.triangulations)
+        """In how many meshes each surface comes."""
+        return 1 if self.sizes is None else len(self.sizes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain, JSON-ready data; ``scale``, ``triangulations`` where there are any."""
+        """Return plain, JSON-ready data; ``scale`` and ``sizes`` where there are any."""
         values = asdict(self)
-        for name in ("scale", "triangulations"):  # the digests of 1.0 are older than they
+        for name in ("scale", "sizes"):  # the digests of 1.0 are older than they
             if values[name] is None:
                 del values[name]
         return values
@@ -250,7 +258,7 @@ def parse(text: str) -> Recipe:
             ("augmentation", partial(_record, AugmentationSettings)),
             ("splits", partial(_record, SplitSettings)),
             ("families", _families),
-            ("triangulations", _triangulations),
+            ("sizes", _sizes),
         )
         if name in raw
     }
@@ -304,11 +312,26 @@ def _families(_: str, tables: Any) -> dict[str, FamilyRecipe]:
     return families
 
 
-def _triangulations(_: str, table: Any) -> dict[str, Any]:
-    _need(isinstance(table, Mapping) and table, f"triangulations must be a table, got {table!r}")
-    for name, value in table.items():
-        _check_draw(f"triangulation {name}", value)
-    return dict(table)
+def _sizes(_: str, tables: Any) -> tuple[Size, ...]:
+    _need(isinstance(tables, list) and tables, f"sizes must be tables, got {tables!r}")
+    sizes = tuple(_record(Size, "size", table) for table in tables)
+    for size in sizes:
+        what = f"size {size.name}: vertices"
+        _check_draw(what, size.vertices)
+        least = min(draw({what: size.vertices}, _Ends(u))[what] for u in (0.0, 1 - 2**-53))
+        _need(least >= LEAST_VERTICES, f"{what} must be at least {LEAST_VERTICES}, got {least:g}")
+    return sizes
+
+
+@dataclass(frozen=True, slots=True)
+class _Ends:
+    """In place of a generator: always the same number."""
+
+    number: float
+
+    def random(self) -> float:
+        """Return the number."""
+        return self.number
 
 
 def _check_draw(what: str, value: Any) -> None:
@@ -347,8 +370,8 @@ def _check(recipe: Recipe) -> None:
     for name, family in recipe.families.items():
         _need(
             family.count % recipe.copies == 0,
-            f"family {name}: count must be a multiple of {recipe.copies}, the number of "
-            f"triangulations, got {family.count}",
+            f"family {name}: count must be a multiple of {recipe.copies}, the number of sizes, "
+            f"got {family.count}",
         )
     copies = recipe.augmentation
     for name, value, least in (

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synthnet import distributions, recipe
+from synthnet import distributions, pins, recipe
 from synthnet.errors import RecipeError
 from synthnet.recipe import AugmentationSettings, Recipe, Subset
 
@@ -375,14 +375,42 @@ def test_generator_draws_what_it_always_drew() -> None:
 
 
 def test_digests_of_the_versions_that_ship_never_change() -> None:
-    assert {v: recipe.load(v).digest[:16] for v in recipe.available()} == {
+    frozen = [v for v in recipe.available() if pins.read(recipe.load(v).base) is not None]
+    assert {v: recipe.load(v).digest[:16] for v in frozen} == {
         "1.0": "c8bd58d9b709a29e",
         "1.0-mini": "99a57a6aa230d17e",
         "1.0-small": "ff94adc77e7700ee",
-        "2.0": "64c0bd25635f3490",
-        "2.0-mini": "341e8f763dbdaffe",
     }
     assert recipe.load("1.0-x2").digest != recipe.load("1.0").digest
+
+
+SIZED = TEXT.replace("[families", '[[sizes]]\nname = "a"\nvertices = 500\n\n[families', 1)
+
+
+def test_sizes_are_meshes_of_one_surface() -> None:
+    text = SIZED.replace("[families", '[[sizes]]\nname = "b"\nvertices = 900\n\n[families', 1)
+    loaded = recipe.parse(text.replace("count = 5", "count = 6"))
+    assert (loaded.copies, loaded.count) == (2, 6)
+    assert loaded.sizes == (recipe.Size("a", 500), recipe.Size("b", 900))
+    turned = dataclasses.replace(loaded, sizes=loaded.sizes[::-1])
+    assert turned.digest != loaded.digest
+    with pytest.raises(
+        RecipeError, match="count must be a multiple of 2, the number of sizes, got 5"
+    ):
+        recipe.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "told"),
+    [
+        ("49", "size a: vertices must be at least 50, got 49"),
+        ("{ integers = [10, 90] }", "size a: vertices must be at least 50, got 10"),
+        ('"many"', "size a: vertices must be a number or one of"),
+    ],
+)
+def test_sizes_that_no_mesh_has_are_refused(vertices: str, told: str) -> None:
+    with pytest.raises(RecipeError, match=told):
+        recipe.parse(SIZED.replace("vertices = 500", f"vertices = {vertices}"))
 
 
 @pytest.mark.parametrize("version", ["1.0-x0", "1.0-x1", "1.0-x100001"])

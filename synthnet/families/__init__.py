@@ -6,7 +6,7 @@ name it in a new recipe.
 
 from __future__ import annotations
 
-from synthnet.distributions import PARAMETERS, TRIANGULATIONS, draw, generator
+from synthnet.distributions import MESHES, PARAMETERS, draw, generator
 from synthnet.errors import RecipeError
 from synthnet.families import (
     annulus,
@@ -100,8 +100,8 @@ LARGEST_SEED = 2**31 - 1
 def draw_shape(recipe: Recipe, family: str, index: int) -> ShapeSpec:
     """Draw one shape of a recipe from the shape's own seed.
 
-    Where surfaces come in several triangulations, those of a surface have numbers that follow
-    each other. Their kinds take turns, so that no kind goes with a size.
+    Where surfaces come in several sizes, the meshes of a surface have numbers that follow each
+    other. Their kinds of triangulation take turns, so that no kind goes with a size.
 
     Examples
     --------
@@ -112,10 +112,10 @@ def draw_shape(recipe: Recipe, family: str, index: int) -> ShapeSpec:
     surface, copy = divmod(index, recipe.copies)
     rng = generator(recipe.seed, family, surface, PARAMETERS)
     parameters: Parameters = draw(recipe.families[family].parameters, rng)
-    if recipe.triangulations is not None:
-        name = list(recipe.triangulations)[copy]
-        rng = generator(recipe.seed, family, index, TRIANGULATIONS)
-        wanted = {"vertices": recipe.triangulations[name], "seed": {"integers": [0, LARGEST_SEED]}}
+    if recipe.sizes is not None:
+        rng = generator(recipe.seed, family, index, MESHES)
+        size = recipe.sizes[copy]
+        wanted = {"vertices": size.vertices, "seed": {"integers": [0, LARGEST_SEED]}}
         drawn = {key: int(value) for key, value in draw(wanted, rng).items()}
         kind = KINDS[(surface + copy) % len(KINDS)]
         parameters = {**parameters, "triangulation": kind, **drawn}
@@ -139,8 +139,8 @@ def draw_shapes(recipe: Recipe) -> list[ShapeSpec]:
     for name, family in recipe.families.items():
         if name not in FAMILIES:
             raise RecipeError(f"unknown family {name!r}: choose from {', '.join(FAMILIES)}")
-        given = [*family.parameters, *(TRIANGULATION if recipe.triangulations else ())]
-        if set(given) != set(FAMILIES[name].least):
+        given = [*family.parameters, *(TRIANGULATION if recipe.sizes else ())]
+        if sorted(given) != sorted(FAMILIES[name].least):
             raise RecipeError(
                 f"family {name} takes the parameters {', '.join(FAMILIES[name].least)}; "
                 f"the recipe gives {', '.join(given)}"

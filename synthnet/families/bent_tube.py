@@ -12,7 +12,14 @@ def atlas(*, length: float, flatness: float, turns: float, bend: float) -> Atlas
     """Tube of radius 1 and flatness·1 about an arc of ``length`` that bends by ``bend`` radians.
 
     Its ellipse makes so many turns on the way; the round ends are half ellipsoids.
+
+    Raises
+    ------
+    ValueError
+        If it bends by a radian or more for each unit of its length: then it cuts itself.
     """
+    if bend >= length:
+        raise ValueError(f"bent_tube: bend must be below length, {length}, got {bend}")
 
     def lower(s: Floats) -> tuple[Floats, Floats]:
         return np.sin(np.pi / 2 * s), -np.cos(np.pi / 2 * s)
@@ -30,7 +37,8 @@ def atlas(*, length: float, flatness: float, turns: float, bend: float) -> Atlas
 
     def onto(points: Floats) -> Floats:
         x, y, z = points.T
-        angle = 2 * np.pi * turns * np.clip(z / length, 0, 1)
+        share = np.clip(z / length, 0, 1)
+        angle = 2 * np.pi * turns * share**2 * (3 - 2 * share)  # no crease where the ends begin
         y = flatness * y
         x, y = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)
         if curvature == 0:

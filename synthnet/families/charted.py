@@ -20,7 +20,7 @@ TRIANGULATION: Mapping[str, float | Choice] = {
 }
 NEAREST = (1 / 4, 1 / 16)  # shares of the vertices around the focus of an adaptive mesh
 GROWTH = 1 + 3 * sum(4**i * share for i, share in enumerate(NEAREST))  # of its vertices
-SETTLED = 0.02  # relative change under the last refinement
+SETTLED = 0.005  # relative change under the last refinement
 REFERENCE = 4000  # vertices of the coarsest mesh of those that estimate an error
 
 
@@ -81,12 +81,13 @@ def charted(
     most: Mapping[str, float] | None = None,
     limit: Callable[..., NDArray[np.float64]] | None = None,
     halves: bool = False,
+    settled: float = SETTLED,
 ) -> Family:
     """Return the family of an atlas, with the parameters of its triangulations.
 
     Parameters
     ----------
-    name, title, euler_characteristic, boundaries, orientable, most, limit
+    name, title, euler_characteristic, boundaries, orientable, most, limit, settled
         As of :class:`~synthnet.families.family.Family`.
     halves : bool
         As of :func:`triangulate`.
@@ -124,7 +125,8 @@ def charted(
         orientable=orientable,
         limit=limit,
         refinements=2,
-        settled=SETTLED,
+        settled=settled,
+        exact=limit is not None,
         congruent=one_shape,
         shared=one_shape,
     )

@@ -38,7 +38,7 @@ FAMILY = charted(
     "dented_cone",
     "Dented cone",
     atlas,
-    {**circular_cone.LEAST, "flip": 0.5},
+    {**circular_cone.LEAST, "flip": 0.51},
     most={"flip": 0.95},
     limit=limit,
 )

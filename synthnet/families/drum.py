@@ -25,7 +25,6 @@ TRIANGLES = (
 )
 INWARD = ("11", "22")  # where the outline turns inwards
 OUTLINES = ("00 10 11 21 32 22 23 12 01", "10 11 21 32 23 22 12 02 01")
-WALLS = ((0, 1, 2, 3, 4, 5, 6, 6, 7), (0, 1, 2, 3, 4, 5, 5, 6, 7))  # pieces in line are one
 
 
 def places(form: int, size: float, lean: float) -> dict[str, Floats]:
@@ -68,6 +67,6 @@ def atlas(*, form: int, size: float, lean: float) -> Atlas:
     return polyhedron(flat(patches(form, size, lean)), singular=inward)
 
 
-LEAST = {"form": 0, "size": POSITIVE, "lean": -0.3}
+LEAST = {"form": 0, "size": POSITIVE, "lean": 0.0}
 MOST = {"form": 1, "lean": 0.3}
 FAMILY = charted("drum", "Drum", atlas, LEAST, euler_characteristic=1, boundaries=1, most=MOST)

@@ -15,7 +15,7 @@ def atlas(*, form: int, size: float, lean: float, height: float) -> Atlas:
     outline = np.array([found[name] for name in drum.OUTLINES[form].split()])
     patches = drum.patches(form, size, lean)
     inward = np.array([found[name] for name in drum.INWARD])
-    return prism(patches, outline, height, size, drum.WALLS[form], inward)
+    return prism(patches, outline, height, size, range(len(outline)), inward)
 
 
 FAMILY = charted(

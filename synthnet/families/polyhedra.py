@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families.atlas import Atlas, Floats, glue_charts, rectangle
+from synthnet.families.atlas import SAME, Atlas, Floats, glue_charts, rectangle
 
 
 def polyhedron(*faces: Floats, singular: Floats | None = None) -> Atlas:
@@ -23,7 +23,9 @@ def polyhedron(*faces: Floats, singular: Floats | None = None) -> Atlas:
     corners, charts = glue_charts(*enumerate(faces))
     marked: NDArray[np.bool_] | None = None
     if singular is not None:
-        marked = (corners[:, :, None] == singular).all(axis=3).any(axis=2)
+        near = SAME * float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+        apart = np.linalg.norm(corners[:, :, None] - singular, axis=3)
+        marked = (apart <= near).any(axis=2)
     return Atlas(corners, charts, lambda _, points: points, marked)
 
 
@@ -67,7 +69,7 @@ def prism(
         for number in np.flatnonzero(np.array(walls) == wall):
             unit = rectangle(np.array([0.0, 1.0]), heights)
             along = unit[:, :, :1]
-            base = outline[number] + along * (ahead[number] - outline[number])
+            base = np.where(along == 1, ahead[number], outline[number])
             pieces.append(np.concatenate([base, unit[:, :, 1:]], axis=2))
         faces.append(np.concatenate(pieces))
     ends = [np.column_stack([inward, np.full(len(inward), z)]) for z in (0.0, height)]

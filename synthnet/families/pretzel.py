@@ -51,7 +51,7 @@ def atlas(*, genus: int, hole: float, thickness: float, stretch: float, bend: fl
         z = np.where(charts % 2 == 0, z, -z)
         return _bent(np.stack([x[:, 0], stretch * x[:, 1], z], axis=1), bend)
 
-    sheet = rectangle(np.linspace(0, 1, 3), np.linspace(-2, 2, 9))
+    sheet = rectangle(np.linspace(0, 1, 3), np.linspace(-2, 2, 5))
     sheets = [sheet if number % 2 == 0 else sheet[:, ::-1] for number in range(2 * genus)]
     return Atlas(*glue_charts(*enumerate(sheets)), chart)
 
@@ -87,5 +87,6 @@ FAMILY = charted(
     atlas,
     {"genus": 2, "hole": POSITIVE, "thickness": POSITIVE, "stretch": POSITIVE, "bend": 0.0},
     euler_characteristic=euler,
+    settled=0.003,
     most={"genus": 8, "hole": 0.9, "thickness": 1.0, "bend": 1.5},
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families.atlas import Atlas, Charted, Floats, Integers
+from synthnet.families.atlas import SAME, Atlas, Charted, Floats, Integers
 from synthnet.solver.compiled import kernel
 
 REACH = 0.4  # how far a vertex moves towards the far side of a triangle beside it, at most
@@ -101,14 +101,16 @@ def irregular(atlas: Atlas, mesh: Charted, rng: np.random.Generator) -> Charted:
     """Move inner vertices of the charts at random, then flip edges until they are Delaunay.
 
     A vertex goes up to two fifths of the way into a random triangle beside it. Vertices where
-    charts meet, on a seam or on the boundary stay; edges there are not flipped.
+    charts meet, on a seam, on the boundary and in a patch's corner stay; edges there are not
+    flipped. So creases, and the tips of cones, must be borders or corners of patches.
     """
-    return delaunay(atlas, jittered(mesh, rng))
+    return delaunay(atlas, jittered(atlas, mesh, rng))
 
 
-def jittered(mesh: Charted, rng: np.random.Generator) -> Charted:
+def jittered(atlas: Atlas, mesh: Charted, rng: np.random.Generator) -> Charted:
     """Move the free vertices of a mesh in their charts."""
     free = _free(mesh)
+    free[: int(atlas.glued().max()) + 1] = False  # the patches' corners come first
     count = mesh.faces.size
     priority, along, across = rng.random((3, count))
     vertex = mesh.faces.ravel()
@@ -133,7 +135,7 @@ def _free(mesh: Charted) -> NDArray[np.bool_]:
     d = mesh.corners.shape[2]
     flat = mesh.corners.reshape(-1, d)
     vertex = mesh.faces.ravel()
-    same = (flat == flat[first][vertex]).all(axis=1)
+    same = (np.abs(flat - flat[first][vertex]) <= SAME * np.ptp(flat)).all(axis=1)
     same &= np.repeat(mesh.charts, 3) == mesh.charts[first // 3][vertex]
     free = np.ones(mesh.n_vertices, dtype=bool)
     free[vertex[~same]] = False
@@ -154,15 +156,15 @@ def delaunay(atlas: Atlas, mesh: Charted) -> Charted:
     twin[order[pairs]], twin[order[pairs + 1]] = order[pairs + 1], order[pairs]
 
     flat = mesh.corners.reshape(-1, mesh.corners.shape[2])
-    charts = np.repeat(mesh.charts, 3)
+    charts, near = np.repeat(mesh.charts, 3), SAME * np.ptp(flat)
     ahead = _next(np.arange(mesh.faces.size))
     other = twin >= 0
     fixed = ~other
     here, there = np.flatnonzero(other), twin[other]
     fixed[here] = (
         (charts[here] != charts[there])
-        | (flat[here] != flat[_next(there)]).any(axis=1)
-        | (flat[ahead[here]] != flat[there]).any(axis=1)
+        | (np.abs(flat[here] - flat[_next(there)]) > near).any(axis=1)
+        | (np.abs(flat[ahead[here]] - flat[there]) > near).any(axis=1)
     )
     faces, corner_of = mesh.faces.copy(), np.arange(mesh.faces.size).reshape(-1, 3)
     _flip(atlas.points(mesh), faces, corner_of, twin, fixed)
@@ -256,7 +258,10 @@ def _flip(
 
 @kernel
 def _joined(face: Integers, twins: Integers, start: int, c: int, d: int) -> bool:
-    """Return whether an edge joins c, where half-edge ``start`` begins, to d already."""
+    """Return whether an edge joins c, where half-edge ``start`` begins, to d already.
+
+    The walk round c ends at the border, and where neighbours turn the other way (on a Möbius band).
+    """
     h = start
     while True:
         f = h - h % 3
@@ -265,10 +270,10 @@ def _joined(face: Integers, twins: Integers, start: int, c: int, d: int) -> bool
         h = twins[f + (h + 2) % 3]  # the next half-edge from c, beyond the side that ends in c
         if h == start:
             return False
-        if h < 0:
+        if h < 0 or face[h] != c:
             break
-    h = twins[start]  # c is on the border: the other way round
-    while h >= 0:
+    h = twins[start]  # the other way round
+    while h >= 0 and face[h - h % 3 + (h + 1) % 3] == c:
         f = h - h % 3
         h1 = f + (h + 1) % 3  # h ends in c, h1 begins there
         if face[f + (h1 + 1) % 3] == d or face[f + (h1 + 2) % 3] == d:

@@ -1,4 +1,4 @@
-"""Superquadrics: between box, ball and star."""
+"""Superquadrics: between box, ball and octahedron."""
 
 import numpy as np
 

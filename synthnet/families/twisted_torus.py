@@ -23,7 +23,8 @@ def atlas(*, tube_radius: float, flatness: float, half_turns: int) -> Atlas:
 
     cells = rows(2 * math.pi, 2 * math.pi * tube_radius / 4)
     patches = rectangle(
-        np.linspace(0, 2 * math.pi, max(4, cells) + 1), np.linspace(0, 2 * math.pi, 5)
+        np.linspace(0, 2 * math.pi, max(4, cells, 3 * half_turns) + 1),
+        np.linspace(0, 2 * math.pi, 5),
     )
     return Atlas(patches, np.zeros(len(patches), dtype=np.int64), chart)
 
