@@ -44,14 +44,18 @@ def true_error(spec: ShapeSpec, label: np.ndarray, row: Estimate) -> np.ndarray:
 
 
 def measured(name: str, labelled: list[tuple[ShapeSpec, np.ndarray]], rows: list[Estimate]) -> dict:
-    """Return the numbers of one family."""
+    """Return the numbers of one family; what is exact needs no comparison."""
     relative = 100 * np.array(
         [row.error / label for (_, label), row in zip(labelled, rows, strict=True)]
     )
     reference = "finer" if FAMILIES[name].limit is None else "known"
-    chosen = np.linspace(0, len(rows) - 1, min(SAMPLE[reference], len(rows))).round().astype(int)
-    true = [true_error(*labelled[i], rows[i]) for i in track(chosen.tolist(), name)]
-    ratios = np.array([rows[i].error for i in chosen]) / true
+    effectivity, chosen = None, []
+    if not FAMILIES[name].exact:
+        count = min(SAMPLE[reference], len(rows))
+        chosen = np.linspace(0, len(rows) - 1, count).round().astype(int).tolist()
+        true = [true_error(*labelled[i], rows[i]) for i in track(chosen, name)]
+        ratios = np.array([rows[i].error for i in chosen]) / true
+        effectivity = np.percentile(ratios, QUANTILES).round(2).tolist()
     first, last = (np.percentile(relative[:, i], (50, 95)).round(2).tolist() for i in (0, -1))
     return {
         "family": name,
@@ -61,8 +65,21 @@ def measured(name: str, labelled: list[tuple[ShapeSpec, np.ndarray]], rows: list
         "refinements": sorted({len(row.refined) for row in rows}),
         "reference": reference,
         "compared": len(chosen),
-        "effectivity": np.percentile(ratios, QUANTILES).round(2).tolist(),
+        "effectivity": effectivity,
     }
+
+
+def compared(row: dict) -> list[str | int]:
+    """Return the cells that say what an estimate rests on, and how good it is."""
+    if row["effectivity"] is None:
+        return ["", "known", "", "exact"]
+    low, middle, high = row["effectivity"]
+    return [
+        ", ".join(map(str, row["refinements"])),
+        "known" if row["reference"] == "known" else "one more refinement",
+        row["compared"],
+        f"{middle:.2f} ({low:.2f} to {high:.2f})",
+    ]
 
 
 def table(report: dict) -> str:
@@ -72,11 +89,7 @@ def table(report: dict) -> str:
             FAMILIES[row["family"]].title,
             f"{row['shapes']:,}",
             *(f"{value:.2f} %" for value in (*row["first"], *row["last"])),
-            ", ".join(map(str, row["refinements"])),
-            "known" if row["reference"] == "known" else "one more refinement",
-            row["compared"],
-            f"{row['effectivity'][1]:.2f} ({row['effectivity'][0]:.2f} to "
-            f"{row['effectivity'][2]:.2f})",
+            *compared(row),
         ]
         for row in report["rows"]
     ]

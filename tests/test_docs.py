@@ -15,13 +15,14 @@ from eigbench import cli
 from eigbench.predictor import META_KEYS
 
 import synthnet.cli
-from synthnet import filters, recipe, store
-from synthnet.families import FAMILIES, PRIMITIVES
+from synthnet import filters, pins, recipe, store
+from synthnet.families import CHARTED, FAMILIES, PRIMITIVES
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
 README = (ROOT / "README.md").read_text()
 DOCS = [page for page in PAGES if page.parent.name == "docs" or page.name == "README.md"]
+CARD_2 = (ROOT / "docs" / "dataset-card-2.0.md").read_text()
 CARD = (ROOT / "docs" / "dataset-card.md").read_text()
 
 
@@ -140,14 +141,57 @@ def test_card_names_every_column_in_order():
     assert re.findall(r"`(\w+)`", " ".join(cells)) == store.SCHEMA.names
 
 
-def test_card_has_the_numbers_of_the_pinned_build():
-    report = json.loads((ROOT / "docs" / "data" / "build-1.0.json").read_text())
-    assert report["recipe_digest"] == recipe.load("1.0").digest
+@pytest.mark.parametrize(("version", "card"), [("1.0", CARD), ("2.0", CARD_2)])
+def test_card_has_the_numbers_of_the_pinned_build(version, card):
+    report = json.loads((ROOT / "docs" / "data" / f"build-{version}.json").read_text())
+    assert report["recipe_digest"] == recipe.load(version).digest
+    assert [row["family"] for row in report["families"]] == list(recipe.load(version).families)
     for row in report["families"]:
         numbers = (row["drawn"], row["kept"], row["vertices"], row["faces"])
         for number in numbers:
-            assert f"{number:,}" in CARD
-        assert f"{row['core_seconds']:,.1f}" in CARD
+            assert f"{number:,}" in card
+        assert f"{row['core_seconds']:,.1f}" in card
+
+
+def test_card_of_2_0_says_of_each_family_what_it_is():
+    rows = re.findall(r"^\| `(\w+)` \| .+ \| (.+) \| (\d) \| (.+) \|$", CARD_2, flags=re.M)
+    assert [row[0] for row in rows] == list(recipe.load("2.0").families)
+    for name, euler, boundaries, limit in rows:
+        family = CHARTED[name]
+        assert family.boundaries == int(boundaries)
+        if isinstance(family.euler_characteristic, int):
+            assert family.euler_characteristic == int(euler)
+        assert (family.limit is None) == (limit == "estimated")
+
+
+def test_2_0_says_whether_it_is_frozen():
+    frozen = pins.read("2.0") is not None
+    source = (ROOT / "synthnet" / "versions" / "2.0.toml").read_text()
+    assert ("NOT FROZEN YET" in source) != frozen
+    assert ("**Not frozen yet.**" in CARD_2) != frozen
+
+
+def test_card_of_2_0_has_the_errors_that_were_measured():
+    data = ROOT / "docs" / "data" / "errors-2.0.json"
+    assert data.exists() != ("Not measured yet for this recipe." in CARD_2)
+    report = json.loads(data.read_text()) if data.exists() else {"rows": []}
+    assert {row["family"] for row in report["rows"]} in (set(), set(CHARTED))
+    lines = [line for line in CARD_2.splitlines() if line.startswith("|")]
+    for row in report["rows"]:
+        title = CHARTED[row["family"]].title
+        (cells,) = (
+            cells
+            for cells in (re.split(r"\s*\|\s*", line) for line in lines)
+            if cells[1] == title and len(cells) == 12
+        )
+        shares = [f"{value:.2f} %" for value in (*row["first"], *row["last"])]
+        assert cells[2:7] == [f"{row['shapes']:,}", *shares]
+        if row["effectivity"] is None:
+            assert cells[-2] == "exact"
+        else:
+            low, middle, high = row["effectivity"]
+            assert cells[-2] == f"{middle:.2f} ({low:.2f} to {high:.2f})"
+            assert 0.95 <= middle <= 1.05
 
 
 def test_card_has_the_costs_that_were_measured():
