@@ -134,7 +134,7 @@ def test_damaged_estimates_are_not_read(dataset: StoredDataset, damage: str) -> 
 def test_a_damaged_file_is_said_and_replaced(
     dataset: StoredDataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fake(spec: ShapeSpec, values: np.ndarray) -> Estimate:
+    def fake(spec: ShapeSpec, values: np.ndarray, _: dict[str, np.ndarray]) -> Estimate:
         return Estimate(spec.id, values, np.stack([values]))
 
     monkeypatch.setattr(estimates, "estimate", fake)
@@ -150,7 +150,7 @@ def test_a_damaged_file_is_said_and_replaced(
 def test_a_solver_that_fails_names_the_shape(
     dataset: StoredDataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(spec: ShapeSpec, values: np.ndarray) -> Estimate:
+    def fail(spec: ShapeSpec, values: np.ndarray, _: dict[str, np.ndarray]) -> Estimate:
         raise SpectrumError("factorisation failed")
 
     monkeypatch.setattr(estimates, "estimate", fail)
