@@ -14,8 +14,8 @@ not follow that law yet, so it is refined again, and the two finest meshes give 
 families with triangles that reach across the whole surface at least twice
 (:attr:`synthnet.families.Family.refinements`), those of 2.0, whose refinements are uniform
 meshes of the surface whatever the mesh in question, and any mesh while the last refinement
-changed an eigenvalue by more than a tenth (a fiftieth in 2.0), up to five times, or as often as
-the solver can certify the finer mesh. Families of 2.0 whose limit is known have their error
+changed an eigenvalue by more than a tenth (half a per cent in 2.0), up to five times, or as often
+as the solver can certify the finer mesh. Families of 2.0 whose limit is known have their error
 from there.
 
 References
@@ -91,9 +91,8 @@ def estimate(
     """
     family = FAMILIES[spec.family]
     known = {} if known is None else known
-    if family.exact:
-        limit = family.limit_eigenvalues(spec.parameters, len(eigenvalues))
-        assert limit is not None
+    limit = family.limit_eigenvalues(spec.parameters, len(eigenvalues)) if family.exact else None
+    if limit is not None:
         return Estimate(spec.id, eigenvalues - limit, np.array([limit, limit]))
     meshes = [eigenvalues]
     change = np.inf

@@ -117,11 +117,15 @@ class MeshFacts:
         return faces.ravel(), faces[:, [1, 2, 0]].ravel()
 
     @cached_property
+    def _edge_keys(self) -> NDArray[np.int64]:
+        """A number of each half-edge's undirected edge, sorted, shape (3m,)."""
+        tails, heads = self._half_edges
+        return np.sort(np.minimum(tails, heads) * self.n_vertices + np.maximum(tails, heads))
+
+    @cached_property
     def edge_valences(self) -> NDArray[np.int64]:
         """Number of triangles at each undirected edge, shape (e,)."""
-        tails, heads = self._half_edges
-        keys = np.minimum(tails, heads) * self.n_vertices + np.maximum(tails, heads)
-        return _run_lengths(np.sort(keys))
+        return _run_lengths(self._edge_keys)
 
     @cached_property
     def n_repeated_half_edges(self) -> int:
@@ -144,10 +148,10 @@ class MeshFacts:
     @cached_property
     def n_boundaries(self) -> int:
         """Number of connected pieces of the edges with a single triangle; 0 if closed."""
-        tails, heads = self._half_edges
-        keys = np.minimum(tails, heads) * self.n_vertices + np.maximum(tails, heads)
-        unique, counts = np.unique(keys, return_counts=True)
-        tails, heads = np.divmod(unique[counts == 1], self.n_vertices)
+        if self.is_closed:
+            return 0
+        unique = np.unique(self._edge_keys)  # in the order of the valences
+        tails, heads = np.divmod(unique[self.edge_valences == 1], self.n_vertices)
         ones: NDArray[Any] = np.ones(len(tails))
         graph = sparse.coo_matrix((ones, (tails, heads)), shape=(self.n_vertices,) * 2)
         _, piece = connected_components(graph, directed=False)

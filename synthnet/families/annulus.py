@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet import limits
-from synthnet.families.atlas import Atlas
+from synthnet.families.atlas import Atlas, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.revolution import Piece, revolution, rows, straight
+from synthnet.families.revolution import Piece, revolution, straight
 
 
 def atlas(*, inner: float) -> Atlas:
     """Plane between the circles of radius ``inner`` and 1."""
     around = math.pi * (1 + inner)
-    sectors = max(6, min(24, math.floor(around / (1 - inner) + 0.5)))
+    sectors = max(6, rows(around, 1 - inner, most=24))
     row = rows(1 - inner, around / sectors)
     return revolution([Piece("band", straight((1, 0), (inner, 0)), row)], sectors)
 

@@ -219,6 +219,11 @@ def glue_charts(*parts: tuple[int, Floats]) -> tuple[Floats, Integers]:
     return corners, charts.astype(np.int64)
 
 
+def rows(length: float, around: float, most: int = 12) -> int:
+    """Return how many rows of patches make them about as long as they are wide."""
+    return max(1, min(most, math.floor(length / around + 0.5)))
+
+
 def rectangle(u: Floats, v: Floats) -> Floats:
     """Return patches of the rectangles between grid lines, two each, shape (p, 3, 2).
 

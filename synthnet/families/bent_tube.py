@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats
+from synthnet.families.atlas import Atlas, Floats, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.revolution import Piece, revolution, rows
+from synthnet.families.revolution import Piece, revolution
 
 
 def atlas(*, length: float, flatness: float, turns: float, bend: float) -> Atlas:

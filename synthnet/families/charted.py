@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,12 +106,10 @@ def charted(
             )
         )
 
-    def refined(
-        times: int, *, triangulation: str, vertices: int, seed: int, **shape: float
-    ) -> Mesh:
+    def refined(times: int, **parameters: Any) -> Mesh:
         if times == 0:
-            return surface(triangulation=triangulation, vertices=vertices, seed=seed, **shape)
-        charts = atlas(**shape)
+            return surface(**parameters)
+        charts = atlas(**one_shape(parameters))
         return charts.mesh(reference(charts, times))
 
     return Family(

@@ -2,13 +2,10 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from synthnet.families import circular_cone
-from synthnet.families.atlas import Atlas
+from synthnet.families.atlas import Atlas, rows
 from synthnet.families.charted import charted
-from synthnet.families.revolution import Piece, revolution, rows, straight
+from synthnet.families.revolution import Piece, revolution, straight
 
 
 def atlas(*, radius: float, height: float, flip: float) -> Atlas:
@@ -29,16 +26,11 @@ def atlas(*, radius: float, height: float, flip: float) -> Atlas:
     )
 
 
-def limit(k: int, *, radius: float, height: float, **_: object) -> NDArray[np.float64]:
-    """Spectrum of the smooth cone, to which the dented one is isometric."""
-    return circular_cone.limit(k, radius=radius, height=height)
-
-
 FAMILY = charted(
     "dented_cone",
     "Dented cone",
     atlas,
     {**circular_cone.LEAST, "flip": 0.51},
     most={"flip": 0.95},
-    limit=limit,
+    limit=circular_cone.limit,  # isometric to it
 )

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet import limits
-from synthnet.families.atlas import Atlas, rectangle
+from synthnet.families.atlas import Atlas, Floats, rectangle
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.polyhedra import flat, lines, polyhedron
@@ -12,8 +12,13 @@ from synthnet.families.polyhedra import flat, lines, polyhedron
 
 def atlas(*, width: float, height: float) -> Atlas:
     """Rectangle [0, width] × [0, height] in the plane z = 0."""
+    return polyhedron(flat(patches(width, height)))
+
+
+def patches(width: float, height: float) -> Floats:
+    """Return about square patches of the rectangle, shape (p, 3, 2)."""
     cell = min(width, height)
-    return polyhedron(flat(rectangle(lines(width, cell), lines(height, cell))))
+    return rectangle(lines(width, cell), lines(height, cell))
 
 
 def limit(k: int, *, width: float, height: float, **_: object) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats, Integers, rectangle
+from synthnet.families.atlas import Atlas, Floats, Integers, rectangle, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 
@@ -26,7 +26,7 @@ def atlas(*, knot: int, thickness: float) -> Atlas:
         return np.asarray(points + radius * out)
 
     length = float(np.linalg.norm(np.diff(core[0], axis=0, append=core[0][:1]), axis=1).sum())
-    cells = max(8, min(48, math.floor(length / (2 * math.pi * radius / 3) + 0.5)))
+    cells = max(8, rows(length, 2 * math.pi * radius / 3, most=48))
     patches = rectangle(np.linspace(0, 2 * math.pi, cells + 1), np.linspace(0, 2 * math.pi, 4))
     return Atlas(patches[:, ::-1], np.zeros(len(patches), dtype=np.int64), chart)
 

@@ -4,15 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet import limits
-from synthnet.families.atlas import Atlas
+from synthnet.families.atlas import Atlas, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.revolution import Piece, revolution, rows, straight
+from synthnet.families.revolution import Piece, revolution, straight
 
 
 def atlas(*, height: float) -> Atlas:
     """Cylinder of radius 1 about the z axis, from z = 0."""
-    sectors = max(6, min(24, int(2 * np.pi / height + 0.5)))
+    sectors = max(6, rows(2 * np.pi, height, most=24))
     row = rows(height, 2 * np.pi / sectors)
     return revolution([Piece("band", straight((1, 0), (1, height)), row)], sectors)
 

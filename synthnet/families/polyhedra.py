@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families.atlas import SAME, Atlas, Floats, glue_charts, rectangle
+from synthnet.families.atlas import SAME, Atlas, Floats, glue_charts, rectangle, rows
 
 
 def polyhedron(*faces: Floats, singular: Floats | None = None) -> Atlas:
@@ -78,4 +78,4 @@ def prism(
 
 def lines(length: float, around: float, most: int = 6) -> Floats:
     """Return equidistant coordinates from 0 to a length, about ``around`` apart."""
-    return np.linspace(0, length, max(1, min(most, int(length / around + 0.5))) + 1)
+    return np.linspace(0, length, rows(length, around, most) + 1)

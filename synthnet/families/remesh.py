@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,30 +43,21 @@ def refined(mesh: Charted, marked: NDArray[np.bool_]) -> Charted:
     green = np.flatnonzero(~marked & ~whole)
     side = split[of_side[green]].argmax(axis=1)
     a, b, c = ((side + turn) % 3 for turn in range(3))
-    own, mid = mesh.faces, middle
-    faces = [
-        own[whole],
-        _stack(mid[red, 0], mid[red, 1], mid[red, 2]),
-        *(_stack(own[red, i], mid[red, i], mid[red, i - 1]) for i in range(3)),
-        _stack(own[green, a], mid[green, a], own[green, c]),
-        _stack(mid[green, a], own[green, b], own[green, c]),
-    ]
-    at, half = mesh.corners, halfway
-    corners = [
-        at[whole],
-        _stack(half[red, 0], half[red, 1], half[red, 2]),
-        *(_stack(at[red, i], half[red, i], half[red, i - 1]) for i in range(3)),
-        _stack(at[green, a], half[green, a], at[green, c]),
-        _stack(half[green, a], at[green, b], at[green, c]),
-    ]
-    order = [np.flatnonzero(whole), *[red] * 4, *[green] * 2]
+
+    def children(at: NDArray[Any], half: NDArray[Any]) -> NDArray[Any]:
+        """Return the corners of the new triangles, from those of the old and of their middles."""
+        corners = [
+            [half[red, 0], half[red, 1], half[red, 2]],
+            *([at[red, i], half[red, i], half[red, i - 1]] for i in range(3)),
+            [at[green, a], half[green, a], at[green, c]],
+            [half[green, a], at[green, b], at[green, c]],
+        ]
+        return np.concatenate([at[whole], *(np.stack(three, axis=1) for three in corners)])
+
+    order = np.concatenate([np.flatnonzero(whole), *[red] * 4, *[green] * 2])
     return Charted(
-        np.concatenate(faces), np.concatenate(corners), mesh.charts[np.concatenate(order)]
+        children(mesh.faces, middle), children(mesh.corners, halfway), mesh.charts[order]
     )
-
-
-def _stack(*parts: NDArray[np.generic]) -> NDArray[np.generic]:
-    return np.stack(parts, axis=1)
 
 
 def towards(atlas: Atlas, mesh: Charted, focus: Floats, shares: tuple[float, ...]) -> Charted:
@@ -83,18 +76,20 @@ def towards(atlas: Atlas, mesh: Charted, focus: Floats, shares: tuple[float, ...
     """
     distances = np.linalg.norm(atlas.points(mesh) - focus, axis=1)
     for radius in np.quantile(distances, shares):
-        centres = atlas.points(mesh)[mesh.faces].mean(axis=1)
-        mesh = refined(mesh, np.linalg.norm(centres - focus, axis=1) <= radius)
+        mesh = refined(mesh, np.linalg.norm(_centres(atlas, mesh) - focus, axis=1) <= radius)
     return mesh
 
 
 def finer_half(atlas: Atlas, mesh: Charted, times: int) -> Charted:
     """Refine the half with x > 0 so often."""
     for _ in range(times):
-        centres = atlas.points(mesh)[mesh.faces].mean(axis=1)
-        size = float(np.ptp(centres[:, 0]))
-        mesh = refined(mesh, centres[:, 0] > HALF * size)
+        x = _centres(atlas, mesh)[:, 0]
+        mesh = refined(mesh, x > HALF * np.ptp(x))
     return mesh
+
+
+def _centres(atlas: Atlas, mesh: Charted) -> Floats:
+    return np.asarray(atlas.points(mesh)[mesh.faces].mean(axis=1))
 
 
 def irregular(atlas: Atlas, mesh: Charted, rng: np.random.Generator) -> Charted:

@@ -41,11 +41,6 @@ def straight(start: tuple[float, float], stop: tuple[float, float]) -> Profile:
     return lambda s: (r0 + (r1 - r0) * s, z0 + (z1 - z0) * s)
 
 
-def rows(length: float, around: float, most: int = 12) -> int:
-    """Return how many rows of patches make them about as long as they are wide."""
-    return max(1, min(most, math.floor(length / around + 0.5)))
-
-
 def revolution(pieces: Sequence[Piece], sectors: int) -> Atlas:
     """Return the atlas of the surface about the z axis.
 

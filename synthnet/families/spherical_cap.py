@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet import limits
-from synthnet.families.atlas import Atlas, Floats
+from synthnet.families.atlas import Atlas, Floats, rows
 from synthnet.families.charted import charted
-from synthnet.families.revolution import Piece, revolution, rows
+from synthnet.families.revolution import Piece, revolution
 from synthnet.limits import Arc
 
 

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet import limits
-from synthnet.families.atlas import Atlas
+from synthnet.families.atlas import Atlas, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.revolution import Piece, revolution, rows, straight
+from synthnet.families.revolution import Piece, revolution, straight
 
 SECTORS = 6
 

@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats, Integers, rectangle
+from synthnet.families.atlas import Atlas, Floats, Integers, rectangle, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.revolution import rows
 
 
 def atlas(*, tube_radius: float, flatness: float, half_turns: int) -> Atlas:
