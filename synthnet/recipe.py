@@ -15,10 +15,13 @@ from typing import Any, TypeVar
 
 from synthnet.distributions import DISTRIBUTIONS, draw
 from synthnet.errors import RecipeError
+from synthnet.types import PROTOCOLS
 
 SCHEMA = 1
 SCALED = re.compile(r"(?P<version>.+)-x(?P<scale>[0-9]+)")
 LEAST_VERTICES = 50  # of a mesh that a recipe asks for
+EACH_FAMILY = "each family"  # held out, one after the other
+NOTHING = "nothing"  # held out: tested are meshes from elsewhere
 MOST_SCALE = 100_000  # beyond it a family's numbers would not fit the store's int32
 
 
@@ -82,6 +85,23 @@ class Size:
 
 
 @dataclass(frozen=True, slots=True)
+class Fold:
+    """A training of a protocol that asks for generalisation, by what it must not see.
+
+    Parameters
+    ----------
+    name : str
+        ``PROTOCOL``, or ``PROTOCOL/FAMILY`` where each family is held out in turn.
+    families, sizes : tuple of str
+        A mesh is held out if its family is one of these and its size is; empty: any.
+    """
+
+    name: str
+    families: tuple[str, ...] = ()
+    sizes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class FamilyRecipe:
     """How many shapes of a family, and each parameter's constant or distribution.
 
@@ -112,6 +132,9 @@ class Recipe:
         The meshes that each surface comes in; ``None`` where the families' parameters say all.
     subset : Subset or None
         Which part of another version this is; ``None`` for a full version.
+    protocols : mapping of str to tuple of Fold, or None
+        The trainings that each protocol that asks for generalisation is made of; none where
+        nothing is held out and the test is an imported dataset.
     scale : int or None
         How many times the shapes of the version it was scaled from; ``None`` for a version
         as it ships. See :func:`scaled`.
@@ -126,6 +149,7 @@ class Recipe:
     splits: SplitSettings
     families: Mapping[str, FamilyRecipe]
     sizes: tuple[Size, ...] | None = None
+    protocols: Mapping[str, tuple[Fold, ...]] | None = None
     subset: Subset | None = None
     scale: int | None = None
 
@@ -153,9 +177,9 @@ class Recipe:
         return 1 if self.sizes is None else len(self.sizes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain, JSON-ready data; ``scale`` and ``sizes`` where there are any."""
+        """Return plain, JSON-ready data; what 1.0 has not, where it is there."""
         values = asdict(self)
-        for name in ("scale", "sizes"):  # the digests of 1.0 are older than they
+        for name in ("scale", "sizes", "protocols"):  # the digests of 1.0 are older than they
             if values[name] is None:
                 del values[name]
         return values
@@ -250,7 +274,7 @@ def parse(text: str) -> Recipe:
     _need("scale" not in raw, "a recipe file has no scale: build it with --scale")
     if "subset" in raw:
         return _parse_subset(raw)
-    tables = {
+    tables: dict[str, Any] = {
         name: read(name, raw.pop(name))
         for name, read in (
             ("label", partial(_record, LabelSettings)),
@@ -262,6 +286,12 @@ def parse(text: str) -> Recipe:
         )
         if name in raw
     }
+    if "protocols" in raw:
+        known = {
+            "families": list(tables.get("families", ())),
+            "sizes": [size.name for size in tables.get("sizes", ())],
+        }
+        tables["protocols"] = _protocols(raw.pop("protocols"), known)
     recipe = _record(Recipe, "recipe", {**raw, **tables})
     _check(recipe)
     return recipe
@@ -321,6 +351,35 @@ def _sizes(_: str, tables: Any) -> tuple[Size, ...]:
         least = min(draw({what: size.vertices}, _Ends(u))[what] for u in (0.0, 1 - 2**-53))
         _need(least >= LEAST_VERTICES, f"{what} must be at least {LEAST_VERTICES}, got {least:g}")
     return sizes
+
+
+def _protocols(tables: Any, known: Mapping[str, list[str]]) -> dict[str, tuple[Fold, ...]]:
+    _need(isinstance(tables, Mapping) and tables, f"protocols must be tables, got {tables!r}")
+    return {name: _folds(name, table, known) for name, table in tables.items()}
+
+
+def _folds(name: str, table: Any, known: Mapping[str, list[str]]) -> tuple[Fold, ...]:
+    """Read what a protocol holds out: families or sizes by name, or each family in turn."""
+    what = f"protocol {name}"
+    _need(name not in PROTOCOLS and "/" not in name, f"{what}: the name is taken or has a slash")
+    _need(isinstance(table, Mapping), f"{what} must be a table, got {table!r}")
+    _need(set(table) == {"held_out"}, f"{what} has held_out and nothing else, got {table!r}")
+    held_out = table["held_out"]
+    if held_out == NOTHING:
+        return ()
+    if held_out == EACH_FAMILY:
+        return tuple(Fold(f"{name}/{family}", (family,)) for family in known["families"])
+    _need(
+        isinstance(held_out, Mapping) and held_out and set(held_out) <= set(known),
+        f"{what}: held_out must be {EACH_FAMILY!r}, {NOTHING!r}, or lists of families or sizes, "
+        f"got {held_out!r}",
+    )
+    for kind, names in held_out.items():
+        _need(
+            isinstance(names, list) and names and all(one in known[kind] for one in names),
+            f"{what}: held-out {kind} must be of {', '.join(known[kind]) or 'none'}, got {names!r}",
+        )
+    return (Fold(name, **{kind: tuple(names) for kind, names in held_out.items()}),)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,9 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import astuple
 
-from synthnet.recipe import SplitSettings
-from synthnet.types import SPLITS, ShapeSpec
+from synthnet.errors import RecipeError
+from synthnet.recipe import Fold, Recipe, SplitSettings
+from synthnet.types import PROTOCOLS, SPLITS, ShapeSpec
 
 
 def grouped(specs: Sequence[ShapeSpec], shares: SplitSettings, seed: int) -> dict[str, str]:
@@ -79,6 +80,59 @@ def paper(
     ]
     split_of = dict(zip(keys, names, strict=True))
     return {s.id: tuple(split_of[s.id, i] for i in range(instances)) for s in specs}
+
+
+def folds(recipe: Recipe, protocol: str) -> tuple[Fold, ...]:
+    """Return the trainings of a protocol that asks for generalisation, or the one that is named.
+
+    Raises
+    ------
+    RecipeError
+        If the recipe has no such protocol.
+
+    Examples
+    --------
+    >>> from synthnet import recipe
+    >>> wanted = recipe.load("2.0")
+    >>> folds(wanted, "resolution")
+    (Fold(name='resolution', families=(), sizes=('fine',)),)
+    >>> len(folds(wanted, "family")), folds(wanted, "family/pretzel")[0].families
+    (25, ('pretzel',))
+    """
+    known = recipe.protocols or {}
+    if protocol in known:
+        return known[protocol]
+    named = [fold for parts in known.values() for fold in parts if fold.name == protocol]
+    if not named:
+        several = (f"{name}/FAMILY" for name, parts in known.items() if len(parts) > 1)
+        choices = ", ".join([*PROTOCOLS, *known, *several])
+        raise RecipeError(
+            f"{recipe.version} has no protocol {protocol!r}: choose one of {choices}"
+        )
+    return tuple(named)
+
+
+def holds_out(fold: Fold, recipe: Recipe, family: str, index: int) -> bool:
+    """Return whether a shape is held out of training.
+
+    What is held out of the splits ``train`` and ``validation`` is left out; of the split
+    ``test`` it is what is tested. So the training never sees a test shape of another protocol,
+    and the same shapes can be compared between protocols.
+
+    Examples
+    --------
+    >>> from synthnet import recipe
+    >>> wanted = recipe.load("2.0")
+    >>> (fold,) = folds(wanted, "resolution")
+    >>> [holds_out(fold, wanted, "blob", index) for index in range(3)]  # coarse, medium, fine
+    [False, False, True]
+    """
+    if fold.families and family not in fold.families:
+        return False
+    if not fold.sizes:
+        return True
+    sizes = recipe.sizes or ()
+    return sizes[index % recipe.copies].name in fold.sizes
 
 
 def by_hash(protocol: str, key: str, shares: SplitSettings, seed: int) -> str:
