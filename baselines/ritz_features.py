@@ -159,10 +159,12 @@ def features(mesh: Mesh) -> tuple[float, np.ndarray]:
     Raises
     ------
     ValueError
-        If the mesh has no area, or polynomials have fewer than ten values on it.
+        If the mesh has no faces or area, or polynomials have fewer than ten values on it.
     """
     vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
     faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    if not len(faces):
+        raise ValueError("the mesh has no faces")
     area, centroid, second = surface(vertices, faces)
     if not area > 0:
         raise ValueError(f"the mesh has area {area}, it must be positive and finite")

@@ -1,20 +1,28 @@
 """Rayleigh-Ritz values of degree 4, corrected by a small network.
 
 A perceptron maps the 28 numbers of `ritz_features.py` to the logarithms of label / Ritz value,
-so scaling is exact, and no isometry changes an answer. Its weights, of three seeds, stand in
-`ritz_mlp.safetensors`, made by
+so scaling is exact, and no isometry changes an answer. It is not told a shape's family.
 
-    python baselines/ritz_mlp.py
+Weights of three seeds trained on 1.0 stand in `ritz_mlp.safetensors`. On other training sets it is
+trained when it is loaded, a minute a seed, on the numbers of 2.0's shapes in `ritz_mlp.parquet`.
+Both files are made by
 
-from a built 1.0. It is not told a shape's family.
+    python baselines/ritz_mlp.py 1.0
+    python baselines/ritz_mlp.py 2.0
+
+from a built 1.0 and 2.0.
 """
 
+import argparse
+import sys
 import time
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from eigbench import truth
 from rich.progress import track
 from ritz_features import CORRECTED, NAMES, features
@@ -24,15 +32,16 @@ from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
 from synthnet import Mesh, store
-from synthnet.files import write_bytes
+from synthnet.files import write_atomically, write_bytes
 
 META = {
     "name": "Ritz values, degree 4, corrected by an MLP",
     "kind": "learned",
-    "training_data": "synthNet 1.0 train, one instance a shape",
+    "training_data": "the training split, one instance a shape",
     "training_cost": "minutes on one core: see docs/learned.md",
 }
-WEIGHTS = Path(__file__).with_suffix(".safetensors")
+WEIGHTS, NUMBERS = (Path(__file__).with_suffix(kind) for kind in (".safetensors", ".parquet"))
+WEIGHED = "1.0/grouped"  # the training set of the weights
 SEEDS, WIDTH, DEPTH, EPOCHS, BATCH, RATE = 3, 256, 3, 400, 256, 3e-3
 
 
@@ -59,14 +68,19 @@ class Corrected:
 
     def predict(self, meshes: Sequence[Mesh]) -> np.ndarray:
         """Return the eigenvalues, ascending, shape (B, 10)."""
+        if not meshes:
+            return np.empty((0, CORRECTED))
         areas, rows = zip(*map(features, meshes), strict=True)
         numbers = np.array(rows)
         logs = numbers[:, :CORRECTED] + self.correct(numbers)
         return np.sort(np.exp(logs), axis=1) / np.array(areas)[:, None]
 
 
-def load(device: str, seed: int) -> Corrected:
-    """Return the network that was trained with a seed."""
+def load(device: str, seed: int, training: str = WEIGHED) -> Corrected:
+    """Return the network that was trained with a seed, or train it."""
+    if training != WEIGHED:
+        numbers, logs = kept(training)
+        return Corrected(train(numbers, logs - numbers[:, :CORRECTED], seed))
     if not 0 <= seed < SEEDS:
         raise ValueError(f"{WEIGHTS.name} has the seeds 0 to {SEEDS - 1}, not {seed}")
     prefix = f"seed{seed}."
@@ -89,6 +103,38 @@ def read(version: str = "1.0", split: str = "train") -> tuple[np.ndarray, ...]:
                     rows.append(numbers)
                     logs.append(np.log(wanted[sample.spec.id] * area))
     return np.array(families), np.array(rows), np.array(logs)
+
+
+def kept(training: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return features and log(label · area) of a training set whose numbers are kept."""
+    version, _, protocol = training.partition("/")
+    labels = truth.load(version, "train", protocol)
+    table = pq.read_table(NUMBERS)
+    row_of = {id: row for row, id in enumerate(table["id"].to_pylist())}
+    shapes, first = np.unique(labels.shapes, return_index=True)
+    if missing := [id for id in shapes if id not in row_of]:
+        raise ValueError(f"{NUMBERS.name} lacks {missing[0]} of {training}: make it anew")
+    rows = [row_of[id] for id in shapes]
+    numbers = np.stack([table[name].to_numpy() for name in NAMES], axis=1)[rows]
+    areas = table["area"].to_numpy()[rows]
+    return numbers.astype(np.float64), np.log(labels.eigenvalues[first] * areas[:, None])
+
+
+def keep(version: str) -> int:
+    """Write the features of a version's training shapes; return how many there are."""
+    wanted = set(truth.load(version, "train").shapes.tolist())
+    ids, rows = [], []
+    with threadpool_limits(1):
+        for path in track(store.open_dataset(version).paths(), "features"):
+            for sample in store.read_samples(path):
+                if sample.spec.id in wanted:
+                    area, numbers = features(sample.mesh)
+                    ids.append(sample.spec.id)
+                    rows.append([area, *numbers])
+    columns = np.array(rows, dtype=np.float32).T
+    table = pa.table([pa.array(ids), *columns], names=["id", "area", *NAMES])
+    write_atomically(NUMBERS, lambda to: pq.write_table(table, to, compression="zstd"))
+    return len(ids)
 
 
 def train(
@@ -129,8 +175,14 @@ def train(
 
 
 def main() -> None:
-    """Train the seeds on a built 1.0 and write their weights."""
+    """Train the seeds on a built 1.0 and write their weights, or keep the numbers of 2.0."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("version", choices=("1.0", "2.0"))
     started = time.perf_counter()
+    if parser.parse_args().version == "2.0":
+        count = keep("2.0")
+        print(f"features of {count:,} shapes: {time.perf_counter() - started:.0f} s on one core")
+        sys.exit()
     _, numbers, logs = read()
     read_in = time.perf_counter()
     tensors = {}

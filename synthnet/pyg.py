@@ -28,7 +28,7 @@ except ModuleNotFoundError as error:
     ) from error
 
 from synthnet import augment as isometry
-from synthnet import files, mapped, recipe, store
+from synthnet import files, mapped, recipe, splits, store
 from synthnet.build import ensure_built
 from synthnet.mapped import MappedShapes
 from synthnet.types import PROTOCOLS, SPLITS, Mesh
@@ -56,9 +56,11 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     split : str
         ``train``, ``validation`` or ``test``.
     protocol : str
-        ``grouped``: by shape, no copy of a shape crosses. ``paper``: over instances.
+        ``grouped``: by shape, no copy of a shape crosses. ``paper``: over instances. One of
+        the version's own, which hold families or sizes out of training and test on these: of
+        2.0 ``resolution``, ``genus``, ``boundary``, ``family/pretzel`` (and every other family).
     augment : bool or "random"
-        ``True``: the nine stored isometric instances of each shape. ``False``: the shape
+        ``True``: the stored isometric instances of each shape, 1.0's nine. ``False``: the shape
         itself. ``"random"``: the shape under a fresh isometry, drawn uniformly from O(3)
         by torch's generator, at every access.
     transform : callable, optional
@@ -76,6 +78,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     ------
     ValueError
         If an option is unknown, or ``pre_transform`` is used with ``augment="random"``.
+    RecipeError
+        If the version is unknown, or has no such protocol.
 
     Notes
     -----
@@ -100,7 +104,6 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     ) -> None:
         for name, value, known in (
             ("split", split, SPLITS),
-            ("protocol", protocol, PROTOCOLS),
             ("augment", augment, (True, False, "random")),
         ):
             if type(value) not in (bool, str) or value not in known:
@@ -116,6 +119,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
                 "pre_transform is applied once and augment='random' afresh at every access: "
                 "use transform instead"
             )
+        if protocol not in PROTOCOLS:  # the version's own
+            splits.folds(recipe.load(version), protocol, split)
         self.version, self.split, self.protocol, self.augment = version, split, protocol, augment
         self._stored = ensure_built(version, root)
         self._shapes: MappedShapes | None = None
@@ -175,8 +180,10 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         count = shapes.instances
         if self.protocol == "grouped":
             mine = np.repeat(shapes.splits[:, None] == self.split, count, axis=1)
-        else:
+        elif self.protocol == "paper":
             mine = shapes.paper_splits == self.split
+        else:
+            mine = np.repeat(self._held_out_or_not(shapes)[:, None], count, axis=1)
         if self.augment is not True:
             mine = mine & (np.arange(count) == 0)
         if pre_filter is not None:
@@ -184,6 +191,20 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
                 mine[shape] &= bool(pre_filter(item(shapes, shape * count)))
         numbers: list[int] = np.flatnonzero(mine).tolist()
         return numbers
+
+    def _held_out_or_not(self, shapes: MappedShapes) -> NDArray[np.bool_]:
+        """Return which shapes the split has under a protocol of the version's own."""
+        wanted = recipe.load(self.version)
+        parts = splits.folds(wanted, self.protocol, self.split)
+        testing = self.split == "test"
+        taken = [
+            any(splits.holds_out(fold, wanted, *shape) == testing for fold in parts)
+            for shape in zip(
+                shapes.families, (int(id.rpartition("-")[2]) for id in shapes.ids), strict=True
+            )
+        ]
+        mine: NDArray[np.bool_] = (shapes.splits == self.split) & np.array(taken, dtype=np.bool_)
+        return mine
 
     def len(self) -> int:
         """Return the number of instances of all splits; ``len(dataset)`` is this split's."""

@@ -82,13 +82,14 @@ def paper(
     return {s.id: tuple(split_of[s.id, i] for i in range(instances)) for s in specs}
 
 
-def folds(recipe: Recipe, protocol: str) -> tuple[Fold, ...]:
+def folds(recipe: Recipe, protocol: str, split: str = "test") -> tuple[Fold, ...]:
     """Return the trainings of a protocol that asks for generalisation, or the one that is named.
 
     Raises
     ------
     RecipeError
-        If the recipe has no such protocol.
+        If the recipe has no such protocol, nothing of the version is tested under it, or
+        the split is to be trained on and there are several trainings.
 
     Examples
     --------
@@ -96,20 +97,27 @@ def folds(recipe: Recipe, protocol: str) -> tuple[Fold, ...]:
     >>> wanted = recipe.load("2.0")
     >>> folds(wanted, "resolution")
     (Fold(name='resolution', families=(), sizes=('fine',)),)
-    >>> len(folds(wanted, "family")), folds(wanted, "family/pretzel")[0].families
+    >>> len(folds(wanted, "family")), folds(wanted, "family/pretzel", "train")[0].families
     (25, ('pretzel',))
     """
     known = recipe.protocols or {}
-    if protocol in known:
-        return known[protocol]
-    named = [fold for parts in known.values() for fold in parts if fold.name == protocol]
-    if not named:
+    kind = protocol.partition("/")[0]
+    if kind in known and not known[kind]:
+        raise RecipeError(
+            f"protocol {protocol} holds nothing of {recipe.version} out: train on grouped, and "
+            "test on a dataset of `synthnet import`"
+        )
+    every = [fold for parts in known.values() for fold in parts]
+    found = known.get(protocol) or tuple(fold for fold in every if fold.name == protocol)
+    if not found:
         several = (f"{name}/FAMILY" for name, parts in known.items() if len(parts) > 1)
         choices = ", ".join([*PROTOCOLS, *known, *several])
+        raise RecipeError(f"protocol of {recipe.version} must be one of {choices}: {protocol!r}")
+    if split != "test" and len(found) > 1:
         raise RecipeError(
-            f"{recipe.version} has no protocol {protocol!r}: choose one of {choices}"
+            f"protocol {protocol} has {len(found)} trainings: say which, such as {found[0].name}"
         )
-    return tuple(named)
+    return found
 
 
 def holds_out(fold: Fold, recipe: Recipe, family: str, index: int) -> bool:

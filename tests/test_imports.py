@@ -47,16 +47,17 @@ MODULES = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.py"
 EIGBENCH = Path(eigbench.__file__).parent
 # The same for the benchmark: a module imports modules of lower levels only.
 EIGBENCH_LEVELS = {
-    **dict.fromkeys(["__init__", "errors", "metrics"], 0),
+    **dict.fromkeys(["__init__", "errors", "markdown", "metrics", "training"], 0),
     **dict.fromkeys(["losses", "truth", "meshes", "predictor", "physics", "reference"], 1),
     **dict.fromkeys(["predictions", "scores", "noise", "results", "tables", "worker"], 2),
     **dict.fromkeys(["process", "submission"], 3),
     **dict.fromkeys(["evaluate", "ranking"], 4),
-    **dict.fromkeys(["record", "figures", "page"], 5),
-    "leaderboard": 6,
-    **dict.fromkeys(["predictor_commands", "board_commands"], 7),
-    "cli": 8,
-    "__main__": 9,
+    **dict.fromkeys(["record", "generalisation", "page"], 5),
+    "figures": 6,
+    "leaderboard": 7,
+    **dict.fromkeys(["predictor_commands", "board_commands"], 8),
+    "cli": 9,
+    "__main__": 10,
 }
 
 

@@ -65,7 +65,13 @@ def _parser() -> argparse.ArgumentParser:
             help="a version, an import, or a directory that synthnet made (default: 1.0)",
         )
         sub.add_argument("--split", default="test", choices=SPLITS)
-        sub.add_argument("--protocol", default="grouped", choices=PROTOCOLS)
+        sub.add_argument(
+            "--protocol",
+            default="grouped",
+            metavar="P",
+            help=f"{', '.join(PROTOCOLS)}, or one of the version's own: of 2.0 family, "
+            "resolution, genus, boundary, imported/NAME (default: grouped)",
+        )
 
     sub = command(
         "check",

@@ -17,10 +17,11 @@ from eigbench import reference
 from eigbench.errors import PredictorError
 from eigbench.meshes import Instances
 from eigbench.process import PredictorProcess
+from eigbench.training import DEFAULT, training_set
 from eigbench.truth import Truth
 from eigbench.worker import Answered, Loaded, Status
 from synthnet import files
-from synthnet.types import Mesh
+from synthnet.types import PROTOCOLS, Mesh
 
 WARM_UP = 16  # meshes predicted before the clock counts
 REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the same batches
@@ -48,7 +49,7 @@ class Options:
         Go on from the batches that an interrupted run has left.
     reference : bool
         Time LaPy, on one thread, on the batches that hold the first and the last
-        :data:`REFERENCE` meshes, each right after the predictor.
+        :data:`REFERENCE` meshes, each right after the predictor; of the first training only.
     """
 
     device: str = "cpu"
@@ -121,19 +122,25 @@ def evaluate(
         If the predictor fails, answers with the wrong shape or type, changes its input,
         hangs or dies. The batches before are kept in ``parts``.
     """
+    trainings = _trainings(path, truth, options)
+    several, everything = len(trainings) > 1, np.arange(len(truth.ids))
     runs = []
+    predictions = np.empty((options.seeds, *truth.eigenvalues.shape))
     for seed in range(options.seeds):
-        place = parts / f"seed-{seed}"
-        left = place.exists() and options.resume
-        same = _open_parts(place, _fingerprint(path, truth, options, seed), path, options.resume)
-        if left and not same and on_restart is not None:
-            on_restart()
-        runs.append(_run(path, truth, instances, options, seed, place, on_batch))
+        for number, training in enumerate(trainings):
+            chosen = np.flatnonzero(truth.trainings == training) if several else everything
+            first = replace(options, reference=options.reference and number == 0)
+            task = _Task(path, truth.take(chosen), first, seed, training)
+            place = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
+            left = place.exists() and options.resume
+            same = _open_parts(place, _fingerprint(task), path, options.resume)
+            if left and not same and on_restart is not None:
+                on_restart()
+            run = _run(task, instances, place, on_batch)
+            answers = np.concatenate([part.answered.values for part in run.parts])
+            predictions[seed, chosen[task.truth.order]] = answers
+            runs.append(run)
     saved = [part for run in runs for part in run.parts]
-    predictions = np.empty((len(runs), *truth.eigenvalues.shape))
-    for seed, run in enumerate(runs):
-        answers = [part.answered.values for part in run.parts]
-        predictions[seed, truth.order] = np.concatenate(answers)
     return Evaluation(
         predictions=predictions,
         seconds=np.array([part.answered.seconds for part in saved]),
@@ -146,15 +153,49 @@ def evaluate(
 
 
 def predict_meshes(
-    path: Path, ids: Sequence[str], given: Sequence[Mesh], k: int, options: Options
+    path: Path,
+    ids: Sequence[str],
+    given: Sequence[Mesh],
+    k: int,
+    options: Options,
+    training: str = DEFAULT,
 ) -> NDArray[np.float64]:
     """Return the answers, (n, k), for given meshes; as :func:`evaluate`, without keeping them."""
-    with _process(path, k, options, 0) as process:
+    with _process(path, k, options, training=training) as process:
         answers = [
             process.predict(ids[first:last], given[first:last]).values
             for first, last in _batches(len(ids), options.batch_size)
         ]
     return np.concatenate(answers)
+
+
+def _trainings(path: Path, truth: Truth, options: Options) -> list[str]:
+    """Return what the predictor is to be trained on, in turn; one, if it is not trained at all."""
+    found = list(dict.fromkeys(truth.trainings.tolist()))
+    whole = {training_set(truth.version, protocol) for protocol in PROTOCOLS}
+    if whole.issuperset(found):
+        return found
+    with _process(path, truth.eigenvalues.shape[1], options, training=found[0]) as process:
+        loaded = process.loaded
+    if loaded.trained:
+        return found
+    if loaded.meta["kind"] == "learned":
+        raise PredictorError(
+            f"{path} is learned, and the protocol {truth.protocol} asks for a training of its "
+            f"own, {found[0]}: define load(device, seed, training)"
+        )
+    return found[:1]
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """What one process of a predictor is asked: instances, how, and what it was trained on."""
+
+    path: Path
+    truth: Truth
+    options: Options
+    seed: int
+    training: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,14 +212,9 @@ class _Run:
 
 
 def _run(
-    path: Path,
-    truth: Truth,
-    instances: Instances,
-    options: Options,
-    seed: int,
-    place: Path,
-    on_batch: Callable[[int], None] | None,
+    task: _Task, instances: Instances, place: Path, on_batch: Callable[[int], None] | None
 ) -> _Run:
+    truth, options = task.truth, task.options
     parts = _read_parts(place)
     done = sum(len(part.answered.values) for part in parts)
     if on_batch is not None and done:
@@ -186,10 +222,10 @@ def _run(
     ids = [truth.ids[i] for i in truth.order]
     k = truth.eigenvalues.shape[1]
     with contextlib.ExitStack() as stack:
-        process = stack.enter_context(_process(path, k, options, seed))
+        process = stack.enter_context(_process(task.path, k, options, task.seed, task.training))
         if options.seeds > 1 and not process.loaded.seeded:
             raise PredictorError(
-                f"{path} takes no seed: define load(device, seed), or leave --seeds out"
+                f"{task.path} takes no seed: define load(device, seed), or leave --seeds out"
             )
         warm_ids = ids[: min(WARM_UP, options.batch_size)]
         warm = [instances.mesh(id) for id in warm_ids]
@@ -218,12 +254,15 @@ def _run(
         return _Run(parts, process.loaded, process.status())
 
 
-def _process(path: Path, k: int, options: Options, seed: int) -> PredictorProcess:
+def _process(
+    path: Path, k: int, options: Options, seed: int = 0, training: str = DEFAULT
+) -> PredictorProcess:
     return PredictorProcess(
         path,
         k,
         device=options.device,
         seed=seed,
+        training=training,
         threads=options.threads,
         time_limit=options.time_limit,
     )
@@ -232,7 +271,7 @@ def _process(path: Path, k: int, options: Options, seed: int) -> PredictorProces
 def _reference_process(k: int, options: Options) -> PredictorProcess:
     limit = max(options.time_limit, TIME_LIMIT)  # the user's may be for a fast predictor
     alone = replace(options, device="cpu", threads=1, time_limit=limit)
-    return _process(Path(reference.__file__), k, alone, 0)
+    return _process(Path(reference.__file__), k, alone)
 
 
 def _batches(count: int, size: int, done: int = 0) -> list[tuple[int, int]]:
@@ -242,15 +281,16 @@ def _batches(count: int, size: int, done: int = 0) -> list[tuple[int, int]]:
 # The answers of an interrupted run
 
 
-def _fingerprint(path: Path, truth: Truth, options: Options, seed: int) -> dict[str, object]:
+def _fingerprint(task: _Task) -> dict[str, object]:
     return {
-        "predictor": path.name,
-        "truth": truth.digest,
-        "batch_size": options.batch_size,
-        "device": options.device,
-        "threads": options.threads,
-        "seed": seed,
-        "reference": options.reference,
+        "predictor": task.path.name,
+        "truth": task.truth.digest,
+        "batch_size": task.options.batch_size,
+        "device": task.options.device,
+        "threads": task.options.threads,
+        "seed": task.seed,
+        "training": task.training,
+        "reference": task.options.reference,
     }
 
 

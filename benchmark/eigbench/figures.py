@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from eigbench import ranking, results
 from eigbench.errors import EigbenchError
+from eigbench.generalisation import Board, title
 from eigbench.metrics import METRICS, psnr
 from eigbench.ranking import RANKED_BY
 from eigbench.submission import Submission
@@ -25,6 +26,14 @@ KINDS = {"trivial": ("#999999", "s"), "classical": ("#0072B2", "o"), "learned": 
 TRUE, PREDICTED = "#000000", "#0072B2"
 FLOOR = 1e-3  # errors below are drawn at the lower edge: the exact solver's would be 1e-11
 FASTEST = 0.1  # ms; what is faster is drawn at the left edge
+PROTOCOL_MARKS = (  # Okabe and Ito again, and a marker each
+    ("s", "#E69F00"),
+    ("^", "#56B4E9"),
+    ("D", "#009E73"),
+    ("v", "#D55E00"),
+    ("P", "#CC79A7"),
+    ("X", "#0072B2"),
+)
 QUANTILES = {"best": 0.0, "median": 0.5, "worst": 1.0}
 
 
@@ -141,6 +150,45 @@ def _label_places(
 def _overlap(a: Sequence[float], b: Sequence[float]) -> float:
     wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
     return max(0.0, wide) * max(0.0, high)
+
+
+def generalisation(board: Board, key: str = RANKED_BY) -> str:
+    """Return an SVG of each model's mean error i.i.d. and under each protocol, a line a model."""
+    metric = METRICS[key]
+    with style():
+        figure = Figure(figsize=(7.2, 0.3 * len(board.rows) + 1.3))
+        axes = figure.subplots()
+        high = 0.3 * len(board.rows) + 1.3
+        figure.subplots_adjust(0.36, 0.45 / high, 0.98, 1 - 0.75 / high)
+        columns = [("i.i.d.", "o", TRUE)]
+        columns += [
+            (title(name), marker, colour)
+            for name, (marker, colour) in zip(board.protocols, PROTOCOL_MARKS, strict=False)
+        ]
+        for line, row in enumerate(board.rows):
+            model = row.submission
+            found = [model.result["scores"]["overall"][key]["mean"]]
+            found += [board.cell(model, name, key).score for name in board.protocols]
+            known = [max(value, FLOOR) for value in found if value is not None]
+            axes.plot([min(known), max(known)], [line, line], color="#cccccc", lw=1, zorder=1)
+            for value, (_, marker, colour) in zip(found, columns, strict=False):
+                if value is not None:
+                    place = max(value, FLOOR)
+                    axes.plot(place, line, marker, color=colour, ms=5.5, alpha=0.85, zorder=2)
+        names = [_escaped(row.submission.name) for row in board.rows]
+        axes.set_yticks(range(len(names)), names, fontsize=8)
+        axes.invert_yaxis()
+        axes.set_xscale("log")
+        axes.set_xlabel(f"mean {metric.heading}; below {FLOOR:g} at the edge")
+        axes.grid(axis="x", alpha=0.25)
+        handles = [
+            axes.plot([], [], marker, color=colour, label=_escaped(name))[0]
+            for name, marker, colour in columns
+        ]
+        figure.legend(handles=handles, loc="upper center", frameon=False, fontsize=7.5, ncols=3)
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    return text.getvalue()
 
 
 def spectra(one: Submission) -> Figure:

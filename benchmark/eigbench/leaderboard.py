@@ -17,10 +17,13 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from eigbench import figures, page, predictions, ranking, submission
+from eigbench import figures, generalisation, page, predictions, ranking, submission
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.submission import Submission
+from eigbench.training import IMPORTED
+from synthnet import recipe
 from synthnet.files import make_directory, sha256, write_atomically
+from synthnet.types import PROTOCOLS
 
 PAGE = "LEADERBOARD.md"
 RESULTS = Path("benchmark", "results")
@@ -48,6 +51,7 @@ def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submis
         if (one.board, one.slug) != (path.parent.name, path.stem):
             raise ResultError(f"{path} belongs at {RESULTS / one.board / one.slug}.json")
         found.append(one)
+    _check_protocols(found)
     known = {path for one in found for path in (one.result_path, one.predictions_path)}
     for folder in (RESULTS, PREDICTIONS):
         for path in sorted((root / folder).rglob("*")):
@@ -56,21 +60,37 @@ def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submis
     return found
 
 
+def _check_protocols(found: Sequence[Submission]) -> None:
+    """Check that who has a result under a version's own protocol has one under ``grouped``."""
+    whole = {(one.truth.version, one.slug) for one in found if one.truth.protocol == "grouped"}
+    for one in found:
+        if (one.truth.version, one.slug) not in whole:
+            raise ResultError(
+                f"{one.result_path}: {one.name} has a result under {one.truth.protocol} and none "
+                f"under grouped of {one.truth.version} to compare it with: submit that too"
+            )
+
+
 def check_fit(one: Submission) -> None:
     """Check that a submission may stand on a board.
 
     Raises
     ------
     ResultError
-        If it is partial, not of a test split, not in Parquet, or has predictions that are
-        not finite or not positive.
+        If it is partial, not of a test split, of a single training of a protocol, not in
+        Parquet, or has predictions that are not finite or not positive.
     """
-    split = one.result["dataset"]["split"]
+    split, protocol = one.truth.split, one.truth.protocol
     problem = predictions.unphysical(one.truth, one.predictions)
     if one.result["partial"]:
         raise ResultError(f"{one.result_path} is partial (made with --limit): evaluate it whole")
     if split != "test":
         raise ResultError(f"{one.result_path} is of the split {split}: a board takes test only")
+    if "/" in protocol and not protocol.startswith(IMPORTED):
+        whole = protocol.partition("/")[0]
+        raise ResultError(
+            f"{one.result_path} is of {protocol} alone: evaluate it with --protocol {whole}"
+        )
     if one.predictions_path.suffix != ".parquet":
         raise ResultError(f"{one.predictions_path} must be the Parquet file of `eigbench evaluate`")
     if problem:
@@ -89,16 +109,35 @@ def generate(
         boards.setdefault(one.board, []).append(one)
     parts, generated = [page.BANNER], {}
     for board in sorted(boards):
+        facts = boards[board][0].result["dataset"]
+        if facts["protocol"] not in PROTOCOLS:
+            continue  # it stands beside the protocol grouped
         rows = ranking.ranked(boards[board])
         place = FIGURES / f"{board}.svg"
         generated[place] = figures.error_against_time([row.submission for row in rows])
         parts += page.board(rows, place)
+        if recipe.load(facts["version"]).protocols and facts["protocol"] == "grouped":
+            held_out = generalisation.Board(rows, _held_out(boards.values(), facts["version"]))
+            place = FIGURES / f"{facts['version']}-generalisation.svg"
+            generated[place] = figures.generalisation(held_out)
+            parts += generalisation.section(held_out, place.as_posix())
     if not boards:
         parts.append("No result has been submitted yet.\n")
     for paper in sorted(reported, key=lambda paper: str(paper["source"])):
         parts += page.reported(paper)
     generated[Path(PAGE)] = "\n".join(parts)
     return generated
+
+
+def _held_out(
+    boards: Iterable[Sequence[Submission]], version: str
+) -> dict[str, Sequence[Submission]]:
+    """Return the submissions under each protocol of the version's own."""
+    return {
+        rows[0].truth.protocol: rows
+        for rows in boards
+        if rows[0].truth.version == version and rows[0].truth.protocol not in PROTOCOLS
+    }
 
 
 def read_reported(root: Path) -> list[dict[str, Any]]:

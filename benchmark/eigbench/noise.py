@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
 from eigbench.metrics import METRICS
+from eigbench.training import IMPORTED
 from eigbench.truth import Truth
 from synthnet import pins, recipe
 
@@ -52,7 +53,7 @@ def surface_eigenvalues(truth: Truth) -> NDArray[np.float64] | None:
     EigbenchError
         If the pinned estimates lack some of the shapes.
     """
-    if truth.version not in recipe.available():
+    if truth.version not in recipe.available() or truth.protocol.startswith(IMPORTED):
         return None
     base = recipe.load(truth.version).base
     pinned = _pinned(base)

@@ -4,7 +4,9 @@ The first of these that the file has is taken:
 
 1. a function ``predict(meshes)`` that returns an array of shape (B, 10);
 2. a class ``Predictor`` with such a method, made without arguments;
-3. a function ``load(device, seed)`` that returns an object with such a method;
+3. a function ``load(device, seed)`` or ``load(device, seed, training)`` that returns an object
+   with such a method; ``training`` names what it is to have been trained on, ``1.0/grouped`` or
+   ``2.0/family/pretzel``: the version and the ``protocol`` of :class:`synthnet.SynthNet`;
 4. a ``torch.nn.Module`` named ``model`` (an instance, or a class made without arguments)
    that maps a PyG batch to (B, 10), and, if it needs one, a ``transform`` of
    ``Data(pos, face)``.
@@ -15,6 +17,7 @@ Loading runs the file's code.
 from __future__ import annotations
 
 import importlib.util
+import inspect
 import math
 import os
 import sys
@@ -29,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
+from eigbench.training import DEFAULT
 from synthnet.files import sha256
 from synthnet.types import Mesh
 
@@ -60,8 +64,9 @@ class Predictor:
     parameters : int or None
         Numbers in what ``parameters()`` gives, tensors (frozen too) or arrays; ``None`` where
         there is no such method.
-    seeded : bool
-        Whether it was made with a seed, by ``load(device, seed)``.
+    seeded, trained : bool
+        Whether it was made with a seed, by ``load(device, seed)``, and with the name of a
+        training set, by ``load(device, seed, training)``.
     roots : tuple of Path
         The file's directory, and those that its code has put on ``sys.path``: where what it
         imports is a part of it.
@@ -71,10 +76,11 @@ class Predictor:
     meta: dict[str, str]
     parameters: int | None
     seeded: bool = False
+    trained: bool = False
     roots: tuple[Path, ...] = ()
 
 
-def load(path: Path, *, device: str = "cpu", seed: int = 0) -> Predictor:
+def load(path: Path, *, device: str = "cpu", seed: int = 0, training: str = DEFAULT) -> Predictor:
     """Load the predictor of a file. This runs the file's code.
 
     Raises
@@ -83,12 +89,12 @@ def load(path: Path, *, device: str = "cpu", seed: int = 0) -> Predictor:
         If there is no such file, its code fails, or it has none of the four doors.
     """
     known = set(sys.path)
-    found = _found(_module(path), path, device, seed)
+    found = _found(_module(path), path, device, seed, training)
     added = (Path(place).resolve() for place in sys.path if place not in known)
     return replace(found, roots=(path.resolve().parent, *added))
 
 
-def _found(module: ModuleType, path: Path, device: str, seed: int) -> Predictor:
+def _found(module: ModuleType, path: Path, device: str, seed: int, training: str) -> Predictor:
     """Return the predictor of a module, by the first door that it has."""
     meta = _meta(module, path)
     try:
@@ -97,7 +103,9 @@ def _found(module: ModuleType, path: Path, device: str, seed: int) -> Predictor:
         if isinstance(kind := getattr(module, "Predictor", None), type):
             return _of_object(kind(), meta, path)
         if callable(loader := getattr(module, "load", None)):
-            return replace(_of_object(loader(device, seed), meta, path), seeded=True)
+            trained = _takes_training(loader)
+            made = loader(device, seed, training) if trained else loader(device, seed)
+            return replace(_of_object(made, meta, path), seeded=True, trained=trained)
         if (model := getattr(module, "model", None)) is not None:
             return _of_torch(model, getattr(module, "transform", None), meta, device, path)
     except PredictorError:
@@ -108,6 +116,10 @@ def _found(module: ModuleType, path: Path, device: str, seed: int) -> Predictor:
         f"{path} has no predictor: define predict(meshes), a class Predictor, "
         "load(device, seed) or a torch module named model"
     )
+
+
+def _takes_training(loader: Callable[..., Any]) -> bool:
+    return "training" in inspect.signature(loader).parameters
 
 
 def sources(path: Path, roots: Sequence[Path]) -> dict[str, str]:

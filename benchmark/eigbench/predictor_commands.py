@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from eigbench import meshes, physics, predictions, record, results, scores, tables, truth
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.evaluate import Evaluation, Options, evaluate, predict_meshes
+from eigbench.training import IMPORTED
 from synthnet import recipe, store
 from synthnet.cli import WRONG_INPUT
 from synthnet.report import Rate
@@ -98,6 +99,24 @@ def _truth(options: argparse.Namespace, directory: store.StoredDataset | None) -
     return truth.load(options.dataset, options.split, options.protocol)
 
 
+def _meshes_of(
+    wanted: truth.Truth, directory: store.StoredDataset | None, root: Path | None
+) -> store.StoredDataset:
+    """Return the dataset on disk whose meshes are predicted; it must be that of the labels."""
+    kind, _, name = wanted.protocol.partition("/")
+    place = name if kind == IMPORTED else wanted.version
+    dataset = directory or store.open_imported(place, root) or store.open_dataset(place, root)
+    if kind == IMPORTED:
+        same = truth.of_import(dataset, wanted.version).recipe_digest == wanted.recipe_digest
+        problem = f"does not hold the meshes whose labels are pinned as {name}"
+    else:
+        same = dataset.manifest.recipe_digest == wanted.recipe_digest
+        problem = f"was not built from the recipe of {wanted.version}"
+    if not same:
+        raise EigbenchError(f"{dataset.directory} {problem}: check it with `synthnet verify`")
+    return dataset
+
+
 def run_evaluate(options: argparse.Namespace) -> int:
     """Run a predictor over a split, write the result and print its tables."""
     out: Path = options.out
@@ -114,12 +133,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
         wanted = wanted.head(options.limit)
         if out.exists() and not results.read(out)["partial"]:
             raise EigbenchError(f"{out} is a whole result: give --limit another --out")
-    dataset = directory or store.open_dataset(options.dataset, options.root)
-    if dataset.manifest.recipe_digest != wanted.recipe_digest:
-        raise EigbenchError(
-            f"{dataset.directory} was not built from the recipe of {wanted.version}: "
-            "check it with `synthnet verify`"
-        )
+    dataset = _meshes_of(wanted, directory, options.root)
     settings = Options(**{f.name: getattr(options, f.name) for f in fields(Options)})
     settings = replace(settings, reference=settings.reference and not partial)
     parts = out.with_name(f".{out.name}.parts")
@@ -194,7 +208,9 @@ def _predict(
         progress.stop()
     k = wanted.eigenvalues.shape[1]
     with console.status("asking about physics"):
-        answers = predict_meshes(options.predictor, *physics.questions(), k, settings)
+        asked = physics.questions()
+        trained = str(wanted.trainings[0])
+        answers = predict_meshes(options.predictor, *asked, k, settings, trained)
     return evaluation, answers
 
 

@@ -26,7 +26,7 @@ class PredictorProcess:
         The predictor's file.
     k : int
         Number of eigenvalues.
-    device, seed
+    device, seed, training
         Handed to the predictor.
     threads : int
         Threads of BLAS and OpenMP.
@@ -41,9 +41,17 @@ class PredictorProcess:
     """
 
     def __init__(
-        self, path: Path, k: int, *, device: str, seed: int, threads: int, time_limit: float
+        self,
+        path: Path,
+        k: int,
+        *,
+        device: str,
+        seed: int,
+        training: str,
+        threads: int,
+        time_limit: float,
     ) -> None:
-        self.job = Job(path, device, seed, k)
+        self.job = Job(path, device, seed, training, k)
         self.threads, self.time_limit = threads, time_limit
         self.loaded: Loaded
 

@@ -60,9 +60,10 @@ class Submission:
 
     @property
     def board(self) -> str:
-        """Which board it belongs on: ``1.0-test-grouped``."""
+        """Which board it belongs on: ``1.0-test-grouped``, ``2.0-test-imported-scans``."""
         facts = self.result["dataset"]
-        return f"{facts['version']}-{facts['split']}-{facts['protocol']}"
+        protocol = facts["protocol"].replace("/", "-")
+        return f"{facts['version']}-{facts['split']}-{protocol}"
 
 
 def slug(name: str) -> str:

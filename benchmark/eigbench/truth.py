@@ -6,6 +6,7 @@ The labels are those the repository pins, so scoring needs no built dataset.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
-from synthnet import pins, recipe, store
+from eigbench.training import DEFAULT, IMPORTED, training_set
+from synthnet import pins, recipe, splits, store
 from synthnet.plan import plan_shards
+from synthnet.recipe import Recipe
 from synthnet.types import PROTOCOLS, SPLITS
 
 
@@ -25,11 +28,15 @@ class Truth:
     Parameters
     ----------
     version, split, protocol : str
-        Which split of which dataset.
+        Which split of which dataset. A protocol ``imported/NAME`` is the imported dataset of
+        that name, for predictors trained on ``version``.
     ids : tuple of str
         Instances, ``cone-00042/3`` for instance 3 of that shape, in order.
     shapes, groups, families : ndarray of shape (n,), str
         Shape of each instance, the group of equal shapes it belongs to, and its family.
+    trainings : ndarray of shape (n,), str
+        What a predictor of each instance may be trained on, ``VERSION/PROTOCOL``: more than one
+        where a protocol holds out several things in turn.
     eigenvalues : ndarray of shape (n, k), float64
         The label of each instance, in 1/length².
     recipe_digest : str
@@ -43,6 +50,7 @@ class Truth:
     shapes: NDArray[np.str_]
     groups: NDArray[np.str_]
     families: NDArray[np.str_]
+    trainings: NDArray[np.str_]
     eigenvalues: NDArray[np.float64]
     recipe_digest: str
 
@@ -75,41 +83,21 @@ class Truth:
             shapes=self.shapes[chosen],
             groups=self.groups[chosen],
             families=self.families[chosen],
+            trainings=self.trainings[chosen],
             eigenvalues=self.eigenvalues[chosen],
         )
 
 
-def of_dataset(
-    dataset: store.StoredDataset, split: str = "test", protocol: str = "grouped"
-) -> Truth:
-    """Return the labels of a split of a dataset on disk, as they are stored there."""
-    _check(split, protocol)
-    rows = []
-    columns = ["id", "group", "family", "split", "paper_splits", "eigenvalues"]
-    for path in dataset.paths():
-        for row in store.read_table(path, columns).to_pylist():
-            for instance, paper_split in enumerate(row["paper_splits"]):
-                if (row["split"] if protocol == "grouped" else paper_split) == split:
-                    rows.append((f"{row['id']}/{instance}", row))
-    if not rows:
-        raise EigbenchError(f"{dataset.directory} has nothing in the split {split}")
-    return Truth(
-        dataset.manifest.version,
-        split,
-        protocol,
-        tuple(id for id, _ in rows),
-        np.array([row["id"] for _, row in rows]),
-        np.array([row["group"] for _, row in rows]),
-        np.array([row["family"] for _, row in rows]),
-        np.array([row["eigenvalues"] for _, row in rows]),
-        dataset.manifest.recipe_digest,
-    )
+@dataclass(frozen=True, slots=True)
+class _Labelled:
+    """A shape that has a label."""
 
-
-def _check(split: str, protocol: str) -> None:
-    for name, value, known in (("split", split, SPLITS), ("protocol", protocol, PROTOCOLS)):
-        if value not in known:
-            raise EigbenchError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+    id: str
+    group: str
+    family: str
+    split: str
+    paper_splits: tuple[str, ...]
+    eigenvalues: NDArray[np.float64]
 
 
 def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
@@ -122,7 +110,9 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
     split : str
         ``train``, ``validation`` or ``test``.
     protocol : str
-        ``grouped``: every instance of the split's shapes. ``paper``: its instances.
+        ``grouped``: every instance of the split's shapes. ``paper``: its instances. One of the
+        recipe's ``protocols``: the split's shapes that it tests, or that it leaves to train on.
+        ``imported/NAME``: all of an imported dataset whose labels are pinned.
 
     Raises
     ------
@@ -137,32 +127,144 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
     >>> len(truth.ids), truth.ids[0], truth.eigenvalues.shape
     (306, 'rectangular_prism-00008/0', (306, 10))
     """
-    _check(split, protocol)
+    _check(split)
     wanted = recipe.load(version)
+    if name := _imported(wanted, split, protocol):
+        labels = pins.read(name)
+        if labels is None:
+            raise EigbenchError(
+                f"the labels of the import {name} are not pinned in this release: evaluate it as "
+                f"--dataset {name}, or pin them (scripts/pin_version.py {name})"
+            )
+        return _of_import(version, protocol, labels)
     pinned = pins.read(wanted.base)
     if pinned is None:
         raise EigbenchError(f"the labels of {wanted.base} are not pinned in this release")
-    ids, shapes, groups, families, labels = [], [], [], [], []
-    for plan in plan_shards(wanted):
-        for shape in plan.shapes:
-            id = shape.spec.id
-            if id not in pinned:
-                continue  # rejected by a filter: it has no label
+    shapes = (
+        _Labelled(
+            shape.spec.id,
+            shape.spec.group,
+            shape.spec.family,
+            shape.split,
+            shape.paper_splits,
+            pinned[shape.spec.id].eigenvalues,
+        )
+        for plan in plan_shards(wanted)
+        for shape in plan.shapes
+        if shape.spec.id in pinned  # or it was rejected by a filter, and has no label
+    )
+    chosen = list(_choose(shapes, wanted.version, wanted, split, protocol))
+    if not chosen:
+        raise EigbenchError(f"{version} has nothing in the split {split} of protocol {protocol}")
+    return _truth(chosen, version, split, protocol, wanted.digest)
+
+
+def of_dataset(
+    dataset: store.StoredDataset, split: str = "test", protocol: str = "grouped"
+) -> Truth:
+    """Return the labels of a split of a dataset on disk, as they are stored there.
+
+    Raises
+    ------
+    EigbenchError
+        If the split or protocol is unknown, or empty.
+    """
+    _check(split)
+    version = dataset.manifest.version
+    # Only a version's recipe has protocols of its own; an import has no recipe
+    wanted = None if protocol in PROTOCOLS else recipe.load(version)
+    shapes = list(_stored(dataset))
+    chosen = list(_choose(shapes, version, wanted, split, protocol))
+    if not chosen:
+        raise EigbenchError(f"{dataset.directory} has nothing in the split {split}")
+    if all(shape.split == "test" for shape in shapes):  # an import: nothing to train on
+        chosen = [(id, shape, DEFAULT) for id, shape, _ in chosen]
+    return _truth(chosen, version, split, protocol, dataset.manifest.recipe_digest)
+
+
+def of_import(dataset: store.StoredDataset, version: str) -> Truth:
+    """Return all labels of an imported dataset on disk, for predictors trained on a version."""
+    labels = {sample.spec.id: pins.pin(sample) for sample in dataset.samples()}
+    return _of_import(version, f"{IMPORTED}/{dataset.manifest.version}", labels)
+
+
+def _check(split: str) -> None:
+    if split not in SPLITS:
+        raise EigbenchError(f"split must be one of {', '.join(SPLITS)}, got {split!r}")
+
+
+def _imported(wanted: Recipe, split: str, protocol: str) -> str:
+    """Return the name of the imported dataset that a protocol tests, or nothing."""
+    kind, _, name = protocol.partition("/")
+    if kind != IMPORTED:
+        return ""
+    if not (wanted.protocols and kind in wanted.protocols):
+        raise EigbenchError(f"{wanted.version} has no protocol {kind}")
+    if not name:
+        raise EigbenchError(f"protocol {kind}: say which, {kind}/NAME, NAME as it was imported")
+    if split != "test":
+        raise EigbenchError(f"protocol {protocol} has a test split only: train on grouped")
+    return name
+
+
+def _of_import(version: str, protocol: str, labels: Mapping[str, pins.Pin]) -> Truth:
+    """Return the labels of an import; its digest is that of the pins, so of the very meshes."""
+    ids = list(labels)
+    told = "\n".join(f"{id} {pin.digest}" for id, pin in labels.items())
+    return Truth(
+        version,
+        "test",
+        protocol,
+        tuple(f"{id}/0" for id in ids),
+        np.array(ids),
+        np.array(ids),
+        np.array([id.rpartition("-")[0] for id in ids]),
+        np.full(len(ids), training_set(version, protocol)),
+        np.array([pin.eigenvalues for pin in labels.values()]),
+        hashlib.sha256(told.encode()).hexdigest(),
+    )
+
+
+def _choose(
+    shapes: Iterable[_Labelled], version: str, wanted: Recipe | None, split: str, protocol: str
+) -> Iterator[tuple[str, _Labelled, str]]:
+    """Yield the instances of a split, their shapes and what a predictor is trained on."""
+    folds = () if protocol in PROTOCOLS or wanted is None else splits.folds(wanted, protocol, split)
+    for shape in shapes:
+        trainings = [protocol]
+        if folds and wanted is not None:
+            index = int(shape.id.rpartition("-")[2])
+            trainings = [
+                fold.name
+                for fold in folds
+                if splits.holds_out(fold, wanted, shape.family, index) == (split == "test")
+            ]
+        for training in trainings:
             for instance, paper_split in enumerate(shape.paper_splits):
-                if (shape.split if protocol == "grouped" else paper_split) == split:
-                    ids.append(f"{id}/{instance}")
-                    shapes.append(id)
-                    groups.append(shape.spec.group)
-                    families.append(shape.spec.family)
-                    labels.append(pinned[id].eigenvalues)
+                if (paper_split if protocol == "paper" else shape.split) == split:
+                    yield f"{shape.id}/{instance}", shape, training_set(version, training)
+
+
+def _stored(dataset: store.StoredDataset) -> Iterator[_Labelled]:
+    columns = ["id", "group", "family", "split", "paper_splits", "eigenvalues"]
+    for path in dataset.paths():
+        for row in store.read_table(path, columns).to_pylist():
+            yield _Labelled(*(row[column] for column in columns))
+
+
+def _truth(
+    chosen: list[tuple[str, _Labelled, str]], version: str, split: str, protocol: str, digest: str
+) -> Truth:
+    ids, shapes, trainings = zip(*chosen, strict=True)
     return Truth(
         version,
         split,
         protocol,
-        tuple(ids),
-        np.array(shapes),
-        np.array(groups),
-        np.array(families),
-        np.array(labels),
-        wanted.digest,
+        ids,
+        np.array([shape.id for shape in shapes]),
+        np.array([shape.group for shape in shapes]),
+        np.array([shape.family for shape in shapes]),
+        np.array(trainings),
+        np.array([shape.eigenvalues for shape in shapes]),
+        digest,
     )

@@ -25,11 +25,12 @@ from synthnet.types import Mesh
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Which predictor to load, and how: its file, the device and the seed; k eigenvalues."""
+    """Which predictor to load, and how: its file, device, seed and training; k eigenvalues."""
 
     path: Path
     device: str
     seed: int
+    training: str
     k: int
 
 
@@ -37,12 +38,14 @@ class Job:
 class Loaded:
     """The predictor is loaded.
 
-    Its META, its parameters, whether it takes a seed, and the name of the accelerator.
+    Its META, its parameters, whether it takes a seed and the name of its training set, and the
+    name of the accelerator.
     """
 
     meta: dict[str, str]
     parameters: int | None
     seeded: bool
+    trained: bool
     accelerator: str
 
 
@@ -79,8 +82,9 @@ def work(channel: Connection, job: Job) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the other process, which ends this
     try:
         accelerator = _accelerator(job.device)
-        loaded = predictor.load(job.path, device=job.device, seed=job.seed)
-        channel.send(Loaded(loaded.meta, loaded.parameters, loaded.seeded, accelerator))
+        loaded = predictor.load(job.path, device=job.device, seed=job.seed, training=job.training)
+        facts = (loaded.meta, loaded.parameters, loaded.seeded, loaded.trained)
+        channel.send(Loaded(*facts, accelerator))
         while True:
             meshes = channel.recv()
             if meshes is None:

@@ -129,6 +129,7 @@ def made_truth() -> Callable[..., Truth]:
             np.array(shapes),
             np.array(shapes),
             np.array(families),
+            np.full(len(ids), "made/grouped"),
             np.array(eigenvalues, dtype=np.float64),
             "0" * 64,
         )

@@ -144,7 +144,7 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
         cpu_seconds=np.array([0.2, 0.6, 0.4]),
         sizes=np.array([10, 10, 10]),
         reference_seconds=np.array([1.0, np.nan, 2.0]),
-        loaded=Loaded({}, None, False, "NVIDIA A100"),
+        loaded=Loaded({}, None, False, False, "NVIDIA A100"),
         status=Status(2**20, {}),
     )
     cost = record.cost(evaluation, Options(device="cuda", batch_size=10))

@@ -99,7 +99,7 @@ def test_missing_key_is_refused(result, place):
         ("model", "parameters", -1),
         ("model", "parameters", 1.5),
         ("dataset", "split", "exam"),
-        ("dataset", "protocol", "random"),
+        ("dataset", "protocol", "Random split"),
         ("dataset", "split_digest", "A" * 64),
         ("dataset", "instances", 0),
         ("predictions", "seeds", 0),

@@ -153,7 +153,8 @@ def test_unknown_split_is_refused():
 
 
 def test_unknown_protocol_is_refused():
-    with pytest.raises(EigbenchError, match="protocol must be one of grouped, paper, got 'random'"):
+    told = "protocol of 1.0-mini must be one of grouped, paper: 'random'"
+    with pytest.raises(RecipeError, match=told):
         truth.load("1.0-mini", "test", "random")
 
 

@@ -1,0 +1,185 @@
+"""How predictors do on what they were not trained on: a version's protocols side by side.
+
+Each protocol tests shapes of the test split, so the same shapes can be scored twice: once by the
+predictor whose training held them and their like out, once by the one that was trained on
+everything. The difference is the drop. What is not trained has none, and its predictions under
+the protocol ``grouped`` are its predictions under every other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eigbench import scores, truth
+from eigbench.errors import EigbenchError
+from eigbench.markdown import table
+from eigbench.metrics import METRICS
+from eigbench.ranking import Ranked
+from eigbench.submission import Submission
+from eigbench.tables import number
+from eigbench.training import IMPORTED
+from eigbench.truth import Truth
+from synthnet import recipe
+from synthnet.files import sha256
+
+SHOWN = ("rpd", "psnr20")
+NOT_RUN = "not run"
+UNTRAINED = (None, "none")  # what a model without training declares as its training data
+TITLES = {
+    "family": "each family unseen",
+    "resolution": "fine meshes unseen",
+    "genus": "genus 1 and more unseen",
+    "boundary": "boundaries unseen",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A model's mean score under a protocol, and by how much it is off the unheld one's.
+
+    Parameters
+    ----------
+    score : float or None
+        Mean of the metric; ``None`` where the model was not run.
+    drop : float or None
+        Minus the mean, on the same shapes, of the same model trained on everything; ``None``
+        where the model is not trained, or the shapes are others.
+    """
+
+    score: float | None
+    drop: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Board:
+    """All that a version's protocols know of its models.
+
+    Parameters
+    ----------
+    rows : sequence of Ranked
+        Of the protocol ``grouped``, best first.
+    held_out : mapping of str to sequence of Submission
+        Of each other protocol that asks for generalisation.
+    """
+
+    rows: Sequence[Ranked]
+    held_out: Mapping[str, Sequence[Submission]]
+
+    @property
+    def version(self) -> str:
+        """The version's name."""
+        return self.rows[0].submission.truth.version
+
+    @property
+    def protocols(self) -> list[str]:
+        """The recipe's protocols in its order, imported datasets by name at the end."""
+        named = [name for name in recipe.load(self.version).protocols or {} if name != IMPORTED]
+        imports = sorted(name for name in self.held_out if name.startswith(IMPORTED))
+        return [*named, *imports]
+
+    def cell(self, model: Submission, protocol: str, key: str) -> Cell:
+        """Return a model's cell under a protocol."""
+        own = {one.slug: one for one in self.held_out.get(protocol, ())}.get(model.slug)
+        if own is not None:
+            mean = _mean(own, own.truth, key)
+            elsewhere = protocol.startswith(IMPORTED)
+            base = None if _untrained(model) else _mean(model, _same(model, own, elsewhere), key)
+            return Cell(mean, None if base is None else mean - base)
+        if _untrained(model) and not protocol.startswith(IMPORTED):
+            return Cell(_mean(model, truth.load(self.version, "test", protocol), key))
+        return Cell(None)
+
+
+def _untrained(model: Submission) -> bool:
+    return model.result["model"].get("training_data") in UNTRAINED
+
+
+def _same(model: Submission, own: Submission, elsewhere: bool) -> Truth:
+    """Return the shapes that the i.i.d. score is taken over: the same, if it has them."""
+    return model.truth if elsewhere else own.truth
+
+
+def _mean(model: Submission, wanted: Truth, key: str) -> float:
+    """Return the mean of a metric over some of the instances that a model predicts."""
+    row_of = {id: row for row, id in enumerate(model.truth.ids)}
+    missing = [id for id in wanted.ids if id not in row_of]
+    if missing:
+        raise EigbenchError(f"{model.result_path} does not predict {missing[0]}")
+    found = model.predictions[:, [row_of[id] for id in wanted.ids]]
+    return float(scores.of_metric(wanted, found, key).mean())
+
+
+def section(board: Board, figure: str) -> list[str]:
+    """Return the Markdown of a version's protocols, and the place of its figure."""
+    protocols = board.protocols
+    counts = [f"{title(name)} ({_count(board, name)})" for name in protocols]
+    parts = [
+        f"## synthNet {board.version}: generalisation\n",
+        "The test shapes of the split above, predicted by models whose training held something "
+        "of them out; models without training are as they were. In brackets the drop: the score "
+        "minus that of the same model trained on everything, on the same shapes (for imported "
+        "meshes, on the split above). [What is held out](docs/dataset-card-2.0.md#protocols).\n",
+    ]
+    for key in SHOWN:
+        lines = [
+            [
+                row.submission.name,
+                _number(row.submission.result["scores"]["overall"][key]["mean"], key),
+                *(_text(board.cell(row.submission, name, key), key) for name in protocols),
+            ]
+            for row in board.rows
+        ]
+        headers = [f"{METRICS[key].heading} of", "i.i.d.", *counts]
+        parts.append(table(headers, lines))
+    parts.append(f"![Error under each protocol]({figure})\n")
+    return [*parts, *_digests(board)]
+
+
+def title(protocol: str) -> str:
+    """Return what a column is called.
+
+    Examples
+    --------
+    >>> title("genus"), title("imported/scans"), title("mine")
+    ('genus 1 and more unseen', 'imported: scans', 'mine')
+    """
+    if protocol.startswith(IMPORTED):
+        return protocol.replace("/", ": ")
+    return TITLES.get(protocol, protocol)
+
+
+def _count(board: Board, protocol: str) -> str:
+    ran = board.held_out.get(protocol)
+    wanted = ran[0].truth if ran else truth.load(board.version, "test", protocol)
+    return f"{len(np.unique(wanted.shapes)):,} meshes"
+
+
+def _number(value: float | None, key: str) -> str:
+    if key == "psnr20":
+        return number(None if value is None else 100 * value, 2) + " %"
+    return number(value, METRICS[key].decimals)
+
+
+def _text(cell: Cell, key: str) -> str:
+    if cell.score is None:
+        return NOT_RUN
+    text = _number(cell.score, key)
+    if cell.drop is None:
+        return text
+    sign = "+" if cell.drop >= 0 else "−"
+    return f"{text} ({sign}{_number(abs(cell.drop), key).removesuffix(' %')})"
+
+
+def _digests(board: Board) -> list[str]:
+    lines = [
+        [name, one.name, sha256(one.result_path), sha256(one.predictions_path)]
+        for name in board.protocols
+        for one in sorted(board.held_out.get(name, ()), key=lambda one: one.slug)
+    ]
+    if not lines:
+        return []
+    headers = ["protocol", "model", "result", "predictions"]
+    return ["### Digests of the results under these protocols\n", table(headers, lines, left=4)]

@@ -1,0 +1,18 @@
+"""Names of training sets, ``VERSION/PROTOCOL``: what a trained predictor may have seen."""
+
+from __future__ import annotations
+
+DEFAULT = "1.0/grouped"  # of a predictor that is asked about meshes with no training split
+IMPORTED = "imported"  # the protocol that holds nothing out: tested is an imported dataset
+
+
+def training_set(version: str, protocol: str) -> str:
+    """Return the name of a training set.
+
+    Examples
+    --------
+    >>> training_set("2.0", "family/pretzel"), training_set("2.0", "imported/scans")
+    ('2.0/family/pretzel', '2.0/grouped')
+    """
+    whole = protocol.partition("/")[0] == IMPORTED  # nothing is held out
+    return f"{version}/{'grouped' if whole else protocol}"
