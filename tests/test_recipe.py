@@ -380,6 +380,8 @@ def test_digests_of_the_versions_that_ship_never_change() -> None:
         "1.0": "c8bd58d9b709a29e",
         "1.0-mini": "99a57a6aa230d17e",
         "1.0-small": "ff94adc77e7700ee",
+        "2.0": "63841548a5460f34",
+        "2.0-mini": "688f4216aa0a8d63",
     }
     assert recipe.load("1.0-x2").digest != recipe.load("1.0").digest
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -89,8 +90,13 @@ class Board:
             base = None if _untrained(model) else _mean(model, _same(model, own, elsewhere), key)
             return Cell(mean, None if base is None else mean - base)
         if _untrained(model) and not protocol.startswith(IMPORTED):
-            return Cell(_mean(model, truth.load(self.version, "test", protocol), key))
+            return Cell(_mean(model, _tested(self.version, protocol), key))
         return Cell(None)
+
+
+@lru_cache(maxsize=16)
+def _tested(version: str, protocol: str) -> Truth:
+    return truth.load(version, "test", protocol)
 
 
 def _untrained(model: Submission) -> bool:
@@ -153,7 +159,7 @@ def title(protocol: str) -> str:
 
 def _count(board: Board, protocol: str) -> str:
     ran = board.held_out.get(protocol)
-    wanted = ran[0].truth if ran else truth.load(board.version, "test", protocol)
+    wanted = ran[0].truth if ran else _tested(board.version, protocol)
     return f"{len(np.unique(wanted.shapes)):,} meshes"
 
 

@@ -6,8 +6,9 @@ The labels are those the repository pins, so scoring needs no built dataset.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from eigbench.errors import EigbenchError
 from eigbench.training import DEFAULT, IMPORTED, training_set
 from synthnet import pins, recipe, splits, store
-from synthnet.plan import plan_shards
+from synthnet.plan import ShardPlan, plan_shards
 from synthnet.recipe import Recipe
 from synthnet.types import PROTOCOLS, SPLITS
 
@@ -149,7 +150,7 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
             shape.paper_splits,
             pinned[shape.spec.id].eigenvalues,
         )
-        for plan in plan_shards(wanted)
+        for plan in _plan(version)
         for shape in plan.shapes
         if shape.spec.id in pinned  # or it was rejected by a filter, and has no label
     )
@@ -157,6 +158,12 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
     if not chosen:
         raise EigbenchError(f"{version} has nothing in the split {split} of protocol {protocol}")
     return _truth(chosen, version, split, protocol, wanted.digest)
+
+
+@lru_cache(maxsize=4)
+def _plan(version: str) -> Sequence[ShardPlan]:
+    """Draw a version's shapes; kept, as it takes seconds and each protocol asks for it."""
+    return plan_shards(recipe.load(version))
 
 
 def of_dataset(

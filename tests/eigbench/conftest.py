@@ -95,16 +95,17 @@ def make_submission(
 ) -> Callable[..., Path]:
     """Return a function that makes a result and predictions of its own name and answers."""
 
-    def make(name: str, values: Any, **model: Any) -> Path:
+    def make(name: str, values: Any, wanted: Truth = mini_truth, **model: Any) -> Path:
         place = tmp_path_factory.mktemp("made")
         out, kept = place / "result.json", place / "result.parquet"
         values = np.asarray(values, dtype=np.float64)
         values = values if values.ndim == 3 else values[None]
-        predictions.write(kept, mini_truth, values)
+        predictions.write(kept, wanted, values)
         result = copy.deepcopy(weyl.result)
         result["model"].update({"name": name, **model})
+        result["dataset"] = results.dataset_facts(wanted)
         result["predictions"] = {"sha256": sha256(kept), "seeds": len(values)}
-        result["scores"] = scores.score(mini_truth, values)
+        result["scores"] = scores.score(wanted, values)
         results.write(out, result)
         return out
 

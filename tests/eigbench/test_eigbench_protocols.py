@@ -1,0 +1,173 @@
+"""Protocols that ask for generalisation: labels, a training at a time, and their section."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from eigbench import generalisation, leaderboard, meshes, ranking, submission, training, truth
+from eigbench.errors import EigbenchError, PredictorError, ResultError
+from eigbench.evaluate import Options, evaluate
+
+from synthnet import store
+
+TRAINED = """
+import numpy as np
+
+class Trained:
+    def __init__(self, training):
+        self.number = float(training.partition("/")[2])
+
+    def predict(self, meshes):
+        return np.full((len(meshes), 10), self.number)
+
+def load(device, seed, training):
+    return Trained(training)
+"""
+UNTRAINED = """
+import numpy as np
+META = {"kind": "KIND"}
+
+def predict(meshes):
+    return np.ones((len(meshes), 10))
+"""
+
+
+@pytest.fixture(scope="module")
+def parts():
+    return {p: truth.load("2.0-mini", "test", p) for p in ("grouped", "family", "genus")}
+
+
+def test_each_shape_of_the_test_split_is_under_one_training_of_family(parts):
+    whole, family = parts["grouped"], parts["family"]
+    assert whole.ids == family.ids
+    assert whole.digest == family.digest
+    assert set(whole.trainings) == {"2.0-mini/grouped"}
+    wanted = [f"2.0-mini/family/{name}" for name in family.families]
+    assert family.trainings.tolist() == wanted
+
+
+def test_a_training_may_see_all_but_what_is_tested(parts):
+    genus = parts["genus"]
+    seen = truth.load("2.0-mini", "train", "genus")
+    assert set(genus.families) == {"twisted_torus", "knotted_tube", "pretzel"}
+    assert not set(seen.families) & set(genus.families)
+    assert set(seen.shapes) < set(truth.load("2.0-mini", "train").shapes)
+
+
+def test_labels_of_an_import_are_pinned_and_trained_on_is_the_whole_version():
+    real = truth.load("2.0", "test", "imported/real-28")
+    assert (len(real.ids), real.ids[0]) == (28, "clean-00000/0")
+    assert set(real.trainings) == {"2.0/grouped"} == {training.training_set("2.0", real.protocol)}
+
+
+@pytest.mark.parametrize(
+    ("question", "told"),
+    [
+        (("2.0", "test", "imported"), "protocol imported: say which, imported/NAME"),
+        (("2.0", "train", "imported/real-28"), "has a test split only: train on grouped"),
+        (("2.0", "test", "imported/none"), "labels of the import none are not pinned"),
+        (("1.0", "test", "imported/real-28"), r"1\.0 has no protocol imported"),
+    ],
+)
+def test_an_import_that_cannot_be_tested_is_refused(question, told):
+    with pytest.raises(EigbenchError, match=told):
+        truth.load(*question)
+
+
+@pytest.fixture(scope="module")
+def source(mini_home, mini_truth):
+    return meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
+
+
+def folded(wanted):
+    """The first instances, every third of another training."""
+    wanted = wanted.head(12)
+    names = np.array([f"1.0-mini/{1 + i % 3}" for i in range(12)])
+    return replace(wanted, trainings=names)
+
+
+def test_every_instance_is_predicted_by_the_training_it_asks_for(
+    predictor_file, mini_truth, source, tmp_path
+):
+    wanted = folded(mini_truth)
+    code, options = predictor_file(TRAINED), Options(seeds=2, batch_size=2)
+    found = evaluate(code, wanted, source, options, tmp_path / "parts")
+    np.testing.assert_array_equal(found.predictions[:, :, 0], [[1 + i % 3 for i in range(12)]] * 2)
+    assert found.sizes.sum() == 24
+    again = evaluate(code, wanted, source, replace(options, resume=True), tmp_path / "parts")
+    np.testing.assert_array_equal(again.predictions, found.predictions)
+    np.testing.assert_array_equal(again.seconds, found.seconds)  # kept, not run again
+
+
+def test_what_is_not_trained_is_run_once_and_a_model_trained_for_itself_refused(
+    predictor_file, mini_truth, source, tmp_path
+):
+    wanted = folded(mini_truth)
+    code = predictor_file(UNTRAINED.replace("KIND", "classical"))
+    assert (evaluate(code, wanted, source, Options(), tmp_path / "a").predictions == 1).all()
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["seed-0"]
+    code = predictor_file(UNTRAINED.replace("KIND", "learned"))
+    told = "is learned, and the protocol grouped asks for a training of its own, 1.0-mini/1"
+    with pytest.raises(PredictorError, match=told):
+        evaluate(code, wanted, source, Options(), tmp_path / "b")
+
+
+@pytest.fixture(scope="module")
+def held_out(parts, make_submission):
+    """A solver; a model that is 1 % off, 5 % where genus was held out; one run i.i.d. only."""
+
+    def made(name, protocol, factor, **model):
+        wanted = parts[protocol]
+        return submission.read(make_submission(name, wanted.eigenvalues * factor, wanted, **model))
+
+    whole = [
+        made("Solver", "grouped", 1.001, kind="classical", training_data="none"),
+        made("Model", "grouped", 1.01, kind="learned", training_data="the training split"),
+        made("Lazy", "grouped", 1.02, kind="learned", training_data="the training split"),
+    ]
+    model = made("Model", "genus", 1.05, kind="learned", training_data="the training split")
+    return whole, model
+
+
+def test_the_drop_is_against_the_same_shapes_and_nothing_that_is_untrained_has_one(held_out):
+    whole, model = held_out
+    board = generalisation.Board(ranking.ranked(whole), {"genus": [model]})
+    solver, trained, lazy = whole
+    cell = board.cell(trained, "genus", "rpd")
+    assert cell.score == pytest.approx(10 * 0.05 / 2.05)
+    assert cell.drop == pytest.approx(10 * (0.05 / 2.05 - 0.01 / 2.01))
+    assert board.cell(solver, "genus", "rpd").drop is None
+    assert board.cell(solver, "genus", "rpd").score == pytest.approx(10 * 0.001 / 2.001)
+    assert board.cell(lazy, "genus", "rpd") == generalisation.Cell(None)
+    assert board.cell(trained, "boundary", "rpd") == generalisation.Cell(None)
+    assert board.protocols == ["family", "resolution", "genus", "boundary"]
+
+
+def test_section_shows_scores_beside_the_iid_column_with_the_drop(held_out, tmp_path):
+    whole, model = held_out
+    for one in [*whole, model]:
+        leaderboard.place(one, tmp_path)
+    text = leaderboard.generate(leaderboard.read(tmp_path), [])[leaderboard.Path("LEADERBOARD.md")]
+    assert (
+        text == leaderboard.generate([model, *whole[::-1]], [])[leaderboard.Path(leaderboard.PAGE)]
+    )
+    assert "## synthNet 2.0-mini: generalisation" in text
+    assert "protocol genus" not in text  # no section of its own
+    assert "genus 1 and more unseen (9 meshes)" in text
+    assert "| Model | 0.0498 | not run | not run | 0.2439 (+0.1942) | not run |" in text
+    assert "| Lazy | 0.0990 | not run | not run | not run | not run |" in text
+    assert "| Solver | 0.0050 | 0.0050 | 0.0050 | 0.0050 | 0.0050 |" in text
+    assert "| Model | 100.00 % | not run | not run | 100.00 % (+0.00) | not run |" in text
+
+
+def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(
+    held_out, parts, make_submission, tmp_path
+):
+    _, model = held_out
+    leaderboard.place(model, tmp_path)
+    with pytest.raises(ResultError, match="Model has a result under genus and none under grouped"):
+        leaderboard.read(tmp_path)
+    wanted = truth.load("2.0-mini", "test", "family/pretzel")
+    single = submission.read(make_submission("Model", wanted.eigenvalues, wanted))
+    with pytest.raises(ResultError, match=r"is of family/pretzel alone: .* --protocol family"):
+        leaderboard.place(single, tmp_path)

@@ -1,0 +1,176 @@
+"""Protocols that ask for generalisation: what a recipe may say, and who trains on what."""
+
+from __future__ import annotations
+
+from collections import Counter
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from synthnet import recipe, splits
+from synthnet.errors import RecipeError
+from synthnet.families import CHARTED
+from synthnet.plan import PlannedShape, plan_shards
+from synthnet.pyg import SynthNet
+from synthnet.types import SPLITS
+
+VERSION = "2.0-mini"
+TEXT = """
+schema = 1
+version = "test"
+seed = 7
+shard_size = 4
+label = { eigenvalues = 10 }
+filters = { altitude = 1e-6, trivial = 1e-6, residual = 1e-6 }
+augmentation = { rotations = 1, reflections = 0 }
+splits = { train = 0.7, validation = 0.2, test = 0.1 }
+
+[families.sphere]
+count = 5
+parameters.radius = 1.0
+"""
+SIZED = (
+    TEXT
+    + """
+[[sizes]]
+name = "a"
+vertices = 500
+"""
+)
+
+
+def with_protocol(held_out: str, text: str = SIZED) -> str:
+    return f"{text}\n[protocols.mine]\n{held_out}\n"
+
+
+@pytest.fixture(scope="module")
+def shapes() -> list[PlannedShape]:
+    return [shape for shard in plan_shards(recipe.load(VERSION)) for shape in shard.shapes]
+
+
+def taken(shapes: list[PlannedShape], protocol: str, split: str) -> set[str]:
+    wanted = recipe.load(VERSION)
+    return {
+        shape.spec.id
+        for shape in shapes
+        for fold in splits.folds(wanted, protocol, split)
+        if shape.split == split
+        and splits.holds_out(fold, wanted, shape.spec.family, shape.spec.index) == (split == "test")
+    }
+
+
+@pytest.mark.parametrize(
+    ("held_out", "folds"),
+    [
+        ('held_out.sizes = ["a"]', (recipe.Fold("mine", sizes=("a",)),)),
+        ('held_out.families = ["sphere"]', (recipe.Fold("mine", families=("sphere",)),)),
+        ('held_out = "each family"', (recipe.Fold("mine/sphere", families=("sphere",)),)),
+        ('held_out = "nothing"', ()),
+    ],
+)
+def test_recipe_says_what_is_held_out(held_out: str, folds: tuple[recipe.Fold, ...]) -> None:
+    loaded = recipe.parse(with_protocol(held_out))
+    assert loaded.protocols == {"mine": folds}
+    assert loaded.digest != recipe.parse(SIZED).digest
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (with_protocol(""), "protocol mine has held_out and nothing else, got {}"),
+        (with_protocol("held_out = 3"), "protocol mine: held_out must be 'each family', 'nothing'"),
+        (
+            with_protocol("held_out = {}"),
+            "protocol mine: held_out must be 'each family', 'nothing'",
+        ),
+        (
+            with_protocol('held_out.families = ["cone"]'),
+            r"protocol mine: held-out families must be of sphere, got \['cone'\]",
+        ),
+        (with_protocol("held_out.sizes = []"), r"held-out sizes must be of a, got \[\]"),
+        (
+            with_protocol('held_out.sizes = ["a"]', TEXT),
+            r"protocol mine: held-out sizes must be of none, got \['a'\]",
+        ),
+        (SIZED + "\n[protocols.grouped]\nheld_out = 'nothing'\n", "protocol grouped: the name is"),
+        (SIZED + "\n[protocols.'a/b']\nheld_out = 'nothing'\n", "protocol a/b: the name is taken"),
+        ("protocols = 3\n" + SIZED, "protocols must be tables, got 3"),
+        ("protocols.mine = 3\n" + SIZED, "protocol mine must be a table, got 3"),
+    ],
+)
+def test_protocols_that_make_no_sense_are_refused(text: str, told: str) -> None:
+    with pytest.raises(RecipeError, match=told):
+        recipe.parse(text)
+
+
+@pytest.mark.parametrize("protocol", ["resolution", "genus", "boundary", "family/pretzel"])
+def test_what_is_held_out_is_tested_and_never_trained_on(
+    shapes: list[PlannedShape], protocol: str
+) -> None:
+    parts = {split: taken(shapes, protocol, split) for split in SPLITS}
+    assert all(parts.values())
+    kinds = {
+        split: {(s.spec.family, s.spec.index % 3) for s in shapes if s.spec.id in parts[split]}
+        for split in SPLITS
+    }
+    assert not kinds["test"] & (kinds["train"] | kinds["validation"])
+    everything = {shape.spec.id for shape in shapes if shape.split == "train"}
+    assert parts["train"] < everything
+
+
+def test_each_family_is_tested_once_by_a_model_that_has_not_seen_it(
+    shapes: list[PlannedShape],
+) -> None:
+    families = Counter(id.rpartition("-")[0] for id in taken(shapes, "family", "test"))
+    assert list(families)
+    assert families.total() == sum(s.split == "test" for s in shapes)
+    for fold in splits.folds(recipe.load(VERSION), "family"):
+        assert not [i for i in taken(shapes, fold.name, "train") if i.startswith(fold.families[0])]
+
+
+def test_genus_and_boundary_hold_out_what_their_names_say() -> None:
+    wanted = recipe.load("2.0")
+    (genus,), (boundary,) = (splits.folds(wanted, name) for name in ("genus", "boundary"))
+    assert set(boundary.families) == {name for name, f in CHARTED.items() if f.boundaries}
+    closed = {name: f for name, f in CHARTED.items() if not f.boundaries}
+    assert set(genus.families) == {
+        name for name, f in closed.items() if f.euler_characteristic != 2
+    }
+
+
+@pytest.mark.parametrize(
+    ("protocol", "split", "told"),
+    [
+        ("mine", "test", "protocol of 2.0-mini must be one of grouped, paper, family, resolution"),
+        ("family/torus", "test", "must be one of .*, family/FAMILY: 'family/torus'"),
+        ("family", "train", "protocol family has 25 trainings: say which, such as family/cuboid"),
+        ("imported", "train", "protocol imported holds nothing of 2.0-mini out: train on grouped"),
+        ("imported/scans", "test", "test on a dataset of `synthnet import`"),
+    ],
+)
+def test_a_protocol_that_is_not_there_is_refused(protocol: str, split: str, told: str) -> None:
+    with pytest.raises(RecipeError, match=told):
+        splits.folds(recipe.load(VERSION), protocol, split)
+
+
+def test_a_version_without_protocols_has_the_two_of_all() -> None:
+    with pytest.raises(
+        RecipeError, match=r"protocol of 1\.0 must be one of grouped, paper: 'genus'"
+    ):
+        splits.folds(recipe.load("1.0"), "genus")
+
+
+@pytest.mark.parametrize("protocol", ["resolution", "genus", "family/pretzel", "family"])
+def test_dataset_of_a_protocol_has_the_shapes_of_its_split(
+    shapes: list[PlannedShape], protocol: str
+) -> None:
+    stored = SimpleNamespace(
+        families=[shape.spec.family for shape in shapes],
+        ids=[shape.spec.id for shape in shapes],
+        splits=np.array([shape.split for shape in shapes]),
+    )
+    for split in ("train", "test") if protocol != "family" else ("test",):
+        dataset = SimpleNamespace(version=VERSION, protocol=protocol, split=split)
+        mine = SynthNet._held_out_or_not(dataset, stored)
+        assert {stored.ids[i] for i in np.flatnonzero(mine)} == taken(shapes, protocol, split)
