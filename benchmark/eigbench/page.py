@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from eigbench import noise, results
+from eigbench.markdown import cell as _cell
+from eigbench.markdown import table as _table
 from eigbench.metrics import MAIN, METRICS
 from eigbench.physics import TITLES
 from eigbench.ranking import RANKED_BY, Ranked
@@ -91,18 +92,6 @@ def _noise(truth: Truth) -> str:
         "[extrapolated spectra](docs/labels.md) of the smooth surfaces and polyhedra (PSNR>20: "
         "below 100 %). What differs by less is a tie, whichever is nearer to the labels.\n"
     )
-
-
-def _table(headers: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
-    """Return a Markdown table, the first ``left`` columns aligned left; cells not padded."""
-    rule = ["---"] * left + ["--:"] * (len(headers) - left)
-    lines = [headers, rule, *rows]
-    return "\n".join("| " + " | ".join(map(_cell, line)) + " |" for line in lines) + "\n"
-
-
-def _cell(text: str) -> str:
-    """Return text that Markdown takes as it is."""
-    return re.sub(r"([\\|`*\[\]!])", r"\\\1", " ".join(text.split())).replace("<", "&lt;")
 
 
 def _main(rows: Sequence[Ranked]) -> str:
