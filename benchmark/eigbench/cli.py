@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"eigbench: {error}", file=sys.stderr)
         return WRONG_INPUT
     except KeyboardInterrupt:
-        print("eigbench: interrupted; --resume goes on from the last batch", file=sys.stderr)
+        print("eigbench: interrupted; --resume goes on from there", file=sys.stderr)
         return EXIT_CODE
     return code
 

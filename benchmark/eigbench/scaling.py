@@ -221,9 +221,9 @@ def pinned(surface: str, size: int) -> Pinned:
     EigbenchError
         If there is no such mesh, or it is not pinned yet.
     """
-    spec(surface, size)
-    found = read().get((surface, size))
+    found = read().get((surface, size)) if surface in SURFACES else None
     if found is None:
+        spec(surface, size)
         raise EigbenchError(
             f"the label of {surface} at {size:,} vertices is not pinned: "
             f"python scripts/pin_scaling.py {size}"

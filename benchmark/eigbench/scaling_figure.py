@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from eigbench import scaling_scores
 from eigbench.figures import style
@@ -20,12 +21,14 @@ LINES, MARKS = ("-", "--", ":"), ("o", "^", "s")
 LEAST = 1e-6  # errors below are drawn at the lower edge: an exact solver's
 HEIGHT, ENTRY = 3.4, 0.19  # inches of a pair of panels, and of a line of the legend
 COLUMNS = 2
+OWN = "discretisation error of the meshes"
 
 
 def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
     """Return an SVG with a pair of panels for each hardware label: time, and error.
 
-    The grey line is the discretisation error of the meshes.
+    The grey line is the discretisation error of the meshes; an empty mark says that not every
+    surface was answered.
     """
     rows = sorted((row for mine in by_setting.values() for row in mine), key=_key)
     looks = {_key(row): _look(number) for number, row in enumerate(rows)}
@@ -51,27 +54,35 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
             error.plot(sizes, floors, color="#999999", lw=4, alpha=0.5)
             time.set_title(label.replace("$", "\\$"), fontsize=8, loc="left")
             time.set_ylabel("seconds a mesh")
-            error.set_ylabel("mean relative error")
+            error.set_ylabel(f"mean relative error, from {LEAST:.0e} up")
             for axes in (time, error):
                 axes.set_xscale("log")
                 axes.set_yscale("log")
                 axes.set_xlabel("vertices")
                 axes.set_xlim(sizes[0] / 2, sizes[-1] * 2)
                 axes.grid(alpha=0.25)
-        handles = [
-            mpl.lines.Line2D([], [], color=colour, ls=line, marker=mark, ms=4, label=row.name)
-            for row, (colour, line, mark) in zip(rows, looks.values(), strict=True)
-        ]
-        for handle in handles:
-            handle.set_label(str(handle.get_label()).replace("$", "\\$"))
-        own = mpl.lines.Line2D([], [], color="#999999", lw=4, alpha=0.5)
-        own.set_label("discretisation error of the meshes")
-        figure.legend(
-            handles=[*handles, own], loc="lower left", ncols=COLUMNS, frameon=False, fontsize=7.5
-        )
+        names = [row.name.replace("$", "\\$") for row in rows]
+        own = ("#999999", "-", "")
+        for number, (name, look) in enumerate(
+            zip([*names, OWN], [*looks.values(), own], strict=True)
+        ):
+            column, line = divmod(number, entries)
+            _entry(
+                figure, 0.03 + column / COLUMNS, (legend - ENTRY * (line + 1)) / height, name, look
+            )
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     return text.getvalue()
+
+
+def _entry(figure: Figure, x: float, y: float, name: str, look: tuple[str, str, str]) -> None:
+    """Write a line of the legend by hand: where a legend puts it depends on measured text."""
+    colour, line, mark = look
+    width, alpha = (4.0, 0.5) if name == OWN else (1.2, 1.0)
+    figure.add_artist(Line2D([x, x + 0.04], [y, y], color=colour, ls=line, lw=width, alpha=alpha))
+    if mark:
+        figure.add_artist(Line2D([x + 0.02], [y], color=colour, marker=mark, ms=4))
+    figure.text(x + 0.05, y, name, fontsize=7.5, va="center_baseline")
 
 
 def _key(row: Scaled) -> tuple[str, str]:

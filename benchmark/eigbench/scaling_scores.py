@@ -131,6 +131,38 @@ def floor(size: int) -> float:
     return float(np.median(errors))
 
 
+def coarse_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, float]:
+    """Return what an exact solver takes on a mesh just fine enough for an error.
+
+    Between two sizes time is a power of the discretisation error.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        Of one setting; those of which an exact solver answered every surface count.
+    distance : float
+        Mean relative error against the surface's spectrum.
+
+    Returns
+    -------
+    tuple of str and float
+        ``<``, ``>`` or nothing, and seconds: beyond the sizes there is only a bound. NaN where no
+        size counts.
+    """
+    whole = [v for v in verdicts if v.compared == len(scaling.SURFACES)]
+    if not whole:
+        return "", np.nan
+    errors = np.array([floor(v.size) for v in whole])
+    times = np.array([v.seconds for v in whole])
+    if distance > errors[0] * (1 + EXACT):
+        return "< ", float(times[0])
+    if distance < errors[-1] * (1 - EXACT):
+        return "> ", float(times[-1])
+    order = np.argsort(errors)
+    log = np.interp(np.log(distance), np.log(errors[order]), np.log(times[order]))
+    return "", float(np.exp(log))
+
+
 def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
     """Return what is faster than the exact solver; the rows are of one setting."""
     fastest: dict[str, tuple[float, str]] = {}
