@@ -48,16 +48,19 @@ EIGBENCH = Path(eigbench.__file__).parent
 # The same for the benchmark: a module imports modules of lower levels only.
 EIGBENCH_LEVELS = {
     **dict.fromkeys(["__init__", "errors", "markdown", "metrics", "training"], 0),
-    **dict.fromkeys(["losses", "truth", "meshes", "predictor", "physics", "reference"], 1),
+    **dict.fromkeys(
+        ["losses", "truth", "meshes", "predictor", "physics", "reference", "scaling"], 1
+    ),
     **dict.fromkeys(["predictions", "scores", "noise", "results", "tables", "worker"], 2),
     **dict.fromkeys(["process", "submission"], 3),
-    **dict.fromkeys(["evaluate", "ranking"], 4),
-    **dict.fromkeys(["record", "generalisation", "page"], 5),
-    "figures": 6,
-    "leaderboard": 7,
-    **dict.fromkeys(["predictor_commands", "board_commands"], 8),
-    "cli": 9,
-    "__main__": 10,
+    **dict.fromkeys(["evaluate", "ranking", "scaling_results"], 4),
+    **dict.fromkeys(["record", "generalisation", "page", "scaling_scores"], 5),
+    **dict.fromkeys(["figures", "scaling_run", "scaling_figure"], 6),
+    "scaling_page": 7,
+    "leaderboard": 8,
+    **dict.fromkeys(["predictor_commands", "board_commands", "scaling_commands"], 9),
+    "cli": 10,
+    "__main__": 11,
 }
 
 
@@ -126,4 +129,5 @@ def reached(module: str) -> set[str]:
 def test_nothing_past_a_result_can_run_a_predictor() -> None:
     running = {"predictor", "worker", "process", "evaluate"}
     assert reached("predictor_commands") >= running
+    assert reached("scaling_commands") >= running - {"evaluate"}
     assert not reached("board_commands") & running

@@ -13,7 +13,7 @@ from pathlib import Path
 from rich.console import Console
 from tabulate import tabulate
 
-from eigbench import figures, leaderboard, ranking, submission
+from eigbench import figures, leaderboard, ranking, scaling_page, scaling_results, submission
 from eigbench.errors import EigbenchError
 from eigbench.metrics import METRICS
 from eigbench.ranking import RANKED_BY, Difference
@@ -81,6 +81,8 @@ def _plain(difference: Difference) -> dict[str, object]:
 def submit(options: argparse.Namespace) -> int:
     """Check a result with its predictions and put both on the board."""
     root = _root(options, make=True)
+    if scaling_results.is_one(options.result):
+        return _submit_scaled(options, root)
     one = submission.read(options.result, options.predictions)
     places = leaderboard.place(one, root, replace=options.replace)
     if options.json:
@@ -93,12 +95,26 @@ def submit(options: argparse.Namespace) -> int:
     return 0
 
 
+def _submit_scaled(options: argparse.Namespace, root: Path) -> int:
+    """Put a result of the scaling track, which holds its predictions, on the board."""
+    one = scaling_results.read(options.result)
+    scaling_page.section([one])  # a row that cannot be drawn would break the page for all
+    place = scaling_results.place(one, root, replace=options.replace)
+    if options.json:
+        print(json.dumps({"model": one.name, "board": "scaling", "files": [str(place)]}))
+        return 0
+    print(f"{one.name}: the meshes are the pinned ones; times as declared\n  {place}")
+    print(f"now: eigbench leaderboard{_board_argument(options)}")
+    return 0
+
+
 def regenerate(options: argparse.Namespace) -> int:
     """Generate the leaderboard, or say what of it is not up to date."""
     root = _root(options)
     with Console(stderr=True).status("scoring") as status:
         found = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
-        generated = leaderboard.generate(found, leaderboard.read_reported(root))
+        scaled = scaling_results.read_board(root)
+        generated = leaderboard.generate(found, leaderboard.read_reported(root), scaled)
     stale = [p for p, text in generated.items() if _text(root / p) != text]
     known = {root / place for place in generated}
     orphans = [p for p in sorted((root / leaderboard.FIGURES).glob("*.svg")) if p not in known]

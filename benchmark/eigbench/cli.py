@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from eigbench import board_commands, predictor_commands
+from eigbench import board_commands, predictor_commands, scaling_commands
 from eigbench.errors import EigbenchError
 from eigbench.metrics import METRICS
 from eigbench.ranking import RANKED_BY
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"eigbench: {error}", file=sys.stderr)
         return WRONG_INPUT
     except KeyboardInterrupt:
-        print("eigbench: interrupted; --resume goes on from the last batch", file=sys.stderr)
+        print("eigbench: interrupted; --resume goes on from there", file=sys.stderr)
         return EXIT_CODE
     return code
 
@@ -187,6 +187,8 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--out", type=Path, default=Path("figures"), metavar="DIR")
     sub.add_argument("--metric", default=RANKED_BY, choices=METRICS)
     directory_option(sub)
+
+    scaling_commands.add(command, _positive)
     return parser
 
 

@@ -9,6 +9,18 @@ class PredictorError(EigbenchError):
     """A predictor's file or its answer is not what it must be."""
 
 
+class OverTime(PredictorError):
+    """A predictor took longer than it may."""
+
+
+class OverMemory(PredictorError):
+    """A predictor's process took more memory than it may."""
+
+
+class Died(PredictorError):
+    """A predictor's process has ended by itself, or was killed by the system."""
+
+
 class PredictionsError(EigbenchError):
     """A file of predictions is damaged or does not match the split."""
 

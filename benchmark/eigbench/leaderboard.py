@@ -7,6 +7,7 @@ A board is all results of one dataset, split and protocol. In a checkout::
     benchmark/predictions/BOARD/MODEL.parquet   placed by `eigbench submit`
     benchmark/figures/BOARD.svg                 generated
     benchmark/reported/*.json                   numbers of papers, as printed
+    benchmark/scaling/MODEL.json                placed by `eigbench submit`, see scaling_results
 """
 
 from __future__ import annotations
@@ -17,8 +18,17 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from eigbench import figures, generalisation, page, predictions, ranking, submission
+from eigbench import (
+    figures,
+    generalisation,
+    page,
+    predictions,
+    ranking,
+    scaling_page,
+    submission,
+)
 from eigbench.errors import EigbenchError, ResultError
+from eigbench.scaling_results import Scaled
 from eigbench.submission import Submission
 from eigbench.training import IMPORTED
 from synthnet import recipe
@@ -98,7 +108,9 @@ def check_fit(one: Submission) -> None:
 
 
 def generate(
-    submissions: Iterable[Submission], reported: Sequence[dict[str, Any]]
+    submissions: Iterable[Submission],
+    reported: Sequence[dict[str, Any]],
+    scaled: Sequence[Scaled] = (),
 ) -> dict[Path, str]:
     """Return the text of each generated file, by its place in the checkout.
 
@@ -123,6 +135,9 @@ def generate(
             parts += generalisation.section(held_out, place.as_posix())
     if not boards:
         parts.append("No result has been submitted yet.\n")
+    section, drawn = scaling_page.section(scaled)
+    parts += section
+    generated.update(drawn)
     for paper in sorted(reported, key=lambda paper: str(paper["source"])):
         parts += page.reported(paper)
     generated[Path(PAGE)] = "\n".join(parts)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import resource
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from eigbench.errors import PredictorError
+from eigbench.errors import Died, OverMemory, OverTime, PredictorError
 from eigbench.worker import Answered, Failed, Job, Loaded, Status, work
 from synthnet.types import Mesh
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+WATCH = 0.1  # seconds between two looks at a process whose memory is limited
 
 
 class PredictorProcess:
@@ -32,12 +35,15 @@ class PredictorProcess:
         Threads of BLAS and OpenMP.
     time_limit : float
         Most seconds for loading and for a batch.
+    memory_limit : int, optional
+        Most bytes that the process may have in memory (resident, where Linux tells).
 
     Raises
     ------
     PredictorError
         On entering and in each method: if the predictor fails, answers with the wrong shape
-        or type, changes its input, hangs or dies.
+        or type, changes its input; :class:`OverTime`, :class:`OverMemory` and :class:`Died` if
+        it hangs, takes too much or dies.
     """
 
     def __init__(
@@ -50,9 +56,11 @@ class PredictorProcess:
         training: str,
         threads: int,
         time_limit: float,
+        memory_limit: int | None = None,
     ) -> None:
         self.job = Job(path, device, seed, training, k)
         self.threads, self.time_limit = threads, time_limit
+        self.memory_limit = memory_limit
         self.loaded: Loaded
 
     def __enter__(self) -> Self:
@@ -89,10 +97,7 @@ class PredictorProcess:
         return self._receive(at, ids)
 
     def _receive(self, at: str, ids: Sequence[str]) -> Any:
-        if not self._channel.poll(self.time_limit):
-            raise PredictorError(
-                f"the predictor took more than {self.time_limit:g} s {at}: raise --time-limit"
-            )
+        self._wait(at)
         try:
             message = self._channel.recv()
         except (EOFError, OSError):
@@ -102,9 +107,24 @@ class PredictorProcess:
             raise PredictorError(f"{message.message}{first}")
         return message
 
+    def _wait(self, at: str) -> None:
+        """Wait for an answer, and watch the memory meanwhile if it is limited."""
+        end = time.monotonic() + self.time_limit
+        step = self.time_limit if self.memory_limit is None else WATCH
+        while not self._channel.poll(max(0.0, min(step, end - time.monotonic()))):
+            if time.monotonic() >= end:
+                raise OverTime(
+                    f"the predictor took more than {self.time_limit:g} s {at}: raise --time-limit"
+                )
+            limit = self.memory_limit
+            if limit is not None and _resident_bytes(self._process.pid) > limit:
+                raise OverMemory(
+                    f"the predictor took more than {limit / 2**30:g} GiB {at}: raise --memory-limit"
+                )
+
     def _died(self, at: str) -> PredictorError:
         self._process.join()
-        return PredictorError(
+        return Died(
             f"the predictor's process died {at} (exit code {self._process.exitcode}; "
             "-9 is often lack of memory)"
         )
@@ -123,6 +143,15 @@ class PredictorProcess:
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
+
+
+def _resident_bytes(pid: int | None) -> int:
+    """Return the memory that a process has now; 0 where the system does not tell."""
+    try:
+        pages = Path(f"/proc/{pid}/statm").read_text().split()[1]
+    except (FileNotFoundError, ProcessLookupError):
+        return 0
+    return int(pages) * resource.getpagesize()
 
 
 @contextmanager

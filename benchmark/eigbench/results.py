@@ -53,15 +53,26 @@ def read(path: Path) -> dict[str, Any]:
     ResultError
         If it is missing, no JSON, not of the schema, or contradicts itself.
     """
+    result = load(path)
+    validate(result, path)
+    checked: dict[str, Any] = result
+    return checked
+
+
+def load(path: Path) -> Any:
+    """Read JSON whose numbers are all finite.
+
+    Raises
+    ------
+    ResultError
+        If it is missing or no such JSON.
+    """
     try:
-        result = json.loads(path.read_text(), parse_constant=_no_constant, parse_float=_finite)
+        return json.loads(path.read_text(), parse_constant=_no_constant, parse_float=_finite)
     except FileNotFoundError as error:
         raise ResultError(f"there is no file {path}") from error
     except (OSError, ValueError) as error:
         raise ResultError(f"{path} cannot be read: {one_line(error)}") from error
-    validate(result, path)
-    checked: dict[str, Any] = result
-    return checked
 
 
 def _finite(digits: str) -> float:
@@ -89,16 +100,27 @@ def validate(result: Any, path: Path) -> None:
     ResultError
         With the place of the first thing that is wrong.
     """
-    validator = jsonschema.Draft202012Validator(schema())
+    check_schema(result, schema(), path)
+    _check_means(result, path)
+    low, high = result["cost"]["ms_per_mesh_quartiles"]
+    if not low <= result["cost"]["ms_per_mesh"] <= high:
+        raise ResultError(f"{path}: the median time is not between the quartiles")
+
+
+def check_schema(result: Any, wanted: dict[str, Any], path: Path) -> None:
+    """Check a result against a schema.
+
+    Raises
+    ------
+    ResultError
+        With the place of the first thing that is wrong.
+    """
+    validator = jsonschema.Draft202012Validator(wanted)
     error = next(iter(sorted(validator.iter_errors(result), key=lambda e: list(e.path))), None)
     if error is not None:
         place = "/".join(map(str, error.path)) or "the top"
         told = " ".join(error.message.split())
         raise ResultError(f"{path} is no result: at {place}: {told[:200]}")
-    _check_means(result, path)
-    low, high = result["cost"]["ms_per_mesh_quartiles"]
-    if not low <= result["cost"]["ms_per_mesh"] <= high:
-        raise ResultError(f"{path}: the median time is not between the quartiles")
 
 
 def _check_means(result: dict[str, Any], path: Path) -> None:

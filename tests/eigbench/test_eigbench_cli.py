@@ -12,7 +12,17 @@ from eigbench.metrics import METRICS
 
 from synthnet import store
 
-COMMANDS = ("check", "evaluate", "score", "compare", "submit", "leaderboard", "plot")
+COMMANDS = (
+    "check",
+    "evaluate",
+    "score",
+    "compare",
+    "submit",
+    "leaderboard",
+    "plot",
+    "scale",
+    "scaling",
+)
 WEYL = """
 import numpy as np
 
@@ -37,7 +47,7 @@ def test_help_of_the_program_names_every_command(eigbench):
     assert all(re.search(rf"\n    {command}\s", out) for command in COMMANDS)
 
 
-@pytest.mark.parametrize("command", ["check", "evaluate"])
+@pytest.mark.parametrize("command", ["check", "evaluate", "scale"])
 def test_help_says_plainly_that_the_code_is_run(eigbench, command):
     assert "runs the file's code" in " ".join(eigbench(command, "--help")[1].split())
 

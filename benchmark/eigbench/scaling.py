@@ -1,0 +1,299 @@
+r"""The surfaces of the scaling track: the same six at four sizes, with pinned labels.
+
+Each is a surface of 2.0, meshed by its family's own triangulation with about as many vertices
+as wanted. Label and surface are two things: the label :math:`\lambda_h` is the spectrum of the
+mesh, :math:`\lambda` that of the surface, and
+
+.. math::
+    \frac1k \sum_i \frac{|\lambda_{h,i} - \lambda_i|}{\lambda_i} = O(h^2)
+
+is the mesh's discretisation error: a prediction that is nearer to the label than that cannot be
+told from the label by anyone who wants the surface's spectrum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from eigbench.errors import EigbenchError
+from synthnet import pins, spectrum
+from synthnet.discretisation import extrapolate
+from synthnet.families import FAMILIES
+from synthnet.files import write_atomically
+from synthnet.types import Certificate, Mesh, Parameters, Sample, ShapeSpec
+
+Array = NDArray[np.float64]
+
+K = 10
+SIZES = (1_000, 10_000, 100_000, 1_000_000)  # vertices wanted; a mesh has what comes nearest
+# By family, so that the name says which surface is meant. The three triangulations take turns:
+# a predictor should not live on meshes that are uniform, nor on those that are not.
+SURFACES: Mapping[str, Parameters] = {
+    "ellipsoid": {"a": 1.0, "b": 0.8, "c": 0.55, "triangulation": "uniform", "seed": 0},
+    "twisted_torus": {
+        "tube_radius": 0.35,
+        "flatness": 0.6,
+        "half_turns": 3,
+        "triangulation": "irregular",
+        "seed": 1,
+    },
+    "pretzel": {
+        "genus": 3,
+        "hole": 0.5,
+        "thickness": 0.4,
+        "stretch": 0.8,
+        "bend": 0.5,
+        "triangulation": "uniform",
+        "seed": 2,
+    },
+    "blob": {"amplitude": 1.0, "degree": 6, "form": 3, "triangulation": "irregular", "seed": 3},
+    "extruded_star": {
+        "corners": 5,
+        "depth": 0.5,
+        "height": 0.8,
+        "form": 0,
+        "triangulation": "uniform",
+        "seed": 4,
+    },
+    "open_cylinder": {"height": 2.0, "triangulation": "adaptive", "seed": 5},
+}
+# Of Family.refine: 64,000, 256,000 and 1,000,000 vertices, graded towards singular corners. The
+# limit follows from the last two; how far those before lead elsewhere bounds its error, h⁴ here.
+REFINEMENTS = (3, 4, 5)
+TIMED_BESIDE = 10_000  # vertices up to which every run times LaPy on the same meshes
+PINS = "scaling.parquet"
+
+
+@dataclass(frozen=True, slots=True)
+class Pinned:
+    """What the repository pins of a mesh.
+
+    Parameters
+    ----------
+    surface : str
+        A key of :data:`SURFACES`.
+    size : int
+        One of :data:`SIZES`.
+    vertices : int
+        How many the mesh has.
+    pin : Pin
+        Digest of faces and parameters, moments of the vertices, and the label (k,), 1/length².
+    certificate : Certificate
+        That the label misses no eigenvalue.
+    limit, limit_error : ndarray of shape (k,), float64
+        Spectrum of the surface in 1/length², and a bound of its error: zero in closed form.
+    """
+
+    surface: str
+    size: int
+    vertices: int
+    pin: pins.Pin
+    certificate: Certificate
+    limit: Array
+    limit_error: Array
+
+    @property
+    def label(self) -> Array:
+        """The first k non-zero eigenvalues of the mesh, in 1/length²."""
+        return self.pin.eigenvalues
+
+    @property
+    def discretisation_error(self) -> float:
+        """Mean relative distance of the label from the spectrum of the surface."""
+        return relative_error(self.label, self.limit)
+
+
+def relative_error(found: Array, expected: Array) -> float:
+    """Return the mean of |p − g| / g.
+
+    Examples
+    --------
+    >>> round(relative_error(np.array([1.1, 3.8]), np.array([1.0, 4.0])), 12)
+    0.075
+    """
+    return float(np.mean(np.abs(found - expected) / expected))
+
+
+def spec(surface: str, size: int) -> ShapeSpec:
+    """Return what a mesh is a function of.
+
+    Raises
+    ------
+    EigbenchError
+        If there is no such surface or size.
+    """
+    if surface not in SURFACES or size not in SIZES:
+        raise EigbenchError(
+            f"the scaling track has no {surface} at {size:,} vertices: its surfaces are "
+            f"{', '.join(SURFACES)}, its sizes {', '.join(map(str, SIZES))}"
+        )
+    parameters = {**SURFACES[surface], "vertices": size}
+    group = FAMILIES[surface].group(parameters)
+    return ShapeSpec(f"{surface}-{size}", surface, SIZES.index(size), parameters, group)
+
+
+def mesh(surface: str, size: int) -> Mesh:
+    """Make a mesh of the set: float64 vertices (n, 3), int64 faces (m, 3)."""
+    return FAMILIES[surface].generate(spec(surface, size).parameters)
+
+
+def limit(surface: str) -> tuple[Array, Array]:
+    """Return the spectrum of a surface, and a bound of its error: both (k,), in 1/length².
+
+    In closed form where it is known. Else extrapolated from three meshes, each of half the step
+    of the one before; this takes a minute a surface.
+    """
+    family, parameters = FAMILIES[surface], spec(surface, SIZES[0]).parameters
+    known = family.limit_eigenvalues(parameters, K)
+    if known is not None:
+        return known, np.zeros(K)
+    spectra = [
+        spectrum.compute(family.refine(parameters, times), K).eigenvalues for times in REFINEMENTS
+    ]
+    before, last = (extrapolate(*pair) for pair in pairwise(spectra))
+    return last, np.abs(last - before)
+
+
+def make(surface: str, size: int, known: tuple[Array, Array] | None = None) -> Pinned:
+    """Make a mesh, its certified label and, unless ``known``, the limit of its surface.
+
+    Raises
+    ------
+    SpectrumError
+        If the label cannot be computed and certified.
+    """
+    made = mesh(surface, size)
+    found = spectrum.compute(made, K)
+    return Pinned(
+        surface,
+        size,
+        len(made.vertices),
+        pins.pin(_sample(surface, size, made, found.eigenvalues, found.certificate)),
+        found.certificate,
+        *(known or limit(surface)),
+    )
+
+
+def _sample(surface: str, size: int, made: Mesh, label: Array, certificate: Certificate) -> Sample:
+    one = spec(surface, size)
+    return Sample(one, made, label, 0.0, certificate, np.eye(3)[None], "test", ("test",))
+
+
+def check(expected: Pinned, made: Mesh) -> None:
+    """Check a mesh against its pin, not its label.
+
+    Raises
+    ------
+    EigbenchError
+        If it is another.
+    """
+    one = _sample(expected.surface, expected.size, made, expected.label, expected.certificate)
+    for difference in pins.differences(pins.pin(one), expected.pin):
+        raise EigbenchError(f"{expected.pin.id} is not the mesh that is pinned: {difference}")
+
+
+def differences(expected: Pinned) -> Iterator[str]:
+    """Make a mesh and its label anew, and yield what differs from the pin."""
+    found = make(expected.surface, expected.size, (expected.limit, expected.limit_error))
+    yield from pins.differences(found.pin, expected.pin)
+    if found.vertices != expected.vertices:
+        yield f"{found.vertices:,} vertices instead of {expected.vertices:,}"
+    if found.certificate.count != expected.certificate.count:
+        yield f"{found.certificate.count} eigenvalues counted, not {expected.certificate.count}"
+
+
+def pinned(surface: str, size: int) -> Pinned:
+    """Return the pin of a mesh.
+
+    Raises
+    ------
+    EigbenchError
+        If there is no such mesh, or it is not pinned yet.
+    """
+    found = read().get((surface, size)) if surface in SURFACES else None
+    if found is None:
+        spec(surface, size)
+        raise EigbenchError(
+            f"the label of {surface} at {size:,} vertices is not pinned: "
+            f"python scripts/pin_scaling.py {size}"
+        )
+    return found
+
+
+@lru_cache(maxsize=1)
+def read() -> Mapping[tuple[str, int], Pinned]:
+    """Return the pins that the repository has, by surface and size."""
+    path = resources.files("eigbench").joinpath(PINS)
+    if not path.is_file():
+        return {}
+    with path.open("rb") as file:
+        rows = pq.read_table(file).to_pylist()
+    found = (_from_row(row) for row in rows)
+    return {(one.surface, one.size): one for one in found}
+
+
+def write(path: Path, found: Iterable[Pinned]) -> None:
+    """Write pins to a file, in the order of sizes and surfaces, the same to the byte."""
+    order = {surface: place for place, surface in enumerate(SURFACES)}
+    rows = sorted(found, key=lambda one: (one.size, order[one.surface]))
+    table = pa.Table.from_pylist([_to_row(one) for one in rows], schema=_SCHEMA)
+
+    def store(partial: Path) -> None:
+        pq.write_table(table, partial, compression="zstd", use_dictionary=False)
+
+    write_atomically(path, store)
+
+
+_NUMBERS = pa.list_(pa.float64())
+_SCHEMA = pa.schema(
+    [
+        ("surface", pa.string()),
+        ("size", pa.int64()),
+        ("vertices", pa.int64()),
+        ("digest", pa.string()),
+        ("moments", _NUMBERS),
+        ("eigenvalues", _NUMBERS),
+        ("count", pa.int64()),
+        ("shift", pa.float64()),
+        ("residual", pa.float64()),
+        ("limit", _NUMBERS),
+        ("limit_error", _NUMBERS),
+    ]
+)
+
+
+def _to_row(one: Pinned) -> dict[str, object]:
+    return {
+        "surface": one.surface,
+        "size": one.size,
+        "vertices": one.vertices,
+        "digest": one.pin.digest,
+        "moments": one.pin.moments,
+        "eigenvalues": one.label,
+        "count": one.certificate.count,
+        "shift": one.certificate.shift,
+        "residual": one.certificate.residual,
+        "limit": one.limit,
+        "limit_error": one.limit_error,
+    }
+
+
+def _from_row(row: Mapping[str, Any]) -> Pinned:
+    surface, size = row["surface"], row["size"]
+    moments, label, limit, error = (
+        np.array(row[name]) for name in ("moments", "eigenvalues", "limit", "limit_error")
+    )
+    certificate = Certificate(row["count"], row["shift"], row["residual"])
+    pin = pins.Pin(f"{surface}-{size}", row["digest"], moments, label)
+    return Pinned(surface, size, row["vertices"], pin, certificate, limit, error)

@@ -1,0 +1,155 @@
+"""What the commands of the scaling track do: scale, which runs a predictor, and scaling."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+from rich.console import Console
+from tabulate import tabulate
+
+from eigbench import scaling, scaling_run, scaling_scores
+from eigbench.errors import EigbenchError, PredictorError
+from eigbench.scaling_results import ANSWERED, Scaled
+from eigbench.scaling_run import Settings
+from eigbench.tables import family_title
+
+
+def add(command: Callable[..., argparse.ArgumentParser], positive: Callable[[str], int]) -> None:
+    """Add the two commands to the command line."""
+
+    def sizes_option(sub: argparse.ArgumentParser) -> None:
+        sub.add_argument(
+            "--sizes",
+            type=int,
+            nargs="+",
+            choices=scaling.SIZES,
+            metavar="N",
+            help=f"vertices, of {', '.join(map(str, scaling.SIZES))}; default: all that are pinned",
+        )
+
+    sub = command(
+        "scale",
+        scale,
+        "run a predictor on the surfaces of the scaling track; this runs the file's code",
+        "my_model.py --sizes 1000 10000 --out scaling.json",
+    )
+    sub.add_argument("predictor", type=Path, metavar="FILE", help="the predictor's Python file")
+    sizes_option(sub)
+    sub.add_argument("--out", type=Path, default=Path("scaling.json"), metavar="FILE")
+    sub.add_argument("--device", default="cpu", help="handed to the predictor (default: cpu)")
+    sub.add_argument("--threads", type=positive, default=1, metavar="N", help="default: 1")
+    sub.add_argument(
+        "--time-limit", type=_above_zero, default=600.0, metavar="S", help="for a mesh"
+    )
+    sub.add_argument(
+        "--memory-limit",
+        type=_above_zero,
+        default=16.0,
+        metavar="GIB",
+        help="of the predictor's process (default: 16; watched on Linux only)",
+    )
+    sub.add_argument("--resume", action="store_true", help="add what the result at --out lacks")
+
+    sub = command(
+        "scaling",
+        show,
+        "list the meshes of the scaling track; --verify makes them and their labels anew",
+        "--verify --sizes 1000 10000",
+    )
+    sizes_option(sub)
+    sub.add_argument("--verify", action="store_true", help="exit 1 if anything differs")
+
+
+def scale(options: argparse.Namespace) -> int:
+    """Run a predictor over the meshes, write the result and print its table."""
+    out: Path = options.out
+    if out.suffix != ".json":
+        raise EigbenchError(f"--out must end in .json, got {out}")
+    if not options.predictor.is_file():
+        raise PredictorError(f"there is no file {options.predictor}")
+    settings = Settings(**{f.name: getattr(options, f.name) for f in fields(Settings)})
+    with Console(stderr=True).status("loading the predictor") as status:
+        result = scaling_run.run(
+            options.predictor,
+            _sizes(options),
+            settings,
+            out,
+            on_mesh=lambda name: status.update(f"predicting {name}"),
+        )
+    if options.json:
+        print(json.dumps(result, indent=1))
+        return 0
+    rows = []
+    for (surface, size), one in Scaled(result, out).meshes.items():
+        own = scaling.pinned(surface, size).discretisation_error
+        row = [f"{size:,}", family_title(surface), f"{100 * own:.2g} %"]
+        if one["outcome"] == ANSWERED:
+            seconds, memory = scaling_scores.seconds(one), one["peak_memory_mb"]
+            error = f"{100 * scaling_scores.error(one):.2g} %"
+            row += [error, f"{1e3 * seconds:,.2f}", f"{memory:,.0f}", ""]
+        else:
+            row += ["", "", "", f"{one['outcome']}: {one['detail']}"]
+        rows.append(row)
+    headers = ["vertices", "surface", "discretisation error", "error", "ms", "peak MB", ""]
+    print(f"{result['model']['name']}, one mesh a call\n")
+    print(tabulate(rows, headers=headers, disable_numparse=True))
+    print(f"\nresult {out}")
+    return 0
+
+
+def show(options: argparse.Namespace) -> int:
+    """List the meshes, or make them anew and say what differs."""
+    chosen = [scaling.pinned(s, size) for size in _sizes(options) for s in scaling.SURFACES]
+    rows, findings = [], []
+    with Console(stderr=True).status("reading") as status:
+        for one in chosen:
+            if options.verify:
+                status.update(f"solving {one.pin.id}")
+                findings += [f"{one.pin.id}: {told}" for told in scaling.differences(one)]
+            rows.append(
+                {
+                    "mesh": one.pin.id,
+                    "vertices": one.vertices,
+                    "triangulation": scaling.SURFACES[one.surface]["triangulation"],
+                    "discretisation_error": one.discretisation_error,
+                    "limit_error": float((one.limit_error / one.limit).max()),
+                }
+            )
+    if options.json:
+        print(json.dumps({"meshes": rows, "verified": options.verify, "findings": findings}))
+        return 1 if findings else 0
+    cells = [
+        [
+            row["mesh"],
+            f"{row['vertices']:,}",
+            row["triangulation"],
+            f"{100 * float(str(row['discretisation_error'])):.2g} %",
+            f"{100 * float(str(row['limit_error'])):.1g} %",
+        ]
+        for row in rows
+    ]
+    headers = ["mesh", "vertices", "triangulation", "discretisation error", "of the limit"]
+    print(tabulate(cells, headers=headers, disable_numparse=True))
+    for finding in findings:
+        print(finding)
+    if options.verify and not findings:
+        print(f"\n{len(rows)} meshes and their labels are the pinned ones")
+    return 1 if findings else 0
+
+
+def _sizes(options: argparse.Namespace) -> list[int]:
+    if options.sizes is not None:
+        return sorted(set(options.sizes))
+    pinned = scaling.read()
+    return [n for n in scaling.SIZES if all((s, n) in pinned for s in scaling.SURFACES)]
+
+
+def _above_zero(text: str) -> float:
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"must be above 0, got {value:g}")
+    return value

@@ -1,0 +1,196 @@
+"""The section Scaling of LEADERBOARD.md, the same to the byte whatever the order of its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from eigbench import scaling, scaling_figure, scaling_scores
+from eigbench.markdown import cell as escaped
+from eigbench.markdown import table
+from eigbench.scaling_results import Scaled
+from eigbench.scaling_scores import Cell, Verdict
+from eigbench.tables import family_title, number
+from synthnet.files import sha256
+
+FIGURE = Path("benchmark", "figures", "scaling.svg")
+
+
+def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
+    """Return the parts of the section, and the text of its figure; both empty without rows."""
+    if not rows:
+        return [], {}
+    sizes = scaling_scores.sizes(rows)
+    by_setting = scaling_scores.settings(rows)
+    parts = [
+        "## Scaling\n",
+        "Where, if anywhere, does prediction beat the exact solver? The same "
+        f"{len(scaling.SURFACES)} surfaces "
+        f"({', '.join(family_title(name).lower() for name in scaling.SURFACES)}) at "
+        f"{', '.join(f'{size:,}' for size in sizes)} vertices, one mesh a call "
+        "([what is measured](docs/scaling.md)). Medians over the surfaces. Error: mean relative "
+        "error of the ten eigenvalues against the label, the exact spectrum of the mesh. The "
+        "label itself is as far from the surface's spectrum as the first row says: a prediction "
+        "nearer to the label than that wins if it is faster, since it is at most twice as far "
+        "from the surface's; one further off is a trade. Times are compared within one "
+        "hardware, device and number of threads only.\n",
+    ]
+    for label, mine in by_setting.items():
+        verdicts = [scaling_scores.verdict(mine, size) for size in sizes]
+        parts += [
+            f"### Scaling: {escaped(label)}\n",
+            *_told(verdicts, mine),
+            _main(mine, sizes),
+            "The same answers against the spectrum of the surface instead of the mesh's. In "
+            "brackets: the ms that the fastest exact solver takes on a mesh just fine enough for "
+            "that error, interpolated between the sizes; making such a mesh is not counted.\n",
+            _distances(mine, sizes, verdicts),
+        ]
+    parts += [
+        f"![Time and error against vertices]({FIGURE.as_posix()})\n",
+        "### Scaling: peak memory\n",
+        "MB of the process, its libraries included.\n",
+        _memory(rows, sizes),
+        "### Scaling: LaPy beside each run\n",
+        "ms a mesh, timed in the run of each row on the same meshes, up to "
+        f"{scaling.TIMED_BESIDE:,} vertices: how fast the machine was then.\n",
+        _beside(rows, [size for size in sizes if size <= scaling.TIMED_BESIDE]),
+        "SHA-256 of the files:\n",
+        table(["model", "result"], [[r.name, sha256(r.path)] for r in _sorted(rows)], left=2),
+    ]
+    return parts, {FIGURE: scaling_figure.draw(by_setting)}
+
+
+def _sorted(rows: Sequence[Scaled]) -> list[Scaled]:
+    return sorted(rows, key=lambda row: row.slug)
+
+
+def _ordered(rows: Sequence[Scaled], size: int) -> list[Scaled]:
+    """Return the rows, fastest first at a size; those without a time there last."""
+
+    def key(row: Scaled) -> tuple[bool, float, str]:
+        seconds = scaling_scores.cell(row, size).seconds
+        return not seconds >= 0, seconds if seconds >= 0 else 0.0, row.slug
+
+    return sorted(rows, key=key)
+
+
+def _told(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
+    """Return the answer in a sentence, and what it rests on for each size."""
+    names = {row.slug: row.name for row in rows}
+    won = []
+    for one in verdicts:
+        winners = [f"{names[s]} ({w} of {one.compared})" for s, (_, w) in one.faster.items() if w]
+        if winners:
+            won.append(f"at {one.size:,} vertices {', '.join(winners)}")
+    elsewhere = " At no other size." if len(won) < len(verdicts) else ""
+    if not any(one.compared for one in verdicts):
+        answer = "no exact solver was run in this setting, so nothing can be said."
+    elif won:
+        answer = (
+            "faster than the fastest exact solver, and nearer to the label than the label is to "
+            f"the surface's spectrum (on how many surfaces): {'; '.join(won)}.{elsewhere}"
+        )
+    else:
+        answer = (
+            "nowhere. No prediction is both faster than the fastest exact solver and nearer to "
+            "the label than the label is to the surface's spectrum."
+        )
+    lines = [_line(one, names, rows) for one in verdicts]
+    return [
+        f"**Where prediction beats the exact solver**: {escaped(answer)}\n",
+        "\n".join(lines) + "\n",
+    ]
+
+
+def _line(one: Verdict, names: dict[str, str], rows: Sequence[Scaled]) -> str:
+    own = _percent(scaling_scores.floor(one.size))
+    start = f"- {one.size:,} vertices, discretisation error {own}: "
+    if one.solver is None:
+        return start + "no exact solver answered."
+    text = f"the fastest exact solver, {one.solver}, takes {_ms(one.seconds)} ms"
+    if one.compared < len(scaling.SURFACES):
+        text += f" ({one.compared} of {len(scaling.SURFACES)} surfaces)"
+    cells = {row.slug: scaling_scores.cell(row, one.size) for row in rows}
+    faster = [
+        f"{names[slug]} ({_ms(cells[slug].seconds)} ms, error {_percent(cells[slug].error)})"
+        for slug in sorted(one.faster, key=lambda slug: (cells[slug].error, slug))
+    ]
+    return start + escaped(f"{text}. Faster, on some surface: {', '.join(faster) or 'none'}.")
+
+
+def _percent(value: float) -> str:
+    return f"{number(100 * value, 3)} %"
+
+
+def _ms(seconds: float) -> str:
+    return number(1e3 * seconds, 2)
+
+
+def _of(one: Cell, text: str) -> str:
+    """Return a number with what it leaves out: surfaces that were not answered."""
+    if not one.total:
+        return "not run"
+    if not one.answered:
+        return ", ".join(one.failures)
+    whole = one.answered == len(scaling.SURFACES)
+    return text if whole else f"{text} ({one.answered} of {len(scaling.SURFACES)})"
+
+
+def _main(rows: Sequence[Scaled], sizes: Sequence[int]) -> str:
+    headers = ["model", "kind"]
+    for size in sizes:
+        headers += [f"{size:,}: error", "ms"]
+    own = ["discretisation error of the meshes", ""]
+    for size in sizes:
+        own += [_percent(scaling_scores.floor(size)), ""]
+    lines = []
+    for row in _ordered(rows, sizes[0]):
+        line = [row.name, row.result["model"]["kind"]]
+        for size in sizes:
+            one = scaling_scores.cell(row, size)
+            line += [_of(one, _percent(one.error)), _of(one, _ms(one.seconds))]
+        lines.append(line)
+    return table(headers, [own, *lines], left=2)
+
+
+def _by_size(
+    rows: Sequence[Scaled], sizes: Sequence[int], text: Callable[[Cell], str]
+) -> list[list[str]]:
+    found = []
+    for row in _sorted(rows):
+        cells = [scaling_scores.cell(row, size) for size in sizes]
+        found.append([row.name, *(_of(one, text(one)) for one in cells)])
+    return found
+
+
+def _distances(rows: Sequence[Scaled], sizes: Sequence[int], verdicts: Sequence[Verdict]) -> str:
+    def text(distance: float) -> str:
+        side, seconds = scaling_scores.coarse_seconds(verdicts, distance)
+        return _percent(distance) + (f" ({side}{_ms(seconds)})" if seconds > 0 else "")
+
+    own = ["the labels", *(text(scaling_scores.floor(size)) for size in sizes)]
+    lines = _by_size(rows, sizes, lambda one: text(one.distance))
+    return table(["model", *(f"{size:,}" for size in sizes)], [own, *lines])
+
+
+def _memory(rows: Sequence[Scaled], sizes: Sequence[int]) -> str:
+    lines = _by_size(rows, sizes, lambda one: f"{one.peak_memory_mb:,.0f}")
+    return table(["model", *(f"{size:,}" for size in sizes)], lines)
+
+
+def _beside(rows: Sequence[Scaled], sizes: Sequence[int]) -> str:
+    lines = []
+    for row in _sorted(rows):
+        line = [row.name]
+        for size in sizes:
+            found = [
+                one["reference_seconds"]
+                for (_, at), one in row.meshes.items()
+                if at == size and one["reference_seconds"] is not None
+            ]
+            line.append(_ms(float(np.median(found))) if found else "not run")
+        lines.append(line)
+    return table(["model", *(f"{size:,}" for size in sizes)], lines)

@@ -1,0 +1,155 @@
+"""Results of the scaling track: what one holds, and what is asserted when it is read.
+
+Predictions and times stand in the result itself, mesh by mesh; errors do not: they follow from
+the pinned labels.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from eigbench import results, scaling
+from eigbench.errors import EigbenchError, ResultError
+from eigbench.submission import slug
+from synthnet.files import make_directory, sha256, write_atomically, write_text
+
+VERSION = 1
+ANSWERED = "answered"
+PLACE = Path("benchmark", "scaling")  # of the results on a board
+
+
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """A result of the scaling track.
+
+    Parameters
+    ----------
+    result : dict
+        As :mod:`eigbench.scaling_run` made it.
+    path : Path
+        Its file.
+    """
+
+    result: dict[str, Any]
+    path: Path
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return str(self.result["model"]["name"])
+
+    @property
+    def slug(self) -> str:
+        """Name of the model in a file's name."""
+        return slug(self.name)
+
+    @property
+    def meshes(self) -> Mapping[tuple[str, int], dict[str, Any]]:
+        """What became of each mesh, by surface and size."""
+        return {(one["surface"], one["size"]): one for one in self.result["meshes"]}
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema of these results; model and environment are as in all others."""
+    text = resources.files("eigbench").joinpath("scaling.schema.json").read_text()
+    loaded: dict[str, Any] = json.loads(text)
+    for name in ("model", "environment"):
+        loaded["properties"][name] = results.schema()["properties"][name]
+    return loaded
+
+
+def is_one(path: Path) -> bool:
+    """Return whether a file of JSON says that it is a result of the scaling track."""
+    found = results.load(path)
+    return isinstance(found, dict) and "scaling_version" in found
+
+
+def read(path: Path) -> Scaled:
+    """Read a result and check it.
+
+    Raises
+    ------
+    ResultError
+        If it is missing, not of the schema, of other meshes, or contradicts itself.
+    """
+    result = results.load(path)
+    validate(result, path)
+    return Scaled(result, path)
+
+
+def write(path: Path, result: dict[str, Any]) -> None:
+    """Write a result as JSON, after checking it."""
+    validate(result, path)
+    write_text(path, json.dumps(result, indent=1, allow_nan=False) + "\n")
+
+
+def validate(result: Any, path: Path) -> None:
+    """Check a result against the schema and the pinned meshes.
+
+    Raises
+    ------
+    ResultError
+        With the first thing that is wrong.
+    """
+    results.check_schema(result, schema(), path)
+    seen = set()
+    for one in result["meshes"]:
+        try:
+            expected = scaling.pinned(one["surface"], one["size"])
+        except EigbenchError as error:
+            raise ResultError(f"{path}: {error}") from error
+        key = expected.pin.id
+        if key in seen:
+            raise ResultError(f"{path} has {key} twice")
+        seen.add(key)
+        if one["digest"] != expected.pin.digest:
+            raise ResultError(f"{path}: its {key} is not the mesh that is pinned here")
+        answered = one["outcome"] == ANSWERED
+        if (one["eigenvalues"] is not None) != answered or bool(one["seconds"]) != answered:
+            raise ResultError(f"{path}: {key} is {one['outcome']}, its numbers say otherwise")
+        if len(one["seconds"]) != len(one["cpu_seconds"]):
+            raise ResultError(f"{path}: {key} has wall times and CPU times of other numbers")
+
+
+def read_board(root: Path) -> list[Scaled]:
+    """Read the results of the scaling track under a checkout.
+
+    Raises
+    ------
+    ResultError
+        If one is damaged or misplaced.
+    """
+    found = []
+    for path in sorted(p for p in (root / PLACE).rglob("*") if p.is_file()):
+        one = read(path)
+        if path != (place := _place(one, root)):
+            raise ResultError(f"{path} belongs at {place}")
+        found.append(one)
+    return found
+
+
+def place(one: Scaled, root: Path, *, replace: bool = False) -> Path:
+    """Copy a result to its place on a board; return that.
+
+    Raises
+    ------
+    EigbenchError
+        If another of that name is there and ``replace`` is not given.
+    """
+    target = _place(one, root)
+    if target.exists() and sha256(target) != sha256(one.path) and not replace:
+        raise EigbenchError(f"{target} is there already: give --replace, or another name in META")
+    make_directory(target.parent)
+    if not target.exists() or not target.samefile(one.path):
+        write_atomically(target, lambda to: shutil.copyfile(one.path, to))  # type: ignore[arg-type]
+    return target
+
+
+def _place(one: Scaled, root: Path) -> Path:
+    return root / PLACE / f"{one.slug}.json"

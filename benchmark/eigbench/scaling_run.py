@@ -1,0 +1,244 @@
+"""Run a predictor over the meshes of the scaling track; each in a process of its own.
+
+A mesh that takes too long or too much, or whose process dies, is recorded as that, and the
+others go on. The result is written anew after every mesh, so what is finished is never lost.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eigbench import record, reference, scaling, scaling_results
+from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, PredictorError
+from eigbench.process import PredictorProcess
+from eigbench.scaling_results import ANSWERED
+from eigbench.worker import Answered
+from synthnet.families import FAMILIES
+from synthnet.types import Mesh, Parameters
+
+REPEATS = 5  # calls on a mesh at most; their median is the time
+ENOUGH = 5.0  # seconds in all after which a mesh is not repeated
+LOADING = 600.0  # seconds for loading and warming up, whatever the limit of a mesh
+PATIENCE = 3600.0  # seconds for LaPy on such a mesh
+TRAINING = "2.0/grouped"  # of predictors that are trained: it has meshes up to 100,000 vertices
+OUTCOMES = {OverTime: "over time", OverMemory: "over memory", Died: "died"}
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How to run a predictor.
+
+    Parameters
+    ----------
+    device : str
+        Handed to the predictor.
+    threads : int
+        Threads of BLAS and OpenMP in the predictor's process.
+    time_limit : float
+        Most seconds for a mesh.
+    memory_limit : float
+        Most GiB of the predictor's process.
+    resume : bool
+        Keep what a result at the same place has, and add what it lacks.
+    """
+
+    device: str = "cpu"
+    threads: int = 1
+    time_limit: float = 600.0
+    memory_limit: float = 16.0
+    resume: bool = False
+
+
+def run(
+    path: Path,
+    sizes: Sequence[int],
+    settings: Settings,
+    out: Path,
+    on_mesh: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Run a predictor and write its result; return the result.
+
+    Parameters
+    ----------
+    path : Path
+        The predictor's file; its code is run.
+    sizes : sequence of int
+        Of :data:`scaling.SIZES`.
+    settings : Settings
+        How.
+    out : Path
+        Of the result, written anew after each mesh.
+    on_mesh : callable, optional
+        Called with the name of each mesh before it is made.
+
+    Raises
+    ------
+    EigbenchError
+        If a label is not pinned, there is a result already and ``resume`` is not set, or it was
+        made by other code, on another machine or with other settings.
+    PredictorError
+        If the predictor does not load or fails on a small mesh; nothing is written then. Or if
+        LaPy fails.
+    """
+    wanted = [scaling.pinned(surface, size) for size in sizes for surface in scaling.SURFACES]
+    if out.exists() and not settings.resume:
+        raise EigbenchError(f"{out} is there already: --resume adds what it lacks, or give another")
+    result = _described(path, settings)
+    done = _done(out, result, settings) if out.exists() else {}
+    with contextlib.ExitStack() as stack:
+        peer: PredictorProcess | None = None
+        for expected in wanted:
+            if (expected.surface, expected.size) in done:
+                continue
+            on_mesh(expected.pin.id)
+            mesh = scaling.mesh(expected.surface, expected.size)
+            scaling.check(expected, mesh)
+            found = _measured(path, expected, mesh, settings)
+            if expected.size <= scaling.TIMED_BESIDE:
+                if peer is None:
+                    peer = stack.enter_context(_reference())
+                answers = _repeated(peer, expected.pin.id, mesh)
+                found["reference_seconds"] = float(np.median([a.seconds for a in answers]))
+            done[expected.surface, expected.size] = found
+            order = {surface: i for i, surface in enumerate(scaling.SURFACES)}
+            places = sorted(done, key=lambda key: (key[1], order[key[0]]))
+            result["meshes"] = [done[place] for place in places]
+            scaling_results.write(out, result)
+    return result if "meshes" in result else scaling_results.read(out).result
+
+
+def warm_up() -> Mesh:
+    """Make the mesh that is predicted before the clock counts; it is none of the set."""
+    parameters: Parameters = {
+        "a": 1.0,
+        "b": 1.2,
+        "c": 0.9,
+        "triangulation": "irregular",
+        "vertices": 800,
+        "seed": 9,
+    }
+    return FAMILIES["ellipsoid"].generate(parameters)
+
+
+def _described(path: Path, settings: Settings) -> dict[str, Any]:
+    """Load the predictor once, and return a result without meshes."""
+    with _process(path, settings) as process:
+        process.predict(["the mesh to warm up"], [warm_up()])
+        loaded, status = process.loaded, process.status()
+    return {
+        "scaling_version": scaling_results.VERSION,
+        "model": {
+            **loaded.meta,
+            "code": path.name,
+            "sources": status.sources,
+            "parameters": loaded.parameters,
+        },
+        "cost": {
+            "threads": settings.threads,
+            "device": settings.device,
+            "hardware": ", ".join(filter(None, [loaded.accelerator, record.hardware()])),
+        },
+        "environment": record.environment(),
+    }
+
+
+def _done(
+    out: Path, result: dict[str, Any], settings: Settings
+) -> dict[tuple[str, int], dict[str, Any]]:
+    """Return what an earlier run has left, but what broke a limit that is higher now."""
+    earlier = scaling_results.read(out)
+    for part in ("model", "cost", "environment"):
+        before, now = earlier.result[part], result[part]
+        for name in sorted(before.keys() | now.keys()):
+            if before.get(name) != now.get(name):
+                raise EigbenchError(
+                    f"{out} was made with another {name} ({part}): give another --out"
+                )
+    again = {
+        "over time": ("time_limit", settings.time_limit),
+        "over memory": ("memory_limit_gib", settings.memory_limit),
+    }
+    kept = {}
+    for key, one in earlier.meshes.items():
+        name, limit = again.get(one["outcome"], ("time_limit", 0.0))
+        if one[name] >= limit:
+            kept[key] = one
+    return kept
+
+
+def _measured(
+    path: Path, expected: scaling.Pinned, mesh: Mesh, settings: Settings
+) -> dict[str, Any]:
+    """Return what became of a mesh, ready for JSON."""
+    found: dict[str, Any] = {
+        "surface": expected.surface,
+        "size": expected.size,
+        "digest": expected.pin.digest,
+        "outcome": ANSWERED,
+        "detail": "",
+        "time_limit": settings.time_limit,
+        "memory_limit_gib": settings.memory_limit,
+        "eigenvalues": None,
+        "seconds": [],
+        "cpu_seconds": [],
+        "peak_memory_mb": None,
+        "reference_seconds": None,
+    }
+    try:
+        with _process(path, settings) as process:
+            process.predict(["the mesh to warm up"], [warm_up()])
+            process.time_limit = settings.time_limit
+            answers = _repeated(process, expected.pin.id, mesh)
+            peak = process.status().peak_bytes
+    except PredictorError as error:
+        detail = " ".join(str(error).split())[:300]
+        return {**found, "outcome": OUTCOMES.get(type(error), "failed"), "detail": detail}
+    values = answers[0].values[0]
+    if not (np.isfinite(values).all() and (values > 0).all()):
+        wrong = "the answer is not finite and positive"
+        return {**found, "outcome": "failed", "detail": wrong}
+    return {
+        **found,
+        "eigenvalues": values.tolist(),
+        "seconds": [a.seconds for a in answers],
+        "cpu_seconds": [a.cpu_seconds for a in answers],
+        "peak_memory_mb": peak / 2**20,
+    }
+
+
+def _repeated(process: PredictorProcess, id: str, mesh: Mesh) -> list[Answered]:
+    answers: list[Answered] = []
+    while len(answers) < REPEATS and sum(a.seconds for a in answers) < ENOUGH:
+        answers.append(process.predict([id], [mesh]))
+    return answers
+
+
+def _process(path: Path, settings: Settings) -> PredictorProcess:
+    """Return the predictor's process, its time not limited to that of a mesh yet."""
+    return PredictorProcess(
+        path,
+        scaling.K,
+        device=settings.device,
+        seed=0,
+        training=TRAINING,
+        threads=settings.threads,
+        time_limit=max(settings.time_limit, LOADING),
+        memory_limit=int(settings.memory_limit * 2**30),
+    )
+
+
+@contextlib.contextmanager
+def _reference() -> Any:
+    """Load LaPy, on one thread, as every result is timed beside it."""
+    path = Path(reference.__file__)
+    with PredictorProcess(
+        path, scaling.K, device="cpu", seed=0, training=TRAINING, threads=1, time_limit=PATIENCE
+    ) as peer:
+        peer.predict(["the mesh to warm up"], [warm_up()])
+        yield peer

@@ -1,0 +1,192 @@
+"""What the results of the scaling track say: errors, times, and whether prediction wins.
+
+An exact solver is no name but a finding: on a mesh, whatever is within :data:`EXACT` of the label
+in every eigenvalue. A prediction wins on a mesh if it is faster than the fastest of these, on the
+same machine, and no further from the label than the label is from the surface's spectrum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eigbench import results, scaling
+from eigbench.scaling_results import ANSWERED, Scaled
+
+EXACT = 1e-6  # relative, of every eigenvalue: the tolerance of the pins
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One model at one size: medians over the surfaces that it answered.
+
+    Parameters
+    ----------
+    answered, total : int
+        Surfaces answered, and surfaces tried: 0 where it was not run.
+    error, distance : float
+        Mean relative error against the mesh's label and against the surface's spectrum.
+    seconds, peak_memory_mb : float
+        Wall time of a mesh, itself the median of repeats, and the peak of the process.
+    failures : tuple of str
+        Why the others were not answered: ``over 600 s``.
+    """
+
+    answered: int
+    total: int
+    error: float
+    distance: float
+    seconds: float
+    peak_memory_mb: float
+    failures: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What is faster than the exact solver at one size.
+
+    Parameters
+    ----------
+    size : int
+        Vertices wanted.
+    solver : str or None
+        The model that is exact and fastest on most surfaces; ``None`` if none answered exactly.
+    seconds : float
+        Median over the surfaces of the fastest exact time; NaN if there is none.
+    compared : int
+        Surfaces on which there is an exact time.
+    faster : mapping of str to tuple of int
+        By slug of each model that is faster somewhere and not exact there: on how many of these
+        surfaces it is, and on how many it wins.
+    """
+
+    size: int
+    solver: str | None
+    seconds: float
+    compared: int
+    faster: Mapping[str, tuple[int, int]]
+
+
+def settings(rows: Sequence[Scaled]) -> dict[str, list[Scaled]]:
+    """Return the results by hardware, device and threads: times are compared within one only."""
+    found: dict[str, list[Scaled]] = {}
+    for row in sorted(rows, key=lambda row: row.slug):
+        found.setdefault(results.setting(row.result), []).append(row)
+    return dict(sorted(found.items()))
+
+
+def seconds(one: Mapping[str, Any]) -> float:
+    """Return the time of a mesh: the median of its repeats."""
+    return float(np.median(one["seconds"]))
+
+
+def error(one: Mapping[str, Any]) -> float:
+    """Return the mean relative error of an answer against the mesh's label."""
+    label = scaling.pinned(one["surface"], one["size"]).label
+    return scaling.relative_error(np.array(one["eigenvalues"]), label)
+
+
+def distance(one: Mapping[str, Any]) -> float:
+    """Return the mean relative error of an answer against the surface's spectrum."""
+    limit = scaling.pinned(one["surface"], one["size"]).limit
+    return scaling.relative_error(np.array(one["eigenvalues"]), limit)
+
+
+def is_exact(one: Mapping[str, Any]) -> bool:
+    """Return whether an answer is the label, but for rounding."""
+    label = scaling.pinned(one["surface"], one["size"]).label
+    return bool(np.max(np.abs(np.array(one["eigenvalues"]) / label - 1)) <= EXACT)
+
+
+def cell(row: Scaled, size: int) -> Cell:
+    """Return the medians of a model at a size."""
+    tried = [row.meshes[s, size] for s in scaling.SURFACES if (s, size) in row.meshes]
+    good = [one for one in tried if one["outcome"] == ANSWERED]
+    columns = [(error(m), distance(m), seconds(m), m["peak_memory_mb"]) for m in good]
+    medians = np.median(np.array(columns, dtype=np.float64), axis=0) if good else np.full(4, np.nan)
+    error_, distance_, seconds_, memory = medians.tolist()
+    failures = tuple(sorted({_told(one) for one in tried if one["outcome"] != ANSWERED}))
+    return Cell(len(good), len(tried), error_, distance_, seconds_, memory, failures)
+
+
+def _told(one: Mapping[str, Any]) -> str:
+    if one["outcome"] == "over time":
+        return f"over {one['time_limit']:g} s"
+    if one["outcome"] == "over memory":
+        return f"over {one['memory_limit_gib']:g} GiB"
+    return str(one["outcome"])
+
+
+def sizes(rows: Sequence[Scaled]) -> list[int]:
+    """Return the sizes that any result has, ascending."""
+    return sorted({size for row in rows for _, size in row.meshes})
+
+
+def floor(size: int) -> float:
+    """Return the median over the surfaces of the meshes' own discretisation error."""
+    errors = [scaling.pinned(s, size).discretisation_error for s in scaling.SURFACES]
+    return float(np.median(errors))
+
+
+def coarse_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, float]:
+    """Return what an exact solver takes on a mesh just fine enough for an error.
+
+    Between two sizes time is a power of the discretisation error.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        Of one setting; those of which an exact solver answered every surface count.
+    distance : float
+        Mean relative error against the surface's spectrum.
+
+    Returns
+    -------
+    tuple of str and float
+        ``<``, ``>`` or nothing, and seconds: beyond the sizes there is only a bound. NaN where no
+        size counts.
+    """
+    whole = [v for v in verdicts if v.compared == len(scaling.SURFACES)]
+    if not whole:
+        return "", np.nan
+    errors = np.array([floor(v.size) for v in whole])
+    times = np.array([v.seconds for v in whole])
+    if distance > errors[0] * (1 + EXACT):
+        return "< ", float(times[0])
+    if distance < errors[-1] * (1 - EXACT):
+        return "> ", float(times[-1])
+    order = np.argsort(errors)
+    log = np.interp(np.log(distance), np.log(errors[order]), np.log(times[order]))
+    return "", float(np.exp(log))
+
+
+def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
+    """Return what is faster than the exact solver; the rows are of one setting."""
+    fastest: dict[str, tuple[float, str]] = {}
+    counts: dict[str, tuple[int, int]] = {}
+    for surface in scaling.SURFACES:
+        answers = [
+            (row, row.meshes[surface, size])
+            for row in sorted(rows, key=lambda row: row.slug)
+            if row.meshes.get((surface, size), {}).get("outcome") == ANSWERED
+        ]
+        exact = [(seconds(one), row.name) for row, one in answers if is_exact(one)]
+        if not exact:
+            continue
+        fastest[surface] = min(exact)
+        own = scaling.pinned(surface, size).discretisation_error
+        for row, one in answers:
+            if seconds(one) < fastest[surface][0] and not is_exact(one):
+                faster, wins = counts.get(row.slug, (0, 0))
+                counts[row.slug] = faster + 1, wins + (error(one) <= own)
+    names = [name for _, name in fastest.values()]
+    return Verdict(
+        size,
+        max(sorted(set(names)), key=names.count) if names else None,
+        float(np.median([time for time, _ in fastest.values()])) if names else np.nan,
+        len(names),
+        dict(sorted(counts.items())),
+    )

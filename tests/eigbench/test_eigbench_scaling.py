@@ -1,0 +1,457 @@
+"""The scaling track: the fixed meshes, running a predictor over them, and what the page says."""
+
+import copy
+import hashlib
+import itertools
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from eigbench import (
+    leaderboard,
+    scaling,
+    scaling_page,
+    scaling_results,
+    scaling_run,
+    scaling_scores,
+)
+from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, ResultError
+from eigbench.process import PredictorProcess
+from eigbench.scaling_results import Scaled
+from eigbench.scaling_run import Settings
+
+from synthnet import geometry
+from synthnet.families import FAMILIES
+
+ONE = {"ellipsoid": scaling.SURFACES["ellipsoid"]}
+TWO = {**ONE, "open_cylinder": scaling.SURFACES["open_cylinder"]}
+HERE = "this machine"
+
+EIGHTY = """
+import numpy as np
+
+META = {"name": "Eighty", "kind": "trivial"}
+
+def predict(meshes):
+    return np.tile(80.0 + np.arange(10), (len(meshes), 1))
+"""
+# Something happens on meshes of more than 5,000 vertices: those of 10,000, and not the warm-up.
+AT_TEN_THOUSAND = """
+import os, time
+import numpy as np
+
+def predict(meshes):
+    if len(meshes[0].vertices) > 5000:
+        {}
+    return np.ones((len(meshes), 10))
+"""
+
+
+@pytest.fixture
+def surfaces(monkeypatch):
+    """Return a function that leaves only some surfaces in the set, and LaPy out: it takes long."""
+
+    def choose(chosen):
+        monkeypatch.setattr(scaling, "SURFACES", chosen)
+        monkeypatch.setattr(scaling, "TIMED_BESIDE", 0)
+
+    return choose
+
+
+# --- the set ---------------------------------------------------------------------------
+
+
+def test_small_meshes_are_pinned_and_their_labels_solved_anew_agree():
+    for size, surface in itertools.product((1_000, 10_000), scaling.SURFACES):
+        assert list(scaling.differences(scaling.pinned(surface, size))) == []
+
+
+def test_a_mesh_is_the_same_each_time_and_has_about_the_wanted_vertices():
+    for surface in scaling.SURFACES:
+        one, two = scaling.mesh(surface, 1_000), scaling.mesh(surface, 1_000)
+        assert np.array_equal(one.vertices, two.vertices)
+        assert np.array_equal(one.faces, two.faces)
+        assert 0.9 * 1_000 < len(one.vertices) < 1.3 * 1_000
+
+
+def test_meshes_have_the_topology_of_their_surface():
+    for surface in scaling.SURFACES:
+        facts = geometry.MeshFacts(scaling.mesh(surface, 1_000))
+        topology = FAMILIES[surface].topology(scaling.spec(surface, 1_000).parameters)
+        assert facts.euler_characteristic == topology.euler_characteristic
+        assert facts.is_closed == (topology.boundaries == 0)
+
+
+@pytest.mark.parametrize("surface", scaling.SURFACES)
+def test_labels_approach_the_spectrum_of_the_surface_like_h_squared(surface):
+    coarse, fine = (scaling.pinned(surface, size) for size in (1_000, 10_000))
+    errors = coarse.discretisation_error / fine.discretisation_error
+    order = np.log(errors) / np.log(np.sqrt(fine.vertices / coarse.vertices))
+    assert 1.8 < order < 2.3
+    assert (fine.label > fine.limit).all()  # inscribed meshes and conforming functions, both above
+    assert (fine.limit_error / fine.limit).max() < 1e-5  # far below the labels of 1,000,000
+
+
+def test_limit_by_extrapolation_is_the_closed_form(monkeypatch):
+    known, error = scaling.limit("open_cylinder")
+    assert not error.any()
+    family = replace(FAMILIES["open_cylinder"], limit=None)
+    monkeypatch.setattr(scaling, "FAMILIES", {"open_cylinder": family})
+    monkeypatch.setattr(scaling, "REFINEMENTS", (1, 2, 3))  # as in the pins, 16 times coarser
+    found, bound = scaling.limit("open_cylinder")
+    assert (np.abs(found - known) <= bound).all()
+    np.testing.assert_allclose(found, known, rtol=1e-6)
+
+
+def test_pins_survive_being_written_in_any_order(tmp_path):
+    found = list(scaling.read().values())
+    paths = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
+    for path, rows in zip(paths, (found, found[::-1]), strict=True):
+        scaling.write(path, rows)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_another_mesh_is_refused():
+    expected = scaling.pinned("ellipsoid", 1_000)
+    other = scaling.mesh("ellipsoid", 1_000)
+    other.vertices[0] *= 1.1
+    with pytest.raises(EigbenchError, match=r"ellipsoid-1000 is not the mesh .*vertices differ by"):
+        scaling.check(expected, other)
+    with pytest.raises(EigbenchError, match=r"ellipsoid-1000 is not the mesh .*faces differ"):
+        scaling.check(expected, scaling.mesh("ellipsoid", 10_000))
+
+
+def test_what_is_not_in_the_set_or_not_pinned_is_said(monkeypatch):
+    with pytest.raises(EigbenchError, match=r"has no cube at 1,000 vertices: its surfaces are ell"):
+        scaling.pinned("cube", 1_000)
+    monkeypatch.setattr(scaling, "read", dict)
+    with pytest.raises(
+        EigbenchError, match=r"blob at 1,000 vertices is not pinned: python scripts"
+    ):
+        scaling.pinned("blob", 1_000)
+
+
+# --- running ---------------------------------------------------------------------------
+
+
+def test_a_run_writes_what_the_schema_wants(eigbench, predictor_file, tmp_path, monkeypatch):
+    monkeypatch.setattr(scaling, "SURFACES", ONE)
+    out = tmp_path / "scaling.json"
+    code, told, _ = eigbench("scale", predictor_file(EIGHTY), "--sizes", 1000, "--out", out)
+    assert code == 0
+    assert told.startswith("Eighty, one mesh a call\n")
+    (mesh,) = scaling_results.read(out).meshes.values()
+    assert (mesh["surface"], mesh["size"], mesh["outcome"]) == ("ellipsoid", 1000, "answered")
+    assert mesh["eigenvalues"] == [80.0 + i for i in range(10)]
+    assert len(mesh["seconds"]) == scaling_run.REPEATS
+    assert mesh["reference_seconds"] > 0
+    label = scaling.pinned("ellipsoid", 1000).label
+    assert scaling_scores.error(mesh) == np.mean(np.abs(np.arange(80, 90) - label) / label)
+    code, _, err = eigbench("scale", predictor_file(EIGHTY), "--sizes", 1000, "--out", out)
+    assert code == 2
+    assert "is there already: --resume adds what it lacks, or give another" in err
+
+
+@pytest.mark.parametrize(
+    ("happens", "outcome", "told"),
+    [
+        ("time.sleep(60)", "over time", "more than 2 s on the batch of 1"),
+        ("kept = np.ones(2**27); time.sleep(60)", "over memory", "more than 0.25 GiB"),
+        ("os._exit(3)", "died", "exit code 3"),
+        ("raise ValueError('too many\\nvertices')", "failed", "ValueError: too many vertices"),
+        ("return -np.ones((1, 10))", "failed", "not finite and positive"),
+    ],
+)
+def test_what_goes_wrong_at_one_size_loses_only_that(
+    predictor_file, tmp_path, surfaces, happens, outcome, told
+):
+    surfaces(ONE)
+    code = predictor_file(AT_TEN_THOUSAND.format(happens))
+    settings = Settings(time_limit=2.0, memory_limit=0.25)
+    out = tmp_path / "scaling.json"
+    result = scaling_run.run(code, [10_000, 1_000], settings, out)
+    assert [one["outcome"] for one in result["meshes"]] == ["answered", outcome]
+    assert told in result["meshes"][1]["detail"]
+    assert result["meshes"][1]["eigenvalues"] is None
+    assert scaling_results.read(out).result == result
+    cell = scaling_scores.cell(Scaled(result, out), 10_000)
+    said = {"over time": "over 2 s", "over memory": "over 0.25 GiB"}.get(outcome, outcome)
+    assert (cell.answered, cell.total, cell.failures) == (0, 1, (said,))
+
+
+def test_resume_adds_what_is_missing_and_tries_again_what_a_higher_limit_allows(
+    predictor_file, tmp_path, surfaces, monkeypatch
+):
+    surfaces(TWO)
+    monkeypatch.setattr(scaling_run, "ENOUGH", 1.0)
+    code = predictor_file(AT_TEN_THOUSAND.format("time.sleep(1.5)"))
+    out, asked = tmp_path / "scaling.json", []
+
+    def run(limit, *sizes):
+        asked.clear()
+        settings = Settings(time_limit=limit, resume=True)
+        return scaling_run.run(code, sizes, settings, out, asked.append)
+
+    run(0.5, 1_000)
+    assert asked == ["ellipsoid-1000", "open_cylinder-1000"]
+    first = json.loads(out.read_text())["meshes"]
+    run(0.5, 1_000, 10_000)
+    assert asked == ["ellipsoid-10000", "open_cylinder-10000"]
+    run(0.5, 1_000, 10_000)
+    assert asked == []
+    result = run(30.0, 1_000, 10_000)
+    assert asked == ["ellipsoid-10000", "open_cylinder-10000"]
+    assert result["meshes"][-1]["outcome"] == "answered"
+    assert result["meshes"][:2] == first
+
+
+def test_resume_refuses_what_other_code_or_settings_have_made(predictor_file, tmp_path, surfaces):
+    surfaces(ONE)
+    code, out = predictor_file(EIGHTY), tmp_path / "scaling.json"
+    scaling_run.run(code, [1_000], Settings(), out)
+    with pytest.raises(EigbenchError, match=r"made with another threads \(cost\): give another"):
+        scaling_run.run(code, [1_000], Settings(threads=2, resume=True), out)
+    code.write_text(EIGHTY + "\n# changed\n")
+    with pytest.raises(EigbenchError, match=r"made with another sources \(model\): give another"):
+        scaling_run.run(code, [1_000], Settings(resume=True), out)
+
+
+def test_an_interrupted_run_keeps_what_it_has(predictor_file, tmp_path, surfaces):
+    surfaces(TWO)
+    out = tmp_path / "scaling.json"
+
+    def stop(name):
+        if name.startswith("open_cylinder"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        scaling_run.run(predictor_file(EIGHTY), [1_000], Settings(), out, stop)
+    assert list(scaling_results.read(out).meshes) == [("ellipsoid", 1_000)]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["missing.py"], "eigbench: there is no file missing.py"),
+        (["missing.py", "--out", "a.txt"], "eigbench: --out must end in .json, got a.txt"),
+        (["missing.py", "--sizes", "50"], "invalid choice: 50"),
+        (["missing.py", "--time-limit", "0"], "must be above 0, got 0"),
+    ],
+)
+def test_wrong_arguments_are_one_line(eigbench, arguments, message):
+    code, _, err = eigbench("scale", *arguments)
+    assert code == 2
+    assert message in err
+
+
+def test_a_predictor_that_cannot_do_a_small_mesh_leaves_no_result(
+    eigbench, predictor_file, tmp_path
+):
+    code = predictor_file("import numpy as np\ndef predict(meshes):\n    return np.ones((1, 9))\n")
+    out = tmp_path / "scaling.json"
+    exit_code, _, err = eigbench("scale", code, "--sizes", 1000, "--out", out)
+    assert exit_code == 2
+    assert err.startswith("eigbench: the answer has shape (1, 9), it must be (1, 10)")
+    assert not out.exists()
+
+
+def test_errors_of_a_process_can_be_told_apart(predictor_file):
+    mesh = [scaling_run.warm_up()]
+
+    def ask(happens, **limits):
+        code = predictor_file(AT_TEN_THOUSAND.replace("> 5000", "> 0").format(happens))
+        settings = {"device": "cpu", "seed": 0, "threads": 1, "time_limit": 30.0}
+        with PredictorProcess(code, 10, **settings, **limits) as process:
+            process.time_limit = 2.0
+            process.predict(["a"], mesh)
+
+    with pytest.raises(OverTime, match="more than 2 s"):
+        ask("time.sleep(60)")
+    with pytest.raises(Died, match="exit code 3"):
+        ask("os._exit(3)")
+    with pytest.raises(OverMemory, match=r"more than 0.25 GiB .*: raise --memory-limit"):
+        ask("kept = np.ones(2**27); time.sleep(60)", memory_limit=2**28)
+
+
+def test_scaling_lists_and_verifies(eigbench, monkeypatch, surfaces):
+    surfaces(ONE)
+    code, out, _ = eigbench("scaling", "--verify", "--sizes", 1000)
+    assert code == 0
+    assert "1 meshes and their labels are the pinned ones" in out
+    pins = {key: replace(one, vertices=7) for key, one in scaling.read().items()}
+    monkeypatch.setattr(scaling, "read", lambda: pins)
+    code, out, _ = eigbench("scaling", "--verify", "--sizes", 1000, "--json")
+    assert code == 1
+    assert json.loads(out)["findings"] == ["ellipsoid-1000: 1,002 vertices instead of 7"]
+
+
+# --- the page --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def made(tmp_path):
+    """Return a function that writes a result: for each size a time, and a factor of the labels."""
+
+    def make(name, sizes, hardware=HERE):
+        meshes = []
+        for (size, (seconds, factor)), surface in itertools.product(
+            sizes.items(), scaling.SURFACES
+        ):
+            expected = scaling.pinned(surface, size)
+            answered = factor is not None
+            meshes.append(
+                {
+                    "surface": surface,
+                    "size": size,
+                    "digest": expected.pin.digest,
+                    "outcome": "answered" if answered else "over time",
+                    "detail": "",
+                    "time_limit": 600,
+                    "memory_limit_gib": 16,
+                    "eigenvalues": (factor * expected.label).tolist() if answered else None,
+                    "seconds": [seconds] if answered else [],
+                    "cpu_seconds": [seconds] if answered else [],
+                    "peak_memory_mb": 100.0 if answered else None,
+                    "reference_seconds": None,
+                }
+            )
+        result = {
+            "scaling_version": 1,
+            "model": {
+                "name": name,
+                "kind": "classical",
+                "code": "a.py",
+                "sources": {"a.py": hashlib.sha256(name.encode()).hexdigest()},
+                "parameters": None,
+            },
+            "cost": {"threads": 1, "device": "cpu", "hardware": hardware},
+            "meshes": meshes,
+            "environment": {"python": "3.13"},
+        }
+        path = tmp_path / f"{name}.json"
+        scaling_results.write(path, result)
+        return scaling_results.read(path)
+
+    return make
+
+
+@pytest.fixture
+def rows(made):
+    """Two solvers; a prediction 0.5 % off, better than meshes of 1,000 vertices; one far off."""
+    return [
+        made("Exact", {1_000: (0.1, 1.0), 10_000: (1.0, 1.0)}),
+        made("Exact too", {1_000: (0.2, 1 + 1e-9), 10_000: (9.0, None)}),
+        made("Near", {1_000: (0.01, 1.005), 10_000: (0.02, 1.005)}),
+        made("Far | off", {1_000: (0.001, 2.0)}),
+        made("Slow", {10_000: (5.0, 1.001)}),
+    ]
+
+
+def test_a_prediction_wins_where_it_is_faster_and_below_the_discretisation_error(rows):
+    small, large = (scaling_scores.verdict(rows, size) for size in (1_000, 10_000))
+    assert (small.solver, small.seconds, small.compared) == ("Exact", 0.1, 6)
+    assert small.faster == {"far-off": (6, 0), "near": (6, 6)}
+    assert large.faster == {"near": (6, 0)}  # 0.5 % is more than the error of such meshes
+    text = "\n".join(scaling_page.section(rows)[0])
+    assert "(on how many surfaces): at 1,000 vertices Near (6 of 6). At no other size." in text
+    assert (
+        "- 10,000 vertices, discretisation error 0.122 %: the fastest exact solver, Exact" in text
+    )
+
+
+def test_page_says_what_was_not_run_and_what_took_too_long(rows):
+    text = "\n".join(scaling_page.section(rows)[0])
+    lines = {line.split(" | ")[0][2:]: line for line in text.splitlines() if line.startswith("| ")}
+    main = text.partition("| model | kind |")[2].partition("\n\n")[0]
+    assert "| Exact too | classical | 1e-07 % | 200.00 | over 600 s | over 600 s |" in main
+    assert "| Slow | classical | not run | not run | 0.100 % | 5000.00 |" in main
+    assert r"| Far \| off | classical | 100.000 % | 1.00 | not run | not run |" in main
+    assert "Slow" in lines
+
+
+def test_page_without_a_solver_or_a_winner_says_so(made):
+    alone = made("Near", {1_000: (0.01, 1.005)})
+    assert "nothing can be said" in "\n".join(scaling_page.section([alone])[0])
+    exact = made("Exact", {1_000: (0.001, 1.0)})
+    text = "\n".join(scaling_page.section([alone, exact])[0])
+    assert "solver**: nowhere. No prediction" in text
+    assert scaling_page.section([]) == ([], {})
+
+
+def test_times_of_two_machines_are_not_compared(made):
+    rows = [
+        made("Exact", {1_000: (0.1, 1.0)}),
+        made("Near", {1_000: (0.01, 1.005)}, hardware="another"),
+    ]
+    text = "\n".join(scaling_page.section(rows)[0])
+    assert text.count("### Scaling: ") == 4
+    assert "nothing can be said" in text
+    assert "Faster, on some surface: none" in text
+
+
+def test_time_of_an_equally_good_coarser_mesh_is_on_the_line_between_the_sizes(rows):
+    verdicts = [scaling_scores.verdict(rows, size) for size in (1_000, 10_000)]
+    small, large = (scaling_scores.floor(size) for size in (1_000, 10_000))
+    side, seconds = scaling_scores.coarse_seconds(verdicts, np.sqrt(small * large))
+    assert (side, seconds) == ("", pytest.approx(np.sqrt(0.1 * 1.0)))
+    assert scaling_scores.coarse_seconds(verdicts, small) == ("", pytest.approx(0.1))
+    assert scaling_scores.coarse_seconds(verdicts, 2 * small) == ("< ", 0.1)
+    assert scaling_scores.coarse_seconds(verdicts, large / 2) == ("> ", 1.0)
+    assert np.isnan(scaling_scores.coarse_seconds([], small)[1])
+
+
+def test_page_and_figure_are_the_same_in_any_order(rows):
+    expected = leaderboard.generate([], [], rows)
+    assert list(expected) == [scaling_page.FIGURE, Path("LEADERBOARD.md")]
+    for order in list(itertools.permutations(rows))[::40]:
+        again = [copy.deepcopy(row) for row in order]
+        for row in again:
+            row.result["meshes"].reverse()
+        assert leaderboard.generate([], [], again) == expected
+
+
+def test_submit_places_a_result_and_the_board_is_checked(eigbench, rows, tmp_path):
+    board = tmp_path / "board"
+    for row in rows:
+        assert eigbench("submit", row.path, "--board", board)[0] == 0
+    (board / "benchmark" / "results").mkdir(parents=True)
+    assert eigbench("leaderboard", "--board", board)[0] == 0
+    assert eigbench("leaderboard", "--check", "--board", board)[0] == 0
+    place = board / scaling_results.PLACE / "near.json"
+    assert place.read_bytes() == rows[2].path.read_bytes()
+    changed = json.loads(rows[2].path.read_text())
+    changed["meshes"][0]["seconds"] = [0.5]
+    rows[2].path.write_text(json.dumps(changed))
+    code, _, err = eigbench("submit", rows[2].path, "--board", board)
+    assert code == 2
+    assert "is there already: give --replace, or another name in META" in err
+    assert eigbench("submit", rows[2].path, "--board", board, "--replace")[0] == 0
+    assert eigbench("leaderboard", "--check", "--board", board)[0] == 1
+    place.rename(place.with_name("other.json"))
+    code, _, err = eigbench("leaderboard", "--board", board)
+    assert code == 2
+    assert "other.json belongs at" in err
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda r: r.update(scaling_version=2), "at scaling_version: 1 was expected"),
+        (lambda r: r["meshes"][0].update(digest="0" * 32), "its ellipsoid-1000 is not the mesh"),
+        (lambda r: r["meshes"][0].update(surface="cube"), "has no cube at 1,000 vertices"),
+        (lambda r: r["meshes"][0].update(outcome="died"), "is died, its numbers say otherwise"),
+        (lambda r: r["meshes"][0].update(cpu_seconds=[]), "wall times and CPU times of other num"),
+        (lambda r: r["meshes"].append(r["meshes"][0]), "has ellipsoid-1000 twice"),
+        (lambda r: r["meshes"][0]["eigenvalues"].__setitem__(0, -1), "at meshes/0/eigenvalues/0"),
+        (lambda r: r["model"].pop("sources"), "'sources' is a required property"),
+    ],
+)
+def test_a_damaged_result_is_refused(made, change, message):
+    one = made("Near", {1_000: (0.01, 1.005)})
+    result = copy.deepcopy(one.result)
+    change(result)
+    one.path.write_text(json.dumps(result))
+    with pytest.raises(ResultError, match=message):
+        scaling_results.read(one.path)
