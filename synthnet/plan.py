@@ -6,6 +6,7 @@ import hashlib
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import overload
 
 from synthnet import splits
@@ -142,7 +143,7 @@ def sealed_shapes(recipe: Recipe) -> list[ShapeSpec]:
     """
     if recipe.sealed is None:
         raise ValueError(f"{recipe.version} is not sealed")
-    public = {spec.group for spec in draw_shapes(load(recipe.sealed.of))}
+    public = _groups(recipe.sealed.of)
     shapes = []
     for family in recipe.families:
         wanted = recipe.drawn(family)
@@ -161,6 +162,12 @@ def sealed_shapes(recipe: Recipe) -> list[ShapeSpec]:
             )
         shapes += taken
     return shapes
+
+
+@cache
+def _groups(version: str) -> frozenset[str]:
+    """Return the groups of all shapes of a full version."""
+    return frozenset(spec.group for spec in draw_shapes(load(version)))
 
 
 def _sealed_id(recipe: Recipe, spec: ShapeSpec) -> str:
