@@ -162,7 +162,7 @@ def sealed_recipe(
     --------
     >>> sealed = sealed_recipe("1.0-mini", bytes(range(32)))
     >>> sealed.version, sealed.count
-    ('1.0-mini-sealed-31b0a12d3e2f', 34)
+    ('1.0-mini-sealed-639ce4db0ff0', 34)
     """
     base = recipe.load(version)
     share = base.splits.test if share is None else share

@@ -612,12 +612,6 @@ def test_no_salt_and_no_other_file_is_overwritten(
     assert not (tmp_path / "home").exists()
 
 
-def test_help_has_an_example(run: Run) -> None:
-    code, out, _ = run("seal", "--help")
-    assert code == 0
-    assert "example: synthnet seal --version 1.0-mini --salt-file" in " ".join(out.split())
-
-
 def test_secret_that_cannot_be_written_whole_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
