@@ -1,4 +1,4 @@
-"""Check a sealed set when its salt has been revealed: nothing is taken on trust but the seal."""
+"""Check a sealed set when its salt has been revealed: its seal, its draw, and the set itself."""
 
 from __future__ import annotations
 

@@ -426,6 +426,12 @@ def test_set_at_a_url_is_refused() -> None:
         seal.make(wanted, root="memory://somewhere")
 
 
+def test_one_salt_has_no_second_set(sealed_set: SealedSet, run: Run) -> None:
+    where = ["--salt-file", sealed_set.salt, "--share", 0.01, "--beacon", "another round"]
+    line = only_line(*run("seal", "--version", "1.0-mini", *where, "--out", sealed_set.home))
+    assert f"{sealed_set.seal.dataset} of another recipe" in line
+
+
 # What was changed is noticed
 
 
