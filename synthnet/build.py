@@ -242,7 +242,7 @@ def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> st
     """Open a dataset; build it first, with a notice on standard error, if it is not there.
 
     The build runs as a command of its own, so that a script that calls this needs no
-    ``if __name__ == "__main__"``. What was imported is only opened.
+    ``if __name__ == "__main__"``. What was imported or sealed is only opened.
 
     Raises
     ------
@@ -253,10 +253,11 @@ def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> st
     BuildError
         If the build fails; it has printed why.
     """
-    imported = store.open_imported(version, root)
-    if imported is not None:
-        storage.local(imported.directory, version)
-        return imported
+    sealed = recipe.is_sealed(version)
+    there = (store.open_dataset if sealed else store.open_imported)(version, root)
+    if there is not None:
+        storage.local(there.directory, version)
+        return there
     wanted = recipe.load(version)
     directory = storage.local(store.dataset_directory(version, root), version)
     finished = _finished(directory, wanted, is_there)

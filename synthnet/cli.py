@@ -1,4 +1,4 @@
-"""The command line: ``synthnet versions | build | import | info | verify | show``."""
+"""The command line: ``synthnet versions | build | import | seal | info | verify | show``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tabulate import tabulate
 
-from synthnet import estimates, recipe, store
+from synthnet import estimates, recipe, seal_commands, store
 from synthnet.build import BuildReport, build
 from synthnet.errors import SynthNetError
 from synthnet.geometry import MeshFacts
@@ -204,7 +204,8 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _verify(options: argparse.Namespace) -> int:
-    from synthnet.verify import CHECKS, verify, verify_files
+    from synthnet.unseal import CHECKS
+    from synthnet.verify import verify, verify_files
 
     progress = Progress(
         TextColumn("verifying"),
@@ -219,7 +220,10 @@ def _verify(options: argparse.Namespace) -> int:
         progress.start()  # not before there is something to show
         progress.update(task, completed=done, total=total)
 
-    if options.files:
+    name = options.version
+    if seal_commands.is_wanted(options):
+        name, report = seal_commands.unseal(options, on_shard, progress)
+    elif options.files:
         report = verify_files(options.version, root=options.out)
     else:
         try:
@@ -238,7 +242,7 @@ def _verify(options: argparse.Namespace) -> int:
             {"check": c.name, "examined": c.examined, "problems": list(c.problems)}
             for c in report.checks
         ]
-        _print_json({"version": options.version, "ok": not failed, "checks": checks})
+        _print_json({"version": name, "ok": not failed, "checks": checks})
         return DIFFERENT if failed else 0
     rows = [
         (c.name, f"{c.examined:,}", len(c.problems) or "none", CHECKS[c.name])
@@ -249,11 +253,13 @@ def _verify(options: argparse.Namespace) -> int:
         print(f"  {problem}")
     if len(report.problems) > options.limit:
         print(f"  … and {len(report.problems) - options.limit} more (--limit shows more)")
-    print(f"\n{options.version} in {report.directory}: {'DIFFERENT' if failed else 'verified'}")
-    if failed:
+    print(f"\n{name} in {report.directory}: {'DIFFERENT' if failed else 'verified'}")
+    if failed and not seal_commands.is_wanted(options):
         out = f" --out {options.out}" if options.out else ""
         again = f"`synthnet build --version {options.version}{out}`"
-        if store.open_imported(options.version, options.out) is not None:
+        if recipe.is_sealed(options.version):
+            again = "the `synthnet seal` that made it again"
+        elif store.open_imported(options.version, options.out) is not None:
             again = f"the `synthnet import` of {options.version} again"
         print(f"run {again}: it makes damaged shards anew,")
         print("and says which other files to remove first")
@@ -379,7 +385,7 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--json", action="store_true", help="print JSON for a program")
         return sub
 
-    def version_option(sub: argparse.ArgumentParser) -> None:
+    def version_option(sub: argparse._ActionsContainer) -> None:
         sub.add_argument(
             "--version",
             default="1.0",
@@ -453,12 +459,23 @@ def _parser() -> argparse.ArgumentParser:
         "--wait", action="store_true", help="wait while another import is at work in the place"
     )
 
+    sub = command(
+        "seal",
+        seal_commands.seal,
+        "draw a test set from a secret salt, and write the file that commits to it",
+        " --version 1.0-mini --salt-file salt.txt --new-salt",
+    )
+    version_option(sub)
+    seal_commands.seal_options(sub)
+
     sub = command("info", _info, "say what a built version holds", " --version 1.0-small")
     version_option(sub)
     sub.add_argument("--ids", action="store_true", help="list the ids of its shapes")
 
     sub = command("verify", _verify, "check a built version", " --version 1.0 --sample 200")
-    version_option(sub)
+    which = sub.add_mutually_exclusive_group()
+    version_option(which)
+    seal_commands.unseal_options(sub, which)
     sub.add_argument(
         "--files",
         action="store_true",

@@ -29,6 +29,10 @@ class MeshImportError(SynthNetError):
     """There is nothing to import, or the dataset's name will not do."""
 
 
+class SealError(SynthNetError):
+    """A seal file or a salt is missing, malformed, or of another set."""
+
+
 class MissingPackageError(SynthNetError, ImportError):
     """A package that is needed is not installed, or cannot be imported."""
 

@@ -71,6 +71,32 @@ def write_text(path: Path, text: str) -> None:
     write_atomically(path, write)
 
 
+def write_secret(path: Path, text: str) -> None:
+    """Write a text file that only its owner may read, where none is yet.
+
+    Raises
+    ------
+    FileExistsError
+        If a file is there.
+    BuildError
+        If it cannot be written; nothing is left behind.
+    """
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        raise
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+    try:
+        with os.fdopen(descriptor, "w") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise _cannot_write(path, error) from error
+
+
 def write_marked(path: Path, **parts: str) -> None:
     """Write text between marks of a page: ``<!-- begin name -->`` and ``<!-- end name -->``.
 

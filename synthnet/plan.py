@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import overload
 
 from synthnet import splits
+from synthnet.errors import RecipeError
 from synthnet.families import draw_shape, draw_shapes
-from synthnet.recipe import Recipe
+from synthnet.recipe import Recipe, load
 from synthnet.types import SPLITS, ShapeSpec
+
+MOST_TRIES = 100_000  # surfaces drawn for a family of a sealed set, before that gives up
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +41,8 @@ def plan_shards(recipe: Recipe) -> Sequence[ShardPlan]:
 
     A pure function of the recipe: it looks at no mesh. A subset takes shapes of the full
     version with the splits they have there, from each split its share. A scaled version
-    is planned as its shards are asked for, see :class:`ScaledPlan`.
+    is planned as its shards are asked for, see :class:`ScaledPlan`. A sealed set has no
+    shape of the version it was drawn from, see :func:`sealed_shapes`.
 
     Examples
     --------
@@ -47,7 +53,7 @@ def plan_shards(recipe: Recipe) -> Sequence[ShardPlan]:
     """
     if recipe.scale is not None:
         return ScaledPlan(recipe)
-    specs = draw_shapes(recipe)
+    specs = draw_shapes(recipe) if recipe.sealed is None else sealed_shapes(recipe)
     split_of = splits.grouped(specs, recipe.splits, recipe.seed)
     paper_of = splits.paper(specs, recipe.augmentation.instances, recipe.splits, recipe.seed)
     by_family: defaultdict[str, list[ShapeSpec]] = defaultdict(list)
@@ -122,6 +128,52 @@ class ScaledPlan(Sequence[ShardPlan]):
         copies = (f"{spec.id}/{i}" for i in range(recipe.augmentation.instances))
         paper = tuple(splits.by_hash("paper", copy, recipe.splits, recipe.seed) for copy in copies)
         return PlannedShape(spec, split, paper)
+
+
+def sealed_shapes(recipe: Recipe) -> list[ShapeSpec]:
+    """Draw the shapes of a sealed recipe, with ids that only its seed tells.
+
+    Surfaces that the full version has are left out, and the draw goes on: families with few
+    discrete parameters would repeat them.
+
+    Raises
+    ------
+    RecipeError
+        If a family has too few other surfaces.
+    """
+    if recipe.sealed is None:
+        raise ValueError(f"{recipe.version} is not sealed")
+    public = _groups(recipe.sealed.of)
+    shapes = []
+    for family in recipe.families:
+        wanted = recipe.drawn(family)
+        taken: list[ShapeSpec] = []
+        for surface in range(MOST_TRIES):
+            numbers = range(surface * recipe.copies, (surface + 1) * recipe.copies)
+            copies = [draw_shape(recipe, family, number) for number in numbers]
+            if public.isdisjoint(spec.group for spec in copies):
+                taken += [replace(spec, id=_sealed_id(recipe, spec)) for spec in copies]
+            if len(taken) == wanted:
+                break
+        else:
+            raise RecipeError(
+                f"{family}: only {len(taken)} of {wanted} shapes could be drawn that are not "
+                f"shapes of {recipe.sealed.of}: take a smaller share"
+            )
+        shapes += taken
+    return shapes
+
+
+@cache
+def _groups(version: str) -> frozenset[str]:
+    """Return the groups of all shapes of a full version."""
+    return frozenset(spec.group for spec in draw_shapes(load(version)))
+
+
+def _sealed_id(recipe: Recipe, spec: ShapeSpec) -> str:
+    """Return an id that no other set has, and that tells nothing to who lacks the seed."""
+    key = f"{recipe.seed}/id/{spec.family}/{spec.index}"
+    return f"{spec.family}-{hashlib.sha256(key.encode()).hexdigest()[:12]}"
 
 
 def _subset(

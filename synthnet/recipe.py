@@ -19,6 +19,7 @@ from synthnet.types import PROTOCOLS
 
 SCHEMA = 1
 SCALED = re.compile(r"(?P<version>.+)-x(?P<scale>[0-9]+)")
+SEALED = re.compile(r".+-sealed-[0-9a-f]{12}")
 LEAST_VERTICES = 50  # of a mesh that a recipe asks for
 EACH_FAMILY = "each family"  # held out, one after the other
 NOTHING = "nothing"  # held out: tested are meshes from elsewhere
@@ -113,6 +114,29 @@ class FamilyRecipe:
 
 
 @dataclass(frozen=True, slots=True)
+class Sealed:
+    """What a sealed recipe was drawn from, but for the salt, see :mod:`synthnet.seal`.
+
+    Parameters
+    ----------
+    of, digest : str
+        The version, and the digest of its recipe.
+    share : float
+        Surfaces of each family, as a share of the version's.
+    commitment : str
+        SHA-256 of the salt and all of the above.
+    beacon : str or None
+        What went into the seed beside these.
+    """
+
+    of: str
+    digest: str
+    share: float
+    commitment: str
+    beacon: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class Recipe:
     """Everything a version of the dataset is a function of.
 
@@ -138,6 +162,8 @@ class Recipe:
     scale : int or None
         How many times the shapes of the version it was scaled from; ``None`` for a version
         as it ships. See :func:`scaled`.
+    sealed : Sealed or None
+        What a sealed set was drawn from; its seed is a secret.
     """
 
     version: str
@@ -152,6 +178,7 @@ class Recipe:
     protocols: Mapping[str, tuple[Fold, ...]] | None = None
     subset: Subset | None = None
     scale: int | None = None
+    sealed: Sealed | None = None
 
     @property
     def base(self) -> str:
@@ -179,7 +206,7 @@ class Recipe:
     def to_dict(self) -> dict[str, Any]:
         """Return plain, JSON-ready data; what 1.0 has not, where it is there."""
         values = asdict(self)
-        for name in ("scale", "sizes", "protocols"):  # the digests of 1.0 are older than they
+        for name in ("scale", "sealed", "sizes", "protocols"):  # 1.0's digests are older than they
             if values[name] is None:
                 del values[name]
         return values
@@ -211,7 +238,7 @@ def load(version: str) -> Recipe:
     Raises
     ------
     RecipeError
-        If there is no such version, or the scale is below 2.
+        If there is no such version, the scale is below 2, or it is a sealed set.
 
     Examples
     --------
@@ -220,6 +247,11 @@ def load(version: str) -> Recipe:
     """
     if suffixed := SCALED.fullmatch(version):
         return scaled(load(suffixed["version"]), int(suffixed["scale"]))
+    if is_sealed(version):
+        raise RecipeError(
+            f"{version} is a sealed set: it is drawn from its salt, by `synthnet seal` or, when "
+            "the salt is revealed, by `synthnet verify --sealed`"
+        )
     if version not in available():
         told = (
             "" if version[:1].isdigit() else ", or make it of your own meshes by `synthnet import`"
@@ -229,6 +261,11 @@ def load(version: str) -> Recipe:
             f"(`synthnet versions` lists them){told}"
         )
     return parse(resources.files("synthnet.versions").joinpath(f"{version}.toml").read_text())
+
+
+def is_sealed(version: str) -> bool:
+    """Return whether a name is that of a sealed set, see :mod:`synthnet.seal`."""
+    return SEALED.fullmatch(version) is not None
 
 
 def scaled(recipe: Recipe, scale: int) -> Recipe:
@@ -272,6 +309,7 @@ def parse(text: str) -> Recipe:
     if type(schema) is not int or schema != SCHEMA:
         raise RecipeError(f"recipe schema must be {SCHEMA}: use a matching synthnet release")
     _need("scale" not in raw, "a recipe file has no scale: build it with --scale")
+    _need("sealed" not in raw, "a recipe file is not sealed: seal it with `synthnet seal`")
     if "subset" in raw:
         return _parse_subset(raw)
     tables: dict[str, Any] = {

@@ -449,6 +449,11 @@ def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> St
     """
     directory = dataset_directory(version, root)
     manifest = read_manifest(directory)
+    if manifest is None and recipe.is_sealed(version):
+        raise StoreError(
+            f"the sealed set {version} is not in {directory}: name the directory above it, or "
+            "make it with its salt, by `synthnet seal` or `synthnet verify --sealed`"
+        )
     if manifest is None:
         recipe.load(version)
         out = "" if root is None else f" --out {root}"

@@ -13,7 +13,7 @@ import threadpoolctl
 from numpy.typing import NDArray
 from scipy import linalg
 
-from synthnet import augment, estimates, importing, pins, recipe, spectrum, storage, store
+from synthnet import augment, estimates, importing, pins, recipe, seal, spectrum, storage, store
 from synthnet.discretisation import Estimate, estimate, extrapolate
 from synthnet.distributions import ISOMETRIES, generator
 from synthnet.errors import SpectrumError, StoreError
@@ -81,9 +81,9 @@ def verify(
     and row counts; ids, parameters, splits and isometries against the recipe's own draw;
     every mesh against one generated anew; every certificate, its eigenvalues counted anew;
     digests, vertex moments and labels against the pins of the repository (a scaled version
-    has none); labels of a random sample against ``lapy.Solver(...).eigs``; the error
-    estimates, where they have been made, against their labels, the pins, and some of the
-    sample's made anew.
+    and a sealed set have none); labels of a random sample against
+    ``lapy.Solver(...).eigs``; the error estimates, where they have been made, against their
+    labels, the pins, and some of the sample's made anew.
 
     Parameters
     ----------
@@ -106,8 +106,7 @@ def verify(
     imported = store.open_imported(version, root)
     if imported is not None:
         return verify_imported(imported, sample=sample, seed=seed, on_shard=on_shard)
-    wanted = recipe.load(version)
-    dataset = store.open_dataset(version, root)
+    wanted, dataset = _opened(version, root)
     manifest = dataset.manifest
     planned = {s.spec.id: s for plan in plan_shards(wanted) for s in plan.shapes}
     pinned = pins.read(wanted.base)
@@ -146,7 +145,7 @@ def verify(
     found["recipe"] += _check_complete(seen, manifest, planned)
     if pinned is not None:
         found["pins"] += _check_kept(seen, manifest, set(planned) & set(pinned))
-    elif wanted.scale is None:
+    elif wanted.scale is None and wanted.sealed is None:
         found["pins"].append(f"the repository pins nothing for {wanted.base}")
     examined = {
         "manifest": 1,
@@ -176,8 +175,9 @@ def verify_files(version: str, *, root: str | os.PathLike[str] | None = None) ->
         If the dataset has not been built there or its manifest is damaged.
     """
     dataset = store.open_imported(version, root)
-    wanted = recipe.load(version) if dataset is None else None
-    dataset = dataset or store.open_dataset(version, root)
+    wanted = None
+    if dataset is None:
+        wanted, dataset = _opened(version, root)
     shards = dataset.manifest.shards
     made = shards if estimates.any_made(dataset) else ()
     found = {
@@ -191,6 +191,16 @@ def verify_files(version: str, *, root: str | os.PathLike[str] | None = None) ->
         Check(name, examined.get(name, len(shards)), tuple(p)) for name, p in found.items()
     )
     return VerifyReport(dataset.directory, checks)
+
+
+def _opened(
+    version: str, root: str | os.PathLike[str] | None
+) -> tuple[Recipe, store.StoredDataset]:
+    """Return the recipe and the dataset; of a sealed set its own manifest has the recipe."""
+    if recipe.is_sealed(version):
+        dataset = store.open_dataset(version, root)
+        return seal.recipe_of(dataset), dataset
+    return recipe.load(version), store.open_dataset(version, root)
 
 
 def verify_imported(

@@ -13,7 +13,7 @@ import hypothesis
 import pytest
 
 import synthnet
-from synthnet import recipe
+from synthnet import recipe, seal
 from synthnet.build import make_sample
 from synthnet.families import draw_shapes
 from synthnet.plan import plan_shards
@@ -136,3 +136,31 @@ def tiny_samples(tiny: Recipe) -> dict[str, list[Sample]]:
 
 
 # --- end of the built dataset ---------------------------------------------------------
+
+
+# --- a sealed set (seal, cli, eigbench) -----------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True)
+class SealedSet:
+    """A sealed set that was built: its home, its salt's file, the published file and that read."""
+
+    home: Path
+    salt: Path
+    published: Path
+    seal: seal.Seal
+
+
+@pytest.fixture(scope="session")
+def sealed_set(tmp_path_factory: pytest.TempPathFactory) -> SealedSet:
+    """One shape of each family of 1.0-mini, sealed by one worker. Read only."""
+    place = tmp_path_factory.mktemp("sealed")
+    salt, published, home = place / "salt.txt", place / "seal.json", place / "home"
+    salt.write_text("".join(f"{7 * byte % 256:02x}" for byte in range(32)) + "\n")
+    wanted = seal.sealed_recipe("1.0-mini", seal.read_salt(salt), share=0.01, beacon="round 7")
+    made, _ = seal.make(wanted, root=home, workers=1)
+    seal.write(published, made)
+    return SealedSet(home, salt, published, made)
+
+
+# --- end of the sealed set ------------------------------------------------------------

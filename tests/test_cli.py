@@ -16,7 +16,7 @@ from synthnet.plan import plan_shards
 from synthnet.verify import CHECKS
 
 VERSION = "1.0-mini"
-COMMANDS = ("versions", "build", "info", "verify", "show")
+COMMANDS = ("versions", "build", "seal", "info", "verify", "show")
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 

@@ -35,11 +35,12 @@ LEVELS = {
     ),
     **dict.fromkeys(["plan", "pins", "draw", "discretisation"], 2),
     "build": 3,
-    **dict.fromkeys(["mapped", "hf", "estimates", "importing"], 4),
+    **dict.fromkeys(["mapped", "hf", "estimates", "importing", "seal"], 4),
     **dict.fromkeys(["pyg", "verify", "__init__"], 5),
-    "report": 6,
-    "cli": 7,
-    "__main__": 8,
+    **dict.fromkeys(["report", "unseal"], 6),
+    "seal_commands": 7,
+    "cli": 8,
+    "__main__": 9,
 }
 MODULES = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.py"))
 

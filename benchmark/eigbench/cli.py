@@ -58,11 +58,18 @@ def _parser() -> argparse.ArgumentParser:
         return sub
 
     def split_options(sub: argparse.ArgumentParser) -> None:
-        sub.add_argument(
+        which = sub.add_mutually_exclusive_group()
+        which.add_argument(
             "--dataset",
             default="1.0",
             metavar="V",
             help="a version, an import, or a directory that synthnet made (default: 1.0)",
+        )
+        which.add_argument(
+            "--sealed",
+            type=Path,
+            metavar="SEAL.json",
+            help="the sealed set of this seal, where it is built (see docs/sealed.md)",
         )
         sub.add_argument("--split", default="test", choices=SPLITS)
         sub.add_argument(
@@ -119,6 +126,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument("file", type=Path, metavar="FILE", help=".parquet, .npz or .csv")
     split_options(sub)
+    sub.add_argument(
+        "--root", type=Path, metavar="DIR", help="directory that holds a sealed set or import"
+    )
 
     def directory_option(sub: argparse.ArgumentParser) -> None:
         sub.add_argument(

@@ -17,7 +17,7 @@ from eigbench import reference
 from eigbench.errors import PredictorError
 from eigbench.meshes import Instances
 from eigbench.process import PredictorProcess
-from eigbench.training import DEFAULT, training_set
+from eigbench.training import DEFAULT
 from eigbench.truth import Truth
 from eigbench.worker import Answered, Loaded, Status
 from synthnet import files
@@ -172,8 +172,7 @@ def predict_meshes(
 def _trainings(path: Path, truth: Truth, options: Options) -> list[str]:
     """Return what the predictor is to be trained on, in turn; one, if it is not trained at all."""
     found = list(dict.fromkeys(truth.trainings.tolist()))
-    whole = {training_set(truth.version, protocol) for protocol in PROTOCOLS}
-    if whole.issuperset(found):
+    if all(training.partition("/")[2] in PROTOCOLS for training in found):
         return found
     with _process(path, truth.eigenvalues.shape[1], options, training=found[0]) as process:
         loaded = process.loaded

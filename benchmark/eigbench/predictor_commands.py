@@ -20,7 +20,7 @@ from eigbench import meshes, physics, predictions, record, results, scores, tabl
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.training import IMPORTED
-from synthnet import recipe, store
+from synthnet import recipe, seal, store
 from synthnet.cli import WRONG_INPUT
 from synthnet.report import Rate
 
@@ -83,14 +83,18 @@ def _differences(
 
 
 def _directory(options: argparse.Namespace) -> store.StoredDataset | None:
-    """Return the dataset that ``--dataset`` names as a directory or an import, if it does."""
+    """Return the dataset that is named as a directory, an import or a seal, if one is."""
+    if options.sealed is not None:
+        return seal.open_checked(seal.read(options.sealed), options.root)
     if options.dataset in recipe.available():
         return None  # a version, even where a directory has its name
     place = Path(options.dataset)
     manifest = store.read_manifest(place)
     if manifest is not None:
         return store.StoredDataset(place, manifest)
-    return store.open_imported(options.dataset, getattr(options, "root", None))
+    if recipe.is_sealed(options.dataset):
+        return store.open_dataset(options.dataset, options.root)
+    return store.open_imported(options.dataset, options.root)
 
 
 def _truth(options: argparse.Namespace, directory: store.StoredDataset | None) -> truth.Truth:

@@ -136,6 +136,11 @@ def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Pa
         wanted = truth.of_dataset(dataset, split, protocol)
     elif facts["version"] in recipe.available():
         wanted = _pinned(facts["version"], split, protocol)
+    elif recipe.is_sealed(facts["version"]):
+        raise ResultError(
+            f"{path} is of the sealed set {facts['version']}, which has no place on a board: "
+            "compare results of one with --dataset, its directory"
+        )
     else:
         raise ResultError(
             f"{path} is of the dataset {facts['version']}, whose labels are not pinned here: "

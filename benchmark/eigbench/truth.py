@@ -154,7 +154,7 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
         for shape in plan.shapes
         if shape.spec.id in pinned  # or it was rejected by a filter, and has no label
     )
-    chosen = list(_choose(shapes, wanted.version, wanted, split, protocol))
+    chosen = list(_choose(shapes, _trained_on(version), wanted, split, protocol))
     if not chosen:
         raise EigbenchError(f"{version} has nothing in the split {split} of protocol {protocol}")
     return _truth(chosen, version, split, protocol, wanted.digest)
@@ -181,11 +181,11 @@ def of_dataset(
     # Only a version's recipe has protocols of its own; an import has no recipe
     wanted = None if protocol in PROTOCOLS else recipe.load(version)
     shapes = list(_stored(dataset))
-    chosen = list(_choose(shapes, version, wanted, split, protocol))
+    chosen = list(_choose(shapes, _trained_on(version), wanted, split, protocol))
     if not chosen:
         raise EigbenchError(f"{dataset.directory} has nothing in the split {split}")
-    if all(shape.split == "test" for shape in shapes):  # an import: nothing to train on
-        chosen = [(id, shape, DEFAULT) for id, shape, _ in chosen]
+    if not recipe.is_sealed(version) and all(shape.split == "test" for shape in shapes):
+        chosen = [(id, shape, DEFAULT) for id, shape, _ in chosen]  # nothing here to train on
     return _truth(chosen, version, split, protocol, dataset.manifest.recipe_digest)
 
 
@@ -193,6 +193,14 @@ def of_import(dataset: store.StoredDataset, version: str) -> Truth:
     """Return all labels of an imported dataset on disk, for predictors trained on a version."""
     labels = {sample.spec.id: pins.pin(sample) for sample in dataset.samples()}
     return _of_import(version, f"{IMPORTED}/{dataset.manifest.version}", labels)
+
+
+def _trained_on(version: str) -> str:
+    """Return the version with the training split: the full one of a subset, scaled or sealed one."""
+    plain = version.partition("-sealed-")[0]
+    if scaled := recipe.SCALED.fullmatch(plain):
+        plain = scaled["version"]
+    return recipe.load(plain).base if plain in recipe.available() else version
 
 
 def _check(split: str) -> None:
@@ -226,14 +234,14 @@ def _of_import(version: str, protocol: str, labels: Mapping[str, pins.Pin]) -> T
         np.array(ids),
         np.array(ids),
         np.array([id.rpartition("-")[0] for id in ids]),
-        np.full(len(ids), training_set(version, protocol)),
+        np.full(len(ids), training_set(_trained_on(version), protocol)),
         np.array([pin.eigenvalues for pin in labels.values()]),
         hashlib.sha256(told.encode()).hexdigest(),
     )
 
 
 def _choose(
-    shapes: Iterable[_Labelled], version: str, wanted: Recipe | None, split: str, protocol: str
+    shapes: Iterable[_Labelled], trained: str, wanted: Recipe | None, split: str, protocol: str
 ) -> Iterator[tuple[str, _Labelled, str]]:
     """Yield the instances of a split, their shapes and what a predictor is trained on."""
     folds = () if protocol in PROTOCOLS or wanted is None else splits.folds(wanted, protocol, split)
@@ -249,7 +257,7 @@ def _choose(
         for training in trainings:
             for instance, paper_split in enumerate(shape.paper_splits):
                 if (paper_split if protocol == "paper" else shape.split) == split:
-                    yield f"{shape.id}/{instance}", shape, training_set(version, training)
+                    yield f"{shape.id}/{instance}", shape, training_set(trained, training)
 
 
 def _stored(dataset: store.StoredDataset) -> Iterator[_Labelled]:

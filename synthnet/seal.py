@@ -1,0 +1,437 @@
+"""A sealed hold-out: a fresh test set drawn from a secret salt, and the file that commits to it.
+
+The salt and what the set is to be (version, its recipe, share) give the commitment; these and a
+beacon give the seed of the sealed recipe. All of the set is a function of that recipe, so the
+published file holds its drawer to one set, and tells nobody else which. See docs/sealed.md.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import secrets
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from synthnet import files, pins, recipe, storage, store
+from synthnet.build import BuildReport, Watcher, build, is_whole
+from synthnet.errors import DamagedError, RecipeError, SealError
+from synthnet.files import one_line
+from synthnet.plan import plan_shards
+from synthnet.recipe import Recipe, Sealed, SplitSettings
+
+SCHEMA_VERSION = 1
+DOMAIN = "synthnet seal/1"
+LEAST_BYTES, MOST_BYTES = 32, 1024  # of a salt: 256 bits, no more than a seed has
+LEAST_VALUES = 16  # of its bytes that differ: 32 random ones have fewer once in 10^15 times
+MOST_LETTERS = 1000  # of a beacon
+ALL_TEST = SplitSettings(0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Seal:
+    """What is published of a sealed set: nothing here tells a parameter, an id or a label.
+
+    Parameters
+    ----------
+    dataset : str
+        Name of the sealed set, ``2.0-sealed-`` and the beginning of the commitment.
+    version, version_digest : str
+        The version it was drawn from, and the digest of its recipe.
+    share : float
+        Surfaces of each family, as a share of the version's.
+    beacon : str or None
+        Public text that went into the seed, see :func:`sealed_recipe`.
+    commitment : str
+        SHA-256 of the salt with version, its digest and share.
+    recipe_digest : str
+        Of the sealed recipe, whose seed is the secret.
+    drawn, kept, left_out : mapping of str to int
+        By family: shapes of the set, those that no filter rejected, and surfaces passed over
+        because the version has them.
+    meshes : str
+        SHA-256 of the seed and all that must be equal on every machine, see :func:`digest`.
+    packages : mapping of str to str
+        Versions of the packages that made the set.
+    """
+
+    dataset: str
+    version: str
+    version_digest: str
+    share: float
+    beacon: str | None
+    commitment: str
+    recipe_digest: str
+    drawn: Mapping[str, int]
+    kept: Mapping[str, int]
+    left_out: Mapping[str, int]
+    meshes: str
+    packages: Mapping[str, str]
+
+
+# The salt
+
+
+def make_salt(path: Path) -> None:
+    """Write a new salt of 256 random bits, as hexadecimal digits that only its owner may read.
+
+    Raises
+    ------
+    SealError
+        If a file is there: a salt that is lost takes its set with it.
+    BuildError
+        If it cannot be written.
+    """
+    try:
+        files.write_secret(path, secrets.token_hex(LEAST_BYTES) + "\n")
+    except FileExistsError as error:
+        raise SealError(
+            f"{path} is there already, and no salt is overwritten: leave out --new-salt to use "
+            "it, or name another file"
+        ) from error
+
+
+def read_salt(path: Path) -> bytes:
+    """Read a salt.
+
+    Raises
+    ------
+    SealError
+        If it is missing, no hexadecimal digits, too short, too long, or plainly not random.
+    """
+    try:
+        text = path.read_bytes().decode("ascii").strip()
+        salt = bytes.fromhex(text) if re.fullmatch(r"[0-9A-Fa-f]*", text) else None
+    except FileNotFoundError as error:
+        raise SealError(f"there is no salt {path}: `synthnet seal --new-salt` makes one") from error
+    except OSError as error:
+        raise SealError(f"cannot read the salt {path} ({error.strerror})") from error
+    except ValueError:
+        salt = None
+    if salt is None:
+        raise SealError(f"the salt {path} must be hexadecimal digits, two a byte, on one line")
+    if not LEAST_BYTES <= len(salt) <= MOST_BYTES:
+        raise SealError(
+            f"the salt {path} must have {LEAST_BYTES} to {MOST_BYTES} bytes, got {len(salt)}: "
+            "`synthnet seal --new-salt` makes one"
+        )
+    if len(set(salt)) < LEAST_VALUES:
+        raise SealError(
+            f"the salt {path} is not random, it has {len(set(salt))} different bytes: "
+            "`synthnet seal --new-salt` makes one"
+        )
+    return salt
+
+
+# From the salt to the recipe
+
+
+def sealed_recipe(
+    version: str, salt: bytes, *, share: float | None = None, beacon: str | None = None
+) -> Recipe:
+    """Return the recipe of the set that a salt draws.
+
+    Commitment and seed are SHA-256 of a purpose, what the set is to be, and the salt; the seed's
+    with the beacon. So a commitment can be published before the beacon is known, and the set
+    is then neither of the drawer's choice nor of anyone else's.
+
+    Parameters
+    ----------
+    version : str
+        What it is drawn from, by its distributions: a version that is not scaled.
+    salt : bytes
+        Of :func:`read_salt`.
+    share : float, optional
+        Surfaces of each family, as a share of the version's, at least one of each; by
+        default the version's share of test shapes.
+    beacon : str, optional
+        Public text on one line that nobody could choose, such as a round of drand.
+
+    Raises
+    ------
+    RecipeError
+        If there is no such version, or it is scaled.
+    SealError
+        If share or beacon will not do.
+
+    Examples
+    --------
+    >>> sealed = sealed_recipe("1.0-mini", bytes(range(32)))
+    >>> sealed.version, sealed.count
+    ('1.0-mini-sealed-639ce4db0ff0', 34)
+    """
+    base = recipe.load(version)
+    share = base.splits.test if share is None else share
+    check_terms(base, share, beacon)
+    told: dict[str, Any] = {"of": version, "digest": base.digest, "share": share}
+    commitment = _derived("commitment", told, salt)
+    sealed = Sealed(**told, commitment=commitment, beacon=beacon)
+    return _recipe(base, sealed, int(_derived("seed", {**told, "beacon": beacon}, salt), 16))
+
+
+def recipe_of(dataset: store.StoredDataset) -> Recipe:
+    """Return the recipe of a sealed set that has been built; no salt is needed for that.
+
+    Raises
+    ------
+    DamagedError
+        If the manifest tells none.
+    """
+    told = dataset.manifest.recipe
+    try:
+        sealed = Sealed(**told["sealed"])
+        return _recipe(recipe.load(sealed.of), sealed, int(told["seed"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise DamagedError(
+            f"{dataset.directory} is no sealed set ({one_line(error)}): remove it and seal again"
+        ) from error
+
+
+def _recipe(base: Recipe, sealed: Sealed, seed: int) -> Recipe:
+    families = {}
+    for name, family in base.families.items():
+        surfaces = max(1, round(sealed.share * (base.drawn(name) // base.copies)))
+        families[name] = replace(family, count=surfaces * base.copies)
+    return replace(
+        base,
+        version=_name(sealed.of, sealed.commitment),
+        seed=seed,
+        splits=ALL_TEST,
+        families=families,
+        subset=None,
+        sealed=sealed,
+    )
+
+
+def _name(version: str, commitment: str) -> str:
+    return f"{version}-sealed-{commitment[:12]}"
+
+
+def _derived(purpose: str, told: Mapping[str, Any], salt: bytes) -> str:
+    """Return the SHA-256 of what precedes the salt, at a fixed length, and the salt."""
+    text = json.dumps(told, sort_keys=True, separators=(",", ":"))
+    head = f"{DOMAIN} {purpose}\n{hashlib.sha256(text.encode()).hexdigest()}\n"
+    return hashlib.sha256(head.encode() + salt).hexdigest()
+
+
+def check_terms(base: Recipe, share: float | None, beacon: str | None) -> None:
+    """Raise RecipeError or SealError if a version cannot be sealed, or not on these terms."""
+    if base.scale is not None:
+        raise RecipeError(f"{base.version} is scaled: seal what it came from")
+    if share is not None and not 0 < share <= 1:
+        raise SealError(f"--share must be above 0, at most 1, got {share:g}")
+    if beacon is not None and not (beacon.isprintable() and 1 <= len(beacon) <= MOST_LETTERS):
+        raise SealError(
+            f"--beacon must be 1 to {MOST_LETTERS} printable letters on one line, got "
+            f"{files.printable(beacon[:40])!r}"
+        )
+
+
+# From the recipe to the set and its seal
+
+
+def make(
+    wanted: Recipe,
+    *,
+    root: str | os.PathLike[str] | None = None,
+    workers: int | None = None,
+    watcher: Watcher | None = None,
+    wait_for_lock: bool = False,
+) -> tuple[Seal, BuildReport]:
+    """Build a sealed set, in a directory that only its owner may open, and describe it.
+
+    Raises
+    ------
+    StoreError
+        If its place is no directory of this machine, or holds another set.
+    BuildError
+        As :func:`synthnet.build.build`, which goes on where it was stopped.
+    """
+    place = store.dataset_directory(wanted.version, root)
+    directory = storage.local(place, wanted.version)
+    files.make_directory(directory)
+    directory.chmod(0o700)
+    report = build(wanted, root=root, workers=workers, watcher=watcher, wait_for_lock=wait_for_lock)
+    return describe(report.dataset), report
+
+
+def describe(dataset: store.StoredDataset) -> Seal:
+    """Return the seal of a set that has been built.
+
+    Raises
+    ------
+    StoreError
+        If it is damaged.
+    """
+    wanted = recipe_of(dataset)
+    assert wanted.sealed is not None
+    manifest = dataset.manifest
+    last = {shape.spec.family: shape.spec for plan in plan_shards(wanted) for shape in plan.shapes}
+    kept = dict.fromkeys(manifest.drawn, 0)
+    for shard in manifest.shards:
+        kept[shard.family] += shard.rows
+    return Seal(
+        dataset=manifest.version,
+        version=wanted.sealed.of,
+        version_digest=wanted.sealed.digest,
+        share=wanted.sealed.share,
+        beacon=wanted.sealed.beacon,
+        commitment=wanted.sealed.commitment,
+        recipe_digest=manifest.recipe_digest,
+        drawn=dict(manifest.drawn),
+        kept=kept,
+        left_out={
+            family: (spec.index + 1 - wanted.drawn(family)) // wanted.copies
+            for family, spec in last.items()
+        },
+        meshes=digest(dataset, wanted.seed),
+        packages=dict(manifest.packages),
+    )
+
+
+def digest(dataset: store.StoredDataset, seed: int) -> str:
+    """Hash what must be equal on every machine: ids, parameters, groups, splits, faces.
+
+    Vertices and labels are left out, since their last bits differ between machines; they are
+    functions of what is hashed. The seed goes in, so that no guess at a shape can be tried.
+    """
+    state = hashlib.sha256(f"{DOMAIN} meshes\n{seed:064x}\n".encode())
+    for sample in dataset.samples():
+        state.update(f"{pins.digest(sample)}\n".encode())
+    for rejection in sorted(dataset.manifest.rejections, key=lambda r: r.id):
+        state.update(f"{rejection.id} {rejection.reason}\n".encode())
+    return state.hexdigest()
+
+
+def differences(found: Seal, expected: Seal) -> Iterator[str]:
+    """Yield what differs between two seals, but for the packages."""
+    for field in fields(Seal):
+        here, there = getattr(found, field.name), getattr(expected, field.name)
+        if here != there and field.name != "packages":
+            name = field.name.replace("_", " ")
+            yield f"seal: its {name} is {_short(there)}, the set here has {_short(here)}"
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {count}" for key, count in value.items())
+    text = str(value)
+    return f"{text[:12]}…" if len(text) == hashlib.sha256().digest_size * 2 else text
+
+
+def open_checked(expected: Seal, root: str | os.PathLike[str] | None = None) -> store.StoredDataset:
+    """Open the set of a seal, every byte as it was built, and the one that the seal is of.
+
+    Raises
+    ------
+    StoreError
+        If it is not here, or damaged.
+    SealError
+        If it is another.
+    """
+    dataset = store.open_dataset(expected.dataset, root)
+    for shard in dataset.manifest.shards:
+        if not is_whole(dataset.directory / shard.file, shard):
+            raise DamagedError(
+                f"{dataset.directory / shard.file} is damaged: remove it and seal again, "
+                "with the same salt"
+            )
+    for difference in differences(describe(dataset), expected):
+        raise SealError(f"{dataset.directory} is not the set that was sealed: {difference}")
+    return dataset
+
+
+# The file
+
+
+def write(path: Path, seal: Seal) -> None:
+    """Write the file to publish; the same set gives the same bytes.
+
+    Raises
+    ------
+    SealError
+        If another file is there.
+    BuildError
+        If it cannot be written.
+    """
+    text = _text({"schema_version": SCHEMA_VERSION, **asdict(seal)})
+    if path.exists() and path.read_bytes() != text.encode():
+        raise _taken(path)
+    files.write_text(path, text)
+
+
+def check_free(path: Path, wanted: Recipe) -> None:
+    """Raise SealError if a file is there that is no seal of the set of a recipe."""
+    if not path.exists():
+        return
+    try:
+        there = read(path).recipe_digest
+    except SealError as error:
+        raise _taken(path) from error
+    if there != wanted.digest:
+        raise _taken(path)
+
+
+def _taken(path: Path) -> SealError:
+    return SealError(
+        f"{path} is there and is not this seal: nothing is overwritten, name another --publish"
+    )
+
+
+def read(path: Path) -> Seal:
+    """Read the file that was published.
+
+    Raises
+    ------
+    SealError
+        If it is missing, no seal, of another schema, altered, or contradicts itself.
+    """
+    try:
+        written = path.read_bytes()
+        content = json.loads(written)
+        content.pop(store.SEAL, None)
+        whole = _text(content).encode() == written
+        schema = content.pop("schema_version")
+        if schema != SCHEMA_VERSION:
+            raise SealError(
+                f"{path} has schema version {schema}, this synthnet reads {SCHEMA_VERSION}: "
+                "install a matching release"
+            )
+        seal = Seal(**content)
+        _check_types(seal)
+    except FileNotFoundError as error:
+        raise SealError(f"there is no seal {path}") from error
+    except OSError as error:
+        raise SealError(f"cannot read the seal {path} ({error.strerror})") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise SealError(f"{path} is no seal: {one_line(error)}") from error
+    if not whole:
+        raise SealError(f"{path} was altered: its SHA-256 is not that of its content")
+    if seal.dataset != _name(seal.version, seal.commitment):
+        raise SealError(
+            f"{path} contradicts itself: {seal.dataset} is not the set of {seal.version} with the "
+            f"commitment {seal.commitment[:12]}…"
+        )
+    return seal
+
+
+def _text(content: Mapping[str, Any]) -> str:
+    """Return content as JSON; its last key is the SHA-256 of the other ones, as a manifest's."""
+    whole = hashlib.sha256(json.dumps(content).encode()).hexdigest()
+    return json.dumps({**content, store.SEAL: whole}, indent=1) + "\n"
+
+
+def _check_types(seal: Seal) -> None:
+    """Raise TypeError or ValueError where a value is of the wrong kind."""
+    for field in fields(Seal):
+        value = getattr(seal, field.name)
+        wanted = {"float": (float, int), "str": (str,), "str | None": (str, type(None))}
+        if type(value) not in wanted.get(str(field.type), (dict,)):
+            raise TypeError(f"{field.name} is {value!r}")
+    for name in ("version_digest", "commitment", "recipe_digest", "meshes"):
+        if not re.fullmatch(r"[0-9a-f]{64}", getattr(seal, name)):
+            raise ValueError(f"{name} is no SHA-256")

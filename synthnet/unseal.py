@@ -1,0 +1,86 @@
+"""Check a sealed set when its salt has been revealed: its seal, its draw, and the set itself."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+from synthnet import recipe, seal, store, verify
+from synthnet.build import Watcher, build
+from synthnet.errors import SealError
+from synthnet.seal import Seal
+from synthnet.verify import Check, VerifyReport
+
+CHECKS = {  # in order, with what each holds
+    "commitment": "that of the salt, the version and its recipe, and the share",
+    "seal": "recipe, counts and digest of the set that the salt draws",
+    **verify.CHECKS,
+}
+
+
+def verify_sealed(
+    sealed: Seal,
+    salt: bytes,
+    *,
+    root: str | os.PathLike[str] | None = None,
+    workers: int | None = None,
+    sample: int = 100,
+    seed: int = 0,
+    watcher: Watcher | None = None,
+    on_shard: Callable[[int, int], None] | None = None,
+) -> VerifyReport:
+    """Verify that a salt draws the set of a seal, and the set.
+
+    Checks, in order: that the salt gives the commitment; that the recipe it draws is the seal's;
+    then builds the set, where it is not built yet, and checks its counts and its digest, and all
+    that :func:`synthnet.verify.verify` does. What fails ends it.
+
+    Parameters
+    ----------
+    sealed : Seal
+        As it was published.
+    salt : bytes
+        As it was revealed, see :func:`synthnet.seal.read_salt`.
+    root, workers, watcher
+        As for :func:`synthnet.build.build`.
+    sample, seed, on_shard
+        As for :func:`synthnet.verify.verify`.
+
+    Raises
+    ------
+    SealError
+        If the seal is of a version of another recipe than this release's.
+    StoreError
+        If another set is in its place.
+    BuildError
+        As :func:`synthnet.build.build`.
+    """
+    here = recipe.load(sealed.version).digest
+    if here != sealed.version_digest:
+        raise SealError(
+            f"the seal is of {sealed.version} with the recipe {sealed.version_digest[:12]}…, "
+            f"here it is {here[:12]}…: install synthnet {sealed.packages.get('synthnet', '')}"
+        )
+    directory = store.dataset_directory(sealed.dataset, root)
+    wanted = seal.sealed_recipe(sealed.version, salt, share=sealed.share, beacon=sealed.beacon)
+    assert wanted.sealed is not None
+    if wanted.sealed.commitment != sealed.commitment:
+        problem = (
+            f"commitment: the salt gives {wanted.sealed.commitment[:12]}…, the seal has "
+            f"{sealed.commitment[:12]}…: another salt, or the seal was altered"
+        )
+        return VerifyReport(directory, (Check("commitment", 1, (problem,)),))
+    fits = Check("commitment", 1, ())
+    if wanted.digest != sealed.recipe_digest:
+        problem = (
+            f"seal: its recipe is {sealed.recipe_digest[:12]}…, salt and beacon give "
+            f"{wanted.digest[:12]}…"
+        )
+        return VerifyReport(directory, (fits, Check("seal", 1, (problem,))))
+    dataset = build(wanted, root=root, workers=workers, watcher=watcher).dataset
+    found = tuple(seal.differences(seal.describe(dataset), sealed))
+    same = Check("seal", dataset.manifest.rows, found)
+    if found:
+        return VerifyReport(directory, (fits, same))
+    checked = verify.verify(sealed.dataset, root=root, sample=sample, seed=seed, on_shard=on_shard)
+    return VerifyReport(directory, (fits, same, *checked.checks))
