@@ -3,11 +3,13 @@
     python scripts/run_baselines.py DIR
 
     python scripts/run_baselines.py DIR ritz5 exact
+    python scripts/run_baselines.py DIR/family --dataset 2.0 --protocol family --seeds 1
 
 One thread each, on a machine with nothing else to do, because times are compared; each is timed
 beside LaPy, so rows may be made on several machines. What is finished in DIR is kept, and an
 interrupted row goes on where it stopped. All of them take one to two hours. `eigbench submit` puts
-the results in their place.
+the results in their place. Under a protocol of a version's own, only what is trained is run: the rest
+predicts there what it predicts under `grouped`.
 """
 
 import argparse
@@ -31,6 +33,9 @@ ROWS = {  # file: seeds
     "ritz_mlp": 3,
     "reproduction/modern": 1,
 }
+TRAINED = ("mean", "boosted_trees", "ritz_mlp")  # on whatever training set they are asked for
+LACKS = {"1.0": (), "2.0": ("reproduction/modern",)}  # rows that a version has not
+BATCH = {"1.0": 200, "2.0": 50}  # meshes: 2.0's are six times as large
 
 
 def main() -> int:
@@ -40,17 +45,25 @@ def main() -> int:
     )
     parser.add_argument("place", type=Path, metavar="DIR", help="of the results")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(ROWS)}")
+    parser.add_argument("--dataset", default="1.0", choices=LACKS)
+    parser.add_argument("--protocol", default="grouped")
+    parser.add_argument("--seeds", type=int, help="at most so many (default: those of the row)")
     options = parser.parse_args()
     place = options.place
     if unknown := set(options.names) - set(ROWS):
         parser.error(f"there is no row {min(unknown)!r}: choose of {', '.join(ROWS)}")
     place.mkdir(parents=True, exist_ok=True)
-    for name in options.names or ROWS:
+    trained = options.protocol not in ("grouped", "paper")
+    rows = TRAINED if trained and "imported" not in options.protocol else ROWS
+    for name in options.names or [row for row in rows if row not in LACKS[options.dataset]]:
         out = place / f"{Path(name).name}.json"
         if out.exists():
             continue
         command = ["evaluate", str(BASELINES / f"{name}.py"), "--resume"]
-        command += ["--seeds", str(ROWS[name]), "--out", str(out)]
+        command += ["--dataset", options.dataset, "--protocol", options.protocol]
+        command += ["--batch-size", str(BATCH[options.dataset])]
+        command += ["--seeds", str(min(ROWS[name], options.seeds or ROWS[name]))]
+        command += ["--out", str(out)]
         print(f"{name}:", flush=True)
         done = subprocess.run([sys.executable, "-m", "eigbench", *command], check=False)
         if done.returncode:

@@ -196,7 +196,7 @@ def of_import(dataset: store.StoredDataset, version: str) -> Truth:
 
 
 def _trained_on(version: str) -> str:
-    """Return the version with the training split: the full one of a subset, scaled or sealed one."""
+    """Return the version whose training split is meant: of a subset, the full one."""
     plain = version.partition("-sealed-")[0]
     if scaled := recipe.SCALED.fullmatch(plain):
         plain = scaled["version"]
