@@ -1,4 +1,4 @@
-"""Pin meshes, labels and limits of the scaling track: benchmark/eigbench/scaling.parquet.
+"""Pin meshes, labels and limits of the scaling track: benchmark/eigbench/scaling/surfaces.parquet.
 
     python scripts/pin_scaling.py 1000 10000
 
@@ -13,9 +13,9 @@ import argparse
 import time
 from pathlib import Path
 
-from eigbench import scaling
+from eigbench.scaling import surfaces
 
-TARGET = Path(__file__).parent.parent / "benchmark" / "eigbench" / scaling.PINS
+TARGET = Path(__file__).parent.parent / "benchmark" / "eigbench" / "scaling" / surfaces.PINS
 
 
 def main() -> None:
@@ -23,19 +23,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("sizes", nargs="+", type=int, choices=scaling.SIZES, metavar="SIZE")
+    parser.add_argument("sizes", nargs="+", type=int, choices=surfaces.SIZES, metavar="SIZE")
     sizes = parser.parse_args().sizes
-    found = dict(scaling.read())
+    found = dict(surfaces.read())
     limits = {one.surface: (one.limit, one.limit_error) for one in found.values()}
     for size in sorted(set(sizes)):
-        for surface in scaling.SURFACES:
+        for surface in surfaces.SURFACES:
             if (surface, size) in found:
                 continue
             started = time.perf_counter()
-            one = scaling.make(surface, size, limits.get(surface))
+            one = surfaces.make(surface, size, limits.get(surface))
             limits[surface] = one.limit, one.limit_error
             found[surface, size] = one
-            scaling.write(TARGET, found.values())
+            surfaces.write(TARGET, found.values())
             took = time.perf_counter() - started
             print(
                 f"{surface}, {one.vertices:,} vertices: {took:.1f} s, residual "

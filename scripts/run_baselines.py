@@ -8,8 +8,8 @@
 One thread each, on a machine with nothing else to do, because times are compared; each is timed
 beside LaPy, so rows may be made on several machines. What is finished in DIR is kept, and an
 interrupted row goes on where it stopped. All of them take one to two hours. `eigbench submit` puts
-the results in their place. Under a protocol of a version's own, only what is trained is run: the rest
-predicts there what it predicts under `grouped`.
+the results in their place. Under a protocol of a version's own, only what is trained is run: the
+rest predicts there what it predicts under `grouped`.
 """
 
 import argparse

@@ -13,10 +13,12 @@ from pathlib import Path
 from rich.console import Console
 from tabulate import tabulate
 
-from eigbench import figures, leaderboard, ranking, scaling_page, scaling_results, submission
+from eigbench import figures, leaderboard, ranking, submission
 from eigbench.errors import EigbenchError
 from eigbench.metrics import METRICS
 from eigbench.ranking import RANKED_BY, Difference
+from eigbench.scaling import page as scaling_page
+from eigbench.scaling import results as scaling_results
 from eigbench.tables import number
 from synthnet import store
 from synthnet.files import make_directory, write_text

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from eigbench import board_commands, predictor_commands, scaling_commands
+from eigbench import board_commands, predictor_commands
 from eigbench.errors import EigbenchError
 from eigbench.metrics import METRICS
 from eigbench.ranking import RANKED_BY
+from eigbench.scaling import commands as scaling_commands
 from synthnet.cli import WRONG_INPUT, Parser
 from synthnet.errors import SynthNetError
 from synthnet.interrupts import EXIT_CODE

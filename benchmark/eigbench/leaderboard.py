@@ -18,17 +18,10 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from eigbench import (
-    figures,
-    generalisation,
-    page,
-    predictions,
-    ranking,
-    scaling_page,
-    submission,
-)
+from eigbench import figures, generalisation, page, predictions, ranking, submission
 from eigbench.errors import EigbenchError, ResultError
-from eigbench.scaling_results import Scaled
+from eigbench.scaling import page as scaling_page
+from eigbench.scaling.results import Scaled
 from eigbench.submission import Submission
 from eigbench.training import IMPORTED
 from synthnet import recipe

@@ -9,24 +9,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eigbench import (
-    leaderboard,
-    scaling,
-    scaling_page,
-    scaling_results,
-    scaling_run,
-    scaling_scores,
-)
+from eigbench import leaderboard
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, ResultError
 from eigbench.process import PredictorProcess
-from eigbench.scaling_results import Scaled
-from eigbench.scaling_run import Settings
+from eigbench.scaling import page as scaling_page
+from eigbench.scaling import results as scaling_results
+from eigbench.scaling import run as scaling_run
+from eigbench.scaling import scores as scaling_scores
+from eigbench.scaling import surfaces
+from eigbench.scaling.results import Scaled
+from eigbench.scaling.run import Settings
 
 from synthnet import geometry
 from synthnet.families import FAMILIES
 
-ONE = {"ellipsoid": scaling.SURFACES["ellipsoid"]}
-TWO = {**ONE, "open_cylinder": scaling.SURFACES["open_cylinder"]}
+ONE = {"ellipsoid": surfaces.SURFACES["ellipsoid"]}
+TWO = {**ONE, "open_cylinder": surfaces.SURFACES["open_cylinder"]}
 HERE = "this machine"
 
 EIGHTY = """
@@ -54,8 +52,8 @@ def surfaces(monkeypatch):
     """Return a function that leaves only some surfaces in the set, and LaPy out: it takes long."""
 
     def choose(chosen):
-        monkeypatch.setattr(scaling, "SURFACES", chosen)
-        monkeypatch.setattr(scaling, "TIMED_BESIDE", 0)
+        monkeypatch.setattr(surfaces, "SURFACES", chosen)
+        monkeypatch.setattr(surfaces, "TIMED_BESIDE", 0)
 
     return choose
 
@@ -64,29 +62,29 @@ def surfaces(monkeypatch):
 
 
 def test_small_meshes_are_pinned_and_their_labels_solved_anew_agree():
-    for size, surface in itertools.product((1_000, 10_000), scaling.SURFACES):
-        assert list(scaling.differences(scaling.pinned(surface, size))) == []
+    for size, surface in itertools.product((1_000, 10_000), surfaces.SURFACES):
+        assert list(surfaces.differences(surfaces.pinned(surface, size))) == []
 
 
 def test_a_mesh_is_the_same_each_time_and_has_about_the_wanted_vertices():
-    for surface in scaling.SURFACES:
-        one, two = scaling.mesh(surface, 1_000), scaling.mesh(surface, 1_000)
+    for surface in surfaces.SURFACES:
+        one, two = surfaces.mesh(surface, 1_000), surfaces.mesh(surface, 1_000)
         assert np.array_equal(one.vertices, two.vertices)
         assert np.array_equal(one.faces, two.faces)
         assert 0.9 * 1_000 < len(one.vertices) < 1.3 * 1_000
 
 
 def test_meshes_have_the_topology_of_their_surface():
-    for surface in scaling.SURFACES:
-        facts = geometry.MeshFacts(scaling.mesh(surface, 1_000))
-        topology = FAMILIES[surface].topology(scaling.spec(surface, 1_000).parameters)
+    for surface in surfaces.SURFACES:
+        facts = geometry.MeshFacts(surfaces.mesh(surface, 1_000))
+        topology = FAMILIES[surface].topology(surfaces.spec(surface, 1_000).parameters)
         assert facts.euler_characteristic == topology.euler_characteristic
         assert facts.is_closed == (topology.boundaries == 0)
 
 
-@pytest.mark.parametrize("surface", scaling.SURFACES)
+@pytest.mark.parametrize("surface", surfaces.SURFACES)
 def test_labels_approach_the_spectrum_of_the_surface_like_h_squared(surface):
-    coarse, fine = (scaling.pinned(surface, size) for size in (1_000, 10_000))
+    coarse, fine = (surfaces.pinned(surface, size) for size in (1_000, 10_000))
     errors = coarse.discretisation_error / fine.discretisation_error
     order = np.log(errors) / np.log(np.sqrt(fine.vertices / coarse.vertices))
     assert 1.8 < order < 2.3
@@ -95,49 +93,49 @@ def test_labels_approach_the_spectrum_of_the_surface_like_h_squared(surface):
 
 
 def test_limit_by_extrapolation_is_the_closed_form(monkeypatch):
-    known, error = scaling.limit("open_cylinder")
+    known, error = surfaces.limit("open_cylinder")
     assert not error.any()
     family = replace(FAMILIES["open_cylinder"], limit=None)
-    monkeypatch.setattr(scaling, "FAMILIES", {"open_cylinder": family})
-    monkeypatch.setattr(scaling, "REFINEMENTS", (1, 2, 3))  # as in the pins, 16 times coarser
-    found, bound = scaling.limit("open_cylinder")
+    monkeypatch.setattr(surfaces, "FAMILIES", {"open_cylinder": family})
+    monkeypatch.setattr(surfaces, "REFINEMENTS", (1, 2, 3))  # as in the pins, 16 times coarser
+    found, bound = surfaces.limit("open_cylinder")
     assert (np.abs(found - known) <= bound).all()
     np.testing.assert_allclose(found, known, rtol=1e-6)
 
 
 def test_pins_survive_being_written_in_any_order(tmp_path):
-    found = list(scaling.read().values())
+    found = list(surfaces.read().values())
     paths = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
     for path, rows in zip(paths, (found, found[::-1]), strict=True):
-        scaling.write(path, rows)
+        surfaces.write(path, rows)
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
 def test_another_mesh_is_refused():
-    expected = scaling.pinned("ellipsoid", 1_000)
-    other = scaling.mesh("ellipsoid", 1_000)
+    expected = surfaces.pinned("ellipsoid", 1_000)
+    other = surfaces.mesh("ellipsoid", 1_000)
     other.vertices[0] *= 1.1
     with pytest.raises(EigbenchError, match=r"ellipsoid-1000 is not the mesh .*vertices differ by"):
-        scaling.check(expected, other)
+        surfaces.check(expected, other)
     with pytest.raises(EigbenchError, match=r"ellipsoid-1000 is not the mesh .*faces differ"):
-        scaling.check(expected, scaling.mesh("ellipsoid", 10_000))
+        surfaces.check(expected, surfaces.mesh("ellipsoid", 10_000))
 
 
 def test_what_is_not_in_the_set_or_not_pinned_is_said(monkeypatch):
     with pytest.raises(EigbenchError, match=r"has no cube at 1,000 vertices: its surfaces are ell"):
-        scaling.pinned("cube", 1_000)
-    monkeypatch.setattr(scaling, "read", dict)
+        surfaces.pinned("cube", 1_000)
+    monkeypatch.setattr(surfaces, "read", dict)
     with pytest.raises(
         EigbenchError, match=r"blob at 1,000 vertices is not pinned: python scripts"
     ):
-        scaling.pinned("blob", 1_000)
+        surfaces.pinned("blob", 1_000)
 
 
 # --- running ---------------------------------------------------------------------------
 
 
 def test_a_run_writes_what_the_schema_wants(eigbench, predictor_file, tmp_path, monkeypatch):
-    monkeypatch.setattr(scaling, "SURFACES", ONE)
+    monkeypatch.setattr(surfaces, "SURFACES", ONE)
     out = tmp_path / "scaling.json"
     code, told, _ = eigbench("scale", predictor_file(EIGHTY), "--sizes", 1000, "--out", out)
     assert code == 0
@@ -147,7 +145,7 @@ def test_a_run_writes_what_the_schema_wants(eigbench, predictor_file, tmp_path, 
     assert mesh["eigenvalues"] == [80.0 + i for i in range(10)]
     assert len(mesh["seconds"]) == scaling_run.REPEATS
     assert mesh["reference_seconds"] > 0
-    label = scaling.pinned("ellipsoid", 1000).label
+    label = surfaces.pinned("ellipsoid", 1000).label
     assert scaling_scores.error(mesh) == np.mean(np.abs(np.arange(80, 90) - label) / label)
     code, _, err = eigbench("scale", predictor_file(EIGHTY), "--sizes", 1000, "--out", out)
     assert code == 2
@@ -280,8 +278,8 @@ def test_scaling_lists_and_verifies(eigbench, monkeypatch, surfaces):
     code, out, _ = eigbench("scaling", "--verify", "--sizes", 1000)
     assert code == 0
     assert "1 meshes and their labels are the pinned ones" in out
-    pins = {key: replace(one, vertices=7) for key, one in scaling.read().items()}
-    monkeypatch.setattr(scaling, "read", lambda: pins)
+    pins = {key: replace(one, vertices=7) for key, one in surfaces.read().items()}
+    monkeypatch.setattr(surfaces, "read", lambda: pins)
     code, out, _ = eigbench("scaling", "--verify", "--sizes", 1000, "--json")
     assert code == 1
     assert json.loads(out)["findings"] == ["ellipsoid-1000: 1,002 vertices instead of 7"]
@@ -297,9 +295,9 @@ def made(tmp_path):
     def make(name, sizes, hardware=HERE):
         meshes = []
         for (size, (seconds, factor)), surface in itertools.product(
-            sizes.items(), scaling.SURFACES
+            sizes.items(), surfaces.SURFACES
         ):
-            expected = scaling.pinned(surface, size)
+            expected = surfaces.pinned(surface, size)
             answered = factor is not None
             meshes.append(
                 {

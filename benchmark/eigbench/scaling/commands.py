@@ -11,10 +11,12 @@ from pathlib import Path
 from rich.console import Console
 from tabulate import tabulate
 
-from eigbench import scaling, scaling_run, scaling_scores
 from eigbench.errors import EigbenchError, PredictorError
-from eigbench.scaling_results import ANSWERED, Scaled
-from eigbench.scaling_run import Settings
+from eigbench.scaling import run as scaling_run
+from eigbench.scaling import scores as scaling_scores
+from eigbench.scaling import surfaces
+from eigbench.scaling.results import ANSWERED, Scaled
+from eigbench.scaling.run import Settings
 from eigbench.tables import family_title
 
 
@@ -26,16 +28,16 @@ def add(command: Callable[..., argparse.ArgumentParser], positive: Callable[[str
             "--sizes",
             type=int,
             nargs="+",
-            choices=scaling.SIZES,
+            choices=surfaces.SIZES,
             metavar="N",
-            help=f"vertices, of {', '.join(map(str, scaling.SIZES))}; default: all that are pinned",
+            help=f"vertices: {', '.join(map(str, surfaces.SIZES))} (default: all that are pinned)",
         )
 
     sub = command(
         "scale",
         scale,
         "run a predictor on the surfaces of the scaling track; this runs the file's code",
-        "my_model.py --sizes 1000 10000 --out scaling.json",
+        "my_model.py --sizes 1000 10000 --out surfaces.json",
     )
     sub.add_argument("predictor", type=Path, metavar="FILE", help="the predictor's Python file")
     sizes_option(sub)
@@ -85,7 +87,7 @@ def scale(options: argparse.Namespace) -> int:
         return 0
     rows = []
     for (surface, size), one in Scaled(result, out).meshes.items():
-        own = scaling.pinned(surface, size).discretisation_error
+        own = surfaces.pinned(surface, size).discretisation_error
         row = [f"{size:,}", family_title(surface), f"{100 * own:.2g} %"]
         if one["outcome"] == ANSWERED:
             seconds, memory = scaling_scores.seconds(one), one["peak_memory_mb"]
@@ -103,18 +105,18 @@ def scale(options: argparse.Namespace) -> int:
 
 def show(options: argparse.Namespace) -> int:
     """List the meshes, or make them anew and say what differs."""
-    chosen = [scaling.pinned(s, size) for size in _sizes(options) for s in scaling.SURFACES]
+    chosen = [surfaces.pinned(s, size) for size in _sizes(options) for s in surfaces.SURFACES]
     rows, findings = [], []
     with Console(stderr=True).status("reading") as status:
         for one in chosen:
             if options.verify:
                 status.update(f"solving {one.pin.id}")
-                findings += [f"{one.pin.id}: {told}" for told in scaling.differences(one)]
+                findings += [f"{one.pin.id}: {told}" for told in surfaces.differences(one)]
             rows.append(
                 {
                     "mesh": one.pin.id,
                     "vertices": one.vertices,
-                    "triangulation": scaling.SURFACES[one.surface]["triangulation"],
+                    "triangulation": surfaces.SURFACES[one.surface]["triangulation"],
                     "discretisation_error": one.discretisation_error,
                     "limit_error": float((one.limit_error / one.limit).max()),
                 }
@@ -144,8 +146,8 @@ def show(options: argparse.Namespace) -> int:
 def _sizes(options: argparse.Namespace) -> list[int]:
     if options.sizes is not None:
         return sorted(set(options.sizes))
-    pinned = scaling.read()
-    return [n for n in scaling.SIZES if all((s, n) in pinned for s in scaling.SURFACES)]
+    pinned = surfaces.read()
+    return [n for n in surfaces.SIZES if all((s, n) in pinned for s in surfaces.SURFACES)]
 
 
 def _above_zero(text: str) -> float:

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from eigbench import scaling, scaling_figure, scaling_scores
 from eigbench.markdown import cell as escaped
 from eigbench.markdown import table
-from eigbench.scaling_results import Scaled
-from eigbench.scaling_scores import Cell, Verdict
+from eigbench.scaling import figure as scaling_figure
+from eigbench.scaling import scores as scaling_scores
+from eigbench.scaling import surfaces
+from eigbench.scaling.results import Scaled
+from eigbench.scaling.scores import Cell, Verdict
 from eigbench.tables import family_title, number
 from synthnet.files import sha256
 
@@ -27,8 +29,8 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
     parts = [
         "## Scaling\n",
         "Where, if anywhere, does prediction beat the exact solver? The same "
-        f"{len(scaling.SURFACES)} surfaces "
-        f"({', '.join(family_title(name).lower() for name in scaling.SURFACES)}) at "
+        f"{len(surfaces.SURFACES)} surfaces "
+        f"({', '.join(family_title(name).lower() for name in surfaces.SURFACES)}) at "
         f"{', '.join(f'{size:,}' for size in sizes)} vertices, one mesh a call "
         "([what is measured](docs/scaling.md)). Medians over the surfaces. Error: mean relative "
         "error of the ten eigenvalues against the label, the exact spectrum of the mesh. The "
@@ -55,8 +57,8 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
         _memory(rows, sizes),
         "### Scaling: LaPy beside each run\n",
         "ms a mesh, timed in the run of each row on the same meshes, up to "
-        f"{scaling.TIMED_BESIDE:,} vertices: how fast the machine was then.\n",
-        _beside(rows, [size for size in sizes if size <= scaling.TIMED_BESIDE]),
+        f"{surfaces.TIMED_BESIDE:,} vertices: how fast the machine was then.\n",
+        _beside(rows, [size for size in sizes if size <= surfaces.TIMED_BESIDE]),
         "SHA-256 of the files:\n",
         table(["model", "result"], [[r.name, sha256(r.path)] for r in _sorted(rows)], left=2),
     ]
@@ -111,8 +113,8 @@ def _line(one: Verdict, names: dict[str, str], rows: Sequence[Scaled]) -> str:
     if one.solver is None:
         return start + "no exact solver answered."
     text = f"the fastest exact solver, {one.solver}, takes {_ms(one.seconds)} ms"
-    if one.compared < len(scaling.SURFACES):
-        text += f" ({one.compared} of {len(scaling.SURFACES)} surfaces)"
+    if one.compared < len(surfaces.SURFACES):
+        text += f" ({one.compared} of {len(surfaces.SURFACES)} surfaces)"
     cells = {row.slug: scaling_scores.cell(row, one.size) for row in rows}
     faster = [
         f"{names[slug]} ({_ms(cells[slug].seconds)} ms, error {_percent(cells[slug].error)})"
@@ -135,8 +137,8 @@ def _of(one: Cell, text: str) -> str:
         return "not run"
     if not one.answered:
         return ", ".join(one.failures)
-    whole = one.answered == len(scaling.SURFACES)
-    return text if whole else f"{text} ({one.answered} of {len(scaling.SURFACES)})"
+    whole = one.answered == len(surfaces.SURFACES)
+    return text if whole else f"{text} ({one.answered} of {len(surfaces.SURFACES)})"
 
 
 def _main(rows: Sequence[Scaled], sizes: Sequence[int]) -> str:

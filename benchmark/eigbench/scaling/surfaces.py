@@ -72,7 +72,7 @@ SURFACES: Mapping[str, Parameters] = {
 # limit follows from the last two; how far those before lead elsewhere bounds its error, h⁴ here.
 REFINEMENTS = (3, 4, 5)
 TIMED_BESIDE = 10_000  # vertices up to which every run times LaPy on the same meshes
-PINS = "scaling.parquet"
+PINS = "surfaces.parquet"
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +234,7 @@ def pinned(surface: str, size: int) -> Pinned:
 @lru_cache(maxsize=1)
 def read() -> Mapping[tuple[str, int], Pinned]:
     """Return the pins that the repository has, by surface and size."""
-    path = resources.files("eigbench").joinpath(PINS)
+    path = resources.files("eigbench.scaling").joinpath(PINS)
     if not path.is_file():
         return {}
     with path.open("rb") as file:

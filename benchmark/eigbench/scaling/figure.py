@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from eigbench import scaling_scores
 from eigbench.figures import style
-from eigbench.scaling_results import Scaled
-from eigbench.scaling_scores import Cell
+from eigbench.scaling import scores as scaling_scores
+from eigbench.scaling.results import Scaled
+from eigbench.scaling.scores import Cell
 
 # Okabe and Ito without yellow; the next seven models have other lines and marks
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#666666")

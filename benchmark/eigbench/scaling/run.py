@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from eigbench import record, reference, scaling, scaling_results
+from eigbench import record, reference
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, PredictorError
 from eigbench.process import PredictorProcess
-from eigbench.scaling_results import ANSWERED
+from eigbench.scaling import results as scaling_results
+from eigbench.scaling import surfaces
+from eigbench.scaling.results import ANSWERED
 from eigbench.worker import Answered
 from synthnet.families import FAMILIES
 from synthnet.types import Mesh, Parameters
@@ -86,7 +88,7 @@ def run(
         If the predictor does not load or fails on a small mesh; nothing is written then. Or if
         LaPy fails.
     """
-    wanted = [scaling.pinned(surface, size) for size in sizes for surface in scaling.SURFACES]
+    wanted = [surfaces.pinned(surface, size) for size in sizes for surface in surfaces.SURFACES]
     if out.exists() and not settings.resume:
         raise EigbenchError(f"{out} is there already: --resume adds what it lacks, or give another")
     result = _described(path, settings)
@@ -97,16 +99,16 @@ def run(
             if (expected.surface, expected.size) in done:
                 continue
             on_mesh(expected.pin.id)
-            mesh = scaling.mesh(expected.surface, expected.size)
-            scaling.check(expected, mesh)
+            mesh = surfaces.mesh(expected.surface, expected.size)
+            surfaces.check(expected, mesh)
             found = _measured(path, expected, mesh, settings)
-            if expected.size <= scaling.TIMED_BESIDE:
+            if expected.size <= surfaces.TIMED_BESIDE:
                 if peer is None:
                     peer = stack.enter_context(_reference())
                 answers = _repeated(peer, expected.pin.id, mesh)
                 found["reference_seconds"] = float(np.median([a.seconds for a in answers]))
             done[expected.surface, expected.size] = found
-            order = {surface: i for i, surface in enumerate(scaling.SURFACES)}
+            order = {surface: i for i, surface in enumerate(surfaces.SURFACES)}
             places = sorted(done, key=lambda key: (key[1], order[key[0]]))
             result["meshes"] = [done[place] for place in places]
             scaling_results.write(out, result)
@@ -173,7 +175,7 @@ def _done(
 
 
 def _measured(
-    path: Path, expected: scaling.Pinned, mesh: Mesh, settings: Settings
+    path: Path, expected: surfaces.Pinned, mesh: Mesh, settings: Settings
 ) -> dict[str, Any]:
     """Return what became of a mesh, ready for JSON."""
     found: dict[str, Any] = {
@@ -223,7 +225,7 @@ def _process(path: Path, settings: Settings) -> PredictorProcess:
     """Return the predictor's process, its time not limited to that of a mesh yet."""
     return PredictorProcess(
         path,
-        scaling.K,
+        surfaces.K,
         device=settings.device,
         seed=0,
         training=TRAINING,
@@ -238,7 +240,7 @@ def _reference() -> Any:
     """Load LaPy, on one thread, as every result is timed beside it."""
     path = Path(reference.__file__)
     with PredictorProcess(
-        path, scaling.K, device="cpu", seed=0, training=TRAINING, threads=1, time_limit=PATIENCE
+        path, surfaces.K, device="cpu", seed=0, training=TRAINING, threads=1, time_limit=PATIENCE
     ) as peer:
         peer.predict(["the mesh to warm up"], [warm_up()])
         yield peer

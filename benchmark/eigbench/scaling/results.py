@@ -14,8 +14,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from eigbench import results, scaling
+from eigbench import results
 from eigbench.errors import EigbenchError, ResultError
+from eigbench.scaling import surfaces
 from eigbench.submission import slug
 from synthnet.files import make_directory, sha256, write_atomically, write_text
 
@@ -57,7 +58,7 @@ class Scaled:
 
 def schema() -> dict[str, Any]:
     """Return the JSON Schema of these results; model and environment are as in all others."""
-    text = resources.files("eigbench").joinpath("scaling.schema.json").read_text()
+    text = resources.files("eigbench.scaling").joinpath("result.schema.json").read_text()
     loaded: dict[str, Any] = json.loads(text)
     for name in ("model", "environment"):
         loaded["properties"][name] = results.schema()["properties"][name]
@@ -101,7 +102,7 @@ def validate(result: Any, path: Path) -> None:
     seen = set()
     for one in result["meshes"]:
         try:
-            expected = scaling.pinned(one["surface"], one["size"])
+            expected = surfaces.pinned(one["surface"], one["size"])
         except EigbenchError as error:
             raise ResultError(f"{path}: {error}") from error
         key = expected.pin.id

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from eigbench import results, scaling
-from eigbench.scaling_results import ANSWERED, Scaled
+from eigbench import results
+from eigbench.scaling import surfaces
+from eigbench.scaling.results import ANSWERED, Scaled
 
 EXACT = 1e-6  # relative, of every eigenvalue: the tolerance of the pins
 
@@ -85,25 +86,25 @@ def seconds(one: Mapping[str, Any]) -> float:
 
 def error(one: Mapping[str, Any]) -> float:
     """Return the mean relative error of an answer against the mesh's label."""
-    label = scaling.pinned(one["surface"], one["size"]).label
-    return scaling.relative_error(np.array(one["eigenvalues"]), label)
+    label = surfaces.pinned(one["surface"], one["size"]).label
+    return surfaces.relative_error(np.array(one["eigenvalues"]), label)
 
 
 def distance(one: Mapping[str, Any]) -> float:
     """Return the mean relative error of an answer against the surface's spectrum."""
-    limit = scaling.pinned(one["surface"], one["size"]).limit
-    return scaling.relative_error(np.array(one["eigenvalues"]), limit)
+    limit = surfaces.pinned(one["surface"], one["size"]).limit
+    return surfaces.relative_error(np.array(one["eigenvalues"]), limit)
 
 
 def is_exact(one: Mapping[str, Any]) -> bool:
     """Return whether an answer is the label, but for rounding."""
-    label = scaling.pinned(one["surface"], one["size"]).label
+    label = surfaces.pinned(one["surface"], one["size"]).label
     return bool(np.max(np.abs(np.array(one["eigenvalues"]) / label - 1)) <= EXACT)
 
 
 def cell(row: Scaled, size: int) -> Cell:
     """Return the medians of a model at a size."""
-    tried = [row.meshes[s, size] for s in scaling.SURFACES if (s, size) in row.meshes]
+    tried = [row.meshes[s, size] for s in surfaces.SURFACES if (s, size) in row.meshes]
     good = [one for one in tried if one["outcome"] == ANSWERED]
     columns = [(error(m), distance(m), seconds(m), m["peak_memory_mb"]) for m in good]
     medians = np.median(np.array(columns, dtype=np.float64), axis=0) if good else np.full(4, np.nan)
@@ -127,7 +128,7 @@ def sizes(rows: Sequence[Scaled]) -> list[int]:
 
 def floor(size: int) -> float:
     """Return the median over the surfaces of the meshes' own discretisation error."""
-    errors = [scaling.pinned(s, size).discretisation_error for s in scaling.SURFACES]
+    errors = [surfaces.pinned(s, size).discretisation_error for s in surfaces.SURFACES]
     return float(np.median(errors))
 
 
@@ -149,7 +150,7 @@ def coarse_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, f
         ``<``, ``>`` or nothing, and seconds: beyond the sizes there is only a bound. NaN where no
         size counts.
     """
-    whole = [v for v in verdicts if v.compared == len(scaling.SURFACES)]
+    whole = [v for v in verdicts if v.compared == len(surfaces.SURFACES)]
     if not whole:
         return "", np.nan
     errors = np.array([floor(v.size) for v in whole])
@@ -167,7 +168,7 @@ def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
     """Return what is faster than the exact solver; the rows are of one setting."""
     fastest: dict[str, tuple[float, str]] = {}
     counts: dict[str, tuple[int, int]] = {}
-    for surface in scaling.SURFACES:
+    for surface in surfaces.SURFACES:
         answers = [
             (row, row.meshes[surface, size])
             for row in sorted(rows, key=lambda row: row.slug)
@@ -177,7 +178,7 @@ def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
         if not exact:
             continue
         fastest[surface] = min(exact)
-        own = scaling.pinned(surface, size).discretisation_error
+        own = surfaces.pinned(surface, size).discretisation_error
         for row, one in answers:
             if seconds(one) < fastest[surface][0] and not is_exact(one):
                 faster, wins = counts.get(row.slug, (0, 0))
