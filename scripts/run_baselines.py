@@ -62,6 +62,7 @@ def main() -> int:
         command = ["evaluate", str(BASELINES / f"{name}.py"), "--resume"]
         command += ["--dataset", options.dataset, "--protocol", options.protocol]
         command += ["--batch-size", str(BATCH[options.dataset])]
+        command += ["--no-reference"] if trained else []  # times are shown for grouped only
         command += ["--seeds", str(min(ROWS[name], options.seeds or ROWS[name]))]
         command += ["--out", str(out)]
         print(f"{name}:", flush=True)

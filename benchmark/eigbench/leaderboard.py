@@ -159,12 +159,13 @@ def place(one: Submission, root: Path, *, replace: bool = False) -> tuple[Path, 
     Raises
     ------
     ResultError
-        If it does not fit, see :func:`check_fit`, or was not timed beside LaPy.
+        If it does not fit, see :func:`check_fit`, or was not timed beside LaPy and its times
+        are to be shown: those of a version's own protocols are not.
     EigbenchError
         If another of that name is there and ``replace`` is not given.
     """
     check_fit(one)
-    if one.result["cost"].get("reference") is None:
+    if one.truth.protocol in PROTOCOLS and one.result["cost"].get("reference") is None:
         raise ResultError(
             f"{one.result_path} was not timed beside LaPy: evaluate without --no-reference"
         )

@@ -56,6 +56,10 @@ def test_score_is_the_same_by_the_name_of_the_set(eigbench, score, sealed_set, a
     assert eigbench("score", answers, *where) == score("--json")
 
 
+def test_predictor_of_a_sealed_set_is_trained_on_the_version_it_was_drawn_from(sealed_truth):
+    assert set(sealed_truth.trainings) == {"1.0/grouped"}
+
+
 def test_set_that_is_not_here_is_one_line(score, sealed_set, tmp_path):
     line = only_line(*score(root=tmp_path))
     assert f"the sealed set {sealed_set.seal.dataset} is not in {tmp_path}" in line
