@@ -128,9 +128,25 @@ def test_a_seed_without_weights() -> None:
         predictor.load(BASELINES / "ritz_mlp.py", seed=3)
 
 
+@pytest.mark.parametrize("training", ["1.0/grouped", "2.0/grouped"])
+def test_weights_of_each_version_answer_and_no_meshes_are_no_answers(training: str) -> None:
+    row = predictor.load(BASELINES / "ritz_mlp.py", training=training)
+    assert row.trained
+    assert row.predict([]).shape == (0, 10)
+
+
+def test_numbers_are_kept_for_every_training_shape_of_2_0(features: ModuleType) -> None:
+    ritz_mlp = sibling("ritz_mlp")
+    numbers, logs = ritz_mlp.kept("2.0/boundary")
+    assert (numbers.shape, logs.shape) == ((5733, len(features.NAMES)), (5733, 10))
+    assert (numbers[:, 0] >= logs[:, 0] - 1e-5).all()  # Ritz values bound the label from above
+    with pytest.raises(ValueError, match=r"ritz_mlp\.parquet lacks .* of 1\.0/paper: make it anew"):
+        ritz_mlp.kept("1.0/paper")
+
+
 @pytest.mark.parametrize(
     ("faces", "message"),
-    [(np.zeros((0, 3), int), "the mesh has area 0"), (np.array([[0, 1, 1]]), "has area 0")],
+    [(np.zeros((0, 3), int), "the mesh has no faces"), (np.array([[0, 1, 1]]), "has area 0")],
 )
 def test_a_mesh_without_area(faces: np.ndarray, message: str, features: ModuleType) -> None:
     with pytest.raises(ValueError, match=message):
