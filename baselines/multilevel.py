@@ -74,7 +74,7 @@ class Setting:
     coarsest: int = 150
     vectors: int = 16
     sweeps: int = 2
-    enough: float = 0.5
+    enough: float = 0.6
     cycles: int = 12
     remember: bool = True
 
@@ -266,7 +266,7 @@ def ritz_values(mesh: Mesh, setting: Setting = SETTING) -> np.ndarray:
         x = np.zeros((len(levels[k]), m))
         kernels.prolong(*levels[k].prolongation, combined(basis, turn), x)
         values, basis, turn = improved(levels[k:], values, x, inverse, setting)
-    return np.maximum(values[:COUNT], ZERO * values[-1])  # where components make more zeros
+    return np.maximum(values[:COUNT], ZERO * every[-1])  # components make more zeros
 
 
 def predict(meshes: Sequence[Mesh]) -> np.ndarray:

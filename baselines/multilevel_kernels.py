@@ -137,12 +137,12 @@ def prolongation(indptr, indices, stiffness, of, weight, least):  # type: ignore
     n = indptr.shape[0] - 1
     start = np.zeros(n + 1, np.int32)
     columns, values = np.empty(indices.shape[0], np.int32), np.empty(indices.shape[0])
-    place = np.full(n, -1, np.int32)  # of an aggregate in the row at work
+    seen, place = np.full(n, -1, np.int32), np.empty(n, np.int32)  # of an aggregate in the row
     count = 0
     for i in range(n):
         own = count
         columns[own], values[own] = of[i], 0.0
-        place[of[i]] = own
+        seen[of[i]], place[of[i]] = i, own
         count += 1
         total = 0.0
         for p in range(indptr[i] + 1, indptr[i + 1]):
@@ -150,8 +150,8 @@ def prolongation(indptr, indices, stiffness, of, weight, least):  # type: ignore
             if share > 0:
                 total += share
                 aggregate = of[indices[p]]
-                if place[aggregate] < own:
-                    place[aggregate] = count
+                if seen[aggregate] != i:
+                    seen[aggregate], place[aggregate] = i, count
                     columns[count], values[count] = aggregate, 0.0
                     count += 1
                 values[place[aggregate]] += share
