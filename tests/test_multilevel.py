@@ -41,7 +41,7 @@ def kernels() -> ModuleType:
     return imported("baselines", "multilevel_kernels")
 
 
-def drawn(family: str, vertices: int = 3000) -> Mesh:
+def drawn(family: str, vertices: int = 1500) -> Mesh:
     parameters = draw_shape(recipe.load("2.0"), family, 0).parameters
     how = {"triangulation": "uniform", "vertices": vertices, "seed": 7}
     return FAMILIES[family].generate({**parameters, **how})
@@ -52,13 +52,13 @@ def blob() -> Mesh:
     atlas = radial(
         lambda d: 1 + 0.3 * np.sin(3 * d[:, 0] + 1) * np.cos(2 * d[:, 1]) + 0.1 * d[:, 2]
     )
-    return atlas.mesh(atlas.uniform(15))
+    return atlas.mesh(atlas.uniform(12))
 
 
 def slivers() -> Mesh:
-    """A plate cut into needles and caps: angles from 0.1 to nearly 180 degrees."""
-    along = np.sort(np.random.default_rng(3).uniform(size=700)) ** 3
-    x = np.concatenate([[0.0], along, [1.0]])
+    """A plate cut into needles and caps: angles from less than 0.01 to nearly 180 degrees."""
+    x = np.cumsum(np.random.default_rng(3).uniform(0.05, 1, size=400) ** 2)
+    x = x / x[-1]
     n = len(x)
     rows = [np.stack([x, np.full(n, y), 0.05 * np.sin(9 * x + y)], axis=1) for y in (0, 0.02, 1)]
     a = np.arange(n - 1)
