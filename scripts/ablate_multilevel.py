@@ -4,9 +4,9 @@
     python scripts/ablate_multilevel.py directory/of/meshes
 
 The argument is the name of an imported dataset, or a directory that is imported for the occasion.
-All variants, other baselines, LaPy and the certified solver answer each mesh in turn,
-``REPEATS`` times over; times are medians of processor seconds, one thread. Meshes of 10,000 vertices and
-more are those of the dataset and some of 2.0's families. A few minutes.
+All variants, other baselines, LaPy and the certified solver answer each mesh in turn, ``REPEATS``
+times over; times are medians of processor seconds, one thread. Meshes of 10,000 vertices and more
+are those of the dataset and some of 2.0's families. A few minutes.
 """
 
 from __future__ import annotations
