@@ -30,6 +30,7 @@ ROWS = {  # file: seeds
     "lumped": 1,
     "exact": 1,
     "certified": 1,
+    "multilevel": 1,
     "ritz_mlp": 3,
     "reproduction/modern": 1,
 }

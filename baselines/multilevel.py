@@ -1,0 +1,274 @@
+r"""Eigenvalues by multilevel subspace iteration on smoothed aggregates.
+
+The vertices are gathered to aggregates of a handful, these again, down to a few dozen, with a
+prolongation P between two levels and the Galerkin matrices :math:`P^T A P`, :math:`P^T B P`. The
+coarsest eigenproblem is solved; then, level by level, its vectors X are prolonged, and Ritz values
+are taken in the span of X and of one multigrid cycle towards :math:`A^{-1} B X \Lambda`.
+
+Galerkin means that every answer is a Rayleigh quotient of functions on the mesh itself: an upper
+bound, but for rounding. See docs/real-shapes.md.
+
+References
+----------
+P. Vaněk, J. Mandel, M. Brezina, "Algebraic multigrid by smoothed aggregation for second and
+fourth order elliptic problems", Computing 56 (1996). A. Nasikun, K. Hildebrandt, "The hierarchical
+subspace iteration method for Laplace-Beltrami eigenproblems", ACM Trans. Graph. 41 (2022).
+A. V. Knyazev, "Toward the optimal preconditioned eigensolver", SIAM J. Sci. Comput. 23 (2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import multilevel_kernels as kernels
+import numpy as np
+from scipy import linalg, sparse
+
+from synthnet import Mesh
+
+META = {
+    "name": "Multilevel subspace iteration",
+    "kind": "classical",
+    "paper": "Nasikun, Hildebrandt 2022; Vaněk, Mandel, Brezina 1996",
+    "training_data": "none",
+    "training_cost": "none",
+}
+COUNT = 10  # eigenvalues wanted
+DEPENDENT = 1e-10  # of a Gram matrix, below which vectors agree
+ZERO = 1e-12  # of the largest eigenvalue: that of a constant on a component
+
+# glibc gives the memory of large arrays back at once, and page by page it costs a third of the
+# time to get it again; having freed one of nearly 32 MB it keeps what is below that.
+np.empty(2**25 - 2**17, np.uint8)
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What the ablation changes.
+
+    Parameters
+    ----------
+    strength : float
+        Share of the largest −a_ij from which neighbours are strong. Not a number that is the
+        ratio of two cotangents on a regular grid: rounding would decide.
+    weight, least : float
+        ω of the prolongation, and the least share of it that is kept.
+    coarsest : int
+        Vertices from which there is another level.
+    vectors : int
+        In the subspace, or two more or less, by where the coarsest spectrum has its widest gap.
+    sweeps : int
+        Of Gauss-Seidel before a coarse correction, and again after it.
+    enough : float
+        A level is finished when no wanted Ritz value falls by more than this share of itself.
+    cycles : int
+        Most cycles on a level.
+    remember : bool
+        Whether the last change of the vectors stays in the space, as in LOBPCG.
+    """
+
+    strength: float = 0.24
+    weight: float = 2 / 3
+    least: float = 0.09
+    coarsest: int = 150
+    vectors: int = 16
+    sweeps: int = 2
+    enough: float = 0.6
+    cycles: int = 12
+    remember: bool = True
+
+
+SETTING = Setting()
+FEWEST = 3 * SETTING.vectors  # vertices of a coarse level
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A and B on one pattern, and what leads here from the next coarser level.
+
+    Parameters
+    ----------
+    pattern : tuple of ndarray, int32
+        Start of each row, (n + 1,), and columns, the diagonal first.
+    stiffness, mass : ndarray of shape (nnz,), float64
+        Values of A (no unit) and B (length²).
+    prolongation : tuple of ndarray
+        P in CSR: starts, columns, values; ``None`` on the coarsest level.
+    """
+
+    pattern: tuple[np.ndarray, np.ndarray]
+    stiffness: np.ndarray
+    mass: np.ndarray
+    prolongation: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+
+    def __len__(self) -> int:
+        """Return n."""
+        return len(self.pattern[0]) - 1
+
+    def dense(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return A and B as (n, n) arrays."""
+        indptr, indices = self.pattern
+        shape = (len(self), len(self))
+        both = (sparse.csr_matrix((v, indices, indptr), shape) for v in (self.stiffness, self.mass))
+        a, b = (matrix.toarray() for matrix in both)
+        return a, b
+
+
+def finest(mesh: Mesh) -> Level:
+    """Return the finite element matrices of a mesh.
+
+    Raises
+    ------
+    ValueError
+        If a triangle has no area, or a vertex no triangle.
+    """
+    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    indptr, indices, stiffness, mass, flat, unused = kernels.assemble(vertices, faces)
+    if flat:
+        raise ValueError(f"{flat} of {len(faces)} faces have no area: remove them first")
+    if unused:
+        raise ValueError(f"{unused} vertices belong to no triangle: remove them first")
+    return Level((indptr, indices), stiffness, mass)
+
+
+def coarsened(fine: Level, setting: Setting) -> tuple[Level, Level]:
+    """Return a level with its prolongation, and the next coarser one."""
+    of, count = kernels.aggregates(*fine.pattern, fine.stiffness, setting.strength)
+    p = kernels.prolongation(*fine.pattern, fine.stiffness, of, setting.weight, setting.least)
+    product = kernels.times_both(*fine.pattern, fine.stiffness, fine.mass, *p, count)
+    *pattern, stiffness, mass = kernels.of_both(*kernels.transposed(*p, count), *product)
+    return replace(fine, prolongation=p), Level(tuple(pattern), stiffness, mass)
+
+
+def hierarchy(mesh: Mesh, setting: Setting = SETTING) -> list[Level]:
+    """Return the levels, the finest first."""
+    levels = [finest(mesh)]
+    while len(levels[-1]) > setting.coarsest:
+        fine, coarse = coarsened(levels[-1], setting)
+        if not FEWEST <= len(coarse) < 0.9 * len(fine):
+            break
+        levels[-1:] = [fine, coarse]
+    return levels
+
+
+def cycle(
+    levels: list[Level],
+    right: np.ndarray,
+    x: np.ndarray,
+    inverse: Callable[[np.ndarray], np.ndarray],
+    sweeps: int,
+) -> None:
+    """Improve x towards A x = right on the first of the levels, by one V-cycle."""
+    level, *coarser = levels
+    if not coarser:
+        x[:] = inverse(right)
+        return
+    for _ in range(sweeps):
+        kernels.relax(*level.pattern, level.stiffness, right, x, True)
+    defect = np.zeros((len(coarser[0]), x.shape[1]))
+    kernels.restrict(*level.pattern, level.stiffness, right, x, *level.prolongation, defect)
+    correction = np.zeros_like(defect)
+    cycle(coarser, defect, correction, inverse, sweeps)
+    kernels.prolong(*level.prolongation, correction, x)
+    for _ in range(sweeps):
+        kernels.relax(*level.pattern, level.stiffness, right, x, False)
+
+
+def ritz(stiffness: np.ndarray, gram: np.ndarray, m: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first m Ritz values of a basis, and its combinations that have them."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    sizes, directions = np.linalg.eigh(gram * scale * scale[:, None])
+    kept = sizes > DEPENDENT * sizes[-1]
+    frame = scale[:, None] * directions[:, kept] / np.sqrt(sizes[kept])
+    values, turn = np.linalg.eigh(frame.T @ stiffness @ frame)
+    return values[:m], frame @ turn[:, :m]
+
+
+def bordered(matrix: np.ndarray, basis: list[np.ndarray], image: np.ndarray) -> np.ndarray:
+    """Return a basis' matrix of products once its last block is there, with that one's image."""
+    columns = np.concatenate([block.T @ image for block in basis])
+    old = len(matrix)
+    return np.block([[matrix, columns[:old]], [columns[:old].T, columns[old:]]])
+
+
+def combined(basis: list[np.ndarray], weights: np.ndarray) -> np.ndarray:
+    """Return the linear combinations of the blocks of a basis, by the columns of weights."""
+    parts = np.split(weights, len(basis))
+    return sum(block @ part for block, part in zip(basis, parts, strict=True))
+
+
+def improved(
+    levels: list[Level],
+    values: np.ndarray,
+    x: np.ndarray,
+    inverse: Callable[[np.ndarray], np.ndarray],
+    setting: Setting,
+) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
+    """Return better Ritz values on the first of the levels; a basis, and weights of the vectors.
+
+    The basis is X, what last changed it, and the cycle's correction: three blocks, of which the
+    products of the first two follow from those of the step before.
+    """
+    level, m = levels[0], x.shape[1]
+    basis, stiffness, gram = [x], np.diag(values), np.eye(m)
+    right, a_step, b_step = (np.empty_like(x) for _ in range(3))
+    area = level.mass.sum()
+    for left in range(setting.cycles - 1, -1, -1):
+        kernels.multiply(*level.pattern, level.mass, basis[0], right)
+        right *= values
+        step = basis[0].copy()
+        cycle(levels, right, step, inverse, setting.sweeps)
+        step -= basis[0]
+        kernels.multiply_both(*level.pattern, level.stiffness, level.mass, step, a_step, b_step)
+        step -= b_step.sum(axis=0) / area  # so that its integral is zero
+        basis.append(step)
+        stiffness, gram = bordered(stiffness, basis, a_step), bordered(gram, basis, b_step)
+        before = values
+        values, turn = ritz(stiffness, gram, m)
+        wanted = slice(min(COUNT, m))
+        fall = (before - values)[wanted] - setting.enough * values[wanted]
+        if not left or fall.max() <= ZERO * values[-1]:
+            break
+        change = np.vstack([np.zeros((m, m)), turn[m:]])
+        both = np.hstack([turn, change]) if setting.remember else turn
+        stiffness, gram = both.T @ stiffness @ both, both.T @ gram @ both
+        moved = combined(basis[1:], turn[m:])
+        basis = [basis[0] @ turn[:m] + moved] + [moved] * setting.remember
+    return values, basis, turn
+
+
+def ritz_values(mesh: Mesh, setting: Setting = SETTING) -> np.ndarray:
+    """Return upper bounds of the first ten eigenvalues after zero, in 1/length².
+
+    Raises
+    ------
+    ValueError
+        If the mesh has fewer than eleven vertices, a triangle no area, or a vertex no triangle.
+    """
+    if len(mesh.vertices) <= COUNT:
+        raise ValueError(f"{COUNT} eigenvalues after zero need more than {COUNT} vertices")
+    levels = hierarchy(mesh, setting)
+    every, vectors = linalg.eigh(*levels[-1].dense(), check_finite=False)
+    good = every > ZERO * every[-1]
+    frame = vectors[:, good]
+
+    def inverse(right: np.ndarray) -> np.ndarray:
+        return frame @ ((frame.T @ right) / every[good, None])
+
+    values, m = every[1:], len(every) - 1
+    if len(levels) > 1:
+        cuts = np.arange(setting.vectors - 2, setting.vectors + 3)
+        m = cuts[np.argmax(values[cuts] / values[cuts - 1])]
+    values, basis, turn = values[:m], [np.ascontiguousarray(vectors[:, 1 : m + 1])], np.eye(m)
+    for k in range(len(levels) - 2, -1, -1):
+        x = np.zeros((len(levels[k]), m))
+        kernels.prolong(*levels[k].prolongation, combined(basis, turn), x)
+        values, basis, turn = improved(levels[k:], values, x, inverse, setting)
+    return np.maximum(values[:COUNT], ZERO * every[-1])  # components make more zeros
+
+
+def predict(meshes: Sequence[Mesh]) -> np.ndarray:
+    """Return upper bounds of the eigenvalues, shape (B, 10)."""
+    return np.array([ritz_values(mesh) for mesh in meshes])

@@ -1,0 +1,283 @@
+"""baselines/multilevel.py: Galerkin levels, upper bounds, and what may not change an answer."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from synthnet import recipe, spectrum
+from synthnet.families import FAMILIES, draw_shape
+from synthnet.families.radial import radial
+from synthnet.types import Mesh
+
+ROOT = Path(__file__).parent.parent
+
+
+def imported(directory: str, name: str) -> ModuleType:
+    """Import a file of baselines/ or scripts/, as those beside it do."""
+    sys.path.insert(0, str(ROOT / directory))
+    try:
+        return importlib.import_module(name)
+    finally:
+        sys.path.remove(str(ROOT / directory))
+
+
+@pytest.fixture(scope="module")
+def multilevel() -> ModuleType:
+    return imported("baselines", "multilevel")
+
+
+@pytest.fixture(scope="module")
+def kernels() -> ModuleType:
+    return imported("baselines", "multilevel_kernels")
+
+
+def drawn(family: str, vertices: int = 1500) -> Mesh:
+    parameters = draw_shape(recipe.load("2.0"), family, 0).parameters
+    how = {"triangulation": "uniform", "vertices": vertices, "seed": 7}
+    return FAMILIES[family].generate({**parameters, **how})
+
+
+def blob() -> Mesh:
+    """A surface without symmetry, so that no comparison of floats is a tie."""
+    atlas = radial(
+        lambda d: 1 + 0.3 * np.sin(3 * d[:, 0] + 1) * np.cos(2 * d[:, 1]) + 0.1 * d[:, 2]
+    )
+    return atlas.mesh(atlas.uniform(12))
+
+
+def slivers() -> Mesh:
+    """A plate cut into needles and caps: angles from less than 0.01 to nearly 180 degrees."""
+    x = np.cumsum(np.random.default_rng(3).uniform(0.05, 1, size=400) ** 2)
+    x = x / x[-1]
+    n = len(x)
+    rows = [np.stack([x, np.full(n, y), 0.05 * np.sin(9 * x + y)], axis=1) for y in (0, 0.02, 1)]
+    a = np.arange(n - 1)
+    low = [np.stack([a + r * n, a + 1 + r * n, a + 1 + (r + 1) * n], axis=1) for r in (0, 1)]
+    high = [np.stack([a + r * n, a + 1 + (r + 1) * n, a + (r + 1) * n], axis=1) for r in (0, 1)]
+    return Mesh(np.concatenate(rows), np.concatenate(low + high))
+
+
+HARD = {
+    "sphere-like": blob,
+    "pretzel": lambda: drawn("pretzel"),
+    "boundary": lambda: drawn("drum"),
+    "not orientable": lambda: drawn("mobius_band"),
+    "slivers": slivers,
+}
+
+
+@pytest.fixture(scope="module", params=HARD)
+def mesh(request: pytest.FixtureRequest) -> Mesh:
+    return HARD[request.param]()
+
+
+def matrix(values: np.ndarray, indptr: np.ndarray, indices: np.ndarray, n: int) -> np.ndarray:
+    return sparse.csr_matrix((values, indices, indptr), shape=(len(indptr) - 1, n)).toarray()
+
+
+# --- levels ----------------------------------------------------------------------------
+
+
+def test_matrices_are_those_of_the_label(mesh: Mesh, multilevel: ModuleType) -> None:
+    level = multilevel.finest(mesh)
+    for found, wanted in zip(level.dense(), spectrum.fem_matrices(mesh), strict=True):
+        np.testing.assert_allclose(found, wanted.toarray(), atol=1e-12 * abs(wanted).max())
+
+
+def test_aggregates_partition_the_vertices_and_hang_together(
+    mesh: Mesh, multilevel: ModuleType, kernels: ModuleType
+) -> None:
+    level = multilevel.finest(mesh)
+    of, count = kernels.aggregates(*level.pattern, level.stiffness, 0.24)
+    assert (np.unique(of) == np.arange(count)).all()
+    assert count < len(level) / 1.5
+    edges = sparse.csr_matrix((np.ones_like(level.mass), *level.pattern[::-1])).tocoo()
+    inside = of[edges.row] == of[edges.col]
+    graph = sparse.coo_matrix((np.ones(inside.sum()), (edges.row[inside], edges.col[inside])))
+    assert sparse.csgraph.connected_components(graph)[0] == count
+
+
+def test_coarse_matrices_are_galerkin(mesh: Mesh, multilevel: ModuleType) -> None:
+    fine, coarse = multilevel.coarsened(multilevel.finest(mesh), multilevel.SETTING)
+    starts, columns, values = fine.prolongation
+    p = matrix(values, starts, columns, len(coarse))
+    assert (p >= 0).all()
+    np.testing.assert_allclose(p.sum(axis=1), 1, rtol=1e-14)
+    for small, large in zip(coarse.dense(), fine.dense(), strict=True):
+        np.testing.assert_allclose(small, p.T @ large @ p, atol=1e-12 * abs(large).max())
+
+
+def test_every_level_is_symmetric_semidefinite_with_the_constants_in_its_kernel(
+    mesh: Mesh, multilevel: ModuleType
+) -> None:
+    levels = multilevel.hierarchy(mesh)
+    assert len(levels) >= 2
+    area = levels[0].mass.sum()
+    for level in levels[1:]:
+        a, b = level.dense()
+        assert (level.pattern[1][level.pattern[0][:-1]] == np.arange(len(level))).all()
+        np.testing.assert_allclose(a, a.T, atol=1e-12 * a.max())
+        np.testing.assert_allclose(b, b.T, atol=1e-12 * b.max())
+        np.testing.assert_allclose(a.sum(axis=1), 0, atol=1e-10 * a.max())
+        assert b.sum() == pytest.approx(area)
+        assert np.linalg.eigvalsh(a)[0] > -1e-12 * a.max()
+        assert np.linalg.eigvalsh(b)[0] > 0
+
+
+def test_prolongation_of_a_path_by_hand(kernels: ModuleType) -> None:
+    # Four vertices in a row, couplings 1, 3, 1; aggregates {0, 1}, {2, 3}; half of each is shared.
+    indptr = np.array([0, 2, 5, 8, 10], np.int32)
+    indices = np.array([0, 1, 1, 0, 2, 2, 1, 3, 3, 2], np.int32)
+    stiffness = np.array([1.0, -1, 4, -1, -3, 4, -3, -1, 1, -1])
+    of = np.array([0, 0, 1, 1], np.int32)
+    for least, shared in ((0.0, 3 / 8), (0.8, 0.0)):  # of the inner two, 3/4 is across
+        starts, columns, values = kernels.prolongation(indptr, indices, stiffness, of, 0.5, least)
+        wanted = [[1, 0], [1 - shared, shared], [shared, 1 - shared], [0, 1]]
+        np.testing.assert_allclose(matrix(values, starts, columns, 2), wanted)
+
+
+def test_a_dropped_share_does_not_spoil_the_next_row(
+    mesh: Mesh, multilevel: ModuleType, kernels: ModuleType
+) -> None:
+    level = multilevel.finest(mesh)
+    of, count = kernels.aggregates(*level.pattern, level.stiffness, 0.24)
+    whole, cut = (
+        matrix(values, starts, columns, count)
+        for starts, columns, values in (
+            kernels.prolongation(*level.pattern, level.stiffness, of, 0.6, least)
+            for least in (0.0, 0.3)
+        )
+    )
+    other = np.arange(count) != of[:, None]
+    kept = np.where(other & (whole >= 0.3 * 0.6), whole, 0)
+    own = 0.6 - (whole * other).sum(axis=1)  # what went to the vertex's own aggregate
+    kept *= (0.6 / np.maximum(kept.sum(axis=1) + own, 1e-300))[:, None]
+    np.testing.assert_allclose(cut * other, kept, atol=1e-12)
+
+
+def test_a_cycle_reduces_the_error_in_energy(mesh: Mesh, multilevel: ModuleType) -> None:
+    levels = multilevel.hierarchy(mesh)[:2]
+    a = levels[0].dense()[0]
+    coarse = np.linalg.pinv(levels[1].dense()[0], hermitian=True)
+    wanted = np.random.default_rng(0).normal(size=(len(a), 3))
+    x = np.zeros_like(wanted)
+    multilevel.cycle(levels, a @ wanted, x, lambda right: coarse @ right, 2)
+    left = np.einsum("ij,ij->j", wanted - x, a @ (wanted - x))
+    assert (left < 0.1 * np.einsum("ij,ij->j", wanted, a @ wanted)).all()
+
+
+# --- answers ---------------------------------------------------------------------------
+
+
+def test_answers_bound_the_eigenvalues_from_above_and_are_close(
+    mesh: Mesh, multilevel: ModuleType
+) -> None:
+    exact = spectrum.compute(mesh).eigenvalues
+    found = multilevel.ritz_values(mesh)
+    assert (found >= exact * (1 - 1e-9)).all()
+    assert (np.diff(found) >= 0).all()
+    np.testing.assert_allclose(found, exact, rtol=0.15)
+    assert np.abs(found / exact - 1).mean() < 0.03
+
+
+def test_with_cycles_enough_the_answers_are_exact(mesh: Mesh, multilevel: ModuleType) -> None:
+    setting = replace(multilevel.SETTING, enough=0.0, cycles=40)
+    exact = spectrum.compute(mesh).eigenvalues
+    np.testing.assert_allclose(multilevel.ritz_values(mesh, setting), exact, rtol=1e-4)
+
+
+def test_more_cycles_never_raise_a_value(multilevel: ModuleType) -> None:
+    mesh = slivers()
+    found = [
+        multilevel.ritz_values(mesh, replace(multilevel.SETTING, enough=0.0, cycles=cycles))
+        for cycles in (1, 2, 4)
+    ]
+    assert (found[0] > found[1]).any()
+    assert (found[1] <= found[0] * (1 + 1e-12)).all()
+    assert (found[2] <= found[1] * (1 + 1e-12)).all()
+
+
+def test_scale_and_motion(multilevel: ModuleType) -> None:
+    mesh = blob()
+    found = multilevel.ritz_values(mesh)
+    turn, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
+    twice = multilevel.ritz_values(Mesh(2 * mesh.vertices, mesh.faces))
+    assert (4 * twice == found).all()  # to the last bit: powers of two round nothing
+    moved = Mesh(1e-5 * mesh.vertices @ turn.T, mesh.faces)
+    np.testing.assert_allclose(1e-10 * multilevel.ritz_values(moved), found, rtol=1e-9)
+
+
+def test_another_numbering_changes_less_than_the_error_allowed(multilevel: ModuleType) -> None:
+    mesh = blob()
+    order = np.random.default_rng(2).permutation(len(mesh.vertices))
+    renumbered = Mesh(mesh.vertices[order], np.argsort(order)[mesh.faces])
+    found, again = multilevel.ritz_values(mesh), multilevel.ritz_values(renumbered)
+    assert (found != again).any()  # aggregates depend on it, and the page says so
+    np.testing.assert_allclose(again, found, rtol=0.03)
+
+
+def test_neither_batch_nor_order_nor_another_call_changes_a_bit(multilevel: ModuleType) -> None:
+    pair = [blob(), slivers()]
+    both = multilevel.predict(pair)
+    assert (multilevel.predict(pair[::-1])[::-1] == both).all()
+    assert (np.concatenate([multilevel.predict([mesh]) for mesh in pair]) == both).all()
+
+
+@pytest.mark.parametrize("resolution", [1, 2, 3])
+def test_a_small_mesh_is_solved_exactly(resolution: int, multilevel: ModuleType) -> None:
+    atlas = radial(lambda directions: 1 + 0.1 * directions[:, 0])
+    mesh = atlas.mesh(atlas.uniform(resolution))  # 12, 42 and 92 vertices
+    exact = spectrum.compute(mesh).eigenvalues
+    np.testing.assert_allclose(multilevel.ritz_values(mesh), exact, rtol=1e-9)
+
+
+def test_components_make_more_zeros_and_leave_the_rest(multilevel: ModuleType) -> None:
+    one = blob()
+    both = Mesh(
+        np.concatenate([one.vertices, 2 * one.vertices + 9]),
+        np.concatenate([one.faces, one.faces + len(one.vertices)]),
+    )
+    found = multilevel.ritz_values(both)
+    alone = spectrum.compute(one).eigenvalues
+    wanted = np.sort(np.concatenate([alone, alone / 4]))[:9]
+    assert 0 < found[0] < 1e-8 * wanted[0]
+    np.testing.assert_allclose(found[1:], wanted, rtol=0.03)
+    assert (found[1:] >= wanted * (1 - 1e-9)).all()
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (np.eye(3), [[0, 1, 2]], "10 eigenvalues after zero need more than 10 vertices"),
+        (np.zeros((11, 3)), [[0, 1, 2]], "1 of 1 faces have no area"),
+        (np.eye(11)[:, :3], [[0, 1, 2]], "8 vertices belong to no triangle"),
+    ],
+)
+def test_what_has_no_answer(
+    vertices: np.ndarray, faces: list, message: str, multilevel: ModuleType
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        multilevel.predict([Mesh(vertices, np.array(faces))])
+
+
+# --- page ------------------------------------------------------------------------------
+
+
+def test_page_has_the_tables_that_were_measured(multilevel: ModuleType) -> None:
+    script = imported("scripts", "ablate_multilevel")
+    found = json.loads(script.RESULT.read_text())
+    page = script.PAGE.read_text()
+    for table in script.tables(found).values():
+        assert table in page
+    assert [row["method"] for row in found["methods"]] == list(script.methods())
+    assert script.VARIANTS[script.OURS] == multilevel.SETTING
