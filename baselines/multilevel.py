@@ -80,7 +80,7 @@ class Setting:
 
 
 SETTING = Setting()
-FEWEST = 3 * SETTING.vectors  # vertices of a coarse level
+FEWEST = 2 * SETTING.vectors  # vertices of a coarse level
 
 
 @dataclass(frozen=True, slots=True)
