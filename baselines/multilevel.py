@@ -58,8 +58,8 @@ class Setting:
         Vertices from which there is another level.
     vectors : int
         In the subspace, or two more or less, by where the coarsest spectrum has its widest gap.
-    sweeps : int
-        Of Gauss-Seidel before a coarse correction, and again after it.
+    sweeps : tuple of int
+        Of Gauss-Seidel before a coarse correction, and after it.
     enough : float
         A level is finished when no wanted Ritz value falls by more than this share of itself.
     cycles : int
@@ -72,15 +72,15 @@ class Setting:
     weight: float = 2 / 3
     least: float = 0.09
     coarsest: int = 150
-    vectors: int = 16
-    sweeps: int = 2
+    vectors: int = 14
+    sweeps: tuple[int, int] = (1, 2)
     enough: float = 0.6
     cycles: int = 12
     remember: bool = True
 
 
 SETTING = Setting()
-FEWEST = 2 * SETTING.vectors  # vertices of a coarse level
+FEWEST = 32  # vertices of a coarse level
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,21 +158,21 @@ def cycle(
     right: np.ndarray,
     x: np.ndarray,
     inverse: Callable[[np.ndarray], np.ndarray],
-    sweeps: int,
+    sweeps: tuple[int, int],
 ) -> None:
     """Improve x towards A x = right on the first of the levels, by one V-cycle."""
     level, *coarser = levels
     if not coarser:
         x[:] = inverse(right)
         return
-    for _ in range(sweeps):
+    for _ in range(sweeps[0]):
         kernels.relax(*level.pattern, level.stiffness, right, x, True)
     defect = np.zeros((len(coarser[0]), x.shape[1]))
     kernels.restrict(*level.pattern, level.stiffness, right, x, *level.prolongation, defect)
     correction = np.zeros_like(defect)
     cycle(coarser, defect, correction, inverse, sweeps)
     kernels.prolong(*level.prolongation, correction, x)
-    for _ in range(sweeps):
+    for _ in range(sweeps[1]):
         kernels.relax(*level.pattern, level.stiffness, right, x, False)
 
 
@@ -216,8 +216,7 @@ def improved(
     right, a_step, b_step = (np.empty_like(x) for _ in range(3))
     area = level.mass.sum()
     for left in range(setting.cycles - 1, -1, -1):
-        kernels.multiply(*level.pattern, level.mass, basis[0], right)
-        right *= values
+        kernels.multiply(*level.pattern, level.mass, basis[0], values, right)
         step = basis[0].copy()
         cycle(levels, right, step, inverse, setting.sweeps)
         step -= basis[0]

@@ -264,8 +264,8 @@ def of_both(start, columns, values, begin, found, both):  # type: ignore[no-unty
 
 
 @kernel
-def multiply(indptr, indices, values, x, y):  # type: ignore[no-untyped-def]
-    """Set y to the product of a matrix and x."""
+def multiply(indptr, indices, values, x, scales, y):  # type: ignore[no-untyped-def]
+    """Set y to the product of a matrix and x, its columns scaled."""
     m = x.shape[1]
     for i in range(indptr.shape[0] - 1):
         for c in range(m):
@@ -274,6 +274,8 @@ def multiply(indptr, indices, values, x, y):  # type: ignore[no-untyped-def]
             j, value = indices[p], values[p]
             for c in range(m):
                 y[i, c] += value * x[j, c]
+        for c in range(m):
+            y[i, c] *= scales[c]
 
 
 @kernel

@@ -40,23 +40,23 @@ from synthnet.families import FAMILIES, draw_shape  # noqa: E402
 from synthnet.files import write_marked, write_text  # noqa: E402
 
 RESULT, PAGE = ROOT / "docs" / "data" / "multilevel.json", ROOT / "docs" / "real-shapes.md"
-LARGE, REPEATS = 10_000, 1
-SYNTHETIC = {"blob": 10_000, "pretzel": 20_000}
+LARGE, REPEATS = 10_000, 5
+SYNTHETIC = {"blob": 10_000, "pretzel": 20_000, "twisted_torus": 40_000, "ellipsoid": 100_000}
 SETTING = multilevel.SETTING
 VARIANTS = {
     "as it is": SETTING,
     "piecewise constant prolongation": replace(SETTING, weight=0.0),
     "no share of the prolongation dropped": replace(SETTING, least=0.0),
     "every neighbour strong": replace(SETTING, strength=0.0),
-    "1 sweep": replace(SETTING, sweeps=1),
-    "3 sweeps": replace(SETTING, sweeps=3),
+    "1 sweep before, 1 after": replace(SETTING, sweeps=(1, 1)),
+    "2 sweeps before, 2 after": replace(SETTING, sweeps=(2, 2)),
     "1 cycle a level": replace(SETTING, cycles=1),
     "2 cycles a level": replace(SETTING, cycles=2, enough=0.0),
     "until no value falls by 10 %": replace(SETTING, enough=0.1),
     "until no value falls by 1 %": replace(SETTING, enough=0.01),
     "the last change forgotten": replace(SETTING, remember=False),
     "12 vectors": replace(SETTING, vectors=12),
-    "20 vectors": replace(SETTING, vectors=20),
+    "16 vectors": replace(SETTING, vectors=16),
     "coarsest level up to 75 vertices": replace(SETTING, coarsest=75),
     "coarsest level up to 300 vertices": replace(SETTING, coarsest=300),
 }

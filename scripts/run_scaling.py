@@ -17,6 +17,7 @@ from pathlib import Path
 BASELINES = Path(__file__).parent.parent / "baselines"
 ROWS = (
     "certified",
+    "multilevel",
     "exact",
     "lumped",
     "ritz3",
