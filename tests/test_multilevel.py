@@ -171,7 +171,7 @@ def test_a_cycle_reduces_the_error_in_energy(mesh: Mesh, multilevel: ModuleType)
     coarse = np.linalg.pinv(levels[1].dense()[0], hermitian=True)
     wanted = np.random.default_rng(0).normal(size=(len(a), 3))
     x = np.zeros_like(wanted)
-    multilevel.cycle(levels, a @ wanted, x, lambda right: coarse @ right, 2)
+    multilevel.cycle(levels, a @ wanted, x, lambda right: coarse @ right, (2, 2))
     left = np.einsum("ij,ij->j", wanted - x, a @ (wanted - x))
     assert (left < 0.1 * np.einsum("ij,ij->j", wanted, a @ wanted)).all()
 
