@@ -49,7 +49,7 @@ class Options:
         Go on from the batches that an interrupted run has left.
     reference : bool
         Time LaPy, on one thread, on the batches that hold the first and the last
-        :data:`REFERENCE` meshes, each right after the predictor; of the first training only.
+        :data:`REFERENCE` meshes, each right after the predictor; of the first seed and training only.
     """
 
     device: str = "cpu"
@@ -129,7 +129,7 @@ def evaluate(
     for seed in range(options.seeds):
         for number, training in enumerate(trainings):
             chosen = np.flatnonzero(truth.trainings == training) if several else everything
-            first = replace(options, reference=options.reference and number == 0)
+            first = replace(options, reference=options.reference and seed == number == 0)
             task = _Task(path, truth.take(chosen), first, seed, training)
             place = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
             left = place.exists() and options.resume
