@@ -11,6 +11,7 @@ from torch_geometric.loader import DataLoader
 from torch_geometric.transforms import Compose, FaceToEdge, NormalizeScale
 
 from synthnet import mapped, spectrum, store
+from synthnet.errors import RecipeError
 from synthnet.geometry import volume
 from synthnet.pyg import SynthNet
 from synthnet.types import SPLITS, Mesh
@@ -303,7 +304,6 @@ def test_pre_transform_must_return_what_can_be_stored(open_split):
     ("options", "message"),
     [
         ({"split": "dev"}, "split must be one of train, validation, test, got 'dev'"),
-        ({"protocol": "mine"}, "protocol must be one of grouped, paper, got 'mine'"),
         ({"augment": 3}, "augment must be one of True, False, random, got 3"),
         ({"augment": 1}, "augment must be one of True, False, random, got 1"),
         (
@@ -315,6 +315,13 @@ def test_pre_transform_must_return_what_can_be_stored(open_split):
 def test_unknown_options_are_refused(unpacking_home, options, message):
     with pytest.raises(ValueError, match=message):
         SynthNet(unpacking_home, MINI, **options)
+
+
+def test_unknown_protocol_is_refused(unpacking_home):
+    with pytest.raises(
+        RecipeError, match=r"protocol of 1\.0-mini must be one of grouped, paper: 'm"
+    ):
+        SynthNet(unpacking_home, MINI, protocol="mine")
 
 
 def test_a_missing_version_is_built_on_first_use(tmp_path, monkeypatch, capfd):

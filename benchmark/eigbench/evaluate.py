@@ -49,7 +49,7 @@ class Options:
         Go on from the batches that an interrupted run has left.
     reference : bool
         Time LaPy, on one thread, on the batches that hold the first and the last
-        :data:`REFERENCE` meshes, each right after the predictor; of the first seed and training only.
+        :data:`REFERENCE` meshes of the first seed and training, each right after the predictor.
     """
 
     device: str = "cpu"

@@ -83,7 +83,7 @@ def check_fit(one: Submission) -> None:
         If it is partial, not of a test split, of a single training of a protocol, not in
         Parquet, or has predictions that are not finite or not positive.
     """
-    split, protocol = one.truth.split, one.truth.protocol
+    split, protocol = (one.result["dataset"][key] for key in ("split", "protocol"))
     problem = predictions.unphysical(one.truth, one.predictions)
     if one.result["partial"]:
         raise ResultError(f"{one.result_path} is partial (made with --limit): evaluate it whole")

@@ -178,7 +178,8 @@ def of_dataset(
     """
     _check(split)
     version = dataset.manifest.version
-    # Only a version's recipe has protocols of its own; an import has no recipe
+    if protocol not in PROTOCOLS and version not in recipe.available():
+        raise EigbenchError(f"{version} has no protocol {protocol}: {' or '.join(PROTOCOLS)}")
     wanted = None if protocol in PROTOCOLS else recipe.load(version)
     shapes = list(_stored(dataset))
     chosen = list(_choose(shapes, _trained_on(version), wanted, split, protocol))

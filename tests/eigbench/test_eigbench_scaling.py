@@ -48,7 +48,7 @@ def predict(meshes):
 
 
 @pytest.fixture
-def surfaces(monkeypatch):
+def only(monkeypatch):
     """Return a function that leaves only some surfaces in the set, and LaPy out: it takes long."""
 
     def choose(chosen):
@@ -163,9 +163,9 @@ def test_a_run_writes_what_the_schema_wants(eigbench, predictor_file, tmp_path, 
     ],
 )
 def test_what_goes_wrong_at_one_size_loses_only_that(
-    predictor_file, tmp_path, surfaces, happens, outcome, told
+    predictor_file, tmp_path, only, happens, outcome, told
 ):
-    surfaces(ONE)
+    only(ONE)
     code = predictor_file(AT_TEN_THOUSAND.format(happens))
     settings = Settings(time_limit=2.0, memory_limit=0.25)
     out = tmp_path / "scaling.json"
@@ -180,9 +180,9 @@ def test_what_goes_wrong_at_one_size_loses_only_that(
 
 
 def test_resume_adds_what_is_missing_and_tries_again_what_a_higher_limit_allows(
-    predictor_file, tmp_path, surfaces, monkeypatch
+    predictor_file, tmp_path, only, monkeypatch
 ):
-    surfaces(TWO)
+    only(TWO)
     monkeypatch.setattr(scaling_run, "ENOUGH", 1.0)
     code = predictor_file(AT_TEN_THOUSAND.format("time.sleep(1.5)"))
     out, asked = tmp_path / "scaling.json", []
@@ -205,8 +205,8 @@ def test_resume_adds_what_is_missing_and_tries_again_what_a_higher_limit_allows(
     assert result["meshes"][:2] == first
 
 
-def test_resume_refuses_what_other_code_or_settings_have_made(predictor_file, tmp_path, surfaces):
-    surfaces(ONE)
+def test_resume_refuses_what_other_code_or_settings_have_made(predictor_file, tmp_path, only):
+    only(ONE)
     code, out = predictor_file(EIGHTY), tmp_path / "scaling.json"
     scaling_run.run(code, [1_000], Settings(), out)
     with pytest.raises(EigbenchError, match=r"made with another threads \(cost\): give another"):
@@ -216,8 +216,8 @@ def test_resume_refuses_what_other_code_or_settings_have_made(predictor_file, tm
         scaling_run.run(code, [1_000], Settings(resume=True), out)
 
 
-def test_an_interrupted_run_keeps_what_it_has(predictor_file, tmp_path, surfaces):
-    surfaces(TWO)
+def test_an_interrupted_run_keeps_what_it_has(predictor_file, tmp_path, only):
+    only(TWO)
     out = tmp_path / "scaling.json"
 
     def stop(name):
@@ -273,8 +273,8 @@ def test_errors_of_a_process_can_be_told_apart(predictor_file):
         ask("kept = np.ones(2**27); time.sleep(60)", memory_limit=2**28)
 
 
-def test_scaling_lists_and_verifies(eigbench, monkeypatch, surfaces):
-    surfaces(ONE)
+def test_scaling_lists_and_verifies(eigbench, monkeypatch, only):
+    only(ONE)
     code, out, _ = eigbench("scaling", "--verify", "--sizes", 1000)
     assert code == 0
     assert "1 meshes and their labels are the pinned ones" in out
