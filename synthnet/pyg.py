@@ -30,6 +30,7 @@ except ModuleNotFoundError as error:
 from synthnet import augment as isometry
 from synthnet import files, mapped, recipe, splits, store
 from synthnet.build import ensure_built
+from synthnet.errors import RecipeError
 from synthnet.mapped import MappedShapes
 from synthnet.types import PROTOCOLS, SPLITS, Mesh
 
@@ -120,6 +121,10 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
                 "use transform instead"
             )
         if protocol not in PROTOCOLS:  # the version's own
+            if version not in recipe.available() and store.read_manifest(
+                store.dataset_directory(version, root)
+            ):
+                raise RecipeError(f"{version} has no protocol {protocol}: grouped or paper")
             splits.folds(recipe.load(version), protocol, split)
         self.version, self.split, self.protocol, self.augment = version, split, protocol, augment
         self._stored = ensure_built(version, root)
@@ -196,9 +201,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         """Return which shapes the split has under a protocol of the version's own."""
         wanted = recipe.load(self.version)
         parts = splits.folds(wanted, self.protocol, self.split)
-        testing = self.split == "test"
         taken = [
-            any(splits.holds_out(fold, wanted, *shape) == testing for fold in parts)
+            any(splits.takes(fold, wanted, self.split, *shape) for fold in parts)
             for shape in zip(
                 shapes.families, (int(id.rpartition("-")[2]) for id in shapes.ids), strict=True
             )

@@ -167,6 +167,8 @@ def sealed_recipe(
     base = recipe.load(version)
     share = base.splits.test if share is None else share
     check_terms(base, share, beacon)
+    if beacon is not None:  # or its spelling could be chosen
+        beacon = " ".join(beacon.split()).lower()
     told: dict[str, Any] = {"of": version, "digest": base.digest, "share": share}
     commitment = _derived("commitment", told, salt)
     sealed = Sealed(**told, commitment=commitment, beacon=beacon)
@@ -224,9 +226,11 @@ def check_terms(base: Recipe, share: float | None, beacon: str | None) -> None:
         raise RecipeError(f"{base.version} is scaled: seal what it came from")
     if share is not None and not 0 < share <= 1:
         raise SealError(f"--share must be above 0, at most 1, got {share:g}")
-    if beacon is not None and not (beacon.isprintable() and 1 <= len(beacon) <= MOST_LETTERS):
+    if beacon is not None and not (
+        beacon.isascii() and beacon.isprintable() and 1 <= len(beacon.strip()) <= MOST_LETTERS
+    ):
         raise SealError(
-            f"--beacon must be 1 to {MOST_LETTERS} printable letters on one line, got "
+            f"--beacon must be 1 to {MOST_LETTERS} printable ASCII letters on one line, got "
             f"{files.printable(beacon[:40])!r}"
         )
 

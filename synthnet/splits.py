@@ -11,6 +11,12 @@ from synthnet.errors import RecipeError
 from synthnet.recipe import Fold, Recipe, SplitSettings
 from synthnet.types import PROTOCOLS, SPLITS, ShapeSpec
 
+# Families with the same surfaces but for how they lie in space: no eigenvalue tells them apart.
+ISOMETRIC = (
+    ("circular_cone", "dented_cone", "conforming_split_cone"),
+    ("flat_rectangle", "rolled_sheet"),
+)
+
 
 def grouped(specs: Sequence[ShapeSpec], shares: SplitSettings, seed: int) -> dict[str, str]:
     """Split by shape: no copy and no exact duplicate of a shape crosses.
@@ -120,21 +126,32 @@ def folds(recipe: Recipe, protocol: str, split: str = "test") -> tuple[Fold, ...
     return found
 
 
-def holds_out(fold: Fold, recipe: Recipe, family: str, index: int) -> bool:
-    """Return whether a shape is held out of training.
+def takes(fold: Fold, recipe: Recipe, split: str, family: str, index: int) -> bool:
+    """Return whether a shape of a split is used in a fold.
 
-    What is held out of the splits ``train`` and ``validation`` is left out; of the split
-    ``test`` it is what is tested. So the training never sees a test shape of another protocol,
-    and the same shapes can be compared between protocols.
+    Of the split ``test`` it is what the fold holds out that is tested. Of ``train`` and
+    ``validation`` that is left out, and with a family those that are isometric to it. So no
+    training sees a test shape of another protocol, and the same shapes can be compared between
+    protocols.
 
     Examples
     --------
     >>> from synthnet import recipe
     >>> wanted = recipe.load("2.0")
     >>> (fold,) = folds(wanted, "resolution")
-    >>> [holds_out(fold, wanted, "blob", index) for index in range(3)]  # coarse, medium, fine
+    >>> [takes(fold, wanted, "test", "blob", index) for index in range(3)]  # coarse to fine
     [False, False, True]
+    >>> (fold,) = folds(wanted, "family/dented_cone")
+    >>> [takes(fold, wanted, split, "circular_cone", 0) for split in ("train", "test")]
+    [False, False]
     """
+    if split == "test":
+        return _held_out(fold, recipe, family, index)
+    alike = next((group for group in ISOMETRIC if family in group), (family,))
+    return not any(_held_out(fold, recipe, one, index) for one in alike)
+
+
+def _held_out(fold: Fold, recipe: Recipe, family: str, index: int) -> bool:
     if fold.families and family not in fold.families:
         return False
     if not fold.sizes:

@@ -10,7 +10,7 @@ import pytest
 
 from synthnet import recipe, splits
 from synthnet.errors import RecipeError
-from synthnet.families import CHARTED
+from synthnet.families import CHARTED, draw_shape
 from synthnet.plan import PlannedShape, plan_shards
 from synthnet.pyg import SynthNet
 from synthnet.types import SPLITS
@@ -56,7 +56,7 @@ def taken(shapes: list[PlannedShape], protocol: str, split: str) -> set[str]:
         for shape in shapes
         for fold in splits.folds(wanted, protocol, split)
         if shape.split == split
-        and splits.holds_out(fold, wanted, shape.spec.family, shape.spec.index) == (split == "test")
+        and splits.takes(fold, wanted, split, shape.spec.family, shape.spec.index)
     }
 
 
@@ -127,6 +127,37 @@ def test_each_family_is_tested_once_by_a_model_that_has_not_seen_it(
     assert families.total() == sum(s.split == "test" for s in shapes)
     for fold in splits.folds(recipe.load(VERSION), "family"):
         assert not [i for i in taken(shapes, fold.name, "train") if i.startswith(fold.families[0])]
+
+
+@pytest.mark.parametrize("group", splits.ISOMETRIC)
+def test_a_family_is_tested_by_a_model_that_has_seen_none_isometric_to_it(
+    shapes: list[PlannedShape], group: tuple[str, ...]
+) -> None:
+    for family in group:
+        seen = {id.rpartition("-")[0] for id in taken(shapes, f"family/{family}", "train")}
+        assert not seen & set(group)
+        assert len(seen) == 25 - len(group)
+        tested = {id.rpartition("-")[0] for id in taken(shapes, f"family/{family}", "test")}
+        assert tested == {family}
+
+
+def test_isometric_families_have_the_same_limits() -> None:
+    wanted = recipe.load("2.0")
+    for group in splits.ISOMETRIC:
+        parameters = draw_shape(wanted, group[0], 0).parameters
+        keys = ("radius", "height", "width")
+        plain = {key: parameters[key] for key in keys if key in parameters}
+        found = []
+        for family in group:
+            own = draw_shape(wanted, family, 0).parameters
+            assert (
+                wanted.families[family].parameters["height"]
+                == (wanted.families[group[0]].parameters["height"])
+                or "width" in own
+            )
+            found.append(CHARTED[family].limit_eigenvalues({**own, **plain}, 10))
+        for limit in found[1:]:
+            np.testing.assert_allclose(limit, found[0], rtol=1e-9)
 
 
 def test_genus_and_boundary_hold_out_what_their_names_say() -> None:

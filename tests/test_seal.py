@@ -141,6 +141,13 @@ def test_commitment_and_seed_are_the_documented_hashes() -> None:
     assert wanted.version == f"1.0-mini-sealed-{wanted.sealed.commitment[:12]}"
 
 
+def test_spelling_of_a_beacon_gives_no_choice() -> None:
+    one, two = (
+        seal.sealed_recipe("1.0-mini", SALT, beacon=beacon) for beacon in ("Round  7", "round 7 ")
+    )
+    assert one == two
+
+
 def test_every_term_changes_commitment_and_seed_and_the_beacon_the_seed_alone() -> None:
     made = [
         seal.sealed_recipe("1.0-mini", SALT),
@@ -209,7 +216,8 @@ def test_family_without_other_shapes_is_refused(monkeypatch: pytest.MonkeyPatch)
         ("1.0-sealed-0123456789ab", {}, RecipeError, "is a sealed set: it is drawn from its salt"),
         ("1.0", {"share": 0.0}, SealError, "--share must be above 0, at most 1, got 0"),
         ("1.0", {"share": float("nan")}, SealError, "--share must be above 0, at most 1, got nan"),
-        ("1.0", {"beacon": ""}, SealError, "--beacon must be 1 to 1000 printable letters"),
+        ("1.0", {"beacon": "п 7"}, SealError, "--beacon must be 1 to 1000 printable ASCII letters"),
+        ("1.0", {"beacon": ""}, SealError, "--beacon must be 1 to 1000 printable ASCII letters"),
         ("1.0", {"beacon": "a\nb"}, SealError, r"on one line, got 'a\\\\nb'"),
         ("1.0", {"beacon": "a" * 1001}, SealError, "--beacon must be 1 to 1000"),
     ],

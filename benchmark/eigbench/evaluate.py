@@ -17,7 +17,7 @@ from eigbench import reference
 from eigbench.errors import PredictorError
 from eigbench.meshes import Instances
 from eigbench.process import PredictorProcess
-from eigbench.training import DEFAULT
+from eigbench.training import DEFAULT, untrained
 from eigbench.truth import Truth
 from eigbench.worker import Answered, Loaded, Status
 from synthnet import files
@@ -178,10 +178,11 @@ def _trainings(path: Path, truth: Truth, options: Options) -> list[str]:
         loaded = process.loaded
     if loaded.trained:
         return found
-    if loaded.meta["kind"] == "learned":
+    if not untrained(loaded.meta):
         raise PredictorError(
-            f"{path} is learned, and the protocol {truth.protocol} asks for a training of its "
-            f"own, {found[0]}: define load(device, seed, training)"
+            f"{path} is {loaded.meta['kind']}, trained on {loaded.meta.get('training_data', '?')}, "
+            f"and the protocol {truth.protocol} asks for a training of its own, {found[0]}: define "
+            "load(device, seed, training)"
         )
     return found[:1]
 

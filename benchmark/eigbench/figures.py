@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -163,7 +164,7 @@ def generalisation(board: Board, key: str = RANKED_BY) -> str:
         columns = [("i.i.d.", "o", TRUE)]
         columns += [
             (title(name), marker, colour)
-            for name, (marker, colour) in zip(board.protocols, PROTOCOL_MARKS, strict=False)
+            for name, (marker, colour) in zip(board.protocols, cycle(PROTOCOL_MARKS), strict=False)
         ]
         for line, row in enumerate(board.rows):
             model = row.submission
@@ -171,7 +172,7 @@ def generalisation(board: Board, key: str = RANKED_BY) -> str:
             found += [board.cell(model, name, key).score for name in board.protocols]
             known = [max(value, FLOOR) for value in found if value is not None]
             axes.plot([min(known), max(known)], [line, line], color="#cccccc", lw=1, zorder=1)
-            for value, (_, marker, colour) in zip(found, columns, strict=False):
+            for value, (_, marker, colour) in zip(found, columns, strict=True):
                 if value is not None:
                     place = max(value, FLOOR)
                     axes.plot(place, line, marker, color=colour, ms=5.5, alpha=0.85, zorder=2)

@@ -21,14 +21,13 @@ from eigbench.metrics import METRICS
 from eigbench.ranking import Ranked
 from eigbench.submission import Submission
 from eigbench.tables import number
-from eigbench.training import IMPORTED
+from eigbench.training import IMPORTED, untrained
 from eigbench.truth import Truth
 from synthnet import recipe
 from synthnet.files import sha256
 
 SHOWN = ("rpd", "psnr20")
 NOT_RUN = "not run"
-UNTRAINED = (None, "none")  # what a model without training declares as its training data
 TITLES = {
     "family": "each family unseen",
     "resolution": "fine meshes unseen",
@@ -87,7 +86,9 @@ class Board:
         if own is not None:
             mean = _mean(own, own.truth, key)
             elsewhere = protocol.startswith(IMPORTED)
-            base = None if _untrained(model) else _mean(model, _same(model, own, elsewhere), key)
+            seeds = len(own.predictions)  # of the model trained on everything, the same
+            shapes = model.truth if elsewhere else own.truth
+            base = None if _untrained(model) else _mean(model, shapes, key, seeds)
             return Cell(mean, None if base is None else mean - base)
         if _untrained(model) and not protocol.startswith(IMPORTED):
             return Cell(_mean(model, _tested(self.version, protocol), key))
@@ -100,21 +101,16 @@ def _tested(version: str, protocol: str) -> Truth:
 
 
 def _untrained(model: Submission) -> bool:
-    return model.result["model"].get("training_data") in UNTRAINED
+    return untrained(model.result["model"])
 
 
-def _same(model: Submission, own: Submission, elsewhere: bool) -> Truth:
-    """Return the shapes that the i.i.d. score is taken over: the same, if it has them."""
-    return model.truth if elsewhere else own.truth
-
-
-def _mean(model: Submission, wanted: Truth, key: str) -> float:
-    """Return the mean of a metric over some of the instances that a model predicts."""
+def _mean(model: Submission, wanted: Truth, key: str, seeds: int | None = None) -> float:
+    """Return the mean of a metric over some of a model's instances, and its first seeds."""
     row_of = {id: row for row, id in enumerate(model.truth.ids)}
     missing = [id for id in wanted.ids if id not in row_of]
     if missing:
         raise EigbenchError(f"{model.result_path} does not predict {missing[0]}")
-    found = model.predictions[:, [row_of[id] for id in wanted.ids]]
+    found = model.predictions[:seeds, [row_of[id] for id in wanted.ids]]
     return float(scores.of_metric(wanted, found, key).mean())
 
 
@@ -126,8 +122,10 @@ def section(board: Board, figure: str) -> list[str]:
         f"## synthNet {board.version}: generalisation\n",
         "The test shapes of the split above, predicted by models whose training held something "
         "of them out; models without training are as they were. In brackets the drop: the score "
-        "minus that of the same model trained on everything, on the same shapes (for imported "
-        "meshes, on the split above). [What is held out](docs/dataset-card-2.0.md#protocols).\n",
+        "minus that of the same model, by the same code and with the same seeds, trained on "
+        "everything, on the same shapes (for imported meshes, on the split above). With a family, "
+        "those that are isometric to it are held out. "
+        "[What is held out](docs/dataset-card-2.0.md#protocols).\n",
     ]
     for key in SHOWN:
         lines = [
@@ -181,11 +179,17 @@ def _text(cell: Cell, key: str) -> str:
 
 def _digests(board: Board) -> list[str]:
     lines = [
-        [name, one.name, sha256(one.result_path), sha256(one.predictions_path)]
+        [
+            name,
+            one.name,
+            str(len(one.predictions)),
+            sha256(one.result_path),
+            sha256(one.predictions_path),
+        ]
         for name in board.protocols
         for one in sorted(board.held_out.get(name, ()), key=lambda one: one.slug)
     ]
     if not lines:
         return []
-    headers = ["protocol", "model", "result", "predictions"]
-    return ["### Digests of the results under these protocols\n", table(headers, lines, left=4)]
+    headers = ["protocol", "model", "seeds", "result", "predictions"]
+    return ["### Seeds and digests under these protocols\n", table(headers, lines, left=5)]

@@ -65,12 +65,20 @@ def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submis
 
 def _check_protocols(found: Sequence[Submission]) -> None:
     """Check that who has a result under a version's own protocol has one under ``grouped``."""
-    whole = {(one.truth.version, one.slug) for one in found if one.truth.protocol == "grouped"}
+    whole = {(one.truth.version, one.slug): one for one in found if one.truth.protocol == "grouped"}
     for one in found:
-        if (one.truth.version, one.slug) not in whole:
+        base = whole.get((one.truth.version, one.slug))
+        if one.truth.protocol in PROTOCOLS:
+            continue
+        if base is None:
             raise ResultError(
                 f"{one.result_path}: {one.name} has a result under {one.truth.protocol} and none "
                 f"under grouped of {one.truth.version} to compare it with: submit that too"
+            )
+        if one.result["model"]["sources"] != base.result["model"]["sources"]:
+            raise ResultError(
+                f"{one.result_path} and {base.result_path} are of other code, or other weights: "
+                "the drop between them would say nothing; evaluate both anew"
             )
 
 

@@ -20,7 +20,7 @@ from eigbench import meshes, physics, predictions, record, results, scores, tabl
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.training import IMPORTED
-from synthnet import recipe, seal, store
+from synthnet import pins, recipe, seal, store
 from synthnet.cli import WRONG_INPUT
 from synthnet.report import Rate
 
@@ -100,6 +100,14 @@ def _directory(options: argparse.Namespace) -> store.StoredDataset | None:
 def _truth(options: argparse.Namespace, directory: store.StoredDataset | None) -> truth.Truth:
     if directory is not None:
         return truth.of_dataset(directory, options.split, options.protocol)
+    name = ""
+    if options.protocol.startswith(IMPORTED):
+        wanted = recipe.load(options.dataset)
+        name = truth.imported_name(wanted, options.split, options.protocol)
+    if name and pins.read(name) is None:  # for a board it must be pinned; to try, on disk will do
+        there = store.open_imported(name, options.root)
+        if there is not None:
+            return truth.of_import(there, options.dataset)
     return truth.load(options.dataset, options.split, options.protocol)
 
 

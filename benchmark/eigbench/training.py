@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 DEFAULT = "1.0/grouped"  # of a predictor that is asked about meshes with no training split
 IMPORTED = "imported"  # the protocol that holds nothing out: tested is an imported dataset
 
@@ -16,3 +18,16 @@ def training_set(version: str, protocol: str) -> str:
     """
     whole = protocol.partition("/")[0] == IMPORTED  # nothing is held out
     return f"{version}/{'grouped' if whole else protocol}"
+
+
+def untrained(meta: Mapping[str, object]) -> bool:
+    """Return whether a model says that nothing in it was fitted to labels.
+
+    Examples
+    --------
+    >>> untrained({"kind": "classical"}), untrained({"kind": "learned", "training_data": "none"})
+    (True, False)
+    >>> untrained({"kind": "trivial", "training_data": "synthNet 2.0 train"})
+    False
+    """
+    return meta.get("kind") != "learned" and meta.get("training_data", "none") == "none"

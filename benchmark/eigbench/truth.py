@@ -130,12 +130,12 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
     """
     _check(split)
     wanted = recipe.load(version)
-    if name := _imported(wanted, split, protocol):
+    if name := imported_name(wanted, split, protocol):
         labels = pins.read(name)
         if labels is None:
             raise EigbenchError(
-                f"the labels of the import {name} are not pinned in this release: evaluate it as "
-                f"--dataset {name}, or pin them (scripts/pin_version.py {name})"
+                f"there is no import {name} here, and its labels are not pinned in this release: "
+                f"`synthnet import DIR --name {name}`, or for a board scripts/pin_version.py {name}"
             )
         return _of_import(version, protocol, labels)
     pinned = pins.read(wanted.base)
@@ -181,12 +181,9 @@ def of_dataset(
     if protocol not in PROTOCOLS and version not in recipe.available():
         raise EigbenchError(f"{version} has no protocol {protocol}: {' or '.join(PROTOCOLS)}")
     wanted = None if protocol in PROTOCOLS else recipe.load(version)
-    shapes = list(_stored(dataset))
-    chosen = list(_choose(shapes, _trained_on(version), wanted, split, protocol))
+    chosen = list(_choose(_stored(dataset), _trained_on(version), wanted, split, protocol))
     if not chosen:
         raise EigbenchError(f"{dataset.directory} has nothing in the split {split}")
-    if not recipe.is_sealed(version) and all(shape.split == "test" for shape in shapes):
-        chosen = [(id, shape, DEFAULT) for id, shape, _ in chosen]  # nothing here to train on
     return _truth(chosen, version, split, protocol, dataset.manifest.recipe_digest)
 
 
@@ -197,11 +194,11 @@ def of_import(dataset: store.StoredDataset, version: str) -> Truth:
 
 
 def _trained_on(version: str) -> str:
-    """Return the version whose training split is meant: of a subset, the full one."""
+    """Return the version whose training split is meant: of a subset the full one, else 1.0."""
     plain = version.partition("-sealed-")[0]
     if scaled := recipe.SCALED.fullmatch(plain):
         plain = scaled["version"]
-    return recipe.load(plain).base if plain in recipe.available() else version
+    return recipe.load(plain).base if plain in recipe.available() else DEFAULT.partition("/")[0]
 
 
 def _check(split: str) -> None:
@@ -209,8 +206,14 @@ def _check(split: str) -> None:
         raise EigbenchError(f"split must be one of {', '.join(SPLITS)}, got {split!r}")
 
 
-def _imported(wanted: Recipe, split: str, protocol: str) -> str:
-    """Return the name of the imported dataset that a protocol tests, or nothing."""
+def imported_name(wanted: Recipe, split: str, protocol: str) -> str:
+    """Return the name of the imported dataset that a protocol tests, or nothing.
+
+    Raises
+    ------
+    EigbenchError
+        If the version has no such protocol, no import is named, or the split is no test.
+    """
     kind, _, name = protocol.partition("/")
     if kind != IMPORTED:
         return ""
@@ -218,6 +221,8 @@ def _imported(wanted: Recipe, split: str, protocol: str) -> str:
         raise EigbenchError(f"{wanted.version} has no protocol {kind}")
     if not name:
         raise EigbenchError(f"protocol {kind}: say which, {kind}/NAME, NAME as it was imported")
+    if name in recipe.available():
+        raise EigbenchError(f"protocol {kind}: {name} is a version, not an imported dataset")
     if split != "test":
         raise EigbenchError(f"protocol {protocol} has a test split only: train on grouped")
     return name
@@ -253,7 +258,7 @@ def _choose(
             trainings = [
                 fold.name
                 for fold in folds
-                if splits.holds_out(fold, wanted, shape.family, index) == (split == "test")
+                if splits.takes(fold, wanted, split, shape.family, index)
             ]
         for training in trainings:
             for instance, paper_split in enumerate(shape.paper_splits):

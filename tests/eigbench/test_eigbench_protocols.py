@@ -65,7 +65,8 @@ def test_labels_of_an_import_are_pinned_and_trained_on_is_the_whole_version():
     [
         (("2.0", "test", "imported"), "protocol imported: say which, imported/NAME"),
         (("2.0", "train", "imported/real-28"), "has a test split only: train on grouped"),
-        (("2.0", "test", "imported/none"), "labels of the import none are not pinned"),
+        (("2.0", "test", "imported/none"), "no import none here, and its labels are not pinned"),
+        (("2.0", "test", "imported/1.0"), r"1\.0 is a version, not an imported dataset"),
         (("1.0", "test", "imported/real-28"), r"1\.0 has no protocol imported"),
     ],
 )
@@ -107,7 +108,7 @@ def test_what_is_not_trained_is_run_once_and_a_model_trained_for_itself_refused(
     assert (evaluate(code, wanted, source, Options(), tmp_path / "a").predictions == 1).all()
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["seed-0"]
     code = predictor_file(UNTRAINED.replace("KIND", "learned"))
-    told = "is learned, and the protocol grouped asks for a training of its own, 1.0-mini/1"
+    told = "is learned, .* and the protocol grouped asks for a training of its own, 1.0-mini/1"
     with pytest.raises(PredictorError, match=told):
         evaluate(code, wanted, source, Options(), tmp_path / "b")
 
@@ -171,3 +172,37 @@ def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(
     single = submission.read(make_submission("Model", wanted.eigenvalues, wanted))
     with pytest.raises(ResultError, match=r"is of family/pretzel alone: .* --protocol family"):
         leaderboard.place(single, tmp_path)
+
+
+def test_a_model_that_says_nothing_of_its_training_is_not_taken_for_untrained(
+    parts, make_submission
+):
+    wanted = parts["grouped"]
+    values = wanted.eigenvalues * 1.01
+    silent = submission.read(make_submission("Silent", values, wanted, kind="learned"))
+    silent.result["model"].pop("training_data", None)
+    board = generalisation.Board(ranking.ranked([silent]), {})
+    assert board.cell(silent, "genus", "rpd") == generalisation.Cell(None)
+
+
+def test_the_drop_is_between_the_same_seeds(parts, make_submission):
+    whole, genus = parts["grouped"], parts["genus"]
+    factors = np.array([1.01, 1.5, 1.5])[:, None, None]
+    three = submission.read(
+        make_submission("M", whole.eigenvalues * factors, whole, kind="learned")
+    )
+    one = submission.read(make_submission("M", genus.eigenvalues * 1.01, genus, kind="learned"))
+    board = generalisation.Board(ranking.ranked([three]), {"genus": [one]})
+    assert board.cell(three, "genus", "rpd").drop == pytest.approx(0)
+
+
+def test_a_drop_between_two_codes_is_refused(held_out, parts, make_submission, tmp_path):
+    whole, model = held_out
+    other = dict.fromkeys(model.result["model"]["sources"], "0" * 64)
+    changed = make_submission(
+        "Model", parts["genus"].eigenvalues, parts["genus"], kind="learned", sources=other
+    )
+    for one in (whole[1], submission.read(changed)):
+        leaderboard.place(one, tmp_path)
+    with pytest.raises(ResultError, match="are of other code, or other weights"):
+        leaderboard.read(tmp_path)

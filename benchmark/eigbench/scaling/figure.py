@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from eigbench.figures import style
 from eigbench.scaling import scores as scaling_scores
+from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled
 from eigbench.scaling.scores import Cell
 
@@ -106,5 +107,5 @@ def _line(
     axes.plot(sizes, values, ls=line, color=colour, lw=1.2)
     for size, cell, value in zip(sizes, cells, values, strict=True):
         if cell.answered:
-            fill = "full" if cell.answered == cell.total else "none"
+            fill = "full" if cell.answered == len(surfaces.SURFACES) else "none"
             axes.plot([size], [value], mark, color=colour, ms=4, fillstyle=fill)

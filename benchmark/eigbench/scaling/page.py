@@ -112,7 +112,7 @@ def _line(one: Verdict, names: dict[str, str], rows: Sequence[Scaled]) -> str:
     start = f"- {one.size:,} vertices, discretisation error {own}: "
     if one.solver is None:
         return start + "no exact solver answered."
-    text = f"the fastest exact solver, {one.solver}, takes {_ms(one.seconds)} ms"
+    text = f"the fastest exact solver (mostly {one.solver}) takes {_ms(one.seconds)} ms"
     if one.compared < len(surfaces.SURFACES):
         text += f" ({one.compared} of {len(surfaces.SURFACES)} surfaces)"
     cells = {row.slug: scaling_scores.cell(row, one.size) for row in rows}
