@@ -385,6 +385,8 @@ def test_nothing_that_a_mesh_refers_to_holds_a_label_an_id_or_a_family(seen, min
         arrays = [thing for thing in reached if isinstance(thing, np.ndarray)]
         assert {id(a) for a in arrays} == {id(mesh.vertices), id(mesh.faces)}
         for name in dir(mesh):
+            if name == "__weakref__":  # of the class before slots: Python 3.11.2 still lists it
+                continue
             value = getattr(mesh, name)
             assert not isinstance(value, float)
             assert not (isinstance(value, str) and value in known)

@@ -260,7 +260,8 @@ def test_errors_of_a_process_can_be_told_apart(predictor_file):
 
     def ask(happens, **limits):
         code = predictor_file(AT_TEN_THOUSAND.replace("> 5000", "> 0").format(happens))
-        settings = {"device": "cpu", "seed": 0, "threads": 1, "time_limit": 30.0}
+        settings = {"device": "cpu", "seed": 0, "training": "2.0/grouped", "threads": 1}
+        settings["time_limit"] = 30.0
         with PredictorProcess(code, 10, **settings, **limits) as process:
             process.time_limit = 2.0
             process.predict(["a"], mesh)
