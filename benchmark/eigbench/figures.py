@@ -178,7 +178,7 @@ def generalisation(board: Board, key: str = RANKED_BY) -> str:
                     axes.plot(place, line, marker, color=colour, ms=5.5, alpha=0.85, zorder=2)
         names = [_escaped(row.submission.name) for row in board.rows]
         axes.set_yticks(range(len(names)), names, fontsize=8)
-        axes.invert_yaxis()
+        axes.set_ylim(len(names) - 0.5, -0.5)
         axes.set_xscale("log")
         axes.set_xlabel(f"mean {metric.heading}; below {FLOOR:g} at the edge")
         axes.grid(axis="x", alpha=0.25)

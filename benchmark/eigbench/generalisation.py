@@ -88,9 +88,9 @@ class Board:
             elsewhere = protocol.startswith(IMPORTED)
             seeds = len(own.predictions)  # of the model trained on everything, the same
             shapes = model.truth if elsewhere else own.truth
-            base = None if _untrained(model) else _mean(model, shapes, key, seeds)
+            base = None if untrained(model.result["model"]) else _mean(model, shapes, key, seeds)
             return Cell(mean, None if base is None else mean - base)
-        if _untrained(model) and not protocol.startswith(IMPORTED):
+        if untrained(model.result["model"]) and not protocol.startswith(IMPORTED):
             return Cell(_mean(model, _tested(self.version, protocol), key))
         return Cell(None)
 
@@ -98,10 +98,6 @@ class Board:
 @lru_cache(maxsize=16)
 def _tested(version: str, protocol: str) -> Truth:
     return truth.load(version, "test", protocol)
-
-
-def _untrained(model: Submission) -> bool:
-    return untrained(model.result["model"])
 
 
 def _mean(model: Submission, wanted: Truth, key: str, seeds: int | None = None) -> float:
