@@ -15,6 +15,7 @@ rest predicts there what it predicts under `grouped`.
 import argparse
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 BASELINES = Path(__file__).parent.parent / "baselines"
@@ -39,6 +40,12 @@ LACKS = {"1.0": (), "2.0": ("reproduction/modern",)}  # rows that a version has 
 BATCH = {"1.0": 200, "2.0": 50}  # meshes: 2.0's are six times as large
 
 
+def run(name: str, command: Sequence[str]) -> int:
+    """Run a command of eigbench for a row; return its exit code."""
+    print(f"{name}:", flush=True)
+    return subprocess.run([sys.executable, "-m", "eigbench", *command], check=False).returncode
+
+
 def main() -> int:
     """Run what is not there yet; return the first exit code that is not 0."""
     parser = argparse.ArgumentParser(
@@ -53,9 +60,9 @@ def main() -> int:
     place = options.place
     if unknown := set(options.names) - set(ROWS):
         parser.error(f"there is no row {min(unknown)!r}: choose of {', '.join(ROWS)}")
-    place.mkdir(parents=True, exist_ok=True)
     if options.protocol == "paper":
         parser.error("the trained baselines keep no numbers of the test shapes' copies")
+    place.mkdir(parents=True, exist_ok=True)
     trained = options.protocol != "grouped"
     rows = TRAINED if trained and "imported" not in options.protocol else ROWS
     for name in options.names or [row for row in rows if row not in LACKS[options.dataset]]:
@@ -68,10 +75,8 @@ def main() -> int:
         command += ["--no-reference"] if trained else []  # times are shown for grouped only
         command += ["--seeds", str(min(ROWS[name], options.seeds or ROWS[name]))]
         command += ["--out", str(out)]
-        print(f"{name}:", flush=True)
-        done = subprocess.run([sys.executable, "-m", "eigbench", *command], check=False)
-        if done.returncode:
-            return done.returncode
+        if code := run(name, command):
+            return code
     return 0
 
 

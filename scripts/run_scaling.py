@@ -10,27 +10,10 @@ that an earlier run left out are added. `eigbench submit` puts the results in th
 """
 
 import argparse
-import subprocess
 import sys
 from pathlib import Path
 
-BASELINES = Path(__file__).parent.parent / "baselines"
-ROWS = (
-    "certified",
-    "multilevel",
-    "exact",
-    "lumped",
-    "ritz3",
-    "ritz5",
-    "ritz7",
-    "ritz_mlp",
-    "boosted_trees",
-    "decimate300",
-    "decimate1000",
-    "weyl",
-    "mean",
-    "reproduction/modern",
-)
+from run_baselines import BASELINES, ROWS, run
 
 
 def main() -> int:
@@ -54,10 +37,8 @@ def main() -> int:
         command = ["scale", str(BASELINES / f"{name}.py"), "--resume", "--out", str(out)]
         command += ["--time-limit", options.time_limit, "--memory-limit", options.memory_limit]
         command += ["--sizes", *options.sizes] if options.sizes else []
-        print(f"{name}:", flush=True)
-        done = subprocess.run([sys.executable, "-m", "eigbench", *command], check=False)
-        if done.returncode:
-            return done.returncode
+        if code := run(name, command):
+            return code
     return 0
 
 

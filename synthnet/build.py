@@ -253,8 +253,7 @@ def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> st
     BuildError
         If the build fails; it has printed why.
     """
-    sealed = recipe.is_sealed(version)
-    there = (store.open_dataset if sealed else store.open_imported)(version, root)
+    there = store.open_unversioned(version, root)
     if there is not None:
         storage.local(there.directory, version)
         return there

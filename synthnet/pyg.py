@@ -121,9 +121,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
                 "use transform instead"
             )
         if protocol not in PROTOCOLS:  # the version's own
-            if version not in recipe.available() and store.read_manifest(
-                store.dataset_directory(version, root)
-            ):
+            if store.open_unversioned(version, root) is not None:
                 raise RecipeError(f"{version} has no protocol {protocol}: grouped or paper")
             splits.folds(recipe.load(version), protocol, split)
         self.version, self.split, self.protocol, self.augment = version, split, protocol, augment
@@ -202,10 +200,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         wanted = recipe.load(self.version)
         parts = splits.folds(wanted, self.protocol, self.split)
         taken = [
-            any(splits.takes(fold, wanted, self.split, *shape) for fold in parts)
-            for shape in zip(
-                shapes.families, (int(id.rpartition("-")[2]) for id in shapes.ids), strict=True
-            )
+            any(splits.takes(fold, wanted, self.split, id) for fold in parts) for id in shapes.ids
         ]
         mine: NDArray[np.bool_] = (shapes.splits == self.split) & np.array(taken, dtype=np.bool_)
         return mine

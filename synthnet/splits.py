@@ -126,7 +126,7 @@ def folds(recipe: Recipe, protocol: str, split: str = "test") -> tuple[Fold, ...
     return found
 
 
-def takes(fold: Fold, recipe: Recipe, split: str, family: str, index: int) -> bool:
+def takes(fold: Fold, recipe: Recipe, split: str, id: str) -> bool:
     """Return whether a shape of a split is used in a fold.
 
     Of the split ``test`` it is what the fold holds out that is tested. Of ``train`` and
@@ -139,12 +139,14 @@ def takes(fold: Fold, recipe: Recipe, split: str, family: str, index: int) -> bo
     >>> from synthnet import recipe
     >>> wanted = recipe.load("2.0")
     >>> (fold,) = folds(wanted, "resolution")
-    >>> [takes(fold, wanted, "test", "blob", index) for index in range(3)]  # coarse to fine
+    >>> [takes(fold, wanted, "test", f"blob-0000{index}") for index in range(3)]  # coarse to fine
     [False, False, True]
     >>> (fold,) = folds(wanted, "family/dented_cone")
-    >>> [takes(fold, wanted, split, "circular_cone", 0) for split in ("train", "test")]
+    >>> [takes(fold, wanted, split, "circular_cone-00000") for split in ("train", "test")]
     [False, False]
     """
+    family, _, number = id.rpartition("-")
+    index = int(number)
     if split == "test":
         return _held_out(fold, recipe, family, index)
     alike = next((group for group in ISOMETRIC if family in group), (family,))

@@ -437,6 +437,17 @@ def open_imported(name: str, root: str | os.PathLike[str] | None = None) -> Stor
     return open_dataset(name, root)
 
 
+def open_unversioned(name: str, root: str | os.PathLike[str] | None = None) -> StoredDataset | None:
+    """Open what no recipe of a version makes: an import, if it is one, or a sealed set.
+
+    Raises
+    ------
+    StoreError
+        If it is the name of a sealed set that is not there.
+    """
+    return open_dataset(name, root) if recipe.is_sealed(name) else open_imported(name, root)
+
+
 def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> StoredDataset:
     """Open a finished dataset.
 

@@ -13,7 +13,7 @@ import hypothesis
 import pytest
 
 import synthnet
-from synthnet import recipe, seal
+from synthnet import cli, recipe, seal
 from synthnet.build import make_sample
 from synthnet.families import draw_shapes
 from synthnet.plan import plan_shards
@@ -164,3 +164,19 @@ def sealed_set(tmp_path_factory: pytest.TempPathFactory) -> SealedSet:
 
 
 # --- end of the sealed set ------------------------------------------------------------
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Run a command of synthnet in this process; anything but an exit code fails the test."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        capsys.readouterr()
+        try:
+            code: object = cli.main([str(a) for a in arguments])
+        except SystemExit as exit:
+            code = exit.code
+        assert isinstance(code, int)
+        return code, *capsys.readouterr()
+
+    return call

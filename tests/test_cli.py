@@ -20,21 +20,6 @@ COMMANDS = ("versions", "build", "seal", "info", "verify", "show")
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
-    """Run a command in this process; anything but an exit code makes the test fail."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        try:
-            code: object = cli.main([str(a) for a in arguments])
-        except SystemExit as exit:
-            code = exit.code
-        assert isinstance(code, int)
-        return code, *capsys.readouterr()
-
-    return call
-
-
 Run = Callable[..., tuple[int, str, str]]
 
 

@@ -16,32 +16,6 @@ from synthnet.pyg import SynthNet
 from synthnet.types import SPLITS
 
 VERSION = "2.0-mini"
-TEXT = """
-schema = 1
-version = "test"
-seed = 7
-shard_size = 4
-label = { eigenvalues = 10 }
-filters = { altitude = 1e-6, trivial = 1e-6, residual = 1e-6 }
-augmentation = { rotations = 1, reflections = 0 }
-splits = { train = 0.7, validation = 0.2, test = 0.1 }
-
-[families.sphere]
-count = 5
-parameters.radius = 1.0
-"""
-SIZED = (
-    TEXT
-    + """
-[[sizes]]
-name = "a"
-vertices = 500
-"""
-)
-
-
-def with_protocol(held_out: str, text: str = SIZED) -> str:
-    return f"{text}\n[protocols.mine]\n{held_out}\n"
 
 
 @pytest.fixture(scope="module")
@@ -55,53 +29,8 @@ def taken(shapes: list[PlannedShape], protocol: str, split: str) -> set[str]:
         shape.spec.id
         for shape in shapes
         for fold in splits.folds(wanted, protocol, split)
-        if shape.split == split
-        and splits.takes(fold, wanted, split, shape.spec.family, shape.spec.index)
+        if shape.split == split and splits.takes(fold, wanted, split, shape.spec.id)
     }
-
-
-@pytest.mark.parametrize(
-    ("held_out", "folds"),
-    [
-        ('held_out.sizes = ["a"]', (recipe.Fold("mine", sizes=("a",)),)),
-        ('held_out.families = ["sphere"]', (recipe.Fold("mine", families=("sphere",)),)),
-        ('held_out = "each family"', (recipe.Fold("mine/sphere", families=("sphere",)),)),
-        ('held_out = "nothing"', ()),
-    ],
-)
-def test_recipe_says_what_is_held_out(held_out: str, folds: tuple[recipe.Fold, ...]) -> None:
-    loaded = recipe.parse(with_protocol(held_out))
-    assert loaded.protocols == {"mine": folds}
-    assert loaded.digest != recipe.parse(SIZED).digest
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        (with_protocol(""), "protocol mine has held_out and nothing else, got {}"),
-        (with_protocol("held_out = 3"), "protocol mine: held_out must be 'each family', 'nothing'"),
-        (
-            with_protocol("held_out = {}"),
-            "protocol mine: held_out must be 'each family', 'nothing'",
-        ),
-        (
-            with_protocol('held_out.families = ["cone"]'),
-            r"protocol mine: held-out families must be of sphere, got \['cone'\]",
-        ),
-        (with_protocol("held_out.sizes = []"), r"held-out sizes must be of a, got \[\]"),
-        (
-            with_protocol('held_out.sizes = ["a"]', TEXT),
-            r"protocol mine: held-out sizes must be of none, got \['a'\]",
-        ),
-        (SIZED + "\n[protocols.grouped]\nheld_out = 'nothing'\n", "protocol grouped: the name is"),
-        (SIZED + "\n[protocols.'a/b']\nheld_out = 'nothing'\n", "protocol a/b: the name is taken"),
-        ("protocols = 3\n" + SIZED, "protocols must be tables, got 3"),
-        ("protocols.mine = 3\n" + SIZED, "protocol mine must be a table, got 3"),
-    ],
-)
-def test_protocols_that_make_no_sense_are_refused(text: str, told: str) -> None:
-    with pytest.raises(RecipeError, match=told):
-        recipe.parse(text)
 
 
 @pytest.mark.parametrize("protocol", ["resolution", "genus", "boundary", "family/pretzel"])

@@ -424,3 +424,51 @@ def test_scale_out_of_range_is_refused(version: str) -> None:
 def test_scale_of_a_scaled_version_is_refused() -> None:
     with pytest.raises(RecipeError, match=r"1\.0-x2 is scaled already"):
         recipe.load("1.0-x2-x2")
+
+
+def with_protocol(held_out: str, text: str = SIZED) -> str:
+    return f"{text}\n[protocols.mine]\n{held_out}\n"
+
+
+@pytest.mark.parametrize(
+    ("held_out", "folds"),
+    [
+        ('held_out.sizes = ["a"]', (recipe.Fold("mine", sizes=("a",)),)),
+        ('held_out.families = ["sphere"]', (recipe.Fold("mine", families=("sphere",)),)),
+        ('held_out = "each family"', (recipe.Fold("mine/sphere", families=("sphere",)),)),
+        ('held_out = "nothing"', ()),
+    ],
+)
+def test_recipe_says_what_is_held_out(held_out: str, folds: tuple[recipe.Fold, ...]) -> None:
+    loaded = recipe.parse(with_protocol(held_out))
+    assert loaded.protocols == {"mine": folds}
+    assert loaded.digest != recipe.parse(SIZED).digest
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (with_protocol(""), "protocol mine has held_out and nothing else, got {}"),
+        (with_protocol("held_out = 3"), "protocol mine: held_out must be 'each family', 'nothing'"),
+        (
+            with_protocol("held_out = {}"),
+            "protocol mine: held_out must be 'each family', 'nothing'",
+        ),
+        (
+            with_protocol('held_out.families = ["cone"]'),
+            r"protocol mine: held-out families must be of sphere, got \['cone'\]",
+        ),
+        (with_protocol("held_out.sizes = []"), r"held-out sizes must be of a, got \[\]"),
+        (
+            with_protocol('held_out.sizes = ["a"]', TEXT),
+            r"protocol mine: held-out sizes must be of none, got \['a'\]",
+        ),
+        (SIZED + "\n[protocols.grouped]\nheld_out = 'nothing'\n", "protocol grouped: the name is"),
+        (SIZED + "\n[protocols.'a/b']\nheld_out = 'nothing'\n", "protocol a/b: the name is taken"),
+        ("protocols = 3\n" + SIZED, "protocols must be tables, got 3"),
+        ("protocols.mine = 3\n" + SIZED, "protocol mine must be a table, got 3"),
+    ],
+)
+def test_protocols_that_make_no_sense_are_refused(text: str, told: str) -> None:
+    with pytest.raises(RecipeError, match=told):
+        recipe.parse(text)

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import pytest
 
-from synthnet import cli, families, files, pins, plan, recipe, seal, store
+from synthnet import families, files, pins, plan, recipe, seal, store
 from synthnet.build import ShardResult, Watcher, build, ensure_built
 from synthnet.errors import BuildError, DamagedError, RecipeError, SealError, StoreError
 from synthnet.families import draw_shapes
@@ -27,20 +27,6 @@ VERSIONS = ("1.0", "1.0-mini", "2.0", "2.0-mini")
 DISCRETE = {"sphere", "split_sphere"}  # whose parameters are whole numbers
 Run = Callable[..., tuple[int, str, str]]
 SealedSet: TypeAlias = Any  # that of conftest.py
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
-    def call(*arguments: object) -> tuple[int, str, str]:
-        capsys.readouterr()
-        try:
-            code: object = cli.main([str(a) for a in arguments])
-        except SystemExit as exit:
-            code = exit.code
-        assert isinstance(code, int)
-        return code, *capsys.readouterr()
-
-    return call
 
 
 @pytest.fixture

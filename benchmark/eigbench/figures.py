@@ -72,8 +72,13 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
         for axes, label in zip(panels, sorted(by_label), strict=True):
             _scatter(axes, by_label[label], key)
             axes.set_title(_escaped(label), fontsize=9, loc="left")
-        text = io.StringIO()
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+        return as_svg(figure)
+
+
+def as_svg(figure: Figure) -> str:
+    """Return a figure, drawn and saved within :func:`style`, as the text of an SVG."""
+    text = io.StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     return text.getvalue()
 
 
@@ -187,9 +192,7 @@ def generalisation(board: Board, key: str = RANKED_BY) -> str:
             for name, marker, colour in columns
         ]
         figure.legend(handles=handles, loc="upper center", frameon=False, fontsize=7.5, ncols=3)
-        text = io.StringIO()
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-    return text.getvalue()
+        return as_svg(figure)
 
 
 def spectra(one: Submission) -> Figure:

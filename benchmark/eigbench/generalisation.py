@@ -20,7 +20,7 @@ from eigbench.markdown import table
 from eigbench.metrics import METRICS
 from eigbench.ranking import Ranked
 from eigbench.submission import Submission
-from eigbench.tables import number
+from eigbench.tables import score
 from eigbench.training import IMPORTED, untrained
 from eigbench.truth import Truth
 from synthnet import recipe
@@ -127,7 +127,7 @@ def section(board: Board, figure: str) -> list[str]:
         lines = [
             [
                 row.submission.name,
-                _number(row.submission.result["scores"]["overall"][key]["mean"], key),
+                score(row.submission.result["scores"]["overall"][key]["mean"], key),
                 *(_text(board.cell(row.submission, name, key), key) for name in protocols),
             ]
             for row in board.rows
@@ -157,20 +157,14 @@ def _count(board: Board, protocol: str) -> str:
     return f"{len(np.unique(wanted.shapes)):,} meshes"
 
 
-def _number(value: float | None, key: str) -> str:
-    if key == "psnr20":
-        return number(None if value is None else 100 * value, 2) + " %"
-    return number(value, METRICS[key].decimals)
-
-
 def _text(cell: Cell, key: str) -> str:
     if cell.score is None:
         return NOT_RUN
-    text = _number(cell.score, key)
+    text = score(cell.score, key)
     if cell.drop is None:
         return text
     sign = "+" if cell.drop >= 0 else "−"
-    return f"{text} ({sign}{_number(abs(cell.drop), key).removesuffix(' %')})"
+    return f"{text} ({sign}{score(abs(cell.drop), key).removesuffix(' %')})"
 
 
 def _digests(board: Board) -> list[str]:

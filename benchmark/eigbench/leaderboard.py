@@ -7,25 +7,23 @@ A board is all results of one dataset, split and protocol. In a checkout::
     benchmark/predictions/BOARD/MODEL.parquet   placed by `eigbench submit`
     benchmark/figures/BOARD.svg                 generated
     benchmark/reported/*.json                   numbers of papers, as printed
-    benchmark/scaling/MODEL.json                placed by `eigbench submit`, see scaling_results
+    benchmark/scaling/MODEL.json                placed by `eigbench submit`, see scaling.results
 """
 
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from eigbench import figures, generalisation, page, predictions, ranking, submission
-from eigbench.errors import EigbenchError, ResultError
+from eigbench import figures, generalisation, page, predictions, ranking, results, submission
+from eigbench.errors import ResultError
 from eigbench.scaling import page as scaling_page
 from eigbench.scaling.results import Scaled
 from eigbench.submission import Submission
 from eigbench.training import IMPORTED
 from synthnet import recipe
-from synthnet.files import make_directory, sha256, write_atomically
 from synthnet.types import PROTOCOLS
 
 PAGE = "LEADERBOARD.md"
@@ -182,14 +180,5 @@ def place(one: Submission, root: Path, *, replace: bool = False) -> tuple[Path, 
         root / RESULTS / one.board / f"{one.slug}.json",
         root / PREDICTIONS / one.board / f"{one.slug}.parquet",
     )
-    sources = (one.result_path, one.predictions_path)
-    for source, target in zip(sources, places, strict=True):
-        if target.exists() and sha256(target) != sha256(source) and not replace:
-            raise EigbenchError(
-                f"{target} is there already: give --replace, or another name in META"
-            )
-    for source, target in zip(reversed(sources), reversed(places), strict=True):
-        make_directory(target.parent)
-        if not target.exists() or not target.samefile(source):
-            write_atomically(target, lambda to, source=source: shutil.copyfile(source, to))  # type: ignore[misc]
+    results.put((one.result_path, one.predictions_path), places, replace=replace)
     return places

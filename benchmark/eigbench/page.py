@@ -13,7 +13,7 @@ from eigbench.metrics import MAIN, METRICS
 from eigbench.physics import TITLES
 from eigbench.ranking import RANKED_BY, Ranked
 from eigbench.submission import Submission
-from eigbench.tables import beside_lapy, deviation, family_title, in_order, number
+from eigbench.tables import beside_lapy, deviation, family_title, in_order, number, score
 from eigbench.truth import Truth
 from synthnet.files import sha256
 
@@ -86,7 +86,7 @@ def _noise(truth: Truth) -> str:
             "**Noise floor**: not computed. The discretisation errors of these labels are not "
             "[estimated](docs/labels.md) and pinned yet, so only intervals make ties.\n"
         )
-    cells = ", ".join(f"{METRICS[key].title} {_value(floors[key], key)}" for key in MAIN)
+    cells = ", ".join(f"{METRICS[key].title} {score(floors[key], key)}" for key in MAIN)
     return (
         f"**Noise floor**: {cells}. So far are the labels, the spectra of meshes, from the "
         "[extrapolated spectra](docs/labels.md) of the smooth surfaces and polyhedra (PSNR>20: "
@@ -122,18 +122,12 @@ def _heading(key: str) -> str:
     return METRICS[key].heading
 
 
-def _value(value: float | None, key: str) -> str:
-    if key == "psnr20":
-        return number(None if value is None else 100 * value, 2) + " %"
-    return number(value, METRICS[key].decimals)
-
-
 def _with_uncertainty(cell: dict[str, float | None], key: str) -> str:
-    text = _value(cell["mean"], key)
+    text = score(cell["mean"], key)
     if cell["low"] is not None and cell["high"] is not None:
-        text += f" ± {_value((cell['high'] - cell['low']) / 2, key).removesuffix(' %')}"
+        text += f" ± {score((cell['high'] - cell['low']) / 2, key).removesuffix(' %')}"
     if cell["seed_std"] is not None:
-        text += f" ({_value(cell['seed_std'], key).removesuffix(' %')})"
+        text += f" ({score(cell['seed_std'], key).removesuffix(' %')})"
     return text
 
 
@@ -142,7 +136,7 @@ def _medians(rows: Sequence[Ranked]) -> str:
     lines = []
     for row in rows:
         overall = row.submission.result["scores"]["overall"]
-        cells = [_value(overall[key]["median"], key) for key in shown]
+        cells = [score(overall[key]["median"], key) for key in shown]
         lines.append([row.submission.name, *cells])
     return _table(["model", *map(_heading, shown)], lines)
 
@@ -152,7 +146,7 @@ def _intervals(rows: Sequence[Ranked]) -> str:
     for row in rows:
         overall = row.submission.result["scores"]["overall"]
         cells = [
-            f"{_value(overall[key]['low'], key)} to {_value(overall[key]['high'], key)}"
+            f"{score(overall[key]['low'], key)} to {score(overall[key]['high'], key)}"
             for key in MAIN
         ]
         lines.append([row.submission.name, *cells])
@@ -168,7 +162,7 @@ def _families(rows: Sequence[Ranked], key: str) -> list[str]:
         [
             row.submission.name,
             *(
-                _value(row.submission.result["scores"]["families"][name][key]["mean"], key)
+                score(row.submission.result["scores"]["families"][name][key]["mean"], key)
                 for name in ordered
             ),
         ]

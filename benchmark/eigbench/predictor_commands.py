@@ -92,9 +92,7 @@ def _directory(options: argparse.Namespace) -> store.StoredDataset | None:
     manifest = store.read_manifest(place)
     if manifest is not None:
         return store.StoredDataset(place, manifest)
-    if recipe.is_sealed(options.dataset):
-        return store.open_dataset(options.dataset, options.root)
-    return store.open_imported(options.dataset, options.root)
+    return store.open_unversioned(options.dataset, options.root)
 
 
 def _truth(options: argparse.Namespace, directory: store.StoredDataset | None) -> truth.Truth:

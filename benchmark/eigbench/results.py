@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 
-from eigbench.errors import ResultError
+from eigbench.errors import EigbenchError, ResultError
 from eigbench.metrics import METRICS
 from eigbench.truth import Truth
-from synthnet.files import one_line, write_text
+from synthnet.files import make_directory, one_line, sha256, write_atomically, write_text
 
 SCHEMA_VERSION = 1
 
@@ -73,6 +75,25 @@ def load(path: Path) -> Any:
         raise ResultError(f"there is no file {path}") from error
     except (OSError, ValueError) as error:
         raise ResultError(f"{path} cannot be read: {one_line(error)}") from error
+
+
+def put(sources: Sequence[Path], targets: Sequence[Path], *, replace: bool = False) -> None:
+    """Copy files to their places on a board, the last first; all or none if one is taken.
+
+    Raises
+    ------
+    EigbenchError
+        If another file is at a place and ``replace`` is not given.
+    """
+    for source, target in zip(sources, targets, strict=True):
+        if target.exists() and sha256(target) != sha256(source) and not replace:
+            raise EigbenchError(
+                f"{target} is there already: give --replace, or another name in META"
+            )
+    for source, target in zip(reversed(sources), reversed(targets), strict=True):
+        make_directory(target.parent)
+        if not target.exists() or not target.samefile(source):
+            write_atomically(target, lambda to, source=source: shutil.copyfile(source, to))  # type: ignore[misc]
 
 
 def _finite(digits: str) -> float:

@@ -30,6 +30,19 @@ def number(value: float | None, decimals: int = 4) -> str:
     return f"{value:.{decimals}f}"
 
 
+def score(value: float | None, key: str) -> str:
+    """Return a score as its metric is shown; shares in per cent.
+
+    Examples
+    --------
+    >>> score(0.04567, "rpd"), score(0.9606, "psnr20"), score(None, "psnr20")
+    ('0.0457', '96.06 %', '∞/NaN %')
+    """
+    if key == "psnr20":
+        return number(None if value is None else 100 * value, 2) + " %"
+    return number(value, METRICS[key].decimals)
+
+
 def family_title(name: str) -> str:
     """Return a family's title; the name of one that synthnet does not make."""
     return FAMILIES[name].title if name in FAMILIES else name

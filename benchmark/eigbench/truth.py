@@ -154,7 +154,8 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
         for shape in plan.shapes
         if shape.spec.id in pinned  # or it was rejected by a filter, and has no label
     )
-    chosen = list(_choose(shapes, _trained_on(version), wanted, split, protocol))
+    own = None if protocol in PROTOCOLS else wanted
+    chosen = list(_choose(shapes, _trained_on(version), own, split, protocol))
     if not chosen:
         raise EigbenchError(f"{version} has nothing in the split {split} of protocol {protocol}")
     return _truth(chosen, version, split, protocol, wanted.digest)
@@ -180,8 +181,8 @@ def of_dataset(
     version = dataset.manifest.version
     if protocol not in PROTOCOLS and version not in recipe.available():
         raise EigbenchError(f"{version} has no protocol {protocol}: {' or '.join(PROTOCOLS)}")
-    wanted = None if protocol in PROTOCOLS else recipe.load(version)
-    chosen = list(_choose(_stored(dataset), _trained_on(version), wanted, split, protocol))
+    own = None if protocol in PROTOCOLS else recipe.load(version)
+    chosen = list(_choose(_stored(dataset), _trained_on(version), own, split, protocol))
     if not chosen:
         raise EigbenchError(f"{dataset.directory} has nothing in the split {split}")
     return _truth(chosen, version, split, protocol, dataset.manifest.recipe_digest)
@@ -247,19 +248,17 @@ def _of_import(version: str, protocol: str, labels: Mapping[str, pins.Pin]) -> T
 
 
 def _choose(
-    shapes: Iterable[_Labelled], trained: str, wanted: Recipe | None, split: str, protocol: str
+    shapes: Iterable[_Labelled], trained: str, own: Recipe | None, split: str, protocol: str
 ) -> Iterator[tuple[str, _Labelled, str]]:
-    """Yield the instances of a split, their shapes and what a predictor is trained on."""
-    folds = () if protocol in PROTOCOLS or wanted is None else splits.folds(wanted, protocol, split)
+    """Yield the instances of a split, their shapes and what a predictor is trained on.
+
+    ``own`` is the recipe whose own protocol it is; ``None`` for one that all datasets have.
+    """
+    folds = () if own is None else splits.folds(own, protocol, split)
     for shape in shapes:
         trainings = [protocol]
-        if folds and wanted is not None:
-            index = int(shape.id.rpartition("-")[2])
-            trainings = [
-                fold.name
-                for fold in folds
-                if splits.takes(fold, wanted, split, shape.family, index)
-            ]
+        if own is not None:
+            trainings = [f.name for f in folds if splits.takes(f, own, split, shape.id)]
         for training in trainings:
             for instance, paper_split in enumerate(shape.paper_splits):
                 if (paper_split if protocol == "paper" else shape.split) == split:

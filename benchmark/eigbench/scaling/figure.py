@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 
 import matplotlib as mpl
@@ -10,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from eigbench.figures import style
+from eigbench.figures import as_svg, style
 from eigbench.scaling import scores as scaling_scores
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled
@@ -71,9 +70,7 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
             _entry(
                 figure, 0.03 + column / COLUMNS, (legend - ENTRY * (line + 1)) / height, name, look
             )
-        text = io.StringIO()
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-    return text.getvalue()
+        return as_svg(figure)
 
 
 def _entry(figure: Figure, x: float, y: float, name: str, look: tuple[str, str, str]) -> None:

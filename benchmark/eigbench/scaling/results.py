@@ -7,7 +7,6 @@ the pinned labels.
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
@@ -18,7 +17,7 @@ from eigbench import results
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.scaling import surfaces
 from eigbench.submission import slug
-from synthnet.files import make_directory, sha256, write_atomically, write_text
+from synthnet.files import write_text
 
 VERSION = 1
 ANSWERED = "answered"
@@ -32,7 +31,7 @@ class Scaled:
     Parameters
     ----------
     result : dict
-        As :mod:`eigbench.scaling_run` made it.
+        As :mod:`eigbench.scaling.run` made it.
     path : Path
         Its file.
     """
@@ -144,11 +143,7 @@ def place(one: Scaled, root: Path, *, replace: bool = False) -> Path:
         If another of that name is there and ``replace`` is not given.
     """
     target = _place(one, root)
-    if target.exists() and sha256(target) != sha256(one.path) and not replace:
-        raise EigbenchError(f"{target} is there already: give --replace, or another name in META")
-    make_directory(target.parent)
-    if not target.exists() or not target.samefile(one.path):
-        write_atomically(target, lambda to: shutil.copyfile(one.path, to))  # type: ignore[arg-type]
+    results.put([one.path], [target], replace=replace)
     return target
 
 

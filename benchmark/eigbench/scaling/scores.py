@@ -104,7 +104,8 @@ def is_exact(one: Mapping[str, Any]) -> bool:
 
 def cell(row: Scaled, size: int) -> Cell:
     """Return the medians of a model at a size."""
-    tried = [row.meshes[s, size] for s in surfaces.SURFACES if (s, size) in row.meshes]
+    meshes = row.meshes
+    tried = [meshes[s, size] for s in surfaces.SURFACES if (s, size) in meshes]
     good = [one for one in tried if one["outcome"] == ANSWERED]
     columns = [(error(m), distance(m), seconds(m), m["peak_memory_mb"]) for m in good]
     medians = np.median(np.array(columns, dtype=np.float64), axis=0) if good else np.full(4, np.nan)
