@@ -336,6 +336,9 @@ def made(tmp_path):
     return make
 
 
+TIMES = {1_000: 0.01, 10_000: 1.0}  # of an exact solver, in seconds
+
+
 @pytest.fixture
 def rows(made):
     """Two solvers; a prediction 0.5 % off, better than meshes of 1,000 vertices; one far off."""
@@ -354,11 +357,32 @@ def test_a_prediction_wins_where_it_is_faster_and_below_the_discretisation_error
     assert small.faster == {"far-off": (6, 0), "near": (6, 6)}
     assert large.faster == {"near": (6, 0)}  # 0.5 % is more than the error of such meshes
     text = "\n".join(scaling_page.section(rows)[0])
-    assert "(on how many surfaces): at 1,000 vertices Near (6 of 6). At no other size." in text
+    told = "surfaces): at 1,000 vertices Near (classical, 6 of 6). At no other size."
+    assert told in text
     assert (
         "- 10,000 vertices, discretisation error 0.122 %: the fastest exact solver (mostly Exact)"
         in text
     )
+
+
+def test_a_prediction_does_not_win_where_a_coarser_mesh_is_as_good_and_faster(made):
+    near = made("Near", {10_000: (0.5, 1.0007)})  # error below the mesh's own, on every surface
+    exact = {size: made(f"Exact {size}", {size: (time, 1.0)}) for size, time in TIMES.items()}
+    alone = scaling_scores.verdict([near, exact[10_000]], 10_000)
+    assert alone.faster == {"near": (6, 6)}
+    both = scaling_scores.verdict([near, *exact.values()], 10_000)
+    assert both.faster == {"near": (6, 1)}  # elsewhere 0.07 % more costs half a second
+    for surface in surfaces.SURFACES:  # by hand: slope of log time over log error
+        (small, large), (t, own) = (
+            [surfaces.pinned(surface, size).discretisation_error for size in TIMES],
+            TIMES.values(),
+        )
+        distance = scaling_scores.distance(near.meshes[surface, 10_000])
+        slope = np.log(own / t) / np.log(small / large)
+        equal = scaling_scores.equal_seconds(surface, TIMES, distance)
+        assert equal == pytest.approx(own * (large / distance) ** slope)
+        assert scaling_scores.equal_seconds(surface, TIMES, 2 * small) == pytest.approx(t / 2)
+        assert scaling_scores.equal_seconds(surface, TIMES, large / 2) == pytest.approx(own)
 
 
 def test_page_says_what_was_not_run_and_what_took_too_long(rows):

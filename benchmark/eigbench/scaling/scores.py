@@ -2,7 +2,8 @@
 
 An exact solver is no name but a finding: on a mesh, whatever is within :data:`EXACT` of the label
 in every eigenvalue. A prediction wins on a mesh if it is faster than the fastest of these, on the
-same machine, and no further from the label than the label is from the surface's spectrum.
+same machine, no further from the label than the label is from the surface's spectrum, and faster
+too than these are on a coarser mesh of that surface that is just as far from its spectrum.
 """
 
 from __future__ import annotations
@@ -165,25 +166,45 @@ def coarse_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, f
     return "", float(np.exp(log))
 
 
+def equal_seconds(surface: str, times: Mapping[int, float], distance: float) -> float:
+    """Return what an exact solver takes on a mesh of a surface just fine enough for an error.
+
+    Between two sizes time is a power of the discretisation error. Below the smallest it is taken
+    as inversely proportional to it, as for a solver whose time is linear in the vertices; above
+    the largest nothing is added.
+
+    Parameters
+    ----------
+    surface : str
+        Name of the surface.
+    times : mapping of int to float
+        Seconds of the solver by size; at least one.
+    distance : float
+        Mean relative error against the surface's spectrum.
+    """
+    sizes = sorted(times, reverse=True)  # errors ascending
+    errors = np.array([surfaces.pinned(surface, size).discretisation_error for size in sizes])
+    log = np.interp(np.log(distance), np.log(errors), np.log([times[size] for size in sizes]))
+    return float(np.exp(log) * min(1.0, errors[-1] / distance))
+
+
 def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
     """Return what is faster than the exact solver; the rows are of one setting."""
     fastest: dict[str, tuple[float, str]] = {}
     counts: dict[str, tuple[int, int]] = {}
     for surface in surfaces.SURFACES:
-        answers = [
-            (row, row.meshes[surface, size])
-            for row in sorted(rows, key=lambda row: row.slug)
-            if row.meshes.get((surface, size), {}).get("outcome") == ANSWERED
-        ]
-        exact = [(seconds(one), row.name) for row, one in answers if is_exact(one)]
-        if not exact:
+        exact = {n: found for n in sizes(rows) if (found := _fastest_exact(rows, surface, n))}
+        if size not in exact:
             continue
-        fastest[surface] = min(exact)
+        fastest[surface] = exact[size]
+        times = {n: time for n, (time, _) in exact.items()}
         own = surfaces.pinned(surface, size).discretisation_error
-        for row, one in answers:
-            if seconds(one) < fastest[surface][0] and not is_exact(one):
+        for row, one in _answers(rows, surface, size):
+            if seconds(one) < times[size] and not is_exact(one):
                 faster, wins = counts.get(row.slug, (0, 0))
-                counts[row.slug] = faster + 1, wins + (error(one) <= own)
+                equal = equal_seconds(surface, times, distance(one))
+                won = error(one) <= own and seconds(one) < equal
+                counts[row.slug] = faster + 1, wins + won
     names = [name for _, name in fastest.values()]
     return Verdict(
         size,
@@ -192,3 +213,18 @@ def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
         len(names),
         dict(sorted(counts.items())),
     )
+
+
+def _answers(
+    rows: Sequence[Scaled], surface: str, size: int
+) -> list[tuple[Scaled, Mapping[str, Any]]]:
+    return [
+        (row, row.meshes[surface, size])
+        for row in sorted(rows, key=lambda row: row.slug)
+        if row.meshes.get((surface, size), {}).get("outcome") == ANSWERED
+    ]
+
+
+def _fastest_exact(rows: Sequence[Scaled], surface: str, size: int) -> tuple[float, str] | None:
+    answers = _answers(rows, surface, size)
+    return min(((seconds(one), row.name) for row, one in answers if is_exact(one)), default=None)
