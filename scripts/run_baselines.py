@@ -36,7 +36,6 @@ ROWS = {  # file: seeds
     "reproduction/modern": 1,
 }
 TRAINED = ("mean", "boosted_trees", "ritz_mlp")  # on whatever training set they are asked for
-LACKS = {"1.0": (), "2.0": ("reproduction/modern",)}  # rows that a version has not
 BATCH = {"1.0": 200, "2.0": 50}  # meshes: 2.0's are six times as large
 
 
@@ -53,7 +52,7 @@ def main() -> int:
     )
     parser.add_argument("place", type=Path, metavar="DIR", help="of the results")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(ROWS)}")
-    parser.add_argument("--dataset", default="1.0", choices=LACKS)
+    parser.add_argument("--dataset", default="1.0", choices=BATCH)
     parser.add_argument("--protocol", default="grouped")
     parser.add_argument("--seeds", type=int, help="at most so many (default: those of the row)")
     options = parser.parse_args()
@@ -65,7 +64,7 @@ def main() -> int:
     place.mkdir(parents=True, exist_ok=True)
     trained = options.protocol != "grouped"
     rows = TRAINED if trained and "imported" not in options.protocol else ROWS
-    for name in options.names or [row for row in rows if row not in LACKS[options.dataset]]:
+    for name in options.names or rows:
         out = place / f"{Path(name).name}.json"
         if out.exists():
             continue
