@@ -33,11 +33,17 @@ def polynomials(vertices: np.ndarray, degree: int) -> np.ndarray:
 
 
 def ritz_values(mesh: Mesh, degree: int, count: int = 10) -> np.ndarray:
-    """Return the first ``count`` Ritz values after zero."""
+    """Return the first ``count`` Ritz values after zero.
+
+    Where the surface makes polynomials agree, as a plane does, the degree is raised until they
+    span enough functions.
+    """
     stiffness, mass = fem_matrices(mesh)
     basis = polynomials(mesh.vertices, degree)
     gram, directions = eigh(basis.T @ (mass @ basis))
     kept = gram > DEPENDENT * gram[-1]
+    if np.count_nonzero(kept) <= count < len(mesh.vertices):
+        return ritz_values(mesh, degree + 1, count)
     basis = basis @ (directions[:, kept] / np.sqrt(gram[kept]))
     values = np.linalg.eigvalsh(basis.T @ (stiffness @ basis))
     return values[1 : count + 1]
