@@ -25,6 +25,7 @@ from rich.progress import track
 
 from synthnet import recipe
 from synthnet.build import build
+from synthnet.files import write_text
 from synthnet.plan import plan_shards
 from synthnet.types import ShapeSpec
 
@@ -79,7 +80,7 @@ def main() -> None:
         "build seconds": round(report.wall_seconds, 1),
         "ratio": round(report.wall_seconds / plain, 3),
     }
-    RESULT.write_text(json.dumps(row, indent=1) + "\n")
+    write_text(RESULT, json.dumps(row, indent=1) + "\n")
     print(json.dumps(row, indent=1))
 
 

@@ -23,7 +23,7 @@ from tabulate import tabulate
 
 from synthnet import recipe
 from synthnet.build import build
-from synthnet.files import write_marked
+from synthnet.files import write_marked, write_text
 
 DOCS = Path(__file__).parent.parent / "docs"
 RESULT, PAGE = DOCS / "data" / "build-memory.json", DOCS / "clusters.md"
@@ -82,7 +82,7 @@ def keep(row: dict) -> list[dict]:
     same = ("families", "scale", "share")
     rows = [r for r in old if any(r[key] != row[key] for key in same)] + [row]
     rows.sort(key=lambda r: (r["families"] != "all", r["families"], r["share"] * r["scale"]))
-    RESULT.write_text(json.dumps(rows, indent=1) + "\n")
+    write_text(RESULT, json.dumps(rows, indent=1) + "\n")
     write_marked(PAGE, memory=f"\n{table(rows)}\n")
     return rows
 

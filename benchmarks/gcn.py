@@ -29,6 +29,7 @@ from baselines.gcn.encodings import encoding
 from baselines.gcn.model import GCN, GCNConfig
 from synthnet import spectrum
 from synthnet.build import ensure_built
+from synthnet.files import write_text
 from synthnet.types import Mesh
 
 STEP, INFERENCE = 32, 200
@@ -167,7 +168,7 @@ def main() -> None:
         result["figure2"] = figure_2(model, [sample.mesh for sample in chosen], threads)
         print(tabulate(result["figure2"], headers="keys"))
     if options.json:
-        options.json.write_text(json.dumps(result, indent=1) + "\n")
+        write_text(options.json, json.dumps(result, indent=1) + "\n")
     print(tabulate(rows, headers="keys"))
     print({key: result[key] for key in ("device", "capability", "threads", "vertices")})
 

@@ -26,7 +26,7 @@ from tabulate import tabulate
 
 from synthnet import spectrum
 from synthnet.families import FAMILIES
-from synthnet.files import write_marked
+from synthnet.files import write_marked, write_text
 from synthnet.types import Mesh
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -164,7 +164,7 @@ def main() -> None:
         return
     spectrum.compile_solver()
     rows = measure(options.largest)
-    (DOCS / "data" / "growth.json").write_text(json.dumps(rows, indent=1) + "\n")
+    write_text(DOCS / "data" / "growth.json", json.dumps(rows, indent=1) + "\n")
     draw(rows, DOCS / "growth.svg")
     write_marked(DOCS / "labels.md", growth=f"\n{table(rows)}\n")
     print(table(rows))

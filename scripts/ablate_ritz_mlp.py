@@ -24,7 +24,7 @@ from eigbench.metrics import METRICS  # noqa: E402
 from eigbench.tables import family_title  # noqa: E402
 from ritz_features import CORRECTED, NAMES, VALUES  # noqa: E402
 
-from synthnet.files import write_marked  # noqa: E402
+from synthnet.files import write_marked, write_text  # noqa: E402
 
 RESULT, PAGE = ROOT / "docs" / "data" / "ritz-mlp.json", ROOT / "docs" / "learned.md"
 EPOCHS = ritz_mlp.EPOCHS // 4
@@ -152,7 +152,7 @@ def main() -> None:
     """Train, score, write."""
     data = Data()
     found = {"ablations": ablations(data), "left_out": left_out(data)}
-    RESULT.write_text(json.dumps(found, indent=1) + "\n")
+    write_text(RESULT, json.dumps(found, indent=1) + "\n")
     write(found)
     print(f"{RESULT} and {PAGE} written")
 

@@ -32,7 +32,7 @@ from tabulate import tabulate
 
 from synthnet import recipe, store
 from synthnet.errors import SynthNetError
-from synthnet.files import write_marked
+from synthnet.files import write_marked, write_text
 from synthnet.plan import plan_shards
 from synthnet.storage import RemotePath
 from synthnet.verify import verify_files
@@ -590,7 +590,7 @@ def main() -> int:
     for problem in (problem for outcome in outcomes for problem in outcome.wrong):
         print(f"WRONG: {problem}")
     if options.json:
-        options.json.write_text(json.dumps(report, indent=1) + "\n")
+        write_text(options.json, json.dumps(report, indent=1) + "\n")
         write_marked(PAGE, faults=f"\n{table(report)}\n")
     return int(any(outcome.wrong for outcome in outcomes))
 

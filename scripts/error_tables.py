@@ -21,7 +21,7 @@ from tabulate import tabulate
 from synthnet import estimates, pins, spectrum, store
 from synthnet.discretisation import Estimate, estimate, extrapolate
 from synthnet.families import FAMILIES
-from synthnet.files import write_marked
+from synthnet.files import write_marked, write_text
 from synthnet.types import ShapeSpec
 
 ROOT = Path(__file__).parent.parent
@@ -126,7 +126,7 @@ def main() -> None:
             mine = [row for file in files for row in estimates.labels(dataset.directory / file)]
             rows.append(measured(name, mine, [found[spec.id] for spec, _ in mine]))
     report = {"version": sys.argv[1], "rows": rows}
-    data.write_text(json.dumps(report, indent=1) + "\n")
+    write_text(data, json.dumps(report, indent=1) + "\n")
     write_marked(page, errors=f"\n{table(report)}\n")
     print(f"{data} and {page} written")
 

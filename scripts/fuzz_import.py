@@ -22,6 +22,7 @@ from pathlib import Path
 import trimesh
 from tabulate import tabulate
 
+from synthnet.files import write_text
 from synthnet.importing import import_meshes, what_was_met
 from synthnet.types import Sample
 from synthnet.verify import verify
@@ -151,7 +152,7 @@ def main() -> int:
     for problem in found["problems"]:
         print(f"WRONG: {problem}")
     if options.json:
-        options.json.write_text(json.dumps(found, indent=1) + "\n")
+        write_text(options.json, json.dumps(found, indent=1) + "\n")
     return int(bool(found["problems"]))
 
 
