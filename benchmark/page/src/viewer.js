@@ -1,0 +1,148 @@
+// A mesh to turn, drawn by three.js; loaded when the first row is opened.
+
+import {
+  AmbientLight, BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide, LineBasicMaterial,
+  LineSegments, Mesh, MeshStandardMaterial, PerspectiveCamera, Scene, Spherical, Vector3, WebGLRenderer,
+  WireframeGeometry,
+} from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { element } from "./dom.js";
+
+const STEPS = 32767; // of shapes.py
+const TURN = Math.PI / 18;
+const ZOOM = 1.15;
+const START = [2.1, -2.9, 1.7];
+const [NEAREST, FARTHEST] = [1.4, 12];
+
+function bytes(text) {
+  const raw = atob(text);
+  return Uint8Array.from({ length: raw.length }, (_, i) => raw.charCodeAt(i)).buffer;
+}
+
+/** Return the geometry of a mesh as shapes.py packs it: little-endian, as all browsers are. */
+function unpacked(packed) {
+  const Index = packed.wide ? Uint32Array : Uint16Array;
+  const geometry = new BufferGeometry();
+  const positions = Float32Array.from(new Int16Array(bytes(packed.vertices)), (value) => value / STEPS);
+  geometry.setAttribute("position", new BufferAttribute(positions, 3));
+  geometry.setIndex(new BufferAttribute(new Index(bytes(packed.faces)), 1));
+  return geometry;
+}
+
+/** Show a mesh in a container; return how to redraw and to close it. */
+function view(container, packed, label) {
+  const canvas = element("canvas", {
+    tabindex: "0", role: "application", "aria-roledescription": "3D model",
+    "aria-label": `${label}. Arrow keys turn it, plus and minus zoom, 0 resets.`,
+  });
+  const count = (number) => number.toLocaleString("en");
+  const told = `${count(packed.vertex_count)} vertices, ${count(packed.face_count)} triangles` +
+    (packed.shown < packed.face_count ? `; simplified for display to ${count(packed.shown)}` : "");
+  let renderer;
+  try {
+    renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
+  } catch {
+    container.replaceChildren(element("p", {}, `This browser has no WebGL, so the mesh (${told}) cannot be shown.`));
+    return { redraw: () => {}, close: () => {} };
+  }
+  const scene = new Scene();
+  const camera = new PerspectiveCamera(35, 1, 0.1, 50);
+  camera.up.set(0, 0, 1);
+  const geometry = unpacked(packed);
+  const surface = new Mesh(geometry, new MeshStandardMaterial({ side: DoubleSide, flatShading: true, roughness: 0.75, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 }));
+  const edges = new LineSegments(new WireframeGeometry(geometry), new LineBasicMaterial({ transparent: true, opacity: 0.35 }));
+  const light = new DirectionalLight(0xffffff, 2);
+  light.position.set(1, 1.4, 1.2);
+  camera.add(light);
+  scene.add(camera, surface, edges, new AmbientLight(0xffffff, 1));
+
+  const controls = new OrbitControls(camera, canvas);
+  Object.assign(controls, { enablePan: false, enableZoom: false, minDistance: NEAREST, maxDistance: FARTHEST });
+  canvas.style.touchAction = "pan-y"; // a finger that moves up or down scrolls the page
+  canvas.addEventListener("focus", () => (controls.enableZoom = true)); // till then a wheel scrolls
+  canvas.addEventListener("blur", () => (controls.enableZoom = false));
+
+  function draw() {
+    renderer.render(scene, camera);
+    canvas.dataset.turned = `${controls.getAzimuthalAngle().toFixed(3)} ${controls.getPolarAngle().toFixed(3)}`;
+    canvas.dataset.distance = controls.getDistance().toFixed(3);
+  }
+  function turn(around, up) {
+    // three's spherical coordinates have y up, the shapes have z
+    const at = new Spherical().setFromVector3(new Vector3(camera.position.x, camera.position.z, -camera.position.y));
+    at.theta += around;
+    at.phi = Math.min(Math.PI - 0.05, Math.max(0.05, at.phi - up));
+    const to = new Vector3().setFromSpherical(at);
+    camera.position.set(to.x, -to.z, to.y);
+    controls.update();
+    draw();
+  }
+  function zoom(factor) {
+    const far = Math.min(FARTHEST, Math.max(NEAREST, camera.position.length() / factor));
+    camera.position.setLength(far);
+    controls.update();
+    draw();
+  }
+  function reset() {
+    camera.position.set(...START);
+    controls.update();
+    draw();
+  }
+  function paint() {
+    surface.material.color = new Color(getComputedStyle(canvas).color);
+    edges.material.color = new Color(getComputedStyle(document.body).color);
+    draw();
+  }
+  function resize() {
+    const { width, height } = container.querySelector(".canvas").getBoundingClientRect();
+    if (!width) return;
+    renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    renderer.setSize(width, height, false);
+    camera.aspect = width / height;
+    camera.updateProjectionMatrix();
+    draw();
+  }
+  const keys = {
+    ArrowLeft: () => turn(-TURN, 0), ArrowRight: () => turn(TURN, 0), ArrowUp: () => turn(0, TURN), ArrowDown: () => turn(0, -TURN),
+    "+": () => zoom(ZOOM), "=": () => zoom(ZOOM), "-": () => zoom(1 / ZOOM), 0: reset,
+  };
+  canvas.addEventListener("keydown", (event) => {
+    if (!(event.key in keys) || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    keys[event.key]();
+  });
+  controls.addEventListener("change", draw);
+
+  const button = (name, text, click, more = {}) => element("button", { type: "button", "aria-label": name, title: name, click, ...more }, text);
+  const toggle = button("Show edges", "edges", () => {
+    edges.visible = !edges.visible;
+    toggle.setAttribute("aria-pressed", String(edges.visible));
+    draw();
+  }, { "aria-pressed": "true" });
+  container.replaceChildren(
+    element("div", { class: "canvas" }, canvas),
+    element("div", { class: "buttons", role: "group", "aria-label": `Turn the mesh ${label}` },
+      button("Turn left", "←", () => turn(-TURN, 0)), button("Turn right", "→", () => turn(TURN, 0)),
+      button("Turn up", "↑", () => turn(0, TURN)), button("Turn down", "↓", () => turn(0, -TURN)),
+      button("Zoom in", "+", () => zoom(ZOOM)), button("Zoom out", "−", () => zoom(1 / ZOOM)),
+      button("Reset the view", "reset", reset), toggle),
+    element("p", { class: "small" }, `${told}.`));
+  const observer = new ResizeObserver(resize);
+  observer.observe(container.querySelector(".canvas"));
+  reset();
+  resize();
+  paint();
+  return {
+    redraw: paint,
+    close: () => {
+      observer.disconnect();
+      controls.dispose();
+      geometry.dispose();
+      edges.geometry.dispose();
+      renderer.dispose();
+      renderer.forceContextLoss(); // browsers keep few contexts
+    },
+  };
+}
+
+eigbench.view = view;
