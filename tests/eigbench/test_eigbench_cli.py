@@ -19,6 +19,7 @@ COMMANDS = (
     "compare",
     "submit",
     "leaderboard",
+    "site",
     "plot",
     "scale",
     "scaling",

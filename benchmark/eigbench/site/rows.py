@@ -93,7 +93,7 @@ def _shape(one: Submission, name: str) -> dict[str, Any]:
         "id": one.truth.ids[i],
         "family": family_title(one.truth.families[i]),
         "parameters": {} if spec is None else {k: _short(v) for k, v in spec.parameters.items()},
-        "scores": [[METRICS[key].title, score(value, key)] for key, value in found.items()],
+        "scores": [[METRICS[key].title, _score(key, value)] for key, value in found.items()],
         "label": [number_of(float(value)) for value in label],
         "predicted": [number_of(float(value)) for value in predicted],
         "errors": [number(float(value)) for value in np.abs(predicted - label) / np.abs(label)],
@@ -101,6 +101,11 @@ def _shape(one: Submission, name: str) -> dict[str, Any]:
         "mesh": None if spec is None else shapes.place(one.truth, shape),
         "why": NO_MESH if spec is None else "",
     }
+
+
+def _score(key: str, value: float) -> str:
+    text = score(value, key) if np.isfinite(value) else "∞"
+    return f"{text} {METRICS[key].unit}".strip()
 
 
 def _short(value: float | int | str) -> str:

@@ -13,7 +13,15 @@ const LINES = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00",
 const DASHES = ["", "6 3", "2 3"];
 
 const widthOf = (container, least = 280) => Math.max(least, Math.floor(container.getBoundingClientRect().width));
-const powers = (value) => (value >= 1e-3 && value < 1e5 ? String(+value.toPrecision(2)) : value.toExponential(0));
+const powers = (value) => (value === 0 || value >= 1e-3 && value < 1e5 ? String(+value.toPrecision(2)) : value.toExponential(0));
+
+// Plot labels the group of a mark, which has no role and is drawn anew at each move
+const unlabelled = (index, scales, values, dimensions, context, next) => {
+  const group = next(index, scales, values, dimensions, context);
+  group?.removeAttribute("aria-label");
+  return group;
+};
+const TIP = { fill: "var(--raised)", stroke: "var(--line)", render: unlabelled };
 
 /** Put pictures into figures, each with its caption. */
 function figure(picture, caption) {
@@ -82,25 +90,26 @@ function scatter(box, { points, best, title, share, higher, floor, setting, kind
       axisX({ ticks: 5, tickFormat: powers, tickSize: 3 }), axisY({ ticks: 5, tickFormat: share ? (v) => `${v} %` : powers, tickSize: 3 }),
       limit === null ? null : ruleY([limit], { stroke: "currentColor", strokeOpacity: 0.55, strokeDasharray: "2 3" }),
       limit === null ? null : text([limit], { text: () => "noise floor", y: (v) => v, frameAnchor: "right", dy: higher ? 8 : -7, fill: "currentColor", fillOpacity: 0.8 }),
-      line(best, { x: "x", y: "y", curve: higher ? "step-after" : "step-after", stroke: "var(--front)", strokeWidth: 1.5 }),
+      line(best, { x: "x", y: "y", curve: "step-after", stroke: "var(--front)", strokeWidth: 1.5 }),
       dot(points, { x: "x", y: "y", r: 5, symbol: (one) => SYMBOLS[one.row.kind], fill: (one) => kinds[one.row.kind], stroke: "var(--background)", strokeWidth: 0.75 }),
-      tip(points, pointer({ x: "x", y: "y", title: (one) => `${one.row.name}, ${one.row.kind}\n${title}: ${one.shown}\n${powers(one.time)} ms a mesh\nclick to open its row`, ariaLabel: null, fill: "var(--raised)", stroke: "var(--line)" })),
+      tip(points, pointer({ x: "x", y: "y", title: (one) => `${one.row.name}, ${one.row.kind}\n${title}: ${one.shown}\n${powers(one.time)} ms a mesh\nclick to open its row`, ...TIP })),
     ],
     symbol: { type: "identity" }, color: { type: "identity" },
   });
   label(svg, said);
   svg.classList.add("clickable");
   svg.addEventListener("click", () => svg.value && open(svg.value.row.slug));
-  name(svg, points, best, width, height);
+  name(svg, { points, best, floor: limit, width, height });
   return svg;
 }
 
 /** Write names beside points where there is room: first those on the front. */
-function name(svg, points, best, width, height) {
+function name(svg, { points, best, floor, width, height }) {
   const [x, y] = ["x", "y"].map((axis) => svg.scale(axis));
   const ordered = [...best, ...points.filter((one) => !best.includes(one))];
-  const at = ordered.map((one) => ({ x: x.apply(one.x), y: y.apply(one.y), text: one.name }));
-  for (const place of places(at, { left: 48, right: width - 4, top: 4, bottom: height - 38 }))
+  const at = ordered.map((one) => ({ x: x.apply(one.x), y: y.apply(one.y), text: one.name, above: best.includes(one) }));
+  const line = floor === null ? [] : [[width - 76, y.apply(floor) - 14, width, y.apply(floor) + 2]];
+  for (const place of places(at, line, { left: 48, right: width - 4, top: 4, bottom: height - 38 }))
     svg.append(drawn("text", { x: place.x, y: place.y, "text-anchor": place.anchor, dy: "0.32em", fill: "currentColor", class: "name" }, place.text));
 }
 
@@ -136,7 +145,7 @@ function protocols(container, { board, rows, group }) {
       gridX({ ticks: 5, strokeOpacity: 0.12 }), axisX({ ticks: 5, tickFormat: share ? (v) => `${v} %` : powers }), axisY({ tickSize: 0, tickFormat: short }),
       line(spans, { x: "x", y: "name", z: "name", stroke: "currentColor", strokeOpacity: 0.3 }),
       dot(points, { x: "x", y: "name", r: 4.5, symbol: (one) => PROTOCOLS[one.i % PROTOCOLS.length][0], stroke: (one) => PROTOCOLS[one.i % PROTOCOLS.length][1], fill: (one) => PROTOCOLS[one.i % PROTOCOLS.length][1] }),
-      tip(points, pointer({ x: "x", y: "name", title: (one) => `${one.name}\n${one.column}: ${one.shown}`, ariaLabel: null, fill: "var(--raised)", stroke: "var(--line)" })),
+      tip(points, pointer({ x: "x", y: "name", title: (one) => `${one.name}\n${one.column}: ${one.shown}`, ...TIP })),
     ],
   });
   const entries = titles.map((title, i) => {
@@ -170,7 +179,7 @@ function scaling(container, { board, rows }) {
           key === "error" ? line(board.own, { x: "0", y: "1", stroke: "currentColor", strokeOpacity: 0.3, strokeWidth: 4 }) : null,
           ...mine.map((row) => line(points.filter((one) => one.row === row), { x: "size", y: "y", stroke: looks.get(row)[0], strokeDasharray: looks.get(row)[1], strokeWidth: 1.4 })),
           dot(points, { x: "size", y: "y", r: 3.5, stroke: (one) => looks.get(one.row)[0], fill: (one) => (one.whole ? looks.get(one.row)[0] : "var(--background)") }),
-          tip(points, pointer({ x: "size", y: "y", title: (one) => `${one.row.name}\n${one.size.toLocaleString("en")} vertices: ${one.row.cells[`${key}-${one.size}`][0]}`, ariaLabel: null, fill: "var(--raised)", stroke: "var(--line)" })),
+          tip(points, pointer({ x: "size", y: "y", title: (one) => `${one.row.name}\n${one.size.toLocaleString("en")} vertices: ${one.row.cells[`${key}-${one.size}`][0]}`, ...TIP })),
         ],
       });
       box.append(label(svg, said));

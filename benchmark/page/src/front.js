@@ -12,14 +12,15 @@ export function front(points, higher) {
 
 const CHARACTER = 5.6; // pixels, on average, at the size of the names
 const OFFSETS = [0, 11, -11, 18, -18];
+const ABOVE = [-9, 10, 0, -18, 18]; // a name on the front stands clear of its line
 
-/** Return places for names beside points; a name that fits nowhere is left out. */
-export function places(points, frame) {
-  const taken = points.map(({ x, y }) => [x - 5, y - 5, x + 5, y + 5]);
+/** Return places for names beside points, clear of some boxes; a name that fits nowhere is left out. */
+export function places(points, elsewhere, frame) {
+  const taken = [...elsewhere, ...points.map(({ x, y }) => [x - 5, y - 5, x + 5, y + 5])];
   const found = [];
-  for (const { x, y, text } of points) {
+  for (const { x, y, text, above } of points) {
     const long = CHARACTER * text.length;
-    for (const [dy, anchor] of OFFSETS.flatMap((dy) => [[dy, "start"], [dy, "end"]])) {
+    for (const [dy, anchor] of (above ? ABOVE : OFFSETS).flatMap((dy) => [[dy, "start"], [dy, "end"]])) {
       const left = anchor === "start" ? x + 8 : x - 8 - long;
       const here = [left, y + dy - 5.5, left + long, y + dy + 5.5];
       const inside = here[0] >= frame.left && here[2] <= frame.right && here[1] >= frame.top && here[3] <= frame.bottom;

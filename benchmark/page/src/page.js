@@ -35,7 +35,12 @@ async function start(found) {
     part("table").focus();
     part("table").scrollIntoView();
   });
-  NARROW.addEventListener("change", () => render());
+  const fold = () => (part("controls").open = !NARROW.matches);
+  fold();
+  NARROW.addEventListener("change", () => {
+    fold();
+    render();
+  });
   addEventListener("hashchange", () => {
     if (location.hash !== encoded(state)) {
       state = decoded(location.hash);
@@ -88,13 +93,15 @@ function render(form = true) {
   if (!board) return;
   location.replace(encoded(state)); // not history.replaceState, which some browsers refuse to files
   if (!board.groups) {
-    for (const id of ["filters", "chart"]) part(id).replaceChildren();
+    part("controls").hidden = true;
+    part("chart").replaceChildren();
     part("status").textContent = "As printed in the paper; no row was run here.";
     part("table").replaceChildren(...board.tables.map((table) => plainTable(table)));
     return;
   }
   const options = { narrow: NARROW.matches, metrics: board.kind === "board" ? index.metrics : null, change };
   if (form) renderFilters(part("filters"), board, { ...state, metric: metric() }, index.kinds, options);
+  part("controls").hidden = false;
   const rows = rowsShown(board, state);
   openDetail(rows);
   renderTable(part("table"), board, state, {

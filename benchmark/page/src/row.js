@@ -75,5 +75,5 @@ function numbers(shape) {
   const digits = (value) => (value === null ? "" : value.toPrecision(4));
   const rows = shape.label.map((value, i) => [`λ${i + 1}`, digits(value), digits(shape.predicted[i]), shape.errors[i]]);
   return element("details", {}, element("summary", {}, "Numbers"),
-    plainTable({ title: "Eigenvalues in 1/length²", headers: ["", "true", "predicted", "relative error"], rows }, "h4"));
+    plainTable({ title: `Eigenvalues of the ${shape.name} shape in 1/length²`, headers: ["", "true", "predicted", "relative error"], rows }, "h4"));
 }

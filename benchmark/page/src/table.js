@@ -91,7 +91,7 @@ function headCell(board, state, key, isSorted, on) {
     "aria-sort": isSorted ? (state.down ? "descending" : "ascending") : null,
   }, element("button", { type: "button", id: `sort-${key}`, class: "sort", "aria-describedby": `help-${key}`, click: () => on.sort(key) },
     title, element("span", { class: "arrow", "aria-hidden": "true" }, arrow)));
-  wireTip(made, () => help);
+  wireTip(made, help);
   return made;
 }
 
@@ -101,12 +101,20 @@ function nameCell(row, open, kinds, on) {
       type: "button", id: `open-${row.slug}`, class: "expand",
       "aria-expanded": String(open), "aria-controls": open ? `row-${row.slug}` : null,
       click: () => on.open(open ? "" : row.slug),
-    }, mark(row.kind, kinds), element("span", {}, row.name), " ", element("span", { class: "kind" }, row.kind)));
+    }, mark(row.kind, kinds), element("span", {}, element("span", { class: "title" }, row.name), " ", element("span", { class: "kind" }, row.kind))));
 }
 
 function cell(board, row, key) {
   const { numeric } = board.columns[key];
-  return element("td", { class: key === "rank" ? "rank" : numeric ? "number" : "words" }, row.cells[key][0]);
+  const text = row.cells[key][0];
+  return element("td", { class: key === "rank" ? "rank" : numeric ? "number" : "words" }, numeric ? uncertain(text) : text);
+}
+
+/** Set the uncertainty of a number apart: 0.0119 ± 0.0019 (0.0001). */
+function uncertain(text) {
+  const match = text.match(/^(.+?)( ± \S+)?( \(.+\))?$/);
+  if (!match?.[2] && !match?.[3]) return text;
+  return [match[1], match[2] && element("span", { class: "spread" }, match[2]), match[3] && element("span", { class: "seeds" }, match[3])];
 }
 
 /** Return the list of what all columns of the table mean. */

@@ -1,7 +1,7 @@
 // What a column says of itself, beside its head while that is pointed at or has the focus. Screen
 // readers have the same text by aria-describedby; the list below the table has all of them.
 
-/** Let an element show a text; `text` is asked each time. */
+/** Let an element show a text. */
 export function wireTip(target, text) {
   target.addEventListener("pointerenter", () => show(target, text));
   target.addEventListener("pointerleave", (event) => {

@@ -11,8 +11,9 @@ import { element } from "./dom.js";
 const STEPS = 32767; // of shapes.py
 const TURN = Math.PI / 18;
 const ZOOM = 1.15;
-const START = [2.1, -2.9, 1.7];
-const [NEAREST, FARTHEST] = [1.4, 12];
+const START = new Vector3(2.1, -2.9, 1.7).normalize();
+const ANGLE = 35; // of view, in degrees
+const [NEAREST, FARTHEST] = [0.4, 3]; // of the distance that shows all of a mesh
 
 function bytes(text) {
   const raw = atob(text);
@@ -38,26 +39,27 @@ function view(container, packed, label) {
   const count = (number) => number.toLocaleString("en");
   const told = `${count(packed.vertex_count)} vertices, ${count(packed.face_count)} triangles` +
     (packed.shown < packed.face_count ? `; simplified for display to ${count(packed.shown)}` : "");
-  let renderer;
-  try {
-    renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
-  } catch {
+  const context = canvas.getContext("webgl2", { alpha: true, antialias: true });
+  if (!context) {
     container.replaceChildren(element("p", {}, `This browser has no WebGL, so the mesh (${told}) cannot be shown.`));
     return { redraw: () => {}, close: () => {} };
   }
+  const renderer = new WebGLRenderer({ canvas, context });
   const scene = new Scene();
-  const camera = new PerspectiveCamera(35, 1, 0.1, 50);
+  const camera = new PerspectiveCamera(ANGLE, 1, 0.05, 50);
   camera.up.set(0, 0, 1);
   const geometry = unpacked(packed);
+  geometry.computeBoundingSphere();
+  const whole = geometry.boundingSphere.radius / Math.sin((ANGLE / 2) * (Math.PI / 180));
   const surface = new Mesh(geometry, new MeshStandardMaterial({ side: DoubleSide, flatShading: true, roughness: 0.75, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 }));
-  const edges = new LineSegments(new WireframeGeometry(geometry), new LineBasicMaterial({ transparent: true, opacity: 0.35 }));
+  const edges = new LineSegments(new WireframeGeometry(geometry), new LineBasicMaterial({ transparent: true, opacity: 0.3 }));
   const light = new DirectionalLight(0xffffff, 2);
   light.position.set(1, 1.4, 1.2);
   camera.add(light);
   scene.add(camera, surface, edges, new AmbientLight(0xffffff, 1));
 
   const controls = new OrbitControls(camera, canvas);
-  Object.assign(controls, { enablePan: false, enableZoom: false, minDistance: NEAREST, maxDistance: FARTHEST });
+  Object.assign(controls, { enablePan: false, enableZoom: false, minDistance: NEAREST * whole, maxDistance: FARTHEST * whole });
   canvas.style.touchAction = "pan-y"; // a finger that moves up or down scrolls the page
   canvas.addEventListener("focus", () => (controls.enableZoom = true)); // till then a wheel scrolls
   canvas.addEventListener("blur", () => (controls.enableZoom = false));
@@ -78,13 +80,12 @@ function view(container, packed, label) {
     draw();
   }
   function zoom(factor) {
-    const far = Math.min(FARTHEST, Math.max(NEAREST, camera.position.length() / factor));
-    camera.position.setLength(far);
+    camera.position.divideScalar(factor); // the controls keep it within its limits
     controls.update();
     draw();
   }
   function reset() {
-    camera.position.set(...START);
+    camera.position.copy(START).multiplyScalar(whole);
     controls.update();
     draw();
   }
