@@ -48,7 +48,7 @@ MODULES = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.py"
 EIGBENCH = Path(eigbench.__file__).parent
 # The same for the benchmark: a module imports modules of lower levels only.
 EIGBENCH_LEVELS = {
-    **dict.fromkeys(["__init__", "scaling.__init__"], 0),
+    **dict.fromkeys(["__init__", "scaling.__init__", "site.__init__"], 0),
     **dict.fromkeys(["errors", "markdown", "metrics", "training"], 0),
     **dict.fromkeys(["losses", "truth", "meshes", "predictor", "physics", "reference"], 1),
     "scaling.surfaces": 1,
@@ -60,9 +60,12 @@ EIGBENCH_LEVELS = {
     "scaling.figure": 7,
     "scaling.page": 8,
     "leaderboard": 9,
-    **dict.fromkeys(["predictor_commands", "board_commands", "scaling.commands"], 10),
-    "cli": 11,
-    "__main__": 12,
+    **dict.fromkeys(["site.columns", "site.shapes"], 10),
+    **dict.fromkeys(["site.boards", "site.rows", "site.scaling"], 11),
+    "site.write": 12,
+    **dict.fromkeys(["predictor_commands", "board_commands", "scaling.commands"], 13),
+    "cli": 14,
+    "__main__": 15,
 }
 
 
@@ -110,7 +113,7 @@ def of_the_benchmark(module: str) -> Iterator[tuple[str, str]]:
     """Packages that a module of the benchmark imports, with the module if it is one of its own."""
     for name in imports_of(f"{module.replace('.', '/')}.py", EIGBENCH):
         package, *rest = name.split(".")
-        inner = rest[0] if rest and rest[0] != "scaling" else ".".join(rest[:2])
+        inner = rest[0] if rest and rest[0] not in ("scaling", "site") else ".".join(rest[:2])
         yield package, inner if package == "eigbench" else ""
 
 

@@ -1,4 +1,4 @@
-"""What the commands on results do: compare, submit, leaderboard, plot. None runs a predictor."""
+"""What the commands on results do. None of them runs a predictor."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from eigbench.metrics import METRICS
 from eigbench.ranking import RANKED_BY, Difference
 from eigbench.scaling import page as scaling_page
 from eigbench.scaling import results as scaling_results
+from eigbench.site import write
 from eigbench.tables import number
 from synthnet import store
 from synthnet.files import make_directory, write_text
@@ -150,6 +151,31 @@ def regenerate(options: argparse.Namespace) -> int:
         print(f"rows: {len(found)}; written: {written}")
         for place in orphans:
             print(f"removed: {place}, which belongs to no board")
+    return 0
+
+
+def site(options: argparse.Namespace) -> int:
+    """Write the leaderboard as a static page."""
+    root = _root(options)
+    write.check_place(options.out)
+    write.bundle()  # both before the minute that scoring takes
+    with Console(stderr=True).status("scoring") as status:
+        found = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
+        content = write.files(
+            found,
+            leaderboard.read_reported(root),
+            scaling_results.read_board(root),
+            docs=options.docs,
+            on_step=lambda step: status.update(f"drawing {step}"),
+        )
+    write.write(options.out, content)
+    size = sum(map(len, content.values()))
+    if options.json:
+        told = {"out": str(options.out), "files": len(content), "bytes": size, "rows": len(found)}
+        print(json.dumps(told))
+    else:
+        place = options.out / "index.html"
+        print(f"rows: {len(found)}; {len(content)} files, {size / 1e6:.1f} MB: open {place}")
     return 0
 
 

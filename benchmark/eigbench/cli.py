@@ -13,6 +13,7 @@ from eigbench.errors import EigbenchError
 from eigbench.metrics import METRICS
 from eigbench.ranking import RANKED_BY
 from eigbench.scaling import commands as scaling_commands
+from eigbench.site.write import DOCS
 from synthnet.cli import WRONG_INPUT, Parser
 from synthnet.errors import SynthNetError
 from synthnet.interrupts import EXIT_CODE
@@ -185,6 +186,21 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument(
         "--check", action="store_true", help="write nothing; exit 1 if a file is not up to date"
+    )
+    board_option(sub)
+
+    sub = command(
+        "site",
+        board_commands.site,
+        "write the leaderboard as a page to sort, filter and open, which needs no server",
+        "--out page",
+    )
+    sub.add_argument("--out", type=Path, default=Path("page"), metavar="DIR")
+    sub.add_argument(
+        "--docs",
+        default=DOCS,
+        metavar="URL",
+        help=f"where the pages of docs are, seen from DIR; {{}} is a page's name (default: {DOCS})",
     )
     board_option(sub)
 

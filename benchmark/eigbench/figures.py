@@ -210,9 +210,8 @@ def spectra(one: Submission) -> Figure:
         panels = figure.subplots(len(families), len(QUANTILES), squeeze=False)
         for row, family in zip(panels, families, strict=True):
             mine = np.flatnonzero(one.truth.families == family)
-            ordered = mine[np.argsort(errors[mine], kind="stable")]
             for axes, (name, quantile) in zip(row, QUANTILES.items(), strict=True):
-                _spectrum(axes, one, int(ordered[round(quantile * (len(ordered) - 1))]), name)
+                _spectrum(axes, one, int(mine[ranking.at_quantile(errors[mine], quantile)]), name)
             row[0].set_ylabel(family_title(family))
         panels[0][0].legend(frameon=False, fontsize=7)
         for axes in panels[-1]:

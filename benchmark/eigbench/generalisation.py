@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eigbench import scores, truth
 from eigbench.errors import EigbenchError
@@ -34,6 +35,15 @@ TITLES = {
     "genus": "genus 1 and more unseen",
     "boundary": "boundaries unseen",
 }
+
+EXPLAINED = (
+    "The test shapes of the split above, predicted by models whose training held something "
+    "of them out; models without training are as they were. In brackets the drop: the score "
+    "minus that of the same model, by the same code and with the same seeds, trained on "
+    "everything, on the same shapes (for imported meshes, on the split above). With a family, "
+    "those that are isometric to it are held out. "
+    "[What is held out](docs/dataset-card-2.0.md#protocols)."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +90,11 @@ class Board:
         imports = sorted(name for name in self.held_out if name.startswith(IMPORTED))
         return [*named, *imports]
 
+    def model(self, slug: str) -> Submission:
+        """Return the submission of that name under ``grouped``."""
+        (found,) = (row.submission for row in self.rows if row.submission.slug == slug)
+        return found
+
     def cell(self, model: Submission, protocol: str, key: str) -> Cell:
         """Return a model's cell under a protocol."""
         own = {one.slug: one for one in self.held_out.get(protocol, ())}.get(model.slug)
@@ -91,23 +106,35 @@ class Board:
             base = None if untrained(model.result["model"]) else _mean(model, shapes, key, seeds)
             return Cell(mean, None if base is None else mean - base)
         if untrained(model.result["model"]) and not protocol.startswith(IMPORTED):
-            return Cell(_mean(model, _tested(self.version, protocol), key))
+            return Cell(_mean(model, tested(self.version, protocol), key))
         return Cell(None)
 
 
 @lru_cache(maxsize=16)
-def _tested(version: str, protocol: str) -> Truth:
+def tested(version: str, protocol: str) -> Truth:
+    """Return what a version's own protocol tests."""
     return truth.load(version, "test", protocol)
 
 
 def _mean(model: Submission, wanted: Truth, key: str, seeds: int | None = None) -> float:
     """Return the mean of a metric over some of a model's instances, and its first seeds."""
+    found = predicted(model, wanted)[:seeds]
+    return float(scores.of_metric(wanted, found, key).mean())
+
+
+def predicted(model: Submission, wanted: Truth) -> NDArray[np.float64]:
+    """Return a model's predictions of some of its instances, shape (seeds, n, k).
+
+    Raises
+    ------
+    EigbenchError
+        If it does not predict one of them.
+    """
     row_of = {id: row for row, id in enumerate(model.truth.ids)}
     missing = [id for id in wanted.ids if id not in row_of]
     if missing:
         raise EigbenchError(f"{model.result_path} does not predict {missing[0]}")
-    found = model.predictions[:seeds, [row_of[id] for id in wanted.ids]]
-    return float(scores.of_metric(wanted, found, key).mean())
+    return np.asarray(model.predictions[:, [row_of[id] for id in wanted.ids]])
 
 
 def section(board: Board, figure: str) -> list[str]:
@@ -116,19 +143,14 @@ def section(board: Board, figure: str) -> list[str]:
     counts = [f"{title(name)} ({_count(board, name)})" for name in protocols]
     parts = [
         f"## synthNet {board.version}: generalisation\n",
-        "The test shapes of the split above, predicted by models whose training held something "
-        "of them out; models without training are as they were. In brackets the drop: the score "
-        "minus that of the same model, by the same code and with the same seeds, trained on "
-        "everything, on the same shapes (for imported meshes, on the split above). With a family, "
-        "those that are isometric to it are held out. "
-        "[What is held out](docs/dataset-card-2.0.md#protocols).\n",
+        f"{EXPLAINED}\n",
     ]
     for key in SHOWN:
         lines = [
             [
                 row.submission.name,
                 score(row.submission.result["scores"]["overall"][key]["mean"], key),
-                *(_text(board.cell(row.submission, name, key), key) for name in protocols),
+                *(with_drop(board.cell(row.submission, name, key), key) for name in protocols),
             ]
             for row in board.rows
         ]
@@ -153,11 +175,12 @@ def title(protocol: str) -> str:
 
 def _count(board: Board, protocol: str) -> str:
     ran = board.held_out.get(protocol)
-    wanted = ran[0].truth if ran else _tested(board.version, protocol)
+    wanted = ran[0].truth if ran else tested(board.version, protocol)
     return f"{len(np.unique(wanted.shapes)):,} meshes"
 
 
-def _text(cell: Cell, key: str) -> str:
+def with_drop(cell: Cell, key: str) -> str:
+    """Return a cell as text: the score, and in brackets the drop."""
     if cell.score is None:
         return NOT_RUN
     text = score(cell.score, key)

@@ -128,10 +128,10 @@ def generate(
         generated[place] = figures.error_against_time([row.submission for row in rows])
         parts += page.board(rows, place)
         if recipe.load(facts["version"]).protocols and facts["protocol"] == "grouped":
-            held_out = generalisation.Board(rows, _held_out(boards.values(), facts["version"]))
+            protocols = generalisation.Board(rows, held_out(boards.values(), facts["version"]))
             place = FIGURES / f"{facts['version']}-generalisation.svg"
-            generated[place] = figures.generalisation(held_out)
-            parts += generalisation.section(held_out, place.as_posix())
+            generated[place] = figures.generalisation(protocols)
+            parts += generalisation.section(protocols, place.as_posix())
     if not boards:
         parts.append("No result has been submitted yet.\n")
     section, drawn = scaling_page.section(scaled)
@@ -143,7 +143,7 @@ def generate(
     return generated
 
 
-def _held_out(
+def held_out(
     boards: Iterable[Sequence[Submission]], version: str
 ) -> dict[str, Sequence[Submission]]:
     """Return the submissions under each protocol of the version's own."""

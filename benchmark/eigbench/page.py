@@ -13,7 +13,15 @@ from eigbench.metrics import MAIN, METRICS
 from eigbench.physics import TITLES
 from eigbench.ranking import RANKED_BY, Ranked
 from eigbench.submission import Submission
-from eigbench.tables import beside_lapy, deviation, family_title, in_order, number, score
+from eigbench.tables import (
+    beside_lapy,
+    deviation,
+    family_title,
+    in_order,
+    number,
+    score,
+    with_uncertainty,
+)
 from eigbench.truth import Truth
 from synthnet.files import sha256
 
@@ -33,24 +41,9 @@ file of predictions anew and fails if one byte differs. It runs no submitted mod
 def board(rows: Sequence[Ranked], figure: Path) -> list[str]:
     """Return the section of one board: its rows, best first, and the path of its figure."""
     facts = rows[0].submission.result["dataset"]
-    title = METRICS[RANKED_BY].title
     return [
         f"## synthNet {facts['version']}, {facts['split']} split, protocol {facts['protocol']}\n",
-        f"{facts['shapes']:,} shapes, {facts['instances']:,} instances. Sorted by mean {title}. A "
-        "shared rank (=): a group begins with the best row left and goes on to the last row "
-        "before the first that does not tie with it. Two rows tie if the paired 95 % interval of "
-        f"their difference in {title} includes zero, or the difference is below the noise "
-        "floor. Mean over instances ± half the 95 % bootstrap interval over shapes; in "
-        "brackets the standard deviation over seeds, where there are several (it is in no "
-        "interval). ms a mesh: median over batches, from raw vertices and faces to "
-        "eigenvalues. By LaPy: how many times less than LaPy's on one thread, timed in the same "
-        "run on some of the same batches; for equal device and threads this may be compared "
-        "between machines, ms may not. Scores, intervals and ranks follow from the predictions; "
-        "kind, training, cost and physics are what the run declared.\n",
-        "The labels are finite element eigenvalues of each mesh. A solver of that very problem, "
-        "LaPy, has no error but rounding: its row shows what exactness costs. ℓ1 and ℓ2 have "
-        "a unit, and the smallest shapes make them.\n",
-        _noise(rows[0].submission.truth),
+        *introduction(rows),
         _main(rows),
         f"![Error against time]({figure.as_posix()})\n",
         "### Medians\n",
@@ -75,6 +68,29 @@ def board(rows: Sequence[Ranked], figure: Path) -> list[str]:
         f"Recipe `{facts['recipe_digest']}`, labels `{facts['split_digest']}`; SHA-256 of the "
         "files:\n",
         _digests(rows),
+    ]
+
+
+def introduction(rows: Sequence[Ranked]) -> list[str]:
+    """Return what a reader of a board must know: how many shapes, what ranks and columns mean."""
+    facts = rows[0].submission.result["dataset"]
+    title = METRICS[RANKED_BY].title
+    return [
+        f"{facts['shapes']:,} shapes, {facts['instances']:,} instances. Sorted by mean {title}. A "
+        "shared rank (=): a group begins with the best row left and goes on to the last row "
+        "before the first that does not tie with it. Two rows tie if the paired 95 % interval of "
+        f"their difference in {title} includes zero, or the difference is below the noise "
+        "floor. Mean over instances ± half the 95 % bootstrap interval over shapes; in "
+        "brackets the standard deviation over seeds, where there are several (it is in no "
+        "interval). ms a mesh: median over batches, from raw vertices and faces to "
+        "eigenvalues. By LaPy: how many times less than LaPy's on one thread, timed in the same "
+        "run on some of the same batches; for equal device and threads this may be compared "
+        "between machines, ms may not. Scores, intervals and ranks follow from the predictions; "
+        "kind, training, cost and physics are what the run declared.\n",
+        "The labels are finite element eigenvalues of each mesh. A solver of that very problem, "
+        "LaPy, has no error but rounding: its row shows what exactness costs. ℓ1 and ℓ2 have "
+        "a unit, and the smallest shapes make them.\n",
+        _noise(rows[0].submission.truth),
     ]
 
 
@@ -106,7 +122,7 @@ def _main(rows: Sequence[Ranked]) -> str:
                 f"{row.rank}{'=' if row.group > 1 else ''}",
                 model["name"],
                 model["kind"],
-                *(_with_uncertainty(result["scores"]["overall"][key], key) for key in MAIN),
+                *(with_uncertainty(result["scores"]["overall"][key], key) for key in MAIN),
                 "" if model["parameters"] is None else f"{model['parameters']:,}",
                 number(facts["ms_per_mesh"], 2),
                 beside_lapy(facts),
@@ -120,15 +136,6 @@ def _main(rows: Sequence[Ranked]) -> str:
 
 def _heading(key: str) -> str:
     return METRICS[key].heading
-
-
-def _with_uncertainty(cell: dict[str, float | None], key: str) -> str:
-    text = score(cell["mean"], key)
-    if cell["low"] is not None and cell["high"] is not None:
-        text += f" ± {score((cell['high'] - cell['low']) / 2, key).removesuffix(' %')}"
-    if cell["seed_std"] is not None:
-        text += f" ({score(cell['seed_std'], key).removesuffix(' %')})"
-    return text
 
 
 def _medians(rows: Sequence[Ranked]) -> str:
@@ -200,7 +207,7 @@ def _cost(rows: Sequence[Ranked]) -> str:
                     number(facts["ms_per_mesh"], 2),
                     f"{number(low, 2)} to {number(high, 2)}",
                     number(facts["ms_per_mesh_mean"], 2),
-                    _lapys_own(facts),
+                    lapys_own(facts),
                     beside_lapy(facts),
                     str(facts["batch_size"]),
                     number(facts["cores_used"], 2),
@@ -225,7 +232,7 @@ def _cost(rows: Sequence[Ranked]) -> str:
     return "\n".join(parts)
 
 
-def _lapys_own(facts: dict[str, Any]) -> str:
+def lapys_own(facts: dict[str, Any]) -> str:
     """Return LaPy's ms a mesh in a run, on the batches that it was given too."""
     beside = facts.get("reference")
     return "not timed" if beside is None else number(beside["ms_per_mesh"], 2)

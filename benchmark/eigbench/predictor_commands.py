@@ -165,7 +165,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     else:
         print(f"{result['model']['name']} on {_described(result)}\n")
         for table in (tables.overall, tables.families, tables.per_index, tables.cost):
-            print(table(result) + "\n")
+            print(f"{table(result)}\n")
         print(tables.physics(result["physics"]))
         print(f"\nresult {out}, predictions {kept}")
     return _told(predictions.unphysical(wanted, evaluation.predictions))
@@ -242,7 +242,7 @@ def score(options: argparse.Namespace) -> int:
     else:
         print(f"{options.file} on {_described(result)}\n")
         for table in (tables.overall, tables.families, tables.per_index):
-            print(table(result) + "\n")
+            print(f"{table(result)}\n")
     return _told(predictions.unphysical(wanted, found))
 
 

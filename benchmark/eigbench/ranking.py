@@ -61,6 +61,18 @@ def per_mesh(submission: Submission, key: str) -> NDArray[np.float64]:
     return np.asarray(table.mean(axis=0))
 
 
+def at_quantile(errors: NDArray[np.float64], quantile: float) -> int:
+    """Return where a quantile of errors is reached; of equal ones the first.
+
+    Examples
+    --------
+    >>> at_quantile(np.array([0.3, 0.1, 0.9]), 1.0), at_quantile(np.array([0.3, 0.1, 0.9]), 0.5)
+    (2, 0)
+    """
+    ordered = np.argsort(errors, kind="stable")
+    return int(ordered[round(quantile * (len(errors) - 1))])
+
+
 def difference(a: Submission, b: Submission, key: str, family: str | None = None) -> Difference:
     """Return the paired difference a − b of a metric, over all or in one family.
 

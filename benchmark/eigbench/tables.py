@@ -1,8 +1,9 @@
-"""Tables of a result for the terminal."""
+"""Tables of a result: their cells, and as text for the terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from tabulate import tabulate
@@ -10,6 +11,20 @@ from tabulate import tabulate
 from eigbench.metrics import MAIN, METRICS
 from eigbench.physics import SHARES, TITLES
 from synthnet.families import FAMILIES
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Headers, and rows of as many cells."""
+
+    headers: list[str]
+    rows: list[list[str]]
+
+    def __str__(self) -> str:
+        """Return the table for the terminal; without headers in plain columns."""
+        if not any(self.headers):
+            return str(tabulate(self.rows, tablefmt="plain", disable_numparse=True))
+        return str(tabulate(self.rows, headers=self.headers, disable_numparse=True))
 
 
 def number(value: float | None, decimals: int = 4) -> str:
@@ -43,6 +58,22 @@ def score(value: float | None, key: str) -> str:
     return number(value, METRICS[key].decimals)
 
 
+def with_uncertainty(cell: dict[str, float | None], key: str) -> str:
+    """Return a mean ± half its interval, and in brackets the deviation over seeds.
+
+    Examples
+    --------
+    >>> with_uncertainty({"mean": 0.5, "low": 0.4, "high": 0.7, "seed_std": None}, "rpd")
+    '0.5000 ± 0.1500'
+    """
+    text = score(cell["mean"], key)
+    if cell["low"] is not None and cell["high"] is not None:
+        text += f" ± {score((cell['high'] - cell['low']) / 2, key).removesuffix(' %')}"
+    if cell["seed_std"] is not None:
+        text += f" ({score(cell['seed_std'], key).removesuffix(' %')})"
+    return text
+
+
 def family_title(name: str) -> str:
     """Return a family's title; the name of one that synthnet does not make."""
     return FAMILIES[name].title if name in FAMILIES else name
@@ -54,7 +85,7 @@ def in_order(names: Iterable[str]) -> list[str]:
     return sorted(set(names), key=lambda name: (known.get(name, len(known)), name))
 
 
-def overall(result: dict[str, Any]) -> str:
+def overall(result: dict[str, Any]) -> Table:
     """Return the table of the six metrics with their uncertainty."""
     rows = []
     for key, metric in METRICS.items():
@@ -73,10 +104,10 @@ def overall(result: dict[str, Any]) -> str:
             ]
         )
     headers = ["metric", "mean", "95 % interval over shapes", "sd over seeds", "median", "unit"]
-    return str(tabulate(rows, headers=headers, disable_numparse=True))
+    return Table(headers, rows)
 
 
-def families(result: dict[str, Any]) -> str:
+def families(result: dict[str, Any]) -> Table:
     """Return the table by family, as the paper's Table 4, with all six metrics."""
     rows = []
     for name, family in result["scores"]["families"].items():
@@ -85,10 +116,10 @@ def families(result: dict[str, Any]) -> str:
         ]
         rows.append([family_title(name), f"{family['count']:,}", *cells])
     headers = ["family", "instances", *(METRICS[key].title for key in MAIN)]
-    return str(tabulate(rows, headers=headers, disable_numparse=True))
+    return Table(headers, rows)
 
 
-def per_index(result: dict[str, Any]) -> str:
+def per_index(result: dict[str, Any]) -> Table:
     """Return the relative error of each eigenvalue."""
     cells = result["scores"]["per_index"]
     rows = [
@@ -96,10 +127,10 @@ def per_index(result: dict[str, Any]) -> str:
         ["median relative error", *(number(cell["median"]) for cell in cells)],
     ]
     headers = ["", *(f"λ{i}" for i in range(1, len(cells) + 1))]
-    return str(tabulate(rows, headers=headers, disable_numparse=True))
+    return Table(headers, rows)
 
 
-def cost(result: dict[str, Any]) -> str:
+def cost(result: dict[str, Any]) -> Table:
     """Return what a mesh costs."""
     facts = result["cost"]
     low, high = facts["ms_per_mesh_quartiles"]
@@ -124,7 +155,7 @@ def cost(result: dict[str, Any]) -> str:
         ["training cost", result["model"].get("training_cost", "not declared")],
         ["hardware", facts["hardware"]],
     ]
-    return str(tabulate(rows, tablefmt="plain", disable_numparse=True))
+    return Table(["", ""], rows)
 
 
 def beside_lapy(facts: dict[str, Any]) -> str:
@@ -151,8 +182,8 @@ def deviation(key: str, value: float | None) -> str:
     return f"{100 * value:.0f} %" if key in SHARES else f"{value:.0e}"
 
 
-def physics(contract: dict[str, float | None]) -> str:
+def physics(contract: dict[str, float | None]) -> Table:
     """Return the physics contract."""
     rows = [[title, deviation(key, contract[key])] for key, title in TITLES.items()]
     headers = ["physics contract", "median relative deviation"]
-    return str(tabulate(rows, headers=headers, disable_numparse=True))
+    return Table(headers, rows)

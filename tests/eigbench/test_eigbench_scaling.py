@@ -1,7 +1,6 @@
 """The scaling track: the fixed meshes, running a predictor over them, and what the page says."""
 
 import copy
-import hashlib
 import itertools
 import json
 from dataclasses import replace
@@ -290,50 +289,8 @@ def test_scaling_lists_and_verifies(eigbench, monkeypatch, only):
 
 
 @pytest.fixture
-def made(tmp_path):
-    """Return a function that writes a result: for each size a time, and a factor of the labels."""
-
-    def make(name, sizes, hardware=HERE):
-        meshes = []
-        for (size, (seconds, factor)), surface in itertools.product(
-            sizes.items(), surfaces.SURFACES
-        ):
-            expected = surfaces.pinned(surface, size)
-            answered = factor is not None
-            meshes.append(
-                {
-                    "surface": surface,
-                    "size": size,
-                    "digest": expected.pin.digest,
-                    "outcome": "answered" if answered else "over time",
-                    "detail": "",
-                    "time_limit": 600,
-                    "memory_limit_gib": 16,
-                    "eigenvalues": (factor * expected.label).tolist() if answered else None,
-                    "seconds": [seconds] if answered else [],
-                    "cpu_seconds": [seconds] if answered else [],
-                    "peak_memory_mb": 100.0 if answered else None,
-                    "reference_seconds": None,
-                }
-            )
-        result = {
-            "scaling_version": 1,
-            "model": {
-                "name": name,
-                "kind": "classical",
-                "code": "a.py",
-                "sources": {"a.py": hashlib.sha256(name.encode()).hexdigest()},
-                "parameters": None,
-            },
-            "cost": {"threads": 1, "device": "cpu", "hardware": hardware},
-            "meshes": meshes,
-            "environment": {"python": "3.13"},
-        }
-        path = tmp_path / f"{name}.json"
-        scaling_results.write(path, result)
-        return scaling_results.read(path)
-
-    return make
+def made(make_scaled):
+    return make_scaled
 
 
 TIMES = {1_000: 0.01, 10_000: 1.0}  # of an exact solver, in seconds

@@ -28,23 +28,13 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
     by_setting = scaling_scores.settings(rows)
     parts = [
         "## Scaling\n",
-        "Where, if anywhere, does prediction beat the exact solver? The same "
-        f"{len(surfaces.SURFACES)} surfaces "
-        f"({', '.join(family_title(name).lower() for name in surfaces.SURFACES)}) at "
-        f"{', '.join(f'{size:,}' for size in sizes)} vertices, one mesh a call "
-        "([what is measured](docs/scaling.md)). Medians over the surfaces. Error: mean relative "
-        "error of the ten eigenvalues against the label, the exact spectrum of the mesh. The "
-        "label itself is as far from the surface's spectrum as the first row says. A prediction "
-        "wins if it is nearer to the label than that, faster than the fastest exact solver, and "
-        "faster than that solver on a coarser mesh just as far from the surface's spectrum; one "
-        "further off is a trade. Times are compared within one hardware, device and number of "
-        "threads only.\n",
+        f"{introduction(sizes)}\n",
     ]
     for label, mine in by_setting.items():
         verdicts = [scaling_scores.verdict(mine, size) for size in sizes]
         parts += [
             f"### Scaling: {escaped(label)}\n",
-            *_told(verdicts, mine),
+            *told(verdicts, mine),
             _main(mine, sizes),
             "The same answers against the spectrum of the surface instead of the mesh's. In "
             "brackets: the ms that the fastest exact solver takes on a mesh just fine enough for "
@@ -66,11 +56,28 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
     return parts, {FIGURE: scaling_figure.draw(by_setting)}
 
 
+def introduction(sizes: Sequence[int]) -> str:
+    """Return what is measured, and when a prediction wins."""
+    return (
+        "Where, if anywhere, does prediction beat the exact solver? The same "
+        f"{len(surfaces.SURFACES)} surfaces "
+        f"({', '.join(family_title(name).lower() for name in surfaces.SURFACES)}) at "
+        f"{', '.join(f'{size:,}' for size in sizes)} vertices, one mesh a call "
+        "([what is measured](docs/scaling.md)). Medians over the surfaces. Error: mean relative "
+        "error of the ten eigenvalues against the label, the exact spectrum of the mesh. The "
+        "label itself is off the surface's spectrum too: the discretisation error. A prediction "
+        "wins if it is nearer to the label than that, faster than the fastest exact solver, and "
+        "faster than that solver on a coarser mesh just as far from the surface's spectrum; one "
+        "further off is a trade. Times are compared within one hardware, device and number of "
+        "threads only."
+    )
+
+
 def _sorted(rows: Sequence[Scaled]) -> list[Scaled]:
     return sorted(rows, key=lambda row: row.slug)
 
 
-def _ordered(rows: Sequence[Scaled], size: int) -> list[Scaled]:
+def ordered(rows: Sequence[Scaled], size: int) -> list[Scaled]:
     """Return the rows, fastest first at a size; those without a time there last."""
 
     def key(row: Scaled) -> tuple[bool, float, str]:
@@ -80,7 +87,7 @@ def _ordered(rows: Sequence[Scaled], size: int) -> list[Scaled]:
     return sorted(rows, key=key)
 
 
-def _told(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
+def told(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
     """Return the answer in a sentence, and what it rests on for each size."""
     names = {row.slug: row.name for row in rows}
     kinds = {row.slug: row.result["model"]["kind"] for row in rows}
@@ -115,30 +122,32 @@ def _told(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
 
 
 def _line(one: Verdict, names: dict[str, str], rows: Sequence[Scaled]) -> str:
-    own = _percent(scaling_scores.floor(one.size))
+    own = percent(scaling_scores.floor(one.size))
     start = f"- {one.size:,} vertices, discretisation error {own}: "
     if one.solver is None:
         return start + "no exact solver answered."
-    text = f"the fastest exact solver (mostly {one.solver}) takes {_ms(one.seconds)} ms"
+    text = f"the fastest exact solver (mostly {one.solver}) takes {ms(one.seconds)} ms"
     if one.compared < len(surfaces.SURFACES):
         text += f" ({one.compared} of {len(surfaces.SURFACES)} surfaces)"
     cells = {row.slug: scaling_scores.cell(row, one.size) for row in rows}
     faster = [
-        f"{names[slug]} ({_ms(cells[slug].seconds)} ms, error {_percent(cells[slug].error)})"
+        f"{names[slug]} ({ms(cells[slug].seconds)} ms, error {percent(cells[slug].error)})"
         for slug in sorted(one.faster, key=lambda slug: (cells[slug].error, slug))
     ]
     return start + escaped(f"{text}. Faster, on some surface: {', '.join(faster) or 'none'}.")
 
 
-def _percent(value: float) -> str:
+def percent(value: float) -> str:
+    """Return a share in per cent."""
     return f"{number(100 * value, 3)} %"
 
 
-def _ms(seconds: float) -> str:
+def ms(seconds: float) -> str:
+    """Return seconds in milliseconds."""
     return number(1e3 * seconds, 2)
 
 
-def _of(one: Cell, text: str) -> str:
+def with_failures(one: Cell, text: str) -> str:
     """Return a number with what it leaves out: surfaces that were not answered."""
     if not one.total:
         return "not run"
@@ -154,13 +163,16 @@ def _main(rows: Sequence[Scaled], sizes: Sequence[int]) -> str:
         headers += [f"{size:,}: error", "ms"]
     own = ["discretisation error of the meshes", ""]
     for size in sizes:
-        own += [_percent(scaling_scores.floor(size)), ""]
+        own += [percent(scaling_scores.floor(size)), ""]
     lines = []
-    for row in _ordered(rows, sizes[0]):
+    for row in ordered(rows, sizes[0]):
         line = [row.name, row.result["model"]["kind"]]
         for size in sizes:
             one = scaling_scores.cell(row, size)
-            line += [_of(one, _percent(one.error)), _of(one, _ms(one.seconds))]
+            line += [
+                with_failures(one, percent(one.error)),
+                with_failures(one, ms(one.seconds)),
+            ]
         lines.append(line)
     return table(headers, [own, *lines], left=2)
 
@@ -171,14 +183,14 @@ def _by_size(
     found = []
     for row in _sorted(rows):
         cells = [scaling_scores.cell(row, size) for size in sizes]
-        found.append([row.name, *(_of(one, text(one)) for one in cells)])
+        found.append([row.name, *(with_failures(one, text(one)) for one in cells)])
     return found
 
 
 def _distances(rows: Sequence[Scaled], sizes: Sequence[int], verdicts: Sequence[Verdict]) -> str:
     def text(distance: float) -> str:
         side, seconds = scaling_scores.coarse_seconds(verdicts, distance)
-        return _percent(distance) + (f" ({side}{_ms(seconds)})" if seconds > 0 else "")
+        return percent(distance) + (f" ({side}{ms(seconds)})" if seconds > 0 else "")
 
     own = ["the labels", *(text(scaling_scores.floor(size)) for size in sizes)]
     lines = _by_size(rows, sizes, lambda one: text(one.distance))
@@ -200,6 +212,6 @@ def _beside(rows: Sequence[Scaled], sizes: Sequence[int]) -> str:
                 for (_, at), one in row.meshes.items()
                 if at == size and one["reference_seconds"] is not None
             ]
-            line.append(_ms(float(np.median(found))) if found else "not run")
+            line.append(ms(float(np.median(found))) if found else "not run")
         lines.append(line)
     return table(["model", *(f"{size:,}" for size in sizes)], lines)

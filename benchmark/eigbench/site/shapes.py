@@ -1,0 +1,79 @@
+"""Meshes of single shapes, drawn anew from the recipe and packed for the page."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eigbench.training import IMPORTED
+from eigbench.truth import Truth
+from synthnet import recipe
+from synthnet.families import FAMILIES, draw_shape
+from synthnet.families.primitives import from_open3d, to_open3d
+from synthnet.types import Mesh, ShapeSpec
+
+FACES = 20_000  # more are simplified: a phone has to load and turn them
+STEPS = 32_767  # of a coordinate, in int16: half the largest side of the bounding box
+
+
+def spec_of(truth: Truth, shape: str) -> ShapeSpec | None:
+    """Return what a shape is drawn from; ``None`` for an imported one, which has no recipe."""
+    if truth.protocol.startswith(IMPORTED) or truth.version not in recipe.available():
+        return None
+    whole = recipe.load(recipe.load(truth.version).base)
+    family, _, index = shape.rpartition("-")
+    return draw_shape(whole, family, int(index))
+
+
+def place(truth: Truth, shape: str) -> str:
+    """Return where the mesh of a shape stands: the same for every subset of a version."""
+    return f"meshes/{recipe.load(truth.version).base}/{shape}"
+
+
+def generated(spec: ShapeSpec) -> Mesh:
+    """Return the mesh of a shape, as it is stored."""
+    return FAMILIES[spec.family].generate(spec.parameters).stored()
+
+
+def simplified(mesh: Mesh, faces: int = FACES) -> Mesh:
+    """Return a mesh of about ``faces`` triangles by quadric decimation; a smaller one as it is."""
+    if len(mesh.faces) <= faces:
+        return mesh
+    simple = to_open3d(mesh).simplify_quadric_decimation(target_number_of_triangles=faces)
+    simple.remove_degenerate_triangles()
+    simple.remove_unreferenced_vertices()
+    return from_open3d(simple)
+
+
+def packed(mesh: Mesh) -> dict[str, Any]:
+    """Return a mesh for the page: centred, scaled to [-1, 1] and rounded to :data:`STEPS`.
+
+    Vertices and faces are little-endian in base64: int16, and uint16 or uint32 as ``wide`` says.
+    ``vertex_count`` and ``face_count`` are those of the mesh itself, ``shown`` the triangles.
+    """
+    few = simplified(mesh)
+    return {
+        "vertex_count": len(mesh.vertices),
+        "face_count": len(mesh.faces),
+        "shown": len(few.faces),
+        "vertices": _base64(_quantised(few.vertices)),
+        "faces": _base64(few.faces.astype(_index_type(len(few.vertices)))),
+        "wide": len(few.vertices) > np.iinfo(np.uint16).max,
+    }
+
+
+def _index_type(count: int) -> str:
+    return "<u4" if count > np.iinfo(np.uint16).max else "<u2"
+
+
+def _quantised(vertices: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    half = float((high - low).max()) / 2
+    return np.asarray(np.rint((vertices - (low + high) / 2) / half * STEPS), dtype="<i2")
+
+
+def _base64(array: NDArray[Any]) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")

@@ -1,0 +1,127 @@
+// The table of a board: which columns, in which order the rows, and the row that is open.
+
+import { element, mark } from "./dom.js";
+import { hide, wireTip } from "./tip.js";
+
+const NAME = { title: "model", help: "Its name opens the row: errors by family and eigenvalue, physics, cost, and its worst and median shape.", numeric: false, higher: false };
+
+/** Return what a column is called and how it sorts. */
+export const column = (board, key) => (key === "name" ? NAME : board.columns[key]);
+
+/** Return the group of columns of a state, the first if it names none. */
+export const groupOf = (board, state) =>
+  board.groups.find((group) => group.key === state.columns) ?? board.groups[0];
+
+/** Return the key that the rows are sorted by; empty for the order of the board. */
+export function sortKey(board, state) {
+  if (state.sort && (state.sort === "name" || state.sort in board.columns)) return state.sort;
+  return "rank" in board.columns ? "rank" : "";
+}
+
+/** Return the columns to show; on a narrow screen the two that matter beside rank and model. */
+export function columnsShown(board, state, narrow) {
+  const first = "rank" in board.columns ? ["rank", "name"] : ["name"];
+  const { columns } = groupOf(board, state);
+  if (!narrow) return [...first, ...columns];
+  const at = Math.max(0, columns.indexOf(state.sort));
+  const second = columns.includes("ms") && columns[at] !== "ms" ? "ms" : columns[at + 1] ?? columns[at - 1];
+  return [...first, columns[at], ...(second ? [second] : [])];
+}
+
+/** Return the rows that the filters leave, in order. */
+export function rowsShown(board, state) {
+  const find = state.find.trim().toLowerCase();
+  const left = board.rows.filter((row) =>
+    (!state.kinds || state.kinds.includes(row.kind)) &&
+    (!state.training || row.training === state.training) &&
+    (!state.setting || row.setting === state.setting) &&
+    (!find || row.name.toLowerCase().includes(find)));
+  const key = sortKey(board, state);
+  if (!key) return left;
+  const value = (row) => (key === "name" ? row.name : row.cells[key][1]);
+  const sign = state.down ? -1 : 1;
+  return left.sort((a, b) => {
+    const [x, y] = [value(a), value(b)];
+    if (x === null || y === null) return (x === null) - (y === null);
+    return sign * (typeof x === "string" ? x.localeCompare(y, "en") : x - y);
+  });
+}
+
+/** Return the state after a click on a column's head. */
+export function sorted(board, state, key) {
+  const same = sortKey(board, state) === key;
+  return { sort: key, down: same ? !state.down : column(board, key).higher };
+}
+
+/**
+ * Fill a container with the table.
+ *
+ * `detail` is the element of the open row, which is moved, not made anew; `on` has what to call.
+ */
+export function renderTable(container, board, state, { rows, narrow, kinds, detail, on }) {
+  const keys = columnsShown(board, state, narrow);
+  const key = sortKey(board, state);
+  const focus = container.contains(document.activeElement) ? document.activeElement.id : "";
+  const head = keys.map((name) => headCell(board, state, name, name === key, on));
+  const body = rows.flatMap((row, i) => {
+    const open = row.slug === state.open;
+    const cells = keys.map((name) => (name === "name" ? nameCell(row, open, kinds, on) : cell(board, row, name)));
+    const begins = key === "rank" && i > 0 && row.cells.rank[1] !== rows[i - 1].cells.rank[1];
+    const line = element("tr", { class: [open && "open", begins && "begins"].filter(Boolean).join(" ") || null }, cells);
+    if (!open) return [line];
+    return [line, element("tr", { class: "opened", id: `row-${row.slug}` }, element("td", { colspan: keys.length }, detail))];
+  });
+  if (!rows.length) body.push(element("tr", {}, element("td", { colspan: keys.length, class: "none" }, "No row passes the filters.")));
+  hide();
+  container.replaceChildren(
+    element("div", { class: "scroll board", role: "region", "aria-label": board.title, tabindex: narrow ? null : "0" },
+      element("table", {},
+        element("caption", { class: "unseen" }, `${board.title}: ${groupOf(board, state).title}`),
+        element("thead", {}, element("tr", {}, head)),
+        element("tbody", {}, body))));
+  if (focus) document.getElementById(focus)?.focus({ preventScroll: true });
+}
+
+function headCell(board, state, key, isSorted, on) {
+  const { title, help, numeric } = column(board, key);
+  const arrow = isSorted ? (state.down ? "▼" : "▲") : "";
+  const made = element("th", {
+    scope: "col",
+    class: numeric && key !== "rank" ? "number" : null,
+    "aria-sort": isSorted ? (state.down ? "descending" : "ascending") : null,
+  }, element("button", { type: "button", id: `sort-${key}`, class: "sort", "aria-describedby": `help-${key}`, click: () => on.sort(key) },
+    title, element("span", { class: "arrow", "aria-hidden": "true" }, arrow)));
+  wireTip(made, help);
+  return made;
+}
+
+function nameCell(row, open, kinds, on) {
+  return element("th", { scope: "row", class: "name" },
+    element("button", {
+      type: "button", id: `open-${row.slug}`, class: "expand",
+      "aria-expanded": String(open), "aria-controls": open ? `row-${row.slug}` : null,
+      click: () => on.open(open ? "" : row.slug),
+    }, mark(row.kind, kinds), element("span", {}, element("span", { class: "title" }, row.name), " ", element("span", { class: "kind" }, row.kind))));
+}
+
+function cell(board, row, key) {
+  const { numeric } = board.columns[key];
+  const text = row.cells[key][0];
+  return element("td", { class: key === "rank" ? "rank" : numeric ? "number" : `words ${key}` }, numeric ? uncertain(text) : text);
+}
+
+/** Set the uncertainty of a number apart: 0.0119 ± 0.0019 (0.0001). */
+function uncertain(text) {
+  const match = text.match(/^(.+?)( ± \S+)?( \(.+\))?$/);
+  if (!match?.[2] && !match?.[3]) return text;
+  return [match[1], match[2] && element("span", { class: "spread" }, match[2]), match[3] && element("span", { class: "seeds" }, match[3])];
+}
+
+/** Return the list of what all columns of the table mean. */
+export function glossary(board) {
+  const entries = ["name", ...Object.keys(board.columns)].map((key) => {
+    const { title, help } = column(board, key);
+    return element("div", {}, element("dt", {}, title), element("dd", { id: `help-${key}` }, help));
+  });
+  return element("details", {}, element("summary", {}, "What the columns mean"), element("dl", { class: "glossary" }, entries));
+}

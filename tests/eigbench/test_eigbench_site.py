@@ -1,0 +1,285 @@
+"""What `eigbench site` writes: boards, rows, meshes, and the folder itself."""
+
+import base64
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from eigbench import generalisation, leaderboard, meshes, ranking, truth
+from eigbench.errors import EigbenchError
+from eigbench.site import boards, rows, shapes, write
+from eigbench.site.shapes import FACES, STEPS
+
+from synthnet import store
+from synthnet.types import Mesh
+
+FIRST = ("index.html", "style.css", "page.js", "chart.js", "data.js")  # and the first board
+LARGEST = 500_000  # bytes of the first view
+
+
+def read(content, place):
+    """What a script of the page hands to it."""
+    match = re.fullmatch(r"eigbench\.put\((\".+?\"),(.+)\)\n", content[place].decode(), re.DOTALL)
+    assert match, place
+    assert json.loads(match[1]) == ("index" if place == "data.js" else place.removesuffix(".js"))
+    return json.loads(match[2])
+
+
+def first_view(content):
+    key = read(content, "data.js")["datasets"][0]["boards"][0][0]
+    return sum(len(content[place]) for place in [*FIRST, f"boards/{key}.js"])
+
+
+def test_input_in_another_order_gives_the_same_bytes(made_board, made_content):
+    found, reported, scaled = made_board
+    again = write.files(found[::-1], reported[::-1], scaled[::-1])
+    assert again == made_content
+
+
+def test_first_view_is_small_and_the_rest_is_loaded_when_asked_for(made_content, real_content):
+    for content in (made_content, real_content):
+        assert first_view(content) < LARGEST
+        page = content["index.html"].decode()
+        loaded = re.findall(r"<(?:script defer src|link rel=\"stylesheet\" href)=\"(.+?)\"", page)
+        assert sorted(loaded) == sorted(set(FIRST) - {"index.html"})
+        assert len(content["viewer.js"]) > 100_000  # not in the first view
+
+
+def test_nothing_is_asked_of_another_host(made_content):
+    page, style = (made_content[name].decode() for name in ("index.html", "style.css"))
+    policy = re.search(r"Content-Security-Policy\" content=\"(.+?)\"", page)[1]
+    rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
+    assert rules["default-src"] == "'none'"
+    sources = {source for rule in rules.values() for source in rule.split()}
+    assert sources == {"'none'", "'self'", "file:", "data:", "'unsafe-inline'"}
+    assert "unsafe-inline" not in rules["script-src"]
+    assert not re.search(r"(?:src|href)=\"(?:https?:)?//", page)
+    assert "url(" not in style
+    assert "@import" not in style
+
+
+def test_licence_of_every_bundled_package_is_there(made_content):
+    text = made_content["LICENSES.txt"].decode()
+    titles = re.findall(r"^([@\w/.-]+) [\d.]+ \((.+)\)$", text, flags=re.M)
+    assert {"three", "@observablehq/plot", "d3-scale"} <= {name for name, _ in titles}
+    assert {licence for _, licence in titles} <= {"MIT", "ISC", "BSD-3-Clause"}
+    assert text.count("ermission") >= len(titles)  # the texts, not the names alone
+
+
+def test_every_row_is_there_with_the_numbers_of_the_leaderboard(real_content, real_board):
+    found, reported, scaled = real_board
+    page = leaderboard.generate(found, reported, scaled)[Path(leaderboard.PAGE)]
+    for one in found:
+        board = read(real_content, f"boards/{one.board}.js")
+        (row,) = (row for row in board["rows"] if row["slug"] == one.slug)
+        main = [line for line in page.splitlines() if f"| {one.name} | {row['kind']} |" in line]
+        for key in ("rank", "rpd", "psnr20", "ms", "lapy", "training", "hardware"):
+            assert any(f"| {row['cells'][key][0]} |" in line for line in main), key
+        assert set(row["cells"]) == set(board["columns"])
+        opened = read(real_content, f"rows/{one.board}/{one.slug}.js")
+        assert [shape["name"] for shape in opened["shapes"]] == ["worst", "median"]
+        for shape in opened["shapes"]:
+            assert f"{shape['mesh']}.js" in real_content
+    for paper in reported:
+        titles = [table["title"] for table in read(real_content, "boards/reported.js")["tables"]]
+        assert titles == [table["title"] for table in paper["tables"]]
+
+
+def test_every_column_explains_itself(made_content):
+    for place in made_content:
+        if place.startswith("boards/") and "reported" not in place:
+            board = read(made_content, place)
+            for column in board["columns"].values():
+                assert len(column["help"]) > 20
+            for group in board["groups"]:
+                assert set(group["columns"]) <= set(board["columns"])
+
+
+def test_protocols_stand_under_their_dataset(made_content):
+    index = read(made_content, "data.js")
+    found = {one["title"]: [key for key, _ in one["boards"]] for one in index["datasets"]}
+    assert found == {
+        "synthNet 1.0-mini": ["1.0-mini-test-grouped"],
+        "synthNet 2.0-mini": [
+            "2.0-mini-test-grouped",
+            *(f"2.0-mini-test-{name}" for name in ("family", "resolution", "genus", "boundary")),
+            "2.0-mini-test-imported-real-28",
+        ],
+        "Scaling track": ["scaling"],
+        "Reported, not run here": ["reported"],
+    }
+
+
+def test_what_is_held_out_stands_beside_the_same_model_trained_on_everything(made_content):
+    board = read(made_content, "boards/2.0-mini-test-genus.js")
+    cells = {row["name"]: row["cells"] for row in board["rows"]}
+    assert set(cells) == {"Solver", "Model"}  # Lazy was not run
+    rpd, drop = 10 * 0.05 / 2.05, 10 * (0.05 / 2.05 - 0.01 / 2.01)
+    assert cells["Model"]["rpd"][1] == pytest.approx(rpd, rel=1e-5)
+    assert cells["Model"]["iid"][1] == pytest.approx(rpd - drop, rel=1e-5)
+    assert cells["Model"]["drop"] == [f"+{drop:.4f}", pytest.approx(drop, rel=1e-5)]
+    assert cells["Solver"]["rpd"][1] == pytest.approx(10 * 0.001 / 2.001, rel=1e-5)
+    assert cells["Solver"]["iid"] == ["not trained", None]
+    assert cells["Solver"]["drop"] == ["none", None]
+    whole = read(made_content, "boards/2.0-mini-test-grouped.js")
+    groups = {group["key"]: group["columns"] for group in whole["groups"]}
+    assert groups["protocols-rpd"][:2] == ["rpd-iid", "rpd-family"]
+    lazy = next(row for row in whole["rows"] if row["name"] == "Lazy")
+    assert lazy["cells"]["rpd-genus"] == ["not run", None]
+
+
+def test_what_is_not_trained_is_scored_on_the_part_that_a_protocol_tests(made_board):
+    found, _, _ = made_board
+    genus = truth.load("2.0-mini", "test", "genus")
+    (solver,) = (one for one in found if (one.name, one.truth.protocol) == ("Solver", "grouped"))
+    part = boards.restricted(solver, genus)
+    assert part.truth.digest == genus.digest
+    np.testing.assert_array_equal(part.predictions, generalisation.predicted(solver, genus))
+    np.testing.assert_allclose(part.predictions[0], genus.eigenvalues * 1.001)
+    assert part.result["dataset"]["instances"] == len(genus.ids)
+    assert solver.truth.protocol == "grouped"  # it is as it was
+
+
+def test_an_imported_mesh_is_not_shown_and_that_is_said(made_content):
+    opened = read(made_content, "rows/2.0-mini-test-imported-real-28/model.js")
+    for shape in opened["shapes"]:
+        assert shape["mesh"] is None
+        assert "its file is not part of this project" in shape["why"]
+        assert len(shape["label"]) == len(shape["predicted"]) == 10
+    assert not any("real-28" in place for place in made_content if place.startswith("meshes/"))
+
+
+def test_scaling_has_each_size_and_says_what_took_too_long(made_content):
+    board = read(made_content, "boards/scaling.js")
+    slow = next(row for row in board["rows"] if row["name"] == "Slow solver")
+    assert slow["cells"]["error-10000"] == ["over 600 s", None]
+    assert [point["size"] for point in slow["points"]] == [1_000, 10_000]
+    assert board["rows"][0]["name"] == "Near"  # the fastest
+    opened = read(made_content, "rows/scaling/slow-solver.js")
+    assert opened["tables"][0]["rows"][0][-1] == "over time"
+
+
+# --- shapes ------------------------------------------------------------------------------
+
+
+def test_worst_and_median_shape_are_those_of_the_plotted_spectra(made_board):
+    one = made_board[0][0]
+    errors = ranking.per_mesh(one, "rpd")
+    assert rows.QUANTILES == {"worst": 1.0, "median": 0.5}
+    chosen = rows.chosen(one)
+    assert errors[chosen["worst"]] == errors.max()
+    assert errors[chosen["median"]] == np.sort(errors)[round(0.5 * (len(errors) - 1))]
+    assert ranking.at_quantile(np.array([2.0, 1.0, 2.0, 1.0]), 1.0) == 2  # the last of the sorted
+
+
+def test_a_mesh_is_the_one_of_the_dataset(mini_home, mini_truth):
+    source = meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
+    _, firsts = np.unique(mini_truth.families, return_index=True)
+    assert len(firsts) == 10
+    for i in firsts:
+        mesh = shapes.generated(shapes.spec_of(mini_truth, mini_truth.shapes[i]))
+        kept = source.mesh(mini_truth.ids[i])  # the shape, or a rotated copy of it
+        np.testing.assert_array_equal(mesh.faces, kept.faces)
+        edges = [np.diff(one.vertices[one.faces[:, :2]], axis=1) for one in (mesh, kept)]
+        np.testing.assert_allclose(*(np.linalg.norm(e, axis=2) for e in edges), rtol=1e-4)
+
+
+def test_packed_mesh_is_within_half_a_step_of_the_mesh():
+    vertices = np.array([[0, 0, 0], [4, 0, 0], [0, 2, 0], [0, 0, 1.0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    packed = shapes.packed(Mesh(vertices, faces))
+    found = np.frombuffer(base64.b64decode(packed["vertices"]), "<i2").reshape(-1, 3) / STEPS
+    np.testing.assert_allclose(found, (vertices - [2, 1, 0.5]) / 2, atol=0.5 / STEPS)
+    kept = np.frombuffer(base64.b64decode(packed["faces"]), "<u2").reshape(-1, 3)
+    np.testing.assert_array_equal(kept, faces)
+    assert (packed["vertex_count"], packed["face_count"], packed["shown"]) == (4, 2, 2)
+    assert not packed["wide"]
+
+
+def test_a_large_mesh_is_simplified_the_same_each_time(mini_truth):
+    spec = shapes.spec_of(replace(mini_truth, version="1.0"), "split_sphere-01742")
+    mesh = shapes.generated(spec)
+    few = [shapes.simplified(mesh, 2_000) for _ in range(2)]
+    assert len(few[0].faces) <= 2_000 < len(mesh.faces)
+    np.testing.assert_array_equal(few[0].vertices, few[1].vertices)
+    np.testing.assert_array_equal(few[0].faces, few[1].faces)
+    assert shapes.simplified(mesh, len(mesh.faces)) is mesh
+    packed = shapes.packed(mesh)
+    assert packed["face_count"] == len(mesh.faces) > FACES >= packed["shown"]
+
+
+# --- the folder --------------------------------------------------------------------------
+
+
+def test_command_writes_the_page_and_says_where(eigbench, real_content, tmp_path, monkeypatch):
+    monkeypatch.chdir(Path(__file__).parents[2])
+    code, out, err = eigbench("site", "--out", tmp_path / "page")
+    assert code == 0, err
+    assert re.search(r"rows: \d+; \d+ files, .* MB: open .*page/index\.html", out)
+    there = tmp_path / "page"
+    found = {p.relative_to(there).as_posix() for p in there.rglob("*") if p.is_file()}
+    assert found == set(real_content)
+    for place in found:
+        assert (there / place).read_bytes() == real_content[place]
+    assert [path.name for path in tmp_path.iterdir()] == ["page"]
+
+
+def test_an_older_page_is_replaced_whole(made_content, tmp_path):
+    write.write(tmp_path / "page", {**made_content, "rows/old.js": b"old"})
+    write.write(tmp_path / "page", made_content)
+    assert not (tmp_path / "page" / "rows" / "old.js").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["page"]
+
+
+def test_a_run_that_fails_leaves_the_older_page(made_content, tmp_path, monkeypatch):
+    write.write(tmp_path / "page", made_content)
+    calls = []
+
+    def fail(self, data):
+        calls.append(self)
+        if len(calls) > 3:
+            raise OSError(28, "No space left on device")
+        return len(data)
+
+    monkeypatch.setattr(Path, "write_bytes", fail)
+    with pytest.raises(EigbenchError, match=r"cannot write .*page \(No space left on device\)"):
+        write.write(tmp_path / "page", made_content)
+    monkeypatch.undo()
+    assert (tmp_path / "page" / "index.html").read_bytes() == made_content["index.html"]
+    assert [path.name for path in tmp_path.iterdir()] == ["page"]
+
+
+def test_a_folder_that_is_no_page_is_not_touched(eigbench, made_board, tmp_path):
+    (tmp_path / "benchmark" / "results").mkdir(parents=True)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "index.html").write_text("mine")
+    code, _, err = eigbench("site", "--board", tmp_path, "--out", tmp_path / "mine")
+    assert code == 2
+    assert re.search(
+        r"eigbench: .*mine is there and is no page of `eigbench site`, .* --out\n", err
+    )
+    assert (tmp_path / "mine" / "index.html").read_text() == "mine"
+
+
+def test_scripts_that_were_not_bundled_are_one_line(eigbench, tmp_path, monkeypatch):
+    (tmp_path / "benchmark" / "results").mkdir(parents=True)
+    monkeypatch.setattr(write, "BUNDLE", tmp_path / "dist")
+    code, _, err = eigbench("site", "--board", tmp_path, "--out", tmp_path / "page")
+    assert code == 2
+    assert re.fullmatch(r"eigbench: .*dist has no index\.html: run `make page` .*\n", err)
+
+
+def test_place_of_the_docs_is_checked_and_used(made_content):
+    assert read(made_content, "data.js")["docs"] == "../docs/{}.md"
+    assert read(write.files([], [], [], docs="/docs/{}/"), "data.js")["docs"] == "/docs/{}/"
+    with pytest.raises(EigbenchError, match=r"--docs /docs/ must have \{\} where the name of a pa"):
+        write.files([], [], [], docs="/docs/")
+
+
+def test_an_empty_board_is_a_page_that_says_so(bundled):
+    content = write.files([], [], [])
+    assert read(content, "data.js")["datasets"] == []
+    assert set(content) == {*write.BUNDLED, "data.js"}

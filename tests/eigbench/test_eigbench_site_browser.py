@@ -1,0 +1,445 @@
+"""The page of `eigbench site` in a browser: from files, without a server and without a network."""
+
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from eigbench.site import write
+from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
+
+AXE = write.BUNDLE.parent / "node_modules" / "axe-core" / "axe.min.js"
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+ARGUMENTS = [
+    "--disable-background-networking",
+    "--use-angle=swiftshader",  # WebGL without a GPU
+    "--enable-unsafe-swiftshader",
+    *(["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []),
+]
+WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 800}
+HELD_OUT = "2.0-mini-test-genus"
+IMPORTED = "2.0-mini-test-imported-real-28"
+
+
+@pytest.fixture(scope="module")
+def launch() -> Iterator:
+    """Return a function that starts Chromium with more arguments."""
+    with sync_playwright() as playwright:
+        own = Path(playwright.chromium.executable_path)
+        found = [os.environ.get("CHROMIUM"), str(own) if own.exists() else None]
+        found += [shutil.which(name) for name in NAMES]
+        path = next(filter(None, found), None)
+        if path is None:
+            pytest.skip(f"no browser: $CHROMIUM is not set and none of {', '.join(NAMES)} is there")
+        started = []
+
+        def start(*arguments: str) -> Browser:
+            browser = playwright.chromium.launch(
+                executable_path=path, args=[*ARGUMENTS, *arguments]
+            )
+            started.append(browser)
+            return browser
+
+        yield start
+        for browser in started:
+            browser.close()
+
+
+@pytest.fixture(scope="module")
+def browser(launch):
+    return launch()
+
+
+@pytest.fixture(scope="module")
+def folders(made_content, real_content, tmp_path_factory):
+    """The page of a made-up board with everything there is, and of this repository."""
+    place = tmp_path_factory.mktemp("pages")
+    for name, content in (("made", made_content), ("real", real_content)):
+        write.write(place / name, content)
+    return place
+
+
+@pytest.fixture
+def visit(browser, folders) -> Iterator:
+    """Return a function that opens a page; what it logs and asks of others fails the test."""
+    contexts, problems = [], []
+
+    def opened(
+        fragment: str = "", name: str = "made", size=WIDE, scheme="light", using=browser, **more
+    ) -> Page:
+        context = using.new_context(viewport=size, color_scheme=scheme, **more)
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(60_000)
+
+        def check(route):
+            if route.request.url.startswith((folders.as_uri(), "data:")):
+                route.continue_()
+            else:
+                problems.append(f"asked for {route.request.url}")
+                route.abort()
+
+        page.route("**/*", check)
+        page.on("console", lambda told: problems.append(f"{told.type}: {told.text}"))
+        page.on("pageerror", lambda error: problems.append(f"error: {error}"))
+        page.goto(f"{(folders / name / 'index.html').as_uri()}{fragment}")
+        expect(page.locator("#status")).not_to_be_empty()
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+    assert problems == []
+
+
+def names(page: Page) -> list[str]:
+    return page.locator("#table tbody .title").all_text_contents()
+
+
+def sort(page: Page, title: str) -> str | None:
+    """Click a head; return by what its column is then sorted."""
+    head = page.locator("#table thead th").filter(has_text=title).first
+    head.get_by_role("button").click()
+    return head.get_attribute("aria-sort")
+
+
+def overflow(page: Page) -> int:
+    return page.evaluate(
+        "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    )
+
+
+def violations(page: Page) -> list[str]:
+    page.evaluate(AXE.read_text())
+    # Without preloading styles, which would be a request and which the page forbids
+    found = page.evaluate("axe.run({ preload: false })")["violations"]
+    return [f"{one['impact']} {one['id']}: {one['nodes'][0]['html']}" for one in found]
+
+
+def meshes(page: Page, count: int = 2) -> None:
+    """Wait until the meshes of the open row are drawn."""
+    expect(page.locator("canvas[data-turned]")).to_have_count(count, timeout=60_000)
+
+
+# --- the table ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["made", "real"])
+def test_page_loads_from_a_file_with_every_row(visit, made_board, real_board, name):
+    page = visit(name=name)
+    found = (made_board if name == "made" else real_board)[0]
+    first = [one.name for one in found if one.board == found[0].board]
+    assert sorted(names(page)) == sorted(first)
+    expect(page.locator("#status")).to_have_text(
+        f"{len(first)} of {len(first)} rows shown, sorted by rank, ascending."
+    )
+    expect(page.locator("#chart svg[role=img]").first).to_be_visible()
+
+
+def test_a_head_sorts_and_turns_the_order(visit):
+    page = visit()
+    best = names(page)
+    assert best[-1] == "Far"
+    assert sort(page, "RPD ↓") == "ascending"
+    assert names(page) == best
+    assert sort(page, "RPD ↓") == "descending"
+    assert names(page) == best[::-1]
+    assert sort(page, "PSNR>20") == "descending"  # more is better
+    assert page.locator("#table thead th[aria-sort]").count() == 1
+    assert sort(page, "model") == "ascending"
+    assert names(page) == ["Far", "One percent", "Other percent", "Twenty | <percent>"]
+    expect(page.locator("#status")).to_contain_text("sorted by model, ascending")
+    assert page.evaluate("document.activeElement.id") == "sort-name"  # though made anew
+
+
+def test_what_has_no_value_goes_last_whatever_the_order(visit):
+    page = visit()
+    for _ in range(2):
+        sort(page, "parameters")
+        assert names(page)[0] == "Other percent"
+
+
+def test_filters_leave_the_rows_they_name_and_say_how_many(visit):
+    page = visit()
+    page.get_by_label("trivial").uncheck()
+    assert "Far" not in names(page)
+    expect(page.locator("#status")).to_contain_text("3 of 4 rows shown")
+    page.get_by_label("Training data").select_option("the training split")
+    assert names(page) == ["Twenty | <percent>"]
+    page.get_by_role("button", name="Reset").click()
+    assert len(names(page)) == 4
+    page.get_by_label("Model", exact=True).fill("PERCENT")
+    assert len(names(page)) == 3
+    page.get_by_label("Model", exact=True).fill("nobody")
+    expect(page.locator("#table")).to_contain_text("No row passes the filters.")
+    page.get_by_label("Model", exact=True).fill("")
+    hardware = page.get_by_label("Hardware").locator("option").nth(1).get_attribute("value")
+    page.get_by_label("Hardware").select_option(hardware)
+    assert len(names(page)) == 4
+
+
+def test_dataset_and_protocol_choose_the_board(visit):
+    page = visit()
+    page.get_by_label("Dataset").select_option("synthNet 2.0-mini")
+    expect(page.locator("h2")).to_contain_text("2.0-mini, test split, protocol grouped")
+    page.get_by_label("Columns").select_option("protocols-rpd")
+    expect(page.locator("#table")).to_contain_text("0.2439 (+0.1942)")
+    expect(page.locator("#chart svg[role=img]")).to_have_count(1)
+    page.get_by_label("Protocol", exact=True).select_option(HELD_OUT)
+    expect(page.locator("#table tbody")).to_contain_text("+0.1942")
+    assert sorted(names(page)) == ["Model", "Solver"]
+    page.get_by_label("Dataset").select_option("Scaling track")
+    expect(page.locator("#table")).to_contain_text("over 600 s")
+    expect(page.locator("#chart svg[role=img]")).to_have_count(2)
+    page.get_by_label("Dataset").select_option("Reported, not run here")
+    expect(page.locator("#status")).to_contain_text("no row was run here")
+    expect(page.locator("#table")).to_contain_text("GCN, RPDLoss")
+
+
+def test_a_fragment_is_a_view_that_can_be_linked(visit):
+    page = visit()
+    page.get_by_label("Columns").select_option("medians")
+    page.get_by_label("trivial").uncheck()
+    sort(page, "InvLap")
+    sort(page, "InvLap")
+    page.get_by_role("button", name="Other percent").click()
+    fragment = page.evaluate("location.hash")
+    again = visit(fragment)
+    assert names(again) == names(page)
+    assert again.get_by_label("Columns").input_value() == "medians"
+    expect(again.locator("th[aria-sort=descending]")).to_contain_text("InvLap")
+    expect(again.locator(".detail")).to_be_visible()
+    again.evaluate("location.hash = '#board=scaling'")
+    expect(again.locator("h2")).to_contain_text("Scaling")
+    meant = visit("#board=none&sort=nothing&columns=none&open=nobody&metric=none")
+    assert len(names(meant)) == 4  # what is not there is as at first
+
+
+def test_a_head_says_what_its_column_means_to_all(visit):
+    page = visit()
+    tip = page.locator("#tip")
+    head = page.locator("#sort-rpd")
+    head.hover()
+    expect(tip).to_contain_text("Relative percent difference")
+    page.keyboard.press("Escape")
+    expect(tip).to_be_hidden()
+    page.locator("#sort-invlap").focus()
+    expect(tip).to_contain_text("Inverse Laplacian")
+    expect(head).to_have_accessible_description(re.compile("Relative percent difference"))
+    page.get_by_text("What the columns mean").click()
+    expect(page.locator(".glossary")).to_contain_text("Relative percent difference")
+
+
+def test_chart_has_the_front_and_the_floor_and_its_points_open_rows(visit, real_board):
+    page = visit(name="real")
+    told = page.locator("#chart svg[role=img]").first.get_attribute("aria-label")
+    assert "Pareto front: " in told
+    assert "synthNet, certified" in told
+    expect(page.locator("#chart")).to_contain_text("noise floor 0.2824")
+    chart = page.locator("#chart svg[role=img]").first
+    mark = chart.locator("g path").filter(has_not=page.locator("title")).last
+    mark.hover()
+    page.mouse.down()
+    page.mouse.up()
+    expect(page.locator("button[aria-expanded=true]")).to_have_count(1)
+
+
+# --- a row -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["made", "real"])
+def test_a_row_opens_by_keyboard_to_its_errors_and_shapes(visit, name):
+    page = visit(name=name)
+    button = page.locator("#table tbody button.expand").nth(1)
+    button.focus()
+    page.keyboard.press("Enter")
+    expect(button).to_have_attribute("aria-expanded", "true")
+    meshes(page)
+    detail = page.locator(".detail")
+    for title in (
+        "Worst shape",
+        "Median shape",
+        "Metrics",
+        "By family",
+        "By eigenvalue",
+        "Physics",
+    ):
+        expect(detail.get_by_role("heading", name=re.compile(title))).to_be_visible()
+    expect(detail.locator(".spectrum svg[role=img]")).to_have_count(2)
+    detail.get_by_text("Numbers").first.click()
+    expect(detail.get_by_role("table", name="Eigenvalues").first).to_contain_text("λ10")
+    page.keyboard.press("Shift+Tab")
+    button.press("Enter")
+    expect(detail).to_have_count(0)
+
+
+def test_an_open_row_stays_open_while_the_table_is_sorted(visit):
+    page = visit("#open=far")
+    meshes(page)
+    canvas = page.locator("canvas").first.element_handle()
+    sort(page, "model")
+    assert canvas.evaluate("canvas => canvas.isConnected")  # the very same
+    assert names(page)[0] == "Far"
+
+
+def test_a_mesh_turns_by_keys_by_a_drag_and_by_buttons(visit):
+    page = visit("#open=one-percent")
+    meshes(page)
+    canvas = page.locator("canvas").first
+    canvas.scroll_into_view_if_needed()
+
+    def state():
+        turned = canvas.get_attribute("data-turned")
+        return (*map(float, turned.split()), float(canvas.get_attribute("data-distance")))
+
+    start, picture = state(), canvas.screenshot()
+    canvas.press("ArrowRight")
+    assert state()[0] == pytest.approx(start[0] + 0.1745, abs=0.01)
+    assert state()[1:] == pytest.approx(start[1:], abs=0.01)
+    assert canvas.screenshot() != picture
+    canvas.press("ArrowUp")
+    assert state()[1] == pytest.approx(start[1] - 0.1745, abs=0.01)
+    canvas.press("+")
+    assert state()[2] < start[2]
+    canvas.press("0")
+    assert state() == pytest.approx(start, abs=0.01)
+    page.mouse.wheel(0, 100)  # with the focus, the wheel zooms
+    box = canvas.bounding_box()
+    page.mouse.move(box["x"] + 60, box["y"] + 60)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 140, box["y"] + 60, steps=4)
+    page.mouse.up()
+    assert abs(state()[0] - start[0]) > 0.1
+    page.get_by_role("button", name="Reset the view").first.click()
+    assert state() == pytest.approx(start, abs=0.01)
+    page.get_by_role("button", name="Turn left").first.click()
+    assert state()[0] == pytest.approx(start[0] - 0.1745, abs=0.01)
+    edges = page.get_by_role("button", name="Show edges").first
+    edges.click()
+    expect(edges).to_have_attribute("aria-pressed", "false")
+    expect(canvas).to_have_accessible_name(re.compile("Worst shape .* Arrow keys turn it"))
+
+
+def test_an_imported_shape_has_its_spectrum_and_says_why_no_mesh(visit):
+    page = visit(f"#board={IMPORTED}&open=model")
+    expect(page.locator(".mesh").first).to_contain_text("its file is not part of this project")
+    expect(page.locator(".spectrum svg[role=img]")).to_have_count(2)
+    assert page.locator("canvas").count() == 0
+
+
+def test_a_large_mesh_says_that_it_is_simplified(visit, folders):
+    def has(path, pattern):
+        return re.search(pattern, path.read_text())
+
+    places = sorted((folders / "real").rglob("*.js"))
+    large = next(p for p in places if "meshes" in p.parts and has(p, r'"face_count":[2-9]\d{4}'))
+    row = next(p for p in places if "rows" in p.parts and has(p, f"meshes/1.0/{large.stem}"))
+    page = visit(f"#board={row.parent.name}&open={row.stem}", name="real")
+    expect(page.locator(".detail")).to_contain_text("simplified for display to", timeout=60_000)
+
+
+def test_without_webgl_all_but_the_mesh_is_there(visit, launch):
+    page = visit("#open=far", using=launch("--disable-3d-apis"))
+    expect(page.locator(".mesh").first).to_contain_text("This browser has no WebGL")
+    expect(page.locator(".spectrum svg[role=img]")).to_have_count(2)
+    assert page.locator("canvas").count() == 0
+
+
+def test_a_file_that_is_missing_is_said(visit, folders, tmp_path, browser):
+    shutil.copytree(folders / "made", tmp_path / "made")
+    shutil.rmtree(tmp_path / "made" / "rows")
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(f"{(tmp_path / 'made' / 'index.html').as_uri()}#open=far")
+    expect(page.locator(".detail")).to_contain_text("cannot be loaded")
+    context.close()
+
+
+# --- widths, themes, accessibility ---------------------------------------------------------
+
+VIEWS = (
+    "",
+    "#open=far",
+    "#columns=families-rpd",
+    f"#board={HELD_OUT}",
+    "#board=2.0-mini-test-grouped&columns=protocols-rpd",
+    "#board=scaling",
+    "#board=scaling&open=near",
+    "#board=reported",
+)
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_a_phone_does_not_scroll_sideways(visit, view):
+    page = visit(view, size=PHONE)
+    if "open=far" in view:
+        meshes(page)
+    page.wait_for_timeout(200)
+    assert overflow(page) == 0
+
+
+def test_a_phone_sorts_by_any_column_and_shows_it(visit):
+    page = visit(size=PHONE, has_touch=True, is_mobile=True)
+    page.get_by_text("Columns, filters, order").tap()
+    page.get_by_label("Sort by").select_option("psnr20")
+    expect(page.locator("#table thead")).to_contain_text("PSNR>20")
+    assert page.locator("#table thead th").count() == 4
+    page.get_by_role("button", name="Far").tap()
+    meshes(page)
+    assert overflow(page) == 0
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
+@pytest.mark.parametrize("view", VIEWS)
+def test_axe_finds_nothing(visit, view, size, scheme):
+    page = visit(view, size=size, scheme=scheme)
+    if "open=far" in view:
+        meshes(page)
+    for summary in page.locator("summary:visible").all():
+        summary.click()
+    page.wait_for_timeout(200)
+    assert violations(page) == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
+def test_axe_finds_nothing_on_the_real_board(visit, real_board, size, scheme):
+    page = visit(f"#open={real_board[0][0].slug}", name="real", size=size, scheme=scheme)
+    meshes(page)
+    assert violations(page) == []
+    assert overflow(page) == 0
+
+
+def test_theme_is_the_systems_until_one_is_chosen(visit):
+    page = visit(scheme="dark")
+
+    def ground():
+        found = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        return sum(map(int, re.findall(r"\d+", found)[:3]))
+
+    assert ground() < 150
+    page.get_by_label("Theme").select_option("light")
+    assert ground() > 700
+    page.reload()
+    expect(page.locator("#status")).not_to_be_empty()
+    assert ground() > 700  # it is kept
+
+
+def test_the_tab_key_reaches_the_table_at_once(visit):
+    page = visit()
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.id") == "table"
+    assert "board=" in page.evaluate("location.hash")  # the view is kept
+
+
+def test_the_policy_of_the_page_forbids_other_hosts(browser, folders):
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto((folders / "made" / "index.html").as_uri())
+    with pytest.raises(Error, match="Failed to fetch"):
+        page.evaluate("fetch('https://example.org/')")
+    context.close()
