@@ -448,4 +448,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     version_option(sub)
     show_commands.gallery_options(sub)
+
+    sub = command(
+        "croissant",
+        show_commands.croissant,
+        "describe a built version for other tools: Croissant 1.1 metadata beside its manifest",
+        " --version 1.0-mini",
+    )
+    version_option(sub)
     return parser

@@ -1,4 +1,4 @@
-"""What the commands that show a dataset do: ``synthnet show`` and ``synthnet gallery``."""
+"""What the commands that show a dataset do: ``synthnet show | gallery | croissant``."""
 
 from __future__ import annotations
 
@@ -142,6 +142,15 @@ def gallery(options: argparse.Namespace) -> int:
         print(json.dumps({"picture": str(path), "ids": ids}, indent=1))
     else:
         print(f"picture: {path}")
+    return 0
+
+
+def croissant(options: argparse.Namespace) -> int:
+    """Write the Croissant metadata of a built version."""
+    from synthnet.croissant import write
+
+    path = write(store.open_dataset(options.version, options.out))
+    print(json.dumps({"croissant": str(path)}, indent=1) if options.json else path)
     return 0
 
 

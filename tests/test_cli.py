@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +17,8 @@ from synthnet.plan import plan_shards
 from synthnet.verify import CHECKS
 
 VERSION = "1.0-mini"
-COMMANDS = ("versions", "build", "seal", "info", "verify", "show", "gallery")
+COMMANDS = ("versions", "build", "seal", "info", "verify", "show", "gallery", "croissant")
+READERS = (["info"], ["verify"], ["show", "torus-00000"], ["croissant"])  # of what is built
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -27,7 +29,7 @@ def test_every_command_is_tested() -> None:
     text = cli._parser().format_help()
     assert "{" not in text
     for name in COMMANDS:
-        assert f"\n    {name} " in text
+        assert re.search(rf"^    {name}\s+[a-z]", text, flags=re.MULTILINE)
 
 
 @pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)])
@@ -54,6 +56,7 @@ def test_example_of_every_command_is_understood() -> None:
         "verify --version 1.0 --sample 200",
         "show torus-00012 --png torus.png",
         "gallery torus --version 1.0",
+        "croissant --version 1.0-mini",
     ]
     for example in examples:
         words = example.split()
@@ -92,13 +95,17 @@ def only_line(code: int, out: str, err: str) -> str:
     return lines[0]
 
 
-@pytest.mark.parametrize("arguments", [["build"], ["info"], ["verify"], ["show", "torus-00000"]])
+@pytest.mark.parametrize(
+    "arguments", [["build"], ["info"], ["verify"], ["croissant"], ["show", "torus-00000"]]
+)
 def test_unknown_version(arguments: list[str], run: Run, tmp_path: Path) -> None:
     line = only_line(*run(*arguments, "--version", "3.0", "--out", tmp_path))
     assert "unknown version '3.0': choose one of 1.0, 1.0-mini, 1.0-small, 2.0" in line
 
 
-@pytest.mark.parametrize("arguments", [["info"], ["verify"], ["show", "torus-00000"]])
+@pytest.mark.parametrize(
+    "arguments", [["info"], ["verify"], ["croissant"], ["show", "torus-00000"]]
+)
 def test_version_that_is_not_built(arguments: list[str], run: Run, tmp_path: Path) -> None:
     line = only_line(*run(*arguments, "--version", VERSION, "--out", tmp_path))
     assert f"no finished dataset in {tmp_path / VERSION}: run `synthnet build --version" in line
@@ -130,7 +137,9 @@ def test_unknown_id(run: Run, mini_home: Path) -> None:
     assert "no shape 'torus-99999' in 1.0-mini: `synthnet info --version 1.0-mini --ids`" in line
 
 
-@pytest.mark.parametrize("arguments", [["build"], ["info"], ["verify"], ["show", "torus-00000"]])
+@pytest.mark.parametrize(
+    "arguments", [["build"], ["info"], ["verify"], ["croissant"], ["show", "torus-00000"]]
+)
 def test_place_that_is_no_directory(arguments: list[str], run: Run, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no directory")
     place = tmp_path / "file" / "home"

@@ -34,7 +34,7 @@ LEVELS = {
     **dict.fromkeys(
         ["families", "filters", "repair", "reading", "spectrum", "augment", "splits", "store"], 1
     ),
-    **dict.fromkeys(["plan", "pins", "draw", "discretisation"], 2),
+    **dict.fromkeys(["plan", "pins", "draw", "discretisation", "croissant"], 2),
     **dict.fromkeys(["build", "gallery"], 3),
     **dict.fromkeys(["mapped", "hf", "estimates", "importing", "seal"], 4),
     **dict.fromkeys(["pyg", "verify", "__init__"], 5),
