@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib as mpl
@@ -24,7 +25,20 @@ ACROSS = 5  # eigenfunctions, or meshes of a sheet, in a row
 TOP, BELOW = 3.9, 2.15  # inches: height of the mesh and its spectrum, and of a row below
 WIDTH, KEY = 9.0, 0.3  # inches; what the colours mean is told in the key
 KEY_TEXT = "eigenfunctions: negative blue, zero white and a line, positive orange"
+CAPTION_LINE = 0.135  # inches
 SIGN = 0.5  # of the largest magnitude: the first vertex above it says which way is positive
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Of a sheet: meshes in a row, and the inches each of them has for its picture."""
+
+    across: int = ACROSS
+    width: float = WIDTH / ACROSS
+    height: float = 1.5
+
+
+SHEET = Layout()
 
 
 def check_name(path: Path) -> None:
@@ -101,37 +115,44 @@ def picture_of_mesh(
 
 
 def picture_of_sheet(
-    meshes: Sequence[Mesh], captions: Sequence[Sequence[str]], title: str, *, edges: bool = True
+    meshes: Sequence[Mesh | None],
+    captions: Sequence[Sequence[str]],
+    title: str = "",
+    *,
+    edges: bool = False,
+    layout: Layout = SHEET,
 ) -> bytes:
     """Return a contact sheet as the bytes of a PNG.
 
     Parameters
     ----------
-    meshes : sequence of Mesh
-        What to draw, row by row.
+    meshes : sequence of Mesh or None
+        What to draw, row by row; ``None`` leaves its place empty.
     captions : sequence of sequence of str
         Lines under each mesh, the first its name.
     title : str
         Of the sheet.
     edges : bool
         Whether to draw the edges of the meshes.
+    layout : Layout
+        How large, and how many in a row.
     """
-    across = min(ACROSS, len(meshes))
+    across = min(layout.across, len(meshes))
     rows = -(-len(meshes) // across)
-    wide, line = WIDTH / ACROSS, 0.135
-    tall = 1.5 + 0.1 + line * max(map(len, captions))
-    width, high = across * wide, rows * tall + 0.5
+    tall = layout.height + 0.1 + CAPTION_LINE * max(map(len, captions))
+    head = 0.42 if title else 0.0
+    width, high = across * layout.width, rows * tall + head
     with plain_style():
         figure = Figure(figsize=(width, high), dpi=DOTS)
         _text(figure, width / 2, high - 0.22, title, size=10)
         for number, (mesh, lines) in enumerate(zip(meshes, captions, strict=True)):
             row, column = divmod(number, across)
-            under = high - 0.42 - row * tall - 1.5
-            _picture(figure, (column * wide, under, wide, 1.5), mesh, edges=edges)
+            left, under = column * layout.width, high - head - row * tall - layout.height
+            if mesh is not None:
+                _picture(figure, (left, under, layout.width, layout.height), mesh, edges=edges)
             for below, text in enumerate(lines):
-                colour = "black" if below == 0 else "0.35"
-                middle = (column + 0.5) * wide
-                _text(figure, middle, under - (below + 0.6) * line, text, size=6.5, color=colour)
+                x, y = left + layout.width / 2, under - (below + 0.6) * CAPTION_LINE
+                _text(figure, x, y, text, size=6.5, color="black" if below == 0 else "0.35")
         return _png(figure)
 
 

@@ -56,7 +56,7 @@ def test_a_sheet_has_a_row_for_each_five_meshes(sample):
     for count, rows in ((1, 1), (5, 1), (6, 2)):
         sheet = pixels(draw.picture_of_sheet([sample.mesh] * count, [["a", "b"]] * count, "many"))
         tall = 1.5 + 0.1 + 2 * 0.135
-        assert sheet.shape[0] == pytest.approx(150 * (rows * tall + 0.5), abs=1)
+        assert sheet.shape[0] == pytest.approx(150 * (rows * tall + 0.42), abs=1)
         assert sheet.shape[1] == 270 * min(count, 5)
 
 

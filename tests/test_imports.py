@@ -60,7 +60,7 @@ EIGBENCH_LEVELS = {
     **dict.fromkeys(["evaluate", "ranking", "scaling.results"], 4),
     **dict.fromkeys(["record", "generalisation", "page", "scaling.scores"], 5),
     **dict.fromkeys(["figures", "scaling.run"], 6),
-    "scaling.figure": 7,
+    **dict.fromkeys(["scaling.figure", "error_figures"], 7),
     "scaling.page": 8,
     "leaderboard": 9,
     **dict.fromkeys(["predictor_commands", "board_commands", "scaling.commands"], 10),
