@@ -35,8 +35,10 @@ SMOOTH = {"resolution": 60, "split": 20, "subdivisions": 2}
 
 def composition(report: dict) -> str:
     """Return the table of families of a build report."""
+    pictures = f"pictures/{report['version']}"
     rows = [
         [
+            f"![{FAMILIES[row['family']].title}]({pictures}/{row['family']}.png)",
             FAMILIES[row["family"]].title,
             row["drawn"],
             ", ".join(f"{n} `{reason}`" for reason, n in row["rejected"].items()) or "0",
@@ -47,12 +49,12 @@ def composition(report: dict) -> str:
         ]
         for row in report["families"]
     ]
-    totals = [sum(row[i] for row in rows) for i in (1, 3, 4, 5, 6)]
+    totals = [sum(row[i] for row in rows) for i in (2, 4, 5, 6, 7)]
     rejected = totals[0] - totals[1]
-    rows.append(["All", totals[0], str(rejected), *totals[1:4], round(totals[4], 1)])
+    rows.append(["", "All", totals[0], str(rejected), *totals[1:4], round(totals[4], 1)])
     if report["version"] == "1.0":
-        rows.append(["*The paper, as reported*", 16550, "189", 16361, "", "", ""])
-    headers = ["family", "drawn", "rejected", "kept", "vertices", "faces", "core-seconds"]
+        rows.append(["", "*The paper, as reported*", 16550, "189", 16361, "", "", ""])
+    headers = ["", "family", "drawn", "rejected", "kept", "vertices", "faces", "core-seconds"]
     table = tabulate(rows, headers, tablefmt="github", intfmt=",", floatfmt=",.1f")
     minutes = report["wall_seconds"] / 60
     size = report["bytes"] / 1e6

@@ -1,4 +1,4 @@
-"""The command line: ``synthnet versions | build | import | seal | info | verify | show``."""
+"""The command line: ``synthnet versions | build | import | seal | info | verify | ...``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -15,10 +14,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tabulate import tabulate
 
-from synthnet import estimates, recipe, seal_commands, store
+from synthnet import estimates, recipe, seal_commands, show_commands, store
 from synthnet.build import BuildReport, build
 from synthnet.errors import SynthNetError
-from synthnet.geometry import MeshFacts
 from synthnet.report import FamilyBars, family_table, summary
 from synthnet.types import SPLITS
 from synthnet.version import __version__
@@ -266,56 +264,6 @@ def _verify(options: argparse.Namespace) -> int:
     return DIFFERENT if failed else 0
 
 
-def _show(options: argparse.Namespace) -> int:
-    dataset = store.open_dataset(options.version, options.out)
-    sample = dataset.find(options.id)
-    estimate = estimates.find(dataset, options.id)
-    facts = MeshFacts(sample.mesh)
-    if options.png is not None:
-        from synthnet.draw import draw_sample
-
-        draw_sample(sample, options.png)
-    described: dict[str, Any] = {
-        "id": sample.spec.id,
-        "family": sample.spec.family,
-        "parameters": dict(sample.spec.parameters),
-        "split": sample.split,
-        "vertices": facts.n_vertices,
-        "faces": facts.n_faces,
-        "area": facts.area,
-        "volume": facts.volume,
-        "euler_characteristic": facts.euler_characteristic,
-        "closed": facts.is_closed,
-        "least_relative_altitude": float(facts.relative_altitudes.min()),
-        "eigenvalues": sample.eigenvalues.tolist(),
-        "trivial": sample.trivial,
-        "certificate": asdict(sample.certificate),
-        "error_estimate": None if estimate is None else estimate.error.tolist(),
-    }
-    if options.json:
-        _print_json(described)
-        return 0
-    eigenvalues, errors = described.pop("eigenvalues"), described.pop("error_estimate")
-    proof = sample.certificate
-    described["certificate"] = (
-        f"{proof.count} eigenvalues below {proof.shift:.6g}, zero included, as many as were "
-        f"found; each within a relative {proof.residual:.1g} of an exact one"
-    )
-    parameters = described.pop("parameters")
-    described["parameters"] = ", ".join(f"{k} {v}" for k, v in parameters.items())
-    print(
-        tabulate([(k.replace("_", " "), _short(v)) for k, v in described.items()], tablefmt="plain")
-    )
-    print("eigenvalues (1/length²)")
-    print("  " + "  ".join(f"{value:.6g}" for value in eigenvalues))
-    if errors is not None:
-        print("their estimated errors, label − limit (1/length²)")
-        print("  " + "  ".join(f"{value:.2g}" for value in errors))
-    if options.png is not None:
-        print(f"picture: {options.png}")
-    return 0
-
-
 BUILD_EXAMPLES = """example: synthnet build --version 1.0-small --workers 2
 
 many machines:
@@ -325,26 +273,11 @@ many machines:
 """
 
 
-def _short(value: Any) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    return f"{value:,}" if isinstance(value, int) else str(value)
-
-
 def _print_json(value: Any) -> None:
     print(json.dumps(value, indent=1))
 
 
 # Arguments
-
-
-def _at_least_zero(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"must be at least 0, got {value}")
-    return value
 
 
 class Parser(argparse.ArgumentParser):
@@ -483,24 +416,44 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument(
         "--sample",
-        type=_at_least_zero,
+        type=show_commands.at_least_zero,
         default=100,
         metavar="N",
         help="labels to derive anew with LaPy (default: %(default)s)",
     )
     sub.add_argument(
-        "--seed", type=_at_least_zero, default=0, metavar="N", help="of that sample (default: 0)"
+        "--seed",
+        type=show_commands.at_least_zero,
+        default=0,
+        metavar="N",
+        help="of that sample (default: 0)",
     )
     sub.add_argument(
         "--limit",
-        type=_at_least_zero,
+        type=show_commands.at_least_zero,
         default=20,
         metavar="N",
         help="problems to print (default: 20)",
     )
 
-    sub = command("show", _show, "show one shape", " torus-00012 --png torus.png")
-    sub.add_argument("id", metavar="ID", help="for example cone-00042")
+    sub = command("show", show_commands.show, "show one shape", " torus-00012 --png torus.png")
     version_option(sub)
-    sub.add_argument("--png", type=Path, metavar="FILE", help="also draw it")
+    show_commands.show_options(sub)
+
+    sub = command(
+        "gallery",
+        show_commands.gallery,
+        "draw a contact sheet of a family, or one shape of each; no build is needed",
+        " torus --version 1.0",
+    )
+    version_option(sub)
+    show_commands.gallery_options(sub)
+
+    sub = command(
+        "croissant",
+        show_commands.croissant,
+        "describe a built version for other tools: Croissant 1.1 metadata beside its manifest",
+        " --version 1.0-mini",
+    )
+    version_option(sub)
     return parser

@@ -1,88 +1,226 @@
-"""Pictures of a mesh and its spectrum, drawn off-screen."""
+"""Pictures of shapes as PNG: a mesh, its spectrum and its eigenfunctions; sheets of meshes."""
 
 from __future__ import annotations
 
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib.figure
+import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import LightSource
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from synthnet.files import write_atomically
-from synthnet.geometry import MeshFacts
+from synthnet import spectrum
+from synthnet.files import write_bytes
+from synthnet.raster import render
 from synthnet.types import Mesh, Sample
 
-BLUE, GREY = "#0072b2", "#666666"  # Okabe and Ito: told apart by colour-blind readers
-VIEW = {"elev": 22.0, "azim": -60.0}
-EDGES_UP_TO = 4000  # faces; beyond it the edges hide the surface
+BLUE = "#0072b2"  # Okabe and Ito: told apart by colour-blind readers
+DOTS = 150  # an inch
+ACROSS = 5  # eigenfunctions, or meshes of a sheet, in a row
+TOP, BELOW = 3.9, 2.15  # inches: height of the mesh and its spectrum, and of a row below
+WIDTH, KEY = 9.0, 0.3  # inches; what the colours mean is told in the key
+KEY_TEXT = "eigenfunctions: negative blue, zero white and a line, positive orange"
+CAPTION_LINE = 0.135  # inches
+SIGN = 0.5  # of the largest magnitude: the first vertex above it says which way is positive
 
 
-def draw_sample(sample: Sample, path: Path) -> None:
-    """Draw a shape beside its ten eigenvalues and write a PNG.
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Of a sheet: meshes in a row, and the inches each of them has for its picture."""
+
+    across: int = ACROSS
+    width: float = WIDTH / ACROSS
+    height: float = 1.5
+
+
+SHEET = Layout()
+
+
+def check_name(path: Path) -> None:
+    """Raise ValueError if a path does not end in ``.png``."""
+    if path.suffix.lower() != ".png":
+        raise ValueError(f"the picture's name must end in .png, got {path}")
+
+
+def draw_sample(
+    sample: Sample, path: Path, *, eigenfunctions: int = ACROSS, edges: bool = False
+) -> None:
+    """Draw a shape beside its eigenvalues, its first eigenfunctions below, and write a PNG.
+
+    Parameters
+    ----------
+    sample : Sample
+        The shape; its eigenfunctions are computed anew.
+    path : Path
+        Where to write.
+    eigenfunctions : int
+        How many to draw.
+    edges : bool
+        Whether to draw the edges of the mesh.
 
     Raises
     ------
     ValueError
-        If the path does not end in ``.png``.
+        If the path does not end in ``.png``, or there are not so many eigenfunctions.
+    SpectrumError
+        If the eigenfunctions cannot be computed.
     BuildError
         If the file cannot be written.
     """
-    if path.suffix.lower() != ".png":
-        raise ValueError(f"the picture's name must end in .png, got {path}")
-    figure = matplotlib.figure.Figure(figsize=(9, 4.2), layout="constrained")
+    check_name(path)
+    write_bytes(path, picture_of_sample(sample, eigenfunctions=eigenfunctions, edges=edges))
+
+
+def picture_of_sample(sample: Sample, *, eigenfunctions: int = 0, edges: bool = False) -> bytes:
+    """Return the picture of :func:`draw_sample` as the bytes of a PNG."""
+    rows = -(-eigenfunctions // ACROSS)
+    high = TOP + rows * BELOW + (KEY if rows else 0)
+    with plain_style():
+        figure = Figure(figsize=(WIDTH, high), dpi=DOTS)
+        _picture(figure, (0.0, high - TOP, 4.9, TOP - 0.55), sample.mesh, edges=edges)
+        facts = f"{len(sample.mesh.vertices):,} vertices, {len(sample.mesh.faces):,} triangles"
+        _text(figure, 2.45, high - 0.2, sample.spec.id)
+        _text(figure, 2.45, high - 0.42, facts, size=8, color="0.35")
+        _bars(figure, (5.55, high - TOP + 0.6, 3.2, TOP - 1.15), sample.eigenvalues)
+        if rows:
+            _eigenfunctions(figure, sample.mesh, eigenfunctions, high - TOP)
+            _text(figure, WIDTH / 2, KEY / 2, KEY_TEXT, size=8, color="0.35")
+        return _png(figure)
+
+
+def _eigenfunctions(figure: Figure, mesh: Mesh, count: int, top: float) -> None:
+    found = spectrum.compute(mesh, count)
+    wide = WIDTH / ACROSS
+    for number, function in enumerate(signed(found.eigenvectors).T):
+        row, column = divmod(number, ACROSS)
+        below = top - (row + 1) * BELOW
+        _picture(figure, (column * wide, below, wide, BELOW - 0.4), mesh, values=function)
+        title = f"$\\lambda_{{{number + 1}}}$ = {found.eigenvalues[number]:.4g}"
+        _text(figure, (column + 0.5) * wide, below + BELOW - 0.2, title)
+
+
+def picture_of_mesh(
+    mesh: Mesh, *, width: int = 480, height: int = 360, edges: bool = True
+) -> bytes:
+    """Return a picture of a mesh as the bytes of a PNG."""
+    with plain_style():
+        figure = Figure(figsize=(width / DOTS, height / DOTS), dpi=DOTS)
+        _picture(figure, (0, 0, width / DOTS, height / DOTS), mesh, edges=edges)
+        return _png(figure)
+
+
+def picture_of_sheet(
+    meshes: Sequence[Mesh | None],
+    captions: Sequence[Sequence[str]],
+    title: str = "",
+    *,
+    edges: bool = False,
+    layout: Layout = SHEET,
+) -> bytes:
+    """Return a contact sheet as the bytes of a PNG.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh or None
+        What to draw, row by row; ``None`` leaves its place empty.
+    captions : sequence of sequence of str
+        Lines under each mesh, the first its name.
+    title : str
+        Of the sheet.
+    edges : bool
+        Whether to draw the edges of the meshes.
+    layout : Layout
+        How large, and how many in a row.
+    """
+    across = min(layout.across, len(meshes))
+    rows = -(-len(meshes) // across)
+    tall = layout.height + 0.1 + CAPTION_LINE * max(map(len, captions))
+    head = 0.42 if title else 0.0
+    width, high = across * layout.width, rows * tall + head
+    with plain_style():
+        figure = Figure(figsize=(width, high), dpi=DOTS)
+        _text(figure, width / 2, high - 0.22, title, size=10)
+        for number, (mesh, lines) in enumerate(zip(meshes, captions, strict=True)):
+            row, column = divmod(number, across)
+            left, under = column * layout.width, high - head - row * tall - layout.height
+            if mesh is not None:
+                _picture(figure, (left, under, layout.width, layout.height), mesh, edges=edges)
+            for below, text in enumerate(lines):
+                x, y = left + layout.width / 2, under - (below + 0.6) * CAPTION_LINE
+                _text(figure, x, y, text, size=6.5, color="black" if below == 0 else "0.35")
+        return _png(figure)
+
+
+def signed(eigenvectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return eigenfunctions, the columns, with signs that do not hang on the last bits.
+
+    The first vertex at which a function reaches half its largest magnitude is positive.
+
+    Examples
+    --------
+    >>> signed(np.array([[0.1, 0.3], [-0.5, 0.1], [0.4, -0.4]])).tolist()
+    [[-0.1, 0.3], [0.5, 0.1], [-0.4, -0.4]]
+    """
+    large = np.abs(eigenvectors) >= SIGN * np.abs(eigenvectors).max(axis=0)
+    first = np.take_along_axis(eigenvectors, large.argmax(axis=0)[None], axis=0)
+    return np.asarray(eigenvectors * np.where(first < 0, -1.0, 1.0))
+
+
+@contextmanager
+def plain_style() -> Iterator[None]:
+    """Draw in plain settings; a user's own style would change the picture."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9})
+        yield
+
+
+def _picture(
+    figure: Figure,
+    place: tuple[float, float, float, float],
+    mesh: Mesh,
+    *,
+    values: NDArray[np.float64] | None = None,
+    edges: bool = False,
+) -> None:
+    """Draw a mesh in a place of a figure: left, bottom, width and height in inches."""
+    inches = figure.get_size_inches()
+    axes = figure.add_axes(tuple(np.array(place) / np.tile(inches, 2)))
+    axes.set_axis_off()
+    width, height = round(place[2] * DOTS), round(place[3] * DOTS)
+    pixels = render(mesh, width, height, values=values, edges=edges)
+    axes.imshow(pixels, interpolation="nearest", aspect="auto")
+
+
+def _text(
+    figure: Figure, x: float, y: float, text: str, *, size: float = 9, color: str = "black"
+) -> None:
+    """Write text around a point of a figure, in inches from its lower left corner."""
+    wide, high = figure.get_size_inches()
+    figure.text(x / wide, y / high, text, ha="center", va="center", size=size, color=color)
+
+
+def _bars(
+    figure: Figure, place: tuple[float, float, float, float], eigenvalues: NDArray[np.float64]
+) -> None:
+    inches = figure.get_size_inches()
+    axes = figure.add_axes(tuple(np.array(place) / np.tile(inches, 2)))
+    numbers = np.arange(1, len(eigenvalues) + 1)
+    axes.bar(numbers, eigenvalues, color=BLUE, width=0.6)
+    axes.set_xticks(numbers)
+    axes.set_xlabel("index")
+    axes.set_ylabel("eigenvalue (1/length²)")
+    axes.set_title("Laplace-Beltrami eigenvalues after zero", fontsize=9)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _png(figure: Figure) -> bytes:
     FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(1, 2, width_ratios=[1.1, 1])
-    space = figure.add_subplot(grid[0], projection="3d")
-    _draw_mesh(space, sample.mesh)
-    space.set_title(f"{sample.spec.id}\n{len(sample.mesh.faces):,} triangles", fontsize=10)
-
-    plane = figure.add_subplot(grid[1])
-    numbers = np.arange(1, len(sample.eigenvalues) + 1)
-    plane.bar(numbers, sample.eigenvalues, color=BLUE, width=0.6)
-    plane.set_xticks(numbers)
-    plane.set_xlabel("index")
-    plane.set_ylabel("eigenvalue (1/length²)")
-    plane.set_title("Laplace-Beltrami eigenvalues after zero", fontsize=10)
-    plane.spines[["top", "right"]].set_visible(False)
-    write_atomically(path, lambda partial: figure.savefig(partial, dpi=150, format="png"))
-
-
-def _draw_mesh(axes: object, mesh: Mesh) -> None:
-    vertices = mesh.vertices.astype(np.float64)
-    faces = _facing(mesh) if MeshFacts(mesh).is_closed else mesh.faces  # else both sides are seen
-    shades = LightSource(azdeg=200, altdeg=35)
-    surface = Poly3DCollection(
-        vertices[faces],
-        facecolors="#9ecae9",
-        edgecolors=(0, 0, 0, 0.35),
-        linewidths=0.25 if len(mesh.faces) <= EDGES_UP_TO else 0,
-        shade=True,
-        lightsource=shades,
-    )
-    surface.set_clip_on(False)  # a long shape may reach past its half of the picture
-    axes.add_collection3d(surface)  # type: ignore[attr-defined]
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    extent = np.maximum(high - low, 0.02 * (high - low).max())
-    middle = (low + high) / 2
-    for axis, m, e in zip("xyz", middle, extent, strict=True):
-        getattr(axes, f"set_{axis}lim")(m - e / 2, m + e / 2)
-    axes.set_box_aspect(extent, zoom=0.95)  # type: ignore[attr-defined]
-    axes.view_init(**VIEW)  # type: ignore[attr-defined]
-    axes.set_axis_off()  # type: ignore[attr-defined]
-
-
-def _facing(mesh: Mesh) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
-    """Return the faces turned to the viewer: half the work, and nothing shines through."""
-    elevation, azimuth = np.radians(VIEW["elev"]), np.radians(VIEW["azim"])
-    eye = np.array(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        ]
-    )
-    corners = mesh.vertices.astype(np.float64)[mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.asarray(mesh.faces[normals @ eye > 0], dtype=np.int64)
+    written = io.BytesIO()
+    figure.savefig(written, format="png", dpi=DOTS, metadata={"Software": None})
+    return written.getvalue()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +17,8 @@ from synthnet.plan import plan_shards
 from synthnet.verify import CHECKS
 
 VERSION = "1.0-mini"
-COMMANDS = ("versions", "build", "seal", "info", "verify", "show")
+COMMANDS = ("versions", "build", "seal", "info", "verify", "show", "gallery", "croissant")
+READERS = (["info"], ["verify"], ["show", "torus-00000"], ["croissant"])  # of what is built
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -27,7 +29,7 @@ def test_every_command_is_tested() -> None:
     text = cli._parser().format_help()
     assert "{" not in text
     for name in COMMANDS:
-        assert f"\n    {name} " in text
+        assert re.search(rf"^    {name}\s+[a-z]", text, flags=re.MULTILINE)
 
 
 @pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)])
@@ -53,10 +55,12 @@ def test_example_of_every_command_is_understood() -> None:
         "info --version 1.0-small",
         "verify --version 1.0 --sample 200",
         "show torus-00012 --png torus.png",
+        "gallery torus --version 1.0",
+        "croissant --version 1.0-mini",
     ]
     for example in examples:
         words = example.split()
-        assert parser.parse_args(words).run.__name__ == f"_{words[0]}"
+        assert parser.parse_args(words).run.__name__.lstrip("_") == words[0]
 
 
 def test_module_is_the_command(
@@ -91,13 +95,17 @@ def only_line(code: int, out: str, err: str) -> str:
     return lines[0]
 
 
-@pytest.mark.parametrize("arguments", [["build"], ["info"], ["verify"], ["show", "torus-00000"]])
+@pytest.mark.parametrize(
+    "arguments", [["build"], ["info"], ["verify"], ["croissant"], ["show", "torus-00000"]]
+)
 def test_unknown_version(arguments: list[str], run: Run, tmp_path: Path) -> None:
     line = only_line(*run(*arguments, "--version", "3.0", "--out", tmp_path))
     assert "unknown version '3.0': choose one of 1.0, 1.0-mini, 1.0-small, 2.0" in line
 
 
-@pytest.mark.parametrize("arguments", [["info"], ["verify"], ["show", "torus-00000"]])
+@pytest.mark.parametrize(
+    "arguments", [["info"], ["verify"], ["croissant"], ["show", "torus-00000"]]
+)
 def test_version_that_is_not_built(arguments: list[str], run: Run, tmp_path: Path) -> None:
     line = only_line(*run(*arguments, "--version", VERSION, "--out", tmp_path))
     assert f"no finished dataset in {tmp_path / VERSION}: run `synthnet build --version" in line
@@ -129,7 +137,9 @@ def test_unknown_id(run: Run, mini_home: Path) -> None:
     assert "no shape 'torus-99999' in 1.0-mini: `synthnet info --version 1.0-mini --ids`" in line
 
 
-@pytest.mark.parametrize("arguments", [["build"], ["info"], ["verify"], ["show", "torus-00000"]])
+@pytest.mark.parametrize(
+    "arguments", [["build"], ["info"], ["verify"], ["croissant"], ["show", "torus-00000"]]
+)
 def test_place_that_is_no_directory(arguments: list[str], run: Run, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no directory")
     place = tmp_path / "file" / "home"
@@ -215,20 +225,69 @@ def test_show_says_what_a_shape_is(run: Run, mini_home: Path) -> None:
     assert [float(v) for v in values] == pytest.approx(sample.eigenvalues.tolist(), rel=1e-5)
 
 
-@pytest.mark.parametrize("family", ["torus", "sphere"])  # with and without drawn edges
-def test_show_draws_a_picture(family: str, run: Run, mini_home: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("options", "height"),  # a first row of 3.9 inches, rows of 2.15, a key of 0.3, at 150 dots
+    [(["--eigenfunctions", "0"], 585), ([], 952), (["--eigenfunctions", "6", "--edges"], 1275)],
+)
+def test_show_draws_a_picture(
+    options: list[str], height: int, run: Run, mini_home: Path, tmp_path: Path
+) -> None:
     path = tmp_path / "a.PNG"
-    code, out, err = run(
-        "show", f"{family}-00000", "--version", VERSION, "--out", mini_home, "--png", path
-    )
+    arguments = ["show", "torus-00000", "--version", VERSION, "--out", mini_home, "--png", path]
+    code, out, err = run(*arguments, *options)
     assert (code, err) == (0, "")
     assert out.endswith(f"picture: {path}\n")
     assert path.read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
     pixels = matplotlib.image.imread(path)[..., :3]
-    assert pixels.shape == (630, 1350, 3)  # 9 x 4.2 inches at 150 dots
-    for half in (pixels[:, :675], pixels[:, 675:]):  # the surface and the bars
+    assert pixels.shape == (height, 1350, 3)
+    for half in (pixels[:585, :675], pixels[:585, 675:]):  # the surface and the bars
         assert 0.02 < np.mean((half < 0.95).any(axis=2)) < 0.9
         assert len(np.unique((half * 255).astype(int).reshape(-1, 3), axis=0)) > 50
+
+
+def test_more_eigenfunctions_than_there_are_is_refused(
+    run: Run, mini_home: Path, tmp_path: Path
+) -> None:
+    arguments = ["show", "torus-00000", "--version", VERSION, "--out", mini_home]
+    path = tmp_path / "a.png"
+    line = only_line(*run(*arguments, "--png", path, "--eigenfunctions", 600))
+    assert "k must be between 1 and 599 for 600 vertices, got 600" in line
+    assert not path.exists()
+
+
+def test_gallery_of_a_family(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments = ["gallery", "torus", "--version", VERSION, "--out", tmp_path, "--count", "7"]
+    code, out, err = run(*arguments)
+    assert (code, out, err) == (0, "picture: gallery-1.0-mini-torus.png\n", "")
+    pixels = matplotlib.image.imread(tmp_path / "gallery-1.0-mini-torus.png")
+    assert pixels.shape[1] == 1350
+    code, out, _ = run(*arguments, "--json", "--png", tmp_path / "other.png")
+    said = json.loads(out)
+    assert said["picture"] == str(tmp_path / "other.png")
+    assert len(said["ids"]) == 7
+    assert said["ids"] == sorted(said["ids"])
+
+
+def test_gallery_of_all_families(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "all.png"
+    code, out, _ = run("gallery", "--version", VERSION, "--png", path, "--json")
+    assert code == 0
+    families = [id.rpartition("-")[0] for id in json.loads(out)["ids"]]
+    assert families == list(recipe.load(VERSION).families)
+    assert path.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "wanted"),
+    [
+        (["star"], "1.0-mini has no family 'star': choose one of rectangular_prism, cone"),
+        (["torus", "--count", "0"], "argument --count: must be at least 1, got 0"),
+        (["torus", "--png", "a.jpg"], "the picture's name must end in .png, got a.jpg"),
+    ],
+)
+def test_gallery_that_cannot_be_drawn(arguments: list[str], wanted: str, run: Run) -> None:
+    assert wanted in only_line(*run("gallery", "--version", VERSION, *arguments))
 
 
 def test_picture_of_another_kind_is_refused(run: Run, mini_home: Path, tmp_path: Path) -> None:

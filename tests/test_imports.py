@@ -26,6 +26,7 @@ LEVELS = {
             "storage",
             "geometry",
             "limits",
+            "raster",
             "solver",
         ],
         0,
@@ -33,15 +34,17 @@ LEVELS = {
     **dict.fromkeys(
         ["families", "filters", "repair", "reading", "spectrum", "augment", "splits", "store"], 1
     ),
-    **dict.fromkeys(["plan", "pins", "draw", "discretisation"], 2),
-    "build": 3,
+    **dict.fromkeys(["plan", "pins", "draw", "discretisation", "croissant"], 2),
+    **dict.fromkeys(["build", "gallery"], 3),
     **dict.fromkeys(["mapped", "hf", "estimates", "importing", "seal"], 4),
     **dict.fromkeys(["pyg", "verify", "__init__"], 5),
     **dict.fromkeys(["report", "unseal"], 6),
-    "seal_commands": 7,
+    **dict.fromkeys(["seal_commands", "show_commands"], 7),
     "cli": 8,
     "__main__": 9,
 }
+# In a notebook a mesh and a sample draw themselves, when they are shown and not before.
+UPWARDS = {("types", "draw")}
 MODULES = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.py"))
 
 
@@ -57,7 +60,7 @@ EIGBENCH_LEVELS = {
     **dict.fromkeys(["evaluate", "ranking", "scaling.results"], 4),
     **dict.fromkeys(["record", "generalisation", "page", "scaling.scores"], 5),
     **dict.fromkeys(["figures", "scaling.run"], 6),
-    "scaling.figure": 7,
+    **dict.fromkeys(["scaling.figure", "error_figures"], 7),
     "scaling.page": 8,
     "leaderboard": 9,
     **dict.fromkeys(["site.columns", "site.shapes"], 10),
@@ -93,6 +96,8 @@ def test_rooms_import_lower_rooms_only(file: str) -> None:
     for name in imports_of(file):
         package, *rest = name.split(".")
         if package == "synthnet":
+            if (room, rest[0]) in UPWARDS:
+                continue
             level = LEVELS[rest[0]]
             assert level < LEVELS[room] or level == 0 or rest[0] == room, f"imports {name}"
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from rich.console import Console
 from tabulate import tabulate
 
-from eigbench import figures, leaderboard, ranking, submission
+from eigbench import error_figures, figures, leaderboard, ranking, submission
 from eigbench.errors import EigbenchError
 from eigbench.metrics import METRICS
 from eigbench.ranking import RANKED_BY, Difference
@@ -186,9 +186,16 @@ def plot(options: argparse.Namespace) -> int:
         raise EigbenchError("the results are of different datasets, splits or protocols")
     make_directory(options.out)
     found = [row.submission for row in ranking.ranked(found)]
-    written = [options.out / "families.png", options.out / "error-time.svg"]
-    figures.save(written[0], figures.families(found, options.metric))
-    write_text(written[1], figures.error_against_time(found, options.metric))
+    drawn = {
+        "families.png": figures.families(found, options.metric),
+        "index.png": error_figures.by_index(found),
+        "histogram.png": error_figures.histogram(found, options.metric),
+    }
+    written = [options.out / name for name in drawn]
+    for path, figure in zip(written, drawn.values(), strict=True):
+        figures.save(path, figure)
+    written.append(options.out / "error-time.svg")
+    write_text(written[-1], figures.error_against_time(found, options.metric))
     for one in found:
         path = options.out / f"spectra-{one.slug}.png"
         figures.save(path, figures.spectra(one))

@@ -207,7 +207,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = command(
         "plot",
         board_commands.plot,
-        "draw spectra, errors by family, and error against time",
+        "draw spectra, errors by family and index, their histogram, and error against time",
         "a.json b.json --out figures",
     )
     sub.add_argument("results", type=Path, nargs="+", metavar="RESULT.json")

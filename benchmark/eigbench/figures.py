@@ -71,7 +71,7 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
         figure.subplots_adjust(0.1, 0.5 / (4.4 * len(by_label)), 0.97, 0.93, hspace=0.35)
         for axes, label in zip(panels, sorted(by_label), strict=True):
             _scatter(axes, by_label[label], key)
-            axes.set_title(_escaped(label), fontsize=9, loc="left")
+            axes.set_title(escaped(label), fontsize=9, loc="left")
         return as_svg(figure)
 
 
@@ -82,7 +82,7 @@ def as_svg(figure: Figure) -> str:
     return text.getvalue()
 
 
-def _escaped(text: str) -> str:
+def escaped(text: str) -> str:
     """Return text in which no dollar sign begins a formula."""
     return text.replace("$", "\\$")
 
@@ -95,7 +95,7 @@ def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -
         time = one.result["cost"]["ms_per_mesh"]
         if mean is None:
             continue
-        note = _escaped(one.name)
+        note = escaped(one.name)
         note += f" ({mean:.0e})" if mean < FLOOR else ""
         note += f" ({time:.0e} ms)" if time < FASTEST else ""
         colour, marker = KINDS[one.result["model"]["kind"]]
@@ -181,14 +181,14 @@ def generalisation(board: Board, key: str = RANKED_BY) -> str:
                 if value is not None:
                     place = max(value, FLOOR)
                     axes.plot(place, line, marker, color=colour, ms=5.5, alpha=0.85, zorder=2)
-        names = [_escaped(row.submission.name) for row in board.rows]
+        names = [escaped(row.submission.name) for row in board.rows]
         axes.set_yticks(range(len(names)), names, fontsize=8)
         axes.set_ylim(len(names) - 0.5, -0.5)
         axes.set_xscale("log")
         axes.set_xlabel(f"mean {metric.heading}; below {FLOOR:g} at the edge")
         axes.grid(axis="x", alpha=0.25)
         handles = [
-            axes.plot([], [], marker, color=colour, label=_escaped(name))[0]
+            axes.plot([], [], marker, color=colour, label=escaped(name))[0]
             for name, marker, colour in columns
         ]
         figure.legend(handles=handles, loc="upper center", frameon=False, fontsize=7.5, ncols=3)
@@ -216,7 +216,7 @@ def spectra(one: Submission) -> Figure:
         panels[0][0].legend(frameon=False, fontsize=7)
         for axes in panels[-1]:
             axes.set_xlabel("index", fontsize=7)
-        figure.suptitle(f"{_escaped(one.name)}: true and predicted eigenvalues", fontsize=10)
+        figure.suptitle(f"{escaped(one.name)}: true and predicted eigenvalues", fontsize=10)
     return figure
 
 
@@ -258,7 +258,7 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
                 patch_artist=True,
                 manage_ticks=False,
                 medianprops={"color": "#D55E00"},
-                label=_escaped(one.name),
+                label=escaped(one.name),
             )
             for box in boxes["boxes"]:
                 box.set(facecolor=colour, alpha=0.8)

@@ -10,7 +10,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
-from eigbench import figures, leaderboard, ranking, results, submission
+from eigbench import error_figures, figures, leaderboard, ranking, results, submission
 from eigbench.errors import EigbenchError, PredictionsError, ResultError
 from eigbench.metrics import METRICS
 
@@ -524,6 +524,8 @@ def test_plot_draws_every_picture(eigbench, made, tmp_path):
     names = {path.name for path in (tmp_path / "figures").iterdir()}
     assert names == {
         "families.png",
+        "index.png",
+        "histogram.png",
         "error-time.svg",
         "spectra-one-percent.png",
         "spectra-twenty-percent.png",
@@ -545,6 +547,48 @@ def test_spectra_show_the_best_the_median_and_the_worst_of_each_family(read, min
         true, predicted = (line.get_ydata() for line in axes.get_lines())
         np.testing.assert_array_equal(true, mini_truth.eigenvalues[i])
         np.testing.assert_array_equal(predicted, read["one"].predictions[0, i])
+
+
+def test_error_by_index_is_the_median_over_the_meshes(read, mini_truth):
+    figure = error_figures.by_index([read["one"], read["twenty"]])
+    (axes,) = figure.axes
+    one, twenty = axes.get_lines()
+    wanted = np.abs(read["one"].predictions[0] / mini_truth.eigenvalues - 1)
+    np.testing.assert_allclose(one.get_ydata(), np.median(wanted, axis=0), rtol=1e-9)
+    np.testing.assert_allclose(twenty.get_ydata(), 0.205, rtol=1e-9)  # the mean of two seeds
+    assert (one.get_color(), one.get_marker()) != (twenty.get_color(), twenty.get_marker())
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == [read["one"].name, read["twenty"].name]
+
+
+def test_error_by_index_of_one_model_has_bands(read):
+    figure = error_figures.by_index([read["one"]])
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == ["90 % of the meshes", "50 % of the meshes", "One percent"]
+    for band in figure.axes[0].collections:
+        low, high = (
+            band.get_paths()[0].vertices[:, 1].min(),
+            band.get_paths()[0].vertices[:, 1].max(),
+        )
+        np.testing.assert_allclose((low, high), (0.01, 0.03), rtol=1e-6)
+
+
+def test_histogram_counts_every_mesh_once(read):
+    for key in METRICS:
+        figure = error_figures.histogram([read["one"], read["twenty"]], key)
+        for axes, one in zip(figure.axes, ("one", "twenty"), strict=True):
+            heights = [patch.get_height() for patch in axes.patches]
+            assert sum(heights) == pytest.approx(100)
+            median = np.median(ranking.per_mesh(read[one], key))
+            np.testing.assert_allclose(axes.get_lines()[0].get_xdata(), median)
+
+
+def test_an_exact_answer_is_drawn_at_the_edge(make_submission, mini_truth):
+    exact = submission.read(make_submission("Exact", mini_truth.eigenvalues, kind="classical"))
+    (line,) = error_figures.by_index([exact]).axes[0].get_lines()
+    np.testing.assert_array_equal(line.get_ydata(), error_figures.LEAST)
+    (axes,) = error_figures.histogram([exact]).axes
+    assert axes.get_lines()[0].get_xdata()[0] == figures.FLOOR / 10
 
 
 def test_plot_of_answers_that_are_not_finite_is_refused(

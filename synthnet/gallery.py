@@ -1,0 +1,175 @@
+"""Contact sheets: shapes of a family from all over its parameters, or one shape of each family."""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import rankdata
+from scipy.stats.qmc import Halton
+
+from synthnet import draw, filters, recipe, store
+from synthnet.families import FAMILIES
+from synthnet.plan import plan_shards
+from synthnet.types import Mesh, ShapeSpec
+
+LINE, NO_BREAK = 36, "\u00a0"  # letters of a caption's line, and a space that ends none
+UNSEEN = ("seed",)  # parameters that say nothing to a reader
+
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """The shapes a sheet of a family is chosen from.
+
+    Parameters
+    ----------
+    family : str
+        The family.
+    specs : tuple of ShapeSpec
+        In the order of the version.
+    varying : tuple of str
+        The parameters that differ between them.
+    """
+
+    family: str
+    specs: tuple[ShapeSpec, ...]
+    varying: tuple[str, ...]
+
+
+def candidates(
+    version: str, family: str | None = None, root: str | os.PathLike[str] | None = None
+) -> list[Candidates]:
+    """Return the shapes of each family of a version, or of one family.
+
+    They are drawn from the recipe, so the version need not be built; an import, which has no
+    recipe, is read.
+
+    Raises
+    ------
+    ValueError
+        If the version has no such family.
+    RecipeError
+        If there is no such version.
+    """
+    stored = store.open_unversioned(version, root)
+    found: dict[str, list[ShapeSpec]] = {}
+    specs: Iterable[ShapeSpec]
+    if stored is not None:
+        specs = (sample.spec for sample in stored.samples())
+    else:
+        specs = (shape.spec for plan in plan_shards(recipe.load(version)) for shape in plan.shapes)
+    for spec in specs:
+        found.setdefault(spec.family, []).append(spec)
+    if family is not None and family not in found:
+        raise ValueError(f"{version} has no family {family!r}: choose one of {', '.join(found)}")
+    return [
+        Candidates(name, tuple(members), _varying(members))
+        for name, members in found.items()
+        if family in (None, name)
+    ]
+
+
+def chosen(
+    version: str, among: Candidates, count: int, root: str | os.PathLike[str] | None = None
+) -> Iterator[tuple[ShapeSpec, Mesh]]:
+    """Make the meshes of ``count`` shapes from all over the family's parameters.
+
+    The first is in the middle of them all. A shape that a filter refuses is passed over.
+    """
+    stored = store.open_unversioned(version, root)
+    limits = None if stored is not None else recipe.load(version).filters
+    made = 0
+    for number in spread(_ranks(among), count):
+        if made == count:
+            return
+        spec = among.specs[number]
+        if stored is not None:
+            mesh = stored.find(spec.id).mesh
+        else:
+            family = FAMILIES[spec.family]
+            mesh = family.generate(spec.parameters).stored()
+            assert limits is not None
+            if filters.check_mesh(mesh, limits, family.topology(spec.parameters)):
+                continue
+        made += 1
+        yield spec, mesh
+
+
+def sheet(
+    shapes: Sequence[tuple[ShapeSpec, Mesh]],
+    varying: Sequence[str],
+    title: str,
+    *,
+    edges: bool = False,
+) -> bytes:
+    """Return a contact sheet as the bytes of a PNG: under each shape its id and parameters.
+
+    Parameters
+    ----------
+    shapes : sequence of ShapeSpec and Mesh
+        In the order of the sheet.
+    varying : sequence of str
+        The parameters to name.
+    title : str
+        Of the sheet.
+    edges : bool
+        Whether to draw the edges of the meshes.
+    """
+    captions = [caption(spec, varying) for spec, _ in shapes]
+    return draw.picture_of_sheet([mesh for _, mesh in shapes], captions, title, edges=edges)
+
+
+def caption(spec: ShapeSpec, varying: Sequence[str]) -> list[str]:
+    """Return the lines under a shape: its id, and its parameters of the names given."""
+    parts = []
+    for name in varying:
+        value = spec.parameters[name]
+        text = f"{value:.3g}" if isinstance(value, float) else str(value)
+        text = f"{value:,}" if isinstance(value, int) else text
+        parts.append(f"{name} {text}".replace(" ", NO_BREAK))
+    return [spec.id, *textwrap.wrap(", ".join(parts), LINE)]
+
+
+def spread(places: NDArray[np.float64], count: int) -> list[int]:
+    """Return an order of points of the unit cube, the first ``count`` from all over it.
+
+    A point of Halton's sequence, moved so that it begins in the middle of the cube, takes the
+    nearest point that is left, the first of equally near ones.
+
+    Parameters
+    ----------
+    places : ndarray of shape (n, d)
+        A point each row.
+    count : int
+        How many are wanted; those that are left follow in their order.
+
+    Examples
+    --------
+    >>> spread(np.array([[0.0], [0.1], [0.5], [0.6], [1.0]]), 3)
+    [2, 0, 3, 1, 4]
+    """
+    order: list[int] = []
+    left = np.ones(len(places), dtype=np.bool_)
+    dimensions = max(places.shape[1], 1)
+    targets = (Halton(dimensions, scramble=False).random(min(count, len(places))) + 0.5) % 1
+    for target in targets[:, : places.shape[1]]:
+        away = np.where(left, np.linalg.norm(places - target, axis=1), np.inf)
+        order.append(int(away.argmin()))
+        left[order[-1]] = False
+    return order + np.flatnonzero(left).tolist()
+
+
+def _varying(specs: Sequence[ShapeSpec]) -> tuple[str, ...]:
+    names = [name for name in specs[0].parameters if name not in UNSEEN]
+    return tuple(n for n in names if len({spec.parameters.get(n) for spec in specs}) > 1)
+
+
+def _ranks(among: Candidates) -> NDArray[np.float64]:
+    """Return the ranks of the parameters that are numbers, between 0 and 1, a row a shape."""
+    columns = [[spec.parameters[name] for spec in among.specs] for name in among.varying]
+    numbers = [(rankdata(c) - 0.5) / len(c) for c in columns if not isinstance(c[0], str)]
+    return np.stack(numbers, axis=1) if numbers else np.zeros((len(among.specs), 0))

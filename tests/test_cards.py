@@ -1,0 +1,113 @@
+"""The pictures and the measured facts of the dataset cards."""
+
+import json
+import re
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from synthnet import recipe
+from synthnet.families import FAMILIES
+from synthnet.types import SPLITS
+
+DOCS = Path(__file__).parent.parent / "docs"
+CARDS = {"1.0": DOCS / "dataset-card.md", "2.0": DOCS / "dataset-card-2.0.md"}
+BUDGET = 3e6  # bytes of pictures in the repository
+
+
+def facts(version):
+    return json.loads((DOCS / "data" / f"shapes-{version}.json").read_text())
+
+
+def cells(version, part):
+    """Rows of the table between two marks of a card, the header left out."""
+    text = CARDS[version].read_text()
+    inside = text.partition(f"<!-- begin {part} -->")[2].partition(f"<!-- end {part} -->")[0]
+    rows = [line for line in inside.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows[2:]]
+
+
+@pytest.mark.parametrize("version", CARDS)
+def test_every_family_has_a_thumbnail_and_its_parameters(version):
+    composition = {row[1]: row[0] for row in cells(version, "composition")}
+    parameters = dict(cells(version, "parameters"))
+    for name, family in recipe.load(version).families.items():
+        title = FAMILIES[name].title
+        assert composition[title] == f"![{title}](pictures/{version}/{name}.png)"
+        assert f"(pictures/{version}/{name}-parameters.png)" in parameters[title]
+        varied = [key for key, value in family.parameters.items() if isinstance(value, dict)]
+        assert all(key in parameters[title] for key in varied)
+        thumbnail = matplotlib.image.imread(DOCS / "pictures" / version / f"{name}.png")
+        assert thumbnail.shape[:2] == (120, 160)
+        assert 0.05 < (thumbnail[..., :3] < 0.98).any(axis=2).mean() < 0.95
+        strips = matplotlib.image.imread(DOCS / "pictures" / version / f"{name}-parameters.png")
+        assert strips.shape[1] == 675
+        assert strips.shape[0] == pytest.approx(len(varied) * 200, abs=len(varied) + 1)
+
+
+def test_pictures_are_within_their_budget_and_all_are_shown():
+    pages = "".join(page.read_text() for page in DOCS.glob("*.md"))
+    files = [path for path in (DOCS / "pictures").rglob("*.*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) < BUDGET
+    for path in files:
+        assert f"({path.relative_to(DOCS).as_posix()})" in pages, path
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.name)
+def test_every_picture_has_words_for_who_cannot_see_it(page):
+    for alt in re.findall(r"!\[([^\]]*)\]\(", page.read_text()):
+        assert len(alt) > 3
+
+
+@pytest.mark.parametrize("version", CARDS)
+def test_facts_are_those_of_the_pinned_build(version):
+    found = facts(version)
+    build = json.loads((DOCS / "data" / f"build-{version}.json").read_text())
+    assert found["recipe_digest"] == recipe.load(version).digest
+    lock = pq.read_table(Path(recipe.__file__).parent / "versions" / f"{version}.lock.parquet")
+    labels = np.array(lock["eigenvalues"].to_pylist())
+    families = np.array([id.rpartition("-")[0] for id in lock["id"].to_pylist()])
+    assert [f["family"] for f in found["families"]] == [f["family"] for f in build["families"]]
+    for family, built in zip(found["families"], build["families"], strict=True):
+        assert sum(family["splits"].values()) == built["kept"]
+        for counts in family["counts"].values():
+            assert sum(counts) == built["kept"]
+        mine = labels[families == family["family"]]
+        for measure, column in (("first", 0), ("last", -1)):
+            wanted = np.percentile(mine[:, column], (0, 5, 50, 95, 100))
+            np.testing.assert_allclose(family["percentiles"][measure], wanted, rtol=1e-3)
+    reasons = {reason for row in build["families"] for reason in row["rejected"]}
+    assert {rejection["reason"] for rejection in found["rejections"]} == reasons
+
+
+@pytest.mark.parametrize("version", CARDS)
+def test_card_has_the_facts(version):
+    found = facts(version)
+    splits = {row[0]: row[1:] for row in cells(version, "splits")}
+    sizes = {row[0]: row[1:] for row in cells(version, "sizes")}
+    totals = dict.fromkeys(SPLITS, 0)
+    for family in found["families"]:
+        title = FAMILIES[family["family"]].title
+        assert splits[title] == [f"{family['splits'][split]:,}" for split in SPLITS]
+        low, _, middle, _, high = family["percentiles"]["vertices"]
+        told = [float(n) for n in re.findall(r"[\d.]+", sizes[title][0].replace(",", ""))]
+        np.testing.assert_allclose(told, [middle, low, high], rtol=0.006)
+        for split in SPLITS:
+            totals[split] += family["splits"][split]
+    assert splits["All"] == [f"{totals[split]:,}" for split in SPLITS]
+    for rejection in found["rejections"]:
+        assert f"`{rejection['reason']}` {rejection['id']}" in CARDS[version].read_text()
+
+
+@pytest.mark.parametrize("version", CARDS)
+def test_versions_and_their_semantic_numbers_are_on_both_cards(version):
+    from synthnet import croissant
+
+    section = CARDS[version].read_text().partition("## Versions")[2]
+    for name in recipe.available():
+        base = recipe.load(name).base
+        (row,) = (line for line in section.splitlines() if f"`{name}`" in line)
+        assert f"| {croissant.ABOUT[base].semantic} |" in row

@@ -1,0 +1,176 @@
+"""Croissant metadata: a validator accepts it, and the records it loads are the stored ones."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import mlcroissant
+import numpy as np
+import pytest
+
+from synthnet import croissant, recipe, store
+from synthnet.errors import StoreError
+from synthnet.files import sha256
+from synthnet.types import SPLITS
+
+VERSION = "1.0-mini"
+COMMAND = "from mlcroissant.scripts.cli import main; main()"  # that of `mlcroissant`
+pytestmark = [  # of mlcroissant's own parser and reader
+    pytest.mark.filterwarnings("ignore:ConjunctiveGraph is deprecated:DeprecationWarning"),
+    pytest.mark.filterwarnings("ignore:The inplace keyword in DataFrame.reset_index:Warning"),
+]
+
+
+@pytest.fixture(scope="module")
+def described(mini_home, tmp_path_factory):
+    """The metadata of a copy of 1.0-mini."""
+    home = tmp_path_factory.mktemp("croissant")
+    shutil.copytree(mini_home / VERSION, home / VERSION)
+    return croissant.write(store.open_dataset(VERSION, home))
+
+
+def plain(value):
+    return value.decode() if isinstance(value, bytes) else value
+
+
+def test_the_validator_accepts_it_without_a_word(described):
+    done = subprocess.run(
+        [sys.executable, "-c", COMMAND, "validate", "--jsonld", str(described)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Done." in done.stderr
+    assert "warning" not in done.stderr.lower()
+    issues = mlcroissant.Dataset(str(described)).metadata.ctx.issues
+    assert (set(issues.errors), set(issues.warnings)) == (set(), set())
+
+
+def test_the_validator_finds_faults(described, tmp_path):
+    broken = json.loads(described.read_text())
+    broken["recordSet"][1]["field"][0]["source"]["fileSet"]["@id"] = "nowhere"
+    (tmp_path / "broken.json").write_text(json.dumps(broken))
+    with pytest.raises(mlcroissant.ValidationError, match="nowhere"):
+        mlcroissant.Dataset(str(tmp_path / "broken.json"))
+
+
+@pytest.mark.slow
+def test_records_load_equal_to_the_stored_ones(described):
+    loaded = mlcroissant.Dataset(str(described)).records("shapes")
+    samples = sorted(store.open_dataset(VERSION, described.parent.parent).samples(), key=by_file)
+    count = 0
+    for sample, record in zip(samples, loaded, strict=True):
+        row = {key.removeprefix("shapes/"): value for key, value in record.items()}
+        assert list(row) == store.SCHEMA.names
+        assert plain(row["id"]) == sample.spec.id
+        assert plain(row["split"]) == sample.split
+        assert tuple(map(plain, row["paper_splits"])) == sample.paper_splits
+        assert json.loads(row["parameters"]) == dict(sample.spec.parameters)
+        certificate = (row["count"], row["shift"], row["residual"])
+        assert certificate == (
+            sample.certificate.count,
+            sample.certificate.shift,
+            sample.certificate.residual,
+        )
+        for name, stored in (
+            ("eigenvalues", sample.eigenvalues),
+            ("vertices", sample.mesh.vertices),
+            ("faces", sample.mesh.faces),
+            ("isometries", sample.isometries.reshape(-1, 9)),
+        ):
+            array = np.array(row[name])
+            assert array.dtype == stored.dtype
+            np.testing.assert_array_equal(array, stored)
+        count += 1
+    assert count == 335
+
+
+def by_file(sample):
+    """The order in which mlcroissant reads: that of the shards' names."""
+    return sample.spec.family, sample.spec.index
+
+
+def test_labels_load_without_the_meshes(described):
+    loaded = list(mlcroissant.Dataset(str(described)).records("labels"))
+    samples = {s.spec.id: s for s in store.open_dataset(VERSION, described.parent.parent).samples()}
+    assert len(loaded) == len(samples) == 335
+    for record in loaded:
+        sample = samples[plain(record["labels/id"])]
+        assert record["labels/eigenvalues"] == sample.eigenvalues.tolist()
+        assert plain(record["labels/family"]) == sample.spec.family
+    assert "labels/vertices" not in loaded[0]
+
+
+def test_splits_are_named_and_are_those_of_the_records(described):
+    dataset = mlcroissant.Dataset(str(described))
+    assert tuple(row["splits/name"] for row in dataset.records("splits")) == SPLITS
+    found = {plain(record["labels/split"]) for record in dataset.records("labels")}
+    assert found == set(SPLITS)
+
+
+def test_every_file_has_its_digest_and_size(described):
+    files = {
+        entry["contentUrl"]: entry
+        for entry in json.loads(described.read_text())["distribution"]
+        if entry["@type"] == "cr:FileObject"
+    }
+    directory = described.parent
+    shards = {f"shards/{path.name}" for path in (directory / "shards").iterdir()}
+    assert set(files) == shards | {"manifest.json"}
+    for name, entry in files.items():
+        assert entry["sha256"] == sha256(directory / name)
+        assert entry["contentSize"] == f"{(directory / name).stat().st_size} B"
+
+
+def test_columns_are_those_of_the_store_with_their_types():
+    kinds = {
+        "string": "sc:Text",
+        "int32": "cr:Int32",
+        "double": "cr:Float64",
+        "float": "cr:Float32",
+    }
+    assert list(croissant.COLUMNS) == store.SCHEMA.names
+    for field in store.SCHEMA:
+        kind = field.type
+        while hasattr(kind, "value_type"):
+            kind = kind.value_type
+        assert croissant.COLUMNS[field.name][0] == kinds[str(kind)], field.name
+
+
+@pytest.mark.parametrize("version", [*recipe.available(), "1.0-x100"])
+def test_every_version_has_words_of_its_own(version):
+    about, wanted = croissant._about(version)
+    assert about == croissant.ABOUT[version[:3]]
+    assert about.semantic == f"{version[:3]}.0"
+    assert (croissant._part(wanted) == "") == (version in croissant.ABOUT)
+
+
+def test_the_same_dataset_gives_the_same_bytes(described):
+    before = described.read_bytes()
+    dataset = store.open_dataset(VERSION, described.parent.parent)
+    assert croissant.write(dataset) == described
+    assert described.read_bytes() == before
+
+
+def test_a_sealed_set_is_refused(sealed_set):
+    dataset = store.open_dataset(sealed_set.seal.dataset, sealed_set.home)
+    with pytest.raises(StoreError, match="is no version of synthNet: an import or a sealed set"):
+        croissant.write(dataset)
+
+
+def test_command_writes_beside_the_manifest(run, mini_copy):
+    place = mini_copy / VERSION / "croissant.json"
+    assert run("croissant", "--version", VERSION, "--out", mini_copy) == (0, f"{place}\n", "")
+    code, out, _ = run("croissant", "--version", VERSION, "--out", mini_copy, "--json")
+    assert (code, json.loads(out)) == (0, {"croissant": str(place)})
+    assert json.loads(place.read_text())["name"] == "synthNet 1.0-mini"
+    code, out, _ = run("verify", "--version", VERSION, "--out", mini_copy, "--files")
+    assert code == 0
+
+
+def test_it_says_what_the_licence_says():
+    assert (Path(__file__).parent.parent / "LICENSE").read_text().startswith("MIT License")
+    assert croissant.LICENCE.endswith("/MIT.html")
