@@ -173,7 +173,7 @@ def examples(place: Path) -> None:
     show = draw.picture_of_sample(sample, eigenfunctions=5)
     write_bytes(place / "show.png", show)
     shapes = sorted(gallery.chosen("2.0", family, 10), key=lambda one: one[0].id)
-    title = f"synthNet 2.0, knotted_tube: 10 of {len(family.specs)}"
+    title = f"synthNet 2.0, knotted_tube: 10 of {family.total}"
     sheet = gallery.sheet(shapes, family.varying, title)
     write_bytes(place / "gallery.png", in_few_colours(sheet))
 

@@ -13,11 +13,12 @@ from scipy.stats import rankdata
 from scipy.stats.qmc import Halton
 
 from synthnet import draw, filters, recipe, store
-from synthnet.families import FAMILIES
+from synthnet.families import FAMILIES, draw_shape
 from synthnet.plan import plan_shards
 from synthnet.types import Mesh, ShapeSpec
 
 LINE, NO_BREAK = 36, "\u00a0"  # letters of a caption's line, and a space that ends none
+MOST = 5000  # shapes of a family to choose from: all but of scaled versions
 UNSEEN = ("seed",)  # parameters that say nothing to a reader
 
 
@@ -29,13 +30,16 @@ class Candidates:
     ----------
     family : str
         The family.
+    total : int
+        How many shapes the version has of it.
     specs : tuple of ShapeSpec
-        In the order of the version.
+        These, or the first :data:`MOST`, in the order of the version.
     varying : tuple of str
         The parameters that differ between them.
     """
 
     family: str
+    total: int
     specs: tuple[ShapeSpec, ...]
     varying: tuple[str, ...]
 
@@ -56,21 +60,40 @@ def candidates(
         If there is no such version.
     """
     stored = store.open_unversioned(version, root)
-    found: dict[str, list[ShapeSpec]] = {}
-    specs: Iterable[ShapeSpec]
     if stored is not None:
-        specs = (sample.spec for sample in stored.samples())
+        found = _by_family(sample.spec for sample in stored.samples())
+        totals = {name: len(specs) for name, specs in found.items()}
     else:
-        specs = (shape.spec for plan in plan_shards(recipe.load(version)) for shape in plan.shapes)
-    for spec in specs:
-        found.setdefault(spec.family, []).append(spec)
-    if family is not None and family not in found:
-        raise ValueError(f"{version} has no family {family!r}: choose one of {', '.join(found)}")
+        wanted = recipe.load(version)
+        found, totals = _drawn(wanted, family), {n: wanted.drawn(n) for n in wanted.families}
+    if family is not None and family not in totals:
+        raise ValueError(f"{version} has no family {family!r}: choose one of {', '.join(totals)}")
     return [
-        Candidates(name, tuple(members), _varying(members))
-        for name, members in found.items()
+        Candidates(name, totals[name], tuple(specs), _varying(specs))
+        for name, specs in found.items()
         if family in (None, name)
     ]
+
+
+def _drawn(wanted: recipe.Recipe, family: str | None) -> dict[str, list[ShapeSpec]]:
+    if wanted.subset is not None and wanted.scale is None:  # which shapes hangs on the splits
+        return _by_family(shape.spec for plan in plan_shards(wanted) for shape in plan.shapes)
+    names = [name for name in wanted.families if family in (None, name)]
+    first = {name: wanted.families[name].count if wanted.scale else 0 for name in names}
+    return {
+        name: [
+            draw_shape(wanted, name, first[name] + number)
+            for number in range(min(wanted.drawn(name), MOST))
+        ]
+        for name in names
+    }
+
+
+def _by_family(specs: Iterable[ShapeSpec]) -> dict[str, list[ShapeSpec]]:
+    found: dict[str, list[ShapeSpec]] = {}
+    for spec in specs:
+        found.setdefault(spec.family, []).append(spec)
+    return found
 
 
 def chosen(

@@ -56,9 +56,8 @@ def gallery_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "--count",
         type=_at_least_one,
-        default=SHAPES,
         metavar="N",
-        help="how many shapes of the family (default: %(default)s)",
+        help=f"how many shapes of the family (default: {SHAPES})",
     )
     sub.add_argument("--edges", action="store_true", help="draw the edges of the triangles")
 
@@ -119,6 +118,8 @@ def gallery(options: argparse.Namespace) -> int:
     from synthnet import draw
     from synthnet import gallery as galleries
 
+    if options.family is None and options.count is not None:
+        raise ValueError("--count is for the shapes of one family: name the family")
     name = "-".join(filter(None, ("gallery", options.version, options.family)))
     path: Path = options.png or Path(f"{name}.png")
     draw.check_name(path)
@@ -131,10 +132,10 @@ def gallery(options: argparse.Namespace) -> int:
         title = f"synthNet {options.version}: {len(shapes)} families"
     else:
         (one,) = found
-        count = min(options.count, len(one.specs))
+        count = min(options.count or SHAPES, len(one.specs))
         made = galleries.chosen(options.version, one, count, options.out)
         shapes = sorted(_followed(made, count), key=lambda shape: shape[0].id)
-        title = f"synthNet {options.version}, {one.family}: {len(shapes)} of {len(one.specs):,}"
+        title = f"synthNet {options.version}, {one.family}: {len(shapes)} of {one.total:,}"
         varying = one.varying
     write_bytes(path, galleries.sheet(shapes, varying, title, edges=options.edges))
     if options.json:

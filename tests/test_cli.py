@@ -283,6 +283,7 @@ def test_gallery_of_all_families(run: Run, tmp_path: Path) -> None:
     [
         (["star"], "1.0-mini has no family 'star': choose one of rectangular_prism, cone"),
         (["torus", "--count", "0"], "argument --count: must be at least 1, got 0"),
+        (["--count", "3"], "--count is for the shapes of one family: name the family"),
         (["torus", "--png", "a.jpg"], "the picture's name must end in .png, got a.jpg"),
     ],
 )

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from synthnet import gallery, importing
+from synthnet import gallery, importing, recipe
 from synthnet.errors import RecipeError
+from synthnet.families import draw_shape
 from synthnet.gallery import Candidates, candidates, chosen, spread
+from synthnet.plan import plan_shards
 from synthnet.types import ShapeSpec
 
 PARAMETERS = {
@@ -64,7 +66,7 @@ def test_a_shape_that_a_filter_refuses_is_passed_over():
     broken = ShapeSpec(
         "torus-99999", "torus", 99999, {**tori.specs[0].parameters, "tube_radius": 1.0}, "none"
     )
-    among = Candidates("torus", (broken, tori.specs[0]), ())
+    among = Candidates("torus", 2, (broken, tori.specs[0]), ())
     assert [spec.id for spec, _ in chosen("1.0-mini", among, 2)] == [tori.specs[0].id]
 
 
@@ -91,6 +93,24 @@ def test_captions_are_short_lines_that_break_between_parameters():
     assert all(len(line) <= gallery.LINE for line in lines)
     told = " ".join(lines[1:]).replace(gallery.NO_BREAK, " ").split(", ")
     assert [part.rpartition(" ")[0] for part in told] == list(found.varying)
+
+
+def test_the_shapes_are_those_of_the_version():
+    for version in ("1.0-mini", "2.0-mini"):
+        planned = [s.spec for plan in plan_shards(recipe.load(version)) for s in plan.shapes]
+        found = candidates(version)
+        assert [spec for one in found for spec in one.specs] == planned
+        assert sum(one.total for one in found) == len(planned)
+    (spheres,) = candidates("1.0", "sphere")
+    assert list(spheres.specs) == [draw_shape(recipe.load("1.0"), "sphere", i) for i in range(50)]
+
+
+def test_of_a_scaled_version_the_first_shapes_are_enough():
+    (cones,) = candidates("1.0-x100", "cone")
+    assert (cones.total, len(cones.specs)) == (100_000, gallery.MOST)
+    planned = plan_shards(recipe.load("1.0-x100"))[0].shapes
+    (prisms,) = candidates("1.0-x100", "rectangular_prism")
+    assert prisms.specs[: len(planned)] == tuple(shape.spec for shape in planned)
 
 
 def test_a_version_that_is_not_there():

@@ -138,10 +138,17 @@ def test_blue_and_orange_differ_in_grey():
     assert abs(grey[1] - grey[0]) > 0.2
 
 
-def test_no_line_is_drawn_where_a_function_only_touches_zero(bare):
+def test_no_line_is_drawn_where_a_function_stays_away_from_zero(bare):
     plane = mesh(square(0.0), TWO)
-    picture = render(plane, 90, 90, view=FRONT, values=np.array([0.0, 1.0, 1.0, 0.0]))
-    assert picture.min(axis=2)[:, 0].min() > 150
+    picture = render(plane, 90, 90, view=FRONT, values=np.array([0.1, 1.0, 1.0, 0.1]))
+    assert picture.max(axis=2).min() > 150
+
+
+def test_the_line_has_no_gap_on_triangles_smaller_than_it():
+    parameters = {"height": 1.0, "width": 1.0, "triangulation": "irregular", "seed": 0}
+    plane = FAMILIES["flat_rectangle"].generate({**parameters, "vertices": 40_000})
+    picture = render(plane, 61, 61, view=ABOVE, values=plane.vertices[:, 0] - 0.5)
+    assert picture[5:56, 30].max() < 140
 
 
 def test_edges_are_drawn_and_fade_where_triangles_are_small():

@@ -69,6 +69,7 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
     metric = METRICS[key]
     least = FLOOR / 10
     found = [_finite(one, ranking.per_mesh(one, key)) for one in submissions]
+    medians = [f"{np.median(values):.3g}" for values in found]
     if not metric.higher_is_better:
         found = [np.maximum(values, least) for values in found]
     low, high = min(v.min() for v in found), max(v.max() for v in found)
@@ -78,14 +79,12 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
         tall = 2.4 if len(found) == 1 else 0.85
         figure = Figure(figsize=(7.2, tall * len(found) + 0.9), layout="constrained")
         panels = np.ravel(figure.subplots(len(found), sharex=True, squeeze=False))
-        for axes, one, values in zip(panels, submissions, found, strict=True):
+        for axes, one, values, told in zip(panels, submissions, found, medians, strict=True):
             axes.hist(
                 values, edges, weights=np.full(len(values), 100 / len(values)), color=PREDICTED
             )
             axes.axvline(np.median(values), color="#D55E00", lw=1.2)
-            axes.set_title(
-                f"{escaped(one.name)}: median {np.median(values):.3g}", fontsize=8, loc="left"
-            )
+            axes.set_title(f"{escaped(one.name)}: median {told}", fontsize=8, loc="left")
             axes.set_ylabel("% of meshes", fontsize=7)
             axes.tick_params(labelsize=7)
             axes.grid(axis="x", alpha=0.25)

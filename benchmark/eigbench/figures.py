@@ -239,11 +239,11 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
     """Draw the distribution of a metric by family: a box of quartiles, whiskers 5 to 95 %."""
     names = in_order(submissions[0].truth.families.tolist())
     with style():
-        height = 0.35 * len(names) * max(1.0, 0.6 * len(submissions)) + 1.2
+        height = 0.35 * len(names) * max(1.0, 0.4 * len(submissions)) + 1.2
         figure = Figure(figsize=(7.2, height), layout="constrained")
         axes = figure.subplots()
         width = 0.8 / len(submissions)
-        palette = mpl.colormaps["viridis"](np.linspace(0.05, 0.95, len(submissions)))
+        palette = mpl.colormaps["viridis"](np.linspace(0.3, 1, len(submissions)))
         for number, (one, colour) in enumerate(zip(submissions, palette, strict=True)):
             values = np.maximum(ranking.per_mesh(one, key), FLOOR / 10)
             if not np.isfinite(values).all():
@@ -261,9 +261,9 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
                 label=escaped(one.name),
             )
             for box in boxes["boxes"]:
-                box.set(facecolor=colour, alpha=0.8)
+                box.set(facecolor=colour, alpha=0.7)
         axes.set_yticks(range(len(names)), [family_title(name) for name in names])
-        axes.invert_yaxis()
+        axes.set_ylim(len(names) - 0.5, -0.5)
         axes.set_xscale("log")
         axes.set_xlabel(
             f"{METRICS[key].title}: quartiles, whiskers 5 to 95 %; below {FLOOR / 10:g} at the edge"

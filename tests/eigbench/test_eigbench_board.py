@@ -589,6 +589,7 @@ def test_an_exact_answer_is_drawn_at_the_edge(make_submission, mini_truth):
     np.testing.assert_array_equal(line.get_ydata(), error_figures.LEAST)
     (axes,) = error_figures.histogram([exact]).axes
     assert axes.get_lines()[0].get_xdata()[0] == figures.FLOOR / 10
+    assert axes.get_title(loc="left") == "Exact: median 0"
 
 
 def test_plot_of_answers_that_are_not_finite_is_refused(
