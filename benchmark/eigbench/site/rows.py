@@ -28,9 +28,18 @@ FACTS = {
 }
 
 
-def told(one: Submission) -> dict[str, Any]:
-    """Return what the page shows of a row when it is opened."""
+def told(one: Submission, own: str | None = None) -> dict[str, Any]:
+    """Return what the page shows of a row when it is opened.
+
+    Parameters
+    ----------
+    one : Submission
+        The row.
+    own : str or None
+        Its protocol, if it is one of the version's own: then it was timed elsewhere.
+    """
     result = one.result
+    cost = "Cost" if own is None else "Cost under the protocol grouped"
     return {
         "facts": _facts(one),
         "tables": [
@@ -38,7 +47,7 @@ def told(one: Submission) -> dict[str, Any]:
             _table("By family, means", tables.families(result)),
             _table("By eigenvalue", _indices(result)),
             _table("Physics", tables.physics(result["physics"])),
-            _table("Cost", tables.cost(result)),
+            _table(cost, tables.cost(result)),
             _table("Files and versions", _files(one)),
         ],
         "shapes": [_shape(one, name) for name in QUANTILES],

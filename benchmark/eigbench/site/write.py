@@ -58,7 +58,7 @@ def files(
         for row in board.rows:
             one = row.submission
             on_step(f"row {board.key}/{one.slug}")
-            told[f"rows/{board.key}/{one.slug}"] = opened = rows.told(one)
+            told[f"rows/{board.key}/{one.slug}"] = opened = rows.told(one, board.own)
             for shape in opened["shapes"]:
                 if shape["mesh"] is not None:
                     meshes[shape["mesh"]] = (one, shape["id"].partition("/")[0])
@@ -122,7 +122,11 @@ def _index(
         "edge": {"error": FLOOR, "ms": FASTEST},
         "ranked_by": RANKED_BY,
         "metrics": {
-            key: {"title": METRICS[key].heading, "higher": METRICS[key].higher_is_better}
+            key: {
+                "title": METRICS[key].heading,
+                "higher": METRICS[key].higher_is_better,
+                "share": METRICS[key].unit == "share",
+            }
             for key in MAIN
         },
     }
@@ -130,10 +134,10 @@ def _index(
 
 def _reported(papers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return papers' own numbers, as printed: they stand apart from all boards."""
-    tables = []
-    notes = []
+    about, tables, notes = [], [], []
     for paper in sorted(papers, key=lambda paper: str(paper["source"])):
-        notes += [f"{paper['source']}.", paper["setting"], *(f"- {n}" for n in paper["notes"])]
+        about += [f"{paper['source']}.", paper["setting"]]
+        notes += [f"- {note}" for note in paper["notes"]]
         tables += [
             {"title": table["title"], "headers": table["columns"], "rows": table["rows"]}
             for table in paper["tables"]
@@ -142,6 +146,7 @@ def _reported(papers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "key": REPORTED,
         "kind": REPORTED,
         "title": "Reported by the paper, not run here",
+        "about": about,
         "notes": notes,
         "tables": tables,
     }

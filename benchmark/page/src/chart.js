@@ -8,12 +8,13 @@ const SYMBOLS = { trivial: "square", classical: "circle", learned: "triangle" };
 const TRUE = "currentColor";
 const PREDICTED = "var(--predicted)";
 // Okabe and Ito, as in figures.py
-const PROTOCOLS = [["circle", "currentColor"], ["square", "#E69F00"], ["triangle", "#56B4E9"], ["diamond", "#009E73"], ["triangle2", "#D55E00"], ["plus", "#CC79A7"], ["times", "#0072B2"]];
+const PROTOCOLS = [["circle", "currentColor"], ["square", "#E69F00"], ["triangle", "#56B4E9"], ["diamond", "#009E73"], ["star", "#D55E00"], ["plus", "#CC79A7"], ["times", "#0072B2"]];
 const LINES = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#808080"];
 const DASHES = ["", "6 3", "2 3"];
 
 const widthOf = (container, least = 280) => Math.max(least, Math.floor(container.getBoundingClientRect().width));
-const powers = (value) => (value === 0 || value >= 1e-3 && value < 1e5 ? String(+value.toPrecision(2)) : value.toExponential(0));
+const powers = (value) => (value === 0 || (value >= 1e-3 && value < 1e5) ? String(+value.toPrecision(2)) : value.toExponential(0));
+const thousands = (value) => value.toLocaleString("en");
 
 // Plot labels the group of a mark, which has no role and is drawn anew at each move
 const unlabelled = (index, scales, values, dimensions, context, next) => {
@@ -38,8 +39,7 @@ function label(svg, said) {
 /** Error against time, a chart for each hardware: times are not compared across. */
 function errorTime(container, { board, rows, key, index, open }) {
   const settings = [...new Set(board.rows.map((row) => row.setting))].filter((setting) => rows.some((row) => row.setting === setting));
-  const { title, higher } = index.metrics[key];
-  const share = key === "psnr20";
+  const { title, higher, share } = index.metrics[key];
   const grid = element("div", { class: "charts" });
   container.replaceChildren(grid);
   const made = settings.map((setting) => {
@@ -123,8 +123,8 @@ function legend(rows, kinds, floor) {
 }
 
 /** Each model's error i.i.d. and under each protocol, a line a model. */
-function protocols(container, { board, rows, group }) {
-  const share = group.key.endsWith("psnr20");
+function protocols(container, { board, rows, group, index }) {
+  const { title: metric, share } = index.metrics[group.key.replace("protocols-", "")];
   const titles = group.columns.map((key) => board.columns[key].title);
   const points = rows.flatMap((row) => group.columns.map((key, i) => ({ name: row.name, value: row.cells[key][1], shown: row.cells[key][0], column: titles[i], i }))
     .filter((one) => one.value !== null)
@@ -134,10 +134,9 @@ function protocols(container, { board, rows, group }) {
   const left = Math.min(260, Math.round(width * 0.42));
   const most = Math.floor(left / 6.2);
   const short = (text) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);
-  const metric = group.title.replace("Generalisation, ", "");
   const said = `Mean ${metric} of each model i.i.d. and under each protocol. The table has all numbers.`;
   const svg = plot({
-    width, height: 22 * rows.length + 60, marginLeft: left, marginTop: 10, ariaLabel: said,
+    width, height: 22 * rows.length + 60, marginLeft: left, marginTop: 10, marginBottom: 38, ariaLabel: said,
     x: share ? { label: metric } : { type: "log", label: `mean ${metric}; below 0.001 at the edge` },
     y: { type: "point", domain: rows.map((row) => row.name), label: null },
     symbol: { type: "identity" }, color: { type: "identity" },
@@ -162,33 +161,37 @@ function scaling(container, { board, rows }) {
   const grid = element("div", { class: "charts" });
   const looks = new Map(board.rows.map((row, i) => [row, [LINES[i % LINES.length], DASHES[Math.floor(i / LINES.length) % DASHES.length]]]));
   container.replaceChildren(grid);
-  for (const setting of new Set(rows.map((row) => row.setting))) {
-    const mine = rows.filter((row) => row.setting === setting);
-    for (const [key, title, least] of [["ms", "ms a mesh", 0], ["error", "mean relative error", 1e-6]]) {
+  const charts = [...new Set(rows.map((row) => row.setting))].flatMap((setting) =>
+    [["ms", "ms a mesh", 0], ["error", "mean relative error", 1e-6]].map(([key, title, least]) => {
       const box = element("figure", {}, element("figcaption", {}, `${title}; ${setting}`));
-      grid.append(box);
-      const points = mine.flatMap((row) => row.points.filter((one) => one[key] !== null).map((one) => ({ ...one, row, y: Math.max(one[key], least || 1e-9) })));
-      const said = `${title} against vertices on ${setting}, both logarithmic, ${mine.length} models. The table has all numbers.`;
-      const svg = plot({
-        width: widthOf(box), height: 300, marginLeft: 52, marginBottom: 36, ariaLabel: said,
-        x: { type: "log", label: "vertices" }, y: { type: "log", label: least ? `${title}, from ${powers(least)} up` : title },
-        color: { type: "identity" },
-        marks: [
-          gridX({ ticks: 4, strokeOpacity: 0.12 }), gridY({ ticks: 5, strokeOpacity: 0.12 }),
-          axisX({ ticks: 4, tickFormat: powers }), axisY({ ticks: 5, tickFormat: powers }),
-          key === "error" ? line(board.own, { x: "0", y: "1", stroke: "currentColor", strokeOpacity: 0.3, strokeWidth: 4 }) : null,
-          ...mine.map((row) => line(points.filter((one) => one.row === row), { x: "size", y: "y", stroke: looks.get(row)[0], strokeDasharray: looks.get(row)[1], strokeWidth: 1.4 })),
-          dot(points, { x: "size", y: "y", r: 3.5, stroke: (one) => looks.get(one.row)[0], fill: (one) => (one.whole ? looks.get(one.row)[0] : "var(--background)") }),
-          tip(points, pointer({ x: "size", y: "y", title: (one) => `${one.row.name}\n${one.size.toLocaleString("en")} vertices: ${one.row.cells[`${key}-${one.size}`][0]}`, ...TIP })),
-        ],
-      });
-      box.append(label(svg, said));
-    }
-  }
+      grid.append(box); // all of them before the first is measured
+      return { box, key, title, least, setting, mine: rows.filter((row) => row.setting === setting) };
+    }));
+  for (const chart of charts) chart.box.append(against(chart, board, looks));
   const sample = (stroke, dash, width) => drawn("svg", { width: 22, height: 10, "aria-hidden": "true" }, drawn("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke, "stroke-dasharray": dash || "none", "stroke-width": width }));
   container.append(element("p", { class: "legend" },
     rows.map((row) => element("span", {}, sample(...looks.get(row), 1.6), row.name)),
     element("span", {}, sample("color-mix(in srgb, currentColor 30%, transparent)", "", 4), "discretisation error of the meshes; an empty mark: not every surface was answered")));
+}
+
+/** One quantity of the scaling track against vertices. */
+function against({ box, key, title, least, setting, mine }, board, looks) {
+  const points = mine.flatMap((row) => row.points.filter((one) => one[key] !== null).map((one) => ({ ...one, row, y: Math.max(one[key], least || 1e-9) })));
+  const said = `${title} against vertices on ${setting}, both logarithmic, ${mine.length} models. The table has all numbers.`;
+  const svg = plot({
+    width: widthOf(box), height: 300, marginLeft: 52, marginBottom: 36, ariaLabel: said,
+    x: { type: "log", label: "vertices" }, y: { type: "log", label: least ? `${title}, from ${powers(least)} up` : title },
+    color: { type: "identity" },
+    marks: [
+      gridX({ ticks: 4, strokeOpacity: 0.12 }), gridY({ ticks: 5, strokeOpacity: 0.12 }),
+      axisX({ ticks: 4, tickFormat: thousands }), axisY({ ticks: 5, tickFormat: powers }),
+      key === "error" ? line(board.own, { x: "0", y: "1", stroke: "currentColor", strokeOpacity: 0.3, strokeWidth: 4 }) : null,
+      ...mine.map((row) => line(points.filter((one) => one.row === row), { x: "size", y: "y", stroke: looks.get(row)[0], strokeDasharray: looks.get(row)[1], strokeWidth: 1.4 })),
+      dot(points, { x: "size", y: "y", r: 3.5, stroke: (one) => looks.get(one.row)[0], fill: (one) => (one.whole ? looks.get(one.row)[0] : "var(--background)") }),
+      tip(points, pointer({ x: "size", y: "y", title: (one) => `${one.row.name}\n${thousands(one.size)} vertices: ${one.row.cells[`${key}-${one.size}`][0]}`, ...TIP })),
+    ],
+  });
+  return label(svg, said);
 }
 
 /** Predicted against true eigenvalues of a shape. */

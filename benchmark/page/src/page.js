@@ -79,7 +79,8 @@ async function show() {
   document.title = `${board.title} - eigbench leaderboard`;
   const notes = markdown(board.notes, linker(index.docs));
   const about = element("details", {}, element("summary", {}, "How to read this"), notes);
-  part("notes").replaceChildren(...(board.groups ? [glossary(board), about] : notes));
+  const reported = [element("h3", {}, "As printed, and what does not agree in it"), ...notes];
+  part("notes").replaceChildren(...(board.groups ? [glossary(board), about] : reported));
   render();
 }
 
@@ -96,7 +97,8 @@ function render(form = true) {
     part("controls").hidden = true;
     part("chart").replaceChildren();
     part("status").textContent = "As printed in the paper; no row was run here.";
-    part("table").replaceChildren(...board.tables.map((table) => plainTable(table)));
+    const about = markdown(board.about, linker(index.docs));
+    part("table").replaceChildren(...about, ...board.tables.map((table) => plainTable(table)));
     return;
   }
   const options = { narrow: NARROW.matches, metrics: board.kind === "board" ? index.metrics : null, change };
@@ -144,6 +146,6 @@ function drawChart() {
   };
   const group = groupOf(board, state);
   if (board.kind === "scaling") eigbench.charts.scaling(part("chart"), { board, rows });
-  else if (group.key.startsWith("protocols-")) eigbench.charts.protocols(part("chart"), { board, rows, group });
+  else if (group.key.startsWith("protocols-")) eigbench.charts.protocols(part("chart"), { board, rows, group, index });
   else eigbench.charts.errorTime(part("chart"), { board, rows, key: metric(), index, open });
 }

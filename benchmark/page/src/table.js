@@ -107,7 +107,7 @@ function nameCell(row, open, kinds, on) {
 function cell(board, row, key) {
   const { numeric } = board.columns[key];
   const text = row.cells[key][0];
-  return element("td", { class: key === "rank" ? "rank" : numeric ? "number" : "words" }, numeric ? uncertain(text) : text);
+  return element("td", { class: key === "rank" ? "rank" : numeric ? "number" : `words ${key}` }, numeric ? uncertain(text) : text);
 }
 
 /** Set the uncertainty of a number apart: 0.0119 ± 0.0019 (0.0001). */

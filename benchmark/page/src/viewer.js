@@ -36,9 +36,10 @@ function view(container, packed, label) {
     tabindex: "0", role: "application", "aria-roledescription": "3D model",
     "aria-label": `${label}. Arrow keys turn it, plus and minus zoom, 0 resets.`,
   });
+  const simplified = packed.shown < packed.face_count; // then its edges are not those of the mesh
   const count = (number) => number.toLocaleString("en");
   const told = `${count(packed.vertex_count)} vertices, ${count(packed.face_count)} triangles` +
-    (packed.shown < packed.face_count ? `; simplified for display to ${count(packed.shown)}` : "");
+    (simplified ? `; simplified for display to ${count(packed.shown)}` : "");
   const context = canvas.getContext("webgl2", { alpha: true, antialias: true });
   if (!context) {
     container.replaceChildren(element("p", {}, `This browser has no WebGL, so the mesh (${told}) cannot be shown.`));
@@ -53,6 +54,7 @@ function view(container, packed, label) {
   const whole = geometry.boundingSphere.radius / Math.sin((ANGLE / 2) * (Math.PI / 180));
   const surface = new Mesh(geometry, new MeshStandardMaterial({ side: DoubleSide, flatShading: true, roughness: 0.75, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 }));
   const edges = new LineSegments(new WireframeGeometry(geometry), new LineBasicMaterial({ transparent: true, opacity: 0.3 }));
+  edges.visible = !simplified;
   const light = new DirectionalLight(0xffffff, 2);
   light.position.set(1, 1.4, 1.2);
   camera.add(light);
@@ -119,7 +121,7 @@ function view(container, packed, label) {
     edges.visible = !edges.visible;
     toggle.setAttribute("aria-pressed", String(edges.visible));
     draw();
-  }, { "aria-pressed": "true" });
+  }, { "aria-pressed": String(edges.visible) });
   container.replaceChildren(
     element("div", { class: "canvas" }, canvas),
     element("div", { class: "buttons", role: "group", "aria-label": `Turn the mesh ${label}` },
