@@ -3,11 +3,12 @@
 VENV ?= .venv
 PYTHON ?= python3
 VERSION ?= 1.0-small
+PAGE ?= page
 
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help quickstart test lint types bench tables ci clean
+.PHONY: help quickstart test lint types bench tables page ci clean
 
 help: ## list the targets
 	@echo "Usage: make TARGET [VENV=$(VENV)] [PYTHON=$(PYTHON)] [VERSION=$(VERSION)]"
@@ -46,8 +47,14 @@ bench: $(STAMP) ## measure solver, building, harness and network, each against a
 tables: $(STAMP) ## write docs/reproduction.md: the paper's tables beside ours
 	PYTHONPATH=. $(VENV)/bin/python scripts/reproduction.py
 
+page: $(STAMP) ## write the leaderboard as a page into PAGE
+	cd benchmark/page && PATH="$(abspath $(VENV))/bin:$$PATH" npm ci
+	cd benchmark/page && PATH="$(abspath $(VENV))/bin:$$PATH" npm run build
+	$(VENV)/bin/eigbench site --out $(PAGE)
+
 ci: lint types test ## all checks: lint, types and test
 
 clean: ## remove the virtual environment and all caches
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache build dist *.egg-info
+	rm -rf benchmark/page/node_modules benchmark/page/dist
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -156,6 +156,9 @@ def test_scaling_has_each_size_and_says_what_took_too_long(made_content):
     board = read(made_content, "boards/scaling.js")
     slow = next(row for row in board["rows"] if row["name"] == "Slow solver")
     assert slow["cells"]["error-10000"] == ["over 600 s", None]
+    assert slow["cells"]["lapy-1000"] == ["not run", None]
+    near = next(row for row in board["rows"] if row["name"] == "Near")
+    assert re.fullmatch(r"\d\.\d+ % \([<>]? ?\d+\.\d+\)", near["cells"]["distance-1000"][0])
     assert [point["size"] for point in slow["points"]] == [1_000, 10_000]
     assert board["rows"][0]["name"] == "Near"  # the fastest
     opened = read(made_content, "rows/scaling/slow-solver.js")

@@ -188,13 +188,15 @@ def _by_size(
 
 
 def _distances(rows: Sequence[Scaled], sizes: Sequence[int], verdicts: Sequence[Verdict]) -> str:
-    def text(distance: float) -> str:
-        side, seconds = scaling_scores.coarse_seconds(verdicts, distance)
-        return percent(distance) + (f" ({side}{ms(seconds)})" if seconds > 0 else "")
-
-    own = ["the labels", *(text(scaling_scores.floor(size)) for size in sizes)]
-    lines = _by_size(rows, sizes, lambda one: text(one.distance))
+    own = ["the labels", *(with_coarse(verdicts, scaling_scores.floor(size)) for size in sizes)]
+    lines = _by_size(rows, sizes, lambda one: with_coarse(verdicts, one.distance))
     return table(["model", *(f"{size:,}" for size in sizes)], [own, *lines])
+
+
+def with_coarse(verdicts: Sequence[Verdict], distance: float) -> str:
+    """Return an error, and the ms of an exact solver on a mesh just fine enough for it."""
+    side, seconds = scaling_scores.coarse_seconds(verdicts, distance)
+    return percent(distance) + (f" ({side}{ms(seconds)})" if seconds > 0 else "")
 
 
 def _memory(rows: Sequence[Scaled], sizes: Sequence[int]) -> str:
@@ -205,13 +207,16 @@ def _memory(rows: Sequence[Scaled], sizes: Sequence[int]) -> str:
 def _beside(rows: Sequence[Scaled], sizes: Sequence[int]) -> str:
     lines = []
     for row in _sorted(rows):
-        line = [row.name]
-        for size in sizes:
-            found = [
-                one["reference_seconds"]
-                for (_, at), one in row.meshes.items()
-                if at == size and one["reference_seconds"] is not None
-            ]
-            line.append(ms(float(np.median(found))) if found else "not run")
-        lines.append(line)
+        found = [lapys_seconds(row, size) for size in sizes]
+        lines.append([row.name, *("not run" if one is None else ms(one) for one in found)])
     return table(["model", *(f"{size:,}" for size in sizes)], lines)
+
+
+def lapys_seconds(row: Scaled, size: int) -> float | None:
+    """Return the median time of LaPy in a row's run at a size, in seconds."""
+    found = [
+        one["reference_seconds"]
+        for (_, at), one in row.meshes.items()
+        if at == size and one["reference_seconds"] is not None
+    ]
+    return float(np.median(found)) if found else None

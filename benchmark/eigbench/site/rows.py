@@ -39,6 +39,7 @@ def told(one: Submission, own: str | None = None) -> dict[str, Any]:
         Its protocol, if it is one of the version's own: then it was timed elsewhere.
     """
     result = one.result
+    cost = "Cost" if own is None else "Cost under the protocol grouped"
     return {
         "facts": _facts(one),
         "tables": [
@@ -46,9 +47,7 @@ def told(one: Submission, own: str | None = None) -> dict[str, Any]:
             _table("By family, means", tables.families(result)),
             _table("By eigenvalue", _indices(result)),
             _table("Physics", tables.physics(result["physics"])),
-            _table(
-                "Cost" if own is None else "Cost under the protocol grouped", tables.cost(result)
-            ),
+            _table(cost, tables.cost(result)),
             _table("Files and versions", _files(one)),
         ],
         "shapes": [_shape(one, name) for name in QUANTILES],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from eigbench.scaling import scores as scaling_scores
 from eigbench.scaling import surfaces
 from eigbench.scaling.page import ms, percent, with_failures
 from eigbench.scaling.results import ANSWERED, Scaled
-from eigbench.scaling.scores import Cell
+from eigbench.scaling.scores import Verdict
 from eigbench.site.columns import SEEN, number_of
 from eigbench.tables import family_title
 from synthnet.files import sha256
@@ -25,24 +25,17 @@ HELP = {
     "ms": "Milliseconds a mesh, one mesh a call; median over the surfaces. To be compared within "
     "one hardware, device and number of threads only.",
     "distance": "Mean relative error against the spectrum of the surface instead of the mesh's; "
-    "median over the surfaces.",
+    "median over the surfaces. In brackets: the ms that the fastest exact solver takes on a mesh "
+    "just fine enough for that error.",
     "memory": "Peak memory in MB of the process, its libraries included; median over the surfaces.",
+    "lapy": "LaPy's ms a mesh in the same run, on the same meshes: how fast the machine was then.",
 }
-Quantity = tuple[str, Callable[[Cell], str], Callable[[Cell], float]]
-QUANTITIES: dict[str, Quantity] = {
-    "error": ("error", lambda cell: percent(cell.error), lambda cell: cell.error),
-    "ms": ("ms", lambda cell: ms(cell.seconds), lambda cell: 1e3 * cell.seconds),
-    "distance": ("distance", lambda cell: percent(cell.distance), lambda cell: cell.distance),
-    "memory": (
-        "MB",
-        lambda cell: f"{cell.peak_memory_mb:,.0f}",
-        lambda cell: cell.peak_memory_mb,
-    ),
-}
+TITLES = {"error": "error", "ms": "ms", "distance": "distance", "memory": "MB", "lapy": "ms"}
 GROUPS = {
     "overview": ("Error and time", ("error", "ms")),
     "distance": ("Against the surface", ("distance",)),
     "memory": ("Peak memory", ("memory",)),
+    "lapy": ("LaPy beside each run", ("lapy",)),
 }
 
 
@@ -50,7 +43,7 @@ def told(rows: Sequence[Scaled]) -> dict[str, Any]:
     """Return what the page shows of the scaling track."""
     sizes = scaling_scores.sizes(rows)
     by_setting = scaling_scores.settings(rows)
-    every = {f"{name}-{size}": _column(name, size) for name in QUANTITIES for size in sizes}
+    every = {f"{name}-{size}": _column(name, size) for name in TITLES for size in sizes}
     declared = {
         "hardware": _words("hardware", f"Where it was timed. {SEEN}"),
         "training": _words("training set", f"What it was fitted to. {SEEN}"),
@@ -66,28 +59,27 @@ def told(rows: Sequence[Scaled]) -> dict[str, Any]:
         }
         for key, (title, names) in GROUPS.items()
     ]
-    notes = [scaling_page.introduction(sizes)]
+    notes, shown = [scaling_page.introduction(sizes)], []
     for label, mine in by_setting.items():
         verdicts = [scaling_scores.verdict(mine, size) for size in sizes]
         notes += [f"**{label}**", *(part.strip() for part in scaling_page.told(verdicts, mine))]
-    ordered = [row for mine in by_setting.values() for row in scaling_page.ordered(mine, sizes[0])]
+        shown += [_row(row, sizes, verdicts) for row in scaling_page.ordered(mine, sizes[0])]
     return {
         "key": KEY,
         "kind": "scaling",
-        "title": "Scaling: error and time up to a million vertices",
+        "title": "Scaling: error and time against vertices",
         "notes": notes,
         "floors": {},
         "own": [[size, number_of(scaling_scores.floor(size))] for size in sizes],
         "columns": {**every, **declared},
         "groups": groups,
-        "rows": [_row(row, sizes) for row in ordered],
+        "rows": shown,
     }
 
 
 def _column(name: str, size: int) -> dict[str, Any]:
-    title = QUANTITIES[name][0]
     return {
-        "title": f"{size:,}: {title}",
+        "title": f"{size:,}: {TITLES[name]}",
         "help": f"At {size:,} vertices. {HELP[name]}",
         "numeric": True,
         "higher": False,
@@ -98,7 +90,7 @@ def _words(title: str, told: str) -> dict[str, Any]:
     return {"title": title, "help": told, "numeric": False, "higher": False}
 
 
-def _row(row: Scaled, sizes: Sequence[int]) -> dict[str, Any]:
+def _row(row: Scaled, sizes: Sequence[int], verdicts: Sequence[Verdict]) -> dict[str, Any]:
     model = row.result["model"]
     training, setting = model.get("training_data", "not declared"), results.setting(row.result)
     cells: dict[str, tuple[str, float | str | None]] = {
@@ -108,9 +100,8 @@ def _row(row: Scaled, sizes: Sequence[int]) -> dict[str, Any]:
     points = []
     for size in sizes:
         cell = scaling_scores.cell(row, size)
-        for name, (_, text, value) in QUANTITIES.items():
-            shown = with_failures(cell, text(cell)) if cell.answered else with_failures(cell, "")
-            cells[f"{name}-{size}"] = (shown, _finite(value(cell)))
+        for name, shown in _cells(row, size, verdicts).items():
+            cells[f"{name}-{size}"] = shown
         points.append(
             {
                 "size": size,
@@ -128,6 +119,26 @@ def _row(row: Scaled, sizes: Sequence[int]) -> dict[str, Any]:
         "cells": cells,
         "points": points,
     }
+
+
+def _cells(
+    row: Scaled, size: int, verdicts: Sequence[Verdict]
+) -> dict[str, tuple[str, float | None]]:
+    """Return a row's cells at a size, by the key of :data:`TITLES`."""
+    cell = scaling_scores.cell(row, size)
+    beside = scaling_page.lapys_seconds(row, size)
+    lapys = ("not run", None) if beside is None else (ms(beside), number_of(1e3 * beside))
+    if not cell.answered:
+        failed = with_failures(cell, ""), None
+        return {**dict.fromkeys(TITLES, failed), "lapy": lapys}
+    found = {
+        "error": (percent(cell.error), cell.error),
+        "ms": (ms(cell.seconds), 1e3 * cell.seconds),
+        "distance": (scaling_page.with_coarse(verdicts, cell.distance), cell.distance),
+        "memory": (f"{cell.peak_memory_mb:,.0f}", cell.peak_memory_mb),
+    }
+    told = {key: (with_failures(cell, text), _finite(x)) for key, (text, x) in found.items()}
+    return {**told, "lapy": lapys}
 
 
 def _finite(value: float) -> float | None:

@@ -122,7 +122,11 @@ def _index(
         "edge": {"error": FLOOR, "ms": FASTEST},
         "ranked_by": RANKED_BY,
         "metrics": {
-            key: {"title": METRICS[key].heading, "higher": METRICS[key].higher_is_better}
+            key: {
+                "title": METRICS[key].heading,
+                "higher": METRICS[key].higher_is_better,
+                "share": METRICS[key].unit == "share",
+            }
             for key in MAIN
         },
     }

@@ -39,8 +39,7 @@ function label(svg, said) {
 /** Error against time, a chart for each hardware: times are not compared across. */
 function errorTime(container, { board, rows, key, index, open }) {
   const settings = [...new Set(board.rows.map((row) => row.setting))].filter((setting) => rows.some((row) => row.setting === setting));
-  const { title, higher } = index.metrics[key];
-  const share = key === "psnr20";
+  const { title, higher, share } = index.metrics[key];
   const grid = element("div", { class: "charts" });
   container.replaceChildren(grid);
   const made = settings.map((setting) => {
@@ -124,8 +123,8 @@ function legend(rows, kinds, floor) {
 }
 
 /** Each model's error i.i.d. and under each protocol, a line a model. */
-function protocols(container, { board, rows, group }) {
-  const share = group.key.endsWith("psnr20");
+function protocols(container, { board, rows, group, index }) {
+  const { title: metric, share } = index.metrics[group.key.replace("protocols-", "")];
   const titles = group.columns.map((key) => board.columns[key].title);
   const points = rows.flatMap((row) => group.columns.map((key, i) => ({ name: row.name, value: row.cells[key][1], shown: row.cells[key][0], column: titles[i], i }))
     .filter((one) => one.value !== null)
@@ -135,7 +134,6 @@ function protocols(container, { board, rows, group }) {
   const left = Math.min(260, Math.round(width * 0.42));
   const most = Math.floor(left / 6.2);
   const short = (text) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);
-  const metric = group.title.replace("Generalisation, ", "");
   const said = `Mean ${metric} of each model i.i.d. and under each protocol. The table has all numbers.`;
   const svg = plot({
     width, height: 22 * rows.length + 60, marginLeft: left, marginTop: 10, marginBottom: 38, ariaLabel: said,

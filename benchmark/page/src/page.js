@@ -146,6 +146,6 @@ function drawChart() {
   };
   const group = groupOf(board, state);
   if (board.kind === "scaling") eigbench.charts.scaling(part("chart"), { board, rows });
-  else if (group.key.startsWith("protocols-")) eigbench.charts.protocols(part("chart"), { board, rows, group });
+  else if (group.key.startsWith("protocols-")) eigbench.charts.protocols(part("chart"), { board, rows, group, index });
   else eigbench.charts.errorTime(part("chart"), { board, rows, key: metric(), index, open });
 }
