@@ -103,14 +103,14 @@ function scatter(box, { points, best, title, share, higher, floor, setting, kind
   return svg;
 }
 
-/** Write names beside points where there is room: first those on the front. */
+/** Write names beside points where there is room, below the tip: first those on the front. */
 function name(svg, { points, best, floor, width, height }) {
   const [x, y] = ["x", "y"].map((axis) => svg.scale(axis));
   const ordered = [...best, ...points.filter((one) => !best.includes(one))];
   const at = ordered.map((one) => ({ x: x.apply(one.x), y: y.apply(one.y), text: one.name, above: best.includes(one) }));
   const line = floor === null ? [] : [[width - 76, y.apply(floor) - 14, width, y.apply(floor) + 2]];
   for (const place of places(at, line, { left: 48, right: width - 4, top: 4, bottom: height - 38 }))
-    svg.append(drawn("text", { x: place.x, y: place.y, "text-anchor": place.anchor, dy: "0.32em", fill: "currentColor", class: "name" }, place.text));
+    svg.lastElementChild.before(drawn("text", { x: place.x, y: place.y, "text-anchor": place.anchor, dy: "0.32em", fill: "currentColor", class: "name" }, place.text));
 }
 
 function legend(rows, kinds, floor) {
