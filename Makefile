@@ -8,7 +8,7 @@ PAGE ?= page
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help quickstart test lint types bench tables page ci clean
+.PHONY: help quickstart test lint types docs bench tables page ci clean
 
 help: ## list the targets
 	@echo "Usage: make TARGET [VENV=$(VENV)] [PYTHON=$(PYTHON)] [VERSION=$(VERSION)]"
@@ -36,6 +36,11 @@ lint: $(STAMP) ## check style and formatting
 types: $(STAMP) ## check the types
 	$(VENV)/bin/python -m mypy
 
+# Material's notice of its end of life is no fault of a page.
+docs: $(STAMP) ## build the documentation into site/ and check every link of it
+	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/python -m mkdocs build --quiet
+	$(VENV)/bin/python scripts/check_site.py site
+
 bench: $(STAMP) ## measure solver, building, harness and network, each against a peer
 	$(VENV)/bin/python benchmarks/solver.py
 	$(VENV)/bin/python benchmarks/build_cost.py
@@ -52,9 +57,9 @@ page: $(STAMP) ## write the leaderboard as a page into PAGE
 	cd benchmark/page && PATH="$(abspath $(VENV))/bin:$$PATH" npm run build
 	$(VENV)/bin/eigbench site --out $(PAGE)
 
-ci: lint types test ## all checks: lint, types and test
+ci: lint types docs test ## all checks: lint, types, docs and test
 
 clean: ## remove the virtual environment and all caches
-	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache build dist *.egg-info
+	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache build dist site *.egg-info
 	rm -rf benchmark/page/node_modules benchmark/page/dist
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -7,7 +7,7 @@ the label:
 
 .. math::
     \lambda_0 \approx \lambda_{h/2} + \frac{\lambda_{h/2} - \lambda_h}{3}, \qquad
-    e = \lambda_h - \lambda_0 \approx \frac43 (\lambda_h - \lambda_{h/2})
+    e = \lambda_h - \lambda_0 \approx \frac{4}{3} (\lambda_h - \lambda_{h/2})
 
 (Richardson). Eigenvalues are paired by their index in ascending order. A coarse mesh does
 not follow that law yet, so it is refined again, and the two finest meshes give the limit:

@@ -109,12 +109,32 @@ def write_marked(path: Path, **parts: str) -> None:
     """
     text = path.read_text()
     for name, part in parts.items():
-        mark = name.replace("_", "-")
-        pattern = re.compile(f"(<!-- begin {mark} -->).*?(<!-- end {mark} -->)", re.DOTALL)
-        text, count = pattern.subn(lambda m: f"{m[1]}{part}{m[2]}", text)  # noqa: B023
-        if count != 1:
-            raise ValueError(f"{path} has the marks of {mark} {count} times, not once")
+        try:
+            text = marked(text, name, part)
+        except ValueError as error:
+            raise ValueError(f"{path} has {error}") from error
     write_text(path, text)
+
+
+def marked(text: str, name: str, part: str) -> str:
+    """Return a page's text with ``part`` between the marks of ``name``.
+
+    Raises
+    ------
+    ValueError
+        If it has no such marks, or several.
+
+    Examples
+    --------
+    >>> marked("<!-- begin a-b -->old<!-- end a-b -->", "a_b", "new")
+    '<!-- begin a-b -->new<!-- end a-b -->'
+    """
+    mark = name.replace("_", "-")
+    pattern = re.compile(f"(<!-- begin {mark} -->).*?(<!-- end {mark} -->)", re.DOTALL)
+    text, count = pattern.subn(lambda match: f"{match[1]}{part}{match[2]}", text)
+    if count != 1:
+        raise ValueError(f"the marks of {mark} {count} times, not once")
+    return text
 
 
 def write_bytes(path: Path, content: bytes) -> None:

@@ -38,7 +38,7 @@ class Pin:
     digest : str
         Hash of id, parameters, group, splits and faces: equal on every machine.
     moments : ndarray of shape (6,), float64
-        Weighted means of the coordinates and of their squares, see :func:`moments`.
+        Weighted means of the coordinates and of their squares, see :func:`synthnet.pins.moments`.
     eigenvalues : ndarray of shape (k,), float64
         The label.
     """

@@ -1,5 +1,6 @@
 """What README and docs say is run: commands, code, numbers and links."""
 
+import doctest
 import json
 import os
 import re
@@ -19,9 +20,10 @@ from synthnet import filters, pins, recipe, store
 from synthnet.families import CHARTED, FAMILIES, PRIMITIVES
 
 ROOT = Path(__file__).parent.parent
-PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("baselines/*.md")])
 README = (ROOT / "README.md").read_text()
-DOCS = [page for page in PAGES if page.parent.name == "docs" or page.name == "README.md"]
+WHOLE = [ROOT / "docs" / "start.md", *sorted(ROOT.glob("docs/tutorials/*.md"))]
+DOCS = [page for page in [*ROOT.glob("docs/*.md"), ROOT / "README.md"] if page not in WHOLE]
 CARD_2 = (ROOT / "docs" / "dataset-card-2.0.md").read_text()
 CARD = (ROOT / "docs" / "dataset-card.md").read_text()
 
@@ -34,17 +36,19 @@ def commands(language, page):
     return [line for block in blocks(language, page.read_text()) for line in block.splitlines()]
 
 
-def run(command, home, place):
+def run(command, home, place, told=None):
     environment = {**os.environ, "SYNTHNET_HOME": str(home)}
     done = subprocess.run(
-        command, cwd=place, env=environment, capture_output=True, text=True, check=False
+        command, cwd=place, env=environment, capture_output=True, text=True, check=False, input=told
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
 @pytest.mark.parametrize(
-    "page", [page for page in DOCS if commands("sh", page)], ids=lambda page: page.name
+    "page",
+    [page for page in DOCS if commands("sh", page)],
+    ids=lambda page: page.name,
 )
 def test_commands_of_a_page_run_in_their_order(page, unpacking_home, tmp_path):
     (predictor,) = blocks("py")
@@ -54,17 +58,65 @@ def test_commands_of_a_page_run_in_their_order(page, unpacking_home, tmp_path):
     trimesh.creation.torus(3, 1).export(tmp_path / "scans" / "torus.stl")
     for line in commands("sh", page):
         program, *arguments = shlex.split(line)
-        if program == "pip":
-            extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-            assert arguments == ["install", "-c", "constraints.txt", "-e", ".[all]"]
-            assert "all" in extras["optional-dependencies"]
-        else:
-            assert program in ("synthnet", "eigbench")
-            assert run([sys.executable, "-m", program, *arguments], unpacking_home, tmp_path), line
+        assert program in ("synthnet", "eigbench")
+        assert run([sys.executable, "-m", program, *arguments], unpacking_home, tmp_path), line
+
+
+# A page that is one piece: its files, commands and code run in their order, in one directory and
+# one namespace, and a block `output` shows what the block before it printed; ... is anything.
+
+STEP = re.compile(r"^```(sh|python|py|output)(?: title=\"(.+?)\")?\n(.*?)^```", flags=re.S | re.M)
+MARK = "-- end of a step --"
+RUNNER = f"""
+import json, shlex, subprocess, sys
+
+names = {{"__name__": "__main__"}}
+for language, code in json.load(sys.stdin):
+    if language == "python":
+        exec(code, names)
+    for line in code.splitlines() if language == "sh" else ():
+        program, *arguments = shlex.split(line)
+        assert program in ("synthnet", "eigbench"), line
+        subprocess.run([sys.executable, "-m", program, *arguments], check=True)
+    print({MARK!r}, flush=True)
+"""
+
+
+def steps(page):
+    """Return a page's blocks, each with its language, the name of its file and its text."""
+    return STEP.findall(page.read_text())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WHOLE, ids=lambda page: page.name)
+def test_page_runs_as_a_whole_and_prints_what_it_shows(page, unpacking_home, tmp_path):
+    (predictor,) = blocks("py")
+    (tmp_path / "my_model.py").write_text(predictor)
+    for _, name, text in steps(page):
+        if name:
+            (tmp_path / name).write_text(text)
+    told = [(language, text) for language, _, text in steps(page) if language != "output"]
+    command = [sys.executable, "-c", RUNNER]
+    printed = run(command, unpacking_home, tmp_path, json.dumps(told)).split(f"{MARK}\n")
+    assert len(printed) == len(told) + 1
+    place = -1
+    for language, _, text in steps(page):
+        place += language != "output"
+        if language == "output":
+            same = doctest.OutputChecker().check_output(text, printed[place], doctest.ELLIPSIS)
+            assert same, f"{page.name} shows\n{text}and it printed\n{printed[place]}"
+
+
+@pytest.mark.parametrize("page", WHOLE, ids=lambda page: page.name)
+def test_page_shows_what_a_block_before_it_printed(page):
+    shown = [number for number, (language, *_) in enumerate(steps(page)) if language == "output"]
+    assert shown
+    assert all(steps(page)[number - 1][0] in ("sh", "python") for number in shown)
 
 
 @pytest.mark.parametrize(
-    "line", [line for page in DOCS for line in commands("text", page) if "eigbench " in line]
+    "line",
+    [line for page in (*DOCS, *WHOLE) for line in commands("text", page) if "eigbench " in line],
 )
 def test_commands_that_take_too_long_for_a_test_are_understood(line):
     program, *arguments = shlex.split(line, comments=True)
@@ -72,9 +124,25 @@ def test_commands_that_take_too_long_for_a_test_are_understood(line):
     assert callable(cli._parser().parse_args(arguments).run)
 
 
+def test_page_to_start_from_installs_what_there_is():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    page = ROOT / "docs" / "start.md"
+    (line,) = (line for line in commands("text", page) if line.startswith("pip "))
+    assert shlex.split(line) == ["pip", "install", "-c", "constraints.txt", "-e", ".[all]"]
+    told = page.read_text().partition(line)[2].partition("\n## ")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", told, flags=re.M)) == {
+        *extras["optional-dependencies"]
+    }
+
+
 @pytest.mark.parametrize(
     "line",
-    [line for page in DOCS for line in commands("text", page) if re.search("synthnet (b|i)", line)],
+    [
+        line
+        for page in (*DOCS, *WHOLE)
+        for line in commands("text", page)
+        if re.search("synthnet (b|i)", line)
+    ],
 )
 def test_commands_that_need_a_cluster_are_understood(line):
     arguments = shlex.split(line.partition("synthnet ")[2])
@@ -124,8 +192,9 @@ def test_links_lead_somewhere(page):
             assert (page.parent / target).exists(), target
 
 
-def test_versions_of_the_readme_are_the_recipes():
-    rows = dict(re.findall(r"^\| `([\w.-]+)` \| ([\d,]+) \|", README, flags=re.M))
+def test_versions_of_the_first_page_are_the_recipes():
+    start = (ROOT / "docs" / "start.md").read_text()
+    rows = dict(re.findall(r"^\| `([\w.-]+)` \| ([\d,]+) \|", start, flags=re.M))
     assert rows == {v: f"{recipe.load(v).count:,}" for v in recipe.available()}
 
 

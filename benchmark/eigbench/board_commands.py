@@ -117,7 +117,8 @@ def regenerate(options: argparse.Namespace) -> int:
     with Console(stderr=True).status("scoring") as status:
         found = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
         scaled = scaling_results.read_board(root)
-        generated = leaderboard.generate(found, leaderboard.read_reported(root), scaled)
+        reported, readme = leaderboard.read_reported(root), _text(root / leaderboard.README)
+        generated = leaderboard.generate(found, reported, scaled, readme)
     stale = [p for p, text in generated.items() if _text(root / p) != text]
     known = {root / place for place in generated}
     orphans = [p for p in sorted((root / leaderboard.FIGURES).glob("*.svg")) if p not in known]

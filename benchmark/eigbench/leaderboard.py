@@ -3,6 +3,7 @@
 A board is all results of one dataset, split and protocol. In a checkout::
 
     LEADERBOARD.md                              generated
+    README.md                                   generated between its marks of the leaderboard
     benchmark/results/BOARD/MODEL.json          placed by `eigbench submit`
     benchmark/predictions/BOARD/MODEL.parquet   placed by `eigbench submit`
     benchmark/figures/BOARD.svg                 generated
@@ -24,9 +25,12 @@ from eigbench.scaling.results import Scaled
 from eigbench.submission import Submission
 from eigbench.training import IMPORTED
 from synthnet import recipe
+from synthnet.files import marked
 from synthnet.types import PROTOCOLS
 
 PAGE = "LEADERBOARD.md"
+README = "README.md"
+MARK = "<!-- begin leaderboard -->"  # a board of one's own may have a README without it
 RESULTS = Path("benchmark", "results")
 PREDICTIONS = Path("benchmark", "predictions")
 FIGURES = Path("benchmark", "figures")
@@ -110,15 +114,22 @@ def generate(
     submissions: Iterable[Submission],
     reported: Sequence[dict[str, Any]],
     scaled: Sequence[Scaled] = (),
+    readme: str = "",
 ) -> dict[Path, str]:
     """Return the text of each generated file, by its place in the checkout.
 
-    The order of the input does not matter.
+    The order of the input does not matter. ``readme`` is the README as it is: where it has the
+    marks, the first rows of each board go between them.
+
+    Raises
+    ------
+    ValueError
+        If it has the marks more than once, or not both of them.
     """
     boards: dict[str, list[Submission]] = {}
     for one in submissions:
         boards.setdefault(one.board, []).append(one)
-    parts, generated = [page.BANNER], {}
+    parts, tops, generated = [page.BANNER], [], {}
     for board in sorted(boards):
         facts = boards[board][0].result["dataset"]
         if facts["protocol"] not in PROTOCOLS:
@@ -127,6 +138,7 @@ def generate(
         place = FIGURES / f"{board}.svg"
         generated[place] = figures.error_against_time([row.submission for row in rows])
         parts += page.board(rows, place)
+        tops.append(page.top(rows))
         if recipe.load(facts["version"]).protocols and facts["protocol"] == "grouped":
             protocols = generalisation.Board(rows, held_out(boards.values(), facts["version"]))
             place = FIGURES / f"{facts['version']}-generalisation.svg"
@@ -140,7 +152,16 @@ def generate(
     for paper in sorted(reported, key=lambda paper: str(paper["source"])):
         parts += page.reported(paper)
     generated[Path(PAGE)] = "\n".join(parts)
+    if MARK in readme:
+        generated[Path(README)] = _with_tops(readme, tops)
     return generated
+
+
+def _with_tops(readme: str, tops: Sequence[str]) -> str:
+    try:
+        return marked(readme, "leaderboard", "\n" + "\n".join(tops))
+    except ValueError as error:
+        raise ValueError(f"{README} has {error}") from error
 
 
 def held_out(

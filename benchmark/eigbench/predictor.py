@@ -6,7 +6,7 @@ The first of these that the file has is taken:
 2. a class ``Predictor`` with such a method, made without arguments;
 3. a function ``load(device, seed)`` or ``load(device, seed, training)`` that returns an object
    with such a method; ``training`` names what it is to have been trained on, ``1.0/grouped`` or
-   ``2.0/family/pretzel``: the version and the ``protocol`` of :class:`synthnet.SynthNet`;
+   ``2.0/family/pretzel``: the version and the ``protocol`` of :class:`synthnet.pyg.SynthNet`;
 4. a ``torch.nn.Module`` named ``model`` (an instance, or a class made without arguments)
    that maps a PyG batch to (B, 10), and, if it needs one, a ``transform`` of
    ``Data(pos, face)``.

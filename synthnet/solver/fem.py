@@ -13,7 +13,7 @@ from synthnet.solver.compiled import kernel
 class Matrices(NamedTuple):
     """Stiffness and mass, symmetric, on one pattern.
 
-    Parameters
+    Attributes
     ----------
     indptr : ndarray of shape (n + 1,), int32
         Start of each row in ``indices``.

@@ -25,7 +25,7 @@ class Ordering(NamedTuple):
     Front k eliminates the vertices ``order[begin[k]:begin[k + 1]]`` and touches, below
     them, the positions ``rows[first_row[k]:first_row[k + 1]]`` of later columns.
 
-    Parameters
+    Attributes
     ----------
     order, position : ndarray of shape (n,), int32
         The vertex of each column, and the column of each vertex.

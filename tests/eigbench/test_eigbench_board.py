@@ -318,6 +318,50 @@ def test_edited_page_fails_the_check_and_the_difference_is_shown(eigbench, board
     assert f"run eigbench leaderboard --board {board}" in err
 
 
+def test_first_rows_stand_between_the_marks_of_the_readme(eigbench, board):
+    readme = board / "README.md"
+    readme.write_text("Mine\n<!-- begin leaderboard -->old<!-- end leaderboard -->\nend\n")
+    code, _, err = eigbench("leaderboard", "--check", "--board", board)
+    assert code == 1
+    assert "README.md as generated" in err
+    assert eigbench("leaderboard", "--board", board)[0] == 0
+    assert eigbench("leaderboard", "--check", "--board", board)[0] == 0
+    lines = readme.read_text().splitlines()
+    assert lines[:2] == ["Mine", "<!-- begin leaderboard -->"]
+    assert lines[2] == "synthNet 1.0-mini, test split, protocol grouped, 4 rows:"
+    assert lines[-2:] == ["<!-- end leaderboard -->", "end"]
+    assert [line.split(" | ")[0:2] for line in lines if re.match(r"\| \d", line)] == [
+        ["| 1=", "One percent"],
+        ["| 1=", "Other percent"],
+        ["| 3", "Twenty \\"],
+        ["| 4", "Far"],
+    ]
+
+
+def test_readme_shows_five_rows_of_a_board(read):
+    rows = [replace(read["one"], result_path=Path(f"{i}.json")) for i in range(7)]
+    readme = "<!-- begin leaderboard --><!-- end leaderboard -->"
+    text = leaderboard.generate(rows, [], (), readme)[Path("README.md")]
+    assert text.count("One percent") == 5
+    assert "7 rows:" in text
+
+
+def test_readme_without_marks_is_left_alone(eigbench, board):
+    (board / "README.md").write_text("mine")
+    assert eigbench("leaderboard", "--check", "--board", board)[0] == 0
+    assert eigbench("leaderboard", "--board", board)[0] == 0
+    assert (board / "README.md").read_text() == "mine"
+
+
+@pytest.mark.parametrize("text", ["<!-- begin leaderboard -->", "twice"])
+def test_readme_with_half_a_mark_is_one_line(eigbench, board, text):
+    marks = "<!-- begin leaderboard --><!-- end leaderboard -->"
+    (board / "README.md").write_text(2 * marks if text == "twice" else text)
+    code, _, err = eigbench("leaderboard", "--board", board)
+    assert code == 2
+    assert "README.md has the marks of leaderboard" in err
+
+
 def test_check_writes_nothing(eigbench, board):
     (board / "LEADERBOARD.md").write_text("mine")
     eigbench("leaderboard", "--check", "--board", board)
@@ -608,7 +652,8 @@ def test_plot_of_answers_that_are_not_finite_is_refused(
 def real(tmp_path_factory):
     """A copy of this repository's board."""
     place = tmp_path_factory.mktemp("real")
-    shutil.copy(CHECKOUT / "LEADERBOARD.md", place)
+    for name in (leaderboard.PAGE, leaderboard.README):
+        shutil.copy(CHECKOUT / name, place)
     shutil.copytree(CHECKOUT / "benchmark", place / "benchmark")
     return place
 

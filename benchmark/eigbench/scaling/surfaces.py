@@ -5,7 +5,7 @@ as wanted. Label and surface are two things: the label :math:`\lambda_h` is the 
 mesh, :math:`\lambda` that of the surface, and
 
 .. math::
-    \frac1k \sum_i \frac{|\lambda_{h,i} - \lambda_i|}{\lambda_i} = O(h^2)
+    \frac{1}{k} \sum_i \frac{|\lambda_{h,i} - \lambda_i|}{\lambda_i} = O(h^2)
 
 is the mesh's discretisation error: a prediction that is nearer to the label than that cannot be
 told from the label by anyone who wants the surface's spectrum.
