@@ -10,7 +10,6 @@ import base64
 import html
 import io
 import re
-import textwrap
 from typing import Any
 
 import griffe
@@ -21,8 +20,9 @@ from matplotlib.mathtext import MathTextParser
 
 DISPLAY = re.compile(r"^( *)\.\. math::\n((?:\1 +\S.*\n?)+)", re.MULTILINE)
 ROLE = re.compile(r":(func|class|meth|mod|data|attr|exc|math):`(~?)([^`]+)`")
-LITERAL = re.compile(r"(\w)?::$", re.MULTILINE)
+LITERAL = re.compile(r"(\S)?::$", re.MULTILINE)
 SIZE = 10.0  # points; pictures are placed in units of it, so that they follow the text
+DISPLAYED = 1.3  # times as large: what stands alone has fractions
 OURS = ("synthnet", "eigbench")
 
 
@@ -45,7 +45,7 @@ def rewrite(text: str, obj: griffe.Object | None = None) -> str:
     >>> rewrite(":math:`e_i`")[:32]
     '<img class="math" alt="e_i" src='
     """
-    text = DISPLAY.sub(lambda m: f"{m[1]}{formula(textwrap.dedent(m[2]))}\n", text)
+    text = DISPLAY.sub(lambda m: f"{m[1]}{formula(m[2], DISPLAYED)}\n", text)
     return LITERAL.sub(lambda m: f"{m[1]}:" if m[1] else "", ROLE.sub(_role(obj), text))
 
 
@@ -61,7 +61,7 @@ def _role(obj: griffe.Object | None) -> Any:
     return replaced
 
 
-def formula(tex: str) -> str:
+def formula(tex: str, scale: float = 1.0) -> str:
     """Return the picture of a formula, in line with the text, with its TeX for who cannot see."""
     tex = " ".join(tex.split())
     drawn = f"${tex}$"
@@ -73,7 +73,8 @@ def formula(tex: str) -> str:
     with mpl.rc_context({"svg.hashsalt": "synthnet", "svg.fonttype": "path"}):
         figure.savefig(written, format="svg", transparent=True, metadata={"Date": None})
     picture = base64.b64encode(written.getvalue()).decode()
-    style = f"height:{height / SIZE:.3f}em;vertical-align:-{depth / SIZE:.3f}em"
+    high, deep = scale * height / SIZE, scale * depth / SIZE
+    style = f"height:{high:.3f}em;vertical-align:-{deep:.3f}em"
     source = f"data:image/svg+xml;base64,{picture}"
     return f'<img class="math" alt="{html.escape(tex)}" src="{source}" style="{style}">'
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import posixpath
 import re
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -113,15 +112,8 @@ def _outside(path: str, config: Any) -> File:
     if path.endswith(PICTURES):
         return File.generated(config, site_uri(path), abs_src_path=str(there))
     if there.is_dir():
-        lines = "\n".join(f"- `{one}`" for one in _tracked(path))
+        files = sorted(one.relative_to(ROOT) for one in there.rglob("*") if one.is_file())
+        lines = "\n".join(f"- `{one.as_posix()}`" for one in files)
         return File.generated(config, site_uri(path), content=f"# {path}\n\n{lines}\n")
     fence = f"```{LANGUAGES.get(there.suffix, 'text')}\n{there.read_text()}```\n"
     return File.generated(config, site_uri(path), content=f"# {path}\n\n{fence}")
-
-
-def _tracked(path: str) -> list[str]:
-    """Return the files of a folder that git knows, so that a checkout's stray ones are not told."""
-    listed = subprocess.run(
-        ["git", "ls-files", path], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    return listed.stdout.splitlines()

@@ -13,13 +13,29 @@ from synthnet.types import Mesh
 
 
 def random_rotation(rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw a rotation uniformly from SO(3), shape (3, 3), float64, by trimesh."""
+    """Draw a rotation uniformly from SO(3), shape (3, 3), float64, by trimesh.
+
+    Examples
+    --------
+    >>> rotation = random_rotation(np.random.default_rng(0))
+    >>> bool(np.allclose(rotation @ rotation.T, np.eye(3)))
+    True
+    >>> round(float(np.linalg.det(rotation)), 9)
+    1.0
+    """
     matrix: NDArray[np.float64] = transformations.random_rotation_matrix(rand=rng.random(3))
     return matrix[:3, :3]
 
 
 def random_reflection(rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw a reflection in a plane through the origin, its normal uniform on the sphere."""
+    """Draw a reflection in a plane through the origin, its normal uniform on the sphere.
+
+    Examples
+    --------
+    >>> reflection = random_reflection(np.random.default_rng(0))
+    >>> bool(np.allclose(reflection @ reflection, np.eye(3)))
+    True
+    """
     normal = random_rotation(rng)[:, 2]
     matrix: NDArray[np.float64] = transformations.reflection_matrix(np.zeros(3), normal)
     return matrix[:3, :3]
@@ -73,6 +89,12 @@ def apply(mesh: Mesh, isometry: NDArray[np.floating[Any]]) -> Mesh:
     -------
     Mesh
         Oriented outwards if ``mesh`` is.
+
+    Examples
+    --------
+    >>> mirrored = apply(Mesh(np.eye(3), np.array([[0, 1, 2]])), np.diag([1.0, 1.0, -1.0]))
+    >>> mirrored.vertices[2].tolist(), mirrored.faces.tolist()
+    ([0.0, 0.0, -1.0], [[0, 2, 1]])
     """
     moved = mesh.vertices @ isometry.T.astype(mesh.vertices.dtype)
     reflects = np.linalg.det(isometry) < 0

@@ -87,6 +87,12 @@ def generator(seed: int, family: str, index: int, stream: int) -> np.random.Gene
         The shape.
     stream : int
         :data:`PARAMETERS`, :data:`ISOMETRIES` or :data:`MESHES`.
+
+    Examples
+    --------
+    >>> one, other = (generator(0, "cone", 42, PARAMETERS) for _ in range(2))
+    >>> one.random() == other.random()
+    True
     """
     key = int.from_bytes(hashlib.sha256(family.encode()).digest()[:4], "big")
     child = np.random.SeedSequence(seed, spawn_key=(key, index, stream))

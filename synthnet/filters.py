@@ -145,6 +145,15 @@ def check_mesh(mesh: Mesh, limits: FilterSettings, wanted: Topology) -> tuple[st
         The recipe's limits.
     wanted : Topology
         What the family declares.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from synthnet import recipe
+    >>> flat = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2]]))
+    >>> name, finding = check_mesh(flat, recipe.load("1.0").filters, Topology(1, boundaries=1))
+    >>> name
+    'degenerate_face'
     """
     facts = MeshFacts(mesh)
     for name, check in MESH_CHECKS.items():

@@ -378,6 +378,12 @@ def fans(
     UnreadableError
         If a corner is no vertex, or the triangles of a polygon do not all face one way; those
         that name a vertex twice are not asked.
+
+    Examples
+    --------
+    >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    >>> fans(corners, np.array([0, 1, 2, 3]), np.array([4]), np.array([1])).tolist()
+    [[0, 1, 2], [0, 2, 3]]
     """
     outside = (corners < 0) | (corners >= len(vertices))
     if outside.any():

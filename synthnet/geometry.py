@@ -47,12 +47,28 @@ def face_areas(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def area(mesh: Mesh) -> float:
-    """Return the area of the surface in length²."""
+    """Return the area of the surface in length².
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    >>> area(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])))
+    1.0
+    """
     return float(face_areas(mesh).sum())
 
 
 def volume(mesh: Mesh) -> float:
-    """Return the signed volume a closed surface encloses, positive if oriented outwards."""
+    """Return the signed volume a closed surface encloses, positive if oriented outwards.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> round(6 * volume(Mesh(np.vstack([np.zeros(3), np.eye(3)]), faces)), 12)
+    1.0
+    """
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
     products = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     return float(products.sum() / 6)

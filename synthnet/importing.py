@@ -322,7 +322,13 @@ def plan_files(places: Sequence[Path], settings: Settings) -> list[FilePlan]:
 
 
 def family_of(place: Path) -> str:
-    """Return the name of a directory in small letters, digits and underscores."""
+    """Return the name of a directory in small letters, digits and underscores.
+
+    Examples
+    --------
+    >>> family_of(Path("scans/Ears (left)"))
+    'ears_left'
+    """
     return re.sub(r"[^a-z0-9]+", "_", place.name.lower()).strip("_") or "meshes"
 
 

@@ -50,7 +50,14 @@ class Arc:
 
 
 def line(start: float, stop: float, rise: float = 0.0) -> Arc:
-    """Return the straight arc from one radius to another, ``rise`` up the axis meanwhile."""
+    """Return the straight arc from one radius to another, ``rise`` up the axis meanwhile.
+
+    Examples
+    --------
+    >>> slope = line(1.0, 0.0, rise=1.0)  # the side of a cone as high as wide
+    >>> round(slope.length, 4), slope.radius(np.array([0.0, slope.length])).tolist()
+    (1.4142, [1.0, 0.0])
+    """
     length = math.hypot(stop - start, rise)
     return Arc(length, lambda s: start + (stop - start) * s / length)
 

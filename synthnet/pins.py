@@ -100,7 +100,13 @@ def differences(found: Pin, expected: Pin) -> Iterator[str]:
 
 
 def read(version: str) -> dict[str, Pin] | None:
-    """Return the pins of a full version by id, or ``None`` if it has none."""
+    """Return the pins of a full version by id, or ``None`` if it has none.
+
+    Examples
+    --------
+    >>> round(float(read("1.0")["torus-00005"].eigenvalues[0]), 4)
+    1.0378
+    """
     table = _shipped(f"{version}.lock.parquet")
     if table is None:
         return None

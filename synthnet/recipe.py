@@ -264,7 +264,13 @@ def load(version: str) -> Recipe:
 
 
 def is_sealed(version: str) -> bool:
-    """Return whether a name is that of a sealed set, see :mod:`synthnet.seal`."""
+    """Return whether a name is that of a sealed set, see :mod:`synthnet.seal`.
+
+    Examples
+    --------
+    >>> is_sealed("1.0-mini-sealed-0123456789ab"), is_sealed("1.0-mini")
+    (True, False)
+    """
     return SEALED.fullmatch(version) is not None
 
 

@@ -294,7 +294,16 @@ def flat_faces(mesh: Mesh) -> int:
 
 
 def unit_area(mesh: Mesh) -> tuple[Mesh, float]:
-    """Return the mesh centred and scaled to area 1, and the factor of its lengths."""
+    """Return the mesh centred and scaled to area 1, and the factor of its lengths.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> corners = np.array([[0.0, 0, 0], [4, 0, 0], [0, 2, 0]])
+    >>> mesh, scale = unit_area(Mesh(corners, np.array([[0, 1, 2]])))
+    >>> scale, area(mesh)
+    (0.5, 1.0)
+    """
     scale = 1 / np.sqrt(area(mesh))
     return Mesh(centred(mesh).vertices * scale, mesh.faces), float(scale)
 

@@ -95,6 +95,14 @@ def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     ----------
     M. Reuter, F.-E. Wolter, N. Peinecke, "Laplace-Beltrami spectra as 'Shape-DNA' of
     surfaces and solids", Computer-Aided Design 38 (2006).
+
+    Examples
+    --------
+    >>> stiffness, mass = fem_matrices(Mesh(np.eye(3), np.array([[0, 1, 2]])))
+    >>> round(float(mass.sum() ** 2), 9)  # the square of the area, √3 / 2
+    0.75
+    >>> bool(abs(stiffness.sum(axis=0)).max() < 1e-15)  # constants are in its kernel
+    True
     """
     matrices = _assemble(mesh)
     shape = (len(mesh.vertices),) * 2
@@ -201,6 +209,13 @@ def count_below(mesh: Mesh, *shifts: float) -> list[int]:
         If a triangle has no area, or a vertex no triangle.
     SpectrumError
         If a shift is so close to an eigenvalue that a pivot is zero.
+
+    Examples
+    --------
+    >>> from synthnet.families import FAMILIES
+    >>> sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 40})
+    >>> count_below(sphere, 1.0, 4.0, 9.0)  # of 0, then 2 three times, then 6 five times
+    [1, 4, 9]
     """
     matrices = _assemble(mesh)
     ordering = find_ordering(matrices.indptr, matrices.indices)

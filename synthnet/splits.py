@@ -37,6 +37,16 @@ def grouped(specs: Sequence[ShapeSpec], shares: SplitSettings, seed: int) -> dic
     -------
     dict of str to str
         Split by shape id.
+
+    Examples
+    --------
+    >>> from synthnet.types import ShapeSpec
+    >>> twins = [ShapeSpec(f"cone-{i:05d}", "cone", i, {}, group=str(i // 2)) for i in range(20)]
+    >>> split = grouped(twins, SplitSettings(0.7, 0.2, 0.1), seed=0)
+    >>> [sum(name == part for name in split.values()) for part in ("train", "validation", "test")]
+    [14, 4, 2]
+    >>> all(split[a.id] == split[b.id] for a, b in zip(twins[::2], twins[1::2], strict=True))
+    True
     """
     families: defaultdict[str, defaultdict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     for spec in specs:

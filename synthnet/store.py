@@ -75,7 +75,13 @@ def home(root: str | os.PathLike[str] | None = None) -> Place:
 
 
 def dataset_directory(version: str, root: str | os.PathLike[str] | None = None) -> Place:
-    """Return where a version is or would be: ``<home>/<version>``."""
+    """Return where a version is or would be: ``<home>/<version>``.
+
+    Examples
+    --------
+    >>> dataset_directory("1.0", "/data").as_posix()
+    '/data/1.0'
+    """
     return home(root) / version
 
 

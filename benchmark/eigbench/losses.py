@@ -19,6 +19,11 @@ def rpd_loss(p: Tensor, g: Tensor) -> Tensor:
     References
     ----------
     Paper, section 3.4.
+
+    Examples
+    --------
+    >>> rpd_loss(torch.tensor([[1.0, 4.0]]), torch.tensor([[3.0, 4.0]])).item()
+    0.5
     """
     return ((p - g).abs() / (p.abs() + g.abs() + EPSILON)).sum(dim=1).mean()
 
@@ -34,6 +39,11 @@ def polar_loss(p: Tensor, g: Tensor) -> Tensor:
     References
     ----------
     Paper, section 3.4, the numerator of the second term as printed there.
+
+    Examples
+    --------
+    >>> round(polar_loss(torch.tensor([[3.0, 0.0]]), torch.tensor([[0.0, 4.0]])).item(), 4)
+    1.7143
     """
     length_p, length_g = torch.linalg.norm(p, dim=1), torch.linalg.norm(g, dim=1)
     cosine = (p * g).sum(dim=1) / (length_p * length_g)
@@ -43,5 +53,11 @@ def polar_loss(p: Tensor, g: Tensor) -> Tensor:
 
 
 def l1_loss(p: Tensor, g: Tensor) -> Tensor:
-    r"""Return the mean over the batch of :math:`\sum_i |p_i - g_i|`."""
+    r"""Return the mean over the batch of :math:`\sum_i |p_i - g_i|`.
+
+    Examples
+    --------
+    >>> l1_loss(torch.tensor([[1.0, 4.0]]), torch.tensor([[3.0, 4.0]])).item()
+    2.0
+    """
     return (p - g).abs().sum(dim=1).mean()

@@ -87,18 +87,36 @@ def psnr(p: Array, g: Array) -> Array:
 
 
 def psnr_above_20(p: Array, g: Array) -> Array:
-    """Return 1 where :func:`psnr` is above 20 dB, else 0; the mean is the paper's share."""
+    """Return 1 where :func:`psnr` is above 20 dB, else 0; the mean is the paper's share.
+
+    Examples
+    --------
+    >>> psnr_above_20(np.array([[1.0, 3.0], [1.0, 9.9]]), np.array([[2.0, 4.0], [1.0, 10.0]]))
+    array([0., 1.])
+    """
     return np.asarray(psnr(p, g) > ACCURATE, dtype=np.float64)
 
 
 def l1_norm(p: Array, g: Array) -> Array:
-    r"""Return :math:`\sum_i |p_i - g_i|`."""
+    r"""Return :math:`\sum_i |p_i - g_i|`.
+
+    Examples
+    --------
+    >>> l1_norm(np.array([[1.0, 8.0]]), np.array([[4.0, 4.0]]))
+    array([7.])
+    """
     with np.errstate(invalid="ignore", over="ignore"):
         return np.asarray(np.abs(p - g).sum(axis=1))
 
 
 def l2_norm(p: Array, g: Array) -> Array:
-    r"""Return :math:`\sqrt{\sum_i (p_i - g_i)^2}`."""
+    r"""Return :math:`\sqrt{\sum_i (p_i - g_i)^2}`.
+
+    Examples
+    --------
+    >>> l2_norm(np.array([[1.0, 8.0]]), np.array([[4.0, 4.0]]))
+    array([5.])
+    """
     with np.errstate(invalid="ignore", over="ignore"):
         return np.asarray(np.linalg.norm(p - g, axis=1))
 

@@ -34,6 +34,12 @@ def floor(truth: Truth, key: str) -> float | None:
     ------
     EigbenchError
         If the pinned estimates lack some of the shapes.
+
+    Examples
+    --------
+    >>> from eigbench import truth
+    >>> round(floor(truth.load("1.0-mini"), "rpd"), 3)  # of ten, the sum that RPD is
+    0.395
     """
     limits = surface_eigenvalues(truth)
     if limits is None:

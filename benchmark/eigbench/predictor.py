@@ -170,6 +170,14 @@ def checked(values: NDArray[Any], count: int, k: int) -> NDArray[np.float64]:
     ------
     PredictorError
         If it is no real numeric array of shape (count, k).
+
+    Examples
+    --------
+    >>> checked(np.array([[2, 2, 6]]), count=1, k=3)
+    array([[2., 2., 6.]])
+    >>> checked(np.array([2.0, 2.0, 6.0]), count=1, k=3)
+    Traceback (most recent call last):
+    eigbench.errors.PredictorError: the answer has shape (3,), it must be (1, 3)
     """
     if values.dtype.kind == "c":
         raise PredictorError("the answer is complex, eigenvalues are real")

@@ -38,6 +38,14 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
         of the mean over seeds. ``families``: count, mean and median for each family.
         ``per_index``: mean and median relative error of each eigenvalue. Numbers that are
         not finite are ``None``; nothing is left out of a mean.
+
+    Examples
+    --------
+    >>> from eigbench import truth
+    >>> wanted = truth.load("1.0-mini")
+    >>> scores = score(wanted, 1.1 * wanted.eigenvalues[None])  # one seed, 10 % too large
+    >>> round(scores["overall"]["rpd"]["mean"], 4), round(scores["per_index"][0]["mean"], 4)
+    (0.4762, 0.1)
     """
     values = per_mesh(truth, predictions)
     weights = bootstrap_weights(truth)

@@ -135,6 +135,13 @@ def draw_shapes(recipe: Recipe) -> list[ShapeSpec]:
     ------
     RecipeError
         If the recipe names a family that is not there, or wrong parameters for one.
+
+    Examples
+    --------
+    >>> from synthnet.recipe import load
+    >>> shapes = draw_shapes(load("1.0"))
+    >>> len(shapes), shapes[0].id
+    (16550, 'rectangular_prism-00000')
     """
     for name, family in recipe.families.items():
         if name not in FAMILIES:

@@ -231,6 +231,11 @@ def rectangle(u: Floats, v: Floats) -> Floats:
     ----------
     u, v : ndarray of shape (a,) and (b,)
         Ascending coordinates of the lines.
+
+    Examples
+    --------
+    >>> rectangle(np.array([0.0, 1.0]), np.array([0.0, 2.0])).shape
+    (2, 3, 2)
     """
     corner = np.stack(np.meshgrid(u, v, indexing="ij"), axis=2)
     low, right = corner[:-1, :-1], corner[1:, :-1]
