@@ -139,25 +139,38 @@ def predicted(model: Submission, wanted: Truth) -> NDArray[np.float64]:
 
 def section(board: Board, figure: str) -> list[str]:
     """Return the Markdown of a version's protocols, and the place of its figure."""
-    protocols = board.protocols
-    counts = [f"{title(name)} ({_count(board, name)})" for name in protocols]
     parts = [
         f"## synthNet {board.version}: generalisation\n",
         f"{EXPLAINED}\n",
     ]
+    counts = [f"{title(name)} ({_count(board, name)})" for name in board.protocols]
     for key in SHOWN:
-        lines = [
-            [
-                row.submission.name,
-                score(row.submission.result["scores"]["overall"][key]["mean"], key),
-                *(with_drop(board.cell(row.submission, name, key), key) for name in protocols),
-            ]
-            for row in board.rows
-        ]
         headers = [f"{METRICS[key].heading} of", "i.i.d.", *counts]
-        parts.append(table(headers, lines))
+        parts.append(table(headers, _lines(board, key, board.rows)))
     parts.append(f"![Error under each protocol]({figure})\n")
     return [*parts, *_digests(board)]
+
+
+def top(board: Board, count: int) -> str:
+    """Return what the first rows of a board lose where it was held out, for the README."""
+    key = SHOWN[0]
+    headers = [f"{METRICS[key].heading} of", "i.i.d.", *map(title, board.protocols)]
+    intro = (
+        f"The same models on what training did not have, synthNet {board.version}; in brackets "
+        "the drop of those that are trained:"
+    )
+    return f"{intro}\n\n{table(headers, _lines(board, key, board.rows[:count]))}"
+
+
+def _lines(board: Board, key: str, rows: Sequence[Ranked]) -> list[list[str]]:
+    return [
+        [
+            row.submission.name,
+            score(row.submission.result["scores"]["overall"][key]["mean"], key),
+            *(with_drop(board.cell(row.submission, name, key), key) for name in board.protocols),
+        ]
+        for row in rows
+    ]
 
 
 def title(protocol: str) -> str:

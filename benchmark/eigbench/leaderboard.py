@@ -144,6 +144,7 @@ def generate(
             place = FIGURES / f"{facts['version']}-generalisation.svg"
             generated[place] = figures.generalisation(protocols)
             parts += generalisation.section(protocols, place.as_posix())
+            tops.append(generalisation.top(protocols, page.TOP))
     if not boards:
         parts.append("No result has been submitted yet.\n")
     section, drawn = scaling_page.section(scaled)

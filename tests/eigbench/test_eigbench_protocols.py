@@ -161,6 +161,19 @@ def test_section_shows_scores_beside_the_iid_column_with_the_drop(held_out, tmp_
     assert "| Model | 100.00 % | not run | not run | 100.00 % (+0.00) | not run |" in text
 
 
+def test_readme_shows_what_the_first_rows_lose(held_out):
+    whole, model = held_out
+    readme = "<!-- begin leaderboard --><!-- end leaderboard -->"
+    text = leaderboard.generate([*whole, model], [], (), readme)[leaderboard.Path("README.md")]
+    assert "| Model | 0.0498 | not run | not run | 0.2439 (+0.1942) | not run |" in text
+    best = generalisation.top(generalisation.Board(ranking.ranked(whole), {"genus": [model]}), 1)
+    assert [line.split(" | ")[0] for line in best.splitlines()[2:]] == [
+        "| RPD ↓ of",
+        "| ---",
+        "| Solver",
+    ]
+
+
 def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(
     held_out, parts, make_submission, tmp_path
 ):
