@@ -269,7 +269,7 @@ def main() -> None:
     version = sys.argv[1]
     data = DOCS / "data" / f"shapes-{version}.json"
     if "--draw" not in sys.argv:
-        data.write_text(json.dumps(measured(version)) + "\n")
+        write_text(data, json.dumps(measured(version)) + "\n")
     facts = json.loads(data.read_text())
     place = DOCS / "pictures" / version
     place.mkdir(parents=True, exist_ok=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import posixpath
 import re
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -112,8 +113,34 @@ def _outside(path: str, config: Any) -> File:
     if path.endswith(PICTURES):
         return File.generated(config, site_uri(path), abs_src_path=str(there))
     if there.is_dir():
-        files = sorted(one.relative_to(ROOT) for one in there.rglob("*") if one.is_file())
-        lines = "\n".join(f"- `{one.as_posix()}`" for one in files)
+        lines = "\n".join(f"- `{one}`" for one in held(path))
         return File.generated(config, site_uri(path), content=f"# {path}\n\n{lines}\n")
-    fence = f"```{LANGUAGES.get(there.suffix, 'text')}\n{there.read_text()}```\n"
-    return File.generated(config, site_uri(path), content=f"# {path}\n\n{fence}")
+    shown = fenced(there.read_text(), LANGUAGES.get(there.suffix, "text"))
+    return File.generated(config, site_uri(path), content=f"# {path}\n\n{shown}")
+
+
+def held(path: str) -> list[str]:
+    """Return the files in a folder of the repository: those git knows, if this is a checkout."""
+    if (ROOT / ".git").exists():
+        command = ["git", "ls-files", "-z", "--", path]
+        done = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+        files = [ROOT / name for name in done.stdout.split("\0") if name]
+    else:
+        files = [one for one in (ROOT / path).rglob("*") if "__pycache__" not in one.parts]
+    return sorted(one.relative_to(ROOT).as_posix() for one in files if one.is_file())
+
+
+def fenced(text: str, language: str) -> str:
+    r"""Return text as a block of code, its fence longer than any in the text.
+
+    Examples
+    --------
+    >>> fenced("a", "text")
+    '```text\na\n```\n'
+    >>> fenced("```sh\nls\n```\n", "text")
+    '````text\n```sh\nls\n```\n````\n'
+    """
+    longest = max(map(len, re.findall("`+", text)), default=0)
+    fence = "`" * max(3, longest + 1)
+    end = "" if text.endswith("\n") else "\n"
+    return f"{fence}{language}\n{text}{end}{fence}\n"

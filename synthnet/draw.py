@@ -136,7 +136,14 @@ def picture_of_sheet(
         Whether to draw the edges of the meshes.
     layout : Layout
         How large, and how many in a row.
+
+    Raises
+    ------
+    ValueError
+        If there are no meshes.
     """
+    if not meshes:
+        raise ValueError("a contact sheet needs at least 1 mesh, got 0")
     across = min(layout.across, len(meshes))
     rows = -(-len(meshes) // across)
     tall = layout.height + 0.1 + CAPTION_LINE * max(map(len, captions))

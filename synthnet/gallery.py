@@ -19,7 +19,7 @@ from synthnet.types import Mesh, ShapeSpec
 
 LINE, NO_BREAK = 36, "\u00a0"  # letters of a caption's line, and a space that ends none
 MOST = 5000  # shapes of a family to choose from: all but of scaled versions
-UNSEEN = ("seed",)  # parameters that say nothing to a reader
+UNSEEN = ("seed", "sha256")  # parameters that say nothing to a reader
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Candidates:
     specs : tuple of ShapeSpec
         These, or the first :data:`MOST`, in the order of the version.
     varying : tuple of str
-        The parameters that differ between them.
+        The parameters that all of them have and that differ between them.
     """
 
     family: str
@@ -50,7 +50,7 @@ def candidates(
     """Return the shapes of each family of a version, or of one family.
 
     They are drawn from the recipe, so the version need not be built; an import, which has no
-    recipe, is read.
+    recipe, is read; a family of it has no shapes if all its files were rejected.
 
     Raises
     ------
@@ -61,7 +61,9 @@ def candidates(
     """
     stored = store.open_unversioned(version, root)
     if stored is not None:
-        found = _by_family(sample.spec for sample in stored.samples())
+        kept = _by_family(sample.spec for sample in stored.samples())
+        families = (shard.family for shard in stored.manifest.shards)
+        found = {name: kept.get(name, []) for name in families}
         totals = {name: len(specs) for name, specs in found.items()}
     else:
         wanted = recipe.load(version)
@@ -187,8 +189,12 @@ def spread(places: NDArray[np.float64], count: int) -> list[int]:
 
 
 def _varying(specs: Sequence[ShapeSpec]) -> tuple[str, ...]:
-    names = [name for name in specs[0].parameters if name not in UNSEEN]
-    return tuple(n for n in names if len({spec.parameters.get(n) for spec in specs}) > 1)
+    """Return the parameters that differ; the repairs of a mesh are parameters of that mesh only."""
+    if not specs:
+        return ()
+    shared = set.intersection(*(set(spec.parameters) for spec in specs)).difference(UNSEEN)
+    names = [name for name in specs[0].parameters if name in shared]
+    return tuple(n for n in names if len({spec.parameters[n] for spec in specs}) > 1)
 
 
 def _ranks(among: Candidates) -> NDArray[np.float64]:

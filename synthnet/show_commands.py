@@ -137,6 +137,12 @@ def gallery(options: argparse.Namespace) -> int:
         shapes = sorted(_followed(made, count), key=lambda shape: shape[0].id)
         title = f"synthNet {options.version}, {one.family}: {len(shapes)} of {one.total:,}"
         varying = one.varying
+    if not shapes:
+        family = "" if options.family is None else f" of family {options.family}"
+        raise ValueError(
+            f"{options.version} has no shape{family} to draw, every one was rejected: "
+            f"`synthnet info --version {options.version}` says why"
+        )
     write_bytes(path, galleries.sheet(shapes, varying, title, edges=options.edges))
     if options.json:
         ids = [spec.id for spec, _ in shapes]

@@ -65,3 +65,8 @@ def test_a_mesh_that_cannot_be_drawn_leaves_no_file(sample, tmp_path):
     with pytest.raises(ValueError, match="not finite cannot be drawn"):
         draw.draw_sample(broken, tmp_path / "a.png")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_sheet_of_nothing_is_refused():
+    with pytest.raises(ValueError, match="needs at least 1 mesh, got 0"):
+        draw.picture_of_sheet([], [])

@@ -70,13 +70,21 @@ def test_a_shape_that_a_filter_refuses_is_passed_over():
     assert [spec.id for spec, _ in chosen("1.0-mini", among, 2)] == [tori.specs[0].id]
 
 
+def obj(mesh, repeated=0):
+    """Return a mesh as an OBJ file, in which some faces have a vertex of their own."""
+    vertices, faces = mesh.vertices.tolist(), (mesh.faces + 1).tolist()
+    for face in faces[:repeated]:
+        vertices.append(vertices[face[0] - 1])
+        face[0] = len(vertices)
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices]
+    return "\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in faces)])
+
+
 def test_an_import_is_read(tmp_path, tiny_samples):
     scans = tmp_path / "scans"
     scans.mkdir()
     mesh = tiny_samples["torus"][0].mesh
-    lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices.tolist()]
-    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces.tolist()]
-    (scans / "a.obj").write_text("\n".join(lines))
+    (scans / "a.obj").write_text(obj(mesh))
     importing.import_meshes([scans], "mine", importing.Settings(), root=tmp_path, workers=1)
     (found,) = candidates("mine", root=tmp_path)
     assert found.family == "scans"
@@ -84,6 +92,55 @@ def test_an_import_is_read(tmp_path, tiny_samples):
     ((spec, read),) = chosen("mine", found, 3, tmp_path)
     assert spec.id == found.specs[0].id
     assert len(read.faces) == len(mesh.faces)
+
+
+@pytest.mark.parametrize("names", [("a.obj", "b.obj"), ("b.obj", "a.obj")])
+def test_repairs_of_some_files_of_an_import_only(names, tmp_path, tiny_samples):
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    mesh = tiny_samples["torus"][0].mesh
+    for name, repeated in zip(names, (0, 2), strict=True):
+        (scans / name).write_text(obj(mesh, repeated))
+    importing.import_meshes([scans], "mine", importing.Settings(), root=tmp_path, workers=1)
+    (found,) = candidates("mine", root=tmp_path)
+    merged = [spec.parameters.get("merged_vertices") for spec in found.specs]
+    assert merged == ([None, 2] if names[0] == "a.obj" else [2, None])
+    assert found.varying == ("file",)
+    shapes = list(chosen("mine", found, 2, tmp_path))
+    captions = [gallery.caption(spec, found.varying) for spec, _ in shapes]
+    assert sorted(lines[1] for lines in captions) == [
+        f"file{gallery.NO_BREAK}{name}" for name in sorted(names)
+    ]
+    assert gallery.sheet(shapes, found.varying, "mine").startswith(b"\x89PNG")
+
+
+def test_an_import_of_which_no_file_was_kept(tmp_path, run):
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    (scans / "a.obj").write_text("no mesh")
+    importing.import_meshes([scans], "mine", importing.Settings(), root=tmp_path, workers=1)
+    (found,) = candidates("mine", root=tmp_path)
+    assert (found.family, found.total, found.specs, found.varying) == ("scans", 0, (), ())
+    picture = tmp_path / "a.png"
+    where = ["--version", "mine", "--out", tmp_path, "--png", picture]
+    for family, told in (([], ""), (["scans"], " of family scans")):
+        assert run("gallery", *family, *where) == (
+            2,
+            "",
+            f"synthnet: mine has no shape{told} to draw, every one was rejected: "
+            "`synthnet info --version mine` says why\n",
+        )
+    assert not picture.exists()
+    code, out, _ = run("info", "--version", "mine", "--out", tmp_path)
+    assert code == 0
+    assert "unreadable" in out
+
+
+def test_a_family_of_which_every_candidate_is_refused(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(gallery.filters, "check_mesh", lambda *_: "a reason")
+    code, _, err = run("gallery", "torus", "--version", "1.0-mini", "--png", tmp_path / "a.png")
+    assert code == 2
+    assert "1.0-mini has no shape of family torus to draw" in err
 
 
 def test_captions_are_short_lines_that_break_between_parameters():

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import base64
 import doctest
+import html
 import re
+import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -93,6 +95,31 @@ def test_every_module_named_in_the_reference_exists_and_is_named_once():
         base = ROOT / ("benchmark" if name.startswith("eigbench") else "")
         path = base / name.replace(".", "/")
         assert path.with_suffix(".py").exists() or (path / "__init__.py").exists(), name
+
+
+def test_a_folder_lists_the_files_that_git_knows(hooks, tmp_path, monkeypatch):
+    monkeypatch.setattr(hooks, "ROOT", tmp_path)
+    (tmp_path / "code" / "__pycache__").mkdir(parents=True)
+    for name in ("b.py", "a.py", "scratch.txt", "gone.py", "__pycache__/a.pyc"):
+        (tmp_path / "code" / name).touch()
+    everything = ["code/a.py", "code/b.py", "code/gone.py", "code/scratch.txt"]
+    assert hooks.held("code") == everything  # an archive of the sources has no checkout
+    git = ["git", "-C", str(tmp_path)]
+    subprocess.run([*git, "init", "-q"], check=True)
+    subprocess.run([*git, "add", "code/a.py", "code/b.py", "code/gone.py"], check=True)
+    (tmp_path / "code" / "gone.py").unlink()
+    assert hooks.held("code") == ["code/a.py", "code/b.py"]
+
+
+@pytest.mark.parametrize("text", ["x", "a\n```sh\nls\n```\nb\n", "`````\n", "``` in a line\n"])
+def test_a_shown_file_is_one_block_whatever_it_holds(hooks, text):
+    import markdown
+
+    page = f"# a\n\n{hooks.fenced(text, 'text')}\nafter\n"
+    shown = markdown.markdown(page, extensions=["pymdownx.superfences"])
+    assert shown.count("<pre>") == 1
+    assert shown.endswith("<p>after</p>")
+    assert html.unescape(re.sub("<[^>]+>", "", shown)).strip() == f"a\n{text.rstrip()}\n\nafter"
 
 
 # --- docstrings ---------------------------------------------------------------------------

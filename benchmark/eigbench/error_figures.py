@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from eigbench import ranking
-from eigbench.errors import EigbenchError
-from eigbench.figures import FLOOR, PREDICTED, PROTOCOL_MARKS, escaped, style
+from eigbench.figures import FLOOR, PREDICTED, PROTOCOL_MARKS, check_finite, escaped, style
 from eigbench.metrics import METRICS
 from eigbench.ranking import RANKED_BY
 from eigbench.submission import Submission
@@ -68,7 +67,9 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
     """
     metric = METRICS[key]
     least = FLOOR / 10
-    found = [_finite(one, ranking.per_mesh(one, key)) for one in submissions]
+    found = [ranking.per_mesh(one, key) for one in submissions]
+    for one, values in zip(submissions, found, strict=True):
+        check_finite(one, values, metric.title)
     medians = [f"{np.median(values):.3g}" for values in found]
     if not metric.higher_is_better:
         found = [np.maximum(values, least) for values in found]
@@ -100,13 +101,9 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
 def _relative(one: Submission) -> NDArray[np.float64]:
     """Return the relative error of each instance and eigenvalue, mean over seeds, shape (n, k)."""
     labels = one.truth.eigenvalues
-    return _finite(one, np.mean(np.abs(one.predictions - labels) / labels, axis=0))
-
-
-def _finite(one: Submission, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    if not np.isfinite(values).all():
-        raise EigbenchError(f"{one.result_path} has predictions that are not finite: no picture")
-    return values
+    values = np.mean(np.abs(one.predictions - labels) / labels, axis=0)
+    check_finite(one, values, "the relative error")
+    return np.asarray(values)
 
 
 def _dataset(one: Submission) -> str:

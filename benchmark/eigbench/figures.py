@@ -12,6 +12,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from eigbench import ranking, results
 from eigbench.errors import EigbenchError
@@ -85,6 +86,27 @@ def as_svg(figure: Figure) -> str:
 def escaped(text: str) -> str:
     """Return text in which no dollar sign begins a formula."""
     return text.replace("$", "\\$")
+
+
+def check_finite(one: Submission, values: NDArray[np.float64], title: str) -> None:
+    """Raise if values of a submission's instances, a row or a number each, cannot be drawn.
+
+    Raises
+    ------
+    EigbenchError
+        If a value is not finite: a prediction is not, or the measure has no number for one that
+        is, as PSNR for an exact prediction and InvLap for one of 0.
+    """
+    finite = np.isfinite(values)
+    if finite.all():
+        return
+    if not np.isfinite(one.predictions).all():
+        raise EigbenchError(f"{one.result_path} has predictions that are not finite: no picture")
+    count = int((~finite.reshape(len(values), -1).all(axis=1)).sum())
+    raise EigbenchError(
+        f"{one.result_path}: {title} is infinite on {count:,} of {len(values):,} instances, though "
+        "the predictions are finite (PSNR of an exact one, InvLap of a 0): choose another --metric"
+    )
 
 
 def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -> None:
@@ -203,8 +225,7 @@ def spectra(one: Submission) -> Figure:
     """
     families = in_order(one.truth.families.tolist())
     errors = ranking.per_mesh(one, RANKED_BY)
-    if not np.isfinite(errors).all():
-        raise EigbenchError(f"{one.result_path} has predictions that are not finite: no picture")
+    check_finite(one, errors, METRICS[RANKED_BY].title)
     with style():
         figure = Figure(figsize=(7.2, 1.7 * len(families) + 0.6), layout="constrained")
         panels = figure.subplots(len(families), len(QUANTILES), squeeze=False)
@@ -245,9 +266,9 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
         width = 0.8 / len(submissions)
         palette = mpl.colormaps["viridis"](np.linspace(0.3, 1, len(submissions)))
         for number, (one, colour) in enumerate(zip(submissions, palette, strict=True)):
-            values = np.maximum(ranking.per_mesh(one, key), FLOOR / 10)
-            if not np.isfinite(values).all():
-                raise EigbenchError(f"{one.result_path} has predictions that are not finite")
+            values = ranking.per_mesh(one, key)
+            check_finite(one, values, METRICS[key].title)
+            values = np.maximum(values, FLOOR / 10)
             boxes = axes.boxplot(
                 [values[one.truth.families == name] for name in names],
                 positions=np.arange(len(names)) + (number - (len(submissions) - 1) / 2) * width,

@@ -642,7 +642,26 @@ def test_plot_of_answers_that_are_not_finite_is_refused(
     bad = make_submission("Bad", np.full_like(mini_truth.eigenvalues, np.inf))
     code, _, err = eigbench("plot", bad, "--out", tmp_path)
     assert code == 2
-    assert "not finite" in err
+    assert "has predictions that are not finite: no picture" in err
+    assert eigbench("plot", bad, "--out", tmp_path, "--metric", "psnr")[2] == err
+
+
+def test_plot_of_a_metric_that_is_infinite_on_finite_answers_says_so(
+    eigbench, make_submission, mini_truth, tmp_path
+):
+    answers = 1.1 * mini_truth.eigenvalues
+    answers[:3] = mini_truth.eigenvalues[:3]
+    answers[3] = 0
+    two = make_submission("Exact on three", answers)
+    for key, told in (("psnr", "PSNR is infinite on 3 of"), ("invlap", "is infinite on 1 of")):
+        code, _, err = eigbench("plot", two, "--out", tmp_path, "--metric", key)
+        assert code == 2
+        assert f"{told} {len(answers)} instances, though the predictions are finite" in err
+        one = submission.read(two)
+        for draw in (error_figures.histogram, figures.families):
+            with pytest.raises(EigbenchError, match=told):
+                draw([one], key)
+    assert eigbench("plot", two, "--out", tmp_path, "--metric", "rpd")[0] == 0
 
 
 # --- the board of this repository --------------------------------------------------------

@@ -293,6 +293,10 @@ def made(make_scaled):
     return make_scaled
 
 
+NOWHERE = (
+    "solver**: nowhere. No prediction is faster than the fastest exact solver, also on a coarser "
+    "mesh that is as good, and nearer to the label than the label is to the surface's spectrum."
+)
 TIMES = {1_000: 0.01, 10_000: 1.0}  # of an exact solver, in seconds
 
 
@@ -357,8 +361,18 @@ def test_page_without_a_solver_or_a_winner_says_so(made):
     assert "nothing can be said" in "\n".join(scaling_page.section([alone])[0])
     exact = made("Exact", {1_000: (0.001, 1.0)})
     text = "\n".join(scaling_page.section([alone, exact])[0])
-    assert "solver**: nowhere. No prediction" in text
+    assert NOWHERE in text
     assert scaling_page.section([]) == ([], {})
+
+
+def test_page_says_nowhere_where_only_a_coarser_mesh_is_as_good_and_faster(made):
+    near = made("Near", {10_000: (0.95, 1.0007)})
+    rows = [near, *(made(f"Exact {size}", {size: (t, 1.0)}) for size, t in TIMES.items())]
+    for surface in surfaces.SURFACES:  # faster and near enough to the label on every one
+        own = surfaces.pinned(surface, 10_000).discretisation_error
+        assert scaling_scores.error(near.meshes[surface, 10_000]) < own
+    assert scaling_scores.verdict(rows, 10_000).faster == {"near": (6, 0)}
+    assert NOWHERE in "\n".join(scaling_page.section(rows)[0])
 
 
 def test_times_of_two_machines_are_not_compared(made):

@@ -111,8 +111,9 @@ def told(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
         )
     else:
         answer = (
-            "nowhere. No prediction is both faster than the fastest exact solver and nearer to "
-            "the label than the label is to the surface's spectrum."
+            "nowhere. No prediction is faster than the fastest exact solver, also on a coarser "
+            "mesh that is as good, and nearer to the label than the label is to the surface's "
+            "spectrum."
         )
     lines = [_line(one, names, rows) for one in verdicts]
     return [
