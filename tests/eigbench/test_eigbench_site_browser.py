@@ -1,5 +1,6 @@
 """The page of `eigbench site` in a browser: from files, without a server and without a network."""
 
+import json
 import os
 import re
 import shutil
@@ -467,3 +468,125 @@ def test_the_policy_of_the_page_forbids_other_hosts(browser, folders):
     # That the request fails is not enough: without a network it would without a policy
     assert page.evaluate(FORBIDDEN) == ["connect-src", "https://example.org/"]
     context.close()
+
+
+# --- what is missing or unknown ------------------------------------------------------------
+
+
+@pytest.fixture
+def altered(browser, folders, tmp_path) -> Iterator:
+    """Return a function that opens a copy of the page that was changed; it may log errors."""
+    contexts = []
+
+    def opened(alter) -> Page:
+        place = tmp_path / "altered"
+        shutil.copytree(folders / "made", place)
+        alter(place)
+        contexts.append(browser.new_context(viewport=WIDE))
+        page = contexts[-1].new_page()
+        page.goto((place / "index.html").as_uri())
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
+@pytest.mark.parametrize("name", ["data.js", "chart.js"])
+def test_a_file_of_the_first_view_that_is_missing_is_said(altered, name):
+    page = altered(lambda place: (place / name).unlink())
+    expect(page.locator("#status")).to_have_text(f"{name} of this page's folder cannot be loaded")
+
+
+def test_a_board_that_cannot_be_loaded_does_not_leave_the_one_before(altered):
+    page = altered(lambda place: (place / "boards" / "2.0-mini-test-grouped.js").unlink())
+    expect(page.locator("#table")).to_contain_text("One percent")
+    page.get_by_label("Dataset").select_option("synthNet 2.0-mini")
+    expect(page.locator("#status")).to_have_text(
+        "boards/2.0-mini-test-grouped.js of this page's folder cannot be loaded"
+    )
+    for part in ("#table", "#chart", "#notes"):
+        expect(page.locator(part)).to_be_empty()
+    expect(page.locator("h2")).to_have_text("This board cannot be shown")
+    expect(page.locator("#controls")).to_be_hidden()
+    assert page.get_by_label("Dataset").input_value() == "synthNet 2.0-mini"
+    page.get_by_label("Dataset").select_option("synthNet 1.0-mini")
+    expect(page.locator("#table")).to_contain_text("One percent")
+    expect(page.locator("#controls")).to_be_visible()
+
+
+@pytest.mark.parametrize("value", ["none", "toString"])
+@pytest.mark.parametrize("name", ["sort", "columns", "metric", "training", "setting", "kinds"])
+def test_what_a_linked_view_names_and_is_not_there_is_dropped(visit, name, value):
+    page = visit(f"#{name}={value}")
+    assert len(names(page)) == 4
+    assert f"{name}=" not in page.evaluate("location.hash")
+
+
+def test_text_of_a_board_has_no_links_but_its_own(altered):
+    notes = (
+        r"\[name\](https://example.org/a) [b\]c](docs/rules.md#x) [out](javascript:alert%281%29) "
+        r"[up](/etc/passwd) [far](https://example.org/d) **e \*\* f** \*\*g\*\* \`h\`"
+    )
+
+    def alter(place):
+        path = place / "boards" / "1.0-mini-test-grouped.js"
+        text, count = re.subn(
+            r'"notes":\[.*?\],"floors"',
+            lambda _: f'"notes":[{json.dumps(notes)}],"floors"',
+            path.read_text(),
+        )
+        assert count == 1
+        path.write_text(text)
+
+    page = altered(alter)
+    page.get_by_text("How to read this").click()
+    told = page.locator("#notes details p").last
+    expect(told).to_have_text("[name](https://example.org/a) b]c out up far e ** f **g** `h`")
+    links = told.locator("a")
+    assert [link.get_attribute("href") for link in links.all()] == [
+        "../docs/rules.md#x",
+        "https://example.org/d",
+    ]
+    assert told.locator("strong").all_text_contents() == ["e ** f"]
+    assert told.locator("code").count() == 0
+
+
+# --- filters, seeds, tips ------------------------------------------------------------------
+
+
+def test_a_filter_leaves_the_front_as_it_is(visit):
+    page = visit()
+    chart = page.locator("#chart svg[role=img]").first
+    whole = chart.get_attribute("aria-label")
+    assert "Pareto front: One percent (" in whole
+    front = chart.locator("[stroke='var(--front)'] path")
+    drawn = front.get_attribute("d")
+    page.get_by_label("classical").uncheck()
+    assert "One percent" not in names(page)
+    told = chart.get_attribute("aria-label")
+    assert whole.partition("Pareto")[2] == told.partition("Pareto")[2]
+    assert "4 rows, 1 of them faint" in told
+    assert front.get_attribute("d") == drawn
+    expect(page.locator("#chart")).to_contain_text("Pareto front: One percent.")
+    expect(page.locator("#chart")).to_contain_text("faint: left out by the filters")
+
+
+def test_an_imported_shape_says_that_one_of_several_seeds_is_shown(visit, real_board):
+    one = next(
+        one
+        for one in real_board[0]
+        if one.truth.protocol.startswith("imported/") and len(one.predictions) > 1
+    )
+    page = visit(f"#board={one.board}&open={one.slug}", name="real")
+    expect(page.locator(".shape").first).to_contain_text("Predicted by the first seed.")
+
+
+def test_a_tip_goes_when_the_table_is_scrolled_below_it(visit):
+    page = visit("#columns=families-rpd", size={"width": 800, "height": 800})
+    page.locator("#sort-name").hover()
+    expect(page.locator("#tip")).to_be_visible()
+    table = page.locator("#table .scroll")
+    table.evaluate("table => { table.scrollLeft = 8; }")
+    expect(page.locator("#tip")).to_be_hidden()
+    assert table.evaluate("table => table.scrollLeft") > 0
