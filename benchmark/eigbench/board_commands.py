@@ -158,15 +158,17 @@ def regenerate(options: argparse.Namespace) -> int:
 def site(options: argparse.Namespace) -> int:
     """Write the leaderboard as a static page."""
     root = _root(options)
+    docs = write.docs_from(options.out) if options.docs is None else options.docs
+    write.check_docs(docs)
     write.check_place(options.out)
-    write.bundle()  # both before the minute that scoring takes
+    write.bundle()  # all three before the minute that scoring takes
     with Console(stderr=True).status("scoring") as status:
         found = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
         content = write.files(
             found,
             leaderboard.read_reported(root),
             scaling_results.read_board(root),
-            docs=options.docs,
+            docs=docs,
             on_step=lambda step: status.update(f"drawing {step}"),
         )
     write.write(options.out, content)

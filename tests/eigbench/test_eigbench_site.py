@@ -4,14 +4,19 @@ import base64
 import json
 import re
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
 from eigbench import generalisation, leaderboard, meshes, ranking, truth
 from eigbench.errors import EigbenchError
+from eigbench.markdown import cell
+from eigbench.metrics import METRICS
 from eigbench.site import boards, rows, shapes, write
 from eigbench.site.shapes import FACES, STEPS
+from eigbench.training import IMPORTED
 
 from synthnet import store
 from synthnet.types import Mesh
@@ -69,23 +74,92 @@ def test_licence_of_every_bundled_package_is_there(made_content):
     assert text.count("ermission") >= len(titles)  # the texts, not the names alone
 
 
-def test_every_row_is_there_with_the_numbers_of_the_leaderboard(real_content, real_board):
-    found, reported, scaled = real_board
+def titled(page, title):
+    """Return the section of LEADERBOARD.md with a title; there must be one."""
+    (found,) = (text for text in page.split("\n## ") if text.startswith(f"{title}\n"))
+    return found
+
+
+def table(section, corner):
+    """Return the lines of the first table that begins so: by model, the cells by column."""
+    lines = iter(section.splitlines())
+    head = next(line for line in lines if line.startswith(f"| {corner} |"))[2:-2].split(" | ")
+    next(lines)  # the rule below the head
+    own = takewhile(lambda line: line.startswith("|"), lines)
+    cells = [dict(zip(head, line[2:-2].split(" | "), strict=True)) for line in own]
+    found = {line.get("model", line[head[0]]): line for line in cells}
+    assert len(found) == len(cells)
+    return found
+
+
+ON_THE_BOARD = {
+    "rank": "rank",
+    "rpd": METRICS["rpd"].heading,
+    "psnr20": METRICS["psnr20"].heading,
+    "ms": "ms a mesh",
+    "lapy": "by LaPy",
+    "training": "training set",
+    "hardware": "hardware",
+}
+
+
+@pytest.mark.parametrize("name", ["made", "real"])
+def test_every_row_is_there_with_the_numbers_of_the_leaderboard(request, name):
+    found, reported, scaled = request.getfixturevalue(f"{name}_board")
+    content = request.getfixturevalue(f"{name}_content")
     page = leaderboard.generate(found, reported, scaled)[Path(leaderboard.PAGE)]
     for one in found:
-        board = read(real_content, f"boards/{one.board}.js")
+        board = read(content, f"boards/{one.board}.js")
+        assert one.slug in [row["slug"] for row in board["rows"]]
+        if one.truth.protocol not in boards.OF_ALL:
+            continue  # below, with the rows that were not run anew
+        main = table(titled(page, board["title"]), "rank")
+        assert set(main) == {cell(row["name"]) for row in board["rows"]}
+        for row in board["rows"]:
+            line = main[cell(row["name"])]
+            assert line["kind"] == row["kind"]
+            for key, heading in ON_THE_BOARD.items():
+                assert cell(row["cells"][key][0]) == line[heading], (one.board, row["name"], key)
+    for paper in reported:
+        titles = [one["title"] for one in read(content, "boards/reported.js")["tables"]]
+        assert titles == [one["title"] for one in paper["tables"]]
+
+
+@pytest.mark.parametrize("name", ["made", "real"])
+def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, name):
+    found, reported, scaled = request.getfixturevalue(f"{name}_board")
+    content = request.getfixturevalue(f"{name}_content")
+    page = leaderboard.generate(found, reported, scaled)[Path(leaderboard.PAGE)]
+    held_out = [one for one in found if one.truth.protocol not in boards.OF_ALL]
+    assert held_out
+    for one in held_out:
+        section = titled(page, f"synthNet {one.truth.version}: generalisation")
+        title = generalisation.title(one.truth.protocol)
+        for key in generalisation.SHOWN:
+            lines = table(section, f"{METRICS[key].heading} of")
+            for row in read(content, f"boards/{one.board}.js")["rows"]:
+                line = lines[cell(row["name"])]
+                (column,) = (head for head in line if head.startswith(f"{title} ("))
+                mean, _, drop = line[column].partition(" (")
+                assert row["cells"][key][0].partition(" ± ")[0] == mean, (one.board, row["name"])
+                if key == "rpd":
+                    assert row["cells"]["drop"][0] == (drop.removesuffix(")") or "none")
+
+
+@pytest.mark.parametrize("name", ["made", "real"])
+def test_every_row_opens_to_its_shapes_and_their_meshes(request, name):
+    content = request.getfixturevalue(f"{name}_content")
+    for one in request.getfixturevalue(f"{name}_board")[0]:
+        board = read(content, f"boards/{one.board}.js")
         (row,) = (row for row in board["rows"] if row["slug"] == one.slug)
-        main = [line for line in page.splitlines() if f"| {one.name} | {row['kind']} |" in line]
-        for key in ("rank", "rpd", "psnr20", "ms", "lapy", "training", "hardware"):
-            assert any(f"| {row['cells'][key][0]} |" in line for line in main), key
         assert set(row["cells"]) == set(board["columns"])
-        opened = read(real_content, f"rows/{one.board}/{one.slug}.js")
+        opened = read(content, f"rows/{one.board}/{one.slug}.js")
         assert [shape["name"] for shape in opened["shapes"]] == ["worst", "median"]
         for shape in opened["shapes"]:
-            assert f"{shape['mesh']}.js" in real_content
-    for paper in reported:
-        titles = [table["title"] for table in read(real_content, "boards/reported.js")["tables"]]
-        assert titles == [table["title"] for table in paper["tables"]]
+            if one.truth.protocol.startswith(IMPORTED):
+                assert (shape["mesh"], shape["why"]) == (None, rows.NO_MESH)
+            else:
+                assert f"{shape['mesh']}.js" in content
 
 
 def test_every_column_explains_itself(made_content):
@@ -219,7 +293,7 @@ def test_a_large_mesh_is_simplified_the_same_each_time(mini_truth):
 
 def test_command_writes_the_page_and_says_where(eigbench, real_content, tmp_path, monkeypatch):
     monkeypatch.chdir(Path(__file__).parents[2])
-    code, out, err = eigbench("site", "--out", tmp_path / "page")
+    code, out, err = eigbench("site", "--out", tmp_path / "page", "--docs", write.DOCS)
     assert code == 0, err
     assert re.search(r"rows: \d+; \d+ files, .* MB: open .*page/index\.html", out)
     there = tmp_path / "page"
@@ -255,6 +329,76 @@ def test_a_run_that_fails_leaves_the_older_page(made_content, tmp_path, monkeypa
     assert [path.name for path in tmp_path.iterdir()] == ["page"]
 
 
+def stop_at_move(monkeypatch, number, error):
+    """Raise an error in place of a move of a directory, counted from one."""
+    rename, calls = Path.rename, []
+
+    def stop(self, target):
+        calls.append(self)
+        if len(calls) == number:
+            raise error
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", stop)
+
+
+@pytest.mark.parametrize("error", [OSError(5, "Input/output error"), KeyboardInterrupt()])
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_run_that_is_stopped_at_a_move_leaves_the_older_page(
+    made_content, tmp_path, monkeypatch, number, error
+):
+    write.write(tmp_path / "page", made_content)
+    stop_at_move(monkeypatch, number, error)
+    with pytest.raises((EigbenchError, KeyboardInterrupt)):
+        write.write(tmp_path / "page", {**made_content, "data.js": b"new"})
+    monkeypatch.undo()
+    assert (tmp_path / "page" / "data.js").read_bytes() == made_content["data.js"]
+    assert [path.name for path in tmp_path.iterdir()] == ["page"]
+
+
+def test_a_page_that_a_killed_run_left_beside_its_place_is_put_back(
+    made_content, tmp_path, monkeypatch
+):
+    write.write(tmp_path / "page", made_content)
+    (tmp_path / "page").rename(tmp_path / f".page.{'0' * 32}.older")
+    monkeypatch.setattr(Path, "write_bytes", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):  # the next run does not even get as far as its moves
+        write.write(tmp_path / "page", made_content)
+    monkeypatch.undo()
+    assert (tmp_path / "page" / "data.js").read_bytes() == made_content["data.js"]
+    assert [path.name for path in tmp_path.iterdir()] == ["page"]
+
+
+def test_two_runs_have_no_folder_in_common(made_content, tmp_path, monkeypatch):
+    seen, write_bytes = [], Path.write_bytes
+
+    def note(self, data):
+        seen.append(next(one for one in self.parents if one.parent == tmp_path))
+        return write_bytes(self, data)
+
+    monkeypatch.setattr(Path, "write_bytes", note)
+    for _ in range(2):
+        write.write(tmp_path / "my.page", made_content)
+    assert len(set(seen)) == 2
+    assert all(re.fullmatch(r"\.my\.page\.[0-9a-f]{32}\.partial", one.name) for one in seen)
+
+
+@pytest.mark.parametrize("name", [".git/config", "CNAME", "rows/mine/notes.txt"])
+def test_a_page_with_something_else_in_its_folder_is_not_replaced(made_content, tmp_path, name):
+    write.write(tmp_path / "page", made_content)
+    mine = tmp_path / "page" / name
+    mine.parent.mkdir(parents=True, exist_ok=True)
+    mine.write_text("mine")
+    named = name.partition("/")[0] if name.startswith(".git") else name
+    with pytest.raises(
+        EigbenchError,
+        match=rf"page has {re.escape(named)}, which `eigbench site` did not write and would "
+        "remove: move it elsewhere, or give another place with --out$",
+    ):
+        write.write(tmp_path / "page", made_content)
+    assert mine.read_text() == "mine"
+
+
 def test_a_folder_that_is_no_page_is_not_touched(eigbench, made_board, tmp_path):
     (tmp_path / "benchmark" / "results").mkdir(parents=True)
     (tmp_path / "mine").mkdir()
@@ -282,7 +426,54 @@ def test_place_of_the_docs_is_checked_and_used(made_content):
         write.files([], [], [], docs="/docs/")
 
 
+def test_place_of_the_docs_is_checked_before_the_scoring(eigbench, tmp_path, monkeypatch):
+    (tmp_path / "benchmark" / "results").mkdir(parents=True)
+    monkeypatch.setattr(leaderboard, "read", lambda *_: pytest.fail("it was scored"))
+    out = tmp_path / "page"
+    code, _, err = eigbench("site", "--board", tmp_path, "--out", out, "--docs", "/docs/")
+    assert code == 2
+    assert re.fullmatch(r"eigbench: --docs /docs/ must have \{\} .*\n", err)
+    assert not out.exists()
+
+
+def test_place_of_the_docs_is_seen_from_the_page(eigbench, bundled, tmp_path):
+    (tmp_path / "benchmark" / "results").mkdir(parents=True)
+    out = tmp_path / "a place" / "page"
+    code, _, err = eigbench("site", "--board", tmp_path, "--out", out)
+    assert code == 0, err
+    docs = read({"data.js": (out / "data.js").read_bytes()}, "data.js")["docs"]
+    there = out / unquote(docs).format("metrics")
+    assert there.resolve() == Path(__file__).parents[2] / "docs" / "metrics.md"
+    assert there.is_file()
+
+
 def test_an_empty_board_is_a_page_that_says_so(bundled):
     content = write.files([], [], [])
     assert read(content, "data.js")["datasets"] == []
     assert set(content) == {*write.BUNDLED, "data.js"}
+
+
+# --- the machine of the tests ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("code", ["ENOTFOUND", "EAI_AGAIN", "ECONNREFUSED"])
+def test_no_registry_skips_the_tests_of_the_page_but_not_in_ci(npm, tmp_path, monkeypatch, code):
+    program = tmp_path / "npm"
+    program.write_text(f"#!/bin/sh\necho npm error code {code} >&2\nexit 1\n")
+    program.chmod(0o755)
+    monkeypatch.delenv("CI", raising=False)
+    with pytest.raises(pytest.skip.Exception, match=rf"npm ci cannot reach .* \({code}\)"):
+        npm(tmp_path, "ci", program=str(program))
+    monkeypatch.setenv("CI", "true")
+    with pytest.raises(pytest.fail.Exception, match="under CI=true this is no reason to skip"):
+        npm(tmp_path, "ci", program=str(program))
+
+
+def test_a_bundle_that_cannot_be_made_fails_and_does_not_skip(npm, tmp_path):
+    program = tmp_path / "npm"
+    program.write_text(
+        "#!/bin/sh\necho npm error: src/page.js: unexpected end of file >&2\nexit 1\n"
+    )
+    program.chmod(0o755)
+    with pytest.raises(AssertionError, match="unexpected end of file"):
+        npm(tmp_path, "run", "build", program=str(program))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import glob
 import json
+import os
 import shutil
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from eigbench.errors import EigbenchError
 from eigbench.figures import FASTEST, FLOOR, KINDS
@@ -20,10 +23,12 @@ from synthnet.files import make_directory
 from synthnet.version import __version__
 
 # Made by `make page` from benchmark/page/src; a checkout has it, an installed package does not.
-BUNDLE = Path(__file__).parents[2] / "page" / "dist"
+CHECKOUT = Path(__file__).resolve().parents[3]
+BUNDLE = CHECKOUT / "benchmark" / "page" / "dist"
 BUNDLED = ("index.html", "style.css", "page.js", "chart.js", "viewer.js", "LICENSES.txt")
 DATA = "data.js"
-DOCS = "../docs/{}.md"
+FOLDERS = ("boards", "meshes", "rows")
+DOCS = "../docs/{}.md"  # seen from a folder that is directly in the checkout
 REPORTED = "reported"
 
 
@@ -44,10 +49,7 @@ def files(
     EigbenchError
         If the scripts were not bundled, or ``docs`` has no place for a page's name.
     """
-    if "{}" not in docs:
-        raise EigbenchError(
-            f"--docs {docs} must have {{}} where the name of a page goes, as in {DOCS}"
-        )
+    check_docs(docs)
     found = bundle()
     told: dict[str, Any] = {}
     meshes: dict[str, tuple[Submission, str]] = {}
@@ -155,31 +157,44 @@ def _reported(papers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def write(out: Path, content: Mapping[str, bytes]) -> None:
     """Write the page beside its place and move it there; a run that fails leaves the older page.
 
+    At every moment a whole page is in its place, or beside it as ``.NAME.*.older``, from where a
+    run that was stopped between its two moves, or the next run, puts it back.
+
     Raises
     ------
     EigbenchError
-        If something else is there, which would be lost.
+        If something else is there, which would be lost, or the page cannot be written.
     BuildError
-        If it cannot be written.
+        If the folder that it is to be in cannot be written.
     """
     check_place(out)
-    make_directory(out.resolve().parent)
-    beside = out.resolve().with_name(f".{out.resolve().name}.{uuid.uuid4().hex}")
-    partial, older = (beside.with_suffix(kind) for kind in (".partial", ".older"))
+    place = out.resolve()
+    make_directory(place.parent)
+    # No two runs may have a folder in common: each would move and remove the other's.
+    beside = f".{place.name}.{uuid.uuid4().hex}"
+    partial, older = (place.with_name(f"{beside}.{kind}") for kind in ("partial", "older"))
     try:
-        for place, data in sorted(content.items()):
-            (partial / place).parent.mkdir(parents=True, exist_ok=True)
-            (partial / place).write_bytes(data)
-        if out.exists():
-            out.resolve().rename(older)
-        partial.rename(out.resolve())
+        own = f".{glob.escape(place.name)}.{'[0-9a-f]' * 32}.older"  # of this place alone
+        for lost in sorted(place.parent.glob(own)):
+            _put_back(lost, place)
+        for name, data in sorted(content.items()):
+            (partial / name).parent.mkdir(parents=True, exist_ok=True)
+            (partial / name).write_bytes(data)
+        if place.exists():
+            place.rename(older)
+        partial.rename(place)
     except OSError as error:
-        if older.exists() and not out.exists():
-            older.rename(out.resolve())
         raise EigbenchError(f"cannot write {out} ({error.strerror})") from error
-    finally:
+    finally:  # by an interrupt too
         shutil.rmtree(partial, ignore_errors=True)
-        shutil.rmtree(older, ignore_errors=True)
+        _put_back(older, place)
+        if place.exists():
+            shutil.rmtree(older, ignore_errors=True)
+
+
+def _put_back(older: Path, place: Path) -> None:
+    if older.exists() and not place.exists():
+        older.rename(place)
 
 
 def check_place(out: Path) -> None:
@@ -188,7 +203,7 @@ def check_place(out: Path) -> None:
     Raises
     ------
     EigbenchError
-        If something else is there.
+        If something else is there, or something else is in the older page's folder.
     """
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
@@ -197,3 +212,45 @@ def check_place(out: Path) -> None:
             f"{out} is there and is no page of `eigbench site`, which would replace it: give "
             "another place with --out"
         )
+    if foreign := _foreign(out):
+        raise EigbenchError(
+            f"{out} has {foreign[0].relative_to(out)}, which `eigbench site` did not write and "
+            "would remove: move it elsewhere, or give another place with --out"
+        )
+
+
+def _foreign(page: Path) -> list[Path]:
+    """Return what is in a page's folder but is not of the page."""
+    top = {*BUNDLED, DATA, *FOLDERS}
+    return [path for path in sorted(page.iterdir()) if path.name not in top] + [
+        path
+        for folder in FOLDERS
+        for path in sorted((page / folder).rglob("*"))
+        if path.suffix != ".js" and not path.is_dir()
+    ]
+
+
+def check_docs(docs: str) -> None:
+    """Check that ``docs`` has a place for a page's name.
+
+    Raises
+    ------
+    EigbenchError
+        If it has none.
+    """
+    if "{}" not in docs:
+        raise EigbenchError(
+            f"--docs {docs} must have {{}} where the name of a page goes, as in {DOCS}"
+        )
+
+
+def docs_from(out: Path) -> str:
+    """Return where the pages of this checkout's docs are, seen from a folder.
+
+    Examples
+    --------
+    >>> docs_from(CHECKOUT / "page"), docs_from(CHECKOUT / "build" / "page")
+    ('../docs/{}.md', '../../docs/{}.md')
+    """
+    relative = Path(os.path.relpath(CHECKOUT / "docs", out.resolve()))
+    return f"{quote(relative.as_posix())}/{{}}.md"

@@ -43,10 +43,10 @@ function errorTime(container, { board, rows, key, index, open }) {
   const grid = element("div", { class: "charts" });
   container.replaceChildren(grid);
   const made = settings.map((setting) => {
-    const points = rows
+    const points = board.rows
       .filter((row) => row.setting === setting && row.cells[key][1] !== null)
-      .map((row) => point(row, key, index.edge, share));
-    const best = front(points, higher);
+      .map((row) => ({ ...point(row, key, index.edge, share), faint: !rows.includes(row) }));
+    const best = front(points, higher); // of all rows: a filter makes nobody the best
     const box = element("figure", {}, element("figcaption", {}, setting));
     grid.append(box);
     return { box, points, best, setting };
@@ -57,7 +57,7 @@ function errorTime(container, { board, rows, key, index, open }) {
       scatter(box, { points, best, title, share, higher, floor, setting, kinds: index.kinds, edge: index.edge, open }),
       element("p", { class: "small" }, element("strong", {}, "Pareto front: "), best.map((one) => one.row.name).join(", ") || "no row", "."));
   }
-  container.append(legend(rows, index.kinds, board.floors[key]));
+  container.append(legend(made.flatMap(({ points }) => points), index.kinds, board.floors[key]));
 }
 
 function point(row, key, edge, share) {
@@ -75,13 +75,15 @@ function scatter(box, { points, best, title, share, higher, floor, setting, kind
   const height = 300;
   const xs = points.map((one) => one.x);
   const ys = points.map((one) => one.y);
+  const [shown, faint] = [points.filter((one) => !one.faint), points.filter((one) => one.faint)];
   const limit = floor ? (share ? 100 - 100 * floor[0] : floor[0]) : null;
   const known = limit === null ? ys : [...ys, limit];
   const x = { type: "log", domain: [Math.min(...xs) / 1.8, Math.max(...xs) * 2.5], label: "ms a mesh, median" };
   const y = share
     ? { domain: [0, 104], label: title }
     : { type: "log", domain: [Math.min(...known) / 1.8, Math.max(...known) * 2], label: `mean ${title}` };
-  const said = `Mean ${title} against milliseconds a mesh on ${setting}, both logarithmic, ${points.length} rows. On the Pareto front: ${best.map((one) => `${one.row.name} (${one.shown}, ${powers(one.time)} ms)`).join("; ")}. The table has all numbers.`;
+  const said = `Mean ${title} against milliseconds a mesh on ${setting}, both logarithmic, ${points.length} rows${faint.length ? `, ${faint.length} of them faint: the filters leave them out` : ""}. On the Pareto front: ${best.map((one) => `${one.row.name} (${one.shown}, ${powers(one.time)} ms)`).join("; ")}. The table has all numbers.`;
+  const marks = { x: "x", y: "y", r: 5, symbol: (one) => SYMBOLS[one.row.kind], fill: (one) => kinds[one.row.kind], stroke: "var(--background)", strokeWidth: 0.75 };
   const svg = plot({
     width, height, marginLeft: 46, marginBottom: 36, marginRight: 10, x, y,
     ariaLabel: said,
@@ -91,8 +93,9 @@ function scatter(box, { points, best, title, share, higher, floor, setting, kind
       limit === null ? null : ruleY([limit], { stroke: "currentColor", strokeOpacity: 0.55, strokeDasharray: "2 3" }),
       limit === null ? null : text([limit], { text: () => "noise floor", y: (v) => v, frameAnchor: "right", dy: higher ? 8 : -7, fill: "currentColor", fillOpacity: 0.8 }),
       line(best, { x: "x", y: "y", curve: "step-after", stroke: "var(--front)", strokeWidth: 1.5 }),
-      dot(points, { x: "x", y: "y", r: 5, symbol: (one) => SYMBOLS[one.row.kind], fill: (one) => kinds[one.row.kind], stroke: "var(--background)", strokeWidth: 0.75 }),
-      tip(points, pointer({ x: "x", y: "y", title: (one) => `${one.row.name}, ${one.row.kind}\n${title}: ${one.shown}\n${powers(one.time)} ms a mesh\nclick to open its row`, ...TIP })),
+      dot(faint, { ...marks, fillOpacity: 0.25 }),
+      dot(shown, marks),
+      tip(shown, pointer({ x: "x", y: "y", title: (one) => `${one.row.name}, ${one.row.kind}\n${title}: ${one.shown}\n${powers(one.time)} ms a mesh\nclick to open its row`, ...TIP })),
     ],
     symbol: { type: "identity" }, color: { type: "identity" },
   });
@@ -106,19 +109,20 @@ function scatter(box, { points, best, title, share, higher, floor, setting, kind
 /** Write names beside points where there is room, below the tip: first those on the front. */
 function name(svg, { points, best, floor, width, height }) {
   const [x, y] = ["x", "y"].map((axis) => svg.scale(axis));
-  const ordered = [...best, ...points.filter((one) => !best.includes(one))];
+  const ordered = [...best, ...points.filter((one) => !one.faint && !best.includes(one))];
   const at = ordered.map((one) => ({ x: x.apply(one.x), y: y.apply(one.y), text: one.name, above: best.includes(one) }));
   const line = floor === null ? [] : [[width - 76, y.apply(floor) - 14, width, y.apply(floor) + 2]];
   for (const place of places(at, line, { left: 48, right: width - 4, top: 4, bottom: height - 38 }))
     svg.lastElementChild.before(drawn("text", { x: place.x, y: place.y, "text-anchor": place.anchor, dy: "0.32em", fill: "currentColor", class: "name" }, place.text));
 }
 
-function legend(rows, kinds, floor) {
-  const present = Object.keys(kinds).filter((kind) => rows.some((row) => row.kind === kind));
+function legend(points, kinds, floor) {
+  const present = Object.keys(kinds).filter((kind) => points.some(({ row }) => row.kind === kind));
   const sample = (attributes) => drawn("svg", { width: 22, height: 10, "aria-hidden": "true" }, drawn("line", { x1: 0, x2: 22, y1: 5, y2: 5, ...attributes }));
   return element("p", { class: "legend" },
     present.map((kind) => element("span", {}, mark(kind, kinds), kind)),
-    element("span", {}, sample({ stroke: "var(--front)", "stroke-width": 1.5 }), "Pareto front"),
+    element("span", {}, sample({ stroke: "var(--front)", "stroke-width": 1.5 }), "Pareto front of all rows"),
+    points.some((one) => one.faint) ? element("span", {}, "faint: left out by the filters") : null,
     floor ? element("span", {}, sample({ stroke: "currentColor", "stroke-dasharray": "2 3" }), `noise floor ${floor[1]}: smaller differences are ties`) : null);
 }
 

@@ -12,7 +12,8 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-const INLINE = /\*\*(.+?)\*\*|\[([^\]]+)\]\(([^)\s]+)\)|`([^`]+)`/g;
+// What is escaped comes first, so that it neither begins nor ends anything
+const INLINE = /\\[\\|`*[\]!]|\*\*((?:\\.|[^\\])+?)\*\*|\[((?:\\.|[^\]\\])+)\]\(([^)\s]+)\)|`([^`]+)`/g;
 
 /** Return the nodes of a line of Markdown: bold, links, code. */
 function inline(text, link) {
@@ -23,7 +24,8 @@ function inline(text, link) {
     const [, bold, title, target, code] = match;
     if (bold) nodes.push(element("strong", {}, inline(bold, link)));
     else if (code) nodes.push(element("code", {}, code));
-    else nodes.push(element("a", { href: link(target) }, plain(title)));
+    else if (title && link(target)) nodes.push(element("a", { href: link(target) }, plain(title)));
+    else nodes.push(plain(title ?? match[0]));
     end = match.index + match[0].length;
   }
   nodes.push(plain(text.slice(end)));
@@ -51,11 +53,14 @@ export function markdown(texts, link) {
   return blocks;
 }
 
-/** Return a link to a page of docs from its place in the repository: docs/labels.md#part. */
+/**
+ * Return a function from a target in the repository, docs/labels.md#part, to a link to that page
+ * of docs. Others must be https:, and are null if not.
+ */
 export function linker(pattern) {
   return (target) => {
     const match = target.match(/^docs\/([\w.-]+)\.md(#.*)?$/);
-    return match ? pattern.replace("{}", match[1]) + (match[2] ?? "") : target;
+    return match ? pattern.replace("{}", match[1]) + (match[2] ?? "") : /^https:\/\//.test(target) ? target : null;
   };
 }
 

@@ -10,6 +10,12 @@ export function put(key, value) {
   waiting.delete(key);
 }
 
+/** Return whether a value was put. */
+export const has = (key) => known.has(key);
+
+/** Return what is said of a file that is not there. */
+export const lost = (place) => new Error(`${place} of this page's folder cannot be loaded`);
+
 /** Return a promise of the value of KEY.js. */
 export function get(key) {
   if (known.has(key)) return Promise.resolve(known.get(key));
@@ -42,7 +48,7 @@ export function script(place) {
       tag.onload = resolve;
       tag.onerror = () => {
         scripts.delete(place);
-        reject(new Error(`${place} of this page's folder cannot be loaded`));
+        reject(lost(place));
       };
       document.head.append(tag);
     }));

@@ -2,10 +2,10 @@
 
 import { element, linker, markdown, plainTable } from "./dom.js";
 import { renderFilters, renderWhich } from "./filters.js";
-import { get, put } from "./load.js";
+import { get, has, lost, put } from "./load.js";
 import { makeDetail } from "./row.js";
 import { decoded, encoded } from "./state.js";
-import { column, glossary, groupOf, renderTable, rowsShown, sorted, sortKey } from "./table.js";
+import { column, glossary, groupOf, known, renderTable, rowsShown, sorted, sortKey } from "./table.js";
 import { wireTheme } from "./theme.js";
 import { wirePage } from "./tip.js";
 
@@ -17,9 +17,17 @@ let state = decoded(location.hash);
 let detail = null; // of the open row: { slug, board, made }
 
 globalThis.eigbench = { put };
-get("index").then(start);
+get("index").then(start).catch((error) => {
+  part("status").textContent = error.message;
+  throw error; // for the console
+});
+addEventListener("DOMContentLoaded", () => {
+  // all scripts of the head have run, or were not there
+  if (!has("index")) part("status").textContent = lost("data.js").message;
+});
 
 async function start(found) {
+  if (!eigbench.charts) throw lost("chart.js");
   index = found;
   wirePage();
   wireTheme(part("theme"), () => {
@@ -62,19 +70,17 @@ async function start(found) {
 async function show() {
   const every = index.datasets.flatMap(({ boards }) => boards.map(([key]) => key));
   if (!every.includes(state.board)) state.board = every[0];
+  const key = state.board;
   try {
-    const key = state.board;
     const found = await get(`boards/${key}`);
     if (key !== state.board) return; // another was chosen meanwhile
     board = found;
   } catch (error) {
-    part("status").textContent = error.message;
+    if (key === state.board) clear(error.message);
     return;
   }
-  renderWhich(part("which"), index, board.key, (key) => {
-    state = { ...decoded(""), board: key, kinds: state.kinds };
-    show();
-  });
+  if (board.groups) state = known(board, state, index.metrics);
+  chooseFrom(board.key);
   part("title").textContent = board.title;
   document.title = `${board.title} - eigbench leaderboard`;
   const notes = markdown(board.notes, linker(index.docs));
@@ -82,6 +88,27 @@ async function show() {
   const reported = [element("h3", {}, "As printed, and what does not agree in it"), ...notes];
   part("notes").replaceChildren(...(board.groups ? [glossary(board), about] : reported));
   render();
+}
+
+/** Let another board be chosen. */
+function chooseFrom(key) {
+  renderWhich(part("which"), index, key, (other) => {
+    state = { ...decoded(""), board: other, kinds: state.kinds };
+    show();
+  });
+}
+
+/** Show no board, and why: the one before must not stand below another's name. */
+function clear(why) {
+  detail?.made.close();
+  detail = board = null;
+  chooseFrom(state.board);
+  location.replace(encoded(state));
+  part("title").textContent = "This board cannot be shown";
+  for (const id of ["chart", "table", "notes"]) part(id).replaceChildren();
+  part("controls").hidden = true;
+  document.title = "eigbench leaderboard";
+  part("status").textContent = why;
 }
 
 function change(patch, form = true) {
@@ -120,7 +147,7 @@ function render(form = true) {
   tell(rows);
 }
 
-const metric = () => (state.metric in index.metrics ? state.metric : index.ranked_by);
+const metric = () => (Object.hasOwn(index.metrics, state.metric) ? state.metric : index.ranked_by);
 
 /** Make what the open row shows, or put it away; it is kept while the table is sorted. */
 function openDetail(rows) {

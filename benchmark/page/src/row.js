@@ -43,12 +43,12 @@ function card(row, shape) {
   const parameters = Object.entries(shape.parameters).map(([name, text]) => `${name.replaceAll("_", " ")} ${text}`).join(", ");
   const mesh = element("div", { class: "mesh" }, element("p", {}, shape.mesh ? "Loading the mesh …" : shape.why));
   const chart = element("div", { class: "spectrum" });
-  const seeds = shape.several ? "; predicted by the first seed" : "";
   const made = element("section", { class: "shape" },
     element("h3", {}, title),
     element("p", {}, element("code", {}, shape.id), `: ${scores}`),
     element("div", { class: "pair" }, mesh, element("div", {}, chart, numbers(shape))),
-    parameters ? element("p", { class: "small" }, `Drawn with ${parameters}${seeds}.`) : null);
+    parameters ? element("p", { class: "small" }, `Drawn with ${parameters}.`) : null,
+    shape.several ? element("p", { class: "small" }, "Predicted by the first seed.") : null);
   let view = null;
   const label = `${title}, mesh ${shape.id}`;
   return {

@@ -12,9 +12,31 @@ export const column = (board, key) => (key === "name" ? NAME : board.columns[key
 export const groupOf = (board, state) =>
   board.groups.find((group) => group.key === state.columns) ?? board.groups[0];
 
+const isColumn = (board, key) => key === "name" || Object.hasOwn(board.columns, key);
+
+/** Return a state without what its board does not have: a linked view may be older than the page. */
+export function known(board, state, metrics) {
+  const { rows } = board;
+  const of = (key) => (rows.some((row) => row[key] === state[key]) ? state[key] : "");
+  const present = new Set(rows.map((row) => row.kind));
+  const kinds = state.kinds?.filter((kind) => present.has(kind)) ?? null;
+  const isSorted = isColumn(board, state.sort);
+  return {
+    ...state,
+    columns: board.groups.some(({ key }) => key === state.columns) ? state.columns : "",
+    sort: isSorted ? state.sort : "",
+    down: isSorted && state.down,
+    training: of("training"),
+    setting: of("setting"),
+    open: rows.some(({ slug }) => slug === state.open) ? state.open : "",
+    metric: Object.hasOwn(metrics, state.metric) ? state.metric : "",
+    kinds: state.kinds?.length && !kinds.length ? null : kinds, // none of them is here: all are shown
+  };
+}
+
 /** Return the key that the rows are sorted by; empty for the order of the board. */
 export function sortKey(board, state) {
-  if (state.sort && (state.sort === "name" || state.sort in board.columns)) return state.sort;
+  if (isColumn(board, state.sort)) return state.sort;
   return "rank" in board.columns ? "rank" : "";
 }
 

@@ -14,13 +14,24 @@ export function wireTip(target, text) {
 /** Wire what belongs to the page as a whole. */
 export function wirePage() {
   addEventListener("keydown", (event) => event.key === "Escape" && hide());
-  addEventListener("scroll", hide, { passive: true });
+  addEventListener("scroll", scrolled, { capture: true, passive: true }); // of the table too
   box().addEventListener("pointerleave", hide);
 }
 
 /** Hide the tip. */
 export function hide() {
   box().hidden = true;
+  shown = null;
+}
+
+let shown = null; // the element that it is of
+
+/** A head that gets the focus may scroll into view, and keeps its tip; all others lose it. */
+function scrolled() {
+  if (!shown) return;
+  const { top, bottom } = shown.getBoundingClientRect();
+  if (shown.contains(document.activeElement) && bottom > 0 && top < innerHeight) place(shown);
+  else hide();
 }
 
 const box = () => document.getElementById("tip");
@@ -28,6 +39,11 @@ const box = () => document.getElementById("tip");
 function show(target, text) {
   box().textContent = text;
   box().hidden = false;
+  shown = target;
+  place(target);
+}
+
+function place(target) {
   const at = target.getBoundingClientRect();
   const { width, height } = box().getBoundingClientRect();
   const left = Math.max(8, Math.min(at.left, document.documentElement.clientWidth - width - 8));
