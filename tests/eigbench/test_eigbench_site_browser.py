@@ -515,7 +515,7 @@ def test_a_board_that_cannot_be_loaded_does_not_leave_the_one_before(altered):
     expect(page.locator("#controls")).to_be_visible()
 
 
-@pytest.mark.parametrize("value", ["none", "toString"])
+@pytest.mark.parametrize("value", ["nothing", "toString"])
 @pytest.mark.parametrize("name", ["sort", "columns", "metric", "training", "setting", "kinds"])
 def test_what_a_linked_view_names_and_is_not_there_is_dropped(visit, name, value):
     page = visit(f"#{name}={value}")
