@@ -1,0 +1,97 @@
+"""Shapes of a version that is too large to be trained on whole: of large meshes a share.
+
+A mesh of n vertices is taken with probability min(1, v / n), so that meshes of every size cost
+training about the same. Which ones hangs on their ids alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from synthnet import recipe, splits
+from synthnet.build import ensure_built
+from synthnet.types import PROTOCOLS, Sample
+
+from .data import Shapes, encoder
+from .folded import each
+from .model import GCNConfig
+
+
+def is_taken(id: str, n: int, vertices: int) -> bool:
+    """Return whether a mesh of n vertices is one of the share.
+
+    Examples
+    --------
+    >>> is_taken("blob-00000", 1000, 1000)
+    True
+    >>> sum(is_taken(f"blob-{i:05d}", 4000, 1000) for i in range(1000))
+    238
+    """
+    uniform = int.from_bytes(hashlib.sha256(f"share/{id}".encode()).digest()[:8], "big") / 2**64
+    return uniform * n < vertices
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled(Shapes):
+    """Encoded shapes with their ids, so that a protocol of the version's own can be asked for.
+
+    Parameters
+    ----------
+    ids : tuple of str
+        One a shape.
+    """
+
+    ids: tuple[str, ...]
+
+    def instances(self, split: str, protocol: str) -> Tensor:
+        """Return the (shape, instance) pairs of a split that a training uses, (I, 2).
+
+        Raises
+        ------
+        RecipeError
+            If the version has no such training.
+        """
+        if protocol in PROTOCOLS:
+            return Shapes.instances(self, split, protocol)
+        wanted = recipe.load(self.version)
+        (fold,) = splits.folds(wanted, protocol, split)
+        used = [splits.takes(fold, wanted, split, id) for id in self.ids]
+        found = Shapes.instances(self, split, "grouped")
+        return found[torch.tensor(used)[found[:, 0]]]
+
+    def to(self, device: torch.device) -> Sampled:
+        """Return the same with the graphs on a device."""
+        graphs = [one.to(device) for one in self.graphs]
+        return replace(self, graphs=graphs, y=self.y.to(device))
+
+
+def load(
+    version: str, config: GCNConfig, vertices: int, root: str | None = None, threads: int = 1
+) -> Sampled:
+    """Read a version, which is built if it is not there, and encode the share of its meshes."""
+    stored = ensure_built(version, root)
+    samples = list(_share(stored.samples(), vertices))
+    return Sampled(
+        graphs=each(encoder(config), [sample.mesh for sample in samples], threads),
+        y=torch.from_numpy(np.array([sample.eigenvalues for sample in samples], np.float32)),
+        isometries=torch.from_numpy(
+            np.array([sample.isometries for sample in samples], np.float32)
+        ),
+        splits=np.array([sample.split for sample in samples]),
+        paper_splits=np.array([sample.paper_splits for sample in samples]),
+        version=stored.manifest.version,
+        digest=stored.manifest.recipe_digest,
+        ids=tuple(sample.spec.id for sample in samples),
+    )
+
+
+def _share(samples: Iterable[Sample], vertices: int) -> Iterable[Sample]:
+    for sample in samples:
+        if sample.split != "test" and is_taken(sample.spec.id, len(sample.mesh.vertices), vertices):
+            yield sample
