@@ -14,9 +14,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tabulate import tabulate
 
-from synthnet import estimates, recipe, seal_commands, show_commands, store
+from synthnet import estimates, recipe, seal_commands, show_commands, storage, store
 from synthnet.build import BuildReport, build
-from synthnet.errors import SynthNetError
+from synthnet.errors import StoreError, SynthNetError
 from synthnet.report import FamilyBars, family_table, summary
 from synthnet.types import SPLITS
 from synthnet.version import __version__
@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
     0: done. 1: ``verify`` found a difference. 2: the input, the directory or the machine
-    would not do; one line says what and what to do. Ctrl-C is left to the caller.
+    would not do; one line says what and what to do. An interrupt is left to the caller.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -48,11 +48,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _versions(options: argparse.Namespace) -> int:
     rows = []
-    for name in recipe.available():
+    known = recipe.available()
+    for name in known:
         wanted = recipe.load(name)
         manifest = store.read_manifest(store.dataset_directory(name, options.out))
         built = manifest is not None and manifest.recipe_digest == wanted.digest
         rows.append({"version": name, "shapes": wanted.count, "built": built})
+    for name in storage.names(store.home(options.out)):  # imports, sealed sets, scaled versions
+        if name in known:
+            continue
+        try:
+            manifest = store.read_manifest(store.dataset_directory(name, options.out))
+        except (StoreError, PermissionError):
+            continue  # of another program, or not for us to read
+        if manifest is not None and manifest.version == name:
+            rows.append({"version": name, "shapes": manifest.rows, "built": True})
     if options.json:
         _print_json(rows)
         return 0
@@ -192,13 +202,19 @@ def _info(options: argparse.Namespace) -> int:
     print(f"\nversion    {manifest.version}  (recipe {manifest.recipe_digest[:12]})")
     print(f"directory  {dataset.directory}")
     print(f"size       {size / 1e6:,.1f} MB in {len(manifest.shards)} shards")
-    known = "of every label" if estimates.is_complete(dataset) else "none (--error-estimates)"
-    print(f"estimates  {known}")
+    print(f"estimates  {_estimates(dataset)}")
     print("splits     " + ", ".join(f"{name} {splits[name]:,}" for name in SPLITS))
     print("made with  " + ", ".join(f"{k} {v}" for k, v in manifest.packages.items()))
     for rejection in manifest.rejections:
         print(f"rejected   {rejection.id}: {rejection.reason}: {rejection.detail}")
     return 0
+
+
+def _estimates(dataset: store.StoredDataset) -> str:
+    """Return of which labels there are estimates of the error."""
+    if estimates.is_complete(dataset):
+        return "of every label"
+    return f"{'of a part' if estimates.any_made(dataset) else 'none'} (--error-estimates)"
 
 
 def _verify(options: argparse.Namespace) -> int:

@@ -134,6 +134,7 @@ ABOUT = {
         limitations=(
             "Results do not speak for scanned or modelled meshes.",
             "A Möbius band has no outside: what relies on consistent normals fails there.",
+            "Pretzels have slivers that do not lie along the surface where charts meet the rim.",
         ),
     ),
 }

@@ -26,6 +26,7 @@ TOP, BELOW = 3.9, 2.15  # inches: height of the mesh and its spectrum, and of a 
 WIDTH, KEY = 9.0, 0.3  # inches; what the colours mean is told in the key
 KEY_TEXT = "eigenfunctions: negative blue, zero white and a line, positive orange"
 CAPTION_LINE = 0.135  # inches
+LETTER = 0.1  # inches: more than a letter of a title takes in the mean
 SIGN = 0.5  # of the largest magnitude: the first vertex above it says which way is positive
 
 
@@ -101,7 +102,7 @@ def _eigenfunctions(figure: Figure, mesh: Mesh, count: int, top: float) -> None:
         below = top - (row + 1) * BELOW
         _picture(figure, (column * wide, below, wide, BELOW - 0.4), mesh, values=function)
         title = f"$\\lambda_{{{number + 1}}}$ = {found.eigenvalues[number]:.4g}"
-        _text(figure, (column + 0.5) * wide, below + BELOW - 0.2, title)
+        _text(figure, (column + 0.5) * wide, below + BELOW - 0.2, title, formulas=True)
 
 
 def picture_of_mesh(
@@ -148,13 +149,15 @@ def picture_of_sheet(
     rows = -(-len(meshes) // across)
     tall = layout.height + 0.1 + CAPTION_LINE * max(map(len, captions))
     head = 0.42 if title else 0.0
-    width, high = across * layout.width, rows * tall + head
+    width = max(across * layout.width, LETTER * len(title))
+    high = rows * tall + head
+    margin = (width - across * layout.width) / 2
     with plain_style():
         figure = Figure(figsize=(width, high), dpi=DOTS)
         _text(figure, width / 2, high - 0.22, title, size=10)
         for number, (mesh, lines) in enumerate(zip(meshes, captions, strict=True)):
             row, column = divmod(number, across)
-            left, under = column * layout.width, high - head - row * tall - layout.height
+            left, under = margin + column * layout.width, high - head - row * tall - layout.height
             if mesh is not None:
                 _picture(figure, (left, under, layout.width, layout.height), mesh, edges=edges)
             for below, text in enumerate(lines):
@@ -205,11 +208,22 @@ def _picture(
 
 
 def _text(
-    figure: Figure, x: float, y: float, text: str, *, size: float = 9, color: str = "black"
+    figure: Figure,
+    x: float,
+    y: float,
+    text: str,
+    *,
+    size: float = 9,
+    color: str = "black",
+    formulas: bool = False,
 ) -> None:
-    """Write text around a point of a figure, in inches from its lower left corner."""
+    """Write text around a point of a figure, in inches from its lower left corner.
+
+    Only where formulas are wanted does a dollar sign begin one: names of imported files have any.
+    """
     wide, high = figure.get_size_inches()
-    figure.text(x / wide, y / high, text, ha="center", va="center", size=size, color=color)
+    drawn = figure.text(x / wide, y / high, text, ha="center", va="center", size=size, color=color)
+    drawn.set_parse_math(formulas)
 
 
 def _bars(

@@ -152,6 +152,10 @@ def _cannot_write(path: Path, error: OSError) -> BuildError:
             f"no space left for {path}: free some and run the same command again; "
             "what is finished is kept"
         )
+    if error.errno == errno.ENOENT and not path.parent.is_dir():
+        return BuildError(
+            f"cannot write {path}: there is no directory {path.parent}, make it first"
+        )
     return BuildError(f"cannot write {path} ({error.strerror or one_line(error)})")
 
 

@@ -1,4 +1,4 @@
-"""Ctrl-C, noticed even where the exception it raises is lost.
+"""Ctrl-C, and SIGTERM as sent by schedulers, noticed even where the exception is lost.
 
 An exception that a signal raises inside a destructor or a C extension's callback is
 printed or dropped there, and the program goes on. So the signal is also written down, and
@@ -15,13 +15,17 @@ _seen = threading.Event()
 
 
 def notice_interrupts() -> None:
-    """From now on write Ctrl-C down, and raise ``KeyboardInterrupt`` as ever."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _notice)
+    """From now on write Ctrl-C and SIGTERM down, and raise ``KeyboardInterrupt``."""
+    for number, default in (
+        (signal.SIGINT, signal.default_int_handler),
+        (signal.SIGTERM, signal.SIG_DFL),
+    ):
+        if signal.getsignal(number) == default:
+            signal.signal(number, _notice)
 
 
 def raise_if_interrupted() -> None:
-    """Raise ``KeyboardInterrupt`` if Ctrl-C has been pressed.
+    """Raise ``KeyboardInterrupt`` if Ctrl-C has been pressed, or SIGTERM sent.
 
     Raises
     ------

@@ -107,7 +107,7 @@ def read(version: str) -> dict[str, Pin] | None:
     >>> round(float(read("1.0")["torus-00005"].eigenvalues[0]), 4)
     1.0378
     """
-    table = _shipped(f"{version}.lock.parquet")
+    table = shipped_table("synthnet.versions", f"{version}.lock.parquet")
     if table is None:
         return None
     columns = (table[name].to_pylist() for name in ("id", "digest"))
@@ -137,7 +137,7 @@ def read_errors(version: str) -> dict[str, NDArray[np.float32]] | None:
     dict of str to ndarray of shape (k,), float32, or None
         By id: (label − limit) / label, see :mod:`synthnet.discretisation`.
     """
-    table = _shipped(f"{version}.errors.parquet")
+    table = shipped_table("synthnet.versions", f"{version}.errors.parquet")
     if table is None:
         return None
     return dict(zip(table["id"].to_pylist(), table["error"].to_numpy(), strict=True))
@@ -150,12 +150,15 @@ def write_errors(path: Path, errors: Mapping[str, NDArray[np.floating[Any]]]) ->
     _store(path, table, ("error",))
 
 
-def _shipped(name: str) -> pa.Table | None:
-    path = resources.files("synthnet.versions").joinpath(name)
+def shipped_table(package: str, name: str) -> pa.Table | None:
+    """Return a Parquet table that is a file of a package, or ``None`` if there is none."""
+    path = resources.files(package).joinpath(name)
     if not path.is_file():
         return None
-    with path.open("rb") as file:
-        return pq.read_table(file)
+    # By path: a thread of pyarrow's that still holds a Python file when the interpreter ends
+    # aborts the process (apache/arrow issue 34314).
+    with resources.as_file(path) as place:
+        return pq.read_table(place)
 
 
 def _store(path: Path, table: pa.Table, numbers: Sequence[str]) -> None:

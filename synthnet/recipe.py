@@ -263,6 +263,18 @@ def load(version: str) -> Recipe:
     return parse(resources.files("synthnet.versions").joinpath(f"{version}.toml").read_text())
 
 
+def title(version: str) -> str:
+    """Return what a dataset is called before readers: an import is none of ours.
+
+    Examples
+    --------
+    >>> title("2.0"), title("1.0-x100"), title("scans")
+    ('synthNet 2.0', 'synthNet 1.0-x100', 'scans')
+    """
+    ours = version in available() or SCALED.fullmatch(version) or is_sealed(version)
+    return f"synthNet {version}" if ours else version
+
+
 def is_sealed(version: str) -> bool:
     """Return whether a name is that of a sealed set, see :mod:`synthnet.seal`.
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import track
 from tabulate import tabulate
 
-from synthnet import estimates, store
+from synthnet import estimates, recipe, store
 from synthnet.files import write_bytes
 from synthnet.geometry import MeshFacts
 from synthnet.types import Mesh, ShapeSpec
@@ -118,24 +118,25 @@ def gallery(options: argparse.Namespace) -> int:
     from synthnet import draw
     from synthnet import gallery as galleries
 
-    if options.family is None and options.count is not None:
-        raise ValueError("--count is for the shapes of one family: name the family")
     name = "-".join(filter(None, ("gallery", options.version, options.family)))
     path: Path = options.png or Path(f"{name}.png")
     draw.check_name(path)
     found = galleries.candidates(options.version, options.family, options.out)
+    one_each = options.family is None and len(found) != 1
+    if one_each and options.count is not None:
+        raise ValueError("--count is for the shapes of one family: name the family")
     shapes: list[tuple[ShapeSpec, Mesh]] = []
     varying: tuple[str, ...] = ()
-    if options.family is None:
+    if one_each:
         for one in _followed(found, len(found)):
             shapes += galleries.chosen(options.version, one, 1, options.out)
-        title = f"synthNet {options.version}: {len(shapes)} families"
+        title = f"{recipe.title(options.version)}: {len(shapes)} families"
     else:
         (one,) = found
         count = min(options.count or SHAPES, len(one.specs))
         made = galleries.chosen(options.version, one, count, options.out)
         shapes = sorted(_followed(made, count), key=lambda shape: shape[0].id)
-        title = f"synthNet {options.version}, {one.family}: {len(shapes)} of {one.total:,}"
+        title = f"{recipe.title(options.version)}, {one.family}: {len(shapes)} of {one.total:,}"
         varying = one.varying
     if not shapes:
         family = "" if options.family is None else f" of family {options.family}"

@@ -96,6 +96,14 @@ class RemotePath:
         except FileNotFoundError:
             return None
 
+    def names(self) -> list[str]:
+        """Return the names of what is in it, sorted; none if there is no such place."""
+        try:
+            with self._reached("list") as (system, path):
+                return sorted(one.rstrip("/").rpartition("/")[2] for one in system.ls(path, False))
+        except FileNotFoundError:
+            return []
+
     @contextmanager
     def open(self) -> Iterator[IO[bytes]]:
         """Open the object to read parts of it; only these are transferred."""
@@ -186,6 +194,24 @@ def size(where: Place) -> int | None:
     if isinstance(where, RemotePath):
         return where.size()
     return where.stat().st_size if where.exists() else None
+
+
+def names(where: Place) -> list[str]:
+    """Return the names of what is in a directory, sorted; none if there is no such directory.
+
+    Raises
+    ------
+    StoreError
+        If it cannot be listed.
+    """
+    if isinstance(where, RemotePath):
+        return where.names()
+    try:
+        return sorted(path.name for path in where.iterdir())
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise StoreError(f"cannot list {where} ({error.strerror})") from error
 
 
 def sha256(where: Place) -> str:

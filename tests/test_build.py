@@ -222,9 +222,19 @@ def test_worker_that_dies_ends_the_build_in_one_line(
 
 @linux
 @pytest.mark.slow
-@pytest.mark.parametrize("when", ["workers start", "workers work"])
-def test_ctrl_c_ends_the_build_in_one_line(
+@pytest.mark.parametrize(
+    ("when", "send", "number"),
+    [
+        ("workers start", os.killpg, signal.SIGINT),
+        ("workers work", os.killpg, signal.SIGINT),
+        ("workers work", os.kill, signal.SIGTERM),
+    ],
+    ids=["ctrl-c at the start", "ctrl-c", "sigterm"],
+)
+def test_an_interrupt_ends_the_build_in_one_line(
     when: str,
+    send: Callable[[int, int], None],
+    number: int,
     mini_home: Path,
     tmp_path: Path,
     command: Command,
@@ -241,7 +251,7 @@ def test_ctrl_c_ends_the_build_in_one_line(
         time.sleep(0.3)  # they import their modules
     else:
         wait_for_shards(tmp_path, 4, process)
-    os.killpg(process.pid, signal.SIGINT)
+    send(process.pid, number)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 130
     assert one_line(err) == (

@@ -8,10 +8,11 @@ import matplotlib.image
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import trimesh
 
 from synthnet import recipe
 from synthnet.families import FAMILIES
-from synthnet.types import SPLITS
+from synthnet.types import SPLITS, Mesh
 
 DOCS = Path(__file__).parent.parent / "docs"
 CARDS = {"1.0": DOCS / "dataset-card.md", "2.0": DOCS / "dataset-card-2.0.md"}
@@ -112,3 +113,21 @@ def test_versions_and_their_semantic_numbers_are_on_both_cards(version):
         base = recipe.load(name).base
         (row,) = (line for line in section.splitlines() if f"`{name}`" in line)
         assert f"| {croissant.ABOUT[base].semantic} |" in row
+
+
+def test_folds_are_of_the_smooth_families_and_pretzels_have_them(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS.parent / "scripts")
+    import fold_table
+
+    rows = {row[0]: row[1:] for row in cells("2.0", "folds")}
+    assert list(rows) == [FAMILIES[name].title for name in fold_table.SMOOTH]
+    medians = {
+        title: [float(re.match(r"[\d.]+", cell)[0]) for cell in row] for title, row in rows.items()
+    }
+    for title, (*_, fine_angle, fine_area) in medians.items():
+        assert (fine_angle > fold_table.SHARP) == (title == FAMILIES["pretzel"].title)
+        assert fine_area < 0.2
+    box = trimesh.creation.box()
+    angle, share = fold_table.folded(Mesh(box.vertices, box.faces))
+    assert angle == pytest.approx(90)
+    assert share == pytest.approx(1)

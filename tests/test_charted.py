@@ -5,20 +5,23 @@ from __future__ import annotations
 import importlib
 import math
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy import optimize, special
 from scipy.spatial import cKDTree
 
 from synthnet import filters, geometry, limits, recipe, spectrum
-from synthnet.discretisation import estimate
+from synthnet.discretisation import Estimate, estimate
 from synthnet.families import CHARTED, FAMILIES, PRIMITIVES, draw_shape, drum, knotted_tube, remesh
 from synthnet.families.atlas import Atlas, rectangle
 from synthnet.families.charted import TRIANGULATIONS, one_shape
 from synthnet.families.radial import radial
 from synthnet.plan import plan_shards
-from synthnet.types import Mesh, ShapeSpec
+from synthnet.types import Mesh, Parameters, ShapeSpec
 from synthnet.verify import lapy_eigenvalues
 
 HOW = {"triangulation": "uniform", "vertices": 1500, "seed": 7}
@@ -287,12 +290,19 @@ def test_numbers_beyond_their_limits_are_refused(family: str) -> None:
         FAMILIES[family].generate({**parameters, "vertices": 49})
 
 
+def refined(family: str, parameters: Parameters, label: np.ndarray) -> Estimate:
+    """The estimate by finer meshes alone, also where the limit is known."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(FAMILIES, family, replace(FAMILIES[family], exact=False))
+        return estimate(ShapeSpec("x", family, 0, parameters, ""), label)
+
+
 @pytest.mark.parametrize("family", CHARTED)
 def test_the_error_estimate_meets_what_is_known(family: str) -> None:
-    """A closed form where there is one, or a mesh finer than those of the estimate."""
+    """A limit where one is known, or a mesh finer than those of the estimate."""
     parameters = drawn(family, 1)
     label = spectrum.compute(FAMILIES[family].generate(parameters)).eigenvalues
-    found = estimate(ShapeSpec("x", family, 0, parameters, ""), label)
+    found = refined(family, parameters, label)
     limit = FAMILIES[family].limit_eigenvalues(parameters)
     if limit is None:
         times = len(found.refined) + 1
@@ -383,7 +393,7 @@ def test_split_shapes_have_the_smooth_spectrum_within_their_estimate(
         limit = FAMILIES[family].limit_eigenvalues(parameters)
         assert limit is not None
         assert np.abs(label / limit - 1).max() < 0.04
-        found = estimate(ShapeSpec("x", family, 0, parameters, ""), label)
+        found = refined(family, parameters, label)
         np.testing.assert_allclose(label - found.error, limit, rtol=5e-4)
         areas = geometry.face_areas(mesh)
         right = mesh.vertices[mesh.faces, 0].mean(axis=1) > 0.05
@@ -392,6 +402,69 @@ def test_split_shapes_have_the_smooth_spectrum_within_their_estimate(
         if kind == "uniform":
             ratio = np.median(areas[left]) / np.median(areas[right])
             assert ratio == pytest.approx(finer, rel=0.35)
+
+
+def of_disc() -> list[float]:
+    """Neumann's eigenvalues of the unit disc: squares of the zeros of J'ₘ, twice for m > 0."""
+    return [x**2 for m in range(6) for x in special.jnp_zeros(m, 4) for _ in range(1 + (m > 0))]
+
+
+def of_hemisphere() -> list[float]:
+    """Those of the sphere whose eigenfunctions are even across the rim: n(n + 1), n + 1 times."""
+    return [n * (n + 1.0) for n in range(1, 6) for _ in range(n + 1)]
+
+
+def of_rectangle(width: float, height: float) -> list[float]:
+    sides = [(i, j) for i in range(9) for j in range(9) if i or j]
+    return [(math.pi * i / width) ** 2 + (math.pi * j / height) ** 2 for i, j in sides]
+
+
+def of_open_cylinder(height: float) -> list[float]:
+    waves = [(m, j) for m in range(9) for j in range(9) if m or j]
+    return [m**2 + (math.pi * j / height) ** 2 for m, j in waves for _ in range(1 + (m > 0))]
+
+
+def of_annulus(inner: float) -> list[float]:
+    """Squares of the zeros of J'ₘ(k) Y'ₘ(k r) − J'ₘ(k r) Y'ₘ(k), twice for m > 0."""
+    found = []
+    for m in range(9):
+
+        def cross(k: float, m: int = m) -> float:
+            return float(
+                special.jvp(m, k) * special.yvp(m, k * inner)
+                - special.jvp(m, k * inner) * special.yvp(m, k)
+            )
+
+        ends = np.linspace(0.1, 10.0, 500)
+        signs = np.sign([cross(k) for k in ends])
+        for i in np.flatnonzero(signs[1:] != signs[:-1]):
+            found += [optimize.brentq(cross, ends[i], ends[i + 1]) ** 2] * (1 + (m > 0))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("family", "shape", "known"),
+    [
+        ("elliptic_disc", {"flatness": 1.0}, of_disc()),
+        ("spherical_cap", {"angle": math.pi / 2}, of_hemisphere()),
+        ("annulus", {"inner": 0.5}, of_annulus(0.5)),
+        ("annulus", {"inner": 0.1}, of_annulus(0.1)),
+        ("open_cylinder", {"height": 1.3}, of_open_cylinder(1.3)),
+        ("flat_rectangle", {"width": 1.0, "height": 0.7}, of_rectangle(1.0, 0.7)),
+    ],
+)
+def test_labels_with_a_boundary_approach_the_closed_form(
+    family: str, shape: Parameters, known: Sequence[float]
+) -> None:
+    """Neumann's condition; the closed forms are of this test, not of the families."""
+    limit = np.sort(known)[:10]
+    parameters = {**drawn(family, vertices=3000), **shape}
+    for kind in TRIANGULATIONS:
+        parameters = {**parameters, "triangulation": kind}
+        label = spectrum.compute(FAMILIES[family].generate(parameters)).eigenvalues
+        np.testing.assert_allclose(label, limit, rtol=2e-2)
+        found = refined(family, parameters, label)
+        np.testing.assert_allclose(label - found.error, limit, rtol=1e-4)
 
 
 @pytest.mark.parametrize("family", ["annulus", "spherical_cap", "elliptic_disc"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 import subprocess
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from synthnet import cli, recipe, store
+from synthnet.build import build
 from synthnet.plan import plan_shards
 from synthnet.verify import CHECKS
 
@@ -201,6 +203,7 @@ def test_info_has_a_table_of_the_families(run: Run, mini_home: Path) -> None:
     planned = [s.split for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes]
     numbers = ", ".join(f"{n} {planned.count(n)}" for n in ("train", "validation", "test"))
     assert f"splits     {numbers}" in lines
+    assert "estimates  none (--error-estimates)" in lines
 
 
 def test_info_lists_the_ids(run: Run, mini_home: Path) -> None:
@@ -302,7 +305,8 @@ def test_picture_of_another_kind_is_refused(run: Run, mini_home: Path, tmp_path:
 def test_picture_that_cannot_be_written(run: Run, mini_home: Path, tmp_path: Path) -> None:
     path = tmp_path / "nowhere" / "a.png"
     arguments = ["show", "torus-00000", "--version", VERSION, "--out", mini_home]
-    assert str(path) in only_line(*run(*arguments, "--png", path))
+    told = only_line(*run(*arguments, "--png", path))
+    assert told.endswith(f"{path}: there is no directory {path.parent}, make it first")
 
 
 # For programs
@@ -318,6 +322,26 @@ def test_json_of_versions(run: Run, mini_home: Path) -> None:
         {"version": "2.0", "shapes": 9930, "built": False},
         {"version": "2.0-mini", "shapes": 387, "built": False},
     ]
+
+
+def test_versions_lists_what_else_is_there(run: Run, tmp_path: Path, tiny: recipe.Recipe) -> None:
+    build(dataclasses.replace(tiny, version="scans"), root=tmp_path, workers=1)
+    (tmp_path / "notes").mkdir()  # no dataset
+    (tmp_path / "web").mkdir()
+    (tmp_path / "web" / "manifest.json").write_text('{"name": "of another program"}')
+    (tmp_path / "a.txt").write_text("")
+    (tmp_path / "other").symlink_to(tmp_path / "scans")  # not its name
+    code, out, err = run("versions", "--out", tmp_path, "--json")
+    assert (code, err) == (0, "")
+    assert [row["version"] for row in json.loads(out)] == [*recipe.available(), "scans"]
+    assert json.loads(out)[-1] == {"version": "scans", "shapes": tiny.count, "built": True}
+    assert run("versions", "--out", tmp_path / "nowhere")[0] == 0
+
+
+def test_versions_of_a_place_that_cannot_be_listed(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    told = only_line(*run("versions", "--out", tmp_path / "file"))
+    assert told == f"synthnet: cannot list {tmp_path / 'file'} (Not a directory)"
 
 
 SUMMARY = {"version", "recipe_digest", "families", "bytes", "packages", "directory"}

@@ -124,6 +124,22 @@ def test_commands_that_take_too_long_for_a_test_are_understood(line):
     assert callable(cli._parser().parse_args(arguments).run)
 
 
+SCRIPTS = [
+    (page.name, script, arguments)
+    for page in PAGES
+    for script, arguments in re.findall(
+        r"((?:scripts|benchmarks)/\w+\.py)([^`#\n]*)", page.read_text()
+    )
+]
+
+
+@pytest.mark.parametrize(("page", "script", "arguments"), SCRIPTS)
+def test_scripts_are_there_and_take_the_options_that_pages_give_them(page, script, arguments):
+    text = (ROOT / script).read_text()
+    for option in re.findall(r"(?<= )--[\w-]+", arguments):
+        assert f'"{option}"' in text
+
+
 def test_page_to_start_from_installs_what_there_is():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     page = ROOT / "docs" / "start.md"

@@ -67,6 +67,11 @@ def test_a_mesh_that_cannot_be_drawn_leaves_no_file(sample, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_dollar_sign_of_an_imported_name_begins_no_formula(sample):
+    spec = replace(sample.spec, id="files-$\\no$")
+    assert draw.picture_of_sample(replace(sample, spec=spec)).startswith(HEADER)
+
+
 def test_a_sheet_of_nothing_is_refused():
     with pytest.raises(ValueError, match="needs at least 1 mesh, got 0"):
         draw.picture_of_sheet([], [])

@@ -141,6 +141,7 @@ def test_a_damaged_file_is_said_and_replaced(
     record = record_of(dataset)
     estimates.path_of(dataset.directory, record).write_bytes(b"no Parquet")
     assert not estimates.is_complete(dataset)
+    assert estimates.any_made(dataset)
     result = estimates.estimate_shard(record, dataset.directory)
     assert result.damaged is not None
     assert "is damaged" in result.damaged

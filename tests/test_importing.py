@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +19,7 @@ from eigbench import cli as eigbench_cli
 from eigbench import truth
 
 import synthnet
-from synthnet import cli, filters, importing, repair, spectrum, store
+from synthnet import cli, filters, geometry, importing, repair, spectrum, store
 from synthnet.build import BuildReport, Watcher, exclusive
 from synthnet.errors import BuildError, MeshImportError, RecipeError, StoreError
 from synthnet.importing import Settings, import_meshes, what_was_met
@@ -632,6 +633,42 @@ def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     assert cli.main(["import", str(folder), *where, "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["files"]) == 5
     assert cli.main(["info", "--version", "mine", "--out", str(tmp_path / "root")]) == 0
+
+
+PAGE = (Path(__file__).parent.parent / "docs" / "import.md").read_text()
+
+
+def test_the_command_for_thingi10k_imports_a_folder_of_its_layout(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "Thingi10K" / "raw_meshes"
+    place.mkdir(parents=True)
+    SPHERE.export(place / "32770.stl")
+    (SPHERE + FAR).export(place / "36082.stl")
+    (place / "37322.stl").write_bytes(b"solid")
+    monkeypatch.chdir(tmp_path)
+    (line,) = re.findall(r"^synthnet import Thingi10K.*$", PAGE, flags=re.M)
+    command = [*shlex.split(line)[1:], "--out", str(tmp_path / "root"), "--workers", "1"]
+    assert cli.main(command) == 0
+    out = capsys.readouterr().out
+    for number, told in (
+        ("32770", "repaired"),
+        ("36082", "1 components left out"),
+        ("37322", "rejected"),
+    ):
+        (row,) = (row for row in out.splitlines() if f"{number}.stl" in row)
+        assert told in row
+    stored = store.open_dataset("thingi10k", str(tmp_path / "root"))
+    areas = [geometry.area(sample.mesh) for sample in stored.samples()]
+    assert areas == pytest.approx([1.0, 1.0], rel=1e-6)
+
+
+def test_page_shows_what_became_of_the_hostile_files() -> None:
+    data = Path(__file__).parent.parent / "docs" / "data" / "import-hostile.json"
+    files = json.loads(data.read_text())["files"]
+    assert len(files) == 10
+    for one in files:
+        assert f"| `{one['file']}` | {one['outcome']} | {one['what']} |\n" in PAGE
 
 
 def test_number_of_workers_is_checked(

@@ -53,6 +53,8 @@ def test_build_at_a_url_has_the_bytes_of_a_local_one(
     ids = [sample.spec.id for sample in there.samples()]
     assert ids == [sample.spec.id for sample in here.samples()]
     assert there.find("torus-00002").spec.id == "torus-00002"
+    assert storage.names(place(bucket)) == [tiny.version]
+    assert storage.names(place(f"{bucket}/nowhere")) == []
 
 
 def test_interrupted_build_at_a_url_goes_on(bucket: str, tiny: Recipe) -> None:
