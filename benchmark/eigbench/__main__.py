@@ -4,12 +4,21 @@ The process of a predictor imports this module anew, so it imports nothing by it
 predictor's peak memory would have the command line's packages in it.
 """
 
+import sys
+
 
 def run() -> int:
     """Run the command line and return its exit code."""
-    from eigbench.cli import main
+    from synthnet.interrupts import EXIT_CODE, notice_interrupts
 
-    return main()
+    notice_interrupts()
+    try:
+        from eigbench.cli import main
+
+        return main()
+    except KeyboardInterrupt:  # while modules are imported
+        sys.stderr.write("eigbench: interrupted\n")
+        return EXIT_CODE
 
 
 if __name__ == "__main__":

@@ -19,12 +19,17 @@ from eigbench.metrics import METRICS
 from eigbench.ranking import RANKED_BY, Difference
 from eigbench.scaling import page as scaling_page
 from eigbench.scaling import results as scaling_results
-from eigbench.site import write
-from eigbench.tables import number
+from eigbench.site import bundle, write
+from eigbench.tables import family_title, number
 from synthnet import store
 from synthnet.files import make_directory, write_text
 
 SHOWN = 40  # lines of a difference
+TIES = (
+    "(interval): too few shapes to tell. (floor): labels too coarse to tell, see docs/metrics.md; "
+    "there is none for PSNR, nor for labels without estimates of their error. (equal): the same on "
+    "every instance. (not finite): both have values that are not."
+)
 
 
 def compare(options: argparse.Namespace) -> int:
@@ -49,7 +54,7 @@ def compare(options: argparse.Namespace) -> int:
         print(json.dumps(found, indent=1))
         return 0
     print(f"A: {a.name} ({options.a})\nB: {b.name} ({options.b})\n")
-    names = {"a": "A is better", "b": "B is better", "tie": "tie"}
+    names = {"a": "A is better", "b": "B is better"}
 
     def row(title: str, d: Difference, key: str) -> list[str]:
         decimals = METRICS[key].decimals
@@ -61,15 +66,16 @@ def compare(options: argparse.Namespace) -> int:
             number(d.a - d.b, decimals),
             between,
             "none" if d.floor is None else number(d.floor, decimals),
-            names[d.verdict],
+            names.get(d.verdict) or f"tie ({d.why})",
         ]
 
     headers = ["A", "B", "A − B", "95 % interval over shapes", "noise floor", "verdict"]
     rows = [row(METRICS[key].title, d, key) for key, d in overall.items()]
     print(tabulate(rows, headers=["metric", *headers], disable_numparse=True) + "\n")
-    rows = [row(family, d, RANKED_BY) for family, d in families.items()]
+    rows = [row(family_title(family), d, RANKED_BY) for family, d in families.items()]
     title = f"{METRICS[RANKED_BY].title} by family"
     print(tabulate(rows, headers=[title, *headers], disable_numparse=True))
+    print(f"\n{TIES}")
     return 0
 
 
@@ -161,7 +167,7 @@ def site(options: argparse.Namespace) -> int:
     docs = write.docs_from(options.out) if options.docs is None else options.docs
     write.check_docs(docs)
     write.check_place(options.out)
-    write.bundle()  # all three before the minute that scoring takes
+    bundle.read()  # all three before the minute that scoring takes
     with Console(stderr=True).status("scoring") as status:
         found = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
         content = write.files(

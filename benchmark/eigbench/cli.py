@@ -25,7 +25,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
     0: done. 1: ``check`` or ``leaderboard --check`` found something. 2: the input or the
-    predictor would not do; one line says what and what to do. 130: interrupted by Ctrl-C.
+    predictor would not do; one line says what and what to do. 130: interrupted, by Ctrl-C or
+    SIGTERM.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -37,7 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"eigbench: {error}", file=sys.stderr)
         return WRONG_INPUT
     except KeyboardInterrupt:
-        print("eigbench: interrupted; --resume goes on from there", file=sys.stderr)
+        kept = "; --resume goes on from the last good batch" if "resume" in options else ""
+        print(f"eigbench: interrupted{kept}", file=sys.stderr)
         return EXIT_CODE
     return code
 

@@ -10,7 +10,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from eigbench import ranking
-from eigbench.figures import FLOOR, PREDICTED, PROTOCOL_MARKS, check_finite, escaped, style
+from eigbench.figures import (
+    FLOOR,
+    PREDICTED,
+    PROTOCOL_MARKS,
+    check_finite,
+    dataset_of,
+    escaped,
+    style,
+)
 from eigbench.metrics import METRICS
 from eigbench.ranking import RANKED_BY
 from eigbench.submission import Submission
@@ -52,7 +60,7 @@ def by_index(submissions: Sequence[Submission]) -> Figure:
         axes.set_xlabel("index of the eigenvalue")
         axes.set_ylabel(f"relative error, median; below {LEAST:g} at the edge")
         axes.grid(alpha=0.25)
-        axes.set_title(_dataset(submissions[0]), fontsize=9, loc="left")
+        axes.set_title(dataset_of(submissions[0]), fontsize=9, loc="left")
         figure.legend(frameon=False, fontsize=7, loc="outside lower center", ncols=2)
     return figure
 
@@ -94,7 +102,7 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
         edge = "" if metric.higher_is_better else f"; below {least:g} at the edge"
         unit = f" ({metric.unit})" if metric.unit else ""
         panels[-1].set_xlabel(f"{metric.title}{unit}; line: median{edge}")
-        figure.suptitle(_dataset(submissions[0]), fontsize=9, x=0.01, ha="left")
+        figure.suptitle(dataset_of(submissions[0]), fontsize=9, x=0.01, ha="left")
     return figure
 
 
@@ -104,8 +112,3 @@ def _relative(one: Submission) -> NDArray[np.float64]:
     values = np.mean(np.abs(one.predictions - labels) / labels, axis=0)
     check_finite(one, values, "the relative error")
     return np.asarray(values)
-
-
-def _dataset(one: Submission) -> str:
-    facts = one.result["dataset"]
-    return f"synthNet {facts['version']}, {facts['split']}, {facts['protocol']}"

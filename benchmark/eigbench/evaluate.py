@@ -120,7 +120,7 @@ def evaluate(
     ------
     PredictorError
         If the predictor fails, answers with the wrong shape or type, changes its input,
-        hangs or dies. The batches before are kept in ``parts``.
+        hangs or dies. The batches before, if any, are kept in ``parts``.
     """
     trainings = _trainings(path, truth, options)
     several, everything = len(trainings) > 1, np.arange(len(truth.ids))
@@ -136,7 +136,11 @@ def evaluate(
             same = _open_parts(place, _fingerprint(task), path, options.resume)
             if left and not same and on_restart is not None:
                 on_restart()
-            run = _run(task, instances, place, on_batch)
+            try:
+                run = _run(task, instances, place, on_batch)
+            finally:
+                if not any(parts.glob("*/*.npz")):  # nothing is lost
+                    shutil.rmtree(parts, ignore_errors=True)
             answers = np.concatenate([part.answered.values for part in run.parts])
             predictions[seed, chosen[task.truth.order]] = answers
             runs.append(run)

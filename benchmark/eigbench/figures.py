@@ -21,6 +21,7 @@ from eigbench.metrics import METRICS, psnr
 from eigbench.ranking import RANKED_BY
 from eigbench.submission import Submission
 from eigbench.tables import family_title, in_order
+from synthnet import recipe
 from synthnet.files import write_atomically
 
 # Okabe and Ito: told apart by colour-blind readers; the markers tell kinds apart in print.
@@ -60,8 +61,12 @@ def style() -> Iterator[None]:
 def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) -> str:
     """Return an SVG of mean error against milliseconds a mesh, both logarithmic.
 
-    Results of several hardware labels get a panel each: times are not compared across.
+    Results of several hardware labels get a panel each, with one scale of errors: times are not
+    compared across.
     """
+    means = (one.result["scores"]["overall"][key]["mean"] for one in submissions)
+    errors = [max(mean, FLOOR) for mean in means if mean is not None] or [1.0]
+    limits = min(errors) / 1.8, max(errors) * 2.5
     by_label: dict[str, list[Submission]] = {}
     for one in submissions:
         by_label.setdefault(results.setting(one.result), []).append(one)
@@ -71,6 +76,7 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
         panels = np.ravel(figure.subplots(len(by_label), squeeze=False))
         figure.subplots_adjust(0.1, 0.5 / (4.4 * len(by_label)), 0.97, 0.93, hspace=0.35)
         for axes, label in zip(panels, sorted(by_label), strict=True):
+            axes.set_ylim(limits)
             _scatter(axes, by_label[label], key)
             axes.set_title(escaped(label), fontsize=9, loc="left")
         return as_svg(figure)
@@ -86,6 +92,12 @@ def as_svg(figure: Figure) -> str:
 def escaped(text: str) -> str:
     """Return text in which no dollar sign begins a formula."""
     return text.replace("$", "\\$")
+
+
+def dataset_of(one: Submission) -> str:
+    """Return what a submission predicts, in short: ``synthNet 1.0, test, grouped``."""
+    facts = one.result["dataset"]
+    return f"{recipe.title(facts['version'])}, {facts['split']}, {facts['protocol']}"
 
 
 def check_finite(one: Submission, values: NDArray[np.float64], title: str) -> None:
@@ -131,9 +143,8 @@ def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -
     axes.grid(alpha=0.25)
     if not points:
         return
-    x, y = np.array(points).T
+    x = np.array(points)[:, 0]
     axes.set_xlim(x.min() / 1.8, x.max() * 4)
-    axes.set_ylim(y.min() / 1.8, y.max() * 2.5)
     for note, (dx, dy, side), point in zip(
         notes, _label_places(axes, points, notes), points, strict=True
     ):
@@ -144,7 +155,7 @@ def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -
     handles = [
         axes.plot([], [], KINDS[kind][1], color=KINDS[kind][0], label=kind)[0] for kind in kinds
     ]
-    axes.legend(handles=handles, loc="lower left", frameon=False)
+    axes.legend(handles=handles, loc="lower left", fancybox=False, edgecolor="0.8", fontsize=8)
 
 
 def _label_places(
@@ -237,7 +248,11 @@ def spectra(one: Submission) -> Figure:
         panels[0][0].legend(frameon=False, fontsize=7)
         for axes in panels[-1]:
             axes.set_xlabel("index", fontsize=7)
-        figure.suptitle(f"{escaped(one.name)}: true and predicted eigenvalues", fontsize=10)
+        figure.suptitle(
+            f"{escaped(one.name)}: true and predicted eigenvalues\nbest, median and worst by "
+            f"{METRICS[RANKED_BY].title}",
+            fontsize=10,
+        )
     return figure
 
 
@@ -290,8 +305,7 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
             f"{METRICS[key].title}: quartiles, whiskers 5 to 95 %; below {FLOOR / 10:g} at the edge"
         )
         axes.grid(axis="x", alpha=0.25)
-        facts = submissions[0].result["dataset"]
-        axes.set_title(f"synthNet {facts['version']}, {facts['split']}", fontsize=9, loc="left")
+        axes.set_title(dataset_of(submissions[0]), fontsize=9, loc="left")
         figure.legend(frameon=False, fontsize=7, loc="outside lower center", ncols=2)
     return figure
 

@@ -17,18 +17,20 @@ from numpy.typing import NDArray
 
 from eigbench import scores, truth
 from eigbench.errors import EigbenchError
+from eigbench.markdown import cell as escaped
 from eigbench.markdown import table
 from eigbench.metrics import METRICS
 from eigbench.ranking import Ranked
 from eigbench.submission import Submission
 from eigbench.tables import score
-from eigbench.training import IMPORTED, untrained
+from eigbench.training import IMPORTED, fits, untrained
 from eigbench.truth import Truth
 from synthnet import recipe
 from synthnet.files import sha256
 
 SHOWN = ("rpd", "psnr20")
 NOT_RUN = "not run"
+IID = "i.i.d."  # the column of the protocol grouped
 TITLES = {
     "family": "each family unseen",
     "resolution": "fine meshes unseen",
@@ -41,7 +43,8 @@ EXPLAINED = (
     "of them out; models without training are as they were. In brackets the drop: the score "
     "minus that of the same model, by the same code and with the same seeds, trained on "
     "everything, on the same shapes (for imported meshes, on the split above). With a family, "
-    "those that are isometric to it are held out. "
+    "those that are isometric to it are held out. Not run: nobody has, or the model is trained on "
+    "one set alone. "
     "[What is held out](docs/dataset-card-2.0.md#protocols)."
 )
 
@@ -56,7 +59,7 @@ class Cell:
         Mean of the metric; ``None`` where the model was not run.
     drop : float or None
         Minus the mean, on the same shapes, of the same model trained on everything; ``None``
-        where the model is not trained, or the shapes are others.
+        where the model is not trained, or on another version.
     """
 
     score: float | None
@@ -95,16 +98,24 @@ class Board:
         (found,) = (row.submission for row in self.rows if row.submission.slug == slug)
         return found
 
+    def submission(self, model: Submission, column: str) -> Submission | None:
+        """Return what a model submitted for a column: itself under ``grouped``."""
+        if column == IID:
+            return model
+        return {one.slug: one for one in self.held_out.get(column, ())}.get(model.slug)
+
     def cell(self, model: Submission, protocol: str, key: str) -> Cell:
         """Return a model's cell under a protocol."""
-        own = {one.slug: one for one in self.held_out.get(protocol, ())}.get(model.slug)
+        own = self.submission(model, protocol)
         if own is not None:
             mean = _mean(own, own.truth, key)
             elsewhere = protocol.startswith(IMPORTED)
             seeds = len(own.predictions)  # of the model trained on everything, the same
             shapes = model.truth if elsewhere else own.truth
-            base = None if untrained(model.result["model"]) else _mean(model, shapes, key, seeds)
-            return Cell(mean, None if base is None else mean - base)
+            meta = model.result["model"]
+            if untrained(meta) or not fits(meta, self.version):
+                return Cell(mean)
+            return Cell(mean, mean - _mean(model, shapes, key, seeds))
         if untrained(model.result["model"]) and not protocol.startswith(IMPORTED):
             return Cell(_mean(model, tested(self.version, protocol), key))
         return Cell(None)
@@ -145,8 +156,9 @@ def section(board: Board, figure: str) -> list[str]:
     ]
     counts = [f"{title(name)} ({_count(board, name)})" for name in board.protocols]
     for key in SHOWN:
-        headers = [f"{METRICS[key].heading} of", "i.i.d.", *counts]
+        headers = [f"{METRICS[key].heading} of", IID, *counts]
         parts.append(table(headers, _lines(board, key, board.rows)))
+    parts += [f"{line}\n" for line in _remarks(board, board.rows)]
     parts.append(f"![Error under each protocol]({figure})\n")
     return [*parts, *_digests(board)]
 
@@ -154,23 +166,51 @@ def section(board: Board, figure: str) -> list[str]:
 def top(board: Board, count: int) -> str:
     """Return what the first rows of a board lose where it was held out, for the README."""
     key = SHOWN[0]
-    headers = [f"{METRICS[key].heading} of", "i.i.d.", *map(title, board.protocols)]
+    headers = [f"{METRICS[key].heading} of", IID, *map(title, board.protocols)]
     intro = (
         f"The same models on what training did not have, synthNet {board.version}; in brackets "
         "the drop of those that are trained:"
     )
-    return f"{intro}\n\n{table(headers, _lines(board, key, board.rows[:count]))}"
+    rows = board.rows[:count]
+    lines = (f"\n{line}\n" for line in _remarks(board, rows))
+    return f"{intro}\n\n{table(headers, _lines(board, key, rows))}{''.join(lines)}"
 
 
 def _lines(board: Board, key: str, rows: Sequence[Ranked]) -> list[list[str]]:
+    remarked = _remarked(board, rows)
+    found = []
+    for row in rows:
+        one = row.submission
+        cells = {IID: score(one.result["scores"]["overall"][key]["mean"], key)}
+        cells |= {name: with_drop(board.cell(one, name, key), key) for name in board.protocols}
+        for column in cells:
+            if (one.slug, column) in remarked:
+                cells[column] += f" {remarked[one.slug, column][0]}"
+        found.append([one.name, *cells.values()])
+    return found
+
+
+def _remarks(board: Board, rows: Sequence[Ranked]) -> list[str]:
+    """Return what is to be known of single cells, each after the mark that the cell has."""
     return [
-        [
-            row.submission.name,
-            score(row.submission.result["scores"]["overall"][key]["mean"], key),
-            *(with_drop(board.cell(row.submission, name, key), key) for name in board.protocols),
-        ]
-        for row in rows
+        escaped(f"{mark} {one.name}, {title(column)}: {one.remark}")
+        for (_, column), (mark, one) in _remarked(board, rows).items()
     ]
+
+
+def _remarked(
+    board: Board, rows: Sequence[Ranked]
+) -> dict[tuple[str, str], tuple[str, Submission]]:
+    """Return the mark and the submission of each cell with a remark, by slug and column."""
+    superscript = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+    found: dict[tuple[str, str], tuple[str, Submission]] = {}
+    for row in rows:
+        for column in (IID, *board.protocols):
+            one = board.submission(row.submission, column)
+            if one is not None and one.remark is not None:
+                mark = str(len(found) + 1).translate(superscript)
+                found[one.slug, column] = mark, one
+    return found
 
 
 def title(protocol: str) -> str:
@@ -199,8 +239,18 @@ def with_drop(cell: Cell, key: str) -> str:
     text = score(cell.score, key)
     if cell.drop is None:
         return text
-    sign = "+" if cell.drop >= 0 else "−"
-    return f"{text} ({sign}{score(abs(cell.drop), key).removesuffix(' %')})"
+    return f"{text} ({signed(cell.drop, key).removesuffix(' %')})"
+
+
+def signed(drop: float, key: str) -> str:
+    """Return a drop in a metric as text, with its sign.
+
+    Examples
+    --------
+    >>> signed(0.25, "rpd"), signed(-0.25, "psnr20")
+    ('+0.2500', '−25.00 %')
+    """
+    return f"{'+' if drop >= 0 else '−'}{score(abs(drop), key)}"
 
 
 def _digests(board: Board) -> list[str]:

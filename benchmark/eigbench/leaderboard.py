@@ -14,12 +14,13 @@ A board is all results of one dataset, split and protocol. In a checkout::
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from eigbench import figures, generalisation, page, predictions, ranking, results, submission
 from eigbench.errors import ResultError
+from eigbench.ranking import Ranked
 from eigbench.scaling import page as scaling_page
 from eigbench.scaling.results import Scaled
 from eigbench.submission import Submission
@@ -57,7 +58,9 @@ def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submis
             raise ResultError(f"{path} belongs at {RESULTS / one.board / one.slug}.json")
         found.append(one)
     _check_protocols(found)
-    known = {path for one in found for path in (one.result_path, one.predictions_path)}
+    known = {
+        path for one in found for path in (one.result_path, one.predictions_path, one.remark_path)
+    }
     for folder in (RESULTS, PREDICTIONS):
         for path in sorted((root / folder).rglob("*")):
             if path.is_file() and path not in known:
@@ -126,26 +129,19 @@ def generate(
     ValueError
         If it has the marks more than once, or not both of them.
     """
-    boards: dict[str, list[Submission]] = {}
-    for one in submissions:
-        boards.setdefault(one.board, []).append(one)
+    submissions = list(submissions)
     parts, tops, generated = [page.BANNER], [], {}
-    for board in sorted(boards):
-        facts = boards[board][0].result["dataset"]
-        if facts["protocol"] not in PROTOCOLS:
-            continue  # it stands beside the protocol grouped
-        rows = ranking.ranked(boards[board])
-        place = FIGURES / f"{board}.svg"
+    for rows, protocols in boards(submissions):
+        place = FIGURES / f"{rows[0].submission.board}.svg"
         generated[place] = figures.error_against_time([row.submission for row in rows])
         parts += page.board(rows, place)
         tops.append(page.top(rows))
-        if recipe.load(facts["version"]).protocols and facts["protocol"] == "grouped":
-            protocols = generalisation.Board(rows, held_out(boards.values(), facts["version"]))
-            place = FIGURES / f"{facts['version']}-generalisation.svg"
+        if protocols is not None:
+            place = FIGURES / f"{protocols.version}-generalisation.svg"
             generated[place] = figures.generalisation(protocols)
             parts += generalisation.section(protocols, place.as_posix())
             tops.append(generalisation.top(protocols, page.TOP))
-    if not boards:
+    if not submissions:
         parts.append("No result has been submitted yet.\n")
     section, drawn = scaling_page.section(scaled)
     parts += section
@@ -165,15 +161,31 @@ def _with_tops(readme: str, tops: Sequence[str]) -> str:
         raise ValueError(f"{README} has {error}") from error
 
 
-def held_out(
-    boards: Iterable[Sequence[Submission]], version: str
-) -> dict[str, Sequence[Submission]]:
-    """Return the submissions under each protocol of the version's own."""
-    return {
-        rows[0].truth.protocol: rows
-        for rows in boards
-        if rows[0].truth.version == version and rows[0].truth.protocol not in PROTOCOLS
-    }
+def boards(
+    submissions: Iterable[Submission],
+) -> Iterator[tuple[list[Ranked], generalisation.Board | None]]:
+    """Yield the rows of each board, best first, by version and protocol.
+
+    With those of a version's protocol ``grouped`` go its own protocols, if it has any: who was
+    evaluated under these stands beside who was under that, on no board apart.
+    """
+    by_board: dict[str, list[Submission]] = {}
+    for one in submissions:
+        by_board.setdefault(one.board, []).append(one)
+    for board in sorted(by_board):
+        version, protocol = by_board[board][0].truth.version, by_board[board][0].truth.protocol
+        if protocol not in PROTOCOLS:
+            continue
+        rows = ranking.ranked(by_board[board])
+        if protocol != "grouped" or not recipe.load(version).protocols:
+            yield rows, None
+            continue
+        held_out = {
+            found[0].truth.protocol: found
+            for found in by_board.values()
+            if found[0].truth.version == version and found[0].truth.protocol not in PROTOCOLS
+        }
+        yield rows, generalisation.Board(rows, held_out)
 
 
 def read_reported(root: Path) -> list[dict[str, Any]]:

@@ -14,6 +14,7 @@ from eigbench.physics import TITLES
 from eigbench.ranking import RANKED_BY, Ranked
 from eigbench.submission import Submission
 from eigbench.tables import (
+    SPEED,
     beside_lapy,
     deviation,
     family_title,
@@ -44,7 +45,7 @@ def board(rows: Sequence[Ranked], figure: Path) -> list[str]:
     """Return the section of one board: its rows, best first, and the path of its figure."""
     facts = rows[0].submission.result["dataset"]
     return [
-        f"## synthNet {facts['version']}, {facts['split']} split, protocol {facts['protocol']}\n",
+        f"## {results.title(rows[0].submission.result)}\n",
         *introduction(rows),
         _main(rows),
         f"![Error against time]({figure.as_posix()})\n",
@@ -85,13 +86,13 @@ def introduction(rows: Sequence[Ranked]) -> list[str]:
         "floor. Mean over instances ± half the 95 % bootstrap interval over shapes; in "
         "brackets the standard deviation over seeds, where there are several (it is in no "
         "interval). ms a mesh: median over batches, from raw vertices and faces to "
-        "eigenvalues. By LaPy: how many times less than LaPy's on one thread, timed in the same "
-        "run on some of the same batches; for equal device and threads this may be compared "
+        "eigenvalues. Speed against LaPy: its time on one thread by the model's, both timed in the "
+        "same run on some of the same batches; for equal device and threads this may be compared "
         "between machines, ms may not. Scores, intervals and ranks follow from the predictions; "
         "kind, training, cost and physics are what the run declared.\n",
         "The labels are finite element eigenvalues of each mesh. A solver of that very problem, "
-        "LaPy, has no error but rounding: its row shows what exactness costs. ℓ1 and ℓ2 have "
-        "a unit, and the smallest shapes make them.\n",
+        "LaPy, has no error but rounding, or an eigenvalue that it misses: its row shows what "
+        "exactness costs. ℓ1 and ℓ2 have a unit, and the smallest shapes make them.\n",
         _noise(rows[0].submission.truth),
     ]
 
@@ -99,23 +100,28 @@ def introduction(rows: Sequence[Ranked]) -> list[str]:
 def top(rows: Sequence[Ranked]) -> str:
     """Return the first rows of a board, in few columns, for the README."""
     shown = (RANKED_BY, "psnr20")
-    headers = ["rank", "model", "kind", *map(_heading, shown), "LaPy's time by this"]
+    headers = ["rank", "model", "kind", *map(_heading, shown), SPEED]
     lines = []
     for row in rows[:TOP]:
         result = row.submission.result
         overall = result["scores"]["overall"]
         cells = [score(overall[key]["mean"], key) for key in shown]
         model = result["model"]
-        lines.append(
-            [_rank(row), model["name"], model["kind"], *cells, beside_lapy(result["cost"])]
+        lines.append([row.place, model["name"], model["kind"], *cells, beside_lapy(result["cost"])])
+    title = results.title(rows[0].submission.result)
+    floor = noise.floor(rows[0].submission.truth, RANKED_BY)
+    below = (
+        ""
+        if floor is None
+        else (
+            f", or the difference is below the noise floor of {METRICS[RANKED_BY].title} "
+            f"{score(floor, RANKED_BY)}, the labels' own distance from the smooth surfaces"
         )
-    facts = rows[0].submission.result["dataset"]
-    title = f"synthNet {facts['version']}, {facts['split']} split, protocol {facts['protocol']}"
-    return f"{title}, {len(rows)} rows:\n\n{_table(headers, lines, left=3)}"
-
-
-def _rank(row: Ranked) -> str:
-    return f"{row.rank}{'=' if row.group > 1 else ''}"
+    )
+    ties = (
+        f"Who shares a rank (=) cannot be told from the first there: the shapes are too few{below}."
+    )
+    return f"{title}, {len(rows)} rows:\n\n{_table(headers, lines, left=3)}\n{ties}\n"
 
 
 def _noise(truth: Truth) -> str:
@@ -136,14 +142,14 @@ def _noise(truth: Truth) -> str:
 
 def _main(rows: Sequence[Ranked]) -> str:
     headers = ["rank", "model", "kind", *map(_heading, MAIN), "parameters", "ms a mesh"]
-    headers += ["by LaPy", "hardware", "training set", "seeds"]
+    headers += [SPEED, "hardware", "training set", "seeds"]
     lines = []
     for row in rows:
         result = row.submission.result
         model, facts = result["model"], result["cost"]
         lines.append(
             [
-                _rank(row),
+                row.place,
                 model["name"],
                 model["kind"],
                 *(with_uncertainty(result["scores"]["overall"][key], key) for key in MAIN),
@@ -151,7 +157,7 @@ def _main(rows: Sequence[Ranked]) -> str:
                 number(facts["ms_per_mesh"], 2),
                 beside_lapy(facts),
                 results.setting(result),
-                model.get("training_data", "not declared"),
+                results.declared(result, "training_data"),
                 str(result["predictions"]["seeds"]),
             ]
         )
@@ -237,7 +243,7 @@ def _cost(rows: Sequence[Ranked]) -> str:
                     number(facts["cores_used"], 2),
                     f"{facts['peak_memory_mb']:.0f}",
                     "" if model["parameters"] is None else f"{model['parameters']:,}",
-                    model.get("training_cost", "not declared"),
+                    results.declared(one.result, "training_cost"),
                 ]
             )
         headers = [
@@ -246,7 +252,7 @@ def _cost(rows: Sequence[Ranked]) -> str:
             "quartiles",
             "mean",
             "LaPy's",
-            "by LaPy",
+            SPEED,
             "batch",
             "cores used",
             "peak MB",

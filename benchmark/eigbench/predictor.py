@@ -22,6 +22,7 @@ import math
 import os
 import sys
 import sysconfig
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -111,7 +112,7 @@ def _found(module: ModuleType, path: Path, device: str, seed: int, training: str
     except PredictorError:
         raise
     except (Exception, SystemExit) as error:
-        raise PredictorError(f"{path} failed to load: {_told(error)}") from error
+        raise PredictorError(f"{path} failed to load: {told(error, path)}") from error
     raise PredictorError(
         f"{path} has no predictor: define predict(meshes), a class Predictor, "
         "load(device, seed) or a torch module named model"
@@ -157,7 +158,7 @@ def as_array(answer: Any) -> NDArray[Any]:
     try:
         return np.asarray(answer.detach().cpu() if hasattr(answer, "detach") else answer)
     except (ValueError, TypeError) as error:
-        raise PredictorError(f"the answer is no array: {_told(error)}") from error
+        raise PredictorError(f"the answer is no array: {told(error)}") from error
 
 
 def checked(values: NDArray[Any], count: int, k: int) -> NDArray[np.float64]:
@@ -205,7 +206,7 @@ def _module(path: Path) -> ModuleType:
             f"{path} needs the package {error.name}, which is not installed: pip install it"
         ) from error
     except (Exception, SystemExit) as error:
-        raise PredictorError(f"{path} failed to load: {_told(error)}") from error
+        raise PredictorError(f"{path} failed to load: {told(error, path)}") from error
     return module
 
 
@@ -269,6 +270,15 @@ def _count(thing: Any) -> int:
     return sum(math.prod(parameter.shape) for parameter in thing.parameters())
 
 
-def _told(error: BaseException) -> str:
+def told(error: BaseException, path: Path | None = None) -> str:
+    """Return an error on one line, and if it came through a file, the last place there."""
     message = " ".join(str(error).split())
-    return f"{type(error).__name__}: {message}" if message else type(error).__name__
+    text = f"{type(error).__name__}: {message}" if message else type(error).__name__
+    if path is None:
+        return text
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [one for one in frames if Path(one.filename) == path.resolve()]
+    if not own:
+        return text
+    inside = "" if own[-1].name == "<module>" else f", in {own[-1].name}"
+    return f"{text} ({path.name}, line {own[-1].lineno}{inside})"

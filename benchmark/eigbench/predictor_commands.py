@@ -250,6 +250,6 @@ def _described(result: dict[str, Any]) -> str:
     facts = result["dataset"]
     part = "a part of " if result.get("partial") else ""
     return (
-        f"{part}synthNet {facts['version']}, {facts['split']} split, protocol {facts['protocol']}: "
+        f"{part}{results.title(result)}: "
         f"{facts['shapes']:,} shapes, {facts['instances']:,} instances"
     )

@@ -103,8 +103,7 @@ class PredictorProcess:
         except (EOFError, OSError):
             raise self._died(at) from None
         if isinstance(message, Failed):
-            first = f" (first ids: {', '.join(ids[:3])})" if ids else ""
-            raise PredictorError(f"{message.message}{first}")
+            raise PredictorError(f"{message.message}, {at}" if ids else message.message)
         return message
 
     def _wait(self, at: str) -> None:

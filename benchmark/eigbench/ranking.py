@@ -36,6 +36,9 @@ class Difference:
         Noise floor of the metric; None where there is none.
     verdict : str
         ``a``, ``b`` or ``tie``: which is better.
+    why : str
+        What makes a tie, else empty: ``equal`` values, the ``interval``, the ``floor``, or ``not
+        finite`` where both have such values.
     """
 
     a: float
@@ -44,6 +47,7 @@ class Difference:
     high: float
     floor: float | None
     verdict: str
+    why: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +57,11 @@ class Ranked:
     submission: Submission
     rank: int
     group: int
+
+    @property
+    def place(self) -> str:
+        """The rank as it is shown: ``3``, or ``3=`` where it is shared."""
+        return f"{self.rank}{'=' if self.group > 1 else ''}"
 
 
 def per_mesh(submission: Submission, key: str) -> NDArray[np.float64]:
@@ -91,8 +100,8 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
     x, y = per_mesh(a, key)[chosen], per_mesh(b, key)[chosen]
     low, high = scores.paired_interval(x, y, truth, scores.bootstrap_weights(truth))
     floor = noise.floor(truth, key)
-    verdict = _verdict(x, y, (low, high), floor, key)
-    return Difference(float(x.mean()), float(y.mean()), low, high, floor, verdict)
+    verdict, why = _verdict(x, y, (low, high), floor, key)
+    return Difference(float(x.mean()), float(y.mean()), low, high, floor, verdict, why)
 
 
 def _verdict(
@@ -101,14 +110,19 @@ def _verdict(
     interval: tuple[float, float],
     floor: float | None,
     key: str,
-) -> str:
+) -> tuple[str, str]:
+    """Return which is better, and what makes a tie."""
     bad_x, bad_y = not np.isfinite(x).all(), not np.isfinite(y).all()
     if bad_x or bad_y:  # what is not finite is worse than what is
-        return "tie" if bad_x and bad_y else "b" if bad_x else "a"
+        return ("tie", "not finite") if bad_x and bad_y else ("b" if bad_x else "a", "")
+    if np.array_equal(x, y):
+        return "tie", "equal"
     low, high = interval
-    if low <= 0 <= high or abs(x.mean() - y.mean()) < (floor or 0):
-        return "tie"
-    return "a" if (low > 0) == METRICS[key].higher_is_better else "b"
+    if low <= 0 <= high:
+        return "tie", "interval"
+    if abs(x.mean() - y.mean()) < (floor or 0):
+        return "tie", "floor"
+    return ("a" if (low > 0) == METRICS[key].higher_is_better else "b"), ""
 
 
 def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Ranked]:

@@ -15,6 +15,7 @@ import jsonschema
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.metrics import METRICS
 from eigbench.truth import Truth
+from synthnet import recipe
 from synthnet.files import make_directory, one_line, sha256, write_atomically, write_text
 
 SCHEMA_VERSION = 1
@@ -104,6 +105,18 @@ def _finite(digits: str) -> float:
 
 def _no_constant(word: str) -> float:
     raise ValueError(f"{word} is no JSON number")
+
+
+def title(result: dict[str, Any]) -> str:
+    """Return what a result is of: ``synthNet 1.0, test split, protocol grouped``."""
+    facts = result["dataset"]
+    name = recipe.title(facts["version"])
+    return f"{name}, {facts['split']} split, protocol {facts['protocol']}"
+
+
+def declared(result: dict[str, Any], key: str) -> str:
+    """Return what a model's META says of its training, or that it does not."""
+    return str(result["model"].get(key, "not declared"))
 
 
 def schema() -> dict[str, Any]:

@@ -59,6 +59,18 @@ class Submission:
         return slug(self.name)
 
     @property
+    def remark_path(self) -> Path:
+        """Where a remark on the result would be."""
+        return self.result_path.with_suffix(".remark.txt")
+
+    @property
+    def remark(self) -> str | None:
+        """What a reader should know of the result: the text beside it, on one line."""
+        if not self.remark_path.is_file():
+            return None
+        return " ".join(self.remark_path.read_text(encoding="utf-8").split())
+
+    @property
     def board(self) -> str:
         """Which board it belongs on: ``1.0-test-grouped``, ``2.0-test-imported-scans``."""
         facts = self.result["dataset"]

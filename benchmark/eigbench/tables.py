@@ -8,9 +8,13 @@ from typing import Any
 
 from tabulate import tabulate
 
+from eigbench import results
 from eigbench.metrics import MAIN, METRICS
 from eigbench.physics import SHARES, TITLES
 from synthnet.families import FAMILIES
+
+SPEED = "speed against LaPy"
+ROUNDING = 1e-12  # of a mean: a deviation below it is that of equal numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +69,15 @@ def with_uncertainty(cell: dict[str, float | None], key: str) -> str:
     --------
     >>> with_uncertainty({"mean": 0.5, "low": 0.4, "high": 0.7, "seed_std": None}, "rpd")
     '0.5000 ± 0.1500'
+    >>> with_uncertainty({"mean": 0.9, "low": None, "high": None, "seed_std": 1e-16}, "psnr20")
+    '90.00 % (0.00)'
     """
     text = score(cell["mean"], key)
     if cell["low"] is not None and cell["high"] is not None:
         text += f" ± {score((cell['high'] - cell['low']) / 2, key).removesuffix(' %')}"
-    if cell["seed_std"] is not None:
-        text += f" ({score(cell['seed_std'], key).removesuffix(' %')})"
+    if (deviation := cell["seed_std"]) is not None:
+        known = 0.0 if deviation <= ROUNDING * abs(cell["mean"] or 0) else deviation
+        text += f" ({score(known, key).removesuffix(' %')})"
     return text
 
 
@@ -87,23 +94,26 @@ def in_order(names: Iterable[str]) -> list[str]:
 
 def overall(result: dict[str, Any]) -> Table:
     """Return the table of the six metrics with their uncertainty."""
+    one_seed = all(cell["seed_std"] is None for cell in result["scores"]["overall"].values())
     rows = []
     for key, metric in METRICS.items():
         cell = result["scores"]["overall"][key]
         d = metric.decimals
-        spread = "" if cell["seed_std"] is None else f"{cell['seed_std']:.{d}f}"
+        deviation = "" if cell["seed_std"] is None else f"{cell['seed_std']:.{d}f}"
         between = f"{number(cell['low'], d)} to {number(cell['high'], d)}"
         rows.append(
             [
                 metric.heading,
-                "" if key == "psnr" else number(cell["mean"], d),
-                "" if key == "psnr" else between,
-                spread,
+                # The PSNR of an exact spectrum is infinite
+                "" if key == "psnr" and cell["mean"] is None else number(cell["mean"], d),
+                "" if key == "psnr" and cell["mean"] is None else between,
+                *([] if one_seed else [deviation]),
                 "" if key == "psnr20" else number(cell["median"], d),
                 metric.unit,
             ]
         )
-    headers = ["metric", "mean", "95 % interval over shapes", "sd over seeds", "median", "unit"]
+    spread = [] if one_seed else ["sd over seeds"]
+    headers = ["metric", "mean", "95 % interval over shapes", *spread, "median", "unit"]
     return Table(headers, rows)
 
 
@@ -141,7 +151,7 @@ def cost(result: dict[str, Any]) -> Table:
             f"{facts['ms_per_mesh']:.2f} ({low:.2f} to {high:.2f})",
         ],
         ["ms a mesh, mean", f"{facts['ms_per_mesh_mean']:.2f}"],
-        ["LaPy's time by this, same meshes", beside_lapy(facts)],
+        [f"{SPEED}, same meshes", beside_lapy(facts)],
         [
             "batch size, threads, device",
             f"{facts['batch_size']}, {facts['threads']}, {facts['device']}",
@@ -152,7 +162,7 @@ def cost(result: dict[str, Any]) -> Table:
         ],
         ["peak memory", f"{facts['peak_memory_mb']:.0f} MB"],
         ["parameters", "none" if parameters is None else f"{parameters:,}"],
-        ["training cost", result["model"].get("training_cost", "not declared")],
+        ["training cost", results.declared(result, "training_cost")],
         ["hardware", facts["hardware"]],
     ]
     return Table(["", ""], rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 DEFAULT = "1.0/grouped"  # of a predictor that is asked about meshes with no training split
@@ -31,3 +32,17 @@ def untrained(meta: Mapping[str, object]) -> bool:
     False
     """
     return meta.get("kind") != "learned" and meta.get("training_data", "none") == "none"
+
+
+def fits(meta: Mapping[str, object], version: str) -> bool:
+    """Return whether a model may be fitted to a version's labels, by what it says of its data.
+
+    Examples
+    --------
+    >>> fits({"training_data": "synthNet 1.0-small train, grouped"}, "2.0")
+    False
+    >>> fits({"training_data": "the training split"}, "2.0-mini")
+    True
+    """
+    named = re.findall(r"synthNet (\d+\.\d+)", str(meta.get("training_data", "")))
+    return not named or version.partition("-")[0] in named

@@ -90,7 +90,7 @@ def work(channel: Connection, job: Job) -> None:
             if meshes is None:
                 channel.send(Status(_peak_bytes(), predictor.sources(job.path, loaded.roots)))
             else:
-                channel.send(_answer(loaded, meshes, job.k))
+                channel.send(_answer(loaded, meshes, job))
     except PredictorError as error:
         channel.send(Failed(str(error)))
     except EOFError:
@@ -99,7 +99,7 @@ def work(channel: Connection, job: Job) -> None:
         channel.close()
 
 
-def _answer(loaded: predictor.Predictor, given: Sequence[Mesh], k: int) -> Answered:
+def _answer(loaded: predictor.Predictor, given: Sequence[Mesh], job: Job) -> Answered:
     """Predict one batch.
 
     The clock runs from raw vertices and faces to eigenvalues in memory, and over nothing else.
@@ -115,14 +115,14 @@ def _answer(loaded: predictor.Predictor, given: Sequence[Mesh], k: int) -> Answe
     except PredictorError:
         raise
     except (Exception, SystemExit) as error:
-        told = " ".join(f"{type(error).__name__}: {error}".split())
-        hint = " (meshes are read-only: copy what you change)" if "read-only" in told else ""
+        told = predictor.told(error, job.path)
+        hint = "; meshes are read-only: copy what you change" if "read-only" in str(error) else ""
         raise PredictorError(f"the predictor failed: {told}{hint}") from error
     if before != [(mesh.vertices.sum(), mesh.faces.sum()) for mesh in meshes]:
         raise PredictorError(
             "the predictor changes its input: copy vertices and faces before writing to them"
         )
-    return Answered(predictor.checked(answer, len(meshes), k), seconds, cpu)
+    return Answered(predictor.checked(answer, len(meshes), job.k), seconds, cpu)
 
 
 def _cpu_seconds() -> float:

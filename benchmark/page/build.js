@@ -1,5 +1,6 @@
 // Bundles the page's scripts and styles into dist/, and gathers the licences of what is in them.
 import { build } from "esbuild";
+import { createHash } from "node:crypto";
 import { copyFile, mkdir, readdir, readFile, rm, writeFile } from "node:fs/promises";
 import path from "node:path";
 import { fileURLToPath } from "node:url";
@@ -46,3 +47,10 @@ await writeFile(
   from("dist", "LICENSES.txt"),
   `The scripts of this page contain these packages.\n\n${parts.join(`\n${"-".repeat(72)}\n\n`)}`,
 );
+
+// What it was made from: `eigbench site` refuses a bundle of other sources.
+const sources = ["build.js", "package.json", "package-lock.json"];
+for (const entry of await readdir(from("src"), { withFileTypes: true }))
+  if (entry.isFile() && !entry.name.startsWith(".")) sources.push(`src/${entry.name}`);
+const digests = await Promise.all(sources.map(async (name) => createHash("sha256").update(await readFile(from(name))).digest("hex")));
+await writeFile(from("dist", "SOURCES.sha256"), sources.map((name, i) => `${digests[i]}  ${name}\n`).join(""));

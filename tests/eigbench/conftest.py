@@ -25,7 +25,7 @@ from eigbench import cli, leaderboard, predictions, results, scores, submission,
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled
-from eigbench.site import write
+from eigbench.site import bundle, write
 from eigbench.submission import Submission
 from eigbench.truth import Truth
 
@@ -266,12 +266,9 @@ def bundled(tmp_path_factory: pytest.TempPathFactory, npm: Callable[..., None]) 
     with filelock.FileLock((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "npm"):
         if not (source / "node_modules" / "esbuild").is_dir():
             npm(source, "ci")
-        made = [write.BUNDLE / name for name in write.BUNDLED]
-        sources = [*source.glob("*.js*"), *source.glob("src/*")]
-        newest = max(path.stat().st_mtime for path in sources)
-        if not all(path.is_file() and path.stat().st_mtime >= newest for path in made):
+        if not (bundle.BUNDLE / bundle.STAMP).is_file() or bundle.stale():
             npm(source, "run", "build")
-    return write.BUNDLE
+    return bundle.BUNDLE
 
 
 @pytest.fixture(scope="session")

@@ -531,10 +531,12 @@ def test_any_name_can_stand_on_the_page(make_submission, mini_truth, name):
 def test_compare_tells_ties_from_differences(eigbench, made):
     code, out, _ = eigbench("compare", made["one"], made["twenty"])
     assert code == 0
-    assert out.count("A is better") == len(METRICS) + 10 - out.count("tie")
+    ties = out.count("tie (interval)") + out.count("tie (floor)")
+    assert out.count("A is better") == len(METRICS) + 10 - ties
     code, out, _ = eigbench("compare", made["one"], made["one"], "--json")
     found = json.loads(out)
     assert {d["verdict"] for d in found["overall"].values()} == {"tie"}
+    assert {d["why"] for d in found["overall"].values()} == {"equal"}
     assert {d["high"] for d in found["overall"].values()} == {0.0}
 
 
@@ -727,6 +729,21 @@ def test_first_rows_were_made_by_the_code_in_baselines(first_rows):
     for result in first_rows:
         for name, digest in result["model"]["sources"].items():
             assert sha256(CHECKOUT / "baselines" / name) == digest, f"run {name} again"
+
+
+def test_what_lapy_misses_on_2_0_is_what_the_docs_say():
+    board, name = "2.0-test-grouped", "lapy"
+    lapy = submission.read(
+        CHECKOUT / "benchmark" / "results" / board / f"{name}.json",
+        CHECKOUT / "benchmark" / "predictions" / board / f"{name}.parquet",
+    )
+    error = np.abs(lapy.predictions[0] / lapy.truth.eigenvalues - 1)
+    (wrong,) = np.flatnonzero((error > 1e-6).any(axis=1))
+    assert lapy.truth.ids[wrong] == "twisted_torus-00540/1"
+    assert np.flatnonzero(error[wrong] > 1e-6).tolist() == [9]
+    label = lapy.truth.eigenvalues[wrong]
+    assert label[8] == pytest.approx(label[9], rel=1e-6)
+    assert len(lapy.truth.ids) == 1986
 
 
 @pytest.mark.parametrize("folder", ["results", "predictions"])

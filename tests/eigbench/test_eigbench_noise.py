@@ -165,15 +165,22 @@ def test_page_says_that_the_floor_is_not_computed(two):
     assert "| 2 | Off by 0.08 |" in page
 
 
+def found_rows(out, start):
+    (line,) = (line for line in out.splitlines() if line.startswith(f"{start} "))
+    return line.split()
+
+
 def test_compare_shows_the_floor(eigbench, pin, two):
     pin(0.07)
     paths = [path for path, _ in two]
     code, out, _ = eigbench("compare", *paths)
     assert code == 0
     line = next(line for line in out.splitlines() if line.startswith("RPD "))
-    assert line.split()[-2:] == ["0.3627", "tie"]
+    assert line.split()[-3] == "0.3627"
+    assert line.split()[-2:] == ["tie", "(floor)"]
     (line,) = (line for line in out.splitlines() if line.startswith("PSNR "))
     assert line.split()[-4:] == ["none", "A", "is", "better"]
+    assert found_rows(out, "Torus")[-2:] == ["tie", "(floor)"]
     found = json.loads(eigbench("compare", *paths, "--json")[1])
     assert found["overall"]["rpd"]["floor"] == pytest.approx(0.3627, abs=1e-4)
     assert found["overall"]["psnr"]["floor"] is None

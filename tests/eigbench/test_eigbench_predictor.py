@@ -240,7 +240,7 @@ def test_file_that_is_not_python_is_refused(predictor_file):
     ("code", "message"),
     [
         ("def predict(:", r"failed to load: SyntaxError: .*line 1"),
-        ("1 / 0", "failed to load: ZeroDivisionError: division by zero"),
+        ("1 / 0", r"load: ZeroDivisionError: division by zero \(my_model\.py, line 1\)"),
         ("raise SystemExit(3)", "failed to load: SystemExit: 3"),
         ("import sys; sys.exit()", "failed to load: SystemExit"),
         ("raise ValueError('a\\nb')", "failed to load: ValueError: a b"),

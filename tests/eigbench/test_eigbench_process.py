@@ -132,7 +132,8 @@ def test_error_while_the_answer_is_read_is_the_predictors(predictor_file):
     code = LAZY.replace("time.sleep(0.3)", "raise RuntimeError('CUDA error')")
     ids, probes = physics.questions()
     with pytest.raises(
-        PredictorError, match=r"the predictor failed: RuntimeError: CUDA error \(first"
+        PredictorError,
+        match=r"failed: RuntimeError: CUDA error \(my_model\.py, line \d+, in \w+\), on",
     ):
         predict_meshes(predictor_file(code), ids, probes, 10, Options())
 

@@ -174,6 +174,38 @@ def test_readme_shows_what_the_first_rows_lose(held_out):
     ]
 
 
+def test_what_is_trained_on_another_version_has_no_drop(parts, make_submission):
+    told = {"kind": "learned", "training_data": "synthNet 1.0-small train, grouped"}
+    whole, genus = (
+        submission.read(make_submission("M", wanted.eigenvalues * 1.01, wanted, **told))
+        for wanted in (parts["grouped"], parts["genus"])
+    )
+    board = generalisation.Board(ranking.ranked([whole]), {"genus": [genus]})
+    cell = board.cell(whole, "genus", "rpd")
+    assert cell.score == pytest.approx(10 * 0.01 / 2.01)
+    assert cell.drop is None
+
+
+def test_a_remark_beside_a_result_stands_below_the_table(held_out, tmp_path):
+    whole, model = held_out
+    for one in [*whole, model]:
+        leaderboard.place(one, tmp_path)
+    results = tmp_path / leaderboard.RESULTS
+    (results / model.board / "model.remark.txt").write_text("tuned\non these\n")
+    (results / whole[0].board / "solver.remark.txt").write_text("a | b\n")
+    readme = "<!-- begin leaderboard --><!-- end leaderboard -->"
+    pages = leaderboard.generate(leaderboard.read(tmp_path), [], (), readme)
+    for place in ("LEADERBOARD.md", "README.md"):
+        text = pages[leaderboard.Path(place)]
+        assert "| Solver | 0.0050 ¹ | 0.0050 | 0.0050 | 0.0050 | 0.0050 |" in text
+        assert "| Model | 0.0498 | not run | not run | 0.2439 (+0.1942) ² | not run |" in text
+        assert "\n\n¹ Solver, i.i.d.: a \\| b\n\n² Model, genus 1 and more unseen: tuned on" in text
+    alone = results / whole[0].board / "nobody.remark.txt"
+    alone.write_text("of no result\n")
+    with pytest.raises(ResultError, match="belongs to no row"):
+        leaderboard.read(tmp_path)
+
+
 def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(
     held_out, parts, make_submission, tmp_path
 ):

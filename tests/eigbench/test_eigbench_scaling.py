@@ -305,7 +305,7 @@ def rows(made):
     """Two solvers; a prediction 0.5 % off, better than meshes of 1,000 vertices; one far off."""
     return [
         made("Exact", {1_000: (0.1, 1.0), 10_000: (1.0, 1.0)}),
-        made("Exact too", {1_000: (0.2, 1 + 1e-9), 10_000: (9.0, None)}),
+        made("Exact too", {1_000: (0.2, 1 + 1e-11), 10_000: (9.0, None)}),
         made("Near", {1_000: (0.01, 1.005), 10_000: (0.02, 1.005)}),
         made("Far | off", {1_000: (0.001, 2.0)}),
         made("Slow", {10_000: (5.0, 1.001)}),
@@ -324,6 +324,15 @@ def test_a_prediction_wins_where_it_is_faster_and_below_the_discretisation_error
         "- 10,000 vertices, discretisation error 0.122 %: the fastest exact solver (mostly Exact)"
         in text
     )
+    assert "(20.00 ms, error 0.500 %). Not run: Far \\| off.\n" in text
+
+
+def test_what_is_all_but_exact_is_a_prediction(made):
+    fit = made("Fit", {10_000: (0.5, 1 + 5e-7)})  # as a basis of polynomials on an ellipsoid
+    solver = made("Solver", {10_000: (1.0, 1 + 1e-11)})
+    found = scaling_scores.verdict([fit, solver], 10_000)
+    assert (found.solver, found.seconds) == ("Solver", 1.0)
+    assert found.faster == {"fit": (6, 6)}
 
 
 def test_a_prediction_does_not_win_where_a_coarser_mesh_is_as_good_and_faster(made):
@@ -350,7 +359,7 @@ def test_page_says_what_was_not_run_and_what_took_too_long(rows):
     text = "\n".join(scaling_page.section(rows)[0])
     lines = {line.split(" | ")[0][2:]: line for line in text.splitlines() if line.startswith("| ")}
     main = text.partition("| model | kind |")[2].partition("\n\n")[0]
-    assert "| Exact too | classical | 1e-07 % | 200.00 | over 600 s | over 600 s |" in main
+    assert "| Exact too | classical | 1e-09 % | 200.00 | over 600 s | over 600 s |" in main
     assert "| Slow | classical | not run | not run | 0.100 % | 5000.00 |" in main
     assert r"| Far \| off | classical | 100.000 % | 1.00 | not run | not run |" in main
     assert "Slow" in lines

@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+import shutil
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
@@ -14,7 +15,7 @@ from eigbench import generalisation, leaderboard, meshes, ranking, truth
 from eigbench.errors import EigbenchError
 from eigbench.markdown import cell
 from eigbench.metrics import METRICS
-from eigbench.site import boards, rows, shapes, write
+from eigbench.site import boards, bundle, rows, shapes, write
 from eigbench.site.shapes import FACES, STEPS
 from eigbench.training import IMPORTED
 
@@ -97,7 +98,7 @@ ON_THE_BOARD = {
     "rpd": METRICS["rpd"].heading,
     "psnr20": METRICS["psnr20"].heading,
     "ms": "ms a mesh",
-    "lapy": "by LaPy",
+    "lapy": "speed against LaPy",
     "training": "training set",
     "hardware": "hardware",
 }
@@ -140,7 +141,8 @@ def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, n
             for row in read(content, f"boards/{one.board}.js")["rows"]:
                 line = lines[cell(row["name"])]
                 (column,) = (head for head in line if head.startswith(f"{title} ("))
-                mean, _, drop = line[column].partition(" (")
+                shown = line[column].rstrip(" ¹²³")  # marks of remarks, which the page has as notes
+                mean, _, drop = shown.partition(" (")
                 assert row["cells"][key][0].partition(" ± ")[0] == mean, (one.board, row["name"])
                 if key == "rpd":
                     assert row["cells"]["drop"][0] == (drop.removesuffix(")") or "none")
@@ -413,10 +415,43 @@ def test_a_folder_that_is_no_page_is_not_touched(eigbench, made_board, tmp_path)
 
 def test_scripts_that_were_not_bundled_are_one_line(eigbench, tmp_path, monkeypatch):
     (tmp_path / "benchmark" / "results").mkdir(parents=True)
-    monkeypatch.setattr(write, "BUNDLE", tmp_path / "dist")
+    monkeypatch.setattr(bundle, "BUNDLE", tmp_path / "dist")
     code, _, err = eigbench("site", "--board", tmp_path, "--out", tmp_path / "page")
     assert code == 2
     assert re.fullmatch(r"eigbench: .*dist has no index\.html: run `make page` .*\n", err)
+
+
+def change(page):
+    (page / "src" / "dom.js").write_text("// another")
+
+
+def add(page):
+    (page / "src" / "new.js").write_text("// new")
+
+
+def remove(page):
+    (page / "src" / "dom.js").unlink()
+
+
+@pytest.mark.parametrize(
+    ("edit", "name"),
+    [(change, "src/dom.js"), (add, "src/new.js"), (remove, "src/dom.js")],
+)
+def test_scripts_of_other_sources_are_one_line(
+    eigbench, bundled, tmp_path, monkeypatch, edit, name
+):
+    page = tmp_path / "scripts"
+    shutil.copytree(bundled.parent, page, ignore=shutil.ignore_patterns("node_modules"))
+    monkeypatch.setattr(bundle, "BUNDLE", page / "dist")
+    assert not bundle.stale()
+    edit(page)
+    (tmp_path / "benchmark" / "results").mkdir(parents=True)
+    code, _, err = eigbench("site", "--board", tmp_path, "--out", tmp_path / "page")
+    assert code == 2
+    assert re.fullmatch(
+        rf"eigbench: .*dist was not made from {name} as it is now: run `make page` .*\n", err
+    )
+    assert not (tmp_path / "page").exists()
 
 
 def test_place_of_the_docs_is_checked_and_used(made_content):
@@ -450,7 +485,7 @@ def test_place_of_the_docs_is_seen_from_the_page(eigbench, bundled, tmp_path):
 def test_an_empty_board_is_a_page_that_says_so(bundled):
     content = write.files([], [], [])
     assert read(content, "data.js")["datasets"] == []
-    assert set(content) == {*write.BUNDLED, "data.js"}
+    assert set(content) == {*bundle.FILES, "data.js"}
 
 
 # --- the machine of the tests ------------------------------------------------------------

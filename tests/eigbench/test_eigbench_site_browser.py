@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 from eigbench import results
-from eigbench.site import write
+from eigbench.site import bundle, write
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-AXE = write.BUNDLE.parent / "node_modules" / "axe-core" / "axe.min.js"
+AXE = bundle.BUNDLE.parent / "node_modules" / "axe-core" / "axe.min.js"
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 ARGUMENTS = [
     "--disable-background-networking",

@@ -135,7 +135,9 @@ def _line(one: Verdict, names: dict[str, str], rows: Sequence[Scaled]) -> str:
         f"{names[slug]} ({ms(cells[slug].seconds)} ms, error {percent(cells[slug].error)})"
         for slug in sorted(one.faster, key=lambda slug: (cells[slug].error, slug))
     ]
-    return start + escaped(f"{text}. Faster, on some surface: {', '.join(faster) or 'none'}.")
+    text += f". Faster, on some surface: {', '.join(faster) or 'none'}."
+    missing = [names[slug] for slug, found in cells.items() if not found.total]
+    return start + escaped(text + (f" Not run: {', '.join(missing)}." if missing else ""))
 
 
 def percent(value: float) -> str:

@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import resources
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -234,11 +233,8 @@ def pinned(surface: str, size: int) -> Pinned:
 @lru_cache(maxsize=1)
 def read() -> Mapping[tuple[str, int], Pinned]:
     """Return the pins that the repository has, by surface and size."""
-    path = resources.files("eigbench.scaling").joinpath(PINS)
-    if not path.is_file():
-        return {}
-    with path.open("rb") as file:
-        rows = pq.read_table(file).to_pylist()
+    table = pins.shipped_table("eigbench.scaling", PINS)
+    rows = [] if table is None else table.to_pylist()
     found = (_from_row(row) for row in rows)
     return {(one.surface, one.size): one for one in found}
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from eigbench import generalisation, leaderboard, noise, page, ranking, results, scores
 from eigbench.generalisation import Board
+from eigbench.markdown import cell as escaped
 from eigbench.metrics import MAIN
 from eigbench.ranking import RANKED_BY, Ranked
 from eigbench.site import columns
@@ -17,8 +18,6 @@ from eigbench.submission import Submission
 from eigbench.tables import score
 from eigbench.training import untrained
 from eigbench.truth import Truth
-from synthnet import recipe
-from synthnet.types import PROTOCOLS
 
 OF_ALL = {
     "grouped": "grouped: no copy of a test shape in training",
@@ -64,23 +63,12 @@ class Shown:
 
 def shown(submissions: Sequence[Submission]) -> list[Shown]:
     """Return the boards, in order of version and protocol."""
-    by_board: dict[str, list[Submission]] = {}
-    for one in submissions:
-        by_board.setdefault(one.board, []).append(one)
     found = []
-    for key in sorted(by_board):
-        truth = by_board[key][0].truth
-        if truth.protocol not in PROTOCOLS:
-            continue
-        rows = ranking.ranked(by_board[key])
-        if not recipe.load(truth.version).protocols or truth.protocol != "grouped":
-            found.append(Shown(rows, None, None))
-            continue
-        held_out = leaderboard.held_out(by_board.values(), truth.version)
-        board = Board(rows, held_out)
+    for rows, board in leaderboard.boards(submissions):
         found.append(Shown(rows, board, None))
-        under = {protocol: list(_under(board, protocol)) for protocol in board.protocols}
-        found += [Shown(ranking.ranked(mine), board, p) for p, mine in under.items() if mine]
+        if board is not None:
+            under = {protocol: list(_under(board, protocol)) for protocol in board.protocols}
+            found += [Shown(ranking.ranked(mine), board, p) for p, mine in under.items() if mine]
     return found
 
 
@@ -120,8 +108,7 @@ def told(board: Shown) -> dict[str, Any]:
     return {
         "key": board.key,
         "kind": "board",
-        "title": f"synthNet {board.truth.version}, {board.truth.split} split, protocol "
-        f"{board.truth.protocol}",
+        "title": results.title(board.rows[0].submission.result),
         "notes": _notes(board),
         "floors": _floors(board.truth),
         "columns": {column.key: column.told() for column in every},
@@ -133,7 +120,7 @@ def told(board: Shown) -> dict[str, Any]:
                 "slug": row.submission.slug,
                 "name": row.submission.name,
                 "kind": row.submission.result["model"]["kind"],
-                "training": row.submission.result["model"].get("training_data", "not declared"),
+                "training": results.declared(row.submission.result, "training_data"),
                 "setting": results.setting(row.submission.result),
                 "ms": number_of(row.submission.result["cost"]["ms_per_mesh"]),
                 "cells": {column.key: column.cell(row) for column in every},
@@ -145,6 +132,8 @@ def told(board: Shown) -> dict[str, Any]:
 
 def _notes(board: Shown) -> list[str]:
     notes = [note.strip() for note in page.introduction(board.rows)]
+    models = (row.submission for row in board.rows)
+    notes += [f"{escaped(one.name)}: {escaped(one.remark)}" for one in models if one.remark]
     if board.own is None:
         return notes
     return [*notes, f"**Generalisation**: {generalisation.EXPLAINED}"]

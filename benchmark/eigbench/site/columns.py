@@ -16,6 +16,7 @@ from eigbench.page import lapys_own
 from eigbench.physics import SHARES, TITLES
 from eigbench.ranking import RANKED_BY, Ranked
 from eigbench.tables import (
+    SPEED,
     beside_lapy,
     deviation,
     family_title,
@@ -141,7 +142,7 @@ def fixed() -> list[Column]:
             "rank",
             f"By mean {METRICS[RANKED_BY].title}. Rows that share a rank (=) cannot be told apart "
             "from the first of their group: too few shapes, or labels too coarse.",
-            lambda row: (f"{row.rank}{'=' if row.group > 1 else ''}", row.rank),
+            lambda row: (row.place, row.rank),
         )
     ]
 
@@ -245,7 +246,7 @@ def _ratio(protocol: str | None) -> Column:
         "batches; for equal device and threads this may be compared between machines."
         f"{_elsewhere(protocol)}"
     )
-    return Column("lapy", "by LaPy", told, cell, higher=True)
+    return Column("lapy", SPEED, told, cell, higher=True)
 
 
 def _parameters() -> Column:
@@ -258,7 +259,7 @@ def _parameters() -> Column:
 
 def _declared() -> list[Column]:
     def training(row: Ranked) -> Cell:
-        text = row.submission.result["model"].get("training_data", "not declared")
+        text = results.declared(row.submission.result, "training_data")
         return text, text
 
     def hardware(row: Ranked) -> Cell:
@@ -294,7 +295,7 @@ def _cost() -> list[Column]:
         return str(_fact(row, "batch_size")), _fact(row, "batch_size")
 
     def training(row: Ranked) -> Cell:
-        text = row.submission.result["model"].get("training_cost", "not declared")
+        text = results.declared(row.submission.result, "training_cost")
         return text, text
 
     return [
@@ -346,8 +347,7 @@ def _drops(board: Board, protocol: str) -> list[Column]:
         found = board.cell(board.model(row.submission.slug), protocol, RANKED_BY)
         if found.drop is None:
             return "none", None
-        sign = "+" if found.drop >= 0 else "−"
-        return f"{sign}{score(abs(found.drop), RANKED_BY)}", number_of(found.drop)
+        return generalisation.signed(found.drop, RANKED_BY), number_of(found.drop)
 
     told = (
         f"Mean {METRICS[RANKED_BY].title} minus that of the same model trained on everything: what "

@@ -50,7 +50,7 @@ def told(one: Submission, own: str | None = None) -> dict[str, Any]:
             _table(cost, tables.cost(result)),
             _table("Files and versions", _files(one)),
         ],
-        "shapes": [_shape(one, name) for name in QUANTILES],
+        "shapes": [_shape(one, name, i) for name, i in chosen(one).items()],
     }
 
 
@@ -92,8 +92,7 @@ def chosen(one: Submission) -> dict[str, int]:
     return {name: ranking.at_quantile(errors, q) for name, q in QUANTILES.items()}
 
 
-def _shape(one: Submission, name: str) -> dict[str, Any]:
-    i = chosen(one)[name]
+def _shape(one: Submission, name: str, i: int) -> dict[str, Any]:
     shape, label, predicted = one.truth.shapes[i], one.truth.eigenvalues[i], one.predictions[0, i]
     spec = shapes.spec_of(one.truth, shape)
     found = {key: float(ranking.per_mesh(one, key)[i]) for key in ("rpd", "invlap", "psnr")}

@@ -92,7 +92,7 @@ def _words(title: str, told: str) -> dict[str, Any]:
 
 def _row(row: Scaled, sizes: Sequence[int], verdicts: Sequence[Verdict]) -> dict[str, Any]:
     model = row.result["model"]
-    training, setting = model.get("training_data", "not declared"), results.setting(row.result)
+    training, setting = results.declared(row.result, "training_data"), results.setting(row.result)
     cells: dict[str, tuple[str, float | str | None]] = {
         "hardware": (setting, setting),
         "training": (training, training),
@@ -149,7 +149,10 @@ def opened(row: Scaled) -> dict[str, Any]:
     """Return what the page shows of a row of the scaling track when it is opened."""
     sizes = scaling_scores.sizes([row])
     model = row.result["model"]
-    facts = [["kind", model["kind"]], ["training set", model.get("training_data", "not declared")]]
+    facts = [
+        ["kind", model["kind"]],
+        ["training set", results.declared(row.result, "training_data")],
+    ]
     headers = ["surface", *(f"{size:,}: {what}" for size in sizes for what in ("error", "ms"))]
     lines = [
         [family_title(surface), *(text for size in sizes for text in _of_mesh(row, surface, size))]

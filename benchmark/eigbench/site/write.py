@@ -17,15 +17,12 @@ from eigbench.figures import FASTEST, FLOOR, KINDS
 from eigbench.metrics import MAIN, METRICS
 from eigbench.ranking import RANKED_BY
 from eigbench.scaling.results import Scaled
-from eigbench.site import boards, rows, scaling, shapes
+from eigbench.site import boards, bundle, rows, scaling, shapes
+from eigbench.site.bundle import CHECKOUT
 from eigbench.submission import Submission
 from synthnet.files import make_directory
 from synthnet.version import __version__
 
-# Made by `make page` from benchmark/page/src; a checkout has it, an installed package does not.
-CHECKOUT = Path(__file__).resolve().parents[3]
-BUNDLE = CHECKOUT / "benchmark" / "page" / "dist"
-BUNDLED = ("index.html", "style.css", "page.js", "chart.js", "viewer.js", "LICENSES.txt")
 DATA = "data.js"
 FOLDERS = ("boards", "meshes", "rows")
 DOCS = "../docs/{}.md"  # seen from a folder that is directly in the checkout
@@ -47,10 +44,10 @@ def files(
     Raises
     ------
     EigbenchError
-        If the scripts were not bundled, or ``docs`` has no place for a page's name.
+        If the scripts are not bundled as they are now, or ``docs`` has no place for a page's name.
     """
     check_docs(docs)
-    found = bundle()
+    found = bundle.read()
     told: dict[str, Any] = {}
     meshes: dict[str, tuple[Submission, str]] = {}
     shown = boards.shown(submissions)
@@ -78,23 +75,6 @@ def files(
     found |= {f"{place}.js": script(place, value) for place, value in told.items()}
     found[DATA] = script("index", _index(shown, bool(scaled), bool(reported), docs))
     return found
-
-
-def bundle() -> dict[str, bytes]:
-    """Return the files that every page has, as `make page` bundled them.
-
-    Raises
-    ------
-    EigbenchError
-        If one is missing.
-    """
-    missing = [name for name in BUNDLED if not (BUNDLE / name).is_file()]
-    if missing:
-        raise EigbenchError(
-            f"{BUNDLE} has no {missing[0]}: run `make page` in a checkout of the project, which "
-            "bundles the page's scripts (it needs npm)"
-        )
-    return {name: (BUNDLE / name).read_bytes() for name in BUNDLED}
 
 
 def script(key: str, value: Any) -> bytes:
@@ -221,7 +201,7 @@ def check_place(out: Path) -> None:
 
 def _foreign(page: Path) -> list[Path]:
     """Return what is in a page's folder but is not of the page."""
-    top = {*BUNDLED, DATA, *FOLDERS}
+    top = {*bundle.FILES, DATA, *FOLDERS}
     return [path for path in sorted(page.iterdir()) if path.name not in top] + [
         path
         for folder in FOLDERS
