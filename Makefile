@@ -2,7 +2,7 @@
 
 VENV ?= .venv
 PYTHON ?= python3
-VERSION ?= 1.0-small
+VERSION ?= 1.0-mini
 PAGE ?= page
 
 STAMP := $(VENV)/.installed
