@@ -33,10 +33,11 @@ from synthnet.solver.compiled import processor
 from synthnet.storage import Place
 from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord, Spectrum
 from synthnet.version import __version__
-from synthnet.workers import Engine, Workers, local_processes, one_thread
+from synthnet.workers import Engine, Workers, cores, local_processes, one_thread
 
 PACKAGES = ("synthnet", "numpy", "scipy", "numba", "open3d", "open3d-cpu", "trimesh", "pyarrow")
 SHARDS = "shards"
+MOST_A_CORE = 16  # local processes: each has all libraries in memory, whether it has work or not
 SEEN_WITHIN = 60.0  # seconds: a shared file system's cache may not show a new file at once
 SHARED = "--out must be a directory that all machines share, or a URL"
 STANDARD_ERROR = 2  # the descriptor: in a notebook sys.stderr has none
@@ -234,6 +235,9 @@ def check_workers(workers: int | None, engine: Engine | None) -> None:
     """Raise ValueError if there are to be no local workers, or any beside an engine."""
     if workers is not None and workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}")
+    most = MOST_A_CORE * cores()
+    if workers is not None and workers > most:
+        raise ValueError(f"workers must be at most {most}, {MOST_A_CORE} a core, got {workers}")
     if workers is not None and engine is not None:
         raise ValueError("workers are of the local engine: a cluster has those it has")
 

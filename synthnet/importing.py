@@ -13,7 +13,7 @@ import re
 import socket
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -168,7 +168,7 @@ def import_meshes(
     for folder in (directory, directory / SHARDS):
         storage.make_directory(folder)
     with exclusive(directory, wait_for_lock, directory, directory / SHARDS):
-        finished = _finished(directory, digest, plans)
+        finished = _finished(directory, described, plans)
         if finished is not None:
             return replace(report(finished, [], started), nothing_to_do=True)
         terms = terms_of(recipe.load(LIMITS), directory)
@@ -198,6 +198,30 @@ def describe(plans: Sequence[FilePlan], settings: Settings) -> dict[str, Any]:
 def digest_of(described: dict[str, Any]) -> str:
     """Return the SHA-256 of what :func:`describe` returns."""
     return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
+
+
+def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Say in what two imports differ, each as :func:`describe` has it."""
+    earlier, options = before["imported"], now["imported"]
+    told = [
+        f"other --{name.replace('_', '-')}"
+        for name in sorted(earlier.keys() | options.keys())
+        if earlier.get(name) != options.get(name)
+    ]
+    told += [f"other {name}" for name in ("limits", "rules") if before[name] != now[name]]
+    old, new = (
+        {f"{id.rpartition('-')[0]}/{f['file']}": f for id, f in described["files"].items()}
+        for described in (before, now)
+    )
+    for word, found in (
+        ("new", new.keys() - old.keys()),
+        ("missing", old.keys() - new.keys()),
+        ("changed", {key for key in new.keys() & old.keys() if new[key] != old[key]}),
+    ):
+        if found:
+            such_as = "" if len(found) == 1 else "such as "
+            told.append(f"{len(found):,} {word}: {such_as}{min(found)}")
+    return told or ["other names of files"]
 
 
 def what_was_met(dataset: store.StoredDataset) -> list[dict[str, str | int]]:
@@ -269,7 +293,7 @@ def _check_directory(directory: Place) -> None:
 
 
 def _finished(
-    directory: Place, digest: str, plans: Sequence[FilePlan]
+    directory: Place, described: dict[str, Any], plans: Sequence[FilePlan]
 ) -> store.StoredDataset | None:
     """Return the dataset if this very import is there and whole.
 
@@ -279,12 +303,12 @@ def _finished(
         If another dataset is there, or a part of one.
     """
     advice = f"nothing was overwritten: remove {directory} or choose another --name"
-    manifest = store.read_manifest(directory)
+    manifest, digest = store.read_manifest(directory), digest_of(described)
     if manifest is not None and manifest.recipe_digest != digest:
-        raise StoreError(
-            f"{directory} is of other directories, files, options or rules than this import; "
-            f"{advice}"
-        )
+        if "imported" not in manifest.recipe:
+            raise StoreError(f"{directory} was not imported, but built; {advice}")
+        told = "; ".join(differences(manifest.recipe, described))
+        raise StoreError(f"{directory} is of another import than this ({told}); {advice}")
     if isinstance(directory, Path):
         planned = {directory / plan.shard.file for plan in plans}
         for path in sorted((directory / SHARDS).glob("[!.]*")):

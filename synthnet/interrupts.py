@@ -9,7 +9,7 @@ import signal
 import threading
 from types import FrameType
 
-EXIT_CODE = 130  # by the shell's convention: 128 + SIGINT
+EXIT_CODE = 130  # by the shell's convention 128 + SIGINT; for SIGTERM too: both are interruptions
 
 _seen = threading.Event()
 

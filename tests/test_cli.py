@@ -17,6 +17,7 @@ from synthnet import cli, recipe, store
 from synthnet.build import build
 from synthnet.plan import plan_shards
 from synthnet.verify import CHECKS
+from synthnet.workers import cores
 
 VERSION = "1.0-mini"
 COMMANDS = ("versions", "build", "seal", "info", "verify", "show", "gallery", "croissant")
@@ -120,6 +121,7 @@ def test_version_that_is_not_built(arguments: list[str], run: Run, tmp_path: Pat
         (["frobnicate"], "invalid choice: 'frobnicate'"),
         (["build", "--workers", "two"], "argument --workers: invalid int value: 'two'"),
         (["build", "--workers", "0"], "workers must be at least 1, got 0"),
+        (["build", "--workers", "999999"], f"workers must be at most {16 * cores()}, 16 a core"),
         (["build", "--frobnicate"], "unrecognized arguments: --frobnicate"),
         (["show"], "the following arguments are required: ID"),
     ],

@@ -211,9 +211,20 @@ def test_any_number_of_workers_makes_the_same_bytes(
     assert len(one) == 4
 
 
-@pytest.mark.parametrize("change", ["changed", "added", "option", "rule", "other"])
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ("changed", r"1 changed: my_meshes/a\.ply"),
+        ("added", r"1 new: my_meshes/z\.ply"),
+        ("option", "other --keep-largest"),
+        ("rule", "other rules"),
+        ("limits", "other limits"),
+        ("other", r"1 new: other/a\.ply; 5 missing: such as my_meshes/a\.ply"),
+    ],
+)
 def test_other_import_under_the_same_name_overwrites_nothing(
     change: str,
+    told: str,
     folder: Path,
     run: Callable[..., BuildReport],
     tmp_path: Path,
@@ -230,15 +241,27 @@ def test_other_import_under_the_same_name_overwrites_nothing(
         TORUS.export(folder / "z.ply")
     elif change == "rule":
         monkeypatch.setattr(importing, "RULES", 0)
+    elif change == "limits":
+        monkeypatch.setattr(importing, "LIMITS", "2.0")
     places = [other] if change == "other" else [folder]
-    wanted = "is of other directories, files, options or rules .*: remove .*mine or choose another"
+    advice = r".*: remove .*mine or choose another"
     for missing in ("", "manifest.json"):  # also where the first was never finished
+        wanted = rf"is of another import than this \({told}\){advice}"
         if missing:
+            wanted = f"is of other directories, files, options or rules{advice}"
             (tmp_path / "root" / "mine" / missing).unlink()
             del files[missing]
         with pytest.raises(StoreError, match=wanted):
             run(*places, keep_largest=change == "option")
         assert contents(tmp_path / "root" / "mine") == files
+
+
+def test_a_dataset_that_was_built_is_refused(
+    folder: Path, run: Callable[..., BuildReport], mini_home: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(mini_home / "1.0-mini", tmp_path / "root" / "mine")
+    with pytest.raises(StoreError, match="mine was not imported, but built; nothing was overwr"):
+        run(folder)
 
 
 def test_stranger_among_the_shards_is_refused(

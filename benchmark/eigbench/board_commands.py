@@ -100,6 +100,9 @@ def submit(options: argparse.Namespace) -> int:
     print(f"{one.name}: every score follows from its predictions; cost and physics as declared")
     for place in places:
         print(f"  {place}")
+    remark = submission.remark_path(places[0])
+    if remark.is_file():
+        print(f"the remark on what was there before stays: {remark}")
     print(f"now: eigbench leaderboard{_board_argument(options)}")
     return 0
 
@@ -227,7 +230,8 @@ def _dataset(options: argparse.Namespace) -> store.StoredDataset | None:
 
 def _root(options: argparse.Namespace, *, make: bool = False) -> Path:
     root: Path = options.board
-    if not (root / leaderboard.RESULTS).is_dir() and not (make and root != Path()):
+    there = any((root / place).is_dir() for place in (leaderboard.RESULTS, scaling_results.PLACE))
+    if not there and not (make and root != Path()):
         raise EigbenchError(
             f"{root.resolve()} has no {leaderboard.RESULTS}: run this in a checkout of the "
             "project, or give one with --board DIR"

@@ -38,7 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"eigbench: {error}", file=sys.stderr)
         return WRONG_INPUT
     except KeyboardInterrupt:
-        kept = "; --resume goes on from the last good batch" if "resume" in options else ""
+        kept = (
+            "; what was finished is kept, --resume goes on from it" if "resume" in options else ""
+        )
         print(f"eigbench: interrupted{kept}", file=sys.stderr)
         return EXIT_CODE
     return code

@@ -23,14 +23,13 @@ from eigbench.metrics import METRICS
 from eigbench.ranking import Ranked
 from eigbench.submission import Submission
 from eigbench.tables import score
-from eigbench.training import IMPORTED, fits, untrained
+from eigbench.training import IMPORTED, trained_on, untrained
 from eigbench.truth import Truth
 from synthnet import recipe
 from synthnet.files import sha256
 
 SHOWN = ("rpd", "psnr20")
 NOT_RUN = "not run"
-IID = "i.i.d."  # the column of the protocol grouped
 TITLES = {
     "family": "each family unseen",
     "resolution": "fine meshes unseen",
@@ -42,9 +41,9 @@ EXPLAINED = (
     "The test shapes of the split above, predicted by models whose training held something "
     "of them out; models without training are as they were. In brackets the drop: the score "
     "minus that of the same model, by the same code and with the same seeds, trained on "
-    "everything, on the same shapes (for imported meshes, on the split above). With a family, "
-    "those that are isometric to it are held out. Not run: nobody has, or the model is trained on "
-    "one set alone. "
+    "everything, on the same shapes (for imported meshes, on the split above); none where nothing "
+    "is trained, or on another version. With a family, those that are isometric to it are held "
+    "out. Not run: nobody has, or the model is trained on one set alone. "
     "[What is held out](docs/dataset-card-2.0.md#protocols)."
 )
 
@@ -98,22 +97,20 @@ class Board:
         (found,) = (row.submission for row in self.rows if row.submission.slug == slug)
         return found
 
-    def submission(self, model: Submission, column: str) -> Submission | None:
-        """Return what a model submitted for a column: itself under ``grouped``."""
-        if column == IID:
-            return model
-        return {one.slug: one for one in self.held_out.get(column, ())}.get(model.slug)
+    def submitted(self, model: Submission, protocol: str) -> Submission | None:
+        """Return a model's submission under a protocol, if there is one."""
+        return {one.slug: one for one in self.held_out.get(protocol, ())}.get(model.slug)
 
     def cell(self, model: Submission, protocol: str, key: str) -> Cell:
         """Return a model's cell under a protocol."""
-        own = self.submission(model, protocol)
+        own = self.submitted(model, protocol)
         if own is not None:
             mean = _mean(own, own.truth, key)
             elsewhere = protocol.startswith(IMPORTED)
             seeds = len(own.predictions)  # of the model trained on everything, the same
             shapes = model.truth if elsewhere else own.truth
             meta = model.result["model"]
-            if untrained(meta) or not fits(meta, self.version):
+            if untrained(meta) or not trained_on(meta, self.version):
                 return Cell(mean)
             return Cell(mean, mean - _mean(model, shapes, key, seeds))
         if untrained(model.result["model"]) and not protocol.startswith(IMPORTED):
@@ -155,10 +152,11 @@ def section(board: Board, figure: str) -> list[str]:
         f"{EXPLAINED}\n",
     ]
     counts = [f"{title(name)} ({_count(board, name)})" for name in board.protocols]
+    marks = _marks(board, board.rows)
     for key in SHOWN:
-        headers = [f"{METRICS[key].heading} of", IID, *counts]
-        parts.append(table(headers, _lines(board, key, board.rows)))
-    parts += [f"{line}\n" for line in _remarks(board, board.rows)]
+        headers = [f"{METRICS[key].heading} of", "i.i.d.", *counts]
+        parts.append(table(headers, _lines(board, key, board.rows, marks)))
+    parts += [f"{line}\n" for _, line in marks.values()]
     parts.append(f"![Error under each protocol]({figure})\n")
     return [*parts, *_digests(board)]
 
@@ -166,50 +164,44 @@ def section(board: Board, figure: str) -> list[str]:
 def top(board: Board, count: int) -> str:
     """Return what the first rows of a board lose where it was held out, for the README."""
     key = SHOWN[0]
-    headers = [f"{METRICS[key].heading} of", IID, *map(title, board.protocols)]
+    headers = [f"{METRICS[key].heading} of", "i.i.d.", *map(title, board.protocols)]
     intro = (
         f"The same models on what training did not have, synthNet {board.version}; in brackets "
         "the drop of those that are trained:"
     )
     rows = board.rows[:count]
-    lines = (f"\n{line}\n" for line in _remarks(board, rows))
-    return f"{intro}\n\n{table(headers, _lines(board, key, rows))}{''.join(lines)}"
+    marks = _marks(board, rows)
+    below = "".join(f"\n{line}\n" for _, line in marks.values())
+    return f"{intro}\n\n{table(headers, _lines(board, key, rows, marks))}{below}"
 
 
-def _lines(board: Board, key: str, rows: Sequence[Ranked]) -> list[list[str]]:
-    remarked = _remarked(board, rows)
+Marks = dict[tuple[str, str], tuple[str, str]]  # (model, protocol): the mark, the line below
+
+
+def _lines(board: Board, key: str, rows: Sequence[Ranked], marks: Marks) -> list[list[str]]:
     found = []
     for row in rows:
         one = row.submission
-        cells = {IID: score(one.result["scores"]["overall"][key]["mean"], key)}
-        cells |= {name: with_drop(board.cell(one, name, key), key) for name in board.protocols}
-        for column in cells:
-            if (one.slug, column) in remarked:
-                cells[column] += f" {remarked[one.slug, column][0]}"
-        found.append([one.name, *cells.values()])
+        cells = [score(one.result["scores"]["overall"][key]["mean"], key)]
+        for protocol in board.protocols:
+            cell = with_drop(board.cell(one, protocol, key), key)
+            mark, _ = marks.get((one.slug, protocol), ("", ""))
+            cells.append(f"{cell} {mark}".rstrip())
+        found.append([one.name, *cells])
     return found
 
 
-def _remarks(board: Board, rows: Sequence[Ranked]) -> list[str]:
-    """Return what is to be known of single cells, each after the mark that the cell has."""
-    return [
-        escaped(f"{mark} {one.name}, {title(column)}: {one.remark}")
-        for (_, column), (mark, one) in _remarked(board, rows).items()
-    ]
-
-
-def _remarked(
-    board: Board, rows: Sequence[Ranked]
-) -> dict[tuple[str, str], tuple[str, Submission]]:
-    """Return the mark and the submission of each cell with a remark, by slug and column."""
+def _marks(board: Board, rows: Sequence[Ranked]) -> Marks:
+    """Return the mark of each cell with a remark, and its line below the table."""
     superscript = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
-    found: dict[tuple[str, str], tuple[str, Submission]] = {}
+    found: Marks = {}
     for row in rows:
-        for column in (IID, *board.protocols):
-            one = board.submission(row.submission, column)
-            if one is not None and one.remark is not None:
+        for protocol in board.protocols:
+            one = board.submitted(row.submission, protocol)
+            if one is not None and one.remark:
                 mark = str(len(found) + 1).translate(superscript)
-                found[one.slug, column] = mark, one
+                line = escaped(f"{mark} {one.name}, {title(protocol)}: {one.remark}")
+                found[one.slug, protocol] = mark, line
     return found
 
 

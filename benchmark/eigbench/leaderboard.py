@@ -59,7 +59,13 @@ def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submis
         found.append(one)
     _check_protocols(found)
     known = {
-        path for one in found for path in (one.result_path, one.predictions_path, one.remark_path)
+        path
+        for one in found
+        for path in (
+            one.result_path,
+            one.predictions_path,
+            submission.remark_path(one.result_path),
+        )
     }
     for folder in (RESULTS, PREDICTIONS):
         for path in sorted((root / folder).rglob("*")):

@@ -48,6 +48,7 @@ def board(rows: Sequence[Ranked], figure: Path) -> list[str]:
         f"## {results.title(rows[0].submission.result)}\n",
         *introduction(rows),
         _main(rows),
+        *(f"{line}\n" for line in remarks(rows)),
         f"![Error against time]({figure.as_posix()})\n",
         "### Medians\n",
         "The median over instances. InvLap has no upper bound, so one bad prediction can make "
@@ -97,6 +98,12 @@ def introduction(rows: Sequence[Ranked]) -> list[str]:
     ]
 
 
+def remarks(rows: Sequence[Ranked]) -> list[str]:
+    """Return what a reader should know of single rows, a line each."""
+    found = (row.submission for row in rows)
+    return [f"**{_cell(one.name)}**: {_cell(one.remark)}" for one in found if one.remark]
+
+
 def top(rows: Sequence[Ranked]) -> str:
     """Return the first rows of a board, in few columns, for the README."""
     shown = (RANKED_BY, "psnr20")
@@ -110,7 +117,7 @@ def top(rows: Sequence[Ranked]) -> str:
         lines.append([row.place, model["name"], model["kind"], *cells, beside_lapy(result["cost"])])
     title = results.title(rows[0].submission.result)
     floor = noise.floor(rows[0].submission.truth, RANKED_BY)
-    below = (
+    or_below = (
         ""
         if floor is None
         else (
@@ -118,10 +125,9 @@ def top(rows: Sequence[Ranked]) -> str:
             f"{score(floor, RANKED_BY)}, the labels' own distance from the smooth surfaces"
         )
     )
-    ties = (
-        f"Who shares a rank (=) cannot be told from the first there: the shapes are too few{below}."
-    )
-    return f"{title}, {len(rows)} rows:\n\n{_table(headers, lines, left=3)}\n{ties}\n"
+    ties = "Who shares a rank (=) cannot be told from the first there: the shapes are too few"
+    below = "\n\n".join([f"{ties}{or_below}.", *remarks(rows[:TOP])])
+    return f"{title}, {len(rows)} rows:\n\n{_table(headers, lines, left=3)}\n{below}\n"
 
 
 def _noise(truth: Truth) -> str:

@@ -40,6 +40,9 @@ class Submission:
         In the order of the truth's ids, in 1/length².
     result_path, predictions_path : Path
         The two files.
+    remark : str
+        What a reader should know of the result: the text beside it, on one line; empty if
+        there is none.
     """
 
     result: dict[str, Any]
@@ -47,6 +50,7 @@ class Submission:
     predictions: NDArray[np.float64]
     result_path: Path
     predictions_path: Path
+    remark: str = ""
 
     @property
     def name(self) -> str:
@@ -59,23 +63,16 @@ class Submission:
         return slug(self.name)
 
     @property
-    def remark_path(self) -> Path:
-        """Where a remark on the result would be."""
-        return self.result_path.with_suffix(".remark.txt")
-
-    @property
-    def remark(self) -> str | None:
-        """What a reader should know of the result: the text beside it, on one line."""
-        if not self.remark_path.is_file():
-            return None
-        return " ".join(self.remark_path.read_text(encoding="utf-8").split())
-
-    @property
     def board(self) -> str:
         """Which board it belongs on: ``1.0-test-grouped``, ``2.0-test-imported-scans``."""
         facts = self.result["dataset"]
         protocol = facts["protocol"].replace("/", "-")
         return f"{facts['version']}-{facts['split']}-{protocol}"
+
+
+def remark_path(result: Path) -> Path:
+    """Return where the remark on a result would be."""
+    return result.with_suffix(".remark.txt")
 
 
 def slug(name: str) -> str:
@@ -114,7 +111,8 @@ def read(
     Raises
     ------
     ResultError
-        If the result contradicts itself, its labels or its predictions.
+        If the result contradicts itself, its labels or its predictions, or the remark beside it
+        is no text.
     PredictionsError
         If the predictions are missing, damaged, or not exactly the split's.
     """
@@ -138,7 +136,19 @@ def read(
             f"{place} has {len(found)} seeds, {path} names {result['predictions']['seeds']}"
         )
     _check_same(result["scores"], scores.score(wanted, found), "scores", path)
-    return Submission(result, wanted, found, path, place)
+    return Submission(result, wanted, found, path, place, _remark(remark_path(path)))
+
+
+def _remark(path: Path) -> str:
+    if not path.is_file():
+        return ""
+    try:
+        text = " ".join(path.read_text(encoding="utf-8").split())
+    except UnicodeDecodeError as error:
+        raise ResultError(f"{path} is not UTF-8 text: save it as that") from error
+    if not text:
+        raise ResultError(f"{path} is empty: write the remark into it, or remove it")
+    return text
 
 
 def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Path) -> Truth:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from synthnet import recipe
+
 DEFAULT = "1.0/grouped"  # of a predictor that is asked about meshes with no training split
 IMPORTED = "imported"  # the protocol that holds nothing out: tested is an imported dataset
 
@@ -34,15 +36,20 @@ def untrained(meta: Mapping[str, object]) -> bool:
     return meta.get("kind") != "learned" and meta.get("training_data", "none") == "none"
 
 
-def fits(meta: Mapping[str, object], version: str) -> bool:
+def trained_on(meta: Mapping[str, object], version: str) -> bool:
     """Return whether a model may be fitted to a version's labels, by what it says of its data.
+
+    It may, unless it names versions, of any size, and this is none of them.
 
     Examples
     --------
-    >>> fits({"training_data": "synthNet 1.0-small train, grouped"}, "2.0")
+    >>> trained_on({"training_data": "synthNet 1.0-small train, grouped"}, "2.0")
     False
-    >>> fits({"training_data": "the training split"}, "2.0-mini")
+    >>> trained_on({"training_data": "1.0-mini train"}, "2.0")
+    False
+    >>> trained_on({"training_data": "the training split, 2.5 h"}, "2.0-mini")
     True
     """
-    named = re.findall(r"synthNet (\d+\.\d+)", str(meta.get("training_data", "")))
+    words = re.findall(r"(?<![\w.-])\d+\.\d+(?![\d.])", str(meta.get("training_data", "")))
+    named = set(words) & {name.partition("-")[0] for name in recipe.available()}
     return not named or version.partition("-")[0] in named

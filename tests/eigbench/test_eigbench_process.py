@@ -1,8 +1,12 @@
 """The predictor's process: what it can see, what the clock sees, what is recorded of it."""
 
 import os
+import signal
+import subprocess
 import sys
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -177,6 +181,54 @@ def test_lapy_is_timed_on_the_batches_of_the_first_and_last_meshes(
     assert found.sizes.tolist() == batches
     assert np.isfinite(found.reference_seconds).tolist() == timed
     assert np.nanmin(found.reference_seconds) >= 0.01
+
+
+STUCK = """
+import os, time
+from pathlib import Path
+import numpy as np
+
+calls = 0
+
+def predict(meshes):  # the first call is the warm-up
+    global calls
+    calls += 1
+    if calls == 3:
+        Path(__file__).with_suffix(".pid").write_text(str(os.getpid()))
+        time.sleep(600)
+    return np.ones((len(meshes), 10))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_an_evaluation_and_the_predictors_process(
+    number, predictor_file, mini_home, environment
+):
+    code = predictor_file(STUCK)
+    options = ["--dataset", "1.0-mini", "--limit", "30", "--batch-size", "10", "--no-reference"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "eigbench", "evaluate", code, *options, "--out", "out.json"],
+        cwd=code.parent,
+        env={**environment, "SYNTHNET_HOME": str(mini_home)},
+        # A shell's background job ignores Ctrl-C, and its children would too
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    pid = code.with_suffix(".pid")
+    end = time.monotonic() + 120
+    while not (pid.exists() and pid.read_text()):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    told = "eigbench: interrupted; what was finished is kept, --resume goes on from it"
+    assert err.splitlines()[-1] == told
+    assert len([*code.parent.glob(".out.json.parts/*/*.npz")]) == 1
+    assert not Path("/proc", pid.read_text()).exists()
 
 
 def test_lapys_time_is_kept_with_an_interrupted_run(

@@ -186,7 +186,7 @@ def test_what_is_trained_on_another_version_has_no_drop(parts, make_submission):
     assert cell.drop is None
 
 
-def test_a_remark_beside_a_result_stands_below_the_table(held_out, tmp_path):
+def test_a_remark_beside_a_result_stands_below_its_table(held_out, tmp_path):
     whole, model = held_out
     for one in [*whole, model]:
         leaderboard.place(one, tmp_path)
@@ -197,13 +197,41 @@ def test_a_remark_beside_a_result_stands_below_the_table(held_out, tmp_path):
     pages = leaderboard.generate(leaderboard.read(tmp_path), [], (), readme)
     for place in ("LEADERBOARD.md", "README.md"):
         text = pages[leaderboard.Path(place)]
-        assert "| Solver | 0.0050 ¹ | 0.0050 | 0.0050 | 0.0050 | 0.0050 |" in text
-        assert "| Model | 0.0498 | not run | not run | 0.2439 (+0.1942) ² | not run |" in text
-        assert "\n\n¹ Solver, i.i.d.: a \\| b\n\n² Model, genus 1 and more unseen: tuned on" in text
-    alone = results / whole[0].board / "nobody.remark.txt"
-    alone.write_text("of no result\n")
-    with pytest.raises(ResultError, match="belongs to no row"):
+        own, _, held = text.partition("| RPD ↓ of |")
+        assert "\n\n**Solver**: a \\| b\n" in own
+        assert "| Solver | 0.0050 | 0.0050 | 0.0050 | 0.0050 | 0.0050 |" in held
+        assert "| Model | 0.0498 | not run | not run | 0.2439 (+0.1942) ¹ | not run |" in held
+        assert "\n\n¹ Model, genus 1 and more unseen: tuned on these\n" in held
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("nobody", b"of no result", r"nobody\.remark\.txt belongs to no row"),
+        ("solver", b" \n", r"solver\.remark\.txt is empty: write the remark into it, or remove"),
+        ("solver", b"\xff\xfe", r"solver\.remark\.txt is not UTF-8 text: save it as that"),
+    ],
+)
+def test_a_wrong_remark_is_one_line(name, content, message, held_out, tmp_path):
+    solver = held_out[0][0]
+    leaderboard.place(solver, tmp_path)
+    place = tmp_path / leaderboard.RESULTS / solver.board / f"{name}.remark.txt"
+    place.write_bytes(content)
+    with pytest.raises(ResultError, match=message):
         leaderboard.read(tmp_path)
+
+
+def test_submit_says_that_a_remark_stays(held_out, eigbench, tmp_path):
+    solver = held_out[0][0]
+    arguments = ["submit", solver.result_path, "--board", tmp_path]
+    code, out, _ = eigbench(*arguments)
+    assert code == 0
+    assert "remark" not in out
+    place = tmp_path / leaderboard.RESULTS / solver.board / "solver.remark.txt"
+    place.write_text("tuned")
+    code, out, _ = eigbench(*arguments, "--replace")
+    assert code == 0
+    assert f"the remark on what was there before stays: {place}" in out
 
 
 def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(

@@ -215,6 +215,18 @@ def test_resume_refuses_what_other_code_or_settings_have_made(predictor_file, tm
         scaling_run.run(code, [1_000], Settings(resume=True), out)
 
 
+def test_pins_are_read_by_path(monkeypatch):
+    # As synthnet's own, see pins.shipped_table
+    sources = []
+    read_table = surfaces.pins.pq.read_table
+    monkeypatch.setattr(
+        surfaces.pins.pq, "read_table", lambda source: sources.append(source) or read_table(source)
+    )
+    surfaces.read.cache_clear()
+    assert surfaces.read()
+    assert [type(source) for source in sources] == [type(Path())]
+
+
 def test_an_interrupted_run_keeps_what_it_has(predictor_file, tmp_path, only):
     only(TWO)
     out = tmp_path / "scaling.json"
@@ -420,7 +432,7 @@ def test_submit_places_a_result_and_the_board_is_checked(eigbench, rows, tmp_pat
     board = tmp_path / "board"
     for row in rows:
         assert eigbench("submit", row.path, "--board", board)[0] == 0
-    (board / "benchmark" / "results").mkdir(parents=True)
+    assert not (board / leaderboard.RESULTS).exists()  # a board may be of this track alone
     assert eigbench("leaderboard", "--board", board)[0] == 0
     assert eigbench("leaderboard", "--check", "--board", board)[0] == 0
     place = board / scaling_results.PLACE / "near.json"

@@ -198,7 +198,7 @@ def test_what_is_held_out_stands_beside_the_same_model_trained_on_everything(mad
     assert cells["Model"]["iid"][1] == pytest.approx(rpd - drop, rel=1e-5)
     assert cells["Model"]["drop"] == [f"+{drop:.4f}", pytest.approx(drop, rel=1e-5)]
     assert cells["Solver"]["rpd"][1] == pytest.approx(10 * 0.001 / 2.001, rel=1e-5)
-    assert cells["Solver"]["iid"] == ["not trained", None]
+    assert cells["Solver"]["iid"] == ["none", None]
     assert cells["Solver"]["drop"] == ["none", None]
     whole = read(made_content, "boards/2.0-mini-test-grouped.js")
     groups = {group["key"]: group["columns"] for group in whole["groups"]}

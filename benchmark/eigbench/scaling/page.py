@@ -125,19 +125,20 @@ def told(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
 def _line(one: Verdict, names: dict[str, str], rows: Sequence[Scaled]) -> str:
     own = percent(scaling_scores.floor(one.size))
     start = f"- {one.size:,} vertices, discretisation error {own}: "
+    cells = {row.slug: scaling_scores.cell(row, one.size) for row in rows}
+    absent = "; ".join(names[slug] for slug, found in cells.items() if not found.total)
+    not_run = f" Not run: {absent}." if absent else ""
     if one.solver is None:
-        return start + "no exact solver answered."
+        return start + escaped(f"no exact solver answered.{not_run}")
     text = f"the fastest exact solver (mostly {one.solver}) takes {ms(one.seconds)} ms"
     if one.compared < len(surfaces.SURFACES):
         text += f" ({one.compared} of {len(surfaces.SURFACES)} surfaces)"
-    cells = {row.slug: scaling_scores.cell(row, one.size) for row in rows}
     faster = [
         f"{names[slug]} ({ms(cells[slug].seconds)} ms, error {percent(cells[slug].error)})"
         for slug in sorted(one.faster, key=lambda slug: (cells[slug].error, slug))
     ]
     text += f". Faster, on some surface: {', '.join(faster) or 'none'}."
-    missing = [names[slug] for slug, found in cells.items() if not found.total]
-    return start + escaped(text + (f" Not run: {', '.join(missing)}." if missing else ""))
+    return start + escaped(text + not_run)
 
 
 def percent(value: float) -> str:

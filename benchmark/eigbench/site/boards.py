@@ -9,7 +9,6 @@ from typing import Any
 
 from eigbench import generalisation, leaderboard, noise, page, ranking, results, scores
 from eigbench.generalisation import Board
-from eigbench.markdown import cell as escaped
 from eigbench.metrics import MAIN
 from eigbench.ranking import RANKED_BY, Ranked
 from eigbench.site import columns
@@ -131,9 +130,7 @@ def told(board: Shown) -> dict[str, Any]:
 
 
 def _notes(board: Shown) -> list[str]:
-    notes = [note.strip() for note in page.introduction(board.rows)]
-    models = (row.submission for row in board.rows)
-    notes += [f"{escaped(one.name)}: {escaped(one.remark)}" for one in models if one.remark]
+    notes = [note.strip() for note in (*page.introduction(board.rows), *page.remarks(board.rows))]
     if board.own is None:
         return notes
     return [*notes, f"**Generalisation**: {generalisation.EXPLAINED}"]

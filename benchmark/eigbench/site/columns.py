@@ -331,13 +331,14 @@ def _iid(board: Board, protocol: str, key: str) -> Column:
     def cell(row: Ranked) -> Cell:
         found = board.cell(board.model(row.submission.slug), protocol, key)
         if found.score is None or found.drop is None:
-            return "not trained", None
+            return "none", None
         value = found.score - found.drop
         return score(value, key), number_of(value)
 
     told = (
         f"Mean {METRICS[key].title} of the same model, by the same code and with the same seeds, "
-        "trained on everything, on the same shapes (of imported meshes: on the test split)."
+        "trained on everything, on the same shapes (of imported meshes: on the test split). None "
+        "where nothing is trained, or on another version."
     )
     return Column("iid", f"i.i.d. {METRICS[key].title}", told, cell)
 
@@ -351,7 +352,7 @@ def _drops(board: Board, protocol: str) -> list[Column]:
 
     told = (
         f"Mean {METRICS[RANKED_BY].title} minus that of the same model trained on everything: what "
-        "it loses on what was held out. None where nothing is trained."
+        "it loses on what was held out. None where nothing is trained, or on another version."
     )
     return [_iid(board, protocol, RANKED_BY), Column("drop", "drop", told, cell)]
 
