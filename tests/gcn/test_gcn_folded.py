@@ -69,17 +69,23 @@ def test_gradients_are_those_of_the_plain_network(
 ) -> None:
     data = encoded(meshes, config)
     y = torch.rand(len(data), 10) + 1
-    plain, ours = model_of(config), model_of(config)
-    wanted = rpd_loss(plain(Batch.from_data_list(data)), y)
+    plain, ours, doubles = model_of(config), model_of(config), model_of(config).double()
+    batch = Batch.from_data_list(data)
+    wanted = rpd_loss(plain(batch), y)
     wanted.backward()
+    exact = batch.apply(lambda value: value.double() if value.is_floating_point() else value)
+    rpd_loss(doubles(exact), y.double()).backward()
     graphs = [graph(one) for one in data]
     found = folded.batch_loss(
         ours, graphs, None, y, lambda p, g, _: rpd_loss(p, g), threads=threads
     )
     found.backward()
     assert found.item() == pytest.approx(wanted.item(), rel=1e-5)
-    flat = [torch.cat([p.grad.flatten() for p in m.parameters()]) for m in (ours, plain)]
-    assert norm_apart(*flat) < 1e-5
+    models = (ours, plain, doubles)
+    flat = [torch.cat([p.grad.flatten() for p in m.parameters()]) for m in models]
+    # An activation next to zero may have either sign in single precision, and there the gradient
+    # jumps: on one processor the plain network's is 4e-5 from that in doubles, ours 1e-7.
+    assert min(norm_apart(flat[0], one) for one in flat[1:]) < 1e-5
 
 
 @pytest.mark.parametrize("config", CONFIGS[:6], ids=IDS[:6])
