@@ -92,7 +92,7 @@ def main() -> int:
         run.finish()
         print(said(run), flush=True)
     finished = {training_set(VERSION, name): out / WEIGHTS for name, out in places.items()}
-    if missing := [name for name, out in places.items() if not (out / WEIGHTS).exists()]:
+    if missing := [name for name, file in finished.items() if not file.exists()]:
         print(f"{OUT} is as it was: {len(missing)} trainings are missing, such as {missing[0]}")
         return 0
     trainings.gather(OUT, finished, vertices=VERTICES)

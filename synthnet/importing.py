@@ -168,7 +168,7 @@ def import_meshes(
     for folder in (directory, directory / SHARDS):
         storage.make_directory(folder)
     with exclusive(directory, wait_for_lock, directory, directory / SHARDS):
-        finished = _finished(directory, described, plans)
+        finished = _finished(directory, described, digest, plans)
         if finished is not None:
             return replace(report(finished, [], started), nothing_to_do=True)
         terms = terms_of(recipe.load(LIMITS), directory)
@@ -293,7 +293,7 @@ def _check_directory(directory: Place) -> None:
 
 
 def _finished(
-    directory: Place, described: dict[str, Any], plans: Sequence[FilePlan]
+    directory: Place, described: dict[str, Any], digest: str, plans: Sequence[FilePlan]
 ) -> store.StoredDataset | None:
     """Return the dataset if this very import is there and whole.
 
@@ -303,7 +303,7 @@ def _finished(
         If another dataset is there, or a part of one.
     """
     advice = f"nothing was overwritten: remove {directory} or choose another --name"
-    manifest, digest = store.read_manifest(directory), digest_of(described)
+    manifest = store.read_manifest(directory)
     if manifest is not None and manifest.recipe_digest != digest:
         if "imported" not in manifest.recipe:
             raise StoreError(f"{directory} was not imported, but built; {advice}")
