@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from eigbench import truth
+from eigbench.scoring import truth
 from invariants import NAMES, invariants
 from rich.progress import track
 from sklearn.ensemble import HistGradientBoostingRegressor

@@ -3,7 +3,7 @@
 import numpy as np
 
 from synthnet import Mesh
-from synthnet.geometry import face_areas, volume
+from synthnet.mesh.geometry import face_areas, volume
 
 NAMES = ("volume", "inertia_1", "inertia_2", "inertia_3", "farthest", "nearest")
 

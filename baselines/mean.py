@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from eigbench import truth
+from eigbench.scoring import truth
 
 from synthnet import Mesh
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from synthnet.solver.compiled import kernel
+from synthnet.kernels import kernel
 
 
 @kernel

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from synthnet import Mesh
-from synthnet.solver.compiled import kernel
+from synthnet.kernels import kernel
 
 DEGREE = 4
 VALUES, CORRECTED = 16, 10  # Ritz values that are features, and how many are corrected

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from eigbench import truth
+from eigbench.scoring import truth
 from rich.progress import track
 from ritz_features import CORRECTED, NAMES, features
 from safetensors import safe_open
@@ -31,7 +31,7 @@ from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
 from synthnet import Mesh, store
-from synthnet.files import write_atomically, write_bytes
+from synthnet.store.files import write_atomically, write_bytes
 
 META = {
     "name": "Ritz values, degree 4, corrected by an MLP",

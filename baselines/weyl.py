@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from synthnet import Mesh
-from synthnet.geometry import area
+from synthnet.mesh.geometry import area
 
 META = {"name": "Weyl's law", "kind": "trivial", "training_data": "none", "training_cost": "none"}
 

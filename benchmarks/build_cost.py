@@ -24,9 +24,9 @@ from rich.progress import track
 from tabulate import tabulate
 
 from synthnet import recipe
-from synthnet._open3d import load_open3d
-from synthnet.build import build_shard
-from synthnet.plan import ShardPlan, plan_shards
+from synthnet.build.versions import build_shard
+from synthnet.mesh.open3d import load_open3d
+from synthnet.recipe.plan import ShardPlan, plan_shards
 
 CHUNK = 5
 

@@ -24,9 +24,9 @@ from build_cost import plain_mesh
 from rich.progress import track
 
 from synthnet import recipe
-from synthnet.build import build
-from synthnet.files import write_text
-from synthnet.plan import plan_shards
+from synthnet.build.versions import build
+from synthnet.recipe.plan import plan_shards
+from synthnet.store.files import write_text
 from synthnet.types import ShapeSpec
 
 RESULT = Path(__file__).parent.parent / "docs" / "data" / "build-full.json"

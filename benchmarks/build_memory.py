@@ -22,8 +22,8 @@ from pathlib import Path
 from tabulate import tabulate
 
 from synthnet import recipe
-from synthnet.build import build
-from synthnet.files import write_marked, write_text
+from synthnet.build.versions import build
+from synthnet.store.files import write_marked, write_text
 
 DOCS = Path(__file__).parent.parent / "docs"
 RESULT, PAGE = DOCS / "data" / "build-memory.json", DOCS / "clusters.md"

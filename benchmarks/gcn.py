@@ -20,7 +20,7 @@ import lapy
 import numpy as np
 import threadpoolctl
 import torch
-from eigbench.losses import rpd_loss
+from eigbench.scoring.losses import rpd_loss
 from tabulate import tabulate
 from torch_geometric.data import Batch, Data
 
@@ -28,8 +28,8 @@ from baselines.gcn import data, folded
 from baselines.gcn.encodings import encoding
 from baselines.gcn.model import GCN, GCNConfig
 from synthnet import spectrum
-from synthnet.build import ensure_built
-from synthnet.files import write_text
+from synthnet.build.versions import ensure_built
+from synthnet.store.files import write_text
 from synthnet.types import Mesh
 
 STEP, INFERENCE = 32, 200

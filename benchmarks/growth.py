@@ -26,7 +26,7 @@ from tabulate import tabulate
 
 from synthnet import spectrum
 from synthnet.families import FAMILIES
-from synthnet.files import write_marked, write_text
+from synthnet.store.files import write_marked, write_text
 from synthnet.types import Mesh
 
 DOCS = Path(__file__).parent.parent / "docs"

@@ -18,10 +18,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from eigbench import meshes as instances
-from eigbench import predictor, truth
-from eigbench.evaluate import WARM_UP, Options, evaluate
-from eigbench.process import THREAD_VARIABLES
+from eigbench.running import meshes as instances
+from eigbench.running import predictor
+from eigbench.running.evaluate import WARM_UP, Options, evaluate
+from eigbench.running.process import THREAD_VARIABLES
+from eigbench.scoring import truth
 from tabulate import tabulate
 
 from synthnet import store

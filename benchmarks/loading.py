@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import track
 from torch_geometric.loader import DataLoader
 
-from synthnet.pyg import SynthNet
+from synthnet.loaders.pyg import SynthNet
 
 
 def peak_mb() -> float:

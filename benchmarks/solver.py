@@ -24,7 +24,7 @@ from tabulate import tabulate
 
 from synthnet import recipe, spectrum
 from synthnet.families import FAMILIES
-from synthnet.plan import PlannedShape, plan_shards
+from synthnet.recipe.plan import PlannedShape, plan_shards
 from synthnet.types import Mesh
 
 AGREE = 1e-9

@@ -7,7 +7,7 @@ import sys
 
 from torch_geometric.loader import DataLoader
 
-from synthnet.pyg import SynthNet
+from synthnet.loaders.pyg import SynthNet
 
 version = sys.argv[1] if len(sys.argv) > 1 else "1.0-small"
 train = SynthNet(version=version, split="train")

@@ -33,11 +33,12 @@ import decimate  # noqa: E402
 import exact  # noqa: E402
 import multilevel  # noqa: E402
 import ritz  # noqa: E402
-from eigbench.metrics import METRICS  # noqa: E402
+from eigbench.scoring.metrics import METRICS  # noqa: E402
 
 from synthnet import Mesh, recipe, store  # noqa: E402
-from synthnet.families import FAMILIES, draw_shape  # noqa: E402
-from synthnet.files import write_marked, write_text  # noqa: E402
+from synthnet.families import FAMILIES  # noqa: E402
+from synthnet.recipe.drawing import draw_shape  # noqa: E402
+from synthnet.store.files import write_marked, write_text  # noqa: E402
 
 RESULT, PAGE = ROOT / "docs" / "data" / "multilevel.json", ROOT / "docs" / "real-shapes.md"
 LARGE, REPEATS = 10_000, 5

@@ -20,11 +20,11 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "baselines"))
 
 import ritz_mlp  # noqa: E402
-from eigbench.metrics import METRICS  # noqa: E402
-from eigbench.tables import family_title  # noqa: E402
+from eigbench.board.tables import family_title  # noqa: E402
+from eigbench.scoring.metrics import METRICS  # noqa: E402
 from ritz_features import CORRECTED, NAMES, VALUES  # noqa: E402
 
-from synthnet.files import write_marked, write_text  # noqa: E402
+from synthnet.store.files import write_marked, write_text  # noqa: E402
 
 RESULT, PAGE = ROOT / "docs" / "data" / "ritz-mlp.json", ROOT / "docs" / "learned.md"
 EPOCHS = ritz_mlp.EPOCHS // 4

@@ -32,10 +32,10 @@ from tabulate import tabulate
 
 from synthnet import recipe, store
 from synthnet.errors import SynthNetError
-from synthnet.files import write_marked, write_text
-from synthnet.plan import plan_shards
-from synthnet.storage import RemotePath
-from synthnet.verify import verify_files
+from synthnet.recipe.plan import plan_shards
+from synthnet.store.files import write_marked, write_text
+from synthnet.store.storage import RemotePath
+from synthnet.verify.checks import verify_files
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "faults.md"

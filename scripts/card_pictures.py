@@ -17,20 +17,21 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from eigbench.figures import as_svg, style
+from eigbench.board.figures import as_svg, style
 from matplotlib.figure import Figure
 from PIL import Image
 from rich.progress import track
 from tabulate import tabulate
 
-from synthnet import draw, gallery, recipe, store
-from synthnet.build import make_sample
-from synthnet.distributions import DISTRIBUTIONS
+from synthnet import recipe, store
+from synthnet.build.versions import make_sample
 from synthnet.families import FAMILIES
-from synthnet.files import write_bytes, write_marked, write_text
-from synthnet.geometry import area
-from synthnet.plan import plan_shards
-from synthnet.raster import render
+from synthnet.mesh.geometry import area
+from synthnet.pictures import draw, gallery
+from synthnet.pictures.raster import render
+from synthnet.recipe.distributions import DISTRIBUTIONS
+from synthnet.recipe.plan import plan_shards
+from synthnet.store.files import write_bytes, write_marked, write_text
 from synthnet.types import SPLITS, Mesh, Sample
 
 ROOT = Path(__file__).parent.parent

@@ -20,8 +20,9 @@ import numpy as np
 from tabulate import tabulate
 
 from synthnet import recipe, spectrum, store
-from synthnet.families import FAMILIES, draw_shapes
-from synthnet.files import write_marked
+from synthnet.families import FAMILIES
+from synthnet.recipe.drawing import draw_shapes
+from synthnet.store.files import write_marked
 
 ROOT = Path(__file__).parent.parent
 CARDS = {

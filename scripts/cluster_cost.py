@@ -7,7 +7,7 @@ import argparse
 import json
 from pathlib import Path
 
-from synthnet.files import write_marked
+from synthnet.store.files import write_marked
 
 DOCS = Path(__file__).parent.parent / "docs"
 MEASURED, PAGE = DOCS / "data" / "build-1.0.json", DOCS / "clusters.md"

@@ -40,8 +40,8 @@ def rewrite(text: str, obj: griffe.Object | None = None) -> str:
 
     Examples
     --------
-    >>> rewrite("see :data:`numpy.pi` and :func:`~synthnet.splits.by_hash`::")
-    'see `numpy.pi` and [`by_hash`][synthnet.splits.by_hash]:'
+    >>> rewrite("see :data:`numpy.pi` and :func:`~synthnet.recipe.splits.by_hash`::")
+    'see `numpy.pi` and [`by_hash`][synthnet.recipe.splits.by_hash]:'
     >>> rewrite(":math:`e_i`")[:32]
     '<img class="math" alt="e_i" src='
     """

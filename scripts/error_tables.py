@@ -18,10 +18,12 @@ import threadpoolctl
 from rich.progress import track
 from tabulate import tabulate
 
-from synthnet import estimates, pins, spectrum, store
-from synthnet.discretisation import Estimate, estimate, extrapolate
+from synthnet import spectrum, store
+from synthnet.build import estimates
+from synthnet.build.discretisation import Estimate, estimate, extrapolate
 from synthnet.families import FAMILIES
-from synthnet.files import write_marked, write_text
+from synthnet.store import pins
+from synthnet.store.files import write_marked, write_text
 from synthnet.types import ShapeSpec
 
 ROOT = Path(__file__).parent.parent

@@ -18,7 +18,7 @@ from tabulate import tabulate
 
 from synthnet import recipe, store
 from synthnet.families import FAMILIES
-from synthnet.files import write_marked
+from synthnet.store.files import write_marked
 from synthnet.types import Mesh
 
 CARD = Path(__file__).parent.parent / "docs" / "dataset-card-2.0.md"

@@ -22,10 +22,10 @@ from pathlib import Path
 import trimesh
 from tabulate import tabulate
 
-from synthnet.files import write_text
-from synthnet.importing import import_meshes, what_was_met
+from synthnet.build.importing import import_meshes, what_was_met
+from synthnet.store.files import write_text
 from synthnet.types import Sample
-from synthnet.verify import verify
+from synthnet.verify.checks import verify
 
 ROOT = Path(__file__).parent.parent
 FORMATS = {  # suffix of the file, and how trimesh writes it

@@ -54,11 +54,11 @@ class Trees:
 
 def main() -> int:
     """Measure and write."""
-    from eigbench import metrics
+    from eigbench.scoring import metrics
     from invariants import invariants
 
     from synthnet import store
-    from synthnet.files import write_text
+    from synthnet.store.files import write_text
     from synthnet.types import PROTOCOLS
 
     dataset = store.open_dataset(VERSION)

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from synthnet import recipe
 from synthnet.families import FAMILIES
-from synthnet.plan import plan_shards
+from synthnet.recipe.plan import plan_shards
 from synthnet.types import Mesh
 
 GOLDEN = Path(__file__).parent.parent / "tests" / "golden" / "voronoi.parquet"

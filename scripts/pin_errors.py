@@ -1,4 +1,4 @@
-"""Pin the error estimates of a built version: synthnet/versions/<version>.errors.parquet.
+"""Pin the error estimates of a built version: synthnet/recipe/versions/<version>.errors.parquet.
 
 The build that goes before takes several times the work of the build itself:
 
@@ -11,10 +11,14 @@ A second argument is another place for the file.
 import sys
 from pathlib import Path
 
-from synthnet import estimates, pins, store
+from synthnet import store
+from synthnet.build import estimates
+from synthnet.store import pins
 
 version = sys.argv[1]
-target = Path(__file__).parent.parent / "synthnet" / "versions" / f"{version}.errors.parquet"
+target = (
+    Path(__file__).parent.parent / "synthnet" / "recipe" / "versions" / f"{version}.errors.parquet"
+)
 if len(sys.argv) > 2:
     target = Path(sys.argv[2])
 dataset = store.open_dataset(version)

@@ -11,11 +11,11 @@ import numpy as np
 from PIL import Image
 
 from synthnet import recipe, spectrum
-from synthnet.draw import signed
 from synthnet.families import CHARTED
-from synthnet.files import make_directory, write_atomically
-from synthnet.plan import plan_shards
-from synthnet.raster import View, render
+from synthnet.pictures.draw import signed
+from synthnet.pictures.raster import View, render
+from synthnet.recipe.plan import plan_shards
+from synthnet.store.files import make_directory, write_atomically
 from synthnet.types import Mesh
 
 OUT = Path(__file__).parent.parent / "docs" / "pictures" / "surfaces.png"

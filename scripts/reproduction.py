@@ -21,10 +21,11 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-from eigbench import figures, ranking, submission
-from eigbench.metrics import METRICS
-from eigbench.submission import Submission
-from eigbench.tables import number
+from eigbench.board import figures, ranking
+from eigbench.board.tables import number
+from eigbench.results import submission
+from eigbench.results.submission import Submission
+from eigbench.scoring.metrics import METRICS
 from matplotlib.figure import Figure
 from tabulate import tabulate
 from train_gcn import RESULTS, ROWS, name_of
@@ -33,7 +34,7 @@ from baselines.gcn import weights
 from baselines.gcn.configs import CONFIGS, PAPER
 from baselines.gcn.model import GCN
 from baselines.gcn.predictor import told
-from synthnet.files import write_text
+from synthnet.store.files import write_text
 from synthnet.types import PROTOCOLS
 
 ROOT = Path(__file__).parent.parent

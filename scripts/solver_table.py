@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tabulate import tabulate
 
-from synthnet.files import write_marked
+from synthnet.store.files import write_marked
 
 DOCS = Path(__file__).parent.parent / "docs"
 

@@ -24,7 +24,7 @@ from pathlib import Path
 from baselines.gcn import weights
 from baselines.gcn.configs import CONFIGS, PAPER
 from baselines.gcn.run import CHECKPOINT, WEIGHTS
-from synthnet.files import write_bytes, write_text
+from synthnet.store.files import write_bytes, write_text
 from synthnet.types import PROTOCOLS
 
 ROOT = Path(__file__).parent.parent

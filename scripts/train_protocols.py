@@ -17,7 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-from eigbench.training import training_set
+from eigbench.scoring.training import training_set
 from rich.console import Console
 
 from baselines.gcn import sampled, trainings
@@ -25,7 +25,7 @@ from baselines.gcn.configs import CONFIGS
 from baselines.gcn.run import CHECKPOINT, WEIGHTS, Run
 from baselines.gcn.train import loop, said
 from synthnet import recipe
-from synthnet.files import make_directory
+from synthnet.store.files import make_directory
 
 OUT = Path(__file__).parent.parent / "baselines" / "gcn_scale_free.safetensors"
 VERSION = "2.0"

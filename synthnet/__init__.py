@@ -3,6 +3,7 @@
 Importing this package is cheap: everything is imported by what needs it.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ from synthnet.version import __version__
 
 if TYPE_CHECKING:
     from synthnet.errors import SynthNetError
-    from synthnet.hf import load_dataset
+    from synthnet.loaders.hf import load_dataset
     from synthnet.types import Mesh, Spectrum
 
 __all__ = ["Mesh", "Spectrum", "SynthNetError", "__version__", "load_dataset"]
@@ -19,7 +20,7 @@ _HOMES = {
     "Mesh": "synthnet.types",
     "Spectrum": "synthnet.types",
     "SynthNetError": "synthnet.errors",
-    "load_dataset": "synthnet.hf",
+    "load_dataset": "synthnet.loaders.hf",
 }
 
 
@@ -28,3 +29,21 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'synthnet' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)
+
+
+def _picture(shown: Any) -> bytes | None:
+    from synthnet.pictures.draw import notebook_picture
+
+    return notebook_picture(shown)
+
+
+def _show_pictures_in_notebooks() -> None:
+    """Have a notebook show meshes and samples as pictures, drawn when they are shown."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    if shell is not None:
+        png = shell.display_formatter.formatters["image/png"]
+        for name in ("Mesh", "Sample"):
+            png.for_type_by_name("synthnet.types", name, _picture)
+
+
+_show_pictures_in_notebooks()

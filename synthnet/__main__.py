@@ -2,14 +2,14 @@
 
 import sys
 
-from synthnet.interrupts import EXIT_CODE, notice_interrupts
+from synthnet.processes import EXIT_CODE, notice_interrupts
 
 
 def run() -> int:
     """Run the command line; Ctrl-C is one line at any time, also while modules are imported."""
     notice_interrupts()
     try:
-        from synthnet.cli import main
+        from synthnet.commands.cli import main
 
         return main()
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""How the kernels of this package are compiled."""
+"""How kernels are compiled: functions of arrays and numbers, turned into machine code by Numba."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ def processor() -> str:
     return f"{binding.get_host_cpu_name()}-{hashlib.sha256(features.encode()).hexdigest()[:8]}"
 
 
-def _stamp() -> str:
-    """Return a hash of all sources here: a kernel holds the code of those it calls."""
-    sources = sorted(Path(__file__).parent.glob("*.py"))
+@cache
+def stamp(folder: Path) -> str:
+    """Return a hash of all sources of a folder: a kernel holds the code of those it calls.
+
+    A kernel may call kernels of its own folder only.
+    """
+    sources = [Path(__file__), *sorted(folder.glob("*.py"))]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:12]
-
-
-STAMP = _stamp()
 
 
 def kernel(function: Function) -> Function:
@@ -43,7 +44,8 @@ def kernel(function: Function) -> Function:
     """
     # Numba's cache knows a function by its name, and looks at its own file only. What it keeps
     # names the module, which may be imported by two names (baselines.gcn and gcn).
-    function.__qualname__ += f"_{function.__module__.replace('.', '_')}_{STAMP}"
+    folder = Path(function.__code__.co_filename).parent
+    function.__qualname__ += f"_{function.__module__.replace('.', '_')}_{stamp(folder)}"
     try:
         compiled: Function = njit(cache=True, **SETTINGS)(function)
     except RuntimeError:  # Numba found no place for its cache

@@ -1,12 +1,19 @@
-"""Ctrl-C, and SIGTERM as sent by schedulers, noticed even where the exception is lost.
+"""What every process of ours does: notice an interrupt, and end when its parent is gone.
+
+Ctrl-C, and SIGTERM as sent by schedulers, are noticed even where the exception is lost.
 
 An exception that a signal raises inside a destructor or a C extension's callback is
 printed or dropped there, and the program goes on. So the signal is also written down, and
 a long loop asks for it.
 """
 
+from __future__ import annotations
+
+import multiprocessing
+import os
 import signal
 import threading
+from multiprocessing import connection
 from types import FrameType
 
 EXIT_CODE = 130  # by the shell's convention 128 + SIGINT; for SIGTERM too: both are interruptions
@@ -39,3 +46,15 @@ def raise_if_interrupted() -> None:
 def _notice(number: int, frame: FrameType | None) -> None:
     _seen.set()
     raise KeyboardInterrupt
+
+
+def follow_parent() -> None:
+    """From now on end this process when its parent is gone, whatever it is at."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+
+
+def _follow(sentinel: int) -> None:
+    connection.wait([sentinel])
+    os._exit(1)

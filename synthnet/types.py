@@ -64,12 +64,6 @@ class Mesh:
         """Return the mesh at the precision of the store: float32 and int32."""
         return Mesh(self.vertices.astype(np.float32), self.faces.astype(np.int32))
 
-    def _repr_png_(self) -> bytes | None:
-        """Return what a notebook shows: the mesh with its edges; nothing of an empty one."""
-        from synthnet.draw import picture_of_mesh
-
-        return picture_of_mesh(self) if len(self.faces) else None
-
 
 @dataclass(frozen=True, slots=True)
 class Topology:
@@ -191,12 +185,6 @@ class Sample:
     isometries: NDArray[np.float64]
     split: str
     paper_splits: tuple[str, ...]
-
-    def _repr_png_(self) -> bytes:
-        """Return what a notebook shows: the mesh beside its spectrum."""
-        from synthnet.draw import picture_of_sample
-
-        return picture_of_sample(self)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,14 @@ import hypothesis
 import pytest
 
 import synthnet
-from synthnet import cli, recipe, seal
-from synthnet.build import make_sample
-from synthnet.families import draw_shapes
-from synthnet.plan import plan_shards
+from synthnet import recipe
+from synthnet.build.versions import make_sample
+from synthnet.commands import cli
 from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe
+from synthnet.recipe.drawing import draw_shapes
+from synthnet.recipe.plan import plan_shards
 from synthnet.types import Sample, ShapeSpec
+from synthnet.verify import seal
 
 hypothesis.settings.register_profile("synthnet", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("synthnet")

@@ -24,7 +24,7 @@ class TrainConfig:
     model : GCNConfig
         What is trained.
     loss : str
-        ``rpd``, ``polar`` or ``l1``: those of :mod:`eigbench.losses`.
+        ``rpd``, ``polar`` or ``l1``: those of :mod:`eigbench.scoring.losses`.
     optimiser : str
         ``sgd`` (with ``momentum``) or ``adamw``.
     learning_rate, momentum, weight_decay : float

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 from torch_geometric.data import Data
 
-from synthnet.build import ensure_built
+from synthnet.build.versions import ensure_built
 from synthnet.types import Mesh
 
 from .encodings import encoding

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from synthnet.solver.compiled import kernel
+from synthnet.kernels import kernel
 
 NONE = np.zeros(0, np.float32)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import torch
-from eigbench import losses
+from eigbench.scoring import losses
 from torch import Tensor, nn
 
 from .folded import batch_loss, outputs

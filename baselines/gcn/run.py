@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from eigbench.metrics import METRICS
+from eigbench.scoring.metrics import METRICS
 from torch import Tensor, distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 
-from synthnet.files import write_text
+from synthnet.store.files import write_text
 
 from . import data, weights
 from .configs import TrainConfig

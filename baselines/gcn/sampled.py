@@ -14,8 +14,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from synthnet import recipe, splits
-from synthnet.build import ensure_built
+from synthnet import recipe
+from synthnet.build.versions import ensure_built
+from synthnet.recipe import splits
 from synthnet.types import PROTOCOLS, Sample
 
 from .data import Shapes, encoder

@@ -29,9 +29,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from torch import distributed
 
-from synthnet.build import ensure_built
+from synthnet.build.versions import ensure_built
 from synthnet.errors import SynthNetError
-from synthnet.files import make_directory
+from synthnet.store.files import make_directory
 from synthnet.types import PROTOCOLS
 
 from . import data

@@ -12,7 +12,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from synthnet.files import write_bytes
+from synthnet.store.files import write_bytes
 
 from .configs import TrainConfig
 from .model import GCN, GCNConfig

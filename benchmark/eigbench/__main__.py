@@ -9,11 +9,11 @@ import sys
 
 def run() -> int:
     """Run the command line and return its exit code."""
-    from synthnet.interrupts import EXIT_CODE, notice_interrupts
+    from synthnet.processes import EXIT_CODE, notice_interrupts
 
     notice_interrupts()
     try:
-        from eigbench.cli import main
+        from eigbench.commands.cli import main
 
         return main()
     except KeyboardInterrupt:  # while modules are imported

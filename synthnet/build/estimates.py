@@ -19,8 +19,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from synthnet import recipe, spectrum, storage, store
-from synthnet.build import (
+from synthnet import recipe, spectrum, store
+from synthnet.build.discretisation import Estimate, estimate
+from synthnet.build.versions import (
     BuildReport,
     ShardResult,
     Terms,
@@ -32,15 +33,14 @@ from synthnet.build import (
     see,
     terms_of,
 )
-from synthnet.discretisation import Estimate, estimate
+from synthnet.build.workers import Engine, local_processes, one_thread
 from synthnet.errors import DamagedError, SpectrumError, StoreError
-from synthnet.files import one_line
-from synthnet.plan import plan_shards
 from synthnet.recipe import Recipe
-from synthnet.storage import Place
-from synthnet.store import METADATA_KEY, StoredDataset
+from synthnet.recipe.plan import plan_shards
+from synthnet.store import METADATA_KEY, StoredDataset, storage
+from synthnet.store.files import one_line
+from synthnet.store.storage import Place
 from synthnet.types import ShapeSpec, ShardRecord
-from synthnet.workers import Engine, local_processes, one_thread
 
 DIRECTORY = "errors"
 SCHEMA_VERSION = 1
@@ -69,7 +69,7 @@ def build_estimates(
     Parameters
     ----------
     version, root, workers, engine, watcher, wait_for_lock
-        As for :func:`synthnet.build.build`.
+        As for :func:`synthnet.build.versions.build`.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def build_estimates(
     seconds = dict.fromkeys(dataset.manifest.drawn, 0.0)
     reused = 0
     alone = exclusive(directory, wait_for_lock, directory / DIRECTORY)
-    with alone, engine or local_processes(workers) as at_work:
+    with alone, engine or local_processes(workers, preload=__name__) as at_work:
         watcher.preparing()
         spectrum.compile_solver()
         terms = terms_of(wanted, directory)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from synthnet.geometry import MeshFacts
+from synthnet.mesh.geometry import MeshFacts
 from synthnet.recipe import FilterSettings
 from synthnet.types import Mesh, Spectrum, Topology
 

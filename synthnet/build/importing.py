@@ -21,8 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from synthnet import files, filters, recipe, repair, splits, storage, store
-from synthnet.build import (
+from synthnet import recipe, store
+from synthnet.build import filters
+from synthnet.build.versions import (
     SHARDS,
     BuildReport,
     ShardResult,
@@ -38,15 +39,17 @@ from synthnet.build import (
     report,
     terms_of,
 )
+from synthnet.build.workers import Engine, one_thread
 from synthnet.errors import BuildError, DamagedError, MeshImportError, StoreError
-from synthnet.files import one_line
-from synthnet.formats import SUFFIXES, UnreadableError
-from synthnet.plan import PlannedShape, ShardPlan
-from synthnet.reading import ChangedError, Reader
-from synthnet.recipe import SplitSettings
-from synthnet.storage import Place
+from synthnet.mesh import repair
+from synthnet.mesh.formats import SUFFIXES, UnreadableError
+from synthnet.mesh.reading import ChangedError, Reader
+from synthnet.recipe import SplitSettings, splits
+from synthnet.recipe.plan import PlannedShape, ShardPlan
+from synthnet.store import files, storage
+from synthnet.store.files import one_line
+from synthnet.store.storage import Place
 from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec
-from synthnet.workers import Engine, one_thread
 
 LIMITS = "1.0"  # the recipe whose limits labels must keep
 RULES = 1  # of reading and repair; to be raised with any that gives a file another outcome
@@ -138,7 +141,7 @@ def import_meshes(
     settings : Settings, optional
         How files become shapes.
     root, workers, engine, watcher, wait_for_lock
-        As for :func:`synthnet.build.build`.
+        As for :func:`synthnet.build.versions.build`.
 
     Returns
     -------
@@ -153,7 +156,7 @@ def import_meshes(
     StoreError
         If another import, or something else, is there under that name; nothing is overwritten.
     BuildError
-        As :func:`synthnet.build.build`.
+        As :func:`synthnet.build.versions.build`.
     """
     started = time.perf_counter()
     settings = settings or Settings()

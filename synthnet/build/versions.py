@@ -21,19 +21,22 @@ from typing import TypeAlias
 
 import filelock
 
-from synthnet import augment, filters, recipe, spectrum, storage, store
-from synthnet._open3d import load_open3d
-from synthnet.distributions import ISOMETRIES, generator
+from synthnet import recipe, spectrum, store
+from synthnet.build import filters
+from synthnet.build.workers import Engine, Workers, cores, local_processes, one_thread
 from synthnet.errors import BuildError, CertificateError, DamagedError, SpectrumError, StoreError
 from synthnet.families import FAMILIES
-from synthnet.interrupts import raise_if_interrupted
-from synthnet.plan import PlannedShape, ShardPlan, plan_shards
+from synthnet.kernels import processor
+from synthnet.mesh import isometries
+from synthnet.mesh.open3d import load_open3d
+from synthnet.processes import raise_if_interrupted
 from synthnet.recipe import Recipe
-from synthnet.solver.compiled import processor
-from synthnet.storage import Place
+from synthnet.recipe.distributions import ISOMETRIES, generator
+from synthnet.recipe.plan import PlannedShape, ShardPlan, plan_shards
+from synthnet.store import storage
+from synthnet.store.storage import Place
 from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord, Spectrum
 from synthnet.version import __version__
-from synthnet.workers import Engine, Workers, cores, local_processes, one_thread
 
 PACKAGES = ("synthnet", "numpy", "scipy", "numba", "open3d", "open3d-cpu", "trimesh", "pyarrow")
 SHARDS = "shards"
@@ -142,8 +145,8 @@ def build(
     workers : int, optional
         Local processes, one thread each; all cores this process may use by default.
     engine : context manager of Workers, optional
-        Who does the work in their stead: :func:`synthnet.workers.dask_cluster`,
-        :func:`~synthnet.workers.mpi_processes`, or :func:`~synthnet.workers.given` any
+        Who does the work in their stead: :func:`synthnet.build.workers.dask_cluster`,
+        :func:`~synthnet.build.workers.mpi_processes`, or :func:`~synthnet.build.workers.given` any
         ``concurrent.futures.Executor``.
     watcher : Watcher, optional
         Told of the plan and of every shard, to show progress.
@@ -211,7 +214,7 @@ def make_shards(
     watcher.preparing()
     spectrum.compile_solver()  # here, and not in every worker
     results: dict[int, ShardResult] = {}
-    with engine or local_processes(workers) as at_work:
+    with engine or local_processes(workers, preload=__name__) as at_work:
         watcher.planned(drawn)
         for number, plan, result in run_shards(at_work, jobs, watcher):
             see(directory / plan.file, result.record.size)
@@ -367,13 +370,14 @@ def make_sample(shape: PlannedShape, wanted: Recipe) -> Sample | Rejection:
     if isinstance(label, Rejection):
         return label
     rng = generator(wanted.seed, spec.family, spec.index, ISOMETRIES)
+    copies = wanted.augmentation
     return Sample(
         spec=spec,
         mesh=mesh,
         eigenvalues=label.eigenvalues,
         trivial=label.trivial,
         certificate=label.certificate,
-        isometries=augment.draw_isometries(wanted.augmentation, rng),
+        isometries=isometries.draw_isometries(copies.rotations, copies.reflections, rng),
         split=shape.split,
         paper_splits=shape.paper_splits,
     )

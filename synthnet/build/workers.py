@@ -20,12 +20,12 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib import resources
-from multiprocessing import connection
 from typing import Any, TypeAlias
 
 import threadpoolctl
 
 from synthnet.errors import BuildError, MissingPackageError
+from synthnet.processes import follow_parent
 
 CONNECT_SECONDS = 10
 
@@ -71,8 +71,10 @@ def given(executor: Executor, workers: int) -> Iterator[Workers]:
 
 
 @contextmanager
-def local_processes(workers: int | None = None) -> Iterator[Workers]:
+def local_processes(workers: int | None = None, preload: str | None = None) -> Iterator[Workers]:
     """Give spawned processes, one a core by default; on an error or Ctrl-C they end at once.
+
+    Each imports the module ``preload`` when it starts.
 
     Raises
     ------
@@ -83,7 +85,10 @@ def local_processes(workers: int | None = None) -> Iterator[Workers]:
     others = set(multiprocessing.active_children())
     # Spawned, not forked: Open3D and BLAS have threads of their own.
     pool = ProcessPoolExecutor(
-        count, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker
+        count,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_start_worker,
+        initargs=(preload,),
     )
     try:
         yield Workers(pool, lambda: count)
@@ -100,26 +105,15 @@ def local_processes(workers: int | None = None) -> Iterator[Workers]:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _start_worker() -> None:
+def _start_worker(preload: str | None) -> None:
     """Leave Ctrl-C to the parent, end when the parent is gone, and load what the work needs."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     follow_parent()
     try:
-        importlib.import_module("synthnet.build")
+        if preload is not None:
+            importlib.import_module(preload)
     except MemoryError:
         os._exit(1)  # the parent says so in one line; here it would be a traceback
-
-
-def follow_parent() -> None:
-    """From now on end this process when its parent is gone, whatever it is at."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
-
-
-def _follow(sentinel: int) -> None:
-    connection.wait([sentinel])
-    os._exit(1)
 
 
 # Clusters

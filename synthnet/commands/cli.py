@@ -8,21 +8,25 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tabulate import tabulate
 
-from synthnet import estimates, recipe, seal_commands, show_commands, storage, store
-from synthnet.build import BuildReport, build
+from synthnet import recipe, store
+from synthnet.build import estimates
+from synthnet.build.versions import BuildReport, build
+from synthnet.build.workers import Engine, dask_cluster, mpi_processes
+from synthnet.commands import seal, show
+from synthnet.commands.report import FamilyBars, family_table, summary
 from synthnet.errors import StoreError, SynthNetError
-from synthnet.report import FamilyBars, family_table, summary
+from synthnet.store import storage
+from synthnet.terminal import WRONG_INPUT, Parser
 from synthnet.types import SPLITS
 from synthnet.version import __version__
-from synthnet.workers import Engine, dask_cluster, mpi_processes
 
-WRONG_INPUT, DIFFERENT = 2, 1
+DIFFERENT = 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -150,7 +154,7 @@ def _estimate(options: argparse.Namespace) -> BuildReport:
 
 
 def _import(options: argparse.Namespace) -> int:
-    from synthnet.importing import Settings, import_meshes, what_was_met
+    from synthnet.build.importing import Settings, import_meshes, what_was_met
 
     bars = FamilyBars()
     with bars.progress:
@@ -218,8 +222,8 @@ def _estimates(dataset: store.StoredDataset) -> str:
 
 
 def _verify(options: argparse.Namespace) -> int:
-    from synthnet.unseal import CHECKS
-    from synthnet.verify import verify, verify_files
+    from synthnet.verify.checks import verify, verify_files
+    from synthnet.verify.unseal import CHECKS
 
     progress = Progress(
         TextColumn("verifying"),
@@ -235,8 +239,8 @@ def _verify(options: argparse.Namespace) -> int:
         progress.update(task, completed=done, total=total)
 
     name = options.version
-    if seal_commands.is_wanted(options):
-        name, report = seal_commands.unseal(options, on_shard, progress)
+    if seal.is_wanted(options):
+        name, report = seal.unseal(options, on_shard, progress)
     elif options.files:
         report = verify_files(options.version, root=options.out)
     else:
@@ -268,7 +272,7 @@ def _verify(options: argparse.Namespace) -> int:
     if len(report.problems) > options.limit:
         print(f"  … and {len(report.problems) - options.limit} more (--limit shows more)")
     print(f"\n{name} in {report.directory}: {'DIFFERENT' if failed else 'verified'}")
-    if failed and not seal_commands.is_wanted(options):
+    if failed and not seal.is_wanted(options):
         out = f" --out {options.out}" if options.out else ""
         again = f"`synthnet build --version {options.version}{out}`"
         if recipe.is_sealed(options.version):
@@ -294,17 +298,6 @@ def _print_json(value: Any) -> None:
 
 
 # Arguments
-
-
-class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line, and that takes no abbreviated options."""
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__(**{"allow_abbrev": False, **options})
-
-    def error(self, message: str) -> NoReturn:
-        """Print the error and where help is, and exit."""
-        self.exit(WRONG_INPUT, f"{self.prog}: {message} (`{self.prog} --help` shows how)\n")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -410,12 +403,12 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command(
         "seal",
-        seal_commands.seal,
+        seal.seal,
         "draw a test set from a secret salt, and write the file that commits to it",
         " --version 1.0-mini --salt-file salt.txt --new-salt",
     )
     version_option(sub)
-    seal_commands.seal_options(sub)
+    seal.seal_options(sub)
 
     sub = command("info", _info, "say what a built version holds", " --version 1.0-small")
     version_option(sub)
@@ -424,7 +417,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("verify", _verify, "check a built version", " --version 1.0 --sample 200")
     which = sub.add_mutually_exclusive_group()
     version_option(which)
-    seal_commands.unseal_options(sub, which)
+    seal.unseal_options(sub, which)
     sub.add_argument(
         "--files",
         action="store_true",
@@ -432,42 +425,42 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument(
         "--sample",
-        type=show_commands.at_least_zero,
+        type=show.at_least_zero,
         default=100,
         metavar="N",
         help="labels to derive anew with LaPy (default: %(default)s)",
     )
     sub.add_argument(
         "--seed",
-        type=show_commands.at_least_zero,
+        type=show.at_least_zero,
         default=0,
         metavar="N",
         help="of that sample (default: 0)",
     )
     sub.add_argument(
         "--limit",
-        type=show_commands.at_least_zero,
+        type=show.at_least_zero,
         default=20,
         metavar="N",
         help="problems to print (default: 20)",
     )
 
-    sub = command("show", show_commands.show, "show one shape", " torus-00012 --png torus.png")
+    sub = command("show", show.show, "show one shape", " torus-00012 --png torus.png")
     version_option(sub)
-    show_commands.show_options(sub)
+    show.show_options(sub)
 
     sub = command(
         "gallery",
-        show_commands.gallery,
+        show.gallery,
         "draw a contact sheet of a family, or one shape of each; no build is needed",
         " torus --version 1.0",
     )
     version_option(sub)
-    show_commands.gallery_options(sub)
+    show.gallery_options(sub)
 
     sub = command(
         "croissant",
-        show_commands.croissant,
+        show.croissant,
         "describe a built version for other tools: Croissant 1.1 metadata beside its manifest",
         " --version 1.0-mini",
     )

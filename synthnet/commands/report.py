@@ -11,17 +11,15 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
-    ProgressColumn,
-    Task,
     TaskID,
     TextColumn,
     TimeRemainingColumn,
 )
-from rich.text import Text
 from tabulate import tabulate
 
-from synthnet.build import BuildReport, ShardResult, Watcher
-from synthnet.plan import ShardPlan
+from synthnet.build.versions import BuildReport, ShardResult, Watcher
+from synthnet.recipe.plan import ShardPlan
+from synthnet.terminal import Rate
 from synthnet.types import Manifest
 
 
@@ -77,17 +75,6 @@ def family_table(manifest: Manifest, seconds: dict[str, float] | None = None) ->
 
 def _reasons(rejected: dict[str, int] | Counter[str]) -> str:
     return ", ".join(f"{count} {reason}" for reason, count in rejected.items()) or "0"
-
-
-class Rate(ProgressColumn):
-    """Meshes per second since the family's first shard began."""
-
-    def render(self, task: Task) -> Text:
-        """Return the rate, or nothing before there is one."""
-        seconds = task.finished_time or task.elapsed
-        if not task.completed or not seconds:
-            return Text("")
-        return Text(f"{task.completed / seconds:7.1f} meshes/s", style="cyan")
 
 
 PREPARING = "solver, compiled once"

@@ -11,9 +11,9 @@ from pathlib import Path
 from rich.progress import Progress
 
 from synthnet import recipe
-from synthnet import seal as seals
-from synthnet.report import FamilyBars, family_table
-from synthnet.verify import VerifyReport
+from synthnet.commands.report import FamilyBars, family_table
+from synthnet.verify import seal as seals
+from synthnet.verify.checks import VerifyReport
 
 
 def seal_options(sub: argparse.ArgumentParser) -> None:
@@ -135,7 +135,7 @@ def unseal(
     options: argparse.Namespace, on_shard: Callable[[int, int], None], progress: Progress
 ) -> tuple[str, VerifyReport]:
     """Check a seal by its salt; return the name of the set and what was found."""
-    from synthnet.unseal import verify_sealed
+    from synthnet.verify.unseal import verify_sealed
 
     published = seals.read(options.sealed)
     salt = seals.read_salt(options.salt_file)

@@ -13,9 +13,10 @@ from rich.console import Console
 from rich.progress import track
 from tabulate import tabulate
 
-from synthnet import estimates, recipe, store
-from synthnet.files import write_bytes
-from synthnet.geometry import MeshFacts
+from synthnet import recipe, store
+from synthnet.build import estimates
+from synthnet.mesh.geometry import MeshFacts
+from synthnet.store.files import write_bytes
 from synthnet.types import Mesh, ShapeSpec
 
 Thing = TypeVar("Thing")
@@ -69,7 +70,7 @@ def show(options: argparse.Namespace) -> int:
     estimate = estimates.find(dataset, options.id)
     facts = MeshFacts(sample.mesh)
     if options.png is not None:
-        from synthnet.draw import draw_sample
+        from synthnet.pictures.draw import draw_sample
 
         draw_sample(sample, options.png, eigenfunctions=options.eigenfunctions, edges=options.edges)
     described: dict[str, Any] = {
@@ -115,8 +116,8 @@ def show(options: argparse.Namespace) -> int:
 
 def gallery(options: argparse.Namespace) -> int:
     """Draw a contact sheet of a family, or of one shape of each."""
-    from synthnet import draw
-    from synthnet import gallery as galleries
+    from synthnet.pictures import draw
+    from synthnet.pictures import gallery as galleries
 
     name = "-".join(filter(None, ("gallery", options.version, options.family)))
     path: Path = options.png or Path(f"{name}.png")
@@ -155,7 +156,7 @@ def gallery(options: argparse.Namespace) -> int:
 
 def croissant(options: argparse.Namespace) -> int:
     """Write the Croissant metadata of a built version."""
-    from synthnet.croissant import write
+    from synthnet.loaders.croissant import write
 
     path = write(store.open_dataset(options.version, options.out))
     print(json.dumps({"croissant": str(path)}, indent=1) if options.json else path)

@@ -1,4 +1,4 @@
-"""The families of shapes, one file each, and the draw of their parameters.
+"""The families of shapes, one file each.
 
 To add a family: write its file with an atlas and a ``FAMILY``, add it to :data:`CHARTED`, and
 name it in a new recipe.
@@ -6,8 +6,6 @@ name it in a new recipe.
 
 from __future__ import annotations
 
-from synthnet.distributions import MESHES, PARAMETERS, draw, generator
-from synthnet.errors import RecipeError
 from synthnet.families import (
     annulus,
     bent_tube,
@@ -45,13 +43,9 @@ from synthnet.families import (
     truncated_cone,
     twisted_torus,
 )
-from synthnet.families.charted import TRIANGULATION
-from synthnet.families.charted import TRIANGULATIONS as KINDS
 from synthnet.families.family import Family
-from synthnet.recipe import Recipe
-from synthnet.types import Parameters, ShapeSpec
 
-__all__ = ["CHARTED", "FAMILIES", "PRIMITIVES", "Family", "draw_shape", "draw_shapes"]
+__all__ = ["CHARTED", "FAMILIES", "PRIMITIVES", "Family"]
 
 PRIMITIVES: dict[str, Family] = {  # 1.0: the paper's, as Open3D makes them
     "rectangular_prism": rectangular_prism.FAMILY,
@@ -93,67 +87,3 @@ CHARTED: dict[str, Family] = {  # 2.0: given by charts, each surface in several 
     "drum": drum.FAMILY,
 }
 FAMILIES: dict[str, Family] = {**PRIMITIVES, **CHARTED}
-
-LARGEST_SEED = 2**31 - 1
-
-
-def draw_shape(recipe: Recipe, family: str, index: int) -> ShapeSpec:
-    """Draw one shape of a recipe from the shape's own seed.
-
-    Where surfaces come in several sizes, the meshes of a surface have numbers that follow each
-    other. Their kinds of triangulation take turns, so that no kind goes with a size.
-
-    Examples
-    --------
-    >>> from synthnet import recipe
-    >>> draw_shape(recipe.load("1.0"), "sphere", 0).id
-    'sphere-00000'
-    """
-    surface, copy = divmod(index, recipe.copies)
-    rng = generator(recipe.seed, family, surface, PARAMETERS)
-    parameters: Parameters = draw(recipe.families[family].parameters, rng)
-    if recipe.sizes is not None:
-        rng = generator(recipe.seed, family, index, MESHES)
-        size = recipe.sizes[copy]
-        wanted = {"vertices": size.vertices, "seed": {"integers": [0, LARGEST_SEED]}}
-        drawn = {key: int(value) for key, value in draw(wanted, rng).items()}
-        kind = KINDS[(surface + copy) % len(KINDS)]
-        parameters = {**parameters, "triangulation": kind, **drawn}
-    return ShapeSpec(
-        id=f"{family}-{index:05d}",
-        family=family,
-        index=index,
-        parameters=parameters,
-        group=FAMILIES[family].group(parameters),
-    )
-
-
-def draw_shapes(recipe: Recipe) -> list[ShapeSpec]:
-    """Draw every shape of a recipe's full version, in order of family and index.
-
-    Raises
-    ------
-    RecipeError
-        If the recipe names a family that is not there, or wrong parameters for one.
-
-    Examples
-    --------
-    >>> from synthnet.recipe import load
-    >>> shapes = draw_shapes(load("1.0"))
-    >>> len(shapes), shapes[0].id
-    (16550, 'rectangular_prism-00000')
-    """
-    for name, family in recipe.families.items():
-        if name not in FAMILIES:
-            raise RecipeError(f"unknown family {name!r}: choose from {', '.join(FAMILIES)}")
-        given = [*family.parameters, *(TRIANGULATION if recipe.sizes else ())]
-        if sorted(given) != sorted(FAMILIES[name].least):
-            raise RecipeError(
-                f"family {name} takes the parameters {', '.join(FAMILIES[name].least)}; "
-                f"the recipe gives {', '.join(given)}"
-            )
-    return [
-        draw_shape(recipe, name, index)
-        for name, family in recipe.families.items()
-        for index in range(family.count)
-    ]

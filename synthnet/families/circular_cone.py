@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet import limits
+from synthnet.families import limits
 from synthnet.families.atlas import Atlas, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE

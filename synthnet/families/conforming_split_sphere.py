@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet import limits
+from synthnet.families import limits
 from synthnet.families.atlas import Atlas
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from synthnet._open3d import load_open3d
+from synthnet.mesh.open3d import load_open3d
 from synthnet.types import Mesh
 
 Points: TypeAlias = NDArray[np.float64]

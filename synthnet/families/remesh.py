@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.families.atlas import SAME, Atlas, Charted, Floats, Integers
-from synthnet.solver.compiled import kernel
+from synthnet.kernels import kernel
 
 REACH = 0.4  # how far a vertex moves towards the far side of a triangle beside it, at most
 HALF = 1e-6  # of the width: so far from the plane a triangle counts as beyond it

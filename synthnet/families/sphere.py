@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet import limits
-from synthnet.families import primitives
+from synthnet.families import limits, primitives
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh
 

@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet import limits
+from synthnet.families import limits
 from synthnet.families.atlas import Atlas, Floats, rows
 from synthnet.families.charted import charted
+from synthnet.families.limits import Arc
 from synthnet.families.revolution import Piece, revolution
-from synthnet.limits import Arc
 
 
 def atlas(*, angle: float) -> Atlas:

@@ -5,10 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet import limits
-from synthnet.families import primitives
+from synthnet.families import limits, primitives
 from synthnet.families.family import POSITIVE, Family
-from synthnet.limits import Arc
+from synthnet.families.limits import Arc
 from synthnet.types import Mesh
 
 

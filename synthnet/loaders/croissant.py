@@ -19,8 +19,8 @@ from typing import Any
 
 from synthnet import recipe, store
 from synthnet.errors import StoreError
-from synthnet.storage import Place, write_text
 from synthnet.store import StoredDataset
+from synthnet.store.storage import Place, write_text
 from synthnet.types import SPLITS
 from synthnet.version import __version__
 

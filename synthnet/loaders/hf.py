@@ -49,7 +49,7 @@ def load_dataset(
             "synthnet.load_dataset needs the package datasets: in the checkout, "
             "pip install -c constraints.txt -e '.[datasets]'"
         ) from error
-    from synthnet.build import ensure_built
+    from synthnet.build.versions import ensure_built
 
     stored = ensure_built(version, root)
     if not any(

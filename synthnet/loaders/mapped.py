@@ -11,7 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from synthnet import storage, store
+from synthnet import store
+from synthnet.store import storage
 from synthnet.types import Mesh
 
 RELEASE_BYTES = 64 * 2**20  # bytes read after which mapped pages are handed back

@@ -27,11 +27,14 @@ except ModuleNotFoundError as error:
         "in the checkout, pip install -c constraints.txt -e '.[torch]'"
     ) from error
 
-from synthnet import augment as isometry
-from synthnet import files, mapped, recipe, splits, store
-from synthnet.build import ensure_built
+from synthnet import recipe, store
+from synthnet.build.versions import ensure_built
 from synthnet.errors import RecipeError
-from synthnet.mapped import MappedShapes
+from synthnet.loaders import mapped
+from synthnet.loaders.mapped import MappedShapes
+from synthnet.mesh import isometries as isometry
+from synthnet.recipe import splits
+from synthnet.store import files
 from synthnet.types import PROTOCOLS, SPLITS, Mesh
 
 INDEX = "index.json"

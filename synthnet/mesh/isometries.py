@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from trimesh import transformations
 
-from synthnet.recipe import AugmentationSettings
 from synthnet.types import Mesh
 
 
@@ -42,13 +41,13 @@ def random_reflection(rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 def draw_isometries(
-    settings: AugmentationSettings, rng: np.random.Generator
+    rotations: int, reflections: int, rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """Draw a shape's instances.
 
     Parameters
     ----------
-    settings : AugmentationSettings
+    rotations, reflections : int
         How many rotations R and reflections S.
     rng : numpy.random.Generator
         The shape's own generator.
@@ -65,14 +64,14 @@ def draw_isometries(
 
     Examples
     --------
-    >>> isometries = draw_isometries(AugmentationSettings(2, 2), np.random.default_rng(0))
+    >>> isometries = draw_isometries(2, 2, np.random.default_rng(0))
     >>> np.linalg.det(isometries).round().astype(int).tolist()
     [1, 1, 1, -1, -1, -1, -1, -1, -1]
     """
-    rotations = [random_rotation(rng) for _ in range(settings.rotations)]
-    reflections = [random_reflection(rng) for _ in range(settings.reflections)]
-    products = [r @ s for r in rotations for s in reflections]
-    return np.stack([np.eye(3), *rotations, *reflections, *products])
+    turns = [random_rotation(rng) for _ in range(rotations)]
+    mirrors = [random_reflection(rng) for _ in range(reflections)]
+    products = [turn @ mirror for turn in turns for mirror in mirrors]
+    return np.stack([np.eye(3), *turns, *mirrors, *products])
 
 
 def apply(mesh: Mesh, isometry: NDArray[np.floating[Any]]) -> Mesh:

@@ -20,11 +20,11 @@ from typing import Any, Self
 
 import numpy as np
 
-from synthnet import formats
 from synthnet.errors import SynthNetError
-from synthnet.formats import SUFFIXES, UnreadableError
+from synthnet.mesh import formats
+from synthnet.mesh.formats import SUFFIXES, UnreadableError
+from synthnet.processes import follow_parent
 from synthnet.types import Mesh
-from synthnet.workers import follow_parent
 
 SECONDS, GIGABYTES = 120.0, 8.0
 PATIENCE = 10 * SECONDS  # by the clock, for a disk that hangs: processor time does not pass then

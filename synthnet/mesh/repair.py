@@ -37,7 +37,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from synthnet.errors import SynthNetError
-from synthnet.geometry import MeshFacts, area, face_areas, volume
+from synthnet.mesh.geometry import MeshFacts, area, face_areas, volume
 from synthnet.types import Mesh, Vertices
 
 NEAR = 1e-7  # of the diagonal of the bounding box: a float32 has 6e-8 of its size

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from synthnet import spectrum
-from synthnet.files import write_bytes
-from synthnet.raster import render
+from synthnet.pictures.raster import render
+from synthnet.store.files import write_bytes
 from synthnet.types import Mesh, Sample
 
 BLUE = "#0072b2"  # Okabe and Ito: told apart by colour-blind readers
@@ -245,3 +245,13 @@ def _png(figure: Figure) -> bytes:
     written = io.BytesIO()
     figure.savefig(written, format="png", dpi=DOTS, metadata={"Software": None})
     return written.getvalue()
+
+
+def notebook_picture(shown: Mesh | Sample) -> bytes | None:
+    """Return what a notebook shows: a mesh with its edges, a sample beside its spectrum.
+
+    Nothing is shown of a mesh without faces.
+    """
+    if isinstance(shown, Sample):
+        return picture_of_sample(shown)
+    return picture_of_mesh(shown) if len(shown.faces) else None

@@ -12,9 +12,12 @@ from numpy.typing import NDArray
 from scipy.stats import rankdata
 from scipy.stats.qmc import Halton
 
-from synthnet import draw, filters, recipe, store
-from synthnet.families import FAMILIES, draw_shape
-from synthnet.plan import plan_shards
+from synthnet import recipe, store
+from synthnet.build import filters
+from synthnet.families import FAMILIES
+from synthnet.pictures import draw
+from synthnet.recipe.drawing import draw_shape
+from synthnet.recipe.plan import plan_shards
 from synthnet.types import Mesh, ShapeSpec
 
 LINE, NO_BREAK = 36, "\u00a0"  # letters of a caption's line, and a space that ends none

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.solver.compiled import kernel
+from synthnet.kernels import kernel
 from synthnet.types import Mesh
 
 SAMPLES = 3  # in a pixel's width: what is drawn is the mean of nine

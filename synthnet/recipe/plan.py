@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import overload
 
-from synthnet import splits
 from synthnet.errors import RecipeError
-from synthnet.families import draw_shape, draw_shapes
-from synthnet.recipe import Recipe, load
+from synthnet.recipe import Recipe, load, splits
+from synthnet.recipe.drawing import draw_shape, draw_shapes
 from synthnet.types import SPLITS, ShapeSpec
 
 MOST_TRIES = 100_000  # surfaces drawn for a family of a sealed set, before that gives up
@@ -79,7 +78,7 @@ class ScaledPlan(Sequence[ShardPlan]):
 
     A family's shapes are numbered from the end of the full version on. A shape that is
     also one of the full version has its split there; every other's is a function of the
-    shape alone, see :func:`synthnet.splits.by_hash`. So no shape is kept in memory, and
+    shape alone, see :func:`synthnet.recipe.splits.by_hash`. So no shape is kept in memory, and
     the splits of all scaled versions agree with each other and with the full one.
 
     Parameters

@@ -13,8 +13,8 @@ from functools import partial
 from importlib import resources
 from typing import Any, TypeVar
 
-from synthnet.distributions import DISTRIBUTIONS, draw
 from synthnet.errors import RecipeError
+from synthnet.recipe.distributions import DISTRIBUTIONS, draw
 from synthnet.types import PROTOCOLS
 
 SCHEMA = 1
@@ -35,7 +35,7 @@ class LabelSettings:
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """Limits of the checks in :mod:`synthnet.filters`."""
+    """Limits of the checks in :mod:`synthnet.build.filters`."""
 
     altitude: float
     trivial: float
@@ -115,7 +115,7 @@ class FamilyRecipe:
 
 @dataclass(frozen=True, slots=True)
 class Sealed:
-    """What a sealed recipe was drawn from, but for the salt, see :mod:`synthnet.seal`.
+    """What a sealed recipe was drawn from, but for the salt, see :mod:`synthnet.verify.seal`.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def available() -> list[str]:
     >>> available()
     ['1.0', '1.0-mini', '1.0-small', '2.0', '2.0-mini']
     """
-    files = resources.files("synthnet.versions").iterdir()
+    files = resources.files("synthnet.recipe.versions").iterdir()
     return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
 
 
@@ -260,7 +260,9 @@ def load(version: str) -> Recipe:
             f"unknown version {version!r}: choose one of {', '.join(available())} "
             f"(`synthnet versions` lists them){told}"
         )
-    return parse(resources.files("synthnet.versions").joinpath(f"{version}.toml").read_text())
+    return parse(
+        resources.files("synthnet.recipe.versions").joinpath(f"{version}.toml").read_text()
+    )
 
 
 def title(version: str) -> str:
@@ -276,7 +278,7 @@ def title(version: str) -> str:
 
 
 def is_sealed(version: str) -> bool:
-    """Return whether a name is that of a sealed set, see :mod:`synthnet.seal`.
+    """Return whether a name is that of a sealed set, see :mod:`synthnet.verify.seal`.
 
     Examples
     --------

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.solver.compiled import kernel
+from synthnet.kernels import kernel
 
 
 class Matrices(NamedTuple):

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from synthnet.solver.compiled import kernel
-from synthnet.solver.fem import Matrices, multiply, multiply_two
-from synthnet.solver.ldl import Factor, dot_four, solve_two, subtract_four
-from synthnet.solver.ordering import Ordering
+from synthnet.kernels import kernel
+from synthnet.spectrum.fem import Matrices, multiply, multiply_two
+from synthnet.spectrum.ldl import Factor, dot_four, solve_two, subtract_four
+from synthnet.spectrum.ordering import Ordering
 
 LOST = 1e-8  # relative; eigenvalues are as good as from a basis orthogonal to 1e-16 (Simon)
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.solver.compiled import kernel
-from synthnet.solver.fem import Matrices
-from synthnet.solver.ordering import Ordering
+from synthnet.kernels import kernel
+from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.ordering import Ordering
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.solver.compiled import kernel
+from synthnet.kernels import kernel
 
 WIDE = 16  # a merged front may be half zeros up to so many columns, 1/16 zeros beyond: measured
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy import linalg, sparse
 
 from synthnet.errors import CertificateError, SpectrumError
-from synthnet.solver import fem
-from synthnet.solver.fem import Matrices
-from synthnet.solver.lanczos import Lanczos, RitzPairs
-from synthnet.solver.ldl import Factor, factorise, solve
-from synthnet.solver.ordering import Ordering, find_ordering
+from synthnet.spectrum import fem
+from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.lanczos import Lanczos, RitzPairs
+from synthnet.spectrum.ldl import Factor, factorise, solve
+from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.types import Certificate, Mesh, Spectrum
 
 DENSE, DENSE_FOR = 64, 6  # vertices, and vertices for each pair, up to which a basis is no saving

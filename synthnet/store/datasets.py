@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from synthnet import recipe
 from synthnet.errors import DamagedError, StoreError
-from synthnet.files import one_line
-from synthnet.storage import Place, place, sha256, size, write_atomically, write_text
+from synthnet.store.files import one_line
+from synthnet.store.storage import Place, place, sha256, size, write_atomically, write_text
 from synthnet.types import Certificate, Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
 
 SCHEMA_VERSION = 2
@@ -435,7 +435,7 @@ def _check_bytes(written: bytes, sealed: str) -> None:
 
 
 def open_imported(name: str, root: str | os.PathLike[str] | None = None) -> StoredDataset | None:
-    """Open the dataset of that name if :mod:`synthnet.importing` has made one."""
+    """Open the dataset of that name if :mod:`synthnet.build.importing` has made one."""
     directory = dataset_directory(name, root)
     manifest = read_manifest(directory)
     if manifest is None or "imported" not in manifest.recipe:

@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from synthnet.files import write_atomically
+from synthnet.store.files import write_atomically
 from synthnet.types import Sample
 
 TOLERANCE = 1e-6  # relative: float32 vertices differ by 6e-8 where libm does
@@ -38,7 +38,7 @@ class Pin:
     digest : str
         Hash of id, parameters, group, splits and faces: equal on every machine.
     moments : ndarray of shape (6,), float64
-        Weighted means of the coordinates and of their squares, see :func:`synthnet.pins.moments`.
+        Weighted means of the coordinates and of their squares, see :func:`moments`.
     eigenvalues : ndarray of shape (k,), float64
         The label.
     """
@@ -107,7 +107,7 @@ def read(version: str) -> dict[str, Pin] | None:
     >>> round(float(read("1.0")["torus-00005"].eigenvalues[0]), 4)
     1.0378
     """
-    table = shipped_table("synthnet.versions", f"{version}.lock.parquet")
+    table = shipped_table("synthnet.recipe.versions", f"{version}.lock.parquet")
     if table is None:
         return None
     columns = (table[name].to_pylist() for name in ("id", "digest"))
@@ -135,9 +135,9 @@ def read_errors(version: str) -> dict[str, NDArray[np.float32]] | None:
     Returns
     -------
     dict of str to ndarray of shape (k,), float32, or None
-        By id: (label − limit) / label, see :mod:`synthnet.discretisation`.
+        By id: (label − limit) / label, see :mod:`synthnet.build.discretisation`.
     """
-    table = shipped_table("synthnet.versions", f"{version}.errors.parquet")
+    table = shipped_table("synthnet.recipe.versions", f"{version}.errors.parquet")
     if table is None:
         return None
     return dict(zip(table["id"].to_pylist(), table["error"].to_numpy(), strict=True))

@@ -1,6 +1,6 @@
 """Where a dataset is: a directory of this machine, or a place at an fsspec URL.
 
-A directory is a :class:`pathlib.Path` and everything is as in :mod:`synthnet.files`. A URL
+A directory is a :class:`pathlib.Path` and everything is as in :mod:`synthnet.store.files`. A URL
 is a :class:`RemotePath`. Objects are written whole, in one request, which object stores do
 atomically; elsewhere an object cut short is found when it is read. There is no lock on a
 URL: two builds of one version on processors of one kind write equal bytes, so they waste
@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, TypeAlias
 
-from synthnet import files
 from synthnet.errors import BuildError, MissingPackageError, StoreError
-from synthnet.files import one_line
+from synthnet.store import files
+from synthnet.store.files import one_line
 
 OBJECT_STORES = {"s3", "s3a", "gs", "gcs", "abfs", "az"}  # no directories, but buckets
 EXTRAS = {"s3": "s3", "s3a": "s3"}  # by protocol: the extra that brings its package

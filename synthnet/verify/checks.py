@@ -13,17 +13,22 @@ import threadpoolctl
 from numpy.typing import NDArray
 from scipy import linalg
 
-from synthnet import augment, estimates, importing, pins, recipe, seal, spectrum, storage, store
-from synthnet.discretisation import Estimate, estimate, extrapolate
-from synthnet.distributions import ISOMETRIES, generator
+from synthnet import recipe, spectrum, store
+from synthnet.build import estimates, importing
+from synthnet.build.discretisation import Estimate, estimate, extrapolate
 from synthnet.errors import SpectrumError, StoreError
 from synthnet.families import FAMILIES
-from synthnet.files import one_line
-from synthnet.geometry import area
-from synthnet.plan import PlannedShape, plan_shards
+from synthnet.mesh import isometries
+from synthnet.mesh.geometry import area
 from synthnet.recipe import Recipe
-from synthnet.storage import Place
+from synthnet.recipe.distributions import ISOMETRIES, generator
+from synthnet.recipe.plan import PlannedShape, plan_shards
+from synthnet.spectrum import solve
+from synthnet.store import pins, storage
+from synthnet.store.files import one_line
+from synthnet.store.storage import Place
 from synthnet.types import Manifest, Mesh, Sample, ShapeSpec, ShardRecord
+from synthnet.verify import seal
 
 VERTEX_TOLERANCE = 1e-6  # of the largest coordinate: float32 keeps 6e-8
 ISOMETRY_TOLERANCE = 1e-12  # of entries: sines differ in their last bits
@@ -382,9 +387,10 @@ def _check_plan(sample: Sample, planned: dict[str, PlannedShape], wanted: Recipe
         yield f"{spec.id}: splits differ from the recipe's"
     else:
         rng = generator(wanted.seed, spec.family, spec.index, ISOMETRIES)
-        isometries = augment.draw_isometries(wanted.augmentation, rng)
-        if sample.isometries.shape != isometries.shape or not np.allclose(
-            sample.isometries, isometries, rtol=0, atol=ISOMETRY_TOLERANCE
+        copies = wanted.augmentation
+        drawn = isometries.draw_isometries(copies.rotations, copies.reflections, rng)
+        if sample.isometries.shape != drawn.shape or not np.allclose(
+            sample.isometries, drawn, rtol=0, atol=ISOMETRY_TOLERANCE
         ):
             yield f"{spec.id}: isometries differ from the recipe's draw"
 
@@ -423,7 +429,7 @@ def _check_certificate(sample: Sample, wanted: Recipe) -> Iterator[str]:
             f"the label's {len(label)} up to {label[-1]:g}"
         )
     edges = np.concatenate([[0.0], label])
-    gaps = np.flatnonzero(np.diff(edges) > spectrum.NORMAL.gap * edges[1:])
+    gaps = np.flatnonzero(np.diff(edges) > solve.NORMAL.gap * edges[1:])
     if len(gaps) == 0:
         yield f"{id}: no label: its eigenvalues are not positive"
         return
@@ -474,7 +480,7 @@ def _check_label(sample: Sample) -> Iterator[str]:
         yield f"{sample.spec.id}: LaPy has no answer: {one_line(error)}"
         return
     # Next to zero labels are exact to a part of Weyl's k-th eigenvalue, and so is LaPy
-    least = spectrum.NEAR_ZERO * 4 * np.pi * wanted / area(sample.mesh)
+    least = solve.NEAR_ZERO * 4 * np.pi * wanted / area(sample.mesh)
     off = np.abs(sample.eigenvalues - found[:wanted]) / np.maximum(found[:wanted], least)
     apart = float(off.max())
     if not apart <= LAPY_TOLERANCE:

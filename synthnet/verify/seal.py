@@ -17,12 +17,13 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from synthnet import files, pins, recipe, storage, store
-from synthnet.build import BuildReport, Watcher, build, is_whole
+from synthnet import recipe, store
+from synthnet.build.versions import BuildReport, Watcher, build, is_whole
 from synthnet.errors import DamagedError, RecipeError, SealError
-from synthnet.files import one_line
-from synthnet.plan import plan_shards
 from synthnet.recipe import Recipe, Sealed, SplitSettings
+from synthnet.recipe.plan import plan_shards
+from synthnet.store import files, pins, storage
+from synthnet.store.files import one_line
 
 SCHEMA_VERSION = 1
 DOMAIN = "synthnet seal/1"
@@ -253,7 +254,7 @@ def make(
     StoreError
         If its place is no directory of this machine, or holds another set.
     BuildError
-        As :func:`synthnet.build.build`, which goes on where it was stopped.
+        As :func:`synthnet.build.versions.build`, which goes on where it was stopped.
     """
     place = store.dataset_directory(wanted.version, root)
     directory = storage.local(place, wanted.version)

@@ -5,16 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
-from synthnet import recipe, seal, store, verify
-from synthnet.build import Watcher, build
+from synthnet import recipe, store
+from synthnet.build.versions import Watcher, build
 from synthnet.errors import SealError
-from synthnet.seal import Seal
-from synthnet.verify import Check, VerifyReport
+from synthnet.verify import checks, seal
+from synthnet.verify.checks import Check, VerifyReport
+from synthnet.verify.seal import Seal
 
 CHECKS = {  # in order, with what each holds
     "commitment": "that of the salt, the version and its recipe, and the share",
     "seal": "recipe, counts and digest of the set that the salt draws",
-    **verify.CHECKS,
+    **checks.CHECKS,
 }
 
 
@@ -33,18 +34,18 @@ def verify_sealed(
 
     Checks, in order: that the salt gives the commitment; that the recipe it draws is the seal's;
     then builds the set, where it is not built yet, and checks its counts and its digest, and all
-    that :func:`synthnet.verify.verify` does. What fails ends it.
+    that :func:`synthnet.verify.checks.verify` does. What fails ends it.
 
     Parameters
     ----------
     sealed : Seal
         As it was published.
     salt : bytes
-        As it was revealed, see :func:`synthnet.seal.read_salt`.
+        As it was revealed, see :func:`synthnet.verify.seal.read_salt`.
     root, workers, watcher
-        As for :func:`synthnet.build.build`.
+        As for :func:`synthnet.build.versions.build`.
     sample, seed, on_shard
-        As for :func:`synthnet.verify.verify`.
+        As for :func:`synthnet.verify.checks.verify`.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def verify_sealed(
     StoreError
         If another set is in its place.
     BuildError
-        As :func:`synthnet.build.build`.
+        As :func:`synthnet.build.versions.build`.
     """
     here = recipe.load(sealed.version).digest
     if here != sealed.version_digest:
@@ -82,5 +83,5 @@ def verify_sealed(
     same = Check("seal", dataset.manifest.rows, found)
     if found:
         return VerifyReport(directory, (fits, same))
-    checked = verify.verify(sealed.dataset, root=root, sample=sample, seed=seed, on_shard=on_shard)
+    checked = checks.verify(sealed.dataset, root=root, sample=sample, seed=seed, on_shard=on_shard)
     return VerifyReport(directory, (fits, same, *checked.checks))

@@ -15,11 +15,12 @@ import pytest
 from scipy import sparse
 
 from synthnet import recipe, spectrum
-from synthnet.families import FAMILIES, draw_shape
+from synthnet.families import FAMILIES
 from synthnet.families.radial import radial
+from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Mesh
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 
 def imported(directory: str, name: str) -> ModuleType:

@@ -9,12 +9,12 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from eigbench import submission
+from eigbench.results import submission
 
 from baselines.gcn import weights
 from baselines.gcn.configs import CONFIGS, PAPER
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture

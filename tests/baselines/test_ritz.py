@@ -9,7 +9,7 @@ import pytest
 from synthnet import Mesh, spectrum
 from synthnet.families import FAMILIES
 
-PLACE = Path(__file__).parent.parent / "baselines" / "ritz.py"
+PLACE = Path(__file__).parents[2] / "baselines" / "ritz.py"
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from eigbench import predictor
 from eigbench.errors import PredictorError
-from eigbench.metrics import METRICS
+from eigbench.running import predictor
+from eigbench.scoring.metrics import METRICS
 from numpy.polynomial.legendre import legvander
 from safetensors import safe_open
 
@@ -20,7 +20,7 @@ from synthnet.families import FAMILIES
 from synthnet.spectrum import fem_matrices
 from synthnet.types import Mesh, Sample
 
-BASELINES = Path(__file__).parent.parent / "baselines"
+BASELINES = Path(__file__).parents[2] / "baselines"
 
 
 def sibling(name: str) -> ModuleType:

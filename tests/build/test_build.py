@@ -17,15 +17,17 @@ from typing import NoReturn
 
 import numpy as np
 import pytest
+import synthnet.commands.cli
 import threadpoolctl
 
-import synthnet.build
-import synthnet.cli
-from synthnet import files, filters, recipe, spectrum, store
-from synthnet.build import build, build_shard, ensure_built, make_sample
+import synthnet.build.versions
+from synthnet import recipe, spectrum, store
+from synthnet.build import filters
+from synthnet.build.versions import build, build_shard, ensure_built, make_sample
 from synthnet.errors import BuildError, CertificateError, SpectrumError, StoreError
-from synthnet.plan import plan_shards
 from synthnet.recipe import Recipe
+from synthnet.recipe.plan import plan_shards
+from synthnet.store import files
 from synthnet.types import Mesh, Rejection, Sample, Spectrum
 
 VERSION = "1.0-mini"
@@ -289,7 +291,7 @@ def test_second_build_has_nothing_to_do(
     report = build(VERSION, root=mini_home)
     assert report.nothing_to_do
     assert report.seconds == {}
-    assert synthnet.cli.main(["build", "--version", VERSION, "--out", str(mini_home)]) == 0
+    assert synthnet.commands.cli.main(["build", "--version", VERSION, "--out", str(mini_home)]) == 0
     assert f"{VERSION} is built already in {mini_home}" in capsys.readouterr().out
     assert {p: p.stat().st_mtime_ns for p in mini_home.rglob("*")} == files
 
@@ -428,7 +430,7 @@ def test_solver_that_gives_up_is_counted(
             raise SpectrumError("Lanczos iteration failed: planted")
         return solve(mesh, *args, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(synthnet.build.spectrum, "compute", third_fails)
+    monkeypatch.setattr(synthnet.build.versions.spectrum, "compute", third_fails)
     (tmp_path / "shards").mkdir()
     record = build_shard(plan, tiny, tmp_path).record
     assert record.rejections == (
@@ -444,7 +446,7 @@ def test_spectrum_without_certificate_is_counted(
     def uncertain(*args: object, **options: object) -> NoReturn:
         raise CertificateError("12 eigenvalues are below 3, but 11 were found")
 
-    monkeypatch.setattr(synthnet.build.spectrum, "compute", uncertain)
+    monkeypatch.setattr(synthnet.build.versions.spectrum, "compute", uncertain)
     shape = plan_shards(tiny)[0].shapes[0]
     assert make_sample(shape, tiny) == Rejection(
         shape.spec.id,
@@ -464,7 +466,7 @@ def test_spectrum_that_fails_a_check_is_counted(
         worse = dataclasses.replace(label.certificate, residual=1e-3)
         return dataclasses.replace(label, certificate=worse)
 
-    monkeypatch.setattr(synthnet.build.spectrum, "compute", inexact)
+    monkeypatch.setattr(synthnet.build.versions.spectrum, "compute", inexact)
     shape = plan_shards(tiny)[0].shapes[0]
     assert make_sample(shape, tiny) == Rejection(
         shape.spec.id, shape.spec.family, "residual", "relative residual is 0.001, above 1e-06"
@@ -477,7 +479,7 @@ def test_error_that_is_no_finding_is_not_swallowed(
     def broken(*args: object, **options: object) -> NoReturn:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr(synthnet.build.spectrum, "compute", broken)
+    monkeypatch.setattr(synthnet.build.versions.spectrum, "compute", broken)
     with pytest.raises(ZeroDivisionError, match="a bug"):
         make_sample(plan_shards(tiny)[0].shapes[0], tiny)
 

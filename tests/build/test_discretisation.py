@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 import threadpoolctl
 
-from synthnet import discretisation, recipe, spectrum
-from synthnet.discretisation import estimate, extrapolate
+from synthnet import recipe, spectrum
+from synthnet.build import discretisation
+from synthnet.build.discretisation import estimate, extrapolate
 from synthnet.errors import SpectrumError
-from synthnet.families import FAMILIES, PRIMITIVES, draw_shape
+from synthnet.families import FAMILIES, PRIMITIVES
+from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Mesh, ShapeSpec, Spectrum
 
 DRAWS = 4

@@ -13,14 +13,16 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-import synthnet.build
-import synthnet.verify
-from synthnet import cli, estimates, pins, store
-from synthnet.discretisation import Estimate, estimate
+import synthnet.build.versions
+import synthnet.verify.checks
+from synthnet import store
+from synthnet.build import estimates
+from synthnet.build.discretisation import Estimate, estimate
+from synthnet.commands import cli
 from synthnet.errors import BuildError, DamagedError, SpectrumError, StoreError
-from synthnet.store import StoredDataset
+from synthnet.store import StoredDataset, pins
 from synthnet.types import Sample, ShapeSpec, ShardRecord
-from synthnet.verify import verify
+from synthnet.verify.checks import verify
 
 VERSION = "1.0-mini"
 FAMILY = "split_cone"  # small meshes
@@ -175,7 +177,7 @@ def test_estimates_need_a_dataset_of_this_recipe(dataset: StoredDataset, tmp_pat
 def test_two_at_once_do_not_mix(dataset: StoredDataset) -> None:
     estimates.path_of(dataset.directory, record_of(dataset)).unlink()
     with (
-        synthnet.build.exclusive(dataset.directory, wait_for_lock=False),
+        synthnet.build.versions.exclusive(dataset.directory, wait_for_lock=False),
         pytest.raises(BuildError, match="another build is writing to"),
     ):
         estimates.build_estimates(VERSION, root=dataset.directory.parent)
@@ -226,8 +228,8 @@ def found_errors(dataset: StoredDataset, sample: int = 0) -> list[str]:
 @pytest.fixture(autouse=True)
 def no_meshes(monkeypatch: pytest.MonkeyPatch) -> None:
     """What verify does besides has its own tests."""
-    monkeypatch.setattr(synthnet.verify, "_check_mesh", lambda sample: [])
-    monkeypatch.setattr(synthnet.verify, "_check_label", lambda sample: [])
+    monkeypatch.setattr(synthnet.verify.checks, "_check_mesh", lambda sample: [])
+    monkeypatch.setattr(synthnet.verify.checks, "_check_label", lambda sample: [])
     monkeypatch.setattr(pins, "read_errors", lambda version: None)
 
 
@@ -272,9 +274,9 @@ def test_some_are_made_anew(dataset: StoredDataset, monkeypatch: pytest.MonkeyPa
         asked.append(spec.id)
         return Estimate(spec.id, label * 0.01, label[None])
 
-    monkeypatch.setattr(synthnet.verify, "estimate", record)
+    monkeypatch.setattr(synthnet.verify.checks, "estimate", record)
     problems = found_errors(dataset, sample=60)
-    assert len(asked) == len(set(asked)) == synthnet.verify.ERRORS_MADE_ANEW == len(problems)
+    assert len(asked) == len(set(asked)) == synthnet.verify.checks.ERRORS_MADE_ANEW == len(problems)
     assert len({id.rpartition("-")[0] for id in asked}) > 1
     assert all("is 0.01 of the label off one made anew, more" in problem for problem in problems)
 

@@ -14,15 +14,17 @@ from typing import NoReturn
 
 import pytest
 
-import synthnet.build
-from synthnet import cli, files, store
-from synthnet.build import build
+import synthnet.build.versions
+from synthnet import store
+from synthnet.build.versions import build
+from synthnet.build.workers import given
+from synthnet.commands import cli
 from synthnet.errors import BuildError
 from synthnet.recipe import Recipe
-from synthnet.verify import verify_files
-from synthnet.workers import given
+from synthnet.store import files
+from synthnet.verify.checks import verify_files
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 VERSION = "1.0-mini"
 SHARD = "shards/torus-0000.parquet"
 linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
@@ -132,7 +134,7 @@ def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(
         raise error
 
     with monkeypatch.context() as patch, ThreadPoolExecutor(1) as pool:
-        patch.setattr(synthnet.build, "make_sample", starve)
+        patch.setattr(synthnet.build.versions, "make_sample", starve)
         with pytest.raises(BuildError, match=r"ran out of memory at shards/.*: finished"):
             build(tiny, root=tmp_path, engine=given(pool, workers=1))
     assert not list((tmp_path / "tiny").rglob("*.p*"))
@@ -162,7 +164,7 @@ def test_a_build_that_fails_leaves_no_partial_file_of_a_stopped_worker(
         begun.append(True)
         raise BuildError("no space left")
 
-    monkeypatch.setattr("synthnet.build.build_shard", stopped)
+    monkeypatch.setattr("synthnet.build.versions.build_shard", stopped)
     with ThreadPoolExecutor(1) as pool, pytest.raises(BuildError, match="no space left"):
         build(tiny, root=tmp_path, engine=given(pool, workers=1))
     assert not list(tmp_path.rglob("*.partial"))

@@ -4,8 +4,8 @@ import math
 import numpy as np
 import pytest
 
-from synthnet import filters
-from synthnet.filters import MESH_CHECKS, SPECTRUM_CHECKS, check_mesh, check_spectrum
+from synthnet.build import filters
+from synthnet.build.filters import MESH_CHECKS, SPECTRUM_CHECKS, check_mesh, check_spectrum
 from synthnet.recipe import FilterSettings
 from synthnet.types import Certificate, Mesh, Spectrum, Topology
 

@@ -15,19 +15,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from eigbench import cli as eigbench_cli
-from eigbench import truth
+from eigbench.commands import cli as eigbench_cli
+from eigbench.scoring import truth
 
 import synthnet
-from synthnet import cli, filters, geometry, importing, repair, spectrum, store
-from synthnet.build import BuildReport, Watcher, exclusive
+from synthnet import spectrum, store
+from synthnet.build import filters, importing
+from synthnet.build.importing import Settings, import_meshes, what_was_met
+from synthnet.build.versions import BuildReport, Watcher, exclusive
+from synthnet.build.workers import given
+from synthnet.commands import cli
 from synthnet.errors import BuildError, MeshImportError, RecipeError, StoreError
-from synthnet.importing import Settings, import_meshes, what_was_met
-from synthnet.plan import ShardPlan
-from synthnet.pyg import SynthNet
+from synthnet.loaders.pyg import SynthNet
+from synthnet.mesh import geometry, repair
+from synthnet.recipe.plan import ShardPlan
 from synthnet.types import Mesh
-from synthnet.verify import verify, verify_files
-from synthnet.workers import given
+from synthnet.verify.checks import verify, verify_files
 
 SPHERE = trimesh.creation.icosphere(subdivisions=2)
 TORUS = trimesh.creation.torus(3.0, 1.0, major_sections=16, minor_sections=12)
@@ -658,7 +661,7 @@ def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     assert cli.main(["info", "--version", "mine", "--out", str(tmp_path / "root")]) == 0
 
 
-PAGE = (Path(__file__).parent.parent / "docs" / "import.md").read_text()
+PAGE = (Path(__file__).parents[2] / "docs" / "import.md").read_text()
 
 
 def test_the_command_for_thingi10k_imports_a_folder_of_its_layout(
@@ -687,7 +690,7 @@ def test_the_command_for_thingi10k_imports_a_folder_of_its_layout(
 
 
 def test_page_shows_what_became_of_the_hostile_files() -> None:
-    data = Path(__file__).parent.parent / "docs" / "data" / "import-hostile.json"
+    data = Path(__file__).parents[2] / "docs" / "data" / "import-hostile.json"
     files = json.loads(data.read_text())["files"]
     assert len(files) == 10
     for one in files:
@@ -734,7 +737,7 @@ def test_folder_without_one_good_file_exits_with_2(
 def test_altered_files_become_certified_shapes_or_rejections(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.syspath_prepend(Path(__file__).parent.parent / "scripts")
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "scripts")
     import fuzz_import
 
     found = fuzz_import.run(cases=36, seed=1)

@@ -16,13 +16,13 @@ from pathlib import Path
 
 import pytest
 
-import synthnet.build
-from synthnet.build import Terms, build, work
-from synthnet.cli import main
+import synthnet.build.versions
+from synthnet.build.versions import Terms, build, work
+from synthnet.build.workers import Workers, dask_cluster, given
+from synthnet.commands.cli import main
 from synthnet.errors import BuildError
-from synthnet.plan import ShardPlan, plan_shards
 from synthnet.recipe import Recipe
-from synthnet.workers import Workers, dask_cluster, given
+from synthnet.recipe.plan import ShardPlan, plan_shards
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 MPIEXEC = Path(sys.executable).parent / "mpiexec"
@@ -62,7 +62,7 @@ def test_threads_give_the_bytes_of_processes(
 def test_few_shards_are_submitted_at_a_time(small: Recipe, tmp_path: Path) -> None:
     at_once, most = set(), []
 
-    class Watcher(synthnet.build.Watcher):
+    class Watcher(synthnet.build.versions.Watcher):
         def submitted(self, plan: ShardPlan) -> None:
             at_once.add(plan.file)
             most.append(len(at_once))
@@ -85,7 +85,7 @@ def test_shards_kept_submitted_follow_the_workers() -> None:
 @pytest.fixture
 def terms(small: Recipe, tmp_path: Path) -> Terms:
     (tmp_path / "shards").mkdir()
-    return synthnet.build.terms_of(small, tmp_path)
+    return synthnet.build.versions.terms_of(small, tmp_path)
 
 
 def test_worker_with_another_version_is_refused(small: Recipe, terms: Terms) -> None:
@@ -109,14 +109,14 @@ def test_worker_that_does_not_see_the_directory_is_refused(small: Recipe, terms:
 def test_shard_written_to_another_disk_is_noticed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(synthnet.build, "SEEN_WITHIN", 0.0)
+    monkeypatch.setattr(synthnet.build.versions, "SEEN_WITHIN", 0.0)
     path = tmp_path / "a.parquet"
     with pytest.raises(BuildError, match="is not there: --out must be a directory that all"):
-        synthnet.build.see(path)
+        synthnet.build.versions.see(path)
     path.write_bytes(b"an older shard")
     with pytest.raises(BuildError, match="is not there: --out must be a directory that all"):
-        synthnet.build.see(path, 10)
-    synthnet.build.see(path, 14)
+        synthnet.build.versions.see(path, 10)
+    synthnet.build.versions.see(path, 14)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_dask_cluster_gives_the_same_bytes_though_a_worker_is_killed(
     shards = tmp_path / "many" / "shards"
     finished: dict[Path, int] = {}
 
-    class Watcher(synthnet.build.Watcher):
+    class Watcher(synthnet.build.versions.Watcher):
         def finished(self, plan: ShardPlan, result: object) -> None:
             made.append(plan.file)
             if len(made) == 3:

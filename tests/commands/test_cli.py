@@ -13,11 +13,12 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from synthnet import cli, recipe, store
-from synthnet.build import build
-from synthnet.plan import plan_shards
-from synthnet.verify import CHECKS
-from synthnet.workers import cores
+from synthnet import recipe, store
+from synthnet.build.versions import build
+from synthnet.build.workers import cores
+from synthnet.commands import cli
+from synthnet.recipe.plan import plan_shards
+from synthnet.verify.checks import CHECKS
 
 VERSION = "1.0-mini"
 COMMANDS = ("versions", "build", "seal", "info", "verify", "show", "gallery", "croissant")

@@ -12,15 +12,17 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import synthnet.commands.cli
 import trimesh
-from eigbench import cli
-from eigbench.predictor import META_KEYS
+from eigbench.commands import cli
+from eigbench.running.predictor import META_KEYS
 
-import synthnet.cli
-from synthnet import filters, pins, recipe, store
+from synthnet import recipe, store
+from synthnet.build import filters
 from synthnet.families import CHARTED, FAMILIES, PRIMITIVES
+from synthnet.store import pins
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("baselines/*.md")])
 README = (ROOT / "README.md").read_text()
 WHOLE = [ROOT / "docs" / "start.md", *sorted(ROOT.glob("docs/tutorials/*.md"))]
@@ -116,7 +118,7 @@ def test_page_shows_what_a_block_before_it_printed(page):
 
 
 # What takes hours, or wants files that are not ours, is run on a small version instead. Not here:
-# clusters, S3 and the page, which tests/test_workers.py, test_storage.py and eigbench/ have, and
+# clusters, S3 and the page, which tests/build, tests/store and tests/eigbench have, and
 # scripts, whose options are checked below.
 
 SMALLER = (
@@ -228,7 +230,7 @@ def test_page_to_start_from_installs_what_there_is():
 )
 def test_commands_that_need_a_cluster_are_understood(line):
     arguments = shlex.split(line.partition("synthnet ")[2])
-    assert callable(synthnet.cli._parser().parse_args(arguments).run)
+    assert callable(synthnet.commands.cli._parser().parse_args(arguments).run)
 
 
 @pytest.mark.parametrize(
@@ -330,7 +332,7 @@ def test_card_of_2_0_says_of_each_family_what_it_is():
 
 def test_2_0_says_whether_it_is_frozen():
     frozen = pins.read("2.0") is not None
-    source = (ROOT / "synthnet" / "versions" / "2.0.toml").read_text()
+    source = (ROOT / "synthnet" / "recipe" / "versions" / "2.0.toml").read_text()
     assert ("NOT FROZEN YET" in source) != frozen
     assert ("**Not frozen yet.**" in CARD_2) != frozen
 

@@ -17,7 +17,7 @@ from types import ModuleType
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 pytest.importorskip("mkdocs", reason="the site's tools are not installed: pip install -e '.[docs]'")
 
@@ -126,10 +126,13 @@ def test_a_shown_file_is_one_block_whatever_it_holds(hooks, text):
 
 
 def test_role_becomes_a_link_where_the_name_is_ours(roles):
-    text = "see :func:`~synthnet.splits.by_hash`, :data:`synthnet.pins.TOLERANCE`, :class:`int`::"
+    text = (
+        "see :func:`~synthnet.recipe.splits.by_hash`, :data:`synthnet.store.pins.TOLERANCE`, "
+        ":class:`int`::"
+    )
     assert roles.rewrite(text) == (
-        "see [`by_hash`][synthnet.splits.by_hash], "
-        "[`synthnet.pins.TOLERANCE`][synthnet.pins], `int`:"
+        "see [`by_hash`][synthnet.recipe.splits.by_hash], "
+        "[`synthnet.store.pins.TOLERANCE`][synthnet.store.pins], `int`:"
     )
 
 

@@ -21,15 +21,19 @@ from typing import Any, NoReturn
 import filelock
 import numpy as np
 import pytest
-from eigbench import cli, leaderboard, predictions, results, scores, submission, truth
+from eigbench import results
+from eigbench.board import leaderboard
+from eigbench.commands import cli
+from eigbench.results import predictions, submission
+from eigbench.results.submission import Submission
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled
+from eigbench.scoring import scores, truth
+from eigbench.scoring.truth import Truth
 from eigbench.site import bundle, write
-from eigbench.submission import Submission
-from eigbench.truth import Truth
 
-from synthnet.files import sha256
+from synthnet.store.files import sha256
 
 WEYL = """
 import numpy as np

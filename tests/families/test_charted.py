@@ -14,15 +14,18 @@ import pytest
 from scipy import optimize, special
 from scipy.spatial import cKDTree
 
-from synthnet import filters, geometry, limits, recipe, spectrum
-from synthnet.discretisation import Estimate, estimate
-from synthnet.families import CHARTED, FAMILIES, PRIMITIVES, draw_shape, drum, knotted_tube, remesh
+from synthnet import recipe, spectrum
+from synthnet.build import filters
+from synthnet.build.discretisation import Estimate, estimate
+from synthnet.families import CHARTED, FAMILIES, PRIMITIVES, drum, knotted_tube, limits, remesh
 from synthnet.families.atlas import Atlas, rectangle
 from synthnet.families.charted import TRIANGULATIONS, one_shape
 from synthnet.families.radial import radial
-from synthnet.plan import plan_shards
+from synthnet.mesh import geometry
+from synthnet.recipe.drawing import draw_shape
+from synthnet.recipe.plan import plan_shards
 from synthnet.types import Mesh, Parameters, ShapeSpec
-from synthnet.verify import lapy_eigenvalues
+from synthnet.verify.checks import lapy_eigenvalues
 
 HOW = {"triangulation": "uniform", "vertices": 1500, "seed": 7}
 FLAT = ("flat_rectangle", "elliptic_disc", "annulus", "drum")

@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synthnet import distributions, filters, geometry, recipe, spectrum
+from synthnet import recipe, spectrum
+from synthnet.build import filters
 from synthnet.errors import RecipeError
-from synthnet.families import FAMILIES, PRIMITIVES, draw_shape, draw_shapes, primitives
+from synthnet.families import FAMILIES, PRIMITIVES, primitives
 from synthnet.families.primitives import convex_hull
-from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe
+from synthnet.mesh import geometry
+from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe, distributions
+from synthnet.recipe.drawing import draw_shape, draw_shapes
 from synthnet.types import Mesh, ShapeSpec, Topology
 
 LEAST: dict[str, dict[str, Any]] = {

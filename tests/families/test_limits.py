@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy import special
 
-from synthnet import limits
-from synthnet.families import FAMILIES
-from synthnet.limits import Arc
+from synthnet.families import FAMILIES, limits
+from synthnet.families.limits import Arc
 
 PARAMETERS = {
     "cylinder": {"radius": 1.0, "resolution": 20, "split": 4},

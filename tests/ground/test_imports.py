@@ -1,3 +1,5 @@
+"""The plan of the house: which room may import which."""
+
 import ast
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,78 +9,53 @@ import pytest
 
 import synthnet
 
-ROOT = Path(synthnet.__file__).parent
-# A room imports rooms of lower levels only, but level 0, whose rooms import each other.
-LEVELS = {
-    **dict.fromkeys(
-        [
-            "errors",
-            "types",
-            "version",
-            "versions",
-            "_open3d",
-            "distributions",
-            "files",
-            "formats",
-            "interrupts",
-            "workers",
-            "recipe",
-            "storage",
-            "geometry",
-            "limits",
-            "raster",
-            "solver",
-        ],
-        0,
-    ),
-    **dict.fromkeys(
-        ["families", "filters", "repair", "reading", "spectrum", "augment", "splits", "store"], 1
-    ),
-    **dict.fromkeys(["plan", "pins", "draw", "discretisation", "croissant"], 2),
-    **dict.fromkeys(["build", "gallery"], 3),
-    **dict.fromkeys(["mapped", "hf", "estimates", "importing", "seal"], 4),
-    **dict.fromkeys(["pyg", "verify", "__init__"], 5),
-    **dict.fromkeys(["report", "unseal"], 6),
-    **dict.fromkeys(["seal_commands", "show_commands"], 7),
-    "cli": 8,
-    "__main__": 9,
+# A room imports the ground and the rooms before it. Rooms of one line do not import each other.
+SYNTHNET = (
+    "mesh spectrum",
+    "families",
+    "recipe",
+    "store",
+    "build",
+    "verify loaders pictures",
+    "commands",
+)
+EIGBENCH = ("scoring", "results", "running", "scaling", "board", "site", "commands")
+# The ground: files in no room, which every room may import, and which import no room.
+GROUND = {
+    "synthnet": {"errors", "kernels", "processes", "terminal", "types", "version"},
+    "eigbench": {"errors"},
 }
-# In a notebook a mesh and a sample draw themselves, when they are shown and not before.
-UPWARDS = {("types", "draw")}
-MODULES = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.py"))
+# Doors: public names of what lies in a room. Rooms do not use them.
+DOORS = {
+    "synthnet": {"__init__", "__main__", "pyg"},
+    "eigbench": {"__init__", "__main__", "losses", "metrics"},
+}
+
+PLANS = {"synthnet": SYNTHNET, "eigbench": EIGBENCH}
+ROOTS = {"synthnet": Path(synthnet.__file__).parent, "eigbench": Path(eigbench.__file__).parent}
+FILES = sorted(
+    (package, path.relative_to(root).as_posix())
+    for package, root in ROOTS.items()
+    for path in root.rglob("*.py")
+)
 
 
-EIGBENCH = Path(eigbench.__file__).parent
-# The same for the benchmark: a module imports modules of lower levels only.
-EIGBENCH_LEVELS = {
-    **dict.fromkeys(["__init__", "scaling.__init__", "site.__init__"], 0),
-    **dict.fromkeys(["errors", "markdown", "metrics", "training"], 0),
-    **dict.fromkeys(["losses", "truth", "meshes", "predictor", "physics", "reference"], 1),
-    "scaling.surfaces": 1,
-    **dict.fromkeys(["predictions", "scores", "noise", "results", "worker"], 2),
-    **dict.fromkeys(["process", "submission", "tables"], 3),
-    **dict.fromkeys(["evaluate", "ranking", "scaling.results"], 4),
-    **dict.fromkeys(["record", "generalisation", "page", "scaling.scores"], 5),
-    **dict.fromkeys(["figures", "scaling.run"], 6),
-    **dict.fromkeys(["scaling.figure", "error_figures"], 7),
-    "scaling.page": 8,
-    "leaderboard": 9,
-    **dict.fromkeys(["site.bundle", "site.columns", "site.shapes"], 10),
-    **dict.fromkeys(["site.boards", "site.rows", "site.scaling"], 11),
-    "site.write": 12,
-    **dict.fromkeys(["predictor_commands", "board_commands", "scaling.commands"], 13),
-    "cli": 14,
-    "__main__": 15,
-}
+def level(package: str, room: str) -> int:
+    """Return a room's line in the plan; -1 is the ground."""
+    if room in GROUND[package]:
+        return -1
+    if room in DOORS[package]:
+        return len(PLANS[package])
+    return next(i for i, line in enumerate(PLANS[package]) if room in line.split())
 
 
 def room_of(file: str) -> str:
     return file.split("/")[0].removesuffix(".py")
 
 
-def imports_of(file: str, root: Path = ROOT) -> Iterator[str]:
-    """Full names of what a file imports anywhere, in functions too."""
-    for node in ast.walk(ast.parse((root / file).read_text())):
+def imports_of(package: str, file: str) -> Iterator[str]:
+    """Full names of what a file imports anywhere, in functions and for types too."""
+    for node in ast.walk(ast.parse((ROOTS[package] / file).read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -86,65 +63,98 @@ def imports_of(file: str, root: Path = ROOT) -> Iterator[str]:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def test_every_module_has_a_level_and_every_level_a_module() -> None:
-    assert {room_of(file) for file in MODULES} == set(LEVELS)
+def test_every_file_is_in_a_room_and_every_room_has_files() -> None:
+    for package, plan in PLANS.items():
+        rooms = {room for line in plan for room in line.split()}
+        found = {room_of(file) for owner, file in FILES if owner == package}
+        assert found == rooms | GROUND[package] | DOORS[package]
 
 
-@pytest.mark.parametrize("file", MODULES)
-def test_rooms_import_lower_rooms_only(file: str) -> None:
+@pytest.mark.parametrize(("package", "file"), FILES)
+def test_rooms_import_only_the_rooms_before_them(package: str, file: str) -> None:
     room = room_of(file)
-    for name in imports_of(file):
-        package, *rest = name.split(".")
-        if package == "synthnet":
-            if (room, rest[0]) in UPWARDS:
-                continue
-            level = LEVELS[rest[0]]
-            assert level < LEVELS[room] or level == 0 or rest[0] == room, f"imports {name}"
+    here = level(package, room)
+    for name in imports_of(package, file):
+        owner, *rest = name.split(".")
+        if owner != package:
+            continue
+        there = level(package, rest[0])
+        assert there < here or rest[0] == room, f"{file} imports {name}"
 
 
-@pytest.mark.parametrize("file", MODULES)
-def test_only_pyg_imports_torch_and_none_the_benchmark(file: str) -> None:
-    packages = {name.split(".")[0] for name in imports_of(file)}
-    assert file == "pyg.py" or not packages & {"torch", "torch_geometric"}
-    assert not packages & {"eigbench", "baselines", "benchmark"}
+@pytest.mark.parametrize(("package", "file"), FILES)
+def test_no_room_is_imported_by_a_string(package: str, file: str) -> None:
+    if room_of(file) in DOORS[package]:
+        return  # a door says where each public name lives, and imports it when it is first used
+    tree = ast.parse((ROOTS[package] / file).read_text())
+    named = [
+        str(node.args[0].value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and getattr(node.func, "attr", getattr(node.func, "id", ""))
+        in ("import_module", "__import__")
+        and node.args
+        and isinstance(node.args[0], ast.Constant)
+    ]
+    assert not [name for name in named if name.split(".")[0] in PLANS]
 
 
-def test_every_module_of_the_benchmark_has_a_level() -> None:
-    names = (path.relative_to(EIGBENCH).with_suffix("") for path in EIGBENCH.rglob("*.py"))
-    assert {".".join(name.parts) for name in names} == set(EIGBENCH_LEVELS)
+def test_files_of_a_room_import_each_other_in_no_circle() -> None:
+    graph = {}
+    for package, file in FILES:
+        module = f"{package}.{file.removesuffix('.py').replace('/', '.')}".removesuffix(".__init__")
+        graph[module] = set(imports_of(package, file))
+    known = set(graph)
+    edges = {
+        module: {n if n in known else n.rpartition(".")[0] for n in names} & known - {module}
+        for module, names in graph.items()
+    }
+    done: set[str] = set()
+
+    def visit(module: str, path: tuple[str, ...]) -> None:
+        assert module not in path, " -> ".join([*path[path.index(module) :], module])
+        if module not in done:
+            for name in sorted(edges[module]):
+                visit(name, (*path, module))
+            done.add(module)
+
+    for module in sorted(edges):
+        visit(module, ())
+    assert len(done) == len(FILES)
 
 
-def of_the_benchmark(module: str) -> Iterator[tuple[str, str]]:
-    """Packages that a module of the benchmark imports, with the module if it is one of its own."""
-    for name in imports_of(f"{module.replace('.', '/')}.py", EIGBENCH):
-        package, *rest = name.split(".")
-        inner = rest[0] if rest and rest[0] not in ("scaling", "site") else ".".join(rest[:2])
-        yield package, inner if package == "eigbench" else ""
+@pytest.mark.parametrize(("package", "file"), FILES)
+def test_torch_and_the_benchmark_stay_where_they_belong(package: str, file: str) -> None:
+    packages = {name.split(".")[0] for name in imports_of(package, file)}
+    assert "baselines" not in packages
+    if package == "synthnet":
+        assert "eigbench" not in packages
+        assert file == "loaders/pyg.py" or not packages & {"torch", "torch_geometric"}
+    else:
+        assert file in ("scoring/losses.py", "running/predictor.py", "running/worker.py") or (
+            not packages & {"torch", "torch_geometric"}
+        )
 
 
-@pytest.mark.parametrize("module", EIGBENCH_LEVELS)
-def test_modules_of_the_benchmark_import_lower_ones_and_never_the_baselines(module: str) -> None:
-    for package, inner in of_the_benchmark(module):
-        assert package != "baselines"
-        if package == "eigbench":
-            assert EIGBENCH_LEVELS[inner] < EIGBENCH_LEVELS[module], f"imports {inner}"
-        if package in ("torch", "torch_geometric"):
-            assert module in ("losses", "predictor", "worker")
-
-
-def reached(module: str) -> set[str]:
-    """Modules of the benchmark that a module imports, and those that these import."""
-    found, left = set(), [module]
+def reached(room: str) -> set[str]:
+    """Return the files of eigbench that a file imports, and those that these import."""
+    known = {
+        file.removesuffix(".py").replace("/", ".") for owner, file in FILES if owner == "eigbench"
+    }
+    seen: set[str] = set()
+    left = [room]
     while left:
-        for package, inner in of_the_benchmark(left.pop()):
-            if package == "eigbench" and inner not in found:
-                found.add(inner)
+        for name in imports_of("eigbench", left.pop().replace(".", "/") + ".py"):
+            inner = name.removeprefix("eigbench.")
+            inner = inner if inner in known else inner.rpartition(".")[0]
+            if inner in known and inner not in seen:
+                seen.add(inner)
                 left.append(inner)
-    return found
+    return seen
 
 
 def test_nothing_past_a_result_can_run_a_predictor() -> None:
-    running = {"predictor", "worker", "process", "evaluate"}
-    assert reached("predictor_commands") >= running
-    assert reached("scaling.commands") >= running - {"evaluate"}
-    assert not reached("board_commands") & running
+    running = {f"running.{name}" for name in ("predictor", "worker", "process", "evaluate")}
+    assert reached("commands.predictor") >= running
+    assert reached("commands.scaling") >= running - {"running.evaluate"}
+    assert not reached("commands.board") & running

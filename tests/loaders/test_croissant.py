@@ -10,9 +10,10 @@ import mlcroissant
 import numpy as np
 import pytest
 
-from synthnet import croissant, recipe, store
+from synthnet import recipe, store
 from synthnet.errors import StoreError
-from synthnet.files import sha256
+from synthnet.loaders import croissant
+from synthnet.store.files import sha256
 from synthnet.types import SPLITS
 
 VERSION = "1.0-mini"
@@ -60,7 +61,7 @@ def test_the_validator_finds_faults(described, tmp_path):
 @pytest.mark.slow
 def test_records_load_equal_to_the_stored_ones(described):
     loaded = mlcroissant.Dataset(str(described)).records("shapes")
-    samples = sorted(store.open_dataset(VERSION, described.parent.parent).samples(), key=by_file)
+    samples = sorted(store.open_dataset(VERSION, described.parents[2]).samples(), key=by_file)
     count = 0
     for sample, record in zip(samples, loaded, strict=True):
         row = {key.removeprefix("shapes/"): value for key, value in record.items()}
@@ -95,7 +96,7 @@ def by_file(sample):
 
 def test_labels_load_without_the_meshes(described):
     loaded = list(mlcroissant.Dataset(str(described)).records("labels"))
-    samples = {s.spec.id: s for s in store.open_dataset(VERSION, described.parent.parent).samples()}
+    samples = {s.spec.id: s for s in store.open_dataset(VERSION, described.parents[2]).samples()}
     assert len(loaded) == len(samples) == 335
     for record in loaded:
         sample = samples[plain(record["labels/id"])]
@@ -150,7 +151,7 @@ def test_every_version_has_words_of_its_own(version):
 
 def test_the_same_dataset_gives_the_same_bytes(described):
     before = described.read_bytes()
-    dataset = store.open_dataset(VERSION, described.parent.parent)
+    dataset = store.open_dataset(VERSION, described.parents[2])
     assert croissant.write(dataset) == described
     assert described.read_bytes() == before
 
@@ -172,5 +173,5 @@ def test_command_writes_beside_the_manifest(run, mini_copy):
 
 
 def test_it_says_what_the_licence_says():
-    assert (Path(__file__).parent.parent / "LICENSE").read_text().startswith("MIT License")
+    assert (Path(__file__).parents[2] / "LICENSE").read_text().startswith("MIT License")
     assert croissant.LICENCE.endswith("/MIT.html")

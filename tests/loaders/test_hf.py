@@ -13,7 +13,7 @@ import pytest
 
 import synthnet
 from synthnet import recipe, store
-from synthnet.plan import plan_shards
+from synthnet.recipe.plan import plan_shards
 from synthnet.types import SPLITS
 
 VERSION = "1.0-mini"

@@ -10,10 +10,11 @@ from torch_geometric.data import Data, InMemoryDataset
 from torch_geometric.loader import DataLoader
 from torch_geometric.transforms import Compose, FaceToEdge, NormalizeScale
 
-from synthnet import mapped, spectrum, store
+from synthnet import spectrum, store
 from synthnet.errors import RecipeError
-from synthnet.geometry import volume
-from synthnet.pyg import SynthNet
+from synthnet.loaders import mapped
+from synthnet.loaders.pyg import SynthNet
+from synthnet.mesh.geometry import volume
 from synthnet.types import SPLITS, Mesh
 
 MINI = "1.0-mini"
@@ -331,7 +332,7 @@ def test_a_missing_version_is_built_on_first_use(tmp_path, monkeypatch, capfd):
         calls.append(command)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("synthnet.build.subprocess.run", run)
+    monkeypatch.setattr("synthnet.build.versions.subprocess.run", run)
     with pytest.raises(KeyboardInterrupt):
         SynthNet(tmp_path, MINI)
     command = ["-m", "synthnet", "build", "--version", MINI, "--out", str(tmp_path), "--wait"]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from synthnet import formats
-from synthnet.formats import UnreadableError, read
+from synthnet.mesh import formats
+from synthnet.mesh.formats import UnreadableError, read
 
 FORMATS = {
     "ascii.obj": {"file_type": "obj"},

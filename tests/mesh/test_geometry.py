@@ -3,9 +3,11 @@ import math
 import numpy as np
 import pytest
 
-from synthnet import geometry, recipe
-from synthnet.families import FAMILIES, PRIMITIVES, draw_shape
-from synthnet.geometry import MeshFacts
+from synthnet import recipe
+from synthnet.families import FAMILIES, PRIMITIVES
+from synthnet.mesh import geometry
+from synthnet.mesh.geometry import MeshFacts
+from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Mesh, ShapeSpec
 
 TETRAHEDRON = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]

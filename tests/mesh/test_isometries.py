@@ -1,17 +1,21 @@
 import numpy as np
 import pytest
 
-from synthnet import augment, geometry, recipe, spectrum
-from synthnet.distributions import ISOMETRIES, generator
-from synthnet.families import FAMILIES, PRIMITIVES, draw_shape
+from synthnet import recipe, spectrum
+from synthnet.families import FAMILIES, PRIMITIVES
+from synthnet.mesh import geometry, isometries
 from synthnet.recipe import AugmentationSettings
+from synthnet.recipe.distributions import ISOMETRIES, generator
+from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Mesh
 
 TWO_AND_TWO = AugmentationSettings(rotations=2, reflections=2)
 
 
 def isometries_of(index: int, settings: AugmentationSettings = TWO_AND_TWO) -> np.ndarray:
-    return augment.draw_isometries(settings, generator(20240726, "cone", index, ISOMETRIES))
+    return isometries.draw_isometries(
+        settings.rotations, settings.reflections, generator(20240726, "cone", index, ISOMETRIES)
+    )
 
 
 @pytest.mark.parametrize("index", range(10))
@@ -50,7 +54,7 @@ def test_every_shape_has_isometries_of_its_own() -> None:
 def test_reflection_is_an_involution_that_fixes_a_plane() -> None:
     rng = np.random.default_rng(0)
     for _ in range(20):
-        s = augment.random_reflection(rng)
+        s = isometries.random_reflection(rng)
         np.testing.assert_allclose(s @ s, np.eye(3), atol=1e-14)
         np.testing.assert_allclose(s, s.T, atol=1e-15)
         np.testing.assert_allclose(np.linalg.eigvalsh(s), [-1, 1, 1], atol=1e-14)
@@ -60,13 +64,13 @@ def test_reflection_is_an_involution_that_fixes_a_plane() -> None:
 def test_rotation_is_proper() -> None:
     rng = np.random.default_rng(0)
     for _ in range(20):
-        assert np.linalg.det(augment.random_rotation(rng)) == pytest.approx(1, rel=1e-14)
+        assert np.linalg.det(isometries.random_rotation(rng)) == pytest.approx(1, rel=1e-14)
 
 
 def test_rotations_are_uniform() -> None:
     n = 4000
     rng = np.random.default_rng(0)
-    r = np.stack([augment.random_rotation(rng) for _ in range(n)])
+    r = np.stack([isometries.random_rotation(rng) for _ in range(n)])
     # Haar: an entry has mean 0 and variance 1/3, its square mean 1/5 · ... E x⁴ = 1/5,
     # so x² has variance 1/5 - 1/9; the trace 1 + 2 cos t has mean 0 and variance 1.
     assert np.abs(r.mean(axis=0)).max() < 4 * np.sqrt(1 / 3 / n)
@@ -82,7 +86,7 @@ def test_normals_of_reflections_are_uniform() -> None:
     n = 4000
     rng = np.random.default_rng(0)
     # S = 1 - 2 u uᵀ; E u uᵀ = 1/3, and u_i² has variance 4/45.
-    mean = np.mean([augment.random_reflection(rng) for _ in range(n)], axis=0)
+    mean = np.mean([isometries.random_reflection(rng) for _ in range(n)], axis=0)
     assert np.abs(mean - np.eye(3) / 3).max() < 4 * 2 * np.sqrt(4 / 45 / n)
 
 
@@ -92,10 +96,10 @@ def test_apply_moves_every_vertex_and_turns_the_faces_of_a_mirror_image(dtype: t
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int32)
     mesh = Mesh(vertices, faces)
     quarter_turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    turned = augment.apply(mesh, quarter_turn)
+    turned = isometries.apply(mesh, quarter_turn)
     np.testing.assert_array_equal(turned.vertices, [[0, 0, 0], [0, 1, 0], [-2, 0, 0], [0, 0, 3]])
     np.testing.assert_array_equal(turned.faces, faces)
-    mirrored = augment.apply(mesh, np.diag([1.0, 1, -1]))
+    mirrored = isometries.apply(mesh, np.diag([1.0, 1, -1]))
     np.testing.assert_array_equal(mirrored.vertices, vertices * [1, 1, -1])
     np.testing.assert_array_equal(mirrored.faces[0], [0, 1, 2])
     for moved in (turned, mirrored):
@@ -109,7 +113,7 @@ def test_every_instance_has_the_volume_of_the_shape(family: str) -> None:
     spec = draw_shape(recipe.load("1.0"), family, 4)
     mesh = FAMILIES[family].generate(spec.parameters)
     for isometry in isometries_of(4):
-        moved = augment.apply(mesh, isometry)
+        moved = isometries.apply(mesh, isometry)
         assert geometry.volume(moved) == pytest.approx(geometry.volume(mesh), rel=1e-9)
         assert geometry.MeshFacts(moved).n_repeated_half_edges == 0
 
@@ -122,5 +126,5 @@ def test_every_instance_has_the_spectrum_of_the_shape(family: str, instance: int
     isometry = isometries_of(0)[instance]
     for precision, tolerance in ((mesh, 1e-9), (mesh.stored(), 1e-6)):
         expected = spectrum.compute(precision).eigenvalues
-        found = spectrum.compute(augment.apply(precision, isometry)).eigenvalues
+        found = spectrum.compute(isometries.apply(precision, isometry)).eigenvalues
         np.testing.assert_allclose(found, expected, rtol=tolerance)

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from synthnet import _open3d
+from synthnet.mesh import open3d
 
 
 def run(code: str) -> str:
@@ -16,16 +16,16 @@ def run(code: str) -> str:
 
 
 def test_load_open3d_gives_a_working_module() -> None:
-    open3d = _open3d.load_open3d()
-    box = open3d.geometry.TriangleMesh.create_box()
+    o3d = open3d.load_open3d()
+    box = o3d.geometry.TriangleMesh.create_box()
     assert len(box.vertices) == 8
     hull, _ = box.subdivide_midpoint(2).compute_convex_hull()
     assert len(hull.vertices) == 8
-    assert _open3d.load_open3d() is open3d
+    assert open3d.load_open3d() is o3d
 
 
 def test_importing_the_door_does_not_import_open3d() -> None:
-    code = "import sys, synthnet._open3d; print('open3d' in sys.modules)"
+    code = "import sys, synthnet.mesh.open3d; print('open3d' in sys.modules)"
     assert run(code) == "False"
 
 
@@ -34,7 +34,7 @@ def test_a_missing_open3d_is_explained_in_one_line(
 ) -> None:
     monkeypatch.setitem(sys.modules, "open3d", None)  # makes `import open3d` fail
     with pytest.raises(ImportError, match="pip install open3d") as caught:
-        _open3d.load_open3d.__wrapped__()
+        open3d.load_open3d.__wrapped__()
     assert "\n" not in str(caught.value)
     assert isinstance(caught.value.__cause__, ModuleNotFoundError)
 
@@ -44,7 +44,7 @@ def test_a_missing_open3d_is_explained_in_one_line(
 def test_stand_in_is_found_by_name_and_returns_zero(version: str) -> None:
     code = f"""
 import ctypes
-from synthnet._open3d import _load_stand_in
+from synthnet.mesh.open3d import _load_stand_in
 
 names = [f"synthnet_function_{{i}}" for i in range(50)]
 for number in "12":  # two, because they must not be taken for each other
@@ -61,10 +61,10 @@ print({{second[name]() for name in names}}, hasattr(first, names[-1]))
 def test_open3d_works_with_stand_ins_for_all_libraries() -> None:
     # As on a server that has none of them: no library counts as present.
     code = """
-from synthnet import _open3d
+from synthnet.mesh import open3d
 
-_open3d._loadable = lambda name: name.startswith("/") and _open3d.ctypes.CDLL(name)
-box = _open3d.load_open3d().geometry.TriangleMesh.create_box().subdivide_midpoint(2)
+open3d._loadable = lambda name: name.startswith("/") and open3d.ctypes.CDLL(name)
+box = open3d.load_open3d().geometry.TriangleMesh.create_box().subdivide_midpoint(2)
 hull, _ = box.compute_convex_hull()
 libraries = ("libEGL.so", "libGL.so", "libX11.so", "libudev.so", "libidn2.so")
 maps = open("/proc/self/maps").read()

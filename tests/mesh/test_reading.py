@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from synthnet import reading
-from synthnet.files import sha256
-from synthnet.reading import ChangedError, Reader, UnreadableError
+from synthnet.mesh import reading
+from synthnet.mesh.reading import ChangedError, Reader, UnreadableError
+from synthnet.store.files import sha256
 
 SPHERE = trimesh.creation.icosphere(subdivisions=1)
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthnet import recipe, repair
-from synthnet.families import FAMILIES, PRIMITIVES, draw_shape
-from synthnet.geometry import MeshFacts, area, volume
+from synthnet import recipe
+from synthnet.families import FAMILIES, PRIMITIVES
+from synthnet.mesh import repair
+from synthnet.mesh.geometry import MeshFacts, area, volume
+from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Mesh
 
 CUBE = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)], float)

@@ -14,7 +14,7 @@ from synthnet import recipe
 from synthnet.families import FAMILIES
 from synthnet.types import SPLITS, Mesh
 
-DOCS = Path(__file__).parent.parent / "docs"
+DOCS = Path(__file__).parents[2] / "docs"
 CARDS = {"1.0": DOCS / "dataset-card.md", "2.0": DOCS / "dataset-card-2.0.md"}
 BUDGET = 3e6  # bytes of pictures in the repository
 
@@ -106,7 +106,7 @@ def test_card_has_the_facts(version):
 
 @pytest.mark.parametrize("version", CARDS)
 def test_versions_and_their_semantic_numbers_are_on_both_cards(version):
-    from synthnet import croissant
+    from synthnet.loaders import croissant
 
     section = CARDS[version].read_text().partition("## Versions")[2]
     for name in recipe.available():

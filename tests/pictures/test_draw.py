@@ -8,7 +8,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from synthnet import draw, spectrum
+from synthnet import spectrum
+from synthnet.pictures import draw
 from synthnet.types import Mesh
 
 HEADER = b"\x89PNG\r\n\x1a\n"
@@ -24,11 +25,11 @@ def pixels(png):
 
 
 def test_a_sample_and_a_mesh_show_themselves_in_a_notebook(sample):
-    assert sample._repr_png_() == draw.picture_of_sample(sample)
-    assert sample.mesh._repr_png_() == draw.picture_of_mesh(sample.mesh)
-    assert sample._repr_png_().startswith(HEADER)
-    assert pixels(sample.mesh._repr_png_()).shape == (360, 480, 3)
-    assert Mesh(np.eye(3), np.zeros((0, 3), dtype=int))._repr_png_() is None
+    assert draw.notebook_picture(sample) == draw.picture_of_sample(sample)
+    assert draw.notebook_picture(sample.mesh) == draw.picture_of_mesh(sample.mesh)
+    assert draw.notebook_picture(sample).startswith(HEADER)
+    assert pixels(draw.notebook_picture(sample.mesh)).shape == (360, 480, 3)
+    assert draw.notebook_picture(Mesh(np.eye(3), np.zeros((0, 3), dtype=int))) is None
 
 
 def test_the_same_sample_gives_the_same_bytes_whatever_the_users_style(sample):

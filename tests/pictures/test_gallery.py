@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from synthnet import gallery, importing, recipe
+from synthnet import recipe
+from synthnet.build import importing
 from synthnet.errors import RecipeError
-from synthnet.families import draw_shape
-from synthnet.gallery import Candidates, candidates, chosen, spread
-from synthnet.plan import plan_shards
+from synthnet.pictures import gallery
+from synthnet.pictures.gallery import Candidates, candidates, chosen, spread
+from synthnet.recipe.drawing import draw_shape
+from synthnet.recipe.plan import plan_shards
 from synthnet.types import ShapeSpec
 
 PARAMETERS = {

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from synthnet import raster
 from synthnet.families import FAMILIES
-from synthnet.raster import View, diverging, render, view_of
+from synthnet.pictures import raster
+from synthnet.pictures.raster import View, diverging, render, view_of
 from synthnet.types import Mesh
 
 FRONT = View(elevation=0.0, azimuth=-90.0)  # x to the right, z up, y away from the viewer

@@ -3,9 +3,9 @@ from collections import Counter, defaultdict
 
 import pytest
 
-from synthnet import recipe, splits
-from synthnet.plan import PlannedShape, ShardPlan, plan_shards
-from synthnet.recipe import Recipe
+from synthnet import recipe
+from synthnet.recipe import Recipe, splits
+from synthnet.recipe.plan import PlannedShape, ShardPlan, plan_shards
 from synthnet.types import SPLITS, ShapeSpec
 
 SUBSETS = ("1.0-mini", "1.0-small")

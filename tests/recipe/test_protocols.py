@@ -8,11 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from synthnet import recipe, splits
+from synthnet import recipe
 from synthnet.errors import RecipeError
-from synthnet.families import CHARTED, draw_shape
-from synthnet.plan import PlannedShape, plan_shards
-from synthnet.pyg import SynthNet
+from synthnet.families import CHARTED
+from synthnet.loaders.pyg import SynthNet
+from synthnet.recipe import splits
+from synthnet.recipe.drawing import draw_shape
+from synthnet.recipe.plan import PlannedShape, plan_shards
 from synthnet.types import SPLITS
 
 VERSION = "2.0-mini"

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synthnet import distributions, pins, recipe
+from synthnet import recipe
 from synthnet.errors import RecipeError
-from synthnet.recipe import AugmentationSettings, Recipe, Subset
+from synthnet.recipe import AugmentationSettings, Recipe, Subset, distributions
+from synthnet.store import pins
 
 TEXT = """
 schema = 1
@@ -230,7 +231,7 @@ def test_a_subset_inherits_everything_but_its_name() -> None:
 
 
 def test_the_digest_changes_with_every_value() -> None:
-    text = resources.files("synthnet.versions").joinpath("1.0.toml").read_text()
+    text = resources.files("synthnet.recipe.versions").joinpath("1.0.toml").read_text()
     original = recipe.parse(text)
 
     def build(raw: dict[str, Any]) -> Recipe:

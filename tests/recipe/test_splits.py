@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthnet import splits
-from synthnet.recipe import Recipe, SplitSettings
+from synthnet.recipe import Recipe, SplitSettings, splits
 from synthnet.types import SPLITS, ShapeSpec
 
 SHARES = SplitSettings(0.7, 0.2, 0.1)

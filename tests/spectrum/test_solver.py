@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 from scipy import linalg, sparse
 
 from synthnet import recipe
-from synthnet.families import FAMILIES, PRIMITIVES, draw_shape
-from synthnet.solver import fem, ldl
-from synthnet.solver.lanczos import Lanczos
-from synthnet.solver.ordering import Ordering, find_ordering, minimum_degree
+from synthnet.families import FAMILIES, PRIMITIVES
+from synthnet.recipe.drawing import draw_shape
+from synthnet.spectrum import fem, ldl
+from synthnet.spectrum.lanczos import Lanczos
+from synthnet.spectrum.ordering import Ordering, find_ordering, minimum_degree
 from synthnet.types import Mesh
 
 

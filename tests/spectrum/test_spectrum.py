@@ -8,13 +8,15 @@ import pytest
 from scipy import linalg
 from scipy.sparse.linalg import eigsh
 
-from synthnet import geometry, recipe, spectrum
+from synthnet import recipe, spectrum
 from synthnet.errors import CertificateError, SpectrumError
-from synthnet.families import FAMILIES, PRIMITIVES, draw_shape
+from synthnet.families import FAMILIES, PRIMITIVES
 from synthnet.families.primitives import convex_hull, subdivide
-from synthnet.solver.lanczos import Lanczos, RitzPairs
-from synthnet.solver.ldl import Factor, factorise
-from synthnet.solver.ordering import find_ordering
+from synthnet.mesh import geometry
+from synthnet.recipe.drawing import draw_shape
+from synthnet.spectrum.lanczos import Lanczos, RitzPairs
+from synthnet.spectrum.ldl import Factor, factorise
+from synthnet.spectrum.ordering import find_ordering
 from synthnet.types import Mesh
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])

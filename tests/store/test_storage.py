@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from synthnet import recipe, storage, store
-from synthnet.build import build, ensure_built
-from synthnet.cli import main
+from synthnet import recipe, store
+from synthnet.build.versions import build, ensure_built
+from synthnet.commands.cli import main
 from synthnet.errors import StoreError
 from synthnet.recipe import Recipe
-from synthnet.storage import RemotePath, place
+from synthnet.store import storage
+from synthnet.store.storage import RemotePath, place
 
 
 @pytest.fixture(scope="module")

@@ -20,9 +20,10 @@ import pyarrow.parquet as pq
 import pytest
 
 import synthnet
-from synthnet import files, store
+from synthnet import store
 from synthnet.errors import BuildError, DamagedError, StoreError
 from synthnet.recipe import Recipe
+from synthnet.store import files
 from synthnet.types import Certificate, Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
 
 REJECTION = Rejection("torus-00007", "torus", "degenerate_face", "20 of 1,200 faces — flat")

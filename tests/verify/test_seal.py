@@ -13,13 +13,16 @@ from typing import Any, TypeAlias
 
 import pytest
 
-from synthnet import families, files, pins, plan, recipe, seal, store
-from synthnet.build import ShardResult, Watcher, build, ensure_built
+from synthnet import recipe, store
+from synthnet.build.versions import ShardResult, Watcher, build, ensure_built
 from synthnet.errors import BuildError, DamagedError, RecipeError, SealError, StoreError
-from synthnet.families import draw_shapes
-from synthnet.plan import ShardPlan, plan_shards
+from synthnet.recipe import plan
+from synthnet.recipe.drawing import draw_shape, draw_shapes
+from synthnet.recipe.plan import ShardPlan, plan_shards
+from synthnet.store import files, pins
 from synthnet.types import ShapeSpec
-from synthnet.unseal import verify_sealed
+from synthnet.verify import seal
+from synthnet.verify.unseal import verify_sealed
 
 SALT = bytes(range(32))
 OTHER = bytes(range(1, 33))
@@ -181,7 +184,7 @@ def test_no_shape_is_the_versions_own_or_that_of_another_salt(version: str) -> N
 def test_what_was_left_out_is_what_the_draw_has_in_common_with_the_version() -> None:
     wanted = seal.sealed_recipe("1.0", SALT)
     public = {s.group for s in draw_shapes(recipe.load("1.0")) if s.family == "split_sphere"}
-    drawn = [families.draw_shape(wanted, "split_sphere", i) for i in range(2000)]
+    drawn = [draw_shape(wanted, "split_sphere", i) for i in range(2000)]
     new = [s for s in drawn if s.group not in public][:250]
     assert len(new) < new[-1].index  # or nothing is tested
     found = [s for s in shapes("1.0") if s.family == "split_sphere"]

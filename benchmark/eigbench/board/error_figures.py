@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from eigbench import ranking
-from eigbench.figures import (
+from eigbench.board import ranking
+from eigbench.board.figures import (
     FLOOR,
     PREDICTED,
     PROTOCOL_MARKS,
@@ -19,9 +19,9 @@ from eigbench.figures import (
     escaped,
     style,
 )
-from eigbench.metrics import METRICS
-from eigbench.ranking import RANKED_BY
-from eigbench.submission import Submission
+from eigbench.board.ranking import RANKED_BY
+from eigbench.results.submission import Submission
+from eigbench.scoring.metrics import METRICS
 
 LEAST = 1e-6  # relative error; a smaller one is drawn at the lower edge
 BINS = 40

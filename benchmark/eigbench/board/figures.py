@@ -14,15 +14,16 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from eigbench import ranking, results
+from eigbench import results
+from eigbench.board import ranking
+from eigbench.board.generalisation import Board, title
+from eigbench.board.ranking import RANKED_BY
+from eigbench.board.tables import family_title, in_order
 from eigbench.errors import EigbenchError
-from eigbench.generalisation import Board, title
-from eigbench.metrics import METRICS, psnr
-from eigbench.ranking import RANKED_BY
-from eigbench.submission import Submission
-from eigbench.tables import family_title, in_order
+from eigbench.results.submission import Submission
+from eigbench.scoring.metrics import METRICS, psnr
 from synthnet import recipe
-from synthnet.files import write_atomically
+from synthnet.store.files import write_atomically
 
 # Okabe and Ito: told apart by colour-blind readers; the markers tell kinds apart in print.
 KINDS = {"trivial": ("#999999", "s"), "classical": ("#0072B2", "o"), "learned": ("#D55E00", "^")}

@@ -15,18 +15,18 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench import scores, truth
+from eigbench.board.markdown import cell as escaped
+from eigbench.board.markdown import table
+from eigbench.board.ranking import Ranked
+from eigbench.board.tables import score
 from eigbench.errors import EigbenchError
-from eigbench.markdown import cell as escaped
-from eigbench.markdown import table
-from eigbench.metrics import METRICS
-from eigbench.ranking import Ranked
-from eigbench.submission import Submission
-from eigbench.tables import score
-from eigbench.training import IMPORTED, trained_on, untrained
-from eigbench.truth import Truth
+from eigbench.results.submission import Submission
+from eigbench.scoring import scores, truth
+from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.training import IMPORTED, trained_on, untrained
+from eigbench.scoring.truth import Truth
 from synthnet import recipe
-from synthnet.files import sha256
+from synthnet.store.files import sha256
 
 SHOWN = ("rpd", "psnr20")
 NOT_RUN = "not run"

@@ -18,15 +18,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from eigbench import figures, generalisation, page, predictions, ranking, results, submission
+from eigbench import results
+from eigbench.board import figures, generalisation, page, ranking
+from eigbench.board import scaling_page as scaling_page
+from eigbench.board.ranking import Ranked
 from eigbench.errors import ResultError
-from eigbench.ranking import Ranked
-from eigbench.scaling import page as scaling_page
+from eigbench.results import predictions, submission
+from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
-from eigbench.submission import Submission
-from eigbench.training import IMPORTED
+from eigbench.scoring.training import IMPORTED
 from synthnet import recipe
-from synthnet.files import marked
+from synthnet.store.files import marked
 from synthnet.types import PROTOCOLS
 
 PAGE = "LEADERBOARD.md"

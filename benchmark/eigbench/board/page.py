@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from eigbench import noise, results
-from eigbench.markdown import cell as _cell
-from eigbench.markdown import table as _table
-from eigbench.metrics import MAIN, METRICS
-from eigbench.physics import TITLES
-from eigbench.ranking import RANKED_BY, Ranked
-from eigbench.submission import Submission
-from eigbench.tables import (
+from eigbench import results
+from eigbench.board.markdown import cell as _cell
+from eigbench.board.markdown import table as _table
+from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.board.tables import (
     SPEED,
     beside_lapy,
     deviation,
@@ -23,8 +20,12 @@ from eigbench.tables import (
     score,
     with_uncertainty,
 )
-from eigbench.truth import Truth
-from synthnet.files import sha256
+from eigbench.results.submission import Submission
+from eigbench.scoring import noise
+from eigbench.scoring.metrics import MAIN, METRICS
+from eigbench.scoring.physics import TITLES
+from eigbench.scoring.truth import Truth
+from synthnet.store.files import sha256
 
 TOP = 5  # rows of a board on the README
 

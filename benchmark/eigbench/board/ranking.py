@@ -2,7 +2,7 @@
 
 Two predictors tie in a metric if the 95 % paired bootstrap interval of their difference
 includes zero (the shapes are too few to tell), or if their difference is below the noise
-floor of the metric (the labels are too coarse to tell), see :mod:`eigbench.noise`.
+floor of the metric (the labels are too coarse to tell), see :mod:`eigbench.scoring.noise`.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench import noise, scores
 from eigbench.errors import EigbenchError
-from eigbench.metrics import METRICS
-from eigbench.submission import Submission
+from eigbench.results.submission import Submission
+from eigbench.scoring import noise, scores
+from eigbench.scoring.metrics import METRICS
 
 RANKED_BY = "rpd"  # bounded, free of scale, and no share that saturates
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from eigbench.figures import as_svg, style
+from eigbench.board.figures import as_svg, style
 from eigbench.scaling import scores as scaling_scores
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled

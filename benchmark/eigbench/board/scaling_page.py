@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from eigbench.markdown import cell as escaped
-from eigbench.markdown import table
-from eigbench.scaling import figure as scaling_figure
+from eigbench.board import scaling_figure as scaling_figure
+from eigbench.board.markdown import cell as escaped
+from eigbench.board.markdown import table
+from eigbench.board.tables import family_title, number
 from eigbench.scaling import scores as scaling_scores
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled
 from eigbench.scaling.scores import Cell, Verdict
-from eigbench.tables import family_title, number
-from synthnet.files import sha256
+from synthnet.store.files import sha256
 
 FIGURE = Path("benchmark", "figures", "scaling.svg")
 

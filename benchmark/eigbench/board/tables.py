@@ -9,8 +9,8 @@ from typing import Any
 from tabulate import tabulate
 
 from eigbench import results
-from eigbench.metrics import MAIN, METRICS
-from eigbench.physics import SHARES, TITLES
+from eigbench.scoring.metrics import MAIN, METRICS
+from eigbench.scoring.physics import SHARES, TITLES
 from synthnet.families import FAMILIES
 
 SPEED = "speed against LaPy"

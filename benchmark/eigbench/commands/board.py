@@ -13,16 +13,17 @@ from pathlib import Path
 from rich.console import Console
 from tabulate import tabulate
 
-from eigbench import error_figures, figures, leaderboard, ranking, submission
+from eigbench.board import error_figures, figures, leaderboard, ranking
+from eigbench.board import scaling_page as scaling_page
+from eigbench.board.ranking import RANKED_BY, Difference
+from eigbench.board.tables import family_title, number
 from eigbench.errors import EigbenchError
-from eigbench.metrics import METRICS
-from eigbench.ranking import RANKED_BY, Difference
-from eigbench.scaling import page as scaling_page
+from eigbench.results import submission
 from eigbench.scaling import results as scaling_results
+from eigbench.scoring.metrics import METRICS
 from eigbench.site import bundle, write
-from eigbench.tables import family_title, number
 from synthnet import store
-from synthnet.files import make_directory, write_text
+from synthnet.store.files import make_directory, write_text
 
 SHOWN = 40  # lines of a difference
 TIES = (

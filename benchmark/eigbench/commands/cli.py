@@ -8,15 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from eigbench import board_commands, predictor_commands
+from eigbench.board.ranking import RANKED_BY
+from eigbench.commands import board, predictor
+from eigbench.commands import scaling as scaling_commands
 from eigbench.errors import EigbenchError
-from eigbench.metrics import METRICS
-from eigbench.ranking import RANKED_BY
-from eigbench.scaling import commands as scaling_commands
+from eigbench.scoring.metrics import METRICS
 from eigbench.site.write import DOCS
-from synthnet.cli import WRONG_INPUT, Parser
 from synthnet.errors import SynthNetError
-from synthnet.interrupts import EXIT_CODE
+from synthnet.processes import EXIT_CODE
+from synthnet.terminal import WRONG_INPUT, Parser
 from synthnet.types import PROTOCOLS, SPLITS
 from synthnet.version import __version__
 
@@ -88,7 +88,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command(
         "check",
-        predictor_commands.check,
+        predictor.check,
         "try a predictor on a few dozen meshes; this runs the file's code",
         "my_model.py",
     )
@@ -97,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command(
         "evaluate",
-        predictor_commands.run_evaluate,
+        predictor.run_evaluate,
         "run a predictor over a split and score it; this runs the file's code",
         "my_model.py --dataset 1.0 --out results.json",
     )
@@ -126,7 +126,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command(
         "score",
-        predictor_commands.score,
+        predictor.score,
         "score a file of predictions; no code is run",
         "preds.parquet",
     )
@@ -155,7 +155,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command(
         "compare",
-        board_commands.compare,
+        board.compare,
         "compare two results, mesh by mesh; their predictions are looked for beside them",
         "a.json b.json",
     )
@@ -173,7 +173,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command(
         "submit",
-        board_commands.submit,
+        board.submit,
         "check a result and its predictions, and put both in their place on the board",
         "results.json",
     )
@@ -184,7 +184,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command(
         "leaderboard",
-        board_commands.regenerate,
+        board.regenerate,
         "generate LEADERBOARD.md from the results on the board; no predictor is run",
         "--check",
     )
@@ -195,7 +195,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command(
         "site",
-        board_commands.site,
+        board.site,
         "write the leaderboard as a page to sort, filter and open, which needs no server",
         "--out page",
     )
@@ -210,7 +210,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command(
         "plot",
-        board_commands.plot,
+        board.plot,
         "draw spectra, errors by family and index, their histogram, and error against time",
         "a.json b.json --out figures",
     )

@@ -16,13 +16,18 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from eigbench import meshes, physics, predictions, record, results, scores, tables, truth
+from eigbench import results
+from eigbench.board import tables
 from eigbench.errors import EigbenchError, PredictorError
-from eigbench.evaluate import Evaluation, Options, evaluate, predict_meshes
-from eigbench.training import IMPORTED
-from synthnet import pins, recipe, seal, store
-from synthnet.cli import WRONG_INPUT
-from synthnet.report import Rate
+from eigbench.results import predictions
+from eigbench.running import meshes, record
+from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
+from eigbench.scoring import physics, scores, truth
+from eigbench.scoring.training import IMPORTED
+from synthnet import recipe, store
+from synthnet.store import pins
+from synthnet.terminal import WRONG_INPUT, Rate
+from synthnet.verify import seal
 
 AGREE = 1e-5  # relative, between batch sizes and orders of one predictor
 

@@ -11,13 +11,13 @@ from pathlib import Path
 from rich.console import Console
 from tabulate import tabulate
 
+from eigbench.board.tables import family_title
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.scaling import run as scaling_run
 from eigbench.scaling import scores as scaling_scores
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import ANSWERED, Scaled
 from eigbench.scaling.run import Settings
-from eigbench.tables import family_title
 
 
 def add(command: Callable[..., argparse.ArgumentParser], positive: Callable[[str], int]) -> None:

@@ -15,8 +15,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictionsError
-from eigbench.truth import Truth
-from synthnet.files import one_line, write_atomically
+from eigbench.scoring.truth import Truth
+from synthnet.store.files import one_line, write_atomically
 
 DAMAGED = (
     *(OSError, EOFError, ValueError, TypeError, KeyError),

@@ -13,10 +13,10 @@ from typing import Any
 import jsonschema
 
 from eigbench.errors import EigbenchError, ResultError
-from eigbench.metrics import METRICS
-from eigbench.truth import Truth
+from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.truth import Truth
 from synthnet import recipe
-from synthnet.files import make_directory, one_line, sha256, write_atomically, write_text
+from synthnet.store.files import make_directory, one_line, sha256, write_atomically, write_text
 
 SCHEMA_VERSION = 1
 
@@ -121,7 +121,7 @@ def declared(result: dict[str, Any], key: str) -> str:
 
 def schema() -> dict[str, Any]:
     """Return the published JSON Schema of results."""
-    text = resources.files("eigbench").joinpath("result.schema.json").read_text()
+    text = resources.files("eigbench.results").joinpath("result.schema.json").read_text()
     loaded: dict[str, Any] = json.loads(text)
     return loaded
 

@@ -16,12 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench import predictions, results, scores, truth
+from eigbench import results
 from eigbench.errors import EigbenchError, ResultError
-from eigbench.metrics import METRIC_VERSION
-from eigbench.truth import Truth
+from eigbench.results import predictions
+from eigbench.scoring import scores, truth
+from eigbench.scoring.metrics import METRIC_VERSION
+from eigbench.scoring.truth import Truth
 from synthnet import recipe, store
-from synthnet.files import sha256
+from synthnet.store.files import sha256
 
 AGREE = 1e-9  # relative, between a score that is stored and the same computed here
 

@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench import reference
 from eigbench.errors import PredictorError
-from eigbench.meshes import Instances
-from eigbench.process import PredictorProcess
-from eigbench.training import DEFAULT, untrained
-from eigbench.truth import Truth
-from eigbench.worker import Answered, Loaded, Status
-from synthnet import files
+from eigbench.running import reference
+from eigbench.running.meshes import Instances
+from eigbench.running.process import PredictorProcess
+from eigbench.running.worker import Answered, Loaded, Status
+from eigbench.scoring.training import DEFAULT, untrained
+from eigbench.scoring.truth import Truth
+from synthnet.store import files
 from synthnet.types import PROTOCOLS, Mesh
 
 WARM_UP = 16  # meshes predicted before the clock counts

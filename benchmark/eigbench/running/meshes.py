@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
-from synthnet import augment, store
+from synthnet import store
+from synthnet.mesh import isometries
 from synthnet.types import Mesh
 
 
@@ -33,7 +34,7 @@ class Instances:
         shape, _, number = id.rpartition("/")
         stored = self.shapes[shape]
         plain = Mesh(stored.vertices.astype(np.float64), stored.faces.astype(np.int64))
-        return view(augment.apply(plain, self.isometries[shape][int(number)]))
+        return view(isometries.apply(plain, self.isometries[shape][int(number)]))
 
 
 def read(dataset: store.StoredDataset, ids: Sequence[str]) -> Instances:
@@ -44,7 +45,7 @@ def read(dataset: store.StoredDataset, ids: Sequence[str]) -> Instances:
     dataset : StoredDataset
         A built dataset.
     ids : sequence of str
-        Instances as in :class:`eigbench.truth.Truth`.
+        Instances as in :class:`eigbench.scoring.truth.Truth`.
 
     Raises
     ------

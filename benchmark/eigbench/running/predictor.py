@@ -33,8 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
-from eigbench.training import DEFAULT
-from synthnet.files import sha256
+from eigbench.scoring.training import DEFAULT
+from synthnet.store.files import sha256
 from synthnet.types import Mesh
 
 META_KEYS = (

@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from eigbench.errors import Died, OverMemory, OverTime, PredictorError
-from eigbench.worker import Answered, Failed, Job, Loaded, Status, work
+from eigbench.running.worker import Answered, Failed, Job, Loaded, Status, work
 from synthnet.types import Mesh
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

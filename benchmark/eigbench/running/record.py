@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from eigbench import reference, scores
-from eigbench.evaluate import Evaluation, Options
-from eigbench.metrics import METRIC_VERSION
 from eigbench.results import SCHEMA_VERSION, dataset_facts
-from eigbench.truth import Truth
-from synthnet.files import sha256
-from synthnet.solver.compiled import processor
+from eigbench.running import reference
+from eigbench.running.evaluate import Evaluation, Options
+from eigbench.scoring import scores
+from eigbench.scoring.metrics import METRIC_VERSION
+from eigbench.scoring.truth import Truth
+from synthnet.kernels import processor
+from synthnet.store.files import sha256
 
 PACKAGES = ("synthnet", "numpy", "scipy", "lapy", "torch", "torch-geometric", "scikit-learn")
 
@@ -42,7 +43,7 @@ def make(
     predictions : Path
         The file of predictions, already written.
     contract : dict
-        Of :func:`eigbench.physics.contract`.
+        Of :func:`eigbench.scoring.physics.contract`.
     partial : bool
         Whether only a part of the split was predicted.
     """

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench import predictor
 from eigbench.errors import PredictorError
+from eigbench.running import predictor
 from synthnet.types import Mesh
 
 

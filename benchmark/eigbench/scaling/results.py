@@ -15,9 +15,9 @@ from typing import Any
 
 from eigbench import results
 from eigbench.errors import EigbenchError, ResultError
+from eigbench.results.submission import slug
 from eigbench.scaling import surfaces
-from eigbench.submission import slug
-from synthnet.files import write_text
+from synthnet.store.files import write_text
 
 VERSION = 1
 ANSWERED = "answered"

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from eigbench import record, reference
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, PredictorError
-from eigbench.process import PredictorProcess
+from eigbench.running import record, reference
+from eigbench.running.process import PredictorProcess
+from eigbench.running.worker import Answered
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import ANSWERED
-from eigbench.worker import Answered
 from synthnet.families import FAMILIES
 from synthnet.types import Mesh, Parameters
 

@@ -26,10 +26,11 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
-from synthnet import pins, spectrum
-from synthnet.discretisation import extrapolate
+from synthnet import spectrum
+from synthnet.build.discretisation import extrapolate
 from synthnet.families import FAMILIES
-from synthnet.files import write_atomically
+from synthnet.store import pins
+from synthnet.store.files import write_atomically
 from synthnet.types import Certificate, Mesh, Parameters, Sample, ShapeSpec
 
 Array = NDArray[np.float64]

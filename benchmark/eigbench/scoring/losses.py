@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from eigbench.metrics import EPSILON
+from eigbench.scoring.metrics import EPSILON
 
 
 def rpd_loss(p: Tensor, g: Tensor) -> Tensor:

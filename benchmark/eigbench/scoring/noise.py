@@ -1,7 +1,7 @@
 r"""The noise floor: what the labels score against the spectra of the surfaces themselves.
 
 A label :math:`\lambda_h` is the spectrum of a mesh. Its estimated discretisation error e
-(:mod:`synthnet.discretisation`) gives the spectrum :math:`\lambda_h - e` of the smooth or
+(:mod:`synthnet.build.discretisation`) gives the spectrum :math:`\lambda_h - e` of the smooth or
 polyhedral surface. The floor of a metric is how far the mean score of the labels, taken as
 predictions of :math:`\lambda_h - e`, is from a perfect score. Two predictors that differ by
 less differ by less than the labels are off.
@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
-from eigbench.metrics import METRICS
-from eigbench.training import IMPORTED
-from eigbench.truth import Truth
-from synthnet import pins, recipe
+from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.truth import Truth
+from synthnet import recipe
+from synthnet.store import pins
 
 
 def floor(truth: Truth, key: str) -> float | None:

@@ -12,10 +12,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet import augment, recipe
+from synthnet import recipe
 from synthnet.families import FAMILIES
 from synthnet.families.primitives import subdivide
-from synthnet.plan import plan_shards
+from synthnet.mesh import isometries
+from synthnet.recipe.plan import plan_shards
 from synthnet.types import Mesh
 
 PER_FAMILY = 2
@@ -57,8 +58,11 @@ def permuted(mesh: Mesh, rng: np.random.Generator) -> Mesh:
 CHANGES: dict[str, tuple[Callable[[Mesh, np.random.Generator], Mesh], float]] = {
     "scale_2": (scaled(2.0), 0.25),
     "scale_half": (scaled(0.5), 4.0),
-    "rotation": (lambda mesh, rng: augment.apply(mesh, augment.random_rotation(rng)), 1.0),
-    "reflection": (lambda mesh, rng: augment.apply(mesh, augment.random_reflection(rng)), 1.0),
+    "rotation": (lambda mesh, rng: isometries.apply(mesh, isometries.random_rotation(rng)), 1.0),
+    "reflection": (
+        lambda mesh, rng: isometries.apply(mesh, isometries.random_reflection(rng)),
+        1.0,
+    ),
     "permutation": (permuted, 1.0),
     "triangulation": (lambda mesh, rng: subdivide(mesh, 1), 1.0),
 }

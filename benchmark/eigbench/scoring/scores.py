@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench.metrics import METRICS
-from eigbench.truth import Truth
+from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.truth import Truth
 
 RESAMPLES = 1000
 COVERAGE = 0.95

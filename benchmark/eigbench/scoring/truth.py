@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
-from eigbench.training import DEFAULT, IMPORTED, training_set
-from synthnet import pins, recipe, splits, store
-from synthnet.plan import ShardPlan, plan_shards
-from synthnet.recipe import Recipe
+from eigbench.scoring.training import DEFAULT, IMPORTED, training_set
+from synthnet import recipe, store
+from synthnet.recipe import Recipe, splits
+from synthnet.recipe.plan import ShardPlan, plan_shards
+from synthnet.store import pins
 from synthnet.types import PROTOCOLS, SPLITS
 
 

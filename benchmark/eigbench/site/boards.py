@@ -7,16 +7,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from eigbench import generalisation, leaderboard, noise, page, ranking, results, scores
-from eigbench.generalisation import Board
-from eigbench.metrics import MAIN
-from eigbench.ranking import RANKED_BY, Ranked
+from eigbench import results
+from eigbench.board import generalisation, leaderboard, page, ranking
+from eigbench.board.generalisation import Board
+from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.board.tables import score
+from eigbench.results.submission import Submission
+from eigbench.scoring import noise, scores
+from eigbench.scoring.metrics import MAIN
+from eigbench.scoring.training import untrained
+from eigbench.scoring.truth import Truth
 from eigbench.site import columns
 from eigbench.site.columns import number_of
-from eigbench.submission import Submission
-from eigbench.tables import score
-from eigbench.training import untrained
-from eigbench.truth import Truth
 
 OF_ALL = {
     "grouped": "grouped: no copy of a test shape in training",

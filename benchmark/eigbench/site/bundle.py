@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from eigbench.errors import EigbenchError
-from synthnet.files import sha256
+from synthnet.store.files import sha256
 
 # A checkout has it, an installed package does not.
 CHECKOUT = Path(__file__).resolve().parents[3]

@@ -9,13 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from eigbench import generalisation, results
-from eigbench.generalisation import Board
-from eigbench.metrics import MAIN, METRICS
-from eigbench.page import lapys_own
-from eigbench.physics import SHARES, TITLES
-from eigbench.ranking import RANKED_BY, Ranked
-from eigbench.tables import (
+from eigbench import results
+from eigbench.board import generalisation
+from eigbench.board.generalisation import Board
+from eigbench.board.page import lapys_own
+from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.board.tables import (
     SPEED,
     beside_lapy,
     deviation,
@@ -25,6 +24,8 @@ from eigbench.tables import (
     score,
     with_uncertainty,
 )
+from eigbench.scoring.metrics import MAIN, METRICS
+from eigbench.scoring.physics import SHARES, TITLES
 
 Cell = tuple[str, float | str | None]
 SEEN = "The run declared it: it does not follow from the predictions."

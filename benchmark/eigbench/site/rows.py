@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from eigbench import ranking, tables
-from eigbench.metrics import METRICS
-from eigbench.ranking import RANKED_BY
+from eigbench.board import ranking, tables
+from eigbench.board.ranking import RANKED_BY
+from eigbench.board.tables import Table, family_title, number, score
+from eigbench.results.submission import Submission
+from eigbench.scoring.metrics import METRICS
 from eigbench.site import shapes
 from eigbench.site.columns import number_of
-from eigbench.submission import Submission
-from eigbench.tables import Table, family_title, number, score
-from synthnet.files import sha256
+from synthnet.store.files import sha256
 
 QUANTILES = {"worst": 1.0, "median": 0.5}
 NO_MESH = "The mesh is not shown: its file is not part of this project."

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from eigbench import results
-from eigbench.scaling import page as scaling_page
+from eigbench.board import scaling_page as scaling_page
+from eigbench.board.scaling_page import ms, percent, with_failures
+from eigbench.board.tables import family_title
 from eigbench.scaling import scores as scaling_scores
 from eigbench.scaling import surfaces
-from eigbench.scaling.page import ms, percent, with_failures
 from eigbench.scaling.results import ANSWERED, Scaled
 from eigbench.scaling.scores import Verdict
 from eigbench.site.columns import SEEN, number_of
-from eigbench.tables import family_title
-from synthnet.files import sha256
+from synthnet.store.files import sha256
 
 KEY = "scaling"
 HELP = {

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench.training import IMPORTED
-from eigbench.truth import Truth
+from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.truth import Truth
 from synthnet import recipe
-from synthnet.families import FAMILIES, draw_shape
+from synthnet.families import FAMILIES
 from synthnet.families.primitives import from_open3d, to_open3d
+from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Mesh, ShapeSpec
 
 FACES = 20_000  # more are simplified: a phone has to load and turn them

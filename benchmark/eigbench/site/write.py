@@ -12,15 +12,15 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from eigbench.board.figures import FASTEST, FLOOR, KINDS
+from eigbench.board.ranking import RANKED_BY
 from eigbench.errors import EigbenchError
-from eigbench.figures import FASTEST, FLOOR, KINDS
-from eigbench.metrics import MAIN, METRICS
-from eigbench.ranking import RANKED_BY
+from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
+from eigbench.scoring.metrics import MAIN, METRICS
 from eigbench.site import boards, bundle, rows, scaling, shapes
 from eigbench.site.bundle import CHECKOUT
-from eigbench.submission import Submission
-from synthnet.files import make_directory
+from synthnet.store.files import make_directory
 from synthnet.version import __version__
 
 DATA = "data.js"

@@ -16,11 +16,11 @@ from baselines.gcn.encodings import (
     normalised_lengths,
     voronoi_areas,
 )
-from synthnet import geometry
 from synthnet.families import FAMILIES, PRIMITIVES
+from synthnet.mesh import geometry
 from synthnet.types import Mesh
 
-GOLDEN = pq.read_table(Path(__file__).parent.parent / "golden" / "voronoi.parquet").to_pylist()
+GOLDEN = pq.read_table(Path(__file__).parents[2] / "golden" / "voronoi.parquet").to_pylist()
 
 
 def data_of(mesh: Mesh) -> Data:

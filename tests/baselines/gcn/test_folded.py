@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from eigbench.losses import rpd_loss
+from eigbench.scoring.losses import rpd_loss
 from torch_geometric.data import Batch, Data
 
 from baselines.gcn import folded

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from eigbench import losses
+from eigbench.scoring import losses
 from rich.console import Console
 
 import baselines.gcn

@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from eigbench import cli, errors, predictor, truth
+from eigbench import errors
+from eigbench.commands import cli
+from eigbench.running import predictor
+from eigbench.scoring import truth
 
 import baselines.gcn
 from baselines.gcn import trainings, weights
@@ -17,7 +20,7 @@ from baselines.gcn.model import GCN
 from baselines.gcn.sampled import Sampled, is_taken, load
 from synthnet import recipe
 from synthnet.errors import RecipeError
-from synthnet.plan import plan_shards
+from synthnet.recipe.plan import plan_shards
 from synthnet.types import Mesh
 
 CONFIG = CONFIGS["modern"]

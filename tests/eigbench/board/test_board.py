@@ -10,14 +10,16 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
-from eigbench import error_figures, figures, leaderboard, ranking, results, submission
+from eigbench import results
+from eigbench.board import error_figures, figures, leaderboard, ranking
 from eigbench.errors import EigbenchError, PredictionsError, ResultError
-from eigbench.metrics import METRICS
+from eigbench.results import submission
+from eigbench.scoring.metrics import METRICS
 
-from synthnet.files import sha256
+from synthnet.store.files import sha256
 
 BOARD = "1.0-mini-test-grouped"
-CHECKOUT = Path(__file__).parent.parent.parent
+CHECKOUT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="session")
@@ -289,7 +291,7 @@ def test_one_changed_byte_of_a_result_fails_the_check(eigbench, board, what):
 
 @pytest.mark.parametrize("shape", [0, 1000, -1])
 def test_one_changed_label_fails_the_check(eigbench, board, monkeypatch, shape):
-    from synthnet import pins
+    from synthnet.store import pins
 
     submission._pinned.cache_clear()
     pinned = dict(pins.read("1.0"))

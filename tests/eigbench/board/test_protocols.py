@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from eigbench import generalisation, leaderboard, meshes, ranking, submission, training, truth
+from eigbench.board import generalisation, leaderboard, ranking
 from eigbench.errors import EigbenchError, PredictorError, ResultError
-from eigbench.evaluate import Options, evaluate
+from eigbench.results import submission
+from eigbench.running import meshes
+from eigbench.running.evaluate import Options, evaluate
+from eigbench.scoring import training, truth
 
 from synthnet import store
 

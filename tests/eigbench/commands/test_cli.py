@@ -7,8 +7,11 @@ import shutil
 
 import numpy as np
 import pytest
-from eigbench import physics, predictions, predictor_commands, tables
-from eigbench.metrics import METRICS
+from eigbench.board import tables
+from eigbench.commands import predictor
+from eigbench.results import predictions
+from eigbench.scoring import physics
+from eigbench.scoring.metrics import METRICS
 
 from synthnet import store
 
@@ -293,4 +296,4 @@ def test_check_of_a_bad_predictor_exits_with_2(eigbench, predictor_file):
 
 def test_zeros_agree_with_zeros():
     zeros = np.zeros((2, 10))
-    assert predictor_commands._differences("shuffled order", ["a", "b"], zeros, zeros) == []
+    assert predictor._differences("shuffled order", ["a", "b"], zeros, zeros) == []

@@ -6,10 +6,13 @@ import shutil
 
 import numpy as np
 import pytest
-from eigbench import predictions, results, scores, truth
-from eigbench.ranking import RANKED_BY
+from eigbench import results
+from eigbench.board.ranking import RANKED_BY
+from eigbench.results import predictions
+from eigbench.scoring import scores, truth
 
-from synthnet import seal, store
+from synthnet import store
+from synthnet.verify import seal
 
 
 @pytest.fixture(scope="module")

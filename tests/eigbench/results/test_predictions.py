@@ -7,8 +7,8 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from eigbench import predictions
 from eigbench.errors import PredictionsError
+from eigbench.results import predictions
 
 SUFFIXES = (".parquet", ".npz", ".csv")
 

@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 from eigbench import results
 from eigbench.errors import ResultError
-from eigbench.metrics import METRICS
+from eigbench.scoring.metrics import METRICS
 
 HERE = Path("result.json")
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from eigbench import predictions
+from eigbench.results import predictions
 
 LIMIT, BATCH = 30, 10
 PRELUDE = """

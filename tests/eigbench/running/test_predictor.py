@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eigbench import meshes as instances
-from eigbench import predictor
 from eigbench.errors import EigbenchError, PredictorError
-from eigbench.meshes import view
+from eigbench.running import meshes as instances
+from eigbench.running import predictor
+from eigbench.running.meshes import view
 
 from synthnet import store
 from synthnet.types import Mesh

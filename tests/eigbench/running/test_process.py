@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eigbench import meshes, physics, record, reference, worker
 from eigbench.errors import PredictorError
-from eigbench.evaluate import Evaluation, Options, evaluate, predict_meshes
-from eigbench.worker import Loaded, Status
+from eigbench.running import meshes, record, reference, worker
+from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
+from eigbench.running.worker import Loaded, Status
+from eigbench.scoring import physics
 
 from synthnet import store
-from synthnet.solver.compiled import processor
+from synthnet.kernels import processor
 
 SPY = """
 import gc, re, sys

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eigbench import leaderboard
+from eigbench.board import leaderboard
+from eigbench.board import scaling_page as scaling_page
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, ResultError
-from eigbench.process import PredictorProcess
-from eigbench.scaling import page as scaling_page
+from eigbench.running.process import PredictorProcess
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import run as scaling_run
 from eigbench.scaling import scores as scaling_scores
@@ -19,8 +19,8 @@ from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled
 from eigbench.scaling.run import Settings
 
-from synthnet import geometry
 from synthnet.families import FAMILIES
+from synthnet.mesh import geometry
 
 ONE = {"ellipsoid": surfaces.SURFACES["ellipsoid"]}
 TWO = {**ONE, "open_cylinder": surfaces.SURFACES["open_cylinder"]}

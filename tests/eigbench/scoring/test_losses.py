@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from eigbench.metrics import l1_norm, polar_loss, relative_percent_difference
+from eigbench.scoring.metrics import l1_norm, polar_loss, relative_percent_difference
 
 torch = pytest.importorskip("torch")
-losses = pytest.importorskip("eigbench.losses")
+losses = pytest.importorskip("eigbench.scoring.losses")
 
 PAIRS = [
     pytest.param(losses.rpd_loss, relative_percent_difference, id="rpd"),

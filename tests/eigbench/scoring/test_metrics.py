@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from eigbench import metrics
-from eigbench.metrics import METRICS
+from eigbench.scoring import metrics
+from eigbench.scoring.metrics import METRICS
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

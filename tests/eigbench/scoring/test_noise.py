@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eigbench import leaderboard, noise, ranking, submission
+from eigbench.board import leaderboard, ranking
 from eigbench.errors import EigbenchError
-from eigbench.metrics import METRICS
+from eigbench.results import submission
+from eigbench.scoring import noise
+from eigbench.scoring.metrics import METRICS
 
-from synthnet import pins
+from synthnet.store import pins
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from eigbench import physics, truth
+from eigbench.scoring import physics, truth
 
 from synthnet.families import FAMILIES
 

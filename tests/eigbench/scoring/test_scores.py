@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from eigbench import scores
-from eigbench.metrics import METRICS
+from eigbench.scoring import scores
+from eigbench.scoring.metrics import METRICS
 
 LABELS = [[1.0, 2.0], [2.0, 4.0], [4.0, 8.0], [1.0, 3.0]]
 FAMILIES = ["cone", "cone", "cone", "torus"]

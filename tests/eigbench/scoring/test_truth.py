@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from eigbench import truth
 from eigbench.errors import EigbenchError
+from eigbench.scoring import truth
 
 from synthnet import store
 from synthnet.errors import RecipeError
@@ -164,7 +164,7 @@ def test_unknown_version_is_refused():
 
 
 def test_version_without_pins_is_refused(monkeypatch):
-    monkeypatch.setattr("synthnet.pins.read", lambda version: None)
+    monkeypatch.setattr("synthnet.store.pins.read", lambda version: None)
     with pytest.raises(EigbenchError, match=r"the labels of 1\.0 are not pinned"):
         truth.load("1.0-mini")
 

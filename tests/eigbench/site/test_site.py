@@ -11,13 +11,15 @@ from urllib.parse import unquote
 
 import numpy as np
 import pytest
-from eigbench import generalisation, leaderboard, meshes, ranking, truth
+from eigbench.board import generalisation, leaderboard, ranking
+from eigbench.board.markdown import cell
 from eigbench.errors import EigbenchError
-from eigbench.markdown import cell
-from eigbench.metrics import METRICS
+from eigbench.running import meshes
+from eigbench.scoring import truth
+from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.training import IMPORTED
 from eigbench.site import boards, bundle, rows, shapes, write
 from eigbench.site.shapes import FACES, STEPS
-from eigbench.training import IMPORTED
 
 from synthnet import store
 from synthnet.types import Mesh
@@ -294,7 +296,7 @@ def test_a_large_mesh_is_simplified_the_same_each_time(mini_truth):
 
 
 def test_command_writes_the_page_and_says_where(eigbench, real_content, tmp_path, monkeypatch):
-    monkeypatch.chdir(Path(__file__).parents[2])
+    monkeypatch.chdir(Path(__file__).parents[3])
     code, out, err = eigbench("site", "--out", tmp_path / "page", "--docs", write.DOCS)
     assert code == 0, err
     assert re.search(r"rows: \d+; \d+ files, .* MB: open .*page/index\.html", out)
@@ -478,7 +480,7 @@ def test_place_of_the_docs_is_seen_from_the_page(eigbench, bundled, tmp_path):
     assert code == 0, err
     docs = read({"data.js": (out / "data.js").read_bytes()}, "data.js")["docs"]
     there = out / unquote(docs).format("metrics")
-    assert there.resolve() == Path(__file__).parents[2] / "docs" / "metrics.md"
+    assert there.resolve() == Path(__file__).parents[3] / "docs" / "metrics.md"
     assert there.is_file()
 
 

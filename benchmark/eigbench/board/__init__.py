@@ -1,0 +1,1 @@
+"""From results to LEADERBOARD.md: ranking, tables and figures."""

@@ -1,0 +1,31 @@
+"""Results and predictions as files: what they hold, and what is checked when they are read."""
+
+from eigbench.results.result import (
+    SCHEMA_VERSION,
+    check_schema,
+    dataset_facts,
+    declared,
+    load,
+    put,
+    read,
+    schema,
+    setting,
+    title,
+    validate,
+    write,
+)
+
+__all__ = [
+    "SCHEMA_VERSION",
+    "check_schema",
+    "dataset_facts",
+    "declared",
+    "load",
+    "put",
+    "read",
+    "schema",
+    "setting",
+    "title",
+    "validate",
+    "write",
+]

@@ -1,0 +1,1 @@
+"""Running a predictor's code, in a process of its own: the only room that runs foreign code."""

@@ -1,0 +1,1 @@
+"""Metrics, losses, and the labels that predictions are scored against."""

@@ -1,0 +1,1 @@
+"""A built dataset as PyTorch Geometric, Hugging Face datasets, Croissant and mapped arrays."""

@@ -1,0 +1,1 @@
+"""Triangle meshes: facts about them, isometries, reading files of strangers and repairing them."""

@@ -1,0 +1,1 @@
+"""Pictures of meshes, eigenfunctions and whole datasets, drawn without a display."""
