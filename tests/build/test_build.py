@@ -17,10 +17,10 @@ from typing import NoReturn
 
 import numpy as np
 import pytest
-import synthnet.commands.cli
 import threadpoolctl
 
 import synthnet.build.versions
+import synthnet.commands.cli
 from synthnet import recipe, spectrum, store
 from synthnet.build import filters
 from synthnet.build.versions import build, build_shard, ensure_built, make_sample

@@ -12,11 +12,11 @@ import tomllib
 from pathlib import Path
 
 import pytest
-import synthnet.commands.cli
 import trimesh
 from eigbench.commands import cli
 from eigbench.running.predictor import META_KEYS
 
+import synthnet.commands.cli
 from synthnet import recipe, store
 from synthnet.build import filters
 from synthnet.families import CHARTED, FAMILIES, PRIMITIVES
