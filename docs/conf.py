@@ -1,0 +1,110 @@
+"""The documentation's site, built by Sphinx: ``make docs``.
+
+The sources are the Markdown files of the whole repository, as GitHub shows them; README.md is the
+first page. Links are relative to the page's own file, wherever it lies.
+"""
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from matplotlib.sphinxext import mathmpl
+from sphinx.application import Sphinx
+from sphinx.errors import SphinxError
+
+ROOT = Path(__file__).parents[1]
+
+project = "synthNet"
+author = "The synthNet authors"
+extensions = [
+    "matplotlib.sphinxext.mathmpl",
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "sphinx_copybutton",
+]
+root_doc = "README"
+include_patterns = ["*.md", "baselines/*.md", "docs/**.md"]
+exclude_patterns = ["**/node_modules", "**/_build", "site", ".venv"]
+nitpicky = False
+
+# Markdown: anchors of headings as GitHub makes them, code blocks with a title as its own caption.
+myst_heading_anchors = 4
+myst_enable_extensions = ["attrs_inline"]
+
+# API reference: NumPy docstrings, in the order of the source, types from the annotations.
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_default_options = {"members": True, "show-inheritance": True}
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+
+html_theme = "furo"
+html_title = "synthNet"
+html_static_path = ["site.css"]
+html_css_files = ["site.css"]
+html_show_sourcelink = False
+html_show_copyright = False
+copybutton_exclude = ".linenos, .gp, .go"
+copybutton_selector = "div:not(.highlight-output) > div.highlight > pre"
+
+NAVIGATION = (ROOT / "docs" / "navigation.rst").read_text()
+
+
+def add_navigation(app: Sphinx, name: str, source: list[str]) -> None:
+    """Put the table of contents at the end of the first page, which GitHub shows without it."""
+    if name == root_doc:
+        source[0] += f"\n```{{eval-rst}}\n{NAVIGATION}```\n"
+
+
+def add_index(app: Sphinx, failed: Exception | None) -> None:
+    """Let the site open at its first page."""
+    if failed is None and app.builder.format == "html":
+        shutil.copyfile(app.outdir / f"{root_doc}.html", app.outdir / "index.html")
+
+
+LOADED = re.compile(
+    r"<(?:script|img|iframe|source|video|audio|embed)\b[^>]*?\bsrc=[\"']?((?:https?:)?//[^\"'\s>]+)"
+    r"|<link\b(?=[^>]*stylesheet|[^>]*preconnect|[^>]*icon)[^>]*?\bhref=[\"']?((?:https?:)?//[^\"'\s>]+)"
+    r"|url\(\s*[\"']?((?:https?:)?//[^\"')\s]+)",
+    re.IGNORECASE,
+)
+
+
+def addresses(page: str) -> list[str]:
+    """Return what a page or a style sheet makes a browser load from another host.
+
+    Examples
+    --------
+    >>> addresses('<a href="https://a.org">a</a> <script src="//b.org/c.js"></script>')
+    ['//b.org/c.js']
+    """
+    return [next(filter(None, match)) for match in LOADED.findall(page)]
+
+
+def check_hosts(app: Sphinx, failed: Exception | None) -> None:
+    """Fail where a page of the site would ask another host for anything."""
+    if failed is None and app.builder.format == "html":
+        for path in sorted(p for p in app.outdir.rglob("*") if p.suffix in (".html", ".css")):
+            for address in addresses(path.read_text(errors="replace")):
+                raise SphinxError(
+                    f"{path.relative_to(app.outdir)} loads {address} from another host"
+                )
+
+
+def math_role(*given: Any, **more: Any) -> tuple[list[nodes.Node], list[nodes.Node]]:
+    """Draw ``:math:`` when the site is built, so that no page needs a script for it."""
+    return mathmpl.math_role(*given, **more)
+
+
+def setup(app: Sphinx) -> None:
+    """Register the above."""
+    app.connect("source-read", add_navigation)
+    app.connect("build-finished", add_index)
+    app.connect("build-finished", check_hosts)
+    app.add_role("math", math_role, override=True)
+    app.add_directive("math", mathmpl.MathDirective, override=True)
