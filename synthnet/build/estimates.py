@@ -39,7 +39,7 @@ from synthnet.recipe import Recipe
 from synthnet.recipe.plan import plan_shards
 from synthnet.store import METADATA_KEY, StoredDataset, storage
 from synthnet.store.files import one_line
-from synthnet.store.storage import Place
+from synthnet.store.storage import Location
 from synthnet.types import ShapeSpec, ShardRecord
 
 DIRECTORY = "errors"
@@ -121,7 +121,7 @@ def work(record: ShardRecord, terms: Terms) -> ShardResult:
     return estimate_shard(record, terms.directory)
 
 
-def estimate_shard(record: ShardRecord, directory: Place) -> ShardResult:
+def estimate_shard(record: ShardRecord, directory: Location) -> ShardResult:
     """Estimate the errors of one shard, or read them if they are there."""
     started = time.process_time()
     path = path_of(directory, record)
@@ -139,12 +139,12 @@ def estimate_shard(record: ShardRecord, directory: Place) -> ShardResult:
     return ShardResult(record, time.process_time() - started, reused=False, damaged=damaged)
 
 
-def path_of(directory: Place, record: ShardRecord) -> Place:
+def path_of(directory: Location, record: ShardRecord) -> Location:
     """Return where the estimates of a shard are."""
     return directory / DIRECTORY / PurePosixPath(record.file).name
 
 
-def read_shard(directory: Place, record: ShardRecord) -> list[Estimate]:
+def read_shard(directory: Location, record: ShardRecord) -> list[Estimate]:
     """Read the estimates of one shard.
 
     What was read is encoded again, and must give the very bytes of the file.
@@ -234,7 +234,7 @@ def is_complete(dataset: StoredDataset) -> bool:
     return True
 
 
-def labels(path: Place) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:
+def labels(path: Location) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:
     """Read shapes and labels of a shard, without the meshes."""
     columns = ["id", "family", "index", "parameters", "group", "eigenvalues"]
     for row in store.read_table(path, columns).to_pylist():
@@ -255,7 +255,7 @@ def _header(record: ShardRecord) -> dict[str, object]:
     return {"schema_version": SCHEMA_VERSION, "shard_sha256": record.sha256}
 
 
-def _write_shard(path: Place, estimates: list[Estimate], record: ShardRecord) -> None:
+def _write_shard(path: Location, estimates: list[Estimate], record: ShardRecord) -> None:
     content = _encoded(estimates, record)
 
     def write(partial: Path) -> None:

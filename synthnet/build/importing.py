@@ -48,7 +48,7 @@ from synthnet.recipe import SplitSettings, splits
 from synthnet.recipe.plan import PlannedShape, ShardPlan
 from synthnet.store import files, storage
 from synthnet.store.files import one_line
-from synthnet.store.storage import Place
+from synthnet.store.storage import Location
 from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec
 
 LIMITS = "1.0"  # the recipe whose limits labels must keep
@@ -255,7 +255,7 @@ def check_name(name: str) -> None:
         )
 
 
-def _check_places(places: Sequence[Path], directory: Place) -> None:
+def _check_places(places: Sequence[Path], directory: Location) -> None:
     """Raise MeshImportError unless the directories are there, apart, and not the dataset's."""
     seen: dict[Path, Path] = {}
     for place in places:
@@ -279,7 +279,7 @@ def _overlap(one: Path, other: Path) -> bool:
     return one == other or one in other.parents or other in one.parents
 
 
-def _check_directory(directory: Place) -> None:
+def _check_directory(directory: Location) -> None:
     """Raise MeshImportError if a directory holds things that are no dataset's."""
     if not isinstance(directory, Path) or not directory.exists():
         return
@@ -296,7 +296,7 @@ def _check_directory(directory: Place) -> None:
 
 
 def _finished(
-    directory: Place, described: dict[str, Any], digest: str, plans: Sequence[FilePlan]
+    directory: Location, described: dict[str, Any], digest: str, plans: Sequence[FilePlan]
 ) -> store.StoredDataset | None:
     """Return the dataset if this very import is there and whole.
 
@@ -421,7 +421,9 @@ def import_work(plan: FilePlan, *, settings: Settings, digest: str, terms: Terms
     return import_shard(plan, settings, digest, terms.directory)
 
 
-def import_shard(plan: FilePlan, settings: Settings, digest: str, directory: Place) -> ShardResult:
+def import_shard(
+    plan: FilePlan, settings: Settings, digest: str, directory: Location
+) -> ShardResult:
     """Make one shard, or keep the one that is there."""
     started = time.process_time()
     path = directory / plan.shard.file

@@ -34,7 +34,7 @@ from synthnet.recipe import Recipe
 from synthnet.recipe.distributions import ISOMETRIES, generator
 from synthnet.recipe.plan import PlannedShape, ShardPlan, plan_shards
 from synthnet.store import storage
-from synthnet.store.storage import Place
+from synthnet.store.storage import Location
 from synthnet.types import Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord, Spectrum
 from synthnet.version import __version__
 
@@ -103,7 +103,7 @@ class Terms:
     digest: str
     packages: Mapping[str, str]
     processor: str
-    directory: Place
+    directory: Location
 
 
 Job: TypeAlias = Callable[[], ShardResult]
@@ -196,7 +196,7 @@ def build(
 
 def make_shards(
     jobs: Iterable[tuple[ShardPlan, Job]],
-    directory: Place,
+    directory: Location,
     drawn: Mapping[str, int],
     *,
     workers: int | None,
@@ -324,7 +324,7 @@ def agree(terms: Terms) -> None:
         raise BuildError(f"the worker on {host} does not see {shards}: {SHARED}")
 
 
-def build_shard(plan: ShardPlan, wanted: Recipe, directory: Place) -> ShardResult:
+def build_shard(plan: ShardPlan, wanted: Recipe, directory: Location) -> ShardResult:
     """Make one shard, or read it if it is there already.
 
     Raises
@@ -400,12 +400,12 @@ def _rejection(spec: ShapeSpec, reason: str, detail: str) -> Rejection:
     return Rejection(spec.id, spec.family, reason, detail)
 
 
-def is_there(path: Place, shard: ShardRecord) -> bool:
+def is_there(path: Location, shard: ShardRecord) -> bool:
     """Return whether a shard is there with its size; takes no time."""
     return storage.size(path) == shard.size
 
 
-def is_whole(path: Place, shard: ShardRecord) -> bool:
+def is_whole(path: Location, shard: ShardRecord) -> bool:
     """Return whether a shard is there with its bytes; those at a URL are its store's care."""
     if not is_there(path, shard):
         return False
@@ -413,7 +413,7 @@ def is_whole(path: Place, shard: ShardRecord) -> bool:
 
 
 def _finished(
-    directory: Place, wanted: Recipe, is_kept: Callable[[Place, ShardRecord], bool]
+    directory: Location, wanted: Recipe, is_kept: Callable[[Location, ShardRecord], bool]
 ) -> store.StoredDataset | None:
     manifest = store.read_manifest(directory)
     if manifest is None:
@@ -428,7 +428,7 @@ def _finished(
     return store.StoredDataset(directory, manifest)
 
 
-def terms_of(wanted: Recipe, directory: Place) -> Terms:
+def terms_of(wanted: Recipe, directory: Location) -> Terms:
     """Return what this process holds its workers to."""
     return Terms(wanted, wanted.digest, _packages(), processor(), directory)
 
@@ -462,7 +462,7 @@ def _manifest(wanted: Recipe, records: Sequence[ShardRecord]) -> Manifest:
 
 
 @contextmanager
-def exclusive(directory: Place, wait_for_lock: bool, *folders: Place) -> Iterator[None]:
+def exclusive(directory: Location, wait_for_lock: bool, *folders: Location) -> Iterator[None]:
     """Keep other builds out of a directory; at a URL they do no harm.
 
     Partial files in ``folders`` are removed at the beginning, and at the end, however it ends:
@@ -528,7 +528,7 @@ def _result(future: Future[ShardResult], plan: ShardPlan) -> ShardResult:
         ) from error
 
 
-def see(path: Place, size: int | None = None) -> None:
+def see(path: Location, size: int | None = None) -> None:
     """Wait until what a worker wrote is where it should be, of the size if that is known.
 
     Raises

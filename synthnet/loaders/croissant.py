@@ -20,7 +20,7 @@ from typing import Any
 from synthnet import recipe, store
 from synthnet.errors import StoreError
 from synthnet.store import StoredDataset
-from synthnet.store.storage import Place, write_text
+from synthnet.store.storage import Location, write_text
 from synthnet.types import SPLITS
 from synthnet.version import __version__
 
@@ -162,7 +162,7 @@ COLUMNS: dict[str, tuple[str, str]] = {  # of store.SCHEMA: type, and what it is
 }
 
 
-def write(dataset: StoredDataset) -> Place:
+def write(dataset: StoredDataset) -> Location:
     """Write the metadata of a built version beside its manifest, and return its place.
 
     Raises

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from synthnet import recipe
 from synthnet.errors import DamagedError, StoreError
 from synthnet.store.files import one_line
-from synthnet.store.storage import Place, place, sha256, size, write_atomically, write_text
+from synthnet.store.storage import Location, location, sha256, size, write_atomically, write_text
 from synthnet.types import Certificate, Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
 
 SCHEMA_VERSION = 2
@@ -62,7 +62,7 @@ SCHEMA = pa.schema(
 STREAMS = ("vertices.list.element.list.element", "faces.list.element.list.element")
 
 
-def home(root: str | os.PathLike[str] | None = None) -> Place:
+def home(root: str | os.PathLike[str] | None = None) -> Location:
     """Return the directory or URL that holds the versions.
 
     ``root`` if given, else ``$SYNTHNET_HOME``, else the user's cache directory by the
@@ -71,10 +71,10 @@ def home(root: str | os.PathLike[str] | None = None) -> Place:
     where = root if root is not None else os.environ.get("SYNTHNET_HOME")
     if not where and root is None:
         return Path(platformdirs.user_cache_dir("synthnet"))
-    return place(where or "")
+    return location(where or "")
 
 
-def dataset_directory(version: str, root: str | os.PathLike[str] | None = None) -> Place:
+def dataset_directory(version: str, root: str | os.PathLike[str] | None = None) -> Location:
     """Return where a version is or would be: ``<home>/<version>``.
 
     Examples
@@ -89,7 +89,7 @@ def dataset_directory(version: str, root: str | os.PathLike[str] | None = None) 
 
 
 def write_shard(
-    path: Place,
+    path: Location,
     samples: Sequence[Sample],
     rejections: Sequence[Rejection],
     *,
@@ -129,7 +129,7 @@ def _encode(table: pa.Table, where: Path | pa.BufferOutputStream) -> None:
     )
 
 
-def read_table(path: Place, columns: Sequence[str] | None = None) -> pa.Table:
+def read_table(path: Location, columns: Sequence[str] | None = None) -> pa.Table:
     """Read a shard, its page checksums verified.
 
     Raises
@@ -156,7 +156,7 @@ def read_table(path: Place, columns: Sequence[str] | None = None) -> pa.Table:
 
 
 @contextmanager
-def _opened(path: Place, *, whole: bool) -> Iterator[Any]:
+def _opened(path: Location, *, whole: bool) -> Iterator[Any]:
     """Give what pyarrow reads a file from: of a URL the object, or parts of it."""
     if isinstance(path, Path):
         yield path
@@ -167,12 +167,14 @@ def _opened(path: Place, *, whole: bool) -> Iterator[Any]:
             yield file
 
 
-def read_samples(path: Place) -> Iterator[Sample]:
+def read_samples(path: Location) -> Iterator[Sample]:
     """Read the samples of a shard, in order."""
     yield from _samples(read_table(path), path)
 
 
-def read_record(path: Place, recipe_digest: str, ids: Sequence[str] | None = None) -> ShardRecord:
+def read_record(
+    path: Location, recipe_digest: str, ids: Sequence[str] | None = None
+) -> ShardRecord:
     """Read a shard whole and return its record; ``ids`` are those kept or rejected in it.
 
     What was read is encoded again, and must give the very bytes of the file: a build that
@@ -218,7 +220,7 @@ def recipe_digest_of(path: Path) -> str | None:
         return None
 
 
-def _record(path: Place, table: pa.Table, header: dict[str, Any]) -> ShardRecord:
+def _record(path: Location, table: pa.Table, header: dict[str, Any]) -> ShardRecord:
     return ShardRecord(
         file=f"{path.parent.name}/{path.name}",
         family=header["family"],
@@ -275,7 +277,7 @@ def ragged_arrays(column: pa.ChunkedArray) -> Iterator[NDArray[Any]]:
             yield values[start:stop]
 
 
-def _samples(table: pa.Table, path: Place) -> Iterator[Sample]:
+def _samples(table: pa.Table, path: Location) -> Iterator[Sample]:
     try:
         yield from _decoded(table)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
@@ -314,10 +316,10 @@ def _decoded(table: pa.Table) -> Iterator[Sample]:
 class StoredDataset:
     """A finished dataset, on disk or at a URL."""
 
-    directory: Place
+    directory: Location
     manifest: Manifest
 
-    def paths(self) -> list[Place]:
+    def paths(self) -> list[Location]:
         """Return the shards' places in order of family and index."""
         return [self.directory / shard.file for shard in self.manifest.shards]
 
@@ -355,7 +357,7 @@ class StoredDataset:
         )
 
 
-def write_manifest(directory: Place, manifest: Manifest) -> None:
+def write_manifest(directory: Location, manifest: Manifest) -> None:
     """Write the manifest, the mark of a finished dataset."""
     content = {"schema_version": SCHEMA_VERSION, **asdict(manifest)}
     write_text(directory / MANIFEST, _sealed(content))
@@ -370,7 +372,7 @@ def _sealed(content: dict[str, Any]) -> str:
     return json.dumps({**content, SEAL: seal}, indent=1) + "\n"
 
 
-def read_manifest(directory: Place) -> Manifest | None:
+def read_manifest(directory: Location) -> Manifest | None:
     """Read the manifest, or return ``None`` where no build has finished.
 
     Raises

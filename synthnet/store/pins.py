@@ -157,8 +157,8 @@ def shipped_table(package: str, name: str) -> pa.Table | None:
         return None
     # By path: a thread of pyarrow's that still holds a Python file when the interpreter ends
     # aborts the process (apache/arrow issue 34314).
-    with resources.as_file(path) as place:
-        return pq.read_table(place)
+    with resources.as_file(path) as local:
+        return pq.read_table(local)
 
 
 def _store(path: Path, table: pa.Table, numbers: Sequence[str]) -> None:

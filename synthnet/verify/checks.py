@@ -26,7 +26,7 @@ from synthnet.recipe.plan import PlannedShape, plan_shards
 from synthnet.spectrum import solve
 from synthnet.store import pins, storage
 from synthnet.store.files import one_line
-from synthnet.store.storage import Place
+from synthnet.store.storage import Location
 from synthnet.types import Manifest, Mesh, Sample, ShapeSpec, ShardRecord
 from synthnet.verify import seal
 
@@ -63,7 +63,7 @@ class Check:
 class VerifyReport:
     """All checks of a dataset."""
 
-    directory: Place
+    directory: Location
     checks: tuple[Check, ...]
 
     @property
@@ -342,14 +342,14 @@ def _check_manifest(manifest: Manifest, wanted: Recipe | None) -> Iterator[str]:
             )
 
 
-def _check_file(path: Place, record: ShardRecord) -> Iterator[str]:
+def _check_file(path: Location, record: ShardRecord) -> Iterator[str]:
     if storage.size(path) is None:
         yield f"{record.file}: missing"
     elif (found := storage.sha256(path)) != record.sha256:
         yield f"{record.file}: SHA-256 is {found[:12]}…, the manifest has {record.sha256[:12]}…"
 
 
-def _check_shard(path: Place, record: ShardRecord) -> Iterator[str]:
+def _check_shard(path: Location, record: ShardRecord) -> Iterator[str]:
     try:
         samples = list(store.read_samples(path))
     except StoreError as error:
@@ -358,7 +358,7 @@ def _check_shard(path: Place, record: ShardRecord) -> Iterator[str]:
         yield from _check_rows(samples, record)
 
 
-def _check_estimates_file(directory: Place, record: ShardRecord) -> Iterator[str]:
+def _check_estimates_file(directory: Location, record: ShardRecord) -> Iterator[str]:
     try:
         estimates.read_shard(directory, record)
     except StoreError as error:

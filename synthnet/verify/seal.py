@@ -252,12 +252,12 @@ def make(
     Raises
     ------
     StoreError
-        If its place is no directory of this machine, or holds another set.
+        If its location is no directory on this machine, or holds another set.
     BuildError
         As :func:`synthnet.build.versions.build`, which goes on where it was stopped.
     """
-    place = store.dataset_directory(wanted.version, root)
-    directory = storage.local(place, wanted.version)
+    location = store.dataset_directory(wanted.version, root)
+    directory = storage.local(location, wanted.version)
     files.make_directory(directory)
     directory.chmod(0o700)
     report = build(wanted, root=root, workers=workers, watcher=watcher, wait_for_lock=wait_for_lock)

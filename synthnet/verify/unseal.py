@@ -52,7 +52,7 @@ def verify_sealed(
     SealError
         If the seal is of a version of another recipe than this release's.
     StoreError
-        If another set is in its place.
+        If its directory holds another set.
     BuildError
         As :func:`synthnet.build.versions.build`.
     """
