@@ -29,6 +29,8 @@ from synthnet.store import ImportDescription, StoredDataset, files
 from synthnet.store.storage import Location
 from synthnet.types import Manifest, Rejection, Sample, ShardRecord
 
+__all__ = ["Settings", "check_name", "describe", "file_outcomes", "import_meshes", "make_shard"]
+
 RULES = 1  # of reading and repair; to be raised with any that gives a file another outcome
 FACTS = ("file", "sha256", "scale", "not_orientable")  # parameters that are no repair
 
@@ -114,7 +116,7 @@ def describe(plans: Sequence[FilePlan], settings: Settings) -> ImportDescription
     return ImportDescription(asdict(settings), LIMITS, RULES, listed)
 
 
-def outcomes(dataset: StoredDataset) -> list[dict[str, str | int]]:
+def file_outcomes(dataset: StoredDataset) -> list[dict[str, str | int]]:
     """Return a row for each file: its id, name, what was repaired or why it was refused."""
     listed = store.description_of(dataset.manifest).files
     rows: dict[str, dict[str, str | int]] = {}

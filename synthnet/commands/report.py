@@ -17,7 +17,7 @@ from rich.progress import (
 )
 from tabulate import tabulate
 
-from synthnet.build.versions import BuildReport, ShardResult, Watcher
+from synthnet.build.jobs import BuildReport, ShardResult, Watcher
 from synthnet.recipe.plan import ShardPlan
 from synthnet.terminal import Rate
 from synthnet.types import Manifest

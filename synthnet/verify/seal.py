@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from synthnet import recipe, store
-from synthnet.build.versions import BuildReport, Watcher, build, is_whole
+from synthnet.build.jobs import BuildReport, Watcher, is_whole
+from synthnet.build.versions import build
 from synthnet.errors import DamagedError, RecipeError, SealError
 from synthnet.recipe import Recipe, Sealed, SplitSettings
 from synthnet.recipe.plan import plan_shards
@@ -363,7 +364,7 @@ def write(path: Path, seal: Seal) -> None:
     BuildError
         If it cannot be written.
     """
-    text = _text({"schema_version": SCHEMA_VERSION, **asdict(seal)})
+    text = store.with_digest({"schema_version": SCHEMA_VERSION, **asdict(seal)})
     if path.exists() and path.read_bytes() != text.encode():
         raise _taken(path)
     files.write_text(path, text)
@@ -398,8 +399,8 @@ def read(path: Path) -> Seal:
     try:
         written = path.read_bytes()
         content = json.loads(written)
-        content.pop(store.SEAL, None)
-        whole = _text(content).encode() == written
+        content.pop(store.DIGEST, None)
+        whole = store.with_digest(content).encode() == written
         schema = content.pop("schema_version")
         if schema != SCHEMA_VERSION:
             raise SealError(
@@ -422,12 +423,6 @@ def read(path: Path) -> Seal:
             f"commitment {seal.commitment[:12]}…"
         )
     return seal
-
-
-def _text(content: Mapping[str, Any]) -> str:
-    """Return content as JSON; its last key is the SHA-256 of the other ones, as a manifest's."""
-    whole = hashlib.sha256(json.dumps(content).encode()).hexdigest()
-    return json.dumps({**content, store.SEAL: whole}, indent=1) + "\n"
 
 
 def _check_types(seal: Seal) -> None:

@@ -6,10 +6,11 @@ import os
 from collections.abc import Callable
 
 from synthnet import recipe, store
-from synthnet.build.versions import Watcher, build
+from synthnet.build.jobs import Watcher
+from synthnet.build.versions import build
 from synthnet.errors import SealError
 from synthnet.verify import checks, seal
-from synthnet.verify.checks import Check, VerifyReport
+from synthnet.verify.report import Check, VerifyReport
 from synthnet.verify.seal import Seal
 
 CHECKS = {  # in order, with what each holds
