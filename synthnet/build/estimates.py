@@ -11,7 +11,7 @@ import json
 import os
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 import numpy as np
 import pyarrow as pa
@@ -242,11 +242,7 @@ def _header(record: ShardRecord) -> dict[str, object]:
 
 def _write_shard(path: Location, estimates: list[Estimate], record: ShardRecord) -> None:
     content = _encoded(estimates, record)
-
-    def write(partial: Path) -> None:
-        partial.write_bytes(content)
-
-    storage.write_atomically(path, write)
+    storage.write_atomically(path, lambda partial: partial.write_bytes(content))
 
 
 def _encoded(estimates: list[Estimate], record: ShardRecord) -> bytes:

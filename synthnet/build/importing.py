@@ -27,7 +27,7 @@ from synthnet.mesh.reading import Reader
 from synthnet.recipe import Kind
 from synthnet.store import ImportDescription, StoredDataset, files
 from synthnet.store.storage import Location
-from synthnet.types import Manifest, Rejection, Sample, ShardRecord
+from synthnet.types import Manifest, ShardRecord
 
 __all__ = ["Settings", "check_name", "describe", "file_outcomes", "import_meshes", "make_shard"]
 
@@ -191,13 +191,7 @@ def _check_directory(directory: Location) -> None:
 def _finished(
     directory: Location, description: ImportDescription, digest: str, plans: Sequence[FilePlan]
 ) -> StoredDataset | None:
-    """Return the dataset if this very import is there and whole.
-
-    Raises
-    ------
-    StoreError
-        If another dataset is there, or a part of one.
-    """
+    """Return the dataset if this very import is there and whole; raise if another is there."""
     advice = f"nothing was overwritten: remove {directory} or choose another --name"
     manifest = store.read_manifest(directory)
     dataset = None if manifest is None else StoredDataset(directory, manifest)
@@ -239,13 +233,7 @@ def _jobs(
 
 
 def make_shard(plan: FilePlan, settings: Settings, digest: str, path: Location) -> ShardRecord:
-    """Read, repair, label and write the files of one shard.
-
-    Raises
-    ------
-    BuildError
-        If the worker does not see the directory of the files.
-    """
+    """Read, repair, label and write the files of one shard."""
     if not plan.directory.is_dir():  # or all files of it would be rejected as unreadable
         raise BuildError(
             f"the worker on {socket.gethostname()} does not see {plan.directory}: the meshes must "
@@ -256,10 +244,4 @@ def make_shard(plan: FilePlan, settings: Settings, digest: str, path: Location) 
             import_file(shape, source, settings, reader)
             for shape, source in zip(plan.shard.shapes, plan.sources, strict=True)
         ]
-    return store.write_shard(
-        path,
-        [shape for shape in made if isinstance(shape, Sample)],
-        [shape for shape in made if isinstance(shape, Rejection)],
-        family=plan.shard.family,
-        recipe_digest=digest,
-    )
+    return jobs.write_shapes(path, made, plan.shard.family, digest)

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import filelock
 
-from synthnet import spectrum
+from synthnet import spectrum, store
 from synthnet.build.terms import SHARED, Terms, agree
 from synthnet.build.workers import Engine, Workers, cores, local_processes, one_thread
 from synthnet.errors import BuildError, DamagedError
@@ -27,7 +27,7 @@ from synthnet.processes import raise_if_interrupted
 from synthnet.recipe.plan import ShardPlan
 from synthnet.store import StoredDataset, storage
 from synthnet.store.storage import Location
-from synthnet.types import ShardRecord
+from synthnet.types import Rejection, Sample, ShardRecord
 
 MOST_A_CORE = 16  # local processes: each has all libraries in memory, whether it has work or not
 SEEN_WITHIN = 60.0  # seconds: a shared file system's cache may not show a new file at once
@@ -113,13 +113,7 @@ class Watcher:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How a task is run, as :func:`synthnet.build.versions.build` describes.
-
-    Raises
-    ------
-    ValueError
-        If there are to be no local workers, too many, or any beside an engine.
-    """
+    """How a task is run, as :func:`synthnet.build.versions.build` describes."""
 
     workers: int | None
     engine: Engine | None
@@ -128,16 +122,12 @@ class Options:
 
     def __post_init__(self) -> None:
         """Check the number of workers."""
-        most = MOST_A_CORE * cores()
-        if self.workers is None:
-            return
-        if self.workers < 1:
-            raise ValueError(f"workers must be at least 1, got {self.workers}")
-        if self.workers > most:
-            raise ValueError(
-                f"workers must be at most {most}, {MOST_A_CORE} a core, got {self.workers}"
-            )
-        if self.engine is not None:
+        count, most = self.workers, MOST_A_CORE * cores()
+        if count is not None and count < 1:
+            raise ValueError(f"workers must be at least 1, got {count}")
+        if count is not None and count > most:
+            raise ValueError(f"workers must be at most {most}, {MOST_A_CORE} a core, got {count}")
+        if count is not None and self.engine is not None:
             raise ValueError("workers are of the local engine: a cluster has those it has")
 
 
@@ -152,32 +142,24 @@ def run(task: Task, options: Options, *, preload: str) -> BuildReport:
     """
     started = time.perf_counter()
     dataset = task.finished()
-    results: Sequence[ShardResult] = ()
-    nothing_to_do = dataset is not None
     if dataset is None:
         for folder in task.folders:
             storage.make_directory(folder)
         with exclusive(task.directory, options.wait_for_lock, *task.folders):
             dataset = task.finished()  # by the task that this one waited for
-            nothing_to_do = dataset is not None
             if dataset is None:
                 results = make_shards(task, options, preload)
                 dataset = task.complete([result.record for result in results])
-    seconds = {} if nothing_to_do else dict.fromkeys(dataset.manifest.drawn, 0.0)
-    for result in results:
-        seconds[result.record.family] += result.seconds
-    reused = sum(result.reused for result in results)
-    return BuildReport(dataset, seconds, time.perf_counter() - started, reused, nothing_to_do)
+                seconds = dict.fromkeys(dataset.manifest.drawn, 0.0)
+                for result in results:
+                    seconds[result.record.family] += result.seconds
+                reused = sum(result.reused for result in results)
+                return BuildReport(dataset, seconds, time.perf_counter() - started, reused)
+    return BuildReport(dataset, {}, time.perf_counter() - started, 0, nothing_to_do=True)
 
 
 def make_shards(task: Task, options: Options, preload: str) -> list[ShardResult]:
-    """Have all files of a task made, and return the results in the order of the jobs.
-
-    Raises
-    ------
-    BuildError
-        If a worker died or does not agree, or a file is not where it should be.
-    """
+    """Have all files of a task made, and return the results in the order of the jobs."""
     watcher = options.watcher or Watcher()
     results: dict[int, ShardResult] = {}
     with options.engine or local_processes(options.workers, preload) as workers:
@@ -194,13 +176,7 @@ def make_shards(task: Task, options: Options, preload: str) -> list[ShardResult]
 def submit(
     workers: Workers, jobs: Iterable[Job], watcher: Watcher
 ) -> Iterator[tuple[int, Job, ShardResult]]:
-    """Yield numbered jobs and their results as they finish, few submitted at a time.
-
-    Raises
-    ------
-    BuildError
-        If a worker ran out of memory.
-    """
+    """Yield numbered jobs and their results as they finish, few submitted at a time."""
     waiting = iter(enumerate(jobs))
     running: dict[Future[ShardResult], tuple[int, Job]] = {}
     while True:
@@ -227,15 +203,9 @@ def _result(future: Future[ShardResult], plan: ShardPlan) -> ShardResult:
 
 
 def see(path: Location, size: int | None) -> None:
-    """Wait until what a worker wrote is where it should be, of its size.
-
-    Raises
-    ------
-    BuildError
-        If it does not turn up.
-    """
+    """Wait until the file that a worker wrote is there with its size, or raise BuildError."""
     patience = time.monotonic() + SEEN_WITHIN
-    while (visible := storage.size(path)) is None or visible != size:
+    while (visible := storage.size(path)) is None or size not in (None, visible):
         if time.monotonic() > patience:
             raise BuildError(f"a worker has written {path}, but it is not there: {SHARED}")
         time.sleep(0.5)
@@ -277,25 +247,13 @@ def exclusive(directory: Location, wait_for_lock: bool, *folders: Location) -> I
 
 
 def work(job: Job) -> ShardResult:
-    """Do one job; runs in a worker, on whatever machine.
-
-    Raises
-    ------
-    BuildError
-        If the worker does not agree with the terms.
-    """
+    """Do one job in a worker, on whatever machine, if that agrees with the terms."""
     agree(job.terms)
     return keep_or_make(job)
 
 
 def keep_or_make(job: Job) -> ShardResult:
-    """Read a job's file if it is there and whole, else make it.
-
-    Raises
-    ------
-    StoreError
-        If the file that is there bears another digest.
-    """
+    """Read a job's file if it is there and whole, else make it."""
     started = time.process_time()
     damaged = None
     size = storage.size(job.path)
@@ -308,6 +266,15 @@ def keep_or_make(job: Job) -> ShardResult:
         record = job.make()
     size, seconds = storage.size(job.path), time.process_time() - started
     return ShardResult(record, size, seconds, reused=False, damaged=damaged)
+
+
+def write_shapes(
+    path: Location, made: Sequence[Sample | Rejection], family: str, digest: str
+) -> ShardRecord:
+    """Write the shapes of a shard, those that were kept and those that were rejected."""
+    samples = [shape for shape in made if isinstance(shape, Sample)]
+    rejections = [shape for shape in made if isinstance(shape, Rejection)]
+    return store.write_shard(path, samples, rejections, family=family, recipe_digest=digest)
 
 
 def is_there(path: Location, shard: ShardRecord) -> bool:

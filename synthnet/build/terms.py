@@ -47,14 +47,7 @@ class Terms:
 
 
 def agree(terms: Terms) -> None:
-    """Make sure that this worker does what the process that set the terms would.
-
-    Raises
-    ------
-    BuildError
-        If the worker has other versions of the packages that make the data, understands
-        another recipe, or does not see the directory.
-    """
+    """Raise BuildError unless this worker does what the process that set the terms would."""
     here, host = _packages(), socket.gethostname()
     for name in sorted({*here, *terms.packages}):
         installed, expected = here.get(name), terms.packages.get(name)

@@ -20,7 +20,7 @@ from synthnet.recipe import Recipe
 from synthnet.recipe.plan import ShardPlan, plan_shards
 from synthnet.store import StoredDataset, storage
 from synthnet.store.storage import Location
-from synthnet.types import Manifest, Rejection, Sample, ShardRecord
+from synthnet.types import Manifest, ShardRecord
 
 STANDARD_ERROR = 2  # the descriptor: in a notebook sys.stderr has none
 
@@ -114,13 +114,7 @@ def shard_job(plan: ShardPlan, recipe: Recipe, directory: Location, terms: Terms
 def make_shard(plan: ShardPlan, recipe: Recipe, path: Location) -> ShardRecord:
     """Make the shapes of one shard, label and write them."""
     made = [make_sample(shape, recipe) for shape in plan.shapes]
-    return store.write_shard(
-        path,
-        [shape for shape in made if isinstance(shape, Sample)],
-        [shape for shape in made if isinstance(shape, Rejection)],
-        family=plan.family,
-        recipe_digest=recipe.digest,
-    )
+    return jobs.write_shapes(path, made, plan.family, recipe.digest)
 
 
 def _complete(recipe: Recipe, directory: Location, records: Sequence[ShardRecord]) -> StoredDataset:

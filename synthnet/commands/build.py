@@ -9,13 +9,7 @@ from synthnet import recipe
 from synthnet.build import estimates, versions
 from synthnet.build.jobs import BuildReport
 from synthnet.build.workers import Engine, dask_cluster, mpi_processes
-from synthnet.commands.options import (
-    Commands,
-    add_command,
-    print_json,
-    version_option,
-    workers_options,
-)
+from synthnet.commands.options import Commands, add_command, print_json, workers_options
 from synthnet.commands.report import FamilyBars, family_table, summary
 
 EXAMPLES = """example: synthnet build --version 1.0-small --workers 2
@@ -32,7 +26,6 @@ def add(commands: Commands) -> None:
     sub = add_command(commands, "build", run, "build a version")
     sub.formatter_class = argparse.RawDescriptionHelpFormatter
     sub.epilog = EXAMPLES
-    version_option(sub)
     sub.add_argument(
         "--scale",
         type=int,

@@ -5,19 +5,18 @@ from __future__ import annotations
 import argparse
 
 from synthnet import store
-from synthnet.commands.options import Commands, add_command, print_json, version_option
+from synthnet.commands.options import Commands, add_command, print_json
 
 
 def add(commands: Commands) -> None:
     """Add the command."""
-    sub = add_command(
+    add_command(
         commands,
         "croissant",
         run,
         "describe a built version for other tools: Croissant 1.1 metadata beside its manifest",
         " --version 1.0-mini",
     )
-    version_option(sub)
 
 
 def run(options: argparse.Namespace) -> int:

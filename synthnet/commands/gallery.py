@@ -11,13 +11,7 @@ from rich.console import Console
 from rich.progress import track
 
 from synthnet import recipe
-from synthnet.commands.options import (
-    Commands,
-    add_command,
-    at_least,
-    print_json,
-    version_option,
-)
+from synthnet.commands.options import Commands, add_command, at_least, print_json
 from synthnet.store.files import write_bytes
 from synthnet.types import Mesh, ShapeSpec
 
@@ -35,7 +29,6 @@ def add(commands: Commands) -> None:
         "draw a contact sheet of a family, or one shape of each; no build is needed",
         " torus --version 1.0",
     )
-    version_option(sub)
     sub.add_argument(
         "family",
         nargs="?",

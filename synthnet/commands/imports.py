@@ -22,6 +22,7 @@ def add(commands: Commands) -> None:
         run,
         "make a dataset of your own mesh files",
         " scans --name scans --unit-area",
+        version=False,
     )
     sub.add_argument(
         "directory", type=Path, nargs="+", metavar="DIR", help="with OBJ, OFF, PLY or STL files"

@@ -7,7 +7,7 @@ from collections import Counter
 
 from synthnet import store
 from synthnet.build import estimates
-from synthnet.commands.options import Commands, add_command, print_json, version_option
+from synthnet.commands.options import Commands, add_command, print_json
 from synthnet.commands.report import family_table, summary
 from synthnet.types import SPLITS
 
@@ -17,7 +17,6 @@ def add(commands: Commands) -> None:
     sub = add_command(
         commands, "info", run, "say what a built version holds", " --version 1.0-small"
     )
-    version_option(sub)
     sub.add_argument("--ids", action="store_true", help="list the ids of its shapes")
 
 

@@ -18,8 +18,10 @@ def add_command(
     run: Callable[[argparse.Namespace], int],
     text: str,
     example: str = "",
+    *,
+    version: bool = True,
 ) -> argparse.ArgumentParser:
-    """Add a command with the options that every command has."""
+    """Add a command with the options that every command has, and ``--version`` by default."""
     command = commands.add_parser(
         name, help=text, description=text, epilog=f"example: synthnet {name}{example}"
     )
@@ -34,6 +36,8 @@ def add_command(
         + ")",
     )
     command.add_argument("--json", action="store_true", help="print JSON for a program")
+    if version:
+        version_option(command)
     return command
 
 

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from synthnet import recipe
-from synthnet.commands.options import Commands, add_command, version_option, workers_options
+from synthnet.commands.options import Commands, add_command, workers_options
 from synthnet.commands.report import FamilyBars, family_table
 
 
@@ -21,7 +21,6 @@ def add(commands: Commands) -> None:
         "draw a test set from a secret salt, and write the file that commits to it",
         " --version 1.0-mini --salt-file salt.txt --new-salt",
     )
-    version_option(sub)
     salt_option(sub)
     sub.add_argument(
         "--new-salt", action="store_true", help="make that file first, of 256 random bits"

@@ -11,13 +11,7 @@ from tabulate import tabulate
 
 from synthnet import store
 from synthnet.build import estimates
-from synthnet.commands.options import (
-    Commands,
-    add_command,
-    at_least,
-    print_json,
-    version_option,
-)
+from synthnet.commands.options import Commands, add_command, at_least, print_json
 from synthnet.mesh.geometry import MeshFacts
 
 EIGENFUNCTIONS = 5  # that are drawn by default
@@ -26,7 +20,6 @@ EIGENFUNCTIONS = 5  # that are drawn by default
 def add(commands: Commands) -> None:
     """Add the command."""
     sub = add_command(commands, "show", run, "show one shape", " torus-00012 --png torus.png")
-    version_option(sub)
     sub.add_argument("id", metavar="ID", help="for example cone-00042")
     sub.add_argument(
         "--png", type=Path, metavar="FILE", help="also draw it, with spectrum and eigenfunctions"

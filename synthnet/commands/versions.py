@@ -14,7 +14,7 @@ from synthnet.store import storage
 
 def add(commands: Commands) -> None:
     """Add the command."""
-    add_command(commands, "versions", run, "list what can be built")
+    add_command(commands, "versions", run, "list what can be built", version=False)
 
 
 def run(options: argparse.Namespace) -> int:

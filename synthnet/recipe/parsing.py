@@ -1,4 +1,4 @@
-"""From the tables of a recipe file to settings, every key and value checked."""
+"""From the tables of a recipe file to settings; RecipeError says which key or value is wrong."""
 
 from __future__ import annotations
 
@@ -31,13 +31,7 @@ Settings = TypeVar("Settings")
 
 
 def full_version(raw: dict[str, Any]) -> Recipe:
-    """Turn the tables of a full version into a recipe.
-
-    Raises
-    ------
-    RecipeError
-        If a key is missing or unknown, or a value is out of range.
-    """
+    """Turn the tables of a full version into a recipe."""
     tables: dict[str, Any] = {
         name: read(name, raw.pop(name))
         for name, read in (
@@ -62,13 +56,7 @@ def full_version(raw: dict[str, Any]) -> Recipe:
 
 
 def subset_of(raw: Any) -> Subset:
-    """Turn the table of a subset into settings.
-
-    Raises
-    ------
-    RecipeError
-        If a key is missing or unknown, or a value is out of range.
-    """
+    """Turn the table of a subset into settings."""
     subset = _record(Subset, "subset", raw)
     need(0 < subset.share <= 1, f"subset: share must be above 0, at most 1, got {subset.share}")
     need(subset.least >= 1, f"subset: least must be at least 1, got {subset.least}")
@@ -76,13 +64,7 @@ def subset_of(raw: Any) -> Subset:
 
 
 def subset_version(raw: dict[str, Any], subset: Subset, base: Recipe) -> Recipe:
-    """Return the recipe of a subset of another version.
-
-    Raises
-    ------
-    RecipeError
-        If the file has anything but the subset's version.
-    """
+    """Return the recipe of a subset of another version."""
     inherited = {field.name: getattr(base, field.name) for field in fields(Recipe)}
     inherited.pop("version")
     unknown = set(raw) - {"version"}

@@ -42,7 +42,7 @@ def make_directory(path: Path) -> None:
         ) from error
 
 
-def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a file beside ``path``, then move it there.
 
     Raises
@@ -64,11 +64,7 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file, as :func:`write_atomically` does."""
-
-    def write(partial: Path) -> None:
-        partial.write_text(text)
-
-    write_atomically(path, write)
+    write_atomically(path, lambda partial: partial.write_text(text))
 
 
 def write_secret(path: Path, text: str) -> None:
@@ -139,11 +135,7 @@ def marked(text: str, name: str, part: str) -> str:
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file of bytes, as :func:`write_atomically` does."""
-
-    def write(partial: Path) -> None:
-        partial.write_bytes(content)
-
-    write_atomically(path, write)
+    write_atomically(path, lambda partial: partial.write_bytes(content))
 
 
 def _cannot_write(path: Path, error: OSError) -> BuildError:

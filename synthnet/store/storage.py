@@ -245,7 +245,7 @@ def make_directory(where: Location) -> None:
         raise BuildError(str(error)) from error
 
 
-def write_atomically(where: Location, write: Callable[[Path], None]) -> None:
+def write_atomically(where: Location, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a local file, then move or upload it to ``where``.
 
     Raises
@@ -267,11 +267,7 @@ def write_atomically(where: Location, write: Callable[[Path], None]) -> None:
 
 def write_text(where: Location, text: str) -> None:
     """Write a text file, as :func:`write_atomically` does."""
-
-    def write(partial: Path) -> None:
-        partial.write_text(text)
-
-    write_atomically(where, write)
+    write_atomically(where, lambda partial: partial.write_text(text))
 
 
 def remove_partial_files(where: Location) -> None:
