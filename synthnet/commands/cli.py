@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
     0: done. 1: ``verify`` found a difference. 2: the input, the directory or the machine
-    would not do; one line says what and what to do. An interrupt is left to the caller.
+    is at fault; one line says what is wrong and what to do. An interrupt is left to the caller.
     """
     options = _parser().parse_args(arguments)
     try:

@@ -122,7 +122,7 @@ class FamilyBars(Watcher):
             self.progress.start_task(task)
 
     def finished(self, plan: ShardPlan, result: ShardResult) -> None:
-        """Count a finished shard, and say so where an old one was damaged."""
+        """Count a finished shard, and report what was wrong with a damaged one."""
         task = self.tasks[plan.family]
         self.progress.advance(task, len(plan.shapes))
         if not self.progress.console.is_terminal and self.progress.tasks[task].finished:

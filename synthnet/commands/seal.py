@@ -71,18 +71,20 @@ def run(options: argparse.Namespace) -> int:
     if options.new_salt:
         seals.make_salt(options.salt_file)
     salt = seals.read_salt(options.salt_file)
-    drawn = seals.sealed_recipe(options.version, salt, share=options.share, beacon=options.beacon)
-    assert drawn.sealed is not None
+    resolved = seals.sealed_recipe(
+        options.version, salt, share=options.share, beacon=options.beacon
+    )
+    assert resolved.sealed is not None
     if options.commitment:
-        commitment = {"dataset": drawn.version, "commitment": drawn.sealed.commitment}
-        print(json.dumps(commitment, indent=1) if options.json else drawn.sealed.commitment)
+        commitment = {"dataset": resolved.version, "commitment": resolved.sealed.commitment}
+        print(json.dumps(commitment, indent=1) if options.json else resolved.sealed.commitment)
         return 0
-    path = options.publish or Path(f"{drawn.version}.json")
-    seals.check_free(path, drawn)
+    path = options.publish or Path(f"{resolved.version}.json")
+    seals.check_free(path, resolved)
     bars = FamilyBars()
     with bars.progress:
         published, report = seals.make(
-            drawn,
+            resolved,
             root=options.out,
             workers=options.workers,
             watcher=bars,
@@ -97,7 +99,7 @@ def run(options: argparse.Namespace) -> int:
     if not report.nothing_to_do:
         print(family_table(report.dataset.manifest, report.seconds) + "\n")
     passed = sum(published.left_out.values())
-    print(f"{drawn.version}: {sum(published.kept.values()):,} shapes", end="")
+    print(f"{resolved.version}: {sum(published.kept.values()):,} shapes", end="")
     print(f"; {passed:,} surfaces of {options.version} were drawn and left out" if passed else "")
     print(f"publish     {path}")
     print(f"keep secret {options.salt_file} and {directory}")
