@@ -26,8 +26,6 @@ class Name:
 
     Parameters
     ----------
-    text : str
-        The name.
     kind : Kind
         What the name says the dataset is. A name that is no version's can only be an import's.
     version : str
@@ -36,7 +34,6 @@ class Name:
         How many times the version's shapes there are; 1 unless it is scaled.
     """
 
-    text: str
     kind: Kind
     version: str
     scale: int = 1
@@ -56,10 +53,10 @@ def parse_name(name: str) -> Name:
     ['version', 'import']
     """
     if scaled := SCALED.fullmatch(name):
-        return Name(name, Kind.SCALED, scaled["version"], int(scaled["scale"]))
+        return Name(Kind.SCALED, scaled["version"], int(scaled["scale"]))
     if sealed := SEALED.fullmatch(name):
-        return Name(name, Kind.SEALED, sealed["version"])
-    return Name(name, Kind.VERSION if name in available() else Kind.IMPORTED, name)
+        return Name(Kind.SEALED, sealed["version"])
+    return Name(Kind.VERSION if name in available() else Kind.IMPORTED, name)
 
 
 def available() -> list[str]:

@@ -21,7 +21,7 @@ class ImportDescription:
     Parameters
     ----------
     options : mapping
-        How files become shapes, see :class:`synthnet.build.importing.Settings`.
+        How files become shapes, see :class:`synthnet.build.surfaces.Settings`.
     limits : str
         The version whose limits the labels keep.
     rules : int
