@@ -96,17 +96,17 @@ def _drawn(recipe: Recipe) -> dict[str, int]:
 
 def _jobs(recipe: Recipe, directory: Location) -> Iterator[Job]:
     terms = terms_of(recipe, directory)
-    return (shard_job(plan, recipe, directory, terms) for plan in plan_shards(recipe))
+    return (shard_job(plan, terms) for plan in plan_shards(recipe))
 
 
-def shard_job(plan: ShardPlan, recipe: Recipe, directory: Location, terms: Terms) -> Job:
+def shard_job(plan: ShardPlan, terms: Terms) -> Job:
     """Return the job that makes one shard."""
-    path = directory / plan.file
+    path = terms.directory / plan.file
     return Job(
         plan=plan,
         path=path,
-        read=partial(store.read_record, path, recipe.digest, plan.ids),
-        make=partial(make_shard, plan, recipe, path),
+        read=partial(store.read_record, path, terms.digest, plan.ids),
+        make=partial(make_shard, plan, terms.recipe, path),
         terms=terms,
     )
 

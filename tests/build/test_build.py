@@ -49,7 +49,7 @@ def contents(home: Path) -> dict[str, bytes]:
 
 def build_shard(plan: ShardPlan, recipe: Recipe, directory: Path) -> ShardResult:
     """Make one shard in this process, or keep it."""
-    return keep_or_make(shard_job(plan, recipe, directory, terms_of(recipe, directory)))
+    return keep_or_make(shard_job(plan, terms_of(recipe, directory)))
 
 
 def assert_same(found: Path, expected: Path) -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from synthnet.build import jobs
-from synthnet.build.jobs import Job, work
+from synthnet.build.jobs import work
 from synthnet.build.terms import Terms, terms_of
 from synthnet.build.versions import build, shard_job
 from synthnet.build.workers import Workers, dask_cluster, given
@@ -90,28 +90,22 @@ def terms(small: Recipe, tmp_path: Path) -> Terms:
     return terms_of(small, tmp_path)
 
 
-def first_job(small: Recipe, terms: Terms) -> Job:
-    """The job of the first shard, on some terms."""
-    assert isinstance(terms.directory, Path)
-    return shard_job(plan_shards(small)[0], small, terms.directory, terms)
-
-
 def test_worker_with_another_version_is_refused(small: Recipe, terms: Terms) -> None:
     other = dataclasses.replace(terms, packages={**terms.packages, "numpy": "0.1"})
     with pytest.raises(BuildError, match=r"has numpy .*, the build has 0\.1: install the same"):
-        work(first_job(small, other))
+        work(shard_job(plan_shards(small)[0], other))
 
 
 def test_worker_that_understands_another_recipe_is_refused(small: Recipe, terms: Terms) -> None:
     other = dataclasses.replace(terms, digest="0" * 64)
     with pytest.raises(BuildError, match="understands another recipe than the build"):
-        work(first_job(small, other))
+        work(shard_job(plan_shards(small)[0], other))
 
 
 def test_worker_that_does_not_see_the_directory_is_refused(small: Recipe, terms: Terms) -> None:
     other = dataclasses.replace(terms, directory=terms.directory / "elsewhere")
     with pytest.raises(BuildError, match=r"does not see .*: --out must be a directory that all"):
-        work(first_job(small, other))
+        work(shard_job(plan_shards(small)[0], other))
 
 
 def test_shard_written_to_another_disk_is_noticed(
@@ -247,4 +241,4 @@ def test_worker_with_another_processor_is_refused(small: Recipe, terms: Terms) -
     with pytest.raises(
         BuildError, match=r"has a processor of another kind .* than the build \(m68"
     ):
-        work(first_job(small, other))
+        work(shard_job(plan_shards(small)[0], other))
