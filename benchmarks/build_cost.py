@@ -24,7 +24,7 @@ from rich.progress import track
 from tabulate import tabulate
 
 from synthnet import recipe
-from synthnet.build.versions import build_shard
+from synthnet.build.versions import make_shard
 from synthnet.mesh.open3d import load_open3d
 from synthnet.recipe.plan import ShardPlan, plan_shards
 
@@ -97,7 +97,7 @@ def sample_chunks(count: int) -> list[ShardPlan]:
 def time_ours(plan: ShardPlan, directory: Path) -> float:
     """Return the core-seconds of building one chunk as a shard."""
     started = time.process_time()
-    build_shard(plan, recipe.load("1.0"), directory)
+    make_shard(plan, recipe.load("1.0"), directory / plan.file)
     return time.process_time() - started
 
 

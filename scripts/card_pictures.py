@@ -24,7 +24,7 @@ from rich.progress import track
 from tabulate import tabulate
 
 from synthnet import recipe, store
-from synthnet.build.versions import make_sample
+from synthnet.build.label import make_sample
 from synthnet.families import FAMILIES
 from synthnet.mesh.geometry import area
 from synthnet.pictures import draw, gallery

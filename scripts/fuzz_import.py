@@ -22,7 +22,7 @@ from pathlib import Path
 import trimesh
 from tabulate import tabulate
 
-from synthnet.build.importing import import_meshes, what_was_met
+from synthnet.build.importing import file_outcomes, import_meshes
 from synthnet.store.files import write_text
 from synthnet.types import Sample
 from synthnet.verify.checks import verify
@@ -113,7 +113,7 @@ def run(cases: int, seed: int) -> dict:
         home = Path(temporary) / "datasets"
         dataset = import_meshes([place], "fuzz", root=home).dataset
         seconds = time.perf_counter() - started
-        rows = what_was_met(dataset)
+        rows = file_outcomes(dataset)
         problems = list(verify("fuzz", root=home, sample=20).problems)
         problems += [wrong for one in dataset.samples() if (wrong := lost(one, place))]
     if len(rows) != cases:

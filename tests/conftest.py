@@ -14,7 +14,7 @@ import pytest
 
 import synthnet
 from synthnet import recipe
-from synthnet.build.versions import make_sample
+from synthnet.build.label import make_sample
 from synthnet.commands import cli
 from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe
 from synthnet.recipe.drawing import draw_shapes

@@ -9,37 +9,27 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from synthnet import recipe, spectrum, store
+from synthnet import recipe, store
+from synthnet.build import jobs
 from synthnet.build.discretisation import Estimate, estimate
-from synthnet.build.versions import (
-    BuildReport,
-    ShardResult,
-    Terms,
-    Watcher,
-    agree,
-    check_workers,
-    exclusive,
-    run_shards,
-    see,
-    terms_of,
-)
-from synthnet.build.workers import Engine, local_processes, one_thread
+from synthnet.build.jobs import BuildReport, Job, Options, Task, Watcher
+from synthnet.build.terms import Terms, terms_of
+from synthnet.build.workers import Engine
 from synthnet.errors import DamagedError, SpectrumError, StoreError
 from synthnet.recipe import Recipe
-from synthnet.recipe.plan import plan_shards
+from synthnet.recipe.plan import ShardPlan, plan_shards
 from synthnet.store import METADATA_KEY, StoredDataset, storage
 from synthnet.store.files import one_line
-from synthnet.store.storage import Place
+from synthnet.store.storage import Location
 from synthnet.types import ShapeSpec, ShardRecord
 
 DIRECTORY = "errors"
@@ -86,65 +76,60 @@ def build_estimates(
         If the directory cannot be written, the disk is full, another build is at work
         there, or a worker died. Finished estimates are kept.
     """
-    started = time.perf_counter()
-    check_workers(workers, engine)
-    wanted = version if isinstance(version, Recipe) else recipe.load(version)
-    dataset = store.open_dataset(wanted.version, root)
+    options = Options(workers, engine, watcher, wait_for_lock)
+    resolved = version if isinstance(version, Recipe) else recipe.load(version)
+    dataset = store.open_dataset(resolved.version, root)
     directory = dataset.directory
-    if dataset.manifest.recipe_digest != wanted.digest:
-        raise StoreError(f"{directory} holds {wanted.version} of another recipe: remove it")
-    if is_complete(dataset):
-        return BuildReport(dataset, {}, time.perf_counter() - started, 0, nothing_to_do=True)
-    storage.make_directory(directory / DIRECTORY)
-    watcher = watcher or Watcher()
-    seconds = dict.fromkeys(dataset.manifest.drawn, 0.0)
-    reused = 0
-    alone = exclusive(directory, wait_for_lock, directory / DIRECTORY)
-    with alone, engine or local_processes(workers, preload=__name__) as at_work:
-        watcher.preparing()
-        spectrum.compile_solver()
-        terms = terms_of(wanted, directory)
-        shards = zip(plan_shards(wanted), dataset.manifest.shards, strict=True)
-        jobs = ((plan, partial(work, record, terms)) for plan, record in shards)
-        watcher.planned({name: wanted.drawn(name) for name in wanted.families})
-        for _, plan, result in run_shards(at_work, jobs, watcher):
-            see(path_of(directory, result.record))
-            seconds[result.record.family] += result.seconds
-            reused += result.reused
-            watcher.finished(plan, result)
-    return BuildReport(dataset, seconds, time.perf_counter() - started, reused)
+    if dataset.manifest.recipe_digest != resolved.digest:
+        raise StoreError(f"{directory} holds {resolved.version} of another recipe: remove it")
+    task = Task(
+        directory=directory,
+        folders=(directory / DIRECTORY,),
+        drawn={name: resolved.drawn(name) for name in resolved.families},
+        jobs=partial(_jobs, resolved, dataset),
+        finished=lambda: dataset if is_complete(dataset) else None,
+        complete=lambda _: dataset,
+    )
+    return jobs.run(task, options, preload=__name__)
 
 
-def work(record: ShardRecord, terms: Terms) -> ShardResult:
-    """Estimate the errors of one shard on the terms of a build; runs in a worker."""
-    agree(terms)
-    return estimate_shard(record, terms.directory)
+def _jobs(recipe: Recipe, dataset: StoredDataset) -> Iterator[Job]:
+    terms = terms_of(recipe, dataset.directory)
+    for plan, record in zip(plan_shards(recipe), dataset.manifest.shards, strict=True):
+        yield estimates_job(plan, record, terms)
 
 
-def estimate_shard(record: ShardRecord, directory: Place) -> ShardResult:
-    """Estimate the errors of one shard, or read them if they are there."""
-    started = time.process_time()
-    path = path_of(directory, record)
-    damaged = None
-    if storage.size(path) is not None:
-        try:
-            read_shard(directory, record)
-            return ShardResult(record, time.process_time() - started, reused=True)
-        except DamagedError as error:
-            damaged = str(error)
+def estimates_job(plan: ShardPlan, record: ShardRecord, terms: Terms) -> Job:
+    """Return the job that estimates the errors of one shard."""
+    return Job(
+        plan=plan,
+        path=path_of(terms.directory, record),
+        read=partial(read_record, terms.directory, record),
+        make=partial(estimate_shard, terms.directory, record),
+        terms=terms,
+    )
+
+
+def read_record(directory: Location, record: ShardRecord) -> ShardRecord:
+    """Read the estimates of a shard, as :func:`read_shard` does, and return the shard's record."""
+    read_shard(directory, record)
+    return record
+
+
+def estimate_shard(directory: Location, record: ShardRecord) -> ShardRecord:
+    """Estimate the errors of one shard, write them, and return the shard's record."""
     known: dict[str, NDArray[np.float64]] = {}
-    with one_thread:
-        estimates = [_estimate(*row, known) for row in labels(directory / record.file)]
-    _write_shard(path, estimates, record)
-    return ShardResult(record, time.process_time() - started, reused=False, damaged=damaged)
+    estimates = [_estimate(*row, known) for row in labels(directory / record.file)]
+    _write_shard(path_of(directory, record), estimates, record)
+    return record
 
 
-def path_of(directory: Place, record: ShardRecord) -> Place:
+def path_of(directory: Location, record: ShardRecord) -> Location:
     """Return where the estimates of a shard are."""
     return directory / DIRECTORY / PurePosixPath(record.file).name
 
 
-def read_shard(directory: Place, record: ShardRecord) -> list[Estimate]:
+def read_shard(directory: Location, record: ShardRecord) -> list[Estimate]:
     """Read the estimates of one shard.
 
     What was read is encoded again, and must give the very bytes of the file.
@@ -194,7 +179,7 @@ def read(dataset: StoredDataset) -> Iterator[Estimate]:
     --------
     >>> from synthnet import store
     >>> dataset = store.open_dataset("1.0-mini")  # doctest: +SKIP
-    >>> {one.id: one.error for one in read(dataset)}["cone-00042"]  # doctest: +SKIP
+    >>> {row.id: row.error for row in read(dataset)}["cone-00042"]  # doctest: +SKIP
     """
     for record in dataset.manifest.shards:
         yield from read_shard(dataset.directory, record)
@@ -234,7 +219,7 @@ def is_complete(dataset: StoredDataset) -> bool:
     return True
 
 
-def labels(path: Place) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:
+def labels(path: Location) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:
     """Read shapes and labels of a shard, without the meshes."""
     columns = ["id", "family", "index", "parameters", "group", "eigenvalues"]
     for row in store.read_table(path, columns).to_pylist():
@@ -255,21 +240,17 @@ def _header(record: ShardRecord) -> dict[str, object]:
     return {"schema_version": SCHEMA_VERSION, "shard_sha256": record.sha256}
 
 
-def _write_shard(path: Place, estimates: list[Estimate], record: ShardRecord) -> None:
+def _write_shard(path: Location, estimates: list[Estimate], record: ShardRecord) -> None:
     content = _encoded(estimates, record)
-
-    def write(partial: Path) -> None:
-        partial.write_bytes(content)
-
-    storage.write_atomically(path, write)
+    storage.write_atomically(path, lambda partial: partial.write_bytes(content))
 
 
 def _encoded(estimates: list[Estimate], record: ShardRecord) -> bytes:
     header = json.dumps(_header(record), sort_keys=True)
     table = pa.Table.from_pylist(
         [
-            {"id": one.id, "error": one.error.tolist(), "refined": one.refined.tolist()}
-            for one in estimates
+            {"id": row.id, "error": row.error.tolist(), "refined": row.refined.tolist()}
+            for row in estimates
         ],
         schema=SCHEMA.with_metadata({METADATA_KEY: header}),
     )

@@ -17,13 +17,13 @@ from synthnet.recipe import FilterSettings
 from synthnet.types import Mesh, Spectrum, Topology
 
 
-def finite(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
+def finite(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
     """All coordinates are finite."""
     bad = int(np.count_nonzero(~np.isfinite(facts.mesh.vertices).all(axis=1)))
     return f"{bad} vertices are not finite" if bad else None
 
 
-def degenerate_face(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
+def degenerate_face(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
     """Every triangle has an altitude above ``limits.altitude`` of its longest edge."""
     altitudes = facts.relative_altitudes
     bad = int(np.count_nonzero(altitudes <= limits.altitude))
@@ -35,27 +35,27 @@ def degenerate_face(facts: MeshFacts, limits: FilterSettings, wanted: Topology) 
     )
 
 
-def duplicate_face(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
+def duplicate_face(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
     """No two triangles have the same three corners."""
     bad = facts.n_duplicate_faces
     return f"{bad} faces repeat another" if bad else None
 
 
-def non_manifold_edge(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
+def non_manifold_edge(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
     """No edge belongs to more than two triangles."""
     bad = int(np.count_nonzero(facts.edge_valences > 2))
     return f"{bad} edges have more than two faces" if bad else None
 
 
-def components(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
+def components(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
     """The mesh is connected, with no vertex left over."""
     count = facts.n_components
     return f"{count} components instead of one" if count != 1 else None
 
 
-def orientation(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
+def orientation(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
     """Neighbours turn the same way, and a closed surface encloses a positive volume."""
-    if not wanted.orientable:
+    if not declared.orientable:
         return None
     if facts.n_repeated_half_edges:
         return f"{facts.n_repeated_half_edges} edges are passed twice in one direction"
@@ -64,16 +64,18 @@ def orientation(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> s
     return None
 
 
-def euler_characteristic(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
+def euler_characteristic(
+    facts: MeshFacts, limits: FilterSettings, declared: Topology
+) -> str | None:
     """V − E + F is what the family declares."""
-    found, expected = facts.euler_characteristic, wanted.euler_characteristic
-    return f"Euler characteristic {found} instead of {expected}" if found != expected else None
+    counted, expected = facts.euler_characteristic, declared.euler_characteristic
+    return f"Euler characteristic {counted} instead of {expected}" if counted != expected else None
 
 
-def boundary(facts: MeshFacts, limits: FilterSettings, wanted: Topology) -> str | None:
+def boundary(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
     """The boundary has as many curves as the family declares."""
-    found, expected = facts.n_boundaries, wanted.boundaries
-    return f"{found} boundary curves instead of {expected}" if found != expected else None
+    counted, expected = facts.n_boundaries, declared.boundaries
+    return f"{counted} boundary curves instead of {expected}" if counted != expected else None
 
 
 def non_finite_eigenvalue(spectrum: Spectrum, limits: FilterSettings) -> str | None:
@@ -105,10 +107,10 @@ def not_ascending(spectrum: Spectrum, limits: FilterSettings) -> str | None:
 
 def residual(spectrum: Spectrum, limits: FilterSettings) -> str | None:
     """The eigenpairs satisfy the equation."""
-    found = spectrum.certificate.residual
-    if found <= limits.residual:
+    relative = spectrum.certificate.residual
+    if relative <= limits.residual:
         return None
-    return f"relative residual is {found:.3g}, above {limits.residual:g}"
+    return f"relative residual is {relative:.3g}, above {limits.residual:g}"
 
 
 MESH_CHECKS: dict[str, Callable[[MeshFacts, FilterSettings, Topology], str | None]] = {
@@ -134,7 +136,7 @@ SPECTRUM_CHECKS: dict[str, Callable[[Spectrum, FilterSettings], str | None]] = {
 }
 
 
-def check_mesh(mesh: Mesh, limits: FilterSettings, wanted: Topology) -> tuple[str, str] | None:
+def check_mesh(mesh: Mesh, limits: FilterSettings, declared: Topology) -> tuple[str, str] | None:
     """Return the name and the finding of the first check a mesh fails, or ``None``.
 
     Parameters
@@ -143,7 +145,7 @@ def check_mesh(mesh: Mesh, limits: FilterSettings, wanted: Topology) -> tuple[st
         At the precision it is stored in.
     limits : FilterSettings
         The recipe's limits.
-    wanted : Topology
+    declared : Topology
         What the family declares.
 
     Examples
@@ -157,7 +159,7 @@ def check_mesh(mesh: Mesh, limits: FilterSettings, wanted: Topology) -> tuple[st
     """
     facts = MeshFacts(mesh)
     for name, check in MESH_CHECKS.items():
-        if finding := check(facts, limits, wanted):
+        if finding := check(facts, limits, declared):
             return name, finding
     return None
 

@@ -135,8 +135,8 @@ def dask_cluster(scheduler: str) -> Iterator[Workers]:
     MissingPackageError
         If ``distributed`` is not installed.
     BuildError
-        If no scheduler answers there, it goes away, the workers lack synthnet, or one
-        shard after the other worker dies of.
+        If no scheduler answers there, it goes away, the workers lack synthnet, or they die
+        of one shard after the other.
     """
     try:
         import distributed
@@ -221,8 +221,8 @@ def _mpi_pool(executor: Any) -> Iterator[Workers]:
 
 def _refuse_workers_without_synthnet(client: Any) -> None:
     """Raise BuildError if one has none: it would die of the first shard it reads."""
-    found = client.run(resources.files, "synthnet", on_error="return")
-    for address, answer in found.items():
+    answers = client.run(resources.files, "synthnet", on_error="return")
+    for address, answer in answers.items():
         if isinstance(answer, ImportError):
             raise BuildError(
                 f"the Dask worker at {address} has no synthnet: start it in an environment "

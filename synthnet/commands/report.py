@@ -17,7 +17,7 @@ from rich.progress import (
 )
 from tabulate import tabulate
 
-from synthnet.build.versions import BuildReport, ShardResult, Watcher
+from synthnet.build.jobs import BuildReport, ShardResult, Watcher
 from synthnet.recipe.plan import ShardPlan
 from synthnet.terminal import Rate
 from synthnet.types import Manifest
@@ -122,7 +122,7 @@ class FamilyBars(Watcher):
             self.progress.start_task(task)
 
     def finished(self, plan: ShardPlan, result: ShardResult) -> None:
-        """Count a finished shard, and say so where an old one was damaged."""
+        """Count a finished shard, and report what was wrong with a damaged one."""
         task = self.tasks[plan.family]
         self.progress.advance(task, len(plan.shapes))
         if not self.progress.console.is_terminal and self.progress.tasks[task].finished:

@@ -1,38 +1,32 @@
-"""What the commands that show a dataset do: ``synthnet show | gallery | croissant``."""
+"""``synthnet show``: say what one shape is, and draw it."""
 
 from __future__ import annotations
 
 import argparse
-import json
-from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from rich.console import Console
-from rich.progress import track
 from tabulate import tabulate
 
-from synthnet import recipe, store
+from synthnet import store
 from synthnet.build import estimates
+from synthnet.commands.options import Commands, add_command, at_least, print_json
 from synthnet.mesh.geometry import MeshFacts
-from synthnet.store.files import write_bytes
-from synthnet.types import Mesh, ShapeSpec
 
-Thing = TypeVar("Thing")
-
-EIGENFUNCTIONS, SHAPES = 5, 15  # drawn if not told how many
+EIGENFUNCTIONS = 5  # that are drawn by default
 
 
-def show_options(sub: argparse.ArgumentParser) -> None:
-    """Add the options of ``synthnet show`` but those of every command."""
+def add(commands: Commands) -> None:
+    """Add the command."""
+    sub = add_command(commands, "show", run, "show one shape", " torus-00012 --png torus.png")
     sub.add_argument("id", metavar="ID", help="for example cone-00042")
     sub.add_argument(
         "--png", type=Path, metavar="FILE", help="also draw it, with spectrum and eigenfunctions"
     )
     sub.add_argument(
         "--eigenfunctions",
-        type=at_least_zero,
+        type=at_least(0),
         default=EIGENFUNCTIONS,
         metavar="N",
         help="how many eigenfunctions to draw (default: %(default)s)",
@@ -40,30 +34,7 @@ def show_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--edges", action="store_true", help="draw the edges of the triangles")
 
 
-def gallery_options(sub: argparse.ArgumentParser) -> None:
-    """Add the options of ``synthnet gallery`` but those of every command."""
-    sub.add_argument(
-        "family",
-        nargs="?",
-        metavar="FAMILY",
-        help="for example torus (default: one shape of each family)",
-    )
-    sub.add_argument(
-        "--png",
-        type=Path,
-        metavar="FILE",
-        help="where to write it (default: gallery-V.png or gallery-V-FAMILY.png, here)",
-    )
-    sub.add_argument(
-        "--count",
-        type=_at_least_one,
-        metavar="N",
-        help=f"how many shapes of the family (default: {SHAPES})",
-    )
-    sub.add_argument("--edges", action="store_true", help="draw the edges of the triangles")
-
-
-def show(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Say what one shape is, and draw it if asked to."""
     dataset = store.open_dataset(options.version, options.out)
     sample = dataset.find(options.id)
@@ -91,7 +62,7 @@ def show(options: argparse.Namespace) -> int:
         "error_estimate": None if estimate is None else estimate.error.tolist(),
     }
     if options.json:
-        print(json.dumps(described, indent=1))
+        print_json(described)
         return 0
     eigenvalues, errors = described.pop("eigenvalues"), described.pop("error_estimate")
     proof = sample.certificate
@@ -112,84 +83,6 @@ def show(options: argparse.Namespace) -> int:
     if options.png is not None:
         print(f"picture: {options.png}")
     return 0
-
-
-def gallery(options: argparse.Namespace) -> int:
-    """Draw a contact sheet of a family, or of one shape of each."""
-    from synthnet.pictures import draw
-    from synthnet.pictures import gallery as galleries
-
-    name = "-".join(filter(None, ("gallery", options.version, options.family)))
-    path: Path = options.png or Path(f"{name}.png")
-    draw.check_name(path)
-    found = galleries.candidates(options.version, options.family, options.out)
-    one_each = options.family is None and len(found) != 1
-    if one_each and options.count is not None:
-        raise ValueError("--count is for the shapes of one family: name the family")
-    shapes: list[tuple[ShapeSpec, Mesh]] = []
-    varying: tuple[str, ...] = ()
-    if one_each:
-        for one in _followed(found, len(found)):
-            shapes += galleries.chosen(options.version, one, 1, options.out)
-        title = f"{recipe.title(options.version)}: {len(shapes)} families"
-    else:
-        (one,) = found
-        count = min(options.count or SHAPES, len(one.specs))
-        made = galleries.chosen(options.version, one, count, options.out)
-        shapes = sorted(_followed(made, count), key=lambda shape: shape[0].id)
-        title = f"{recipe.title(options.version)}, {one.family}: {len(shapes)} of {one.total:,}"
-        varying = one.varying
-    if not shapes:
-        family = "" if options.family is None else f" of family {options.family}"
-        raise ValueError(
-            f"{options.version} has no shape{family} to draw, every one was rejected: "
-            f"`synthnet info --version {options.version}` says why"
-        )
-    write_bytes(path, galleries.sheet(shapes, varying, title, edges=options.edges))
-    if options.json:
-        ids = [spec.id for spec, _ in shapes]
-        print(json.dumps({"picture": str(path), "ids": ids}, indent=1))
-    else:
-        print(f"picture: {path}")
-    return 0
-
-
-def croissant(options: argparse.Namespace) -> int:
-    """Write the Croissant metadata of a built version."""
-    from synthnet.loaders.croissant import write
-
-    path = write(store.open_dataset(options.version, options.out))
-    print(json.dumps({"croissant": str(path)}, indent=1) if options.json else path)
-    return 0
-
-
-def _followed(things: Iterable[Thing], count: int) -> Iterable[Thing]:
-    """Show how far a loop is, to who sits before a terminal."""
-    console = Console(stderr=True)
-    return track(
-        things,
-        "drawing",
-        count,
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-
-
-def at_least_zero(text: str) -> int:
-    """Return a number of the command line that may not be negative."""
-    return _at_least(0, text)
-
-
-def _at_least_one(text: str) -> int:
-    return _at_least(1, text)
-
-
-def _at_least(least: int, text: str) -> int:
-    value = int(text)
-    if value < least:
-        raise argparse.ArgumentTypeError(f"must be at least {least}, got {value}")
-    return value
 
 
 def _short(value: Any) -> str:

@@ -19,8 +19,9 @@ from typing import Any
 
 from synthnet import recipe, store
 from synthnet.errors import StoreError
+from synthnet.recipe import Kind
 from synthnet.store import StoredDataset
-from synthnet.store.storage import Place, write_text
+from synthnet.store.storage import Location, write_text
 from synthnet.types import SPLITS
 from synthnet.version import __version__
 
@@ -162,8 +163,8 @@ COLUMNS: dict[str, tuple[str, str]] = {  # of store.SCHEMA: type, and what it is
 }
 
 
-def write(dataset: StoredDataset) -> Place:
-    """Write the metadata of a built version beside its manifest, and return its place.
+def write(dataset: StoredDataset) -> Location:
+    """Write the metadata of a built version beside its manifest, and return its path.
 
     Raises
     ------
@@ -217,21 +218,19 @@ def metadata(dataset: StoredDataset) -> dict[str, Any]:
 
 
 def _about(version: str) -> tuple[About, recipe.Recipe]:
-    if recipe.is_sealed(version) or (
-        version not in recipe.available() and not recipe.SCALED.fullmatch(version)
-    ):
+    name = recipe.parse_name(version)
+    if name.kind not in (Kind.VERSION, Kind.SCALED):
         raise StoreError(
             f"{version} is no version of synthNet: an import or a sealed set has its own authors "
             "and licence, so write its Croissant metadata by hand"
         )
-    scaled = recipe.SCALED.fullmatch(version)
-    full = recipe.load(scaled["version"]) if scaled else recipe.load(version)
-    return ABOUT[full.base], recipe.load(version)
+    return ABOUT[recipe.load(name.version).base], recipe.load(version)
 
 
 def _part(wanted: recipe.Recipe) -> str:
-    if wanted.scale is not None:
-        return f", drawn by the distributions of {wanted.version.rpartition('-x')[0]}, all new"
+    if wanted.kind is Kind.SCALED:
+        source = recipe.parse_name(wanted.version).version
+        return f", drawn by the distributions of {source}, all new"
     if wanted.subset is not None:
         return f" of {wanted.subset.of}, with the same ids, splits and labels"
     return ""

@@ -1,10 +1,9 @@
 """A version of the dataset as a value: what is drawn, how it is split, which shards it makes."""
 
+from synthnet.recipe.finding import load, parse, scaled
+from synthnet.recipe.names import Kind, Name, available, parse_name, title
+from synthnet.recipe.parsing import EACH_FAMILY, NOTHING
 from synthnet.recipe.recipe import (
-    EACH_FAMILY,
-    NOTHING,
-    SCALED,
-    SEALED,
     AugmentationSettings,
     FamilyRecipe,
     FilterSettings,
@@ -15,33 +14,27 @@ from synthnet.recipe.recipe import (
     Size,
     SplitSettings,
     Subset,
-    available,
-    is_sealed,
-    load,
-    parse,
-    scaled,
-    title,
 )
 
 __all__ = [
     "EACH_FAMILY",
     "NOTHING",
-    "SCALED",
-    "SEALED",
     "AugmentationSettings",
     "FamilyRecipe",
     "FilterSettings",
     "Fold",
+    "Kind",
     "LabelSettings",
+    "Name",
     "Recipe",
     "Sealed",
     "Size",
     "SplitSettings",
     "Subset",
     "available",
-    "is_sealed",
     "load",
     "parse",
+    "parse_name",
     "scaled",
     "title",
 ]

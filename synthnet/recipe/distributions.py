@@ -90,8 +90,8 @@ def generator(seed: int, family: str, index: int, stream: int) -> np.random.Gene
 
     Examples
     --------
-    >>> one, other = (generator(0, "cone", 42, PARAMETERS) for _ in range(2))
-    >>> one.random() == other.random()
+    >>> first, second = (generator(0, "cone", 42, PARAMETERS) for _ in range(2))
+    >>> first.random() == second.random()
     True
     """
     key = int.from_bytes(hashlib.sha256(family.encode()).digest()[:4], "big")

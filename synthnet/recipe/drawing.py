@@ -31,8 +31,8 @@ def draw_shape(recipe: Recipe, family: str, index: int) -> ShapeSpec:
     if recipe.sizes is not None:
         rng = generator(recipe.seed, family, index, MESHES)
         size = recipe.sizes[copy]
-        wanted = {"vertices": size.vertices, "seed": {"integers": [0, LARGEST_SEED]}}
-        drawn = {key: int(value) for key, value in draw(wanted, rng).items()}
+        distributions = {"vertices": size.vertices, "seed": {"integers": [0, LARGEST_SEED]}}
+        drawn = {key: int(value) for key, value in draw(distributions, rng).items()}
         kind = KINDS[(surface + copy) % len(KINDS)]
         parameters = {**parameters, "triangulation": kind, **drawn}
     return ShapeSpec(

@@ -34,6 +34,11 @@ class ShardPlan:
     family: str
     shapes: tuple[PlannedShape, ...]
 
+    @property
+    def ids(self) -> list[str]:
+        """The shapes' ids, in order."""
+        return [shape.spec.id for shape in self.shapes]
+
 
 def plan_shards(recipe: Recipe) -> Sequence[ShardPlan]:
     """Draw the shapes, split them and share them out to shards.
@@ -130,7 +135,7 @@ class ScaledPlan(Sequence[ShardPlan]):
 
 
 def sealed_shapes(recipe: Recipe) -> list[ShapeSpec]:
-    """Draw the shapes of a sealed recipe, with ids that only its seed tells.
+    """Draw the shapes of a sealed recipe, with ids that depend on its secret seed.
 
     Surfaces that the full version has are left out, and the draw goes on: families with few
     discrete parameters would repeat them.
@@ -145,18 +150,18 @@ def sealed_shapes(recipe: Recipe) -> list[ShapeSpec]:
     public = _groups(recipe.sealed.of)
     shapes = []
     for family in recipe.families:
-        wanted = recipe.drawn(family)
+        count = recipe.drawn(family)
         taken: list[ShapeSpec] = []
         for surface in range(MOST_TRIES):
             numbers = range(surface * recipe.copies, (surface + 1) * recipe.copies)
             copies = [draw_shape(recipe, family, number) for number in numbers]
             if public.isdisjoint(spec.group for spec in copies):
                 taken += [replace(spec, id=_sealed_id(recipe, spec)) for spec in copies]
-            if len(taken) == wanted:
+            if len(taken) == count:
                 break
         else:
             raise RecipeError(
-                f"{family}: only {len(taken)} of {wanted} shapes could be drawn that are not "
+                f"{family}: only {len(taken)} of {count} shapes could be drawn that are not "
                 f"shapes of {recipe.sealed.of}: take a smaller share"
             )
         shapes += taken
@@ -170,7 +175,7 @@ def _groups(version: str) -> frozenset[str]:
 
 
 def _sealed_id(recipe: Recipe, spec: ShapeSpec) -> str:
-    """Return an id that no other set has, and that tells nothing to who lacks the seed."""
+    """Return an id that no other set has, and that says nothing without the seed."""
     key = f"{recipe.seed}/id/{spec.family}/{spec.index}"
     return f"{spec.family}-{hashlib.sha256(key.encode()).hexdigest()[:12]}"
 

@@ -110,10 +110,10 @@ def folds(recipe: Recipe, protocol: str, split: str = "test") -> tuple[Fold, ...
     Examples
     --------
     >>> from synthnet import recipe
-    >>> wanted = recipe.load("2.0")
-    >>> folds(wanted, "resolution")
+    >>> version = recipe.load("2.0")
+    >>> folds(version, "resolution")
     (Fold(name='resolution', families=(), sizes=('fine',)),)
-    >>> len(folds(wanted, "family")), folds(wanted, "family/pretzel", "train")[0].families
+    >>> len(folds(version, "family")), folds(version, "family/pretzel", "train")[0].families
     (25, ('pretzel',))
     """
     known = recipe.protocols or {}
@@ -124,16 +124,17 @@ def folds(recipe: Recipe, protocol: str, split: str = "test") -> tuple[Fold, ...
             "test on a dataset of `synthnet import`"
         )
     every = [fold for parts in known.values() for fold in parts]
-    found = known.get(protocol) or tuple(fold for fold in every if fold.name == protocol)
-    if not found:
+    trainings = known.get(protocol) or tuple(fold for fold in every if fold.name == protocol)
+    if not trainings:
         several = (f"{name}/FAMILY" for name, parts in known.items() if len(parts) > 1)
         choices = ", ".join([*PROTOCOLS, *known, *several])
         raise RecipeError(f"protocol of {recipe.version} must be one of {choices}: {protocol!r}")
-    if split != "test" and len(found) > 1:
+    if split != "test" and len(trainings) > 1:
         raise RecipeError(
-            f"protocol {protocol} has {len(found)} trainings: say which, such as {found[0].name}"
+            f"protocol {protocol} has {len(trainings)} trainings: say which, such as "
+            f"{trainings[0].name}"
         )
-    return found
+    return trainings
 
 
 def takes(fold: Fold, recipe: Recipe, split: str, id: str) -> bool:
@@ -147,12 +148,12 @@ def takes(fold: Fold, recipe: Recipe, split: str, id: str) -> bool:
     Examples
     --------
     >>> from synthnet import recipe
-    >>> wanted = recipe.load("2.0")
-    >>> (fold,) = folds(wanted, "resolution")
-    >>> [takes(fold, wanted, "test", f"blob-0000{index}") for index in range(3)]  # coarse to fine
+    >>> version = recipe.load("2.0")
+    >>> (fold,) = folds(version, "resolution")
+    >>> [takes(fold, version, "test", f"blob-0000{index}") for index in range(3)]  # coarse to fine
     [False, False, True]
-    >>> (fold,) = folds(wanted, "family/dented_cone")
-    >>> [takes(fold, wanted, split, "circular_cone-00000") for split in ("train", "test")]
+    >>> (fold,) = folds(version, "family/dented_cone")
+    >>> [takes(fold, version, split, "circular_cone-00000") for split in ("train", "test")]
     [False, False]
     """
     family, _, number = id.rpartition("-")
@@ -160,7 +161,7 @@ def takes(fold: Fold, recipe: Recipe, split: str, id: str) -> bool:
     if split == "test":
         return _held_out(fold, recipe, family, index)
     alike = next((group for group in ISOMETRIC if family in group), (family,))
-    return not any(_held_out(fold, recipe, one, index) for one in alike)
+    return not any(_held_out(fold, recipe, name, index) for name in alike)
 
 
 def _held_out(fold: Fold, recipe: Recipe, family: str, index: int) -> bool:

@@ -1,38 +1,38 @@
 """The dataset on disk or at a URL: shards, manifest, and the pins that the repository keeps."""
 
 from synthnet.store.datasets import (
-    MANIFEST,
-    METADATA_KEY,
-    SCHEMA,
-    SCHEMA_VERSION,
-    SEAL,
     StoredDataset,
     dataset_directory,
     home,
     open_dataset,
-    open_imported,
     open_unversioned,
+)
+from synthnet.store.imports import ImportDescription, description_of
+from synthnet.store.manifest import DIGEST, MANIFEST, read_manifest, with_digest, write_manifest
+from synthnet.store.shards import (
+    METADATA_KEY,
+    SCHEMA,
+    SCHEMA_VERSION,
     ragged_arrays,
-    read_manifest,
     read_record,
     read_samples,
     read_table,
     recipe_digest_of,
-    write_manifest,
     write_shard,
 )
 
 __all__ = [
+    "DIGEST",
     "MANIFEST",
     "METADATA_KEY",
     "SCHEMA",
     "SCHEMA_VERSION",
-    "SEAL",
+    "ImportDescription",
     "StoredDataset",
     "dataset_directory",
+    "description_of",
     "home",
     "open_dataset",
-    "open_imported",
     "open_unversioned",
     "ragged_arrays",
     "read_manifest",
@@ -40,6 +40,7 @@ __all__ = [
     "read_samples",
     "read_table",
     "recipe_digest_of",
+    "with_digest",
     "write_manifest",
     "write_shard",
 ]

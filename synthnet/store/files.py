@@ -1,4 +1,4 @@
-"""Files and directories: written beside their place and moved there when complete."""
+"""Files and directories: written under another name and moved when complete."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def make_directory(path: Path) -> None:
         ) from error
 
 
-def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a file beside ``path``, then move it there.
 
     Raises
@@ -50,7 +50,7 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
     BuildError
         If the disk is full or cannot be written; nothing is left behind.
     """
-    # No two writers, on whatever machine, may have a file beside the place in common.
+    # No two writers, on whatever machine, may share a partial file.
     partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
         write(partial)
@@ -64,11 +64,7 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file, as :func:`write_atomically` does."""
-
-    def write(partial: Path) -> None:
-        partial.write_text(text)
-
-    write_atomically(path, write)
+    write_atomically(path, lambda partial: partial.write_text(text))
 
 
 def write_secret(path: Path, text: str) -> None:
@@ -139,11 +135,7 @@ def marked(text: str, name: str, part: str) -> str:
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file of bytes, as :func:`write_atomically` does."""
-
-    def write(partial: Path) -> None:
-        partial.write_bytes(content)
-
-    write_atomically(path, write)
+    write_atomically(path, lambda partial: partial.write_bytes(content))
 
 
 def _cannot_write(path: Path, error: OSError) -> BuildError:
@@ -160,7 +152,7 @@ def _cannot_write(path: Path, error: OSError) -> BuildError:
 
 
 def make_in_place(directory: Path, marker: str, fill: Callable[[Path], None]) -> None:
-    """Let ``fill`` fill a directory beside its place, then move it there.
+    """Let ``fill`` fill a partial directory, then give it its name.
 
     A directory that has the file ``marker`` is complete and is left as it is. Of several
     processes that want the same directory one fills it and the others wait.
@@ -188,7 +180,7 @@ def make_in_place(directory: Path, marker: str, fill: Callable[[Path], None]) ->
 
 
 def remove_partial_files(directory: Path) -> None:
-    """Remove what a killed writer left beside its place."""
+    """Remove the partial files that a killed writer left."""
     for partial in directory.glob(".*.partial"):
         partial.unlink(missing_ok=True)  # a worker that outlives its build may just move it
 

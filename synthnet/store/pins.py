@@ -81,20 +81,20 @@ def moments(sample: Sample) -> NDArray[np.float64]:
     return np.asarray(np.average(np.hstack([points, points**2]), axis=0, weights=weights))
 
 
-def differences(found: Pin, expected: Pin) -> Iterator[str]:
+def differences(built: Pin, pinned: Pin) -> Iterator[str]:
     """Yield what differs between a pin of a build and the pinned one."""
-    if found.digest != expected.digest:
+    if built.digest != pinned.digest:
         yield "id, parameters, splits or faces differ from the pinned ones"
         return
-    scale = float(np.sqrt(expected.moments[3:].sum()))
+    scale = float(np.sqrt(pinned.moments[3:].sum()))
     units = np.repeat([scale, scale**2], 3)
-    apart = float(np.max(np.abs(found.moments - expected.moments) / units))
+    apart = float(np.max(np.abs(built.moments - pinned.moments) / units))
     if not apart <= TOLERANCE:
         yield f"vertices differ by {apart:.2g} of their size, more than {TOLERANCE:g}"
-    if found.eigenvalues.shape != expected.eigenvalues.shape:
-        yield f"{len(found.eigenvalues)} eigenvalues instead of {len(expected.eigenvalues)}"
+    if built.eigenvalues.shape != pinned.eigenvalues.shape:
+        yield f"{len(built.eigenvalues)} eigenvalues instead of {len(pinned.eigenvalues)}"
         return
-    apart = float(np.max(np.abs(found.eigenvalues / expected.eigenvalues - 1)))
+    apart = float(np.max(np.abs(built.eigenvalues / pinned.eigenvalues - 1)))
     if not apart <= TOLERANCE:
         yield f"eigenvalues differ by {apart:.2g} relative, more than {TOLERANCE:g}"
 
@@ -157,8 +157,8 @@ def shipped_table(package: str, name: str) -> pa.Table | None:
         return None
     # By path: a thread of pyarrow's that still holds a Python file when the interpreter ends
     # aborts the process (apache/arrow issue 34314).
-    with resources.as_file(path) as place:
-        return pq.read_table(place)
+    with resources.as_file(path) as local:
+        return pq.read_table(local)
 
 
 def _store(path: Path, table: pa.Table, numbers: Sequence[str]) -> None:

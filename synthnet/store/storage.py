@@ -1,4 +1,4 @@
-"""Where a dataset is: a directory of this machine, or a place at an fsspec URL.
+"""Where a dataset is: a directory on this machine, or an fsspec URL.
 
 A directory is a :class:`pathlib.Path` and everything is as in :mod:`synthnet.store.files`. A URL
 is a :class:`RemotePath`. Objects are written whole, in one request, which object stores do
@@ -29,15 +29,15 @@ EXTRAS = {"s3": "s3", "s3a": "s3"}  # by protocol: the extra that brings its pac
 
 @dataclass(frozen=True, slots=True)
 class RemotePath:
-    """A place at an fsspec URL: as much of :class:`pathlib.Path` as the store needs.
+    """A location at an fsspec URL: as much of :class:`pathlib.Path` as the store needs.
 
     It is plain text, so a worker anywhere can be sent one. Every method raises
-    :class:`StoreError` or :class:`MissingPackageError` where the place cannot be reached.
+    :class:`StoreError` or :class:`MissingPackageError` where the location cannot be reached.
 
     Examples
     --------
-    >>> place = RemotePath("s3://bucket/data/") / "1.0" / "manifest.json"
-    >>> place.name, str(place.parent)
+    >>> path = RemotePath("s3://bucket/data/") / "1.0" / "manifest.json"
+    >>> path.name, str(path.parent)
     ('manifest.json', 's3://bucket/data/1.0')
     """
 
@@ -97,10 +97,12 @@ class RemotePath:
             return None
 
     def names(self) -> list[str]:
-        """Return the names of what is in it, sorted; none if there is no such place."""
+        """Return the names of what is in it, sorted; none if there is no such directory."""
         try:
             with self._reached("list") as (system, path):
-                return sorted(one.rstrip("/").rpartition("/")[2] for one in system.ls(path, False))
+                return sorted(
+                    entry.rstrip("/").rpartition("/")[2] for entry in system.ls(path, False)
+                )
         except FileNotFoundError:
             return []
 
@@ -151,17 +153,17 @@ def _network_errors() -> tuple[type[Exception], ...]:
     return (OSError, exceptions.BotoCoreError, exceptions.ClientError)
 
 
-Place: TypeAlias = Path | RemotePath
+Location: TypeAlias = Path | RemotePath
 
 
-def place(where: str | os.PathLike[str] | RemotePath) -> Place:
-    """Return the place that a path or URL names; ``file://`` is a path.
+def location(where: str | os.PathLike[str] | RemotePath) -> Location:
+    """Return the location that a path or URL names; ``file://`` is a path.
 
     Examples
     --------
-    >>> place("s3://bucket/data")
+    >>> location("s3://bucket/data")
     RemotePath(url='s3://bucket/data')
-    >>> place("file:///tmp/data").as_posix()
+    >>> location("file:///tmp/data").as_posix()
     '/tmp/data'
     """
     if isinstance(where, RemotePath):
@@ -173,13 +175,13 @@ def place(where: str | os.PathLike[str] | RemotePath) -> Place:
     return Path(os.path.expanduser(rest if separator else text))  # noqa: PTH111 - Path's raises for ~nobody
 
 
-def local(where: Place, version: str) -> Path:
-    """Return a place that is a directory of this machine.
+def local(where: Location, version: str) -> Path:
+    """Return a location that is a directory on this machine.
 
     Raises
     ------
     StoreError
-        If it is a URL: what maps files into memory needs them here.
+        If it is a URL: files are mapped into memory only from a local disk.
     """
     if isinstance(where, Path):
         return where
@@ -189,14 +191,14 @@ def local(where: Place, version: str) -> Path:
     )
 
 
-def size(where: Place) -> int | None:
+def size(where: Location) -> int | None:
     """Return the size of a file in bytes, or ``None`` if there is none."""
     if isinstance(where, RemotePath):
         return where.size()
     return where.stat().st_size if where.exists() else None
 
 
-def names(where: Place) -> list[str]:
+def names(where: Location) -> list[str]:
     """Return the names of what is in a directory, sorted; none if there is no such directory.
 
     Raises
@@ -214,14 +216,14 @@ def names(where: Place) -> list[str]:
         raise StoreError(f"cannot list {where} ({error.strerror})") from error
 
 
-def sha256(where: Place) -> str:
+def sha256(where: Location) -> str:
     """Return the SHA-256 of a file as hexadecimal digits."""
     if isinstance(where, RemotePath):
         return hashlib.sha256(where.read_bytes()).hexdigest()
     return files.sha256(where)
 
 
-def make_directory(where: Place) -> None:
+def make_directory(where: Location) -> None:
     """Create a directory, and make sure that it can be written.
 
     Raises
@@ -243,8 +245,8 @@ def make_directory(where: Place) -> None:
         raise BuildError(str(error)) from error
 
 
-def write_atomically(where: Place, write: Callable[[Path], None]) -> None:
-    """Let ``write`` fill a file of this machine, then put it in its place.
+def write_atomically(where: Location, write: Callable[[Path], object]) -> None:
+    """Let ``write`` fill a local file, then move or upload it to ``where``.
 
     Raises
     ------
@@ -263,16 +265,12 @@ def write_atomically(where: Place, write: Callable[[Path], None]) -> None:
             raise BuildError(str(error)) from error
 
 
-def write_text(where: Place, text: str) -> None:
+def write_text(where: Location, text: str) -> None:
     """Write a text file, as :func:`write_atomically` does."""
-
-    def write(partial: Path) -> None:
-        partial.write_text(text)
-
-    write_atomically(where, write)
+    write_atomically(where, lambda partial: partial.write_text(text))
 
 
-def remove_partial_files(where: Place) -> None:
-    """Remove what a killed writer left beside its place; at a URL it leaves nothing."""
+def remove_partial_files(where: Location) -> None:
+    """Remove the partial files that a killed writer left; at a URL it leaves none."""
     if isinstance(where, Path):
         files.remove_partial_files(where)

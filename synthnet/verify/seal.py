@@ -2,7 +2,7 @@
 
 The salt and what the set is to be (version, its recipe, share) give the commitment; these and a
 beacon give the seed of the sealed recipe. All of the set is a function of that recipe, so the
-published file holds its drawer to one set, and tells nobody else which. See docs/sealed.md.
+published file commits its author to one set, and reveals nothing of it. See docs/sealed.md.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from synthnet import recipe, store
-from synthnet.build.versions import BuildReport, Watcher, build, is_whole
+from synthnet.build.jobs import BuildReport, Watcher, is_whole
+from synthnet.build.versions import build
 from synthnet.errors import DamagedError, RecipeError, SealError
 from synthnet.recipe import Recipe, Sealed, SplitSettings
 from synthnet.recipe.plan import plan_shards
@@ -35,7 +36,7 @@ ALL_TEST = SplitSettings(0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Seal:
-    """What is published of a sealed set: nothing here tells a parameter, an id or a label.
+    """What is published of a sealed set: it reveals no parameter, id or label.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ class Seal:
     recipe_digest : str
         Of the sealed recipe, whose seed is the secret.
     drawn, kept, left_out : mapping of str to int
-        By family: shapes of the set, those that no filter rejected, and surfaces passed over
+        By family: shapes of the set, those that no filter rejected, and surfaces left out
         because the version has them.
     meshes : str
         SHA-256 of the seed and all that must be equal on every machine, see :func:`digest`.
@@ -170,10 +171,10 @@ def sealed_recipe(
     check_terms(base, share, beacon)
     if beacon is not None:  # or its spelling could be chosen
         beacon = " ".join(beacon.split()).lower()
-    told: dict[str, Any] = {"of": version, "digest": base.digest, "share": share}
-    commitment = _derived("commitment", told, salt)
-    sealed = Sealed(**told, commitment=commitment, beacon=beacon)
-    return _recipe(base, sealed, int(_derived("seed", {**told, "beacon": beacon}, salt), 16))
+    terms: dict[str, Any] = {"of": version, "digest": base.digest, "share": share}
+    commitment = _derived("commitment", terms, salt)
+    sealed = Sealed(**terms, commitment=commitment, beacon=beacon)
+    return _recipe(base, sealed, int(_derived("seed", {**terms, "beacon": beacon}, salt), 16))
 
 
 def recipe_of(dataset: store.StoredDataset) -> Recipe:
@@ -182,12 +183,12 @@ def recipe_of(dataset: store.StoredDataset) -> Recipe:
     Raises
     ------
     DamagedError
-        If the manifest tells none.
+        If the manifest has none.
     """
-    told = dataset.manifest.recipe
+    stored = dataset.manifest.recipe
     try:
-        sealed = Sealed(**told["sealed"])
-        return _recipe(recipe.load(sealed.of), sealed, int(told["seed"]))
+        sealed = Sealed(**stored["sealed"])
+        return _recipe(recipe.load(sealed.of), sealed, int(stored["seed"]))
     except (KeyError, TypeError, ValueError) as error:
         raise DamagedError(
             f"{dataset.directory} is no sealed set ({one_line(error)}): remove it and seal again"
@@ -214,9 +215,9 @@ def _name(version: str, commitment: str) -> str:
     return f"{version}-sealed-{commitment[:12]}"
 
 
-def _derived(purpose: str, told: Mapping[str, Any], salt: bytes) -> str:
+def _derived(purpose: str, terms: Mapping[str, Any], salt: bytes) -> str:
     """Return the SHA-256 of what precedes the salt, at a fixed length, and the salt."""
-    text = json.dumps(told, sort_keys=True, separators=(",", ":"))
+    text = json.dumps(terms, sort_keys=True, separators=(",", ":"))
     head = f"{DOMAIN} {purpose}\n{hashlib.sha256(text.encode()).hexdigest()}\n"
     return hashlib.sha256(head.encode() + salt).hexdigest()
 
@@ -240,7 +241,7 @@ def check_terms(base: Recipe, share: float | None, beacon: str | None) -> None:
 
 
 def make(
-    wanted: Recipe,
+    resolved: Recipe,
     *,
     root: str | os.PathLike[str] | None = None,
     workers: int | None = None,
@@ -252,15 +253,17 @@ def make(
     Raises
     ------
     StoreError
-        If its place is no directory of this machine, or holds another set.
+        If its location is no directory on this machine, or holds another set.
     BuildError
         As :func:`synthnet.build.versions.build`, which goes on where it was stopped.
     """
-    place = store.dataset_directory(wanted.version, root)
-    directory = storage.local(place, wanted.version)
+    location = store.dataset_directory(resolved.version, root)
+    directory = storage.local(location, resolved.version)
     files.make_directory(directory)
     directory.chmod(0o700)
-    report = build(wanted, root=root, workers=workers, watcher=watcher, wait_for_lock=wait_for_lock)
+    report = build(
+        resolved, root=root, workers=workers, watcher=watcher, wait_for_lock=wait_for_lock
+    )
     return describe(report.dataset), report
 
 
@@ -272,28 +275,30 @@ def describe(dataset: store.StoredDataset) -> Seal:
     StoreError
         If it is damaged.
     """
-    wanted = recipe_of(dataset)
-    assert wanted.sealed is not None
+    resolved = recipe_of(dataset)
+    assert resolved.sealed is not None
     manifest = dataset.manifest
-    last = {shape.spec.family: shape.spec for plan in plan_shards(wanted) for shape in plan.shapes}
+    last = {
+        shape.spec.family: shape.spec for plan in plan_shards(resolved) for shape in plan.shapes
+    }
     kept = dict.fromkeys(manifest.drawn, 0)
     for shard in manifest.shards:
         kept[shard.family] += shard.rows
     return Seal(
         dataset=manifest.version,
-        version=wanted.sealed.of,
-        version_digest=wanted.sealed.digest,
-        share=wanted.sealed.share,
-        beacon=wanted.sealed.beacon,
-        commitment=wanted.sealed.commitment,
+        version=resolved.sealed.of,
+        version_digest=resolved.sealed.digest,
+        share=resolved.sealed.share,
+        beacon=resolved.sealed.beacon,
+        commitment=resolved.sealed.commitment,
         recipe_digest=manifest.recipe_digest,
         drawn=dict(manifest.drawn),
         kept=kept,
         left_out={
-            family: (spec.index + 1 - wanted.drawn(family)) // wanted.copies
+            family: (spec.index + 1 - resolved.drawn(family)) // resolved.copies
             for family, spec in last.items()
         },
-        meshes=digest(dataset, wanted.seed),
+        meshes=digest(dataset, resolved.seed),
         packages=dict(manifest.packages),
     )
 
@@ -312,10 +317,10 @@ def digest(dataset: store.StoredDataset, seed: int) -> str:
     return state.hexdigest()
 
 
-def differences(found: Seal, expected: Seal) -> Iterator[str]:
+def differences(built: Seal, published: Seal) -> Iterator[str]:
     """Yield what differs between two seals, but for the packages."""
     for field in fields(Seal):
-        here, there = getattr(found, field.name), getattr(expected, field.name)
+        here, there = getattr(built, field.name), getattr(published, field.name)
         if here != there and field.name != "packages":
             name = field.name.replace("_", " ")
             yield f"seal: its {name} is {_short(there)}, the set here has {_short(here)}"
@@ -363,13 +368,13 @@ def write(path: Path, seal: Seal) -> None:
     BuildError
         If it cannot be written.
     """
-    text = _text({"schema_version": SCHEMA_VERSION, **asdict(seal)})
+    text = store.with_digest({"schema_version": SCHEMA_VERSION, **asdict(seal)})
     if path.exists() and path.read_bytes() != text.encode():
         raise _taken(path)
     files.write_text(path, text)
 
 
-def check_free(path: Path, wanted: Recipe) -> None:
+def check_free(path: Path, resolved: Recipe) -> None:
     """Raise SealError if a file is there that is no seal of the set of a recipe."""
     if not path.exists():
         return
@@ -377,7 +382,7 @@ def check_free(path: Path, wanted: Recipe) -> None:
         there = read(path).recipe_digest
     except SealError as error:
         raise _taken(path) from error
-    if there != wanted.digest:
+    if there != resolved.digest:
         raise _taken(path)
 
 
@@ -398,8 +403,8 @@ def read(path: Path) -> Seal:
     try:
         written = path.read_bytes()
         content = json.loads(written)
-        content.pop(store.SEAL, None)
-        whole = _text(content).encode() == written
+        content.pop(store.DIGEST, None)
+        whole = store.with_digest(content).encode() == written
         schema = content.pop("schema_version")
         if schema != SCHEMA_VERSION:
             raise SealError(
@@ -424,18 +429,12 @@ def read(path: Path) -> Seal:
     return seal
 
 
-def _text(content: Mapping[str, Any]) -> str:
-    """Return content as JSON; its last key is the SHA-256 of the other ones, as a manifest's."""
-    whole = hashlib.sha256(json.dumps(content).encode()).hexdigest()
-    return json.dumps({**content, store.SEAL: whole}, indent=1) + "\n"
-
-
 def _check_types(seal: Seal) -> None:
     """Raise TypeError or ValueError where a value is of the wrong kind."""
     for field in fields(Seal):
         value = getattr(seal, field.name)
-        wanted = {"float": (float, int), "str": (str,), "str | None": (str, type(None))}
-        if type(value) not in wanted.get(str(field.type), (dict,)):
+        kinds = {"float": (float, int), "str": (str,), "str | None": (str, type(None))}
+        if type(value) not in kinds.get(str(field.type), (dict,)):
             raise TypeError(f"{field.name} is {value!r}")
     for name in ("version_digest", "commitment", "recipe_digest", "meshes"):
         if not re.fullmatch(r"[0-9a-f]{64}", getattr(seal, name)):

@@ -6,10 +6,11 @@ import os
 from collections.abc import Callable
 
 from synthnet import recipe, store
-from synthnet.build.versions import Watcher, build
+from synthnet.build.jobs import Watcher
+from synthnet.build.versions import build
 from synthnet.errors import SealError
 from synthnet.verify import checks, seal
-from synthnet.verify.checks import Check, VerifyReport
+from synthnet.verify.report import Check, VerifyReport
 from synthnet.verify.seal import Seal
 
 CHECKS = {  # in order, with what each holds
@@ -34,7 +35,7 @@ def verify_sealed(
 
     Checks, in order: that the salt gives the commitment; that the recipe it draws is the seal's;
     then builds the set, where it is not built yet, and checks its counts and its digest, and all
-    that :func:`synthnet.verify.checks.verify` does. What fails ends it.
+    that :func:`synthnet.verify.checks.verify` does. The first check that fails is the last.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ def verify_sealed(
     SealError
         If the seal is of a version of another recipe than this release's.
     StoreError
-        If another set is in its place.
+        If its directory holds another set.
     BuildError
         As :func:`synthnet.build.versions.build`.
     """
@@ -63,25 +64,25 @@ def verify_sealed(
             f"here it is {here[:12]}…: install synthnet {sealed.packages.get('synthnet', '')}"
         )
     directory = store.dataset_directory(sealed.dataset, root)
-    wanted = seal.sealed_recipe(sealed.version, salt, share=sealed.share, beacon=sealed.beacon)
-    assert wanted.sealed is not None
-    if wanted.sealed.commitment != sealed.commitment:
+    resolved = seal.sealed_recipe(sealed.version, salt, share=sealed.share, beacon=sealed.beacon)
+    assert resolved.sealed is not None
+    if resolved.sealed.commitment != sealed.commitment:
         problem = (
-            f"commitment: the salt gives {wanted.sealed.commitment[:12]}…, the seal has "
+            f"commitment: the salt gives {resolved.sealed.commitment[:12]}…, the seal has "
             f"{sealed.commitment[:12]}…: another salt, or the seal was altered"
         )
         return VerifyReport(directory, (Check("commitment", 1, (problem,)),))
     fits = Check("commitment", 1, ())
-    if wanted.digest != sealed.recipe_digest:
+    if resolved.digest != sealed.recipe_digest:
         problem = (
             f"seal: its recipe is {sealed.recipe_digest[:12]}…, salt and beacon give "
-            f"{wanted.digest[:12]}…"
+            f"{resolved.digest[:12]}…"
         )
         return VerifyReport(directory, (fits, Check("seal", 1, (problem,))))
-    dataset = build(wanted, root=root, workers=workers, watcher=watcher).dataset
-    found = tuple(seal.differences(seal.describe(dataset), sealed))
-    same = Check("seal", dataset.manifest.rows, found)
-    if found:
+    dataset = build(resolved, root=root, workers=workers, watcher=watcher).dataset
+    differences = tuple(seal.differences(seal.describe(dataset), sealed))
+    same = Check("seal", dataset.manifest.rows, differences)
+    if differences:
         return VerifyReport(directory, (fits, same))
     checked = checks.verify(sealed.dataset, root=root, sample=sample, seed=seed, on_shard=on_shard)
     return VerifyReport(directory, (fits, same, *checked.checks))

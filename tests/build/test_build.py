@@ -19,14 +19,16 @@ import numpy as np
 import pytest
 import threadpoolctl
 
-import synthnet.build.versions
 import synthnet.commands.cli
 from synthnet import recipe, spectrum, store
 from synthnet.build import filters
-from synthnet.build.versions import build, build_shard, ensure_built, make_sample
+from synthnet.build.jobs import ShardResult, keep_or_make
+from synthnet.build.label import make_sample
+from synthnet.build.terms import terms_of
+from synthnet.build.versions import build, ensure_built, shard_job
 from synthnet.errors import BuildError, CertificateError, SpectrumError, StoreError
 from synthnet.recipe import Recipe
-from synthnet.recipe.plan import plan_shards
+from synthnet.recipe.plan import ShardPlan, plan_shards
 from synthnet.store import files
 from synthnet.types import Mesh, Rejection, Sample, Spectrum
 
@@ -43,6 +45,11 @@ def contents(home: Path) -> dict[str, bytes]:
         for p in sorted(directory.rglob("*"))
         if p.is_file() and p.name != ".lock"
     }
+
+
+def build_shard(plan: ShardPlan, recipe: Recipe, directory: Path) -> ShardResult:
+    """Make one shard in this process, or keep it."""
+    return keep_or_make(shard_job(plan, terms_of(recipe, directory)))
 
 
 def assert_same(found: Path, expected: Path) -> None:
@@ -430,7 +437,7 @@ def test_solver_that_gives_up_is_counted(
             raise SpectrumError("Lanczos iteration failed: planted")
         return solve(mesh, *args, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(synthnet.build.versions.spectrum, "compute", third_fails)
+    monkeypatch.setattr(spectrum, "compute", third_fails)
     (tmp_path / "shards").mkdir()
     record = build_shard(plan, tiny, tmp_path).record
     assert record.rejections == (
@@ -446,7 +453,7 @@ def test_spectrum_without_certificate_is_counted(
     def uncertain(*args: object, **options: object) -> NoReturn:
         raise CertificateError("12 eigenvalues are below 3, but 11 were found")
 
-    monkeypatch.setattr(synthnet.build.versions.spectrum, "compute", uncertain)
+    monkeypatch.setattr(spectrum, "compute", uncertain)
     shape = plan_shards(tiny)[0].shapes[0]
     assert make_sample(shape, tiny) == Rejection(
         shape.spec.id,
@@ -466,7 +473,7 @@ def test_spectrum_that_fails_a_check_is_counted(
         worse = dataclasses.replace(label.certificate, residual=1e-3)
         return dataclasses.replace(label, certificate=worse)
 
-    monkeypatch.setattr(synthnet.build.versions.spectrum, "compute", inexact)
+    monkeypatch.setattr(spectrum, "compute", inexact)
     shape = plan_shards(tiny)[0].shapes[0]
     assert make_sample(shape, tiny) == Rejection(
         shape.spec.id, shape.spec.family, "residual", "relative residual is 0.001, above 1e-06"
@@ -479,7 +486,7 @@ def test_error_that_is_no_finding_is_not_swallowed(
     def broken(*args: object, **options: object) -> NoReturn:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr(synthnet.build.versions.spectrum, "compute", broken)
+    monkeypatch.setattr(spectrum, "compute", broken)
     with pytest.raises(ZeroDivisionError, match="a bug"):
         make_sample(plan_shards(tiny)[0].shapes[0], tiny)
 

@@ -13,15 +13,17 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-import synthnet.build.versions
-import synthnet.verify.checks
-from synthnet import store
+from synthnet import recipe, store
 from synthnet.build import estimates
 from synthnet.build.discretisation import Estimate, estimate
+from synthnet.build.jobs import ShardResult, exclusive, keep_or_make
+from synthnet.build.terms import terms_of
 from synthnet.commands import cli
 from synthnet.errors import BuildError, DamagedError, SpectrumError, StoreError
+from synthnet.recipe.plan import plan_shards
 from synthnet.store import StoredDataset, pins
 from synthnet.types import Sample, ShapeSpec, ShardRecord
+from synthnet.verify import checks, shapes
 from synthnet.verify.checks import verify
 
 VERSION = "1.0-mini"
@@ -37,6 +39,14 @@ def no_error(sample: Sample) -> Estimate:
 
 def record_of(dataset: StoredDataset, family: str = FAMILY) -> ShardRecord:
     return next(r for r in dataset.manifest.shards if r.family == family)
+
+
+def estimate_shard(dataset: StoredDataset, record: ShardRecord) -> ShardResult:
+    """Estimate the errors of one shard in this process, or keep those that are there."""
+    version = recipe.load(VERSION)
+    plan = next(plan for plan in plan_shards(version) if plan.file == record.file)
+    terms = terms_of(version, dataset.directory)
+    return keep_or_make(estimates.estimates_job(plan, record, terms))
 
 
 def rewrite(
@@ -110,11 +120,11 @@ def test_the_same_shard_gives_the_same_bytes(dataset: StoredDataset) -> None:
     found = []
     for _ in range(2):
         path.unlink()
-        result = estimates.estimate_shard(record, dataset.directory)
+        result = estimate_shard(dataset, record)
         assert (result.reused, result.damaged) == (False, None)
         found.append(path.read_bytes())
     assert found[0] == found[1]
-    assert estimates.estimate_shard(record, dataset.directory).reused
+    assert estimate_shard(dataset, record).reused
 
 
 @pytest.mark.parametrize("damage", ["byte", "other shard", "schema"])
@@ -144,7 +154,7 @@ def test_a_damaged_file_is_said_and_replaced(
     estimates.path_of(dataset.directory, record).write_bytes(b"no Parquet")
     assert not estimates.is_complete(dataset)
     assert estimates.any_made(dataset)
-    result = estimates.estimate_shard(record, dataset.directory)
+    result = estimate_shard(dataset, record)
     assert result.damaged is not None
     assert "is damaged" in result.damaged
     assert estimates.is_complete(dataset)
@@ -160,7 +170,7 @@ def test_a_solver_that_fails_names_the_shape(
     record = record_of(dataset)
     estimates.path_of(dataset.directory, record).unlink()
     with pytest.raises(SpectrumError, match=rf"^{FAMILY}-\d+, refined: factorisation failed$"):
-        estimates.estimate_shard(record, dataset.directory)
+        estimate_shard(dataset, record)
 
 
 def test_estimates_need_a_dataset_of_this_recipe(dataset: StoredDataset, tmp_path: Path) -> None:
@@ -177,7 +187,7 @@ def test_estimates_need_a_dataset_of_this_recipe(dataset: StoredDataset, tmp_pat
 def test_two_at_once_do_not_mix(dataset: StoredDataset) -> None:
     estimates.path_of(dataset.directory, record_of(dataset)).unlink()
     with (
-        synthnet.build.versions.exclusive(dataset.directory, wait_for_lock=False),
+        exclusive(dataset.directory, wait_for_lock=False),
         pytest.raises(BuildError, match="another build is writing to"),
     ):
         estimates.build_estimates(VERSION, root=dataset.directory.parent)
@@ -228,8 +238,8 @@ def found_errors(dataset: StoredDataset, sample: int = 0) -> list[str]:
 @pytest.fixture(autouse=True)
 def no_meshes(monkeypatch: pytest.MonkeyPatch) -> None:
     """What verify does besides has its own tests."""
-    monkeypatch.setattr(synthnet.verify.checks, "_check_mesh", lambda sample: [])
-    monkeypatch.setattr(synthnet.verify.checks, "_check_label", lambda sample: [])
+    monkeypatch.setattr(shapes, "check_mesh", lambda sample: [])
+    monkeypatch.setattr(shapes, "check_label", lambda sample: [])
     monkeypatch.setattr(pins, "read_errors", lambda version: None)
 
 
@@ -274,9 +284,9 @@ def test_some_are_made_anew(dataset: StoredDataset, monkeypatch: pytest.MonkeyPa
         asked.append(spec.id)
         return Estimate(spec.id, label * 0.01, label[None])
 
-    monkeypatch.setattr(synthnet.verify.checks, "estimate", record)
+    monkeypatch.setattr(shapes, "estimate", record)
     problems = found_errors(dataset, sample=60)
-    assert len(asked) == len(set(asked)) == synthnet.verify.checks.ERRORS_MADE_ANEW == len(problems)
+    assert len(asked) == len(set(asked)) == checks.ERRORS_MADE_ANEW == len(problems)
     assert len({id.rpartition("-")[0] for id in asked}) > 1
     assert all("is 0.01 of the label off one made anew, more" in problem for problem in problems)
 

@@ -14,8 +14,8 @@ from typing import NoReturn
 
 import pytest
 
-import synthnet.build.versions
 from synthnet import store
+from synthnet.build import versions
 from synthnet.build.versions import build
 from synthnet.build.workers import given
 from synthnet.commands import cli
@@ -134,7 +134,7 @@ def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(
         raise error
 
     with monkeypatch.context() as patch, ThreadPoolExecutor(1) as pool:
-        patch.setattr(synthnet.build.versions, "make_sample", starve)
+        patch.setattr(versions, "make_sample", starve)
         with pytest.raises(BuildError, match=r"ran out of memory at shards/.*: finished"):
             build(tiny, root=tmp_path, engine=given(pool, workers=1))
     assert not list((tmp_path / "tiny").rglob("*.p*"))
@@ -164,7 +164,7 @@ def test_a_build_that_fails_leaves_no_partial_file_of_a_stopped_worker(
         begun.append(True)
         raise BuildError("no space left")
 
-    monkeypatch.setattr("synthnet.build.versions.build_shard", stopped)
+    monkeypatch.setattr(versions, "make_shard", stopped)
     with ThreadPoolExecutor(1) as pool, pytest.raises(BuildError, match="no space left"):
         build(tiny, root=tmp_path, engine=given(pool, workers=1))
     assert not list(tmp_path.rglob("*.partial"))

@@ -20,9 +20,9 @@ from eigbench.scoring import truth
 
 import synthnet
 from synthnet import spectrum, store
-from synthnet.build import filters, importing
-from synthnet.build.importing import Settings, import_meshes, what_was_met
-from synthnet.build.versions import BuildReport, Watcher, exclusive
+from synthnet.build import filters, importing, sources, surfaces
+from synthnet.build.importing import Settings, file_outcomes, import_meshes
+from synthnet.build.jobs import BuildReport, Watcher, exclusive
 from synthnet.build.workers import given
 from synthnet.commands import cli
 from synthnet.errors import BuildError, MeshImportError, RecipeError, StoreError
@@ -79,7 +79,7 @@ def run(tmp_path: Path) -> Callable[..., BuildReport]:
 
 def test_folder_becomes_a_dataset(folder: Path, run: Callable[..., BuildReport]) -> None:
     dataset = run(folder).dataset
-    rows = {row["file"]: (row["outcome"], row["what"]) for row in what_was_met(dataset)}
+    rows = {row["file"]: (row["outcome"], row["what"]) for row in file_outcomes(dataset)}
     merged = 3 * len(SPHERE.faces) - len(SPHERE.vertices)
     assert rows["a.ply"] == ("as it was", "")
     assert rows["b.STL"] == ("repaired", f"{merged:,} merged vertices")
@@ -97,7 +97,7 @@ def test_folder_becomes_a_dataset(folder: Path, run: Callable[..., BuildReport])
 
 def told(report: BuildReport) -> dict[str, str]:
     """What became of each file, by its name."""
-    return {str(row["file"]): str(row["what"]) for row in what_was_met(report.dataset)}
+    return {str(row["file"]): str(row["what"]) for row in file_outcomes(report.dataset)}
 
 
 def contents(directory: Path) -> dict[str, bytes]:
@@ -181,7 +181,7 @@ class Interrupted(Watcher):
 def test_import_that_was_interrupted_goes_on(
     folder: Path, run: Callable[..., BuildReport], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(importing, "SHARD_FILES", 3)
+    monkeypatch.setattr(sources, "SHARD_FILES", 3)
     run(folder, root=tmp_path / "other")
     with pytest.raises(KeyboardInterrupt):
         run(folder, watcher=Interrupted())
@@ -195,18 +195,18 @@ def test_import_that_was_interrupted_goes_on(
 
 
 def test_shards_are_of_few_files_and_of_few_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importing, "SHARD_FILES", 3)
-    monkeypatch.setattr(importing, "SHARD_BYTES", 10)
-    assert list(importing._chunks([1, 1, 1, 1])) == [(0, 3), (3, 4)]
-    assert list(importing._chunks([99, 4, 6, 1, 99])) == [(0, 1), (1, 3), (3, 4), (4, 5)]
-    assert list(importing._chunks([0])) == [(0, 1)]
+    monkeypatch.setattr(sources, "SHARD_FILES", 3)
+    monkeypatch.setattr(sources, "SHARD_BYTES", 10)
+    assert list(sources._chunks([1, 1, 1, 1])) == [(0, 3), (3, 4)]
+    assert list(sources._chunks([99, 4, 6, 1, 99])) == [(0, 1), (1, 3), (3, 4), (4, 5)]
+    assert list(sources._chunks([0])) == [(0, 1)]
 
 
 @pytest.mark.slow
 def test_any_number_of_workers_makes_the_same_bytes(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(importing, "SHARD_FILES", 2)
+    monkeypatch.setattr(sources, "SHARD_FILES", 2)
     for workers in (1, 2):
         import_meshes([folder], "mine", root=tmp_path / str(workers), workers=workers)
     one, two = (contents(tmp_path / name / "mine") for name in "12")
@@ -299,7 +299,7 @@ def test_unit_area_is_recorded(folder: Path, run: Callable[..., BuildReport]) ->
 
 
 def test_largest_component_is_kept_if_asked(folder: Path, run: Callable[..., BuildReport]) -> None:
-    rows = what_was_met(run(folder, keep_largest=True).dataset)
+    rows = file_outcomes(run(folder, keep_largest=True).dataset)
     (kept,) = [row for row in rows if row["file"] == "e.ply"]
     assert (kept["outcome"], kept["what"]) == ("repaired", "1 components left out")
     assert kept["vertices"] == len(SPHERE.vertices)
@@ -477,7 +477,7 @@ def test_too_large_files_are_rejections(
     folder: Path, run: Callable[..., BuildReport], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     size = (folder / "below" / "c.obj").stat().st_size
-    monkeypatch.setattr(importing, "MOST_BYTES", size - 1)
+    monkeypatch.setattr(sources, "MOST_BYTES", size - 1)
     monkeypatch.setattr(repair, "MOST_VERTICES", 161)
     found = told(run(folder))
     assert found["below/c.obj"] == f"too_large: {size:,} bytes, more than {size - 1:,}"
@@ -530,7 +530,7 @@ def test_mobius_band_is_not_called_repaired(
     ]
     vertices = np.concatenate([middle - side, middle + side])
     trimesh.Trimesh(vertices, faces, process=False).export(place / "a.off")
-    (row,) = what_was_met(run(place).dataset)
+    (row,) = file_outcomes(run(place).dataset)
     assert (row["outcome"], row["what"]) == ("as it was", "not orientable")
 
 
@@ -643,7 +643,7 @@ def test_reasons_are_those_of_the_documentation() -> None:
     root = Path(importing.__file__).parent
     page = (root.parent / "docs" / "import.md").read_text()
     reasons = set(re.findall(r'Refused\(\s*"(\w+)"', (root / "repair.py").read_text()))
-    reasons |= {importing.UNREADABLE, importing.CHANGED, importing.TOO_LARGE, importing.MEMORY}
+    reasons |= {sources.UNREADABLE, sources.TOO_LARGE, surfaces.CHANGED, surfaces.MEMORY}
     reasons |= {filters.SOLVER, filters.CERTIFICATE, *filters.SPECTRUM_CHECKS}
     assert len(reasons) == 18
     assert reasons <= set(re.findall(r"`(\w+)`", page))

@@ -16,8 +16,10 @@ from pathlib import Path
 
 import pytest
 
-import synthnet.build.versions
-from synthnet.build.versions import Terms, build, work
+from synthnet.build import jobs
+from synthnet.build.jobs import work
+from synthnet.build.terms import Terms, terms_of
+from synthnet.build.versions import build, shard_job
 from synthnet.build.workers import Workers, dask_cluster, given
 from synthnet.commands.cli import main
 from synthnet.errors import BuildError
@@ -62,7 +64,7 @@ def test_threads_give_the_bytes_of_processes(
 def test_few_shards_are_submitted_at_a_time(small: Recipe, tmp_path: Path) -> None:
     at_once, most = set(), []
 
-    class Watcher(synthnet.build.versions.Watcher):
+    class Watcher(jobs.Watcher):
         def submitted(self, plan: ShardPlan) -> None:
             at_once.add(plan.file)
             most.append(len(at_once))
@@ -85,38 +87,38 @@ def test_shards_kept_submitted_follow_the_workers() -> None:
 @pytest.fixture
 def terms(small: Recipe, tmp_path: Path) -> Terms:
     (tmp_path / "shards").mkdir()
-    return synthnet.build.versions.terms_of(small, tmp_path)
+    return terms_of(small, tmp_path)
 
 
 def test_worker_with_another_version_is_refused(small: Recipe, terms: Terms) -> None:
     other = dataclasses.replace(terms, packages={**terms.packages, "numpy": "0.1"})
     with pytest.raises(BuildError, match=r"has numpy .*, the build has 0\.1: install the same"):
-        work(plan_shards(small)[0], other)
+        work(shard_job(plan_shards(small)[0], other))
 
 
 def test_worker_that_understands_another_recipe_is_refused(small: Recipe, terms: Terms) -> None:
     other = dataclasses.replace(terms, digest="0" * 64)
     with pytest.raises(BuildError, match="understands another recipe than the build"):
-        work(plan_shards(small)[0], other)
+        work(shard_job(plan_shards(small)[0], other))
 
 
 def test_worker_that_does_not_see_the_directory_is_refused(small: Recipe, terms: Terms) -> None:
     other = dataclasses.replace(terms, directory=terms.directory / "elsewhere")
     with pytest.raises(BuildError, match=r"does not see .*: --out must be a directory that all"):
-        work(plan_shards(small)[0], other)
+        work(shard_job(plan_shards(small)[0], other))
 
 
 def test_shard_written_to_another_disk_is_noticed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(synthnet.build.versions, "SEEN_WITHIN", 0.0)
+    monkeypatch.setattr(jobs, "SEEN_WITHIN", 0.0)
     path = tmp_path / "a.parquet"
     with pytest.raises(BuildError, match="is not there: --out must be a directory that all"):
-        synthnet.build.versions.see(path)
+        jobs.see(path, 14)
     path.write_bytes(b"an older shard")
     with pytest.raises(BuildError, match="is not there: --out must be a directory that all"):
-        synthnet.build.versions.see(path, 10)
-    synthnet.build.versions.see(path, 14)
+        jobs.see(path, 10)
+    jobs.see(path, 14)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +188,7 @@ def test_dask_cluster_gives_the_same_bytes_though_a_worker_is_killed(
     shards = tmp_path / "many" / "shards"
     finished: dict[Path, int] = {}
 
-    class Watcher(synthnet.build.versions.Watcher):
+    class Watcher(jobs.Watcher):
         def finished(self, plan: ShardPlan, result: object) -> None:
             made.append(plan.file)
             if len(made) == 3:
@@ -239,4 +241,4 @@ def test_worker_with_another_processor_is_refused(small: Recipe, terms: Terms) -
     with pytest.raises(
         BuildError, match=r"has a processor of another kind .* than the build \(m68"
     ):
-        work(plan_shards(small)[0], other)
+        work(shard_job(plan_shards(small)[0], other))

@@ -25,7 +25,7 @@ from synthnet.mesh import geometry
 from synthnet.recipe.drawing import draw_shape
 from synthnet.recipe.plan import plan_shards
 from synthnet.types import Mesh, Parameters, ShapeSpec
-from synthnet.verify.checks import lapy_eigenvalues
+from synthnet.verify.shapes import lapy_eigenvalues
 
 HOW = {"triangulation": "uniform", "vertices": 1500, "seed": 7}
 FLAT = ("flat_rectangle", "elliptic_disc", "annulus", "drum")

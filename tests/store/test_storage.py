@@ -13,7 +13,7 @@ from synthnet.commands.cli import main
 from synthnet.errors import StoreError
 from synthnet.recipe import Recipe
 from synthnet.store import storage
-from synthnet.store.storage import RemotePath, place
+from synthnet.store.storage import RemotePath, location
 
 
 @pytest.fixture(scope="module")
@@ -54,8 +54,8 @@ def test_build_at_a_url_has_the_bytes_of_a_local_one(
     ids = [sample.spec.id for sample in there.samples()]
     assert ids == [sample.spec.id for sample in here.samples()]
     assert there.find("torus-00002").spec.id == "torus-00002"
-    assert storage.names(place(bucket)) == [tiny.version]
-    assert storage.names(place(f"{bucket}/nowhere")) == []
+    assert storage.names(location(bucket)) == [tiny.version]
+    assert storage.names(location(f"{bucket}/nowhere")) == []
 
 
 def test_interrupted_build_at_a_url_goes_on(bucket: str, tiny: Recipe) -> None:
@@ -102,8 +102,8 @@ def test_unknown_protocol_is_one_line(capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_file_url_is_a_path(tmp_path: Path) -> None:
-    assert place(f"file://{tmp_path}") == tmp_path
-    assert storage.local(place(str(tmp_path)), "1.0") == tmp_path
+    assert location(f"file://{tmp_path}") == tmp_path
+    assert storage.local(location(str(tmp_path)), "1.0") == tmp_path
     assert recipe.load("1.0").version in str(store.dataset_directory("1.0", f"file://{tmp_path}"))
 
 

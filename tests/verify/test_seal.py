@@ -14,7 +14,8 @@ from typing import Any, TypeAlias
 import pytest
 
 from synthnet import recipe, store
-from synthnet.build.versions import ShardResult, Watcher, build, ensure_built
+from synthnet.build.jobs import ShardResult, Watcher
+from synthnet.build.versions import build, ensure_built
 from synthnet.errors import BuildError, DamagedError, RecipeError, SealError, StoreError
 from synthnet.recipe import plan
 from synthnet.recipe.drawing import draw_shape, draw_shapes

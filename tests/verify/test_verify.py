@@ -14,14 +14,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-import synthnet.verify.checks
 from synthnet import recipe, spectrum, store
 from synthnet.commands import cli
 from synthnet.errors import RecipeError, StoreError
 from synthnet.recipe.plan import plan_shards
 from synthnet.store import pins
 from synthnet.types import Mesh, Rejection, Sample, ShapeSpec
-from synthnet.verify.checks import VerifyReport, lapy_eigenvalues, verify
+from synthnet.verify import checks, shapes
+from synthnet.verify.checks import VerifyReport, verify
+from synthnet.verify.shapes import lapy_eigenvalues
 
 VERSION = "1.0-mini"
 FAMILY = "split_cone"  # small meshes
@@ -54,7 +55,7 @@ def known_meshes() -> dict[str, Mesh]:
 @pytest.fixture(autouse=True)
 def generate_each_mesh_once(known_meshes: dict[str, Mesh], monkeypatch: pytest.MonkeyPatch) -> None:
     """Generating the meshes of 1.0-mini takes two seconds, and most tests here want them."""
-    generate = synthnet.verify.checks.generated_anew
+    generate = shapes.generated_anew
 
     def once(spec: ShapeSpec) -> Mesh:
         key = json.dumps([spec.family, dict(spec.parameters)])
@@ -62,7 +63,7 @@ def generate_each_mesh_once(known_meshes: dict[str, Mesh], monkeypatch: pytest.M
             known_meshes[key] = generate(spec)
         return known_meshes[key]
 
-    monkeypatch.setattr(synthnet.verify.checks, "generated_anew", once)
+    monkeypatch.setattr(shapes, "generated_anew", once)
 
 
 @pytest.fixture(scope="session")
@@ -84,7 +85,7 @@ def count_each_mesh_once(
             known_counts[key] = count(mesh, *shifts)
         return known_counts[key]
 
-    monkeypatch.setattr(synthnet.verify.checks.spectrum, "count_below", once)
+    monkeypatch.setattr(shapes.spectrum, "count_below", once)
 
 
 @pytest.fixture
@@ -161,10 +162,10 @@ def test_fresh_build_passes_every_check(mini_home: Path) -> None:
 def test_every_check_is_explained_on_the_command_line(
     mini_home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert list(synthnet.verify.checks.CHECKS) == CHECKS
+    assert list(checks.CHECKS) == CHECKS
     cli.main(["verify", "--version", VERSION, "--out", str(mini_home), "--sample", "0"])
     said = capsys.readouterr().out
-    assert all(what in said for what in synthnet.verify.checks.CHECKS.values())
+    assert all(what in said for what in checks.CHECKS.values())
 
 
 def test_sample_is_drawn_by_its_seed(mini_home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,7 +175,7 @@ def test_sample_is_drawn_by_its_seed(mini_home: Path, monkeypatch: pytest.Monkey
         seen.append(len(mesh.vertices))
         return np.ones(k)
 
-    monkeypatch.setattr(synthnet.verify.checks, "lapy_eigenvalues", count)
+    monkeypatch.setattr(shapes, "lapy_eigenvalues", count)
     draws = []
     for seed in (0, 0, 1):
         seen.clear()
@@ -283,7 +284,7 @@ def test_altered_eigenvalue_is_found_by_the_labels(
     id = tamper_first(  # too little for the pins
         mini_copy, lambda s: {"eigenvalues": s.eigenvalues * (1 + 1e-7 * (np.arange(10) == 3))}
     )
-    monkeypatch.setattr(synthnet.verify.checks, "_choose", lambda *_: {id})
+    monkeypatch.setattr(checks, "_choose", lambda *_: {id})
     report = verify(VERSION, root=mini_copy)
     assert problems(report) == {"labels": (f"{id}: label is 1e-07 off LaPy's, more than 1e-08",)}
     assert {c.name: c.examined for c in report.checks}["labels"] == 1

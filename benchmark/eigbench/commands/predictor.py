@@ -108,9 +108,9 @@ def _truth(options: argparse.Namespace, directory: store.StoredDataset | None) -
         wanted = recipe.load(options.dataset)
         name = truth.imported_name(wanted, options.split, options.protocol)
     if name and pins.read(name) is None:  # for a board it must be pinned; to try, on disk will do
-        there = store.open_imported(name, options.root)
-        if there is not None:
-            return truth.of_import(there, options.dataset)
+        dataset = store.open_unversioned(name, options.root)
+        if dataset is not None and dataset.kind is recipe.Kind.IMPORTED:
+            return truth.of_import(dataset, options.dataset)
     return truth.load(options.dataset, options.split, options.protocol)
 
 
@@ -120,7 +120,7 @@ def _meshes_of(
     """Return the dataset on disk whose meshes are predicted; it must be that of the labels."""
     kind, _, name = wanted.protocol.partition("/")
     place = name if kind == IMPORTED else wanted.version
-    dataset = directory or store.open_imported(place, root) or store.open_dataset(place, root)
+    dataset = directory or store.open_dataset(place, root)
     if kind == IMPORTED:
         same = truth.of_import(dataset, wanted.version).recipe_digest == wanted.recipe_digest
         problem = f"does not hold the meshes whose labels are pinned as {name}"

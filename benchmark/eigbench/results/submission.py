@@ -160,7 +160,7 @@ def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Pa
         wanted = truth.of_dataset(dataset, split, protocol)
     elif facts["version"] in recipe.available():
         wanted = _pinned(facts["version"], split, protocol)
-    elif recipe.is_sealed(facts["version"]):
+    elif recipe.parse_name(facts["version"]).kind is recipe.Kind.SEALED:
         raise ResultError(
             f"{path} is of the sealed set {facts['version']}, which has no place on a board: "
             "compare results of one with --dataset, its directory"

@@ -197,10 +197,8 @@ def of_import(dataset: store.StoredDataset, version: str) -> Truth:
 
 def _trained_on(version: str) -> str:
     """Return the version whose training split is meant: of a subset the full one, else 1.0."""
-    plain = version.partition("-sealed-")[0]
-    if scaled := recipe.SCALED.fullmatch(plain):
-        plain = scaled["version"]
-    return recipe.load(plain).base if plain in recipe.available() else DEFAULT.partition("/")[0]
+    source = recipe.parse_name(version).version
+    return recipe.load(source).base if source in recipe.available() else DEFAULT.partition("/")[0]
 
 
 def _check(split: str) -> None:

@@ -1,0 +1,53 @@
+"""From a shape to a labelled sample, or to a rejection with its reason."""
+
+from __future__ import annotations
+
+from synthnet import spectrum
+from synthnet.build import filters
+from synthnet.errors import CertificateError, SpectrumError
+from synthnet.families import FAMILIES
+from synthnet.mesh import isometries
+from synthnet.recipe import Recipe
+from synthnet.recipe.distributions import ISOMETRIES, generator
+from synthnet.recipe.plan import PlannedShape
+from synthnet.types import Mesh, Rejection, Sample, ShapeSpec, Spectrum
+
+
+def make_sample(shape: PlannedShape, recipe: Recipe) -> Sample | Rejection:
+    """Generate, check, label and augment one shape.
+
+    The label is computed in float64 from the float32 vertices that are stored.
+    """
+    spec = shape.spec
+    family = FAMILIES[spec.family]
+    mesh = family.generate(spec.parameters).stored()
+    if refused := filters.check_mesh(mesh, recipe.filters, family.topology(spec.parameters)):
+        return Rejection(spec.id, spec.family, *refused)
+    label = label_or_rejection(spec, mesh, recipe)
+    if isinstance(label, Rejection):
+        return label
+    rng = generator(recipe.seed, spec.family, spec.index, ISOMETRIES)
+    copies = recipe.augmentation
+    return Sample(
+        spec=spec,
+        mesh=mesh,
+        eigenvalues=label.eigenvalues,
+        trivial=label.trivial,
+        certificate=label.certificate,
+        isometries=isometries.draw_isometries(copies.rotations, copies.reflections, rng),
+        split=shape.split,
+        paper_splits=shape.paper_splits,
+    )
+
+
+def label_or_rejection(spec: ShapeSpec, mesh: Mesh, recipe: Recipe) -> Spectrum | Rejection:
+    """Return the certified spectrum of a mesh, or why there is none within a recipe's limits."""
+    try:
+        label = spectrum.compute(mesh, recipe.label.eigenvalues)
+    except CertificateError as error:
+        return Rejection(spec.id, spec.family, filters.CERTIFICATE, str(error))
+    except SpectrumError as error:
+        return Rejection(spec.id, spec.family, filters.SOLVER, str(error))
+    if refused := filters.check_spectrum(label, recipe.filters):
+        return Rejection(spec.id, spec.family, *refused)
+    return label

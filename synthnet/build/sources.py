@@ -1,0 +1,148 @@
+"""Find mesh files, and plan the shards and shapes they become: the first half of an import."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from synthnet.build.terms import SHARDS
+from synthnet.errors import MeshImportError
+from synthnet.mesh.formats import SUFFIXES
+from synthnet.recipe import SplitSettings, splits
+from synthnet.recipe.plan import PlannedShape, ShardPlan
+from synthnet.store import files
+from synthnet.types import ShapeSpec
+
+SHARD_FILES, SHARD_BYTES = 50, 8_000_000  # at most, so that Ctrl-C loses little
+MOST_BYTES = 2_000_000_000  # of a file; MOST_FACES as ASCII STL, the longest, are 1 GB
+SHARES = SplitSettings(0.7, 0.2, 0.1)
+UNREADABLE, TOO_LARGE = "unreadable", "too_large"
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A mesh file.
+
+    Parameters
+    ----------
+    path : Path
+        Where it is.
+    name : str
+        Its path in the directory it was found in, without what cannot be printed.
+    size : int
+        In bytes.
+    sha256 : str
+        Of its bytes; empty if it is refused.
+    refused : tuple of str
+        Reason and detail, if it is not to be read at all.
+    """
+
+    path: Path
+    name: str
+    size: int = 0
+    sha256: str = ""
+    refused: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class FilePlan:
+    """A shard to be made, the file of each of its shapes, and the directory that has them."""
+
+    shard: ShardPlan
+    sources: tuple[Source, ...]
+    directory: Path
+
+
+def plan_files(directories: Sequence[Path], split: str) -> list[FilePlan]:
+    """Return the shards: the files of each directory in order of their path.
+
+    The split and the group of a file depend on its bytes alone, so copies are never apart.
+
+    Raises
+    ------
+    MeshImportError
+        If a directory has no mesh file, or two of them would be the same family.
+    """
+    plans, seen = list[FilePlan](), dict[str, Path]()
+    for directory in (path.resolve() for path in directories):  # a worker may be elsewhere
+        paths = list(_mesh_files(directory))
+        if not paths:
+            raise MeshImportError(f"{directory} has no {', '.join(SUFFIXES)} file")
+        family = family_of(directory)
+        if family in seen:
+            raise MeshImportError(
+                f"{seen[family]} and {directory} would both be the family {family}"
+            )
+        seen[family] = directory
+        sources = [_source(directory, path, error) for path, error in sorted(paths)]
+        shapes = [_planned(family, i, source, split) for i, source in enumerate(sources)]
+        for number, (first, last) in enumerate(_chunks([source.size for source in sources])):
+            file = f"{SHARDS}/{family}-{number:04d}.parquet"
+            shard = ShardPlan(file, family, tuple(shapes[first:last]))
+            plans.append(FilePlan(shard, tuple(sources[first:last]), directory))
+    return plans
+
+
+def family_of(directory: Path) -> str:
+    """Return the name of a directory in small letters, digits and underscores.
+
+    Examples
+    --------
+    >>> family_of(Path("scans/Ears (left)"))
+    'ears_left'
+    """
+    return re.sub(r"[^a-z0-9]+", "_", directory.name.lower()).strip("_") or "meshes"
+
+
+def _mesh_files(directory: Path) -> Iterator[tuple[Path, str]]:
+    """Yield the files of a mesh's suffix; and directories that cannot be read, with why."""
+    errors: list[OSError] = []
+    for folder, _, names in os.walk(directory, onerror=errors.append):
+        for name in names:
+            if Path(name).suffix.lower() in SUFFIXES:
+                yield Path(folder, name), ""
+    for error in errors:
+        yield Path(error.filename), f"cannot be opened ({error.strerror})"
+
+
+def _source(directory: Path, path: Path, error: str) -> Source:
+    name = files.printable(path.relative_to(directory).as_posix())
+    if error:
+        return Source(path, f"{name}/", refused=(UNREADABLE, error))
+    try:
+        size = path.stat().st_size
+        if not path.is_file():
+            return Source(path, name, refused=(UNREADABLE, "is no file"))
+        if size > MOST_BYTES:
+            detail = f"{size:,} bytes, more than {MOST_BYTES:,}"
+            return Source(path, name, refused=(TOO_LARGE, detail))
+        return Source(path, name, size, files.sha256(path))
+    except OSError as wrong:
+        detail = f"cannot be opened ({wrong.strerror})"
+        return Source(path, name, refused=(UNREADABLE, detail))
+
+
+def _chunks(sizes: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Yield the first and past the last file of each shard."""
+    first, total = 0, 0
+    for i, size in enumerate(sizes):
+        if i > first and (i - first == SHARD_FILES or total + size > SHARD_BYTES):
+            yield first, i
+            first, total = i, 0
+        total += size
+    yield first, len(sizes)
+
+
+def _planned(family: str, index: int, source: Source, rule: str) -> PlannedShape:
+    parameters = {"file": source.name, "sha256": source.sha256}
+    spec = ShapeSpec(f"{family}-{index:05d}", family, index, parameters, source.sha256[:16])
+    split = split_of(source.sha256, rule)
+    return PlannedShape(spec, split, (split,))
+
+
+def split_of(sha256: str, rule: str) -> str:
+    """Return the split of a file by its hash: ``rule`` is ``test`` or ``hash``."""
+    return "test" if rule == "test" else splits.by_hash("import", sha256, SHARES, 0)

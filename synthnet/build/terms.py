@@ -1,0 +1,94 @@
+"""The terms of a build: what a worker, on whatever machine, must have in common with it."""
+
+from __future__ import annotations
+
+import functools
+import socket
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from platform import python_version
+
+from synthnet.errors import BuildError
+from synthnet.kernels import processor
+from synthnet.recipe import Recipe
+from synthnet.store.storage import Location
+from synthnet.version import __version__
+
+PACKAGES = ("synthnet", "numpy", "scipy", "numba", "open3d", "open3d-cpu", "trimesh", "pyarrow")
+SHARDS = "shards"
+SHARED = "--out must be a directory that all machines share, or a URL"
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What all jobs of a task have in common, and a worker must agree with.
+
+    Parameters
+    ----------
+    recipe : Recipe
+        The recipe that makes the shapes, or whose limits their labels must keep.
+    digest : str
+        The recipe's digest as this process computed it.
+    packages : mapping of str to str
+        The versions this process has, by package.
+    processor : str
+        The kind of processor: the last digits of a label depend on it.
+    directory : Path or RemotePath
+        Where the dataset is to be.
+    """
+
+    recipe: Recipe
+    digest: str
+    packages: Mapping[str, str]
+    processor: str
+    directory: Location
+
+
+def agree(terms: Terms) -> None:
+    """Raise BuildError unless this worker does what the process that set the terms would."""
+    here, host = _packages(), socket.gethostname()
+    for name in sorted({*here, *terms.packages}):
+        installed, expected = here.get(name), terms.packages.get(name)
+        if installed != expected:
+            raise BuildError(
+                f"the worker on {host} has {name} {installed or 'missing'}, the build has "
+                f"{expected or 'none'}: install the same versions there (constraints.txt)"
+            )
+    if processor() != terms.processor:
+        raise BuildError(
+            f"the worker on {host} has a processor of another kind ({processor()}) than the "
+            f"build ({terms.processor}): their labels would differ in the last digits, so "
+            "take machines of one kind"
+        )
+    if terms.recipe.digest != terms.digest:
+        raise BuildError(
+            f"the worker on {host} understands another recipe than the build: "
+            "install the same synthnet there"
+        )
+    shards = terms.directory / SHARDS
+    if isinstance(shards, Path) and not shards.is_dir():
+        raise BuildError(f"the worker on {host} does not see {shards}: {SHARED}")
+
+
+def terms_of(recipe: Recipe, directory: Location) -> Terms:
+    """Return what this process holds its workers to."""
+    return Terms(recipe, recipe.digest, _packages(), processor(), directory)
+
+
+@functools.cache
+def _packages() -> dict[str, str]:
+    """Return the versions of the packages that the data depend on."""
+    versions = {}
+    for name in PACKAGES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue  # open3d comes under one of two names
+    return {**versions, "synthnet": __version__}
+
+
+def made_with() -> dict[str, str]:
+    """Return the versions of Python and the packages, for a manifest."""
+    return {"python": python_version(), **_packages()}

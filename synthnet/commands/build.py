@@ -1,0 +1,134 @@
+"""``synthnet build``: build a version, and estimate the errors of its labels."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from synthnet import recipe
+from synthnet.build import estimates, versions
+from synthnet.build.jobs import BuildReport
+from synthnet.build.workers import Engine, dask_cluster, mpi_processes
+from synthnet.commands.options import Commands, add_command, print_json, workers_options
+from synthnet.commands.report import FamilyBars, family_table, summary
+
+EXAMPLES = """example: synthnet build --version 1.0-small --workers 2
+
+many machines:
+  synthnet build --engine dask --scheduler tcp://10.0.0.1:8786 --out /shared/synthnet
+  mpiexec -n 5 python -m mpi4py.futures -m synthnet build --engine mpi --out /shared/synthnet
+  synthnet build --scale 100 --out s3://bucket/synthnet
+"""
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    sub = add_command(commands, "build", run, "build a version")
+    sub.formatter_class = argparse.RawDescriptionHelpFormatter
+    sub.epilog = EXAMPLES
+    sub.add_argument(
+        "--scale",
+        type=int,
+        metavar="N",
+        help="draw N times as many shapes, all new, by the same distributions; "
+        "the version's name is then V-xN",
+    )
+    sub.add_argument(
+        "--engine",
+        choices=("local", "dask", "mpi"),
+        default="local",
+        help="who does the work: processes of this machine (default), a Dask cluster, "
+        "or the other processes of an MPI job; the data do not depend on it",
+    )
+    sub.add_argument("--scheduler", metavar="ADDRESS", help="of the Dask cluster")
+    workers_options(
+        sub,
+        other="build",
+        workers="local processes of one thread each (default: the cores there are); "
+        "the data do not depend on it",
+    )
+    sub.add_argument(
+        "--error-estimates",
+        action="store_true",
+        help="then estimate how far each label is from the smooth surface's spectrum "
+        "(several times the work of the build)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Build a version, or finish it; then estimate its errors if asked to."""
+    report = _run(versions.build, options)
+    estimated = None
+    if options.error_estimates:
+        estimated = _run(estimates.build_estimates, options, "errors of ")
+    if options.json:
+        described = summary(report.dataset.manifest, report)
+        if estimated is not None:
+            described["error_estimates"] = {
+                "core_seconds": {k: round(v, 3) for k, v in estimated.seconds.items()},
+                "wall_seconds": round(estimated.wall_seconds, 3),
+                "nothing_to_do": estimated.nothing_to_do,
+                "reused_shards": estimated.reused,
+            }
+        print_json(described)
+        return 0
+    _print_build(report, estimated)
+    if estimated is not None:
+        _print_estimates(estimated)
+    return 0
+
+
+def _run(make: Any, options: argparse.Namespace, of: str = "") -> BuildReport:
+    version = recipe.load(options.version)
+    bars = FamilyBars(of)
+    with bars.progress:
+        report: BuildReport = make(
+            version if options.scale is None else recipe.scaled(version, options.scale),
+            root=options.out,
+            workers=options.workers,
+            engine=_engine(options),
+            watcher=bars,
+            wait_for_lock=options.wait,
+        )
+    return report
+
+
+def _engine(options: argparse.Namespace) -> Engine | None:
+    if options.engine != "dask" and options.scheduler is not None:
+        raise ValueError("--scheduler is for --engine dask")
+    if options.engine != "local" and options.workers is not None:
+        raise ValueError(f"--workers is for local processes, not for --engine {options.engine}")
+    if options.engine == "mpi":
+        return mpi_processes()
+    if options.engine == "dask":
+        if options.scheduler is None:
+            raise ValueError("--engine dask needs --scheduler, for example tcp://10.0.0.1:8786")
+        return dask_cluster(options.scheduler)
+    return None
+
+
+def _print_build(report: BuildReport, estimated: BuildReport | None) -> None:
+    directory, version = report.dataset.directory, report.dataset.manifest.version
+    if report.nothing_to_do:
+        rest = ": nothing to do" if estimated is None else ""
+        print(f"{version} is built already in {directory}{rest}")
+        print("(every file is as it was written; `synthnet verify` checks what is in them)")
+        return
+    print(family_table(report.dataset.manifest, report.seconds))
+    if report.reused:
+        print("\n(core-seconds are those of this run: of kept shards only the reading)", end="")
+    print(f"\n{version} built in {report.wall_seconds:.0f} s{_kept(report)}: {directory}")
+
+
+def _print_estimates(estimated: BuildReport) -> None:
+    if estimated.nothing_to_do:
+        print("its error estimates are there already: nothing to do")
+        return
+    core = sum(estimated.seconds.values())
+    directory = estimated.dataset.directory / estimates.DIRECTORY
+    print(f"error estimates made in {estimated.wall_seconds:.0f} s ", end="")
+    print(f"({core:,.0f} core-seconds){_kept(estimated)}: {directory}")
+
+
+def _kept(report: BuildReport) -> str:
+    return f", {report.reused} shards kept from an earlier run" if report.reused else ""

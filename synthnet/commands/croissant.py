@@ -1,0 +1,31 @@
+"""``synthnet croissant``: describe a built version for other tools."""
+
+from __future__ import annotations
+
+import argparse
+
+from synthnet import store
+from synthnet.commands.options import Commands, add_command, print_json
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    add_command(
+        commands,
+        "croissant",
+        run,
+        "describe a built version for other tools: Croissant 1.1 metadata beside its manifest",
+        " --version 1.0-mini",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the Croissant metadata of a built version."""
+    from synthnet.loaders.croissant import write
+
+    path = write(store.open_dataset(options.version, options.out))
+    if options.json:
+        print_json({"croissant": str(path)})
+    else:
+        print(path)
+    return 0

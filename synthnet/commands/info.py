@@ -1,0 +1,57 @@
+"""``synthnet info``: say what a built version holds."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+
+from synthnet import store
+from synthnet.build import estimates
+from synthnet.commands.options import Commands, add_command, print_json
+from synthnet.commands.report import family_table, summary
+from synthnet.types import SPLITS
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    sub = add_command(
+        commands, "info", run, "say what a built version holds", " --version 1.0-small"
+    )
+    sub.add_argument("--ids", action="store_true", help="list the ids of its shapes")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the numbers of a dataset, or the ids of its shapes."""
+    dataset = store.open_dataset(options.version, options.out)
+    manifest = dataset.manifest
+    if options.ids:
+        ids = [i.as_py() for p in dataset.paths() for i in store.read_table(p, ["id"])["id"]]
+        if options.json:
+            print_json(ids)
+        else:
+            print("\n".join(ids))
+        return 0
+    if options.json:
+        print_json({**summary(manifest), "directory": str(dataset.directory)})
+        return 0
+    print(family_table(manifest))
+    size = sum(shard.size for shard in manifest.shards)
+    splits = Counter(
+        split.as_py() for path in dataset.paths() for split in store.read_table(path, ["split"])[0]
+    )
+    print(f"\nversion    {manifest.version}  (recipe {manifest.recipe_digest[:12]})")
+    print(f"directory  {dataset.directory}")
+    print(f"size       {size / 1e6:,.1f} MB in {len(manifest.shards)} shards")
+    print(f"estimates  {_estimates(dataset)}")
+    print("splits     " + ", ".join(f"{name} {splits[name]:,}" for name in SPLITS))
+    print("made with  " + ", ".join(f"{k} {v}" for k, v in manifest.packages.items()))
+    for rejection in manifest.rejections:
+        print(f"rejected   {rejection.id}: {rejection.reason}: {rejection.detail}")
+    return 0
+
+
+def _estimates(dataset: store.StoredDataset) -> str:
+    """Say which labels have error estimates."""
+    if estimates.is_complete(dataset):
+        return "of every label"
+    return f"{'of a part' if estimates.any_made(dataset) else 'none'} (--error-estimates)"

@@ -1,0 +1,82 @@
+"""What the parsers of the commands share."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from synthnet import recipe, store
+
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+
+
+def add_command(
+    commands: Commands,
+    name: str,
+    run: Callable[[argparse.Namespace], int],
+    text: str,
+    example: str = "",
+    *,
+    version: bool = True,
+) -> argparse.ArgumentParser:
+    """Add a command with the options that every command has, and ``--version`` by default."""
+    command = commands.add_parser(
+        name, help=text, description=text, epilog=f"example: synthnet {name}{example}"
+    )
+    command.set_defaults(run=run)
+    command.add_argument(
+        "--out",
+        "--root",
+        metavar="DIR",
+        help="directory or URL (s3://bucket/data) that holds the versions "
+        "(default: $SYNTHNET_HOME, else the user's cache directory, here "
+        + str(store.home()).replace("%", "%%")
+        + ")",
+    )
+    command.add_argument("--json", action="store_true", help="print JSON for a program")
+    if version:
+        version_option(command)
+    return command
+
+
+def version_option(command: argparse._ActionsContainer) -> None:
+    """Add the option that names a version."""
+    command.add_argument(
+        "--version",
+        default="1.0",
+        metavar="V",
+        help=f"one of {', '.join(recipe.available())}, or one of these scaled, as 1.0-x100 "
+        "(default: %(default)s)",
+    )
+
+
+def workers_options(
+    command: argparse.ArgumentParser, *, other: str, workers: str = "local processes"
+) -> None:
+    """Add the options of a command that makes shards; it may wait for an ``other`` command."""
+    command.add_argument("--workers", type=int, metavar="N", help=workers)
+    command.add_argument(
+        "--wait",
+        action="store_true",
+        help=f"wait while another {other} is at work in the directory",
+    )
+
+
+def at_least(least: int) -> Callable[[str], int]:
+    """Return what reads a number of the command line that has a least value."""
+
+    def number(text: str) -> int:
+        value = int(text)
+        if value < least:
+            raise argparse.ArgumentTypeError(f"must be at least {least}, got {value}")
+        return value
+
+    number.__name__ = "int"  # argparse's name for what is no number at all
+    return number
+
+
+def print_json(value: Any) -> None:
+    """Print a value as the commands' ``--json`` does."""
+    print(json.dumps(value, indent=1))

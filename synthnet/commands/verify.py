@@ -1,0 +1,188 @@
+"""``synthnet verify``: check a built version, or a sealed set by its revealed salt."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from tabulate import tabulate
+
+from synthnet import store
+from synthnet.commands.options import Commands, add_command, at_least, print_json, version_option
+from synthnet.commands.report import FamilyBars
+from synthnet.commands.seal import salt_option
+from synthnet.recipe import Kind
+
+if TYPE_CHECKING:
+    from synthnet.verify import VerifyReport
+
+DIFFERENT = 1  # exit code where something differs
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    example = " --version 1.0 --sample 200"
+    sub = add_command(commands, "verify", run, "check a built version", example, version=False)
+    which = sub.add_mutually_exclusive_group()
+    version_option(which)
+    which.add_argument(
+        "--sealed",
+        type=Path,
+        metavar="SEAL.json",
+        help="check a sealed set by its revealed salt; it is built first if it is not there",
+    )
+    salt_option(sub, required=False)
+    sub.add_argument("--workers", type=int, metavar="N", help="local processes, for --sealed")
+    sub.add_argument(
+        "--files",
+        action="store_true",
+        help="only see whether any byte has changed since the build: seconds, not minutes",
+    )
+    sub.add_argument(
+        "--sample",
+        type=at_least(0),
+        default=100,
+        metavar="N",
+        help="labels to derive anew with LaPy (default: %(default)s)",
+    )
+    sub.add_argument(
+        "--seed",
+        type=at_least(0),
+        default=0,
+        metavar="N",
+        help="of that sample (default: 0)",
+    )
+    sub.add_argument(
+        "--limit",
+        type=at_least(0),
+        default=20,
+        metavar="N",
+        help="problems to print (default: 20)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check a dataset and print what differs."""
+    name, report = _checked(options)
+    if options.json:
+        checks = [
+            {"check": c.name, "examined": c.examined, "problems": list(c.problems)}
+            for c in report.checks
+        ]
+        print_json({"version": name, "ok": not report.problems, "checks": checks})
+    else:
+        _print_report(name, report, options.limit)
+        if report.problems and options.sealed is None:
+            print(f"run {_again(options)}: it makes damaged shards anew,")
+            print("and says which other files to remove first")
+    return DIFFERENT if report.problems else 0
+
+
+def _checked(options: argparse.Namespace) -> tuple[str, VerifyReport]:
+    """Return the name of the dataset, and the report on it."""
+    from synthnet.verify import verify, verify_files
+
+    progress = Progress(
+        TextColumn("verifying"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    )
+    task = progress.add_task("shards", total=None)
+
+    def on_shard(done: int, total: int) -> None:
+        progress.start()  # not before there is something to show
+        progress.update(task, completed=done, total=total)
+
+    try:
+        if _is_sealed(options):
+            return _unseal(options, on_shard)
+        if options.files:
+            return options.version, verify_files(options.version, root=options.out)
+        report = verify(
+            options.version,
+            root=options.out,
+            sample=options.sample,
+            seed=options.seed,
+            on_shard=on_shard,
+        )
+        return options.version, report
+    finally:
+        progress.stop()
+
+
+def _print_report(name: str, report: VerifyReport, limit: int) -> None:
+    from synthnet.verify.unseal import CHECKS
+
+    rows = [
+        (c.name, f"{c.examined:,}", len(c.problems) or "none", CHECKS[c.name])
+        for c in report.checks
+    ]
+    print(tabulate(rows, headers=["check", "examined", "problems", "what"], disable_numparse=True))
+    for problem in report.problems[:limit]:
+        print(f"  {problem}")
+    if len(report.problems) > limit:
+        print(f"  … and {len(report.problems) - limit} more (--limit shows more)")
+    print(f"\n{name} in {report.directory}: {'DIFFERENT' if report.problems else 'verified'}")
+
+
+def _again(options: argparse.Namespace) -> str:
+    """Return the command that makes a dataset anew."""
+    match store.open_dataset(options.version, options.out).kind:
+        case Kind.SEALED:
+            return "the `synthnet seal` that made it again"
+        case Kind.IMPORTED:
+            return f"the `synthnet import` of {options.version} again"
+    out = f" --out {options.out}" if options.out else ""
+    return f"`synthnet build --version {options.version}{out}`"
+
+
+def _is_sealed(options: argparse.Namespace) -> bool:
+    """Return whether ``synthnet verify`` is asked to check a seal.
+
+    Raises
+    ------
+    ValueError
+        If it is asked so in part, or for something else as well.
+    """
+    if (options.sealed is None) != (options.salt_file is None):
+        raise ValueError("--sealed and --salt-file go together: the seal, and its revealed salt")
+    if options.sealed is None and options.workers is not None:
+        raise ValueError("--workers is for --sealed, which builds")
+    if options.sealed is not None and options.files:
+        raise ValueError("--files is for a built version: --sealed computes everything anew")
+    return options.sealed is not None
+
+
+def _unseal(
+    options: argparse.Namespace, on_shard: Callable[[int, int], None]
+) -> tuple[str, VerifyReport]:
+    """Check a seal by its salt; return the name of the set, and the report."""
+    from synthnet.verify import seal as seals
+    from synthnet.verify.unseal import verify_sealed
+
+    published = seals.read(options.sealed)
+    salt = seals.read_salt(options.salt_file)
+    bars = FamilyBars()
+
+    def on_checked(done: int, total: int) -> None:
+        bars.progress.stop()
+        on_shard(done, total)
+
+    with bars.progress:
+        report = verify_sealed(
+            published,
+            salt,
+            root=options.out,
+            workers=options.workers,
+            sample=options.sample,
+            seed=options.seed,
+            watcher=bars,
+            on_shard=on_checked,
+        )
+    return published.dataset, report

@@ -1,0 +1,43 @@
+"""``synthnet versions``: list what can be built, and what is there."""
+
+from __future__ import annotations
+
+import argparse
+
+from tabulate import tabulate
+
+from synthnet import recipe, store
+from synthnet.commands.options import Commands, add_command, print_json
+from synthnet.errors import StoreError
+from synthnet.store import storage
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    add_command(commands, "versions", run, "list what can be built", version=False)
+
+
+def run(options: argparse.Namespace) -> int:
+    """List the versions, and the imports, sealed sets and scaled versions that are there."""
+    rows = []
+    known = recipe.available()
+    for name in known:
+        version = recipe.load(name)
+        manifest = store.read_manifest(store.dataset_directory(name, options.out))
+        built = manifest is not None and manifest.recipe_digest == version.digest
+        rows.append({"version": name, "shapes": version.count, "built": built})
+    for name in storage.names(store.home(options.out)):
+        if name in known:
+            continue
+        try:
+            manifest = store.read_manifest(store.dataset_directory(name, options.out))
+        except (StoreError, PermissionError):
+            continue  # it belongs to another program, or is not for us to read
+        if manifest is not None and manifest.version == name:
+            rows.append({"version": name, "shapes": manifest.rows, "built": True})
+    if options.json:
+        print_json(rows)
+        return 0
+    print(tabulate([{**r, "built": "yes" if r["built"] else "no"} for r in rows], headers="keys"))
+    print(f"\nin {store.home(options.out)}")
+    return 0

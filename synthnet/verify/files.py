@@ -1,0 +1,79 @@
+"""Checks of a dataset's files: manifest, digests, shards and error estimates as they were built."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from synthnet import store
+from synthnet.build import estimates
+from synthnet.build.discretisation import Estimate
+from synthnet.errors import StoreError
+from synthnet.recipe import Recipe
+from synthnet.store import StoredDataset, storage
+from synthnet.types import Manifest, Sample, ShardRecord
+from synthnet.verify.report import Findings
+
+
+def check_manifest(manifest: Manifest, recipe: Recipe | None) -> Iterator[str]:
+    """Compare the manifest with its recipe; an import's, which has none, with its description."""
+    if recipe is None:  # the manifest alone knows how many files there were
+        drawn = dict(manifest.drawn)
+        if manifest.recipe_digest != store.description_of(manifest).digest:
+            yield "manifest: its digest is not that of its options and files"
+    else:
+        drawn = {family: recipe.drawn(family) for family in recipe.families}
+        if manifest.recipe_digest != recipe.digest:
+            yield "manifest: made from another recipe than this release's"
+    for family, expected in drawn.items():
+        shards = [s for s in manifest.shards if s.family == family]
+        counted = sum(s.rows + len(s.rejections) for s in shards)
+        if not counted == manifest.drawn.get(family) == expected:
+            yield (
+                f"manifest: {family} has {counted} shapes kept or rejected and "
+                f"{manifest.drawn.get(family)} drawn, the recipe draws {expected}"
+            )
+
+
+def read_checked(
+    dataset: StoredDataset, record: ShardRecord, findings: Findings
+) -> list[Sample] | None:
+    """Return a shard's samples, or ``None`` if it cannot be read; note what is wrong with it."""
+    path = dataset.directory / record.file
+    findings.add("digests", _check_digest(dataset, record))
+    try:
+        samples = list(store.read_samples(path))
+    except StoreError as error:
+        findings.add("shards", [str(error)])
+        return None
+    findings.add("shards", _check_rows(samples, record))
+    return samples
+
+
+def read_estimates(
+    dataset: StoredDataset, record: ShardRecord, findings: Findings
+) -> list[Estimate] | None:
+    """Return a shard's error estimates, or ``None``; note what is wrong with their file."""
+    try:
+        return estimates.read_shard(dataset.directory, record)
+    except StoreError as error:
+        findings.add("errors", [str(error)], examined=0)
+        return None
+
+
+def _check_digest(dataset: StoredDataset, record: ShardRecord) -> Iterator[str]:
+    path = dataset.directory / record.file
+    if storage.size(path) is None:
+        yield f"{record.file}: missing"
+    elif (here := storage.sha256(path)) != record.sha256:
+        yield f"{record.file}: SHA-256 is {here[:12]}…, the manifest has {record.sha256[:12]}…"
+
+
+def _check_rows(samples: list[Sample], record: ShardRecord) -> Iterator[str]:
+    counts = (
+        ("rows", len(samples), record.rows),
+        ("vertices", sum(len(s.mesh.vertices) for s in samples), record.vertices),
+        ("faces", sum(len(s.mesh.faces) for s in samples), record.faces),
+    )
+    for what, stored, expected in counts:
+        if stored != expected:
+            yield f"{record.file}: {stored} {what}, the manifest has {expected}"

@@ -1,0 +1,207 @@
+"""Checks of one shape: against the recipe, the pins, its own certificate and LaPy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import lapy
+import numpy as np
+import threadpoolctl
+from numpy.typing import NDArray
+from scipy import linalg
+
+from synthnet import spectrum
+from synthnet.build import sources
+from synthnet.build.discretisation import Estimate, estimate, extrapolate
+from synthnet.errors import SpectrumError
+from synthnet.families import FAMILIES
+from synthnet.mesh import isometries
+from synthnet.mesh.geometry import area
+from synthnet.recipe import Recipe
+from synthnet.recipe.distributions import ISOMETRIES, generator
+from synthnet.recipe.plan import PlannedShape
+from synthnet.spectrum import solve
+from synthnet.store import ImportDescription, pins
+from synthnet.store.files import one_line
+from synthnet.types import Mesh, Sample, ShapeSpec
+
+VERTEX_TOLERANCE = 1e-6  # of the largest coordinate: float32 keeps 6e-8
+ISOMETRY_TOLERANCE = 1e-12  # of entries: sines differ in their last bits
+LAPY_TOLERANCE = 1e-8  # relative, stored label against LaPy's own solver
+ERROR_TOLERANCE = 1e-5  # of an error, as a share of its label; that is good to 1e-6
+
+
+def check_plan(
+    sample: Sample, planned: Mapping[str, PlannedShape], recipe: Recipe
+) -> Iterator[str]:
+    """Compare ids, parameters, splits and isometries with the recipe's draw."""
+    spec = sample.spec
+    shape = planned.get(spec.id)
+    if shape is None:
+        yield f"{spec.id}: not drawn by the recipe"
+    elif spec != shape.spec:
+        yield f"{spec.id}: parameters differ from the recipe's draw"
+    elif (sample.split, sample.paper_splits) != (shape.split, shape.paper_splits):
+        yield f"{spec.id}: splits differ from the recipe's"
+    else:
+        rng = generator(recipe.seed, spec.family, spec.index, ISOMETRIES)
+        copies = recipe.augmentation
+        drawn = isometries.draw_isometries(copies.rotations, copies.reflections, rng)
+        if sample.isometries.shape != drawn.shape or not np.allclose(
+            sample.isometries, drawn, rtol=0, atol=ISOMETRY_TOLERANCE
+        ):
+            yield f"{spec.id}: isometries differ from the recipe's draw"
+
+
+def generated_anew(spec: ShapeSpec) -> Mesh:
+    """Return the mesh a shape has by its parameters, at the precision of the store."""
+    return FAMILIES[spec.family].generate(spec.parameters).stored()
+
+
+def check_mesh(sample: Sample) -> Iterator[str]:
+    """Compare the mesh with one generated anew."""
+    spec = sample.spec
+    try:
+        expected = generated_anew(spec)
+    except (KeyError, ValueError) as error:
+        yield f"{spec.id}: cannot be generated: {one_line(error)}"
+        return
+    if not np.array_equal(sample.mesh.faces, expected.faces):
+        yield f"{spec.id}: faces differ from those generated anew"
+        return
+    apart = float(np.abs(sample.mesh.vertices - expected.vertices).max())
+    size = float(np.abs(expected.vertices).max())
+    if not apart <= VERTEX_TOLERANCE * size:
+        off = apart / size
+        yield f"{spec.id}: a vertex is {off:.2g} of the size off, more than {VERTEX_TOLERANCE:g}"
+
+
+def check_certificate(sample: Sample, recipe: Recipe) -> Iterator[str]:
+    """Count the eigenvalues below the shift, and below the last gap within the label."""
+    id, proof, label = sample.spec.id, sample.certificate, sample.eigenvalues
+    if not 0 <= proof.residual <= (limit := recipe.filters.residual):
+        yield f"{id}: residual is {proof.residual:.3g}, not between 0 and {limit:g}"
+    if not proof.shift > label[-1] or proof.count < len(label) + 1:
+        yield (
+            f"{id}: {proof.count} eigenvalues counted below {proof.shift:g} do not cover "
+            f"the label's {len(label)} up to {label[-1]:g}"
+        )
+    edges = np.concatenate([[0.0], label])
+    gaps = np.flatnonzero(np.diff(edges) > solve.NORMAL.gap * edges[1:])
+    if len(gaps) == 0:
+        yield f"{id}: no label: its eigenvalues are not positive"
+        return
+    lower = int(gaps[-1])  # eigenvalues of the label below its last gap
+    shifts = (proof.shift, float(edges[lower] + edges[lower + 1]) / 2)
+    try:
+        counts = spectrum.count_below(sample.mesh, *shifts)
+    except (SpectrumError, ValueError) as error:
+        yield f"{id}: its eigenvalues cannot be counted: {one_line(error)}"
+        return
+    expectations = ((proof.count, "certificate"), (lower + 1, "label"))
+    for shift, count, (expected, what) in zip(shifts, counts, expectations, strict=True):
+        if count != expected:
+            yield f"{id}: {count} eigenvalues are below {shift:g}, the {what} has {expected}"
+
+
+def check_listed(sample: Sample, description: ImportDescription) -> Iterator[str]:
+    """Compare an imported shape with what the manifest lists of its file."""
+    spec = sample.spec
+    listed = description.files.get(spec.id)
+    if listed is None:
+        yield f"{spec.id}: not in the manifest's list of files"
+        return
+    if {name: spec.parameters.get(name) for name in listed} != listed:
+        yield f"{spec.id}: file or SHA-256 differ from the manifest's list"
+    split = sources.split_of(listed["sha256"], description.options["split"])
+    expected = (listed["sha256"][:16], split, (split,))
+    if (spec.group, sample.split, sample.paper_splits) != expected:
+        yield f"{spec.id}: group or splits differ from those of its file"
+    if not np.array_equal(sample.isometries, np.eye(3)[None]):
+        yield f"{spec.id}: isometries are not the identity alone"
+
+
+def check_pin(sample: Sample, pinned: Mapping[str, pins.Pin]) -> Iterator[str]:
+    """Compare a shape with its pin."""
+    expected = pinned.get(sample.spec.id)
+    if expected is None:
+        yield f"{sample.spec.id}: stored here, but the pinned build rejected it"
+        return
+    for difference in pins.differences(pins.pin(sample), expected):
+        yield f"{sample.spec.id}: {difference}"
+
+
+def check_label(sample: Sample) -> Iterator[str]:
+    """Compare the label and its certificate with LaPy's own solver."""
+    k = len(sample.eigenvalues)
+    beyond = min(sample.certificate.count, len(sample.mesh.vertices) - 3)
+    try:
+        independent = lapy_eigenvalues(sample.mesh, max(k, beyond))
+    except (RuntimeError, ValueError, np.linalg.LinAlgError) as error:
+        yield f"{sample.spec.id}: LaPy has no answer: {one_line(error)}"
+        return
+    # Next to zero labels are exact to a part of Weyl's k-th eigenvalue, and so is LaPy.
+    least = solve.NEAR_ZERO * 4 * np.pi * k / area(sample.mesh)
+    off = np.abs(sample.eigenvalues - independent[:k]) / np.maximum(independent[:k], least)
+    apart = float(off.max())
+    if not apart <= LAPY_TOLERANCE:
+        yield f"{sample.spec.id}: label is {apart:.2g} off LaPy's, more than {LAPY_TOLERANCE:g}"
+    below = 1 + int(np.count_nonzero(independent < sample.certificate.shift))
+    if below != min(sample.certificate.count, len(independent) + 1):
+        yield (
+            f"{sample.spec.id}: LaPy has {below} eigenvalues below "
+            f"{sample.certificate.shift:g}, the certificate has {sample.certificate.count}"
+        )
+
+
+def lapy_eigenvalues(mesh: Mesh, k: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Return the first k eigenvalues after zero by LaPy's own solver, on one thread.
+
+    The mesh is scaled to area 1 for it, since the shift next to zero that LaPy solves around is
+    a fixed one. Of a mesh that is hardly larger than the basis ARPACK needs, LaPy's matrices are
+    solved densely: ARPACK finds no more than n - 1 eigenvalues.
+    """
+    size = area(mesh)
+    vertices = mesh.vertices.astype(np.float64) / np.sqrt(size)
+    with threadpoolctl.threadpool_limits(1):
+        solver = lapy.Solver(lapy.TriaMesh(vertices, mesh.faces))
+        if len(vertices) <= 2 * (k + 1):
+            dense = solver.stiffness.toarray(), solver.mass.toarray()
+            values = linalg.eigh(*dense, eigvals_only=True)[: k + 1]
+        else:
+            values, _ = solver.eigs(k + 1, rng=0)
+    return np.asarray(values[1:], dtype=np.float64) / size
+
+
+def check_errors(
+    file: str,
+    samples: list[Sample],
+    rows: list[Estimate],
+    pinned: Mapping[str, NDArray[np.float32]],
+    anew: set[str],
+) -> Iterator[str]:
+    """Compare a shard's error estimates with their labels, the pins, and some made anew."""
+    if [row.id for row in rows] != [sample.spec.id for sample in samples]:
+        yield f"{file}: the error estimates beside it are of other shapes"
+        return
+    for sample, row in zip(samples, rows, strict=True):
+        label = sample.eigenvalues
+        if row.error.shape != label.shape or row.refined.shape[1:] != label.shape:
+            yield f"{row.id}: {len(row.error)} error estimates of {len(label)} eigenvalues"
+            continue
+        meshes = [label, *row.refined]
+        expectations = [("its own refined eigenvalues", label - extrapolate(*meshes[-2:]))]
+        if row.id in pinned:
+            expectations.append(("the pinned one", pinned[row.id] * label))
+        if row.id in anew:
+            try:
+                expectations.append(("one made anew", estimate(sample.spec, label).error))
+            except (SpectrumError, ValueError, KeyError) as error:
+                yield f"{row.id}: no error estimate can be made anew: {one_line(error)}"
+        for name, expected in expectations:
+            apart = float(np.max(np.abs((row.error - expected) / label)))
+            if not apart <= ERROR_TOLERANCE:
+                yield (
+                    f"{row.id}: error estimate is {apart:.2g} of the label off {name}, "
+                    f"more than {ERROR_TOLERANCE:g}"
+                )
