@@ -179,6 +179,7 @@ def test_jittering_turns_no_triangle_over() -> None:
 
 @pytest.mark.parametrize("family", ["circular_cone", "dented_cone", "conforming_split_cone"])
 def test_the_tip_of_a_cone_is_a_vertex_of_every_kind(family: str) -> None:
+    assert len(TRIANGULATIONS) == 3
     for kind in TRIANGULATIONS:
         parameters = {**drawn(family, triangulation=kind), "radius": 1.0, "height": 2.0}
         vertices = FAMILIES[family].generate(parameters).vertices
@@ -226,6 +227,7 @@ def test_corners_that_turn_inwards_are_marked_in_every_patch(family: str) -> Non
 
 @pytest.mark.parametrize("family", CHARTED)
 def test_labels_and_certificates_agree_with_lapy(family: str) -> None:
+    assert len(TRIANGULATIONS) == 3
     for kind in TRIANGULATIONS:
         parameters = drawn(family, triangulation=kind, vertices=600)
         mesh = FAMILIES[family].generate(parameters).stored()
@@ -263,6 +265,7 @@ def test_meshes_are_sound(family: str, kind: str, recipe_2_0: recipe.Recipe) -> 
 
 @pytest.mark.parametrize("family", CHARTED)
 def test_a_mesh_is_a_pure_function_of_its_parameters(family: str) -> None:
+    assert len(TRIANGULATIONS) == 3
     for kind in TRIANGULATIONS:
         parameters = drawn(family, triangulation=kind, vertices=500)
         first, second = (FAMILIES[family].generate(parameters) for _ in range(2))
@@ -462,6 +465,7 @@ def test_labels_with_a_boundary_approach_the_closed_form(
     """Neumann's condition; the closed forms are of this test, not of the families."""
     limit = np.sort(known)[:10]
     parameters = {**drawn(family, vertices=3000), **shape}
+    assert len(TRIANGULATIONS) == 3
     for kind in TRIANGULATIONS:
         parameters = {**parameters, "triangulation": kind}
         label = spectrum.compute(FAMILIES[family].generate(parameters)).eigenvalues

@@ -73,6 +73,7 @@ def flat(run: Run) -> torch.Tensor:
 
 
 def test_the_papers_schedules() -> None:
+    assert len(PAPER) > 3
     for name, config in PAPER.items():
         first = name.startswith("table1")
         assert (config.learning_rate, config.epochs, config.batch_size) == (
