@@ -90,7 +90,7 @@ def test_every_page_of_the_repository_is_in_the_navigation(hooks):
 def test_every_module_named_in_the_reference_exists_and_is_named_once():
     told = "".join(path.read_text() for path in ROOT.glob("docs/reference/*.md"))
     named = re.findall(r"^::: (\S+)$", told, flags=re.M)
-    assert len(named) == len(set(named))
+    assert len(named) == len(set(named)) > 40
     for name in named:
         base = ROOT / ("benchmark" if name.startswith("eigbench") else "")
         path = base / name.replace(".", "/")

@@ -536,8 +536,10 @@ def test_any_name_can_stand_on_the_page(make_submission, mini_truth, name):
 def test_compare_tells_ties_from_differences(eigbench, made):
     code, out, _ = eigbench("compare", made["one"], made["twenty"])
     assert code == 0
-    ties = out.count("tie (interval)") + out.count("tie (floor)")
-    assert out.count("A is better") == len(METRICS) + 10 - ties
+    assert out.count("A is better") == len(METRICS) + 10  # of each metric and each eigenvalue
+    assert "tie (" not in out
+    _, out, _ = eigbench("compare", made["twenty"], made["one"])
+    assert out.count("B is better") == len(METRICS) + 10
     code, out, _ = eigbench("compare", made["one"], made["one"], "--json")
     found = json.loads(out)
     assert {d["verdict"] for d in found["overall"].values()} == {"tie"}
