@@ -60,7 +60,8 @@ def test_commands_of_a_page_run_in_their_order(page, unpacking_home, tmp_path):
     (tmp_path / "benchmark").symlink_to(ROOT / "benchmark")
     (tmp_path / "scans").mkdir()
     trimesh.creation.torus(3, 1).export(tmp_path / "scans" / "torus.stl")
-    assert (lines := commands("sh", page))
+    lines = commands("sh", page)
+    assert lines
     for line in lines:
         program, *arguments = shlex.split(line)
         assert program in ("synthnet", "eigbench")

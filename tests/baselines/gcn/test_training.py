@@ -110,7 +110,9 @@ def test_names_of_rows_differ() -> None:
 # Steps
 
 
-@pytest.mark.parametrize("config", [STORED, RANDOM], ids=["stored", "random"])
+@pytest.mark.parametrize(
+    "config", [pytest.param(STORED, marks=pytest.mark.slow), RANDOM], ids=["stored", "random"]
+)
 def test_a_resumed_run_ends_with_the_same_weights(
     config: TrainConfig, make: Callable[..., Run], tmp_path: Path
 ) -> None:
@@ -202,7 +204,9 @@ def test_an_epoch_is_every_instance_once(make: Callable[..., Run]) -> None:
     assert len(seen) == 72
 
 
-@pytest.mark.parametrize("name", LOSSES)
+@pytest.mark.parametrize(
+    "name", ["rpd", *(pytest.param(n, marks=pytest.mark.slow) for n in LOSSES if n != "rpd")]
+)
 def test_training_lowers_the_loss(name: str, make: Callable[..., Run]) -> None:
     config = replace(RANDOM, loss=name, epochs=60, batch_size=6, schedule="constant")
     run = make(config)
