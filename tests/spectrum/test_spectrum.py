@@ -106,7 +106,7 @@ def test_stiffness_measures_the_gradient_of_a_linear_function() -> None:
 # --- eigenvalues ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("index", [0, 11, 23])
+@pytest.mark.parametrize("index", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in (11, 23))])
 @pytest.mark.parametrize("family", PRIMITIVES)
 def test_labels_are_those_of_lapy(family: str, index: int) -> None:
     mesh = drawn(family, index)

@@ -29,7 +29,7 @@ def evaluate(eigbench, predictor_file, mini_home, tmp_path):
     def run(code, *more, path=None):
         path = path or predictor_file(PRELUDE + code)
         where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", tmp_path / "out.json"]
-        size = ["--limit", LIMIT, "--batch-size", BATCH]
+        size = ["--limit", LIMIT, "--batch-size", BATCH, "--no-reference"]
         return eigbench("evaluate", path, *where, *size, *more)
 
     return run
