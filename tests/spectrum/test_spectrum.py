@@ -330,7 +330,13 @@ def test_a_vertex_without_a_face_is_refused(resolution: int) -> None:
 # --- the certificate ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("family", PRIMITIVES)
+@pytest.mark.parametrize(
+    "family",
+    [
+        name if name in ("tetrahedron", "split_cone") else pytest.param(name, marks=pytest.mark.slow)
+        for name in PRIMITIVES
+    ],
+)
 def test_a_certificate_holds_against_all_eigenvalues(family: str) -> None:
     mesh = drawn(family, 3 if family != "sphere" else 20)
     found = spectrum.compute(mesh)
