@@ -52,6 +52,7 @@ def samples(mini_home: Path) -> list[Sample]:
 def test_ritz_values_are_those_of_the_plain_way(
     features: ModuleType, ritz: ModuleType, samples: list[Sample]
 ) -> None:
+    assert len(samples) == 34
     for sample in samples:
         # In doubles: the plain way rounds its polynomials as the vertices are, here 1e-6 of a value
         mesh = Mesh(sample.mesh.vertices.astype(np.float64), sample.mesh.faces)
@@ -101,6 +102,7 @@ def test_no_isometry_scale_or_renumbering_changes_the_features(
     reflected: bool, features: ModuleType, samples: list[Sample]
 ) -> None:
     rng = np.random.default_rng(int(reflected))
+    assert len(samples) == 34
     for sample in samples:
         vertices = sample.mesh.vertices.astype(np.float64)
         matrix, _ = np.linalg.qr(rng.normal(size=(3, 3)))

@@ -494,7 +494,9 @@ def test_error_that_is_no_finding_is_not_swallowed(
 @pytest.mark.parametrize("family", ["tetrahedron", "split_cone", "sphere", "torus"])
 def test_label_is_of_the_stored_vertices(family: str, mini_home: Path) -> None:
     path = mini_home / VERSION / "shards" / f"{family}-0000.parquet"
-    for sample in list(store.read_samples(path))[:2]:
+    samples = list(store.read_samples(path))[:2]
+    assert len(samples) == 2
+    for sample in samples:
         assert sample.mesh.vertices.dtype == np.float32
         exact = Mesh(sample.mesh.vertices.astype(np.float64), sample.mesh.faces)
         for mesh in (sample.mesh, exact):

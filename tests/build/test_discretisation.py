@@ -65,7 +65,13 @@ def test_every_family_has_a_limit_or_is_a_polyhedron() -> None:
     )
 
 
-@pytest.mark.parametrize("family", EFFECTIVITY)
+@pytest.mark.parametrize(
+    "family",
+    [
+        name if name in ("torus", "split_cone") else pytest.param(name, marks=pytest.mark.slow)
+        for name in EFFECTIVITY
+    ],
+)
 def test_estimates_agree_with_the_limits(family: str) -> None:
     ratios = []
     for spec, label in drawn(family):
@@ -79,7 +85,9 @@ def test_estimates_agree_with_the_limits(family: str) -> None:
     assert np.max(ratios) < most
 
 
-@pytest.mark.parametrize("family", POLYHEDRA)
+@pytest.mark.parametrize(
+    "family", ["tetrahedron", pytest.param("rectangular_prism", marks=pytest.mark.slow)]
+)
 def test_estimates_of_polyhedra_agree_with_finer_meshes(family: str) -> None:
     size = {"width": 1.0, "height": 0.6, "depth": 1.7}
     spec, label = small(family, **size, subdivisions=3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -59,15 +60,24 @@ def rewrite(
     return rows
 
 
-@pytest.fixture
-def dataset(mini_copy: Path) -> StoredDataset:
-    """1.0-mini with estimates, all zero, of every shard."""
-    found = store.open_dataset(VERSION, mini_copy)
+@pytest.fixture(scope="session")
+def estimated_home(mini_home: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory with 1.0-mini and estimates, all zero, of every shard. Read only."""
+    home = tmp_path_factory.mktemp("estimated") / "home"
+    shutil.copytree(mini_home, home)
+    found = store.open_dataset(VERSION, home)
     (found.directory / estimates.DIRECTORY).mkdir()
     for record in found.manifest.shards:
         rows = [no_error(s) for s in store.read_samples(found.directory / record.file)]
         estimates._write_shard(estimates.path_of(found.directory, record), rows, record)
-    return found
+    return home
+
+
+@pytest.fixture
+def dataset(estimated_home: Path, tmp_path: Path) -> StoredDataset:
+    """A copy of that dataset, which a test may change."""
+    shutil.copytree(estimated_home, tmp_path / "copy")
+    return store.open_dataset(VERSION, tmp_path / "copy")
 
 
 def contents(home: Path) -> dict[str, bytes]:

@@ -290,7 +290,9 @@ def test_import_waits_for_another_or_says_so(
 
 
 def test_unit_area_is_recorded(folder: Path, run: Callable[..., BuildReport]) -> None:
-    for sample in run(folder, unit_area=True).dataset.samples():
+    samples = list(run(folder, unit_area=True).dataset.samples())
+    assert len(samples) == 3
+    for sample in samples:
         scale = float(sample.spec.parameters["scale"])
         mesh = TORUS if "below" in str(sample.spec.parameters["file"]) else SPHERE
         assert scale == pytest.approx(mesh.area**-0.5, rel=1e-6)

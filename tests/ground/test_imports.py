@@ -70,6 +70,10 @@ def test_every_file_is_in_a_room_and_every_room_has_files() -> None:
         assert found == rooms | GROUND[package] | DOORS[package]
 
 
+def test_imports_are_seen() -> None:
+    assert "synthnet.errors.RecipeError" in imports_of("synthnet", "recipe/drawing.py")
+
+
 @pytest.mark.parametrize(("package", "file"), FILES)
 def test_rooms_import_only_the_rooms_before_them(package: str, file: str) -> None:
     room = room_of(file)

@@ -35,7 +35,9 @@ def as_mesh(data):
 
 
 def test_items_are_what_the_shards_hold(open_split, samples):
-    for data in open_split("test", augment=False):
+    test = open_split("test", augment=False)
+    assert len(test) == 34
+    for data in test:
         sample = samples[data.shape_id]
         assert data.family == sample.spec.family
         assert data.pos.dtype == torch.float32
@@ -50,6 +52,7 @@ def test_items_are_what_the_shards_hold(open_split, samples):
 def test_grouped_splits_are_the_shards_splits(open_split, samples):
     for split in SPLITS:
         expected = [s.spec.id for s in samples.values() if s.split == split]
+        assert expected
         assert open_split(split, augment=False).shape_id == expected
 
 
@@ -62,7 +65,7 @@ def test_paper_splits_are_the_shards_splits(open_split, samples):
             for i, name in enumerate(s.paper_splits)
             if name == split
         ]
-        assert found == expected
+        assert found == expected != []
 
 
 def test_nine_instances_are_the_isometries_of_the_shape(open_split, samples):
@@ -76,7 +79,9 @@ def test_nine_instances_are_the_isometries_of_the_shape(open_split, samples):
 
 
 def test_an_instance_keeps_the_label(open_split):
-    for data in open_split(augment=True)[-9:]:
+    nine = open_split(augment=True)[-9:]
+    assert len(nine) == 9
+    for data in nine:
         label = spectrum.compute(as_mesh(data)).eigenvalues
         np.testing.assert_allclose(label, data.y[0], rtol=1e-4)
 

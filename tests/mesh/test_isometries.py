@@ -112,6 +112,7 @@ def test_apply_moves_every_vertex_and_turns_the_faces_of_a_mirror_image(dtype: t
 def test_every_instance_has_the_volume_of_the_shape(family: str) -> None:
     spec = draw_shape(recipe.load("1.0"), family, 4)
     mesh = FAMILIES[family].generate(spec.parameters)
+    assert len(isometries_of(4)) == 9
     for isometry in isometries_of(4):
         moved = isometries.apply(mesh, isometry)
         assert geometry.volume(moved) == pytest.approx(geometry.volume(mesh), rel=1e-9)

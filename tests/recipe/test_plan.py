@@ -70,6 +70,7 @@ def test_each_family_of_a_subset_has_the_shares_of_the_recipe(
     for shape in shapes_of(plans[version]).values():
         families[shape.spec.family][shape.split] += 1
     del families["sphere"]
+    assert len(families) == 9
     for family, counts in families.items():
         shares = [counts[split] / counts.total() for split in SPLITS]
         assert shares == pytest.approx([0.7, 0.2, 0.1], abs=1e-12), family

@@ -106,7 +106,7 @@ def test_stiffness_measures_the_gradient_of_a_linear_function() -> None:
 # --- eigenvalues ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("index", [0, 11, 23])
+@pytest.mark.parametrize("index", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in (11, 23))])
 @pytest.mark.parametrize("family", PRIMITIVES)
 def test_labels_are_those_of_lapy(family: str, index: int) -> None:
     mesh = drawn(family, index)
@@ -330,7 +330,13 @@ def test_a_vertex_without_a_face_is_refused(resolution: int) -> None:
 # --- the certificate ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("family", PRIMITIVES)
+@pytest.mark.parametrize(
+    "family",
+    [
+        pytest.param(name, marks=[] if name in ("tetrahedron", "split_cone") else pytest.mark.slow)
+        for name in PRIMITIVES
+    ],
+)
 def test_a_certificate_holds_against_all_eigenvalues(family: str) -> None:
     mesh = drawn(family, 3 if family != "sphere" else 20)
     found = spectrum.compute(mesh)

@@ -335,6 +335,7 @@ def test_samples_of_a_dataset_come_in_order(
 def test_find_gives_every_shape(
     dataset: store.StoredDataset, tiny_samples: dict[str, list[Sample]]
 ) -> None:
+    assert sum(map(len, tiny_samples.values())) == 10
     for samples in tiny_samples.values():
         for sample in samples:
             assert exact(dataset.find(sample.spec.id)) == exact(sample)
@@ -394,7 +395,7 @@ def test_home_expands_the_tilde(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
 
 def unwritable_places(tmp_path: Path) -> Iterator[Path]:
     (tmp_path / "file").write_text("no directory")
-    yield tmp_path / "file" / "home"
+    yield tmp_path / "file" / "home"  # so there is always one
     if Path("/proc/self").exists():
         yield Path("/proc/synthnet")
     if os.geteuid() != 0:

@@ -192,7 +192,9 @@ def test_sample_is_drawn_by_its_seed(mini_home: Path, monkeypatch: pytest.Monkey
 
 
 def test_lapy_agrees_on_every_family(mini_home: Path) -> None:
-    for path in store.open_dataset(VERSION, mini_home).paths():
+    paths = store.open_dataset(VERSION, mini_home).paths()
+    assert len(paths) == 10
+    for path in paths:
         sample = min(store.read_samples(path), key=lambda s: len(s.mesh.vertices))
         expected = lapy_eigenvalues(sample.mesh, 10)
         np.testing.assert_allclose(sample.eigenvalues, expected, rtol=1e-8)

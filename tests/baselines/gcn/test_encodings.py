@@ -70,6 +70,7 @@ def test_voronoi_areas_of_one_triangle_by_hand() -> None:
 
 
 def test_voronoi_areas_add_up_to_the_surface(meshes: list[Mesh]) -> None:
+    assert len(meshes) == 10
     for mesh in meshes:
         total = voronoi_areas(data_of(mesh).pos, data_of(mesh).face).sum().item()
         assert total == pytest.approx(geometry.area(mesh), rel=1e-12)
@@ -119,6 +120,7 @@ def test_encodings_commute_with_isometries(
     kind: int, meshes: list[Mesh], orthogonal: np.ndarray
 ) -> None:
     matrix = torch.from_numpy(orthogonal[kind])
+    assert len(meshes) == 10
     for mesh in meshes:
         here, there = data_of(mesh), data_of(moved(mesh, orthogonal[kind]))
         tolerance = {"rtol": 1e-9, "atol": 1e-12}
@@ -132,6 +134,7 @@ def test_encodings_commute_with_isometries(
 
 
 def test_encodings_scale_as_their_units_say(meshes: list[Mesh]) -> None:
+    assert len(meshes) == 10
     for mesh in meshes:
         here, there = data_of(mesh), data_of(moved(mesh, np.eye(3), scale=4.0))
         torch.testing.assert_close(
@@ -145,6 +148,7 @@ def test_encodings_scale_as_their_units_say(meshes: list[Mesh]) -> None:
 
 
 def test_scale_free_encodings_do_not_change_with_scale_and_place(meshes: list[Mesh]) -> None:
+    assert len(meshes) == 10
     for mesh in meshes:
         there = Mesh(3.0 * mesh.vertices.astype(np.float64) + 7.0, mesh.faces)
         a, b = (encoding("ALG", scale_free=True)(data_of(one)) for one in (mesh, there))

@@ -144,6 +144,7 @@ def test_features_turn_as_the_mesh_does(
     config: GCNConfig, meshes: list[Mesh], orthogonal: np.ndarray
 ) -> None:
     encode = encoder(config)
+    assert (len(meshes), len(orthogonal)) == (10, 2)
     for matrix in orthogonal:
         faces = [m.faces if np.linalg.det(matrix) > 0 else m.faces[:, ::-1] for m in meshes]
         moved = [

@@ -73,6 +73,7 @@ def flat(run: Run) -> torch.Tensor:
 
 
 def test_the_papers_schedules() -> None:
+    assert len(PAPER) > 3
     for name, config in PAPER.items():
         first = name.startswith("table1")
         assert (config.learning_rate, config.epochs, config.batch_size) == (
@@ -109,7 +110,9 @@ def test_names_of_rows_differ() -> None:
 # Steps
 
 
-@pytest.mark.parametrize("config", [STORED, RANDOM], ids=["stored", "random"])
+@pytest.mark.parametrize(
+    "config", [pytest.param(STORED, marks=pytest.mark.slow), RANDOM], ids=["stored", "random"]
+)
 def test_a_resumed_run_ends_with_the_same_weights(
     config: TrainConfig, make: Callable[..., Run], tmp_path: Path
 ) -> None:
@@ -201,7 +204,9 @@ def test_an_epoch_is_every_instance_once(make: Callable[..., Run]) -> None:
     assert len(seen) == 72
 
 
-@pytest.mark.parametrize("name", LOSSES)
+@pytest.mark.parametrize(
+    "name", ["rpd", *(pytest.param(n, marks=pytest.mark.slow) for n in LOSSES if n != "rpd")]
+)
 def test_training_lowers_the_loss(name: str, make: Callable[..., Run]) -> None:
     config = replace(RANDOM, loss=name, epochs=60, batch_size=6, schedule="constant")
     run = make(config)

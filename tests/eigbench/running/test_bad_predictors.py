@@ -29,7 +29,7 @@ def evaluate(eigbench, predictor_file, mini_home, tmp_path):
     def run(code, *more, path=None):
         path = path or predictor_file(PRELUDE + code)
         where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", tmp_path / "out.json"]
-        size = ["--limit", LIMIT, "--batch-size", BATCH]
+        size = ["--limit", LIMIT, "--batch-size", BATCH, "--no-reference"]
         return eigbench("evaluate", path, *where, *size, *more)
 
     return run
@@ -117,7 +117,14 @@ CASES = {
 AT_A_BATCH = set(CASES) - {"dies at import", "needs a package", "has no door"}
 
 
-@pytest.mark.parametrize("name", CASES)
+# One of each kind: a wrong answer, a changed input, an exception, a dead process, a bad file.
+QUICK = {"wrong shape", "replaces an array", "fails in a library", "is killed", "needs a package"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in CASES],
+)
 def test_bad_predictor_is_refused_on_one_line(name, evaluate, ids, tmp_path):
     code, message = CASES[name]
     answer = evaluate(code)
@@ -159,7 +166,10 @@ HOWS = {
 }
 
 
-@pytest.mark.parametrize("how", HOWS)
+@pytest.mark.parametrize(
+    "how",
+    ["raises", *(pytest.param(h, marks=pytest.mark.slow) for h in ("dies", "answers wrongly"))],
+)
 def test_what_was_computed_before_a_failure_is_kept_and_resumed(how, evaluate, ids, tmp_path):
     code, message = HOWS[how]
     path = tmp_path / "fails.py"
@@ -206,7 +216,9 @@ def test_changed_code_starts_anew(evaluate, ids, tmp_path):
     assert batches_kept(tmp_path) == ["000000.npz"]
 
 
-@pytest.mark.parametrize("beside", ["sibling.py", "fails.npz"])
+@pytest.mark.parametrize(
+    "beside", ["sibling.py", pytest.param("fails.npz", marks=pytest.mark.slow)]
+)
 def test_changed_sibling_starts_anew(evaluate, ids, tmp_path, beside):
     path = tmp_path / "fails.py"
     (tmp_path / "sibling.py").write_text("x = 1\n")

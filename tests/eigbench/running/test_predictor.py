@@ -342,7 +342,9 @@ def seen(mini_home, mini_truth):
     wanted = [*mini_truth.ids[:9], *mini_truth.head(20).ids]
     ids = [id for id in mini_truth.ids if id in set(wanted)]
     read = instances.read(store.open_dataset("1.0-mini", mini_home), ids)
-    return {id: read.mesh(id) for id in ids}, ids
+    meshes = {id: read.mesh(id) for id in ids}
+    assert len(meshes) == 29
+    return meshes, ids
 
 
 def test_a_mesh_has_vertices_and_faces_and_nothing_else(seen):

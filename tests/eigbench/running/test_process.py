@@ -70,9 +70,9 @@ def test_neither_ids_nor_labels_are_in_the_memory_of_the_predictors_process(
 @pytest.mark.parametrize(
     ("planted", "told"),
     [
-        ("", None),
+        pytest.param("", None, marks=pytest.mark.slow),
         ("kept = ['cone-00042/3']", "found the id cone-00042/3"),
-        ("kept = [1.25]", "found the label 1.25"),
+        pytest.param("kept = [1.25]", "found the label 1.25", marks=pytest.mark.slow),
         ("kept = {'array': np.array([2.0, 1.25])}", "found an array of labels"),
     ],
 )
@@ -202,7 +202,9 @@ def predict(meshes):  # the first call is the warm-up
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_a_signal_ends_an_evaluation_and_the_predictors_process(
     number, predictor_file, mini_home, environment
 ):

