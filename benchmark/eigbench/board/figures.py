@@ -208,7 +208,7 @@ def generalisation(board: Board, key: str = RANKED_BY) -> str:
         for line, row in enumerate(board.rows):
             model = row.submission
             found = [model.result["scores"]["overall"][key]["mean"]]
-            found += [board.cell(model, name, key).score for name in board.protocols]
+            found += [board.scored(model, name, key).score for name in board.protocols]
             known = [max(value, FLOOR) for value in found if value is not None]
             axes.plot([min(known), max(known)], [line, line], color="#cccccc", lw=1, zorder=1)
             for value, (_, marker, colour) in zip(found, columns, strict=True):

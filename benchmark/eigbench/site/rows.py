@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from eigbench.board import ranking, tables
+from eigbench.board.columns import six_digits
 from eigbench.board.ranking import RANKED_BY
 from eigbench.board.tables import Table, family_title, number, score
 from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS
 from eigbench.site import shapes
-from eigbench.site.columns import number_of
 from synthnet.store.files import sha256
 
 QUANTILES = {"worst": 1.0, "median": 0.5}
@@ -28,7 +28,7 @@ FACTS = {
 }
 
 
-def told(one: Submission, own: str | None = None) -> dict[str, Any]:
+def content(one: Submission, own: str | None = None) -> dict[str, Any]:
     """Return what the page shows of a row when it is opened.
 
     Parameters
@@ -36,7 +36,7 @@ def told(one: Submission, own: str | None = None) -> dict[str, Any]:
     one : Submission
         The row.
     own : str or None
-        Its protocol, if it is one of the version's own: then it was timed elsewhere.
+        Its protocol, if that is the version's own: the row was timed under ``grouped`` then.
     """
     result = one.result
     cost = "Cost" if own is None else "Cost under the protocol grouped"
@@ -56,8 +56,8 @@ def told(one: Submission, own: str | None = None) -> dict[str, Any]:
 
 def _facts(one: Submission) -> list[list[str]]:
     model = one.result["model"]
-    found = [["kind", model["kind"]]]
-    return found + [[title, model[key]] for key, title in FACTS.items() if key in model]
+    declared = [[title, model[key]] for key, title in FACTS.items() if key in model]
+    return [["kind", model["kind"]], *declared]
 
 
 def _table(title: str, table: Table) -> dict[str, Any]:
@@ -95,18 +95,18 @@ def chosen(one: Submission) -> dict[str, int]:
 def _shape(one: Submission, name: str, i: int) -> dict[str, Any]:
     shape, label, predicted = one.truth.shapes[i], one.truth.eigenvalues[i], one.predictions[0, i]
     spec = shapes.spec_of(one.truth, shape)
-    found = {key: float(ranking.per_mesh(one, key)[i]) for key in ("rpd", "invlap", "psnr")}
+    errors = {key: float(ranking.per_mesh(one, key)[i]) for key in ("rpd", "invlap", "psnr")}
     return {
         "name": name,
         "id": one.truth.ids[i],
         "family": family_title(one.truth.families[i]),
         "parameters": {} if spec is None else {k: _short(v) for k, v in spec.parameters.items()},
-        "scores": [[METRICS[key].title, _score(key, value)] for key, value in found.items()],
-        "label": [number_of(float(value)) for value in label],
-        "predicted": [number_of(float(value)) for value in predicted],
+        "scores": [[METRICS[key].title, _score(key, value)] for key, value in errors.items()],
+        "label": [six_digits(float(value)) for value in label],
+        "predicted": [six_digits(float(value)) for value in predicted],
         "errors": [number(float(value)) for value in np.abs(predicted - label) / np.abs(label)],
         "several": len(one.predictions) > 1,
-        "mesh": None if spec is None else shapes.place(one.truth, shape),
+        "mesh": None if spec is None else shapes.location(one.truth, shape),
         "why": NO_MESH if spec is None else "",
     }
 

@@ -85,7 +85,7 @@ async function show() {
   document.title = `${board.title} - eigbench leaderboard`;
   const notes = markdown(board.notes, linker(index.docs));
   const about = element("details", {}, element("summary", {}, "How to read this"), notes);
-  const reported = [element("h3", {}, "As printed, and what does not agree in it"), ...notes];
+  const reported = [element("h3", {}, "Notes on the printed numbers"), ...notes];
   part("notes").replaceChildren(...(board.groups ? [glossary(board), about] : reported));
   render();
 }
@@ -116,7 +116,7 @@ function change(patch, form = true) {
   render(form);
 }
 
-/** Draw everything that hangs on the state. */
+/** Draw everything that depends on the state. */
 function render(form = true) {
   if (!board) return;
   location.replace(encoded(state)); // not history.replaceState, which some browsers refuse to files

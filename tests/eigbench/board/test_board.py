@@ -46,7 +46,7 @@ def read(made):
 def board(made, tmp_path):
     """A board of the four, generated."""
     for path in made.values():
-        leaderboard.place(submission.read(path), tmp_path)
+        leaderboard.add(submission.read(path), tmp_path)
     for place, text in leaderboard.generate(leaderboard.read(tmp_path), []).items():
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / place).write_text(text)
@@ -459,7 +459,7 @@ def test_submit_refuses_what_was_not_timed_beside_lapy(made, tmp_path):
     one = submission.read(made["far"])
     cost = {**one.result["cost"], "reference": None}
     with pytest.raises(ResultError, match="was not timed beside LaPy: evaluate without --no-ref"):
-        leaderboard.place(replace(one, result={**one.result, "cost": cost}), tmp_path)
+        leaderboard.add(replace(one, result={**one.result, "cost": cost}), tmp_path)
 
 
 def test_ratio_to_lapy_is_on_the_page(read):
@@ -487,7 +487,7 @@ def test_submit_refuses_another_split(made, tmp_path):
         one, result={**one.result, "dataset": {**one.result["dataset"], "split": "train"}}
     )
     with pytest.raises(ResultError, match="is of the split train: a board takes test only"):
-        leaderboard.place(other, tmp_path)
+        leaderboard.add(other, tmp_path)
 
 
 @pytest.mark.parametrize("value", [np.nan, -1.0, 0.0])
