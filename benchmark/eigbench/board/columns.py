@@ -16,6 +16,8 @@ from eigbench.board.markdown import table
 Row = TypeVar("Row")  # of a table: a ranked submission, or a result of the scaling track
 Cell = tuple[str, float | str | None]
 
+DECLARED = "The run declared it: it does not follow from the predictions."
+
 
 @dataclass(frozen=True, slots=True)
 class Column(Generic[Row]):

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from eigbench import results
-from eigbench.board import generalisation
-from eigbench.board.columns import Cell, Column, Group, six_digits, words
+from eigbench.board import cost_columns, generalisation
+from eigbench.board.columns import DECLARED, Cell, Column, Group, six_digits, words
 from eigbench.board.generalisation import Board
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.board.tables import (
-    SPEED,
-    beside_lapy,
     deviation,
     family_title,
     in_order,
@@ -24,7 +21,6 @@ from eigbench.scoring.metrics import MAIN, METRICS
 from eigbench.scoring.physics import SHARES, TITLES
 from synthnet.store.files import sha256
 
-DECLARED = "The run declared it: it does not follow from the predictions."
 METRIC_NOTES = {
     "invlap": "Inverse Laplacian: √ Σ (g/p − 1)² of prediction p and label g. It has no upper "
     "bound: one prediction that is too small can dominate the mean.",
@@ -69,13 +65,13 @@ KIND: Column[Ranked] = Column(
 
 def main() -> Group[Ranked]:
     """Return the main table of LEADERBOARD.md."""
-    columns = [*map(_mean, MAIN), _parameters(), *_speed(), *_declared()]
+    columns = [*map(_mean, MAIN), cost_columns.parameters(), *cost_columns.speed(), *_declared()]
     return Group("main", "Main table", columns)
 
 
 def top() -> Group[Ranked]:
     """Return the table of the README: means without their uncertainty."""
-    ratio = _speed()[1]
+    ratio = cost_columns.speed()[1]
     return Group("top", "Top", [_plain(RANKED_BY), _plain("psnr20"), ratio])
 
 
@@ -83,7 +79,7 @@ def overview(board: Board | None, protocol: str | None) -> Group[Ranked]:
     """Return what the page shows first: fewer columns, and the drop where something is held out."""
     drops = [] if board is None or protocol is None else generalisation.drops(board, protocol)
     metrics = [_mean(RANKED_BY), *drops, _mean("invlap"), _mean("psnr20")]
-    columns = [*metrics, *_speed(protocol), _parameters(), *_declared()]
+    columns = [*metrics, *cost_columns.speed(protocol), cost_columns.parameters(), *_declared()]
     return Group("overview", "Overview", columns)
 
 
@@ -117,52 +113,7 @@ def groups(rows: Sequence[Ranked], protocol: str | None = None) -> list[Group[Ra
         *(_families(rows, key) for key in FAMILIES_BY),
         Group("indices", "Relative error by eigenvalue", _indices(rows), "Mean of |p − g| / g."),
     ]
-    return scored if protocol is not None else [*scored, cost(), _physics()]
-
-
-def cost() -> Group[Ranked]:
-    """Return the table of times and memory, which are compared within one hardware only."""
-
-    def quartiles(facts: dict[str, Any]) -> Cell:
-        low, high = facts["ms_per_mesh_quartiles"]
-        return f"{number(low, 2)} to {number(high, 2)}", six_digits(low)
-
-    def of(key: str, decimals: int) -> Callable[[dict[str, Any]], Cell]:
-        return lambda facts: (number(facts[key], decimals), six_digits(facts[key]))
-
-    ms, ratio = _speed()
-    columns = [
-        ms,
-        _fact("quartiles", "quartiles", "Quartiles of ms a mesh over the batches.", quartiles),
-        _fact(
-            "ms-mean",
-            "mean",
-            "Total time divided by the number of meshes.",
-            of("ms_per_mesh_mean", 2),
-        ),
-        _fact("lapy-ms", "LaPy's ms", "LaPy's ms a mesh in the same run.", _lapys_own),
-        ratio,
-        _fact(
-            "batch", "batch", "Meshes per call.", lambda f: (str(f["batch_size"]), f["batch_size"])
-        ),
-        _fact("cores", "cores used", "CPU time divided by wall time.", of("cores_used", 2)),
-        _fact(
-            "memory",
-            "peak MB",
-            "Peak memory of the predictor's process, its libraries included, a GPU's not.",
-            of("peak_memory_mb", 0),
-        ),
-        _parameters(),
-        Column(
-            "training-cost",
-            "training cost",
-            f"What the training took. {DECLARED}",
-            lambda row: words(results.declared(row.submission.result, "training_cost")),
-            numeric=False,
-        ),
-    ]
-    note = "ms a mesh is the median over batches. The training cost is declared, not measured."
-    return Group("cost", "Cost", columns, note)
+    return scored if protocol is not None else [*scored, cost_columns.table(), _physics()]
 
 
 def digests() -> Group[Ranked]:
@@ -259,62 +210,6 @@ def _indices(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
         return Column(f"index-{i + 1}", f"λ{i + 1}", note, cell)
 
     return [column(i) for i in range(len(rows[0].submission.result["scores"]["per_index"]))]
-
-
-def _fact(
-    key: str,
-    title: str,
-    note: str,
-    cell: Callable[[dict[str, Any]], Cell],
-    *,
-    higher: bool = False,
-) -> Column[Ranked]:
-    """Return a column of what a run cost."""
-    return Column(key, title, note, lambda row: cell(row.submission.result["cost"]), higher=higher)
-
-
-def _speed(protocol: str | None = None) -> list[Column[Ranked]]:
-    """Return the columns of time; rows of a version's own protocol show those of ``grouped``."""
-
-    def ratio(facts: dict[str, Any]) -> Cell:
-        reference = facts.get("reference")
-        return beside_lapy(facts), None if reference is None else six_digits(reference["ratio"])
-
-    elsewhere = "" if protocol is None else " Timed under the protocol grouped."
-    ms_note = (
-        "Milliseconds a mesh from raw vertices and faces to eigenvalues, median over batches. "
-        f"Compare them within one hardware, device and number of threads only.{elsewhere}"
-    )
-    ratio_note = (
-        "How many times faster than LaPy on one thread, timed in the same run on some of the same "
-        "batches. It may be compared between machines for equal device and threads."
-        f"{elsewhere}"
-    )
-    return [
-        _fact(
-            "ms",
-            "ms a mesh",
-            ms_note,
-            lambda facts: (number(facts["ms_per_mesh"], 2), six_digits(facts["ms_per_mesh"])),
-        ),
-        _fact("lapy", SPEED, ratio_note, ratio, higher=True),
-    ]
-
-
-def _lapys_own(facts: dict[str, Any]) -> Cell:
-    """Return LaPy's ms a mesh in a run, on the batches that it was given too."""
-    reference = facts.get("reference")
-    if reference is None:
-        return "not timed", None
-    return number(reference["ms_per_mesh"], 2), six_digits(reference["ms_per_mesh"])
-
-
-def _parameters() -> Column[Ranked]:
-    def cell(row: Ranked) -> Cell:
-        count = row.submission.result["model"]["parameters"]
-        return ("", None) if count is None else (f"{count:,}", count)
-
-    return Column("parameters", "parameters", "Number of trained parameters, counted.", cell)
 
 
 def _declared() -> list[Column[Ranked]]:

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from eigbench import results
-from eigbench.board.columns import Cell, Column, Group, six_digits, words
-from eigbench.board.ranked_columns import DECLARED
+from eigbench.board.columns import DECLARED, Cell, Column, Group, six_digits, words
 from eigbench.board.tables import number
 from eigbench.scaling import scores, surfaces
 from eigbench.scaling.results import Scaled

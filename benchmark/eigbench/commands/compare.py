@@ -125,7 +125,7 @@ def plot(options: argparse.Namespace) -> int:
     make_directory(options.out)
     rows = [row.submission for row in ranking.ranked(unordered)]
     drawn = {
-        "families.png": figures.families(rows, options.metric),
+        "families.png": error_figures.families(rows, options.metric),
         "index.png": error_figures.by_index(rows),
         "histogram.png": error_figures.histogram(rows, options.metric),
     }
@@ -136,7 +136,7 @@ def plot(options: argparse.Namespace) -> int:
     write_text(written[-1], figures.error_against_time(rows, options.metric))
     for one in rows:
         path = options.out / f"spectra-{one.slug}.png"
-        figures.save(path, figures.spectra(one))
+        figures.save(path, error_figures.spectra(one))
         written.append(path)
     if options.json:
         print(json.dumps({"files": list(map(str, written))}))

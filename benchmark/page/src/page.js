@@ -26,9 +26,9 @@ addEventListener("DOMContentLoaded", () => {
   if (!has("index")) part("status").textContent = lost("data.js").message;
 });
 
-async function start(found) {
+async function start(loaded) {
   if (!eigbench.charts) throw lost("chart.js");
-  index = found;
+  index = loaded;
   wirePage();
   wireTheme(part("theme"), () => {
     drawChart();
@@ -72,9 +72,9 @@ async function show() {
   if (!every.includes(state.board)) state.board = every[0];
   const key = state.board;
   try {
-    const found = await get(`boards/${key}`);
+    const loaded = await get(`boards/${key}`);
     if (key !== state.board) return; // another was chosen meanwhile
-    board = found;
+    board = loaded;
   } catch (error) {
     if (key === state.board) clear(error.message);
     return;

@@ -582,7 +582,7 @@ def test_plot_draws_every_picture(eigbench, made, tmp_path):
 
 
 def test_spectra_show_the_best_the_median_and_the_worst_of_each_family(read, mini_truth):
-    figure = figures.spectra(read["one"])
+    figure = error_figures.spectra(read["one"])
     titles = [axes.get_title() for axes in figure.axes]
     assert len(titles) == 3 * len(set(mini_truth.families.tolist()))
     errors = ranking.per_mesh(read["one"], "rpd")
@@ -662,7 +662,7 @@ def test_plot_of_a_metric_that_is_infinite_on_finite_answers_says_so(
         assert code == 2
         assert f"{told} {len(answers)} instances, though the predictions are finite" in err
         one = submission.read(two)
-        for draw in (error_figures.histogram, figures.families):
+        for draw in (error_figures.histogram, error_figures.families):
             with pytest.raises(EigbenchError, match=told):
                 draw([one], key)
     assert eigbench("plot", two, "--out", tmp_path, "--metric", "rpd")[0] == 0

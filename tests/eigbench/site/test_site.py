@@ -408,9 +408,7 @@ def test_a_folder_that_is_no_page_is_not_touched(eigbench, made_board, tmp_path)
     (tmp_path / "mine" / "index.html").write_text("mine")
     code, _, err = eigbench("site", "--board", tmp_path, "--out", tmp_path / "mine")
     assert code == 2
-    assert re.search(
-        r"eigbench: .*mine exists and is no page of `eigbench site`, .* --out\n", err
-    )
+    assert re.search(r"eigbench: .*mine exists and is no page of `eigbench site`, .* --out\n", err)
     assert (tmp_path / "mine" / "index.html").read_text() == "mine"
 
 
