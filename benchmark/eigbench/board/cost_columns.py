@@ -105,6 +105,8 @@ def _lapys_own(facts: dict[str, Any]) -> Cell:
 
 
 def parameters() -> Column[Ranked]:
+    """Return the column of the number of trained parameters."""
+
     def cell(row: Ranked) -> Cell:
         count = row.submission.result["model"]["parameters"]
         return ("", None) if count is None else (f"{count:,}", count)

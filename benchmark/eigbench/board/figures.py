@@ -62,12 +62,12 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
     Results of several hardware labels get a panel each, with one scale of errors: times are not
     compared across.
     """
-    means = (one.result["scores"]["overall"][key]["mean"] for one in submissions)
+    means = (submission.result["scores"]["overall"][key]["mean"] for submission in submissions)
     errors = [max(mean, FLOOR) for mean in means if mean is not None] or [1.0]
     limits = min(errors) / 1.8, max(errors) * 2.5
     by_label: dict[str, list[Submission]] = {}
-    for one in submissions:
-        by_label.setdefault(results.setting(one.result), []).append(one)
+    for submission in submissions:
+        by_label.setdefault(results.setting(submission.result), []).append(submission)
     with style():
         # Positions are fixed: those of an automatic layout depend on the version of FreeType
         figure = Figure(figsize=(7.2, 4.4 * len(by_label)))
@@ -92,45 +92,47 @@ def escaped(text: str) -> str:
     return text.replace("$", "\\$")
 
 
-def dataset_of(one: Submission) -> str:
+def dataset_of(submission: Submission) -> str:
     """Return what a submission predicts, in short: ``synthNet 1.0, test, grouped``."""
-    facts = one.result["dataset"]
+    facts = submission.result["dataset"]
     return f"{recipe.title(facts['version'])}, {facts['split']}, {facts['protocol']}"
 
 
-def check_finite(one: Submission, values: NDArray[np.float64], title: str) -> None:
-    """Raise if values of a submission's instances, a row or a number each, cannot be drawn.
+def check_finite(submission: Submission, values: NDArray[np.float64], title: str) -> None:
+    """Check that values of a submission's instances, a row or a number each, can be drawn.
 
     Raises
     ------
     EigbenchError
-        If a value is not finite: a prediction is not, or the measure has no number for one that
-        is, as PSNR for an exact prediction and InvLap for one of 0.
+        If a value is not finite: because a prediction is not, or because the measure is infinite
+        for a finite one, as PSNR for an exact prediction and InvLap for a prediction of 0.
     """
     finite = np.isfinite(values)
     if finite.all():
         return
-    if not np.isfinite(one.predictions).all():
-        raise EigbenchError(f"{one.result_path} has predictions that are not finite: no picture")
+    if not np.isfinite(submission.predictions).all():
+        raise EigbenchError(
+            f"{submission.result_path} has predictions that are not finite: no picture"
+        )
     count = int((~finite.reshape(len(values), -1).all(axis=1)).sum())
     raise EigbenchError(
-        f"{one.result_path}: {title} is infinite on {count:,} of {len(values):,} instances, though "
-        "the predictions are finite (PSNR of an exact one, InvLap of a 0): choose another --metric"
+        f"{submission.result_path}: {title} is infinite on {count:,} of {len(values):,} instances, "
+        "though the predictions are finite (PSNR of an exact one, InvLap of a 0): choose another --metric"
     )
 
 
 def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -> None:
     """Draw error against time of one hardware label, a named mark for each model."""
     points, notes = [], []
-    for one in sorted(submissions, key=lambda s: s.slug):
-        mean = one.result["scores"]["overall"][key]["mean"]
-        time = one.result["cost"]["ms_per_mesh"]
+    for submission in sorted(submissions, key=lambda s: s.slug):
+        mean = submission.result["scores"]["overall"][key]["mean"]
+        time = submission.result["cost"]["ms_per_mesh"]
         if mean is None:
             continue
-        note = escaped(one.name)
+        note = escaped(submission.name)
         note += f" ({mean:.0e})" if mean < FLOOR else ""
         note += f" ({time:.0e} ms)" if time < FASTEST else ""
-        colour, marker = KINDS[one.result["model"]["kind"]]
+        colour, marker = KINDS[submission.result["model"]["kind"]]
         points.append((max(time, FASTEST), max(mean, FLOOR)))
         notes.append(note)
         axes.plot(*points[-1], marker, color=colour, ms=6)

@@ -99,7 +99,9 @@ class Board:
 
     def submitted(self, model: Submission, protocol: str) -> Submission | None:
         """Return a model's submission under a protocol, if there is one."""
-        return {one.slug: one for one in self.held_out.get(protocol, ())}.get(model.slug)
+        return {submission.slug: submission for submission in self.held_out.get(protocol, ())}.get(
+            model.slug
+        )
 
     def count(self, protocol: str) -> int:
         """Return how many meshes a protocol tests."""
@@ -159,11 +161,11 @@ def remark_marks(board: Board, rows: Sequence[Ranked]) -> Marks:
     marks: Marks = {}
     for row in rows:
         for protocol in board.protocols:
-            one = board.submitted(row.submission, protocol)
-            if one is not None and one.remark:
+            submission = board.submitted(row.submission, protocol)
+            if submission is not None and submission.remark:
                 mark = str(len(marks) + 1).translate(superscript)
-                line = escaped(f"{mark} {one.name}, {title(protocol)}: {one.remark}")
-                marks[one.slug, protocol] = mark, line
+                line = escaped(f"{mark} {submission.name}, {title(protocol)}: {submission.remark}")
+                marks[submission.slug, protocol] = mark, line
     return marks
 
 

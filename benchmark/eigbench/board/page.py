@@ -88,7 +88,10 @@ def introduction(rows: Sequence[Ranked]) -> list[str]:
 def remarks(rows: Sequence[Ranked]) -> list[str]:
     """Return what a reader should know of single rows, a line each."""
     submissions = [row.submission for row in rows if row.submission.remark]
-    return [f"**{escaped(one.name)}**: {escaped(one.remark)}" for one in submissions]
+    return [
+        f"**{escaped(submission.name)}**: {escaped(submission.remark)}"
+        for submission in submissions
+    ]
 
 
 def top(rows: Sequence[Ranked]) -> str:
@@ -185,13 +188,15 @@ def _protocol_digests(board: Board) -> list[str]:
     lines = [
         [
             name,
-            one.name,
-            str(len(one.predictions)),
-            sha256(one.result_path),
-            sha256(one.predictions_path),
+            submission.name,
+            str(len(submission.predictions)),
+            sha256(submission.result_path),
+            sha256(submission.predictions_path),
         ]
         for name in board.protocols
-        for one in sorted(board.held_out.get(name, ()), key=lambda one: one.slug)
+        for submission in sorted(
+            board.held_out.get(name, ()), key=lambda submission: submission.slug
+        )
     ]
     if not lines:
         return []

@@ -40,7 +40,7 @@ DECLARED_COLUMNS: tuple[Column[Scaled], ...] = (
 def groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> dict[str, Group[Scaled]]:
     """Return the tables of one hardware setting by key; ``verdicts`` are its own."""
     timed = [size for size in sizes if size <= surfaces.TIMED_BESIDE]
-    found = (
+    tables = (
         Group(
             "overview",
             "Error and time",
@@ -70,7 +70,7 @@ def groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> dict[str, Group
             f"{surfaces.TIMED_BESIDE:,} vertices: how fast the machine was then.",
         ),
     )
-    return {group.key: group for group in found}
+    return {group.key: group for group in tables}
 
 
 def _error(size: int) -> Column[Scaled]:

@@ -115,7 +115,7 @@ def _facts(verdict: Verdict, rows: Sequence[Scaled]) -> str:
     start = f"- {verdict.size:,} vertices, discretisation error {own}: "
     medians = {row.slug: scores.medians(row, verdict.size) for row in rows}
     names = {row.slug: row.name for row in rows}
-    absent = "; ".join(names[slug] for slug, found in medians.items() if not found.total)
+    absent = "; ".join(names[slug] for slug, mine in medians.items() if not mine.total)
     not_run = f" Not run: {absent}." if absent else ""
     if verdict.solver is None:
         return start + escaped(f"no exact solver answered.{not_run}")

@@ -44,11 +44,11 @@ def check(options: argparse.Namespace) -> int:
         return predict_meshes(options.predictor, *asked, 10, settings)
 
     console = Console(stderr=True)
-    with console.status("asking about all at once"):
+    with console.status("predicting all at once"):
         answers = ask(range(len(ids)), len(ids))
-    with console.status("asking one at a time"):
+    with console.status("predicting one at a time"):
         singly = ask(range(base), 1)
-    with console.status("asking in shuffled order"):
+    with console.status("predicting in shuffled order"):
         shuffled = ask(order.tolist(), len(ids))
     contract = physics.contract(answers)
     findings = [

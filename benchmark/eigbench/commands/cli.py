@@ -18,23 +18,20 @@ from synthnet.version import __version__
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
-    0: done. 1: ``check`` or ``leaderboard --check`` found something. 2: the input or the
-    predictor would not do; one line says what and what to do. 130: interrupted, by Ctrl-C or
-    SIGTERM.
+    0: done. 1: ``check`` or ``leaderboard --check`` has findings. 2: the input or the predictor is
+    wrong; one line says what is wrong and what to do. 130: interrupted, by Ctrl-C or SIGTERM.
     """
     options = _parser().parse_args(arguments)
     try:
         code: int = options.run(options)
     except BrokenPipeError:
-        sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say
+        sys.stderr.close()  # the reader of the pipe has closed it
         return 0
     except (EigbenchError, SynthNetError, ValueError) as error:
         print(f"eigbench: {error}", file=sys.stderr)
         return WRONG_INPUT
     except KeyboardInterrupt:
-        kept = (
-            "; what was finished is kept, --resume goes on from it" if "resume" in options else ""
-        )
+        kept = "; finished work is kept, --resume continues from it" if "resume" in options else ""
         print(f"eigbench: interrupted{kept}", file=sys.stderr)
         return EXIT_CODE
     return code

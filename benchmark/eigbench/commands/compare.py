@@ -120,7 +120,7 @@ def plot(options: argparse.Namespace) -> int:
     """Draw the pictures of one or several results."""
     dataset = arguments.dataset(options)
     unordered = [submission.read(path, None, dataset) for path in options.results]
-    if len({one.truth.digest for one in unordered}) > 1:
+    if len({row.truth.digest for row in unordered}) > 1:
         raise EigbenchError("the results are of different datasets, splits or protocols")
     make_directory(options.out)
     rows = [row.submission for row in ranking.ranked(unordered)]
@@ -134,9 +134,9 @@ def plot(options: argparse.Namespace) -> int:
         figures.save(path, figure)
     written.append(options.out / "error-time.svg")
     write_text(written[-1], figures.error_against_time(rows, options.metric))
-    for one in rows:
-        path = options.out / f"spectra-{one.slug}.png"
-        figures.save(path, error_figures.spectra(one))
+    for row in rows:
+        path = options.out / f"spectra-{row.slug}.png"
+        figures.save(path, error_figures.spectra(row))
         written.append(path)
     if options.json:
         print(json.dumps({"files": list(map(str, written))}))

@@ -163,20 +163,20 @@ def run_evaluate(options: argparse.Namespace) -> int:
     if not options.predictor.is_file():
         raise PredictorError(f"there is no file {options.predictor}")
     directory = _directory(options)
-    wanted = _truth(options, directory)
-    partial = options.limit is not None and options.limit < len(wanted.ids)
+    labels = _truth(options, directory)
+    partial = options.limit is not None and options.limit < len(labels.ids)
     if partial:
-        wanted = wanted.head(options.limit)
+        labels = labels.head(options.limit)
         if out.exists() and not results.read(out)["partial"]:
             raise EigbenchError(f"{out} is a whole result: give --limit another --out")
-    dataset = _meshes_of(wanted, directory, options.root)
+    dataset = _meshes_of(labels, directory, options.root)
     settings = Options(**{f.name: getattr(options, f.name) for f in fields(Options)})
     settings = replace(settings, reference=settings.reference and not partial)
     parts = out.with_name(f".{out.name}.parts")
-    evaluation, answers = _predict(options, wanted, dataset, settings, parts)
-    predictions.write(kept, wanted, evaluation.predictions)
+    evaluation, answers = _predict(options, labels, dataset, settings, parts)
+    predictions.write(kept, labels, evaluation.predictions)
     result = record.make(
-        wanted,
+        labels,
         evaluation,
         settings,
         code=options.predictor,
@@ -194,12 +194,12 @@ def run_evaluate(options: argparse.Namespace) -> int:
             print(f"{table(result)}\n")
         print(tables.physics(result["physics"]))
         print(f"\nresult {out}, predictions {kept}")
-    return _told(predictions.unphysical(wanted, evaluation.predictions))
+    return _exit_code(predictions.unphysical(labels, evaluation.predictions))
 
 
 def _predict(
     options: argparse.Namespace,
-    wanted: truth.Truth,
+    labels: truth.Truth,
     dataset: store.StoredDataset,
     settings: Options,
     parts: Path,
@@ -207,7 +207,7 @@ def _predict(
     """Return the evaluation and the answers to the questions of physics, with progress."""
     console = Console(stderr=True)
     with console.status("reading the meshes"):
-        instances = meshes.read(dataset, wanted.ids)
+        instances = meshes.read(dataset, labels.ids)
     loading = console.status("loading the predictor")
     progress = Progress(
         TextColumn("predicting"),
@@ -217,7 +217,7 @@ def _predict(
         TimeRemainingColumn(),
         console=console,
     )
-    task = progress.add_task("predicting", total=len(wanted.ids) * settings.seeds)
+    task = progress.add_task("predicting", total=len(labels.ids) * settings.seeds)
 
     def on_batch(count: int) -> None:
         loading.stop()
@@ -228,7 +228,7 @@ def _predict(
         loading.start()
         evaluation = evaluate(
             options.predictor,
-            wanted,
+            labels,
             instances,
             settings,
             parts,
@@ -242,16 +242,16 @@ def _predict(
     finally:
         loading.stop()
         progress.stop()
-    k = wanted.eigenvalues.shape[1]
-    with console.status("asking about physics"):
+    k = labels.eigenvalues.shape[1]
+    with console.status("predicting for the physics contract"):
         asked = physics.questions()
-        trained = str(wanted.trainings[0])
+        trained = str(labels.trainings[0])
         answers = predict_meshes(options.predictor, *asked, k, settings, trained)
     return evaluation, answers
 
 
-def _told(problem: str) -> int:
-    """Say what is wrong with predictions that were scored as they are."""
+def _exit_code(problem: str) -> int:
+    """Return the exit code of scored predictions, and print what is wrong with them."""
     if problem:
         print(f"eigbench: {problem}", file=sys.stderr)
         return WRONG_INPUT
@@ -260,16 +260,16 @@ def _told(problem: str) -> int:
 
 def score(options: argparse.Namespace) -> int:
     """Score a file of predictions."""
-    wanted = _truth(options, _directory(options))
-    found = predictions.read(options.file, wanted)
-    result = {"dataset": results.dataset_facts(wanted), "scores": scores.score(wanted, found)}
+    labels = _truth(options, _directory(options))
+    values = predictions.read(options.file, labels)
+    result = {"dataset": results.dataset_facts(labels), "scores": scores.score(labels, values)}
     if options.json:
         print(json.dumps(result, indent=1))
     else:
         print(f"{options.file} on {_described(result)}\n")
         for table in (tables.overall, tables.families, tables.per_index):
             print(f"{table(result)}\n")
-    return _told(predictions.unphysical(wanted, found))
+    return _exit_code(predictions.unphysical(labels, values))
 
 
 def _described(result: dict[str, Any]) -> str:

@@ -89,15 +89,15 @@ def scale(options: argparse.Namespace) -> int:
         print(json.dumps(result, indent=1))
         return 0
     rows = []
-    for (surface, size), one in Scaled(result, out).meshes.items():
+    for (surface, size), mesh in Scaled(result, out).meshes.items():
         own = surfaces.pinned(surface, size).discretisation_error
         row = [f"{size:,}", family_title(surface), f"{100 * own:.2g} %"]
-        if one["outcome"] == ANSWERED:
-            seconds, memory = scaling_scores.seconds(one), one["peak_memory_mb"]
-            error = f"{100 * scaling_scores.error(one):.2g} %"
+        if mesh["outcome"] == ANSWERED:
+            seconds, memory = scaling_scores.seconds(mesh), mesh["peak_memory_mb"]
+            error = f"{100 * scaling_scores.error(mesh):.2g} %"
             row += [error, f"{1e3 * seconds:,.2f}", f"{memory:,.0f}", ""]
         else:
-            row += ["", "", "", f"{one['outcome']}: {one['detail']}"]
+            row += ["", "", "", f"{mesh['outcome']}: {mesh['detail']}"]
         rows.append(row)
     headers = ["vertices", "surface", "discretisation error", "error", "ms", "peak MB", ""]
     print(f"{result['model']['name']}, one mesh a call\n")
@@ -111,17 +111,19 @@ def show(options: argparse.Namespace) -> int:
     chosen = [surfaces.pinned(s, size) for size in _sizes(options) for s in surfaces.SURFACES]
     rows, findings = [], []
     with Console(stderr=True).status("reading") as status:
-        for one in chosen:
+        for pinned in chosen:
             if options.verify:
-                status.update(f"solving {one.pin.id}")
-                findings += [f"{one.pin.id}: {told}" for told in surfaces.differences(one)]
+                status.update(f"solving {pinned.pin.id}")
+                findings += [
+                    f"{pinned.pin.id}: {difference}" for difference in surfaces.differences(pinned)
+                ]
             rows.append(
                 {
-                    "mesh": one.pin.id,
-                    "vertices": one.vertices,
-                    "triangulation": surfaces.SURFACES[one.surface]["triangulation"],
-                    "discretisation_error": one.discretisation_error,
-                    "limit_error": float((one.limit_error / one.limit).max()),
+                    "mesh": pinned.pin.id,
+                    "vertices": pinned.vertices,
+                    "triangulation": surfaces.SURFACES[pinned.surface]["triangulation"],
+                    "discretisation_error": pinned.discretisation_error,
+                    "limit_error": float((pinned.limit_error / pinned.limit).max()),
                 }
             )
     if options.json:

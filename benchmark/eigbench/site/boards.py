@@ -76,7 +76,7 @@ def shown(submissions: Sequence[Submission]) -> list[Shown]:
 
 def _under(board: Board, protocol: str) -> Iterator[Submission]:
     """Yield the models scored under a protocol, with the times of the protocol ``grouped``."""
-    ran = {one.slug: one for one in board.held_out.get(protocol, ())}
+    ran = {submission.slug: submission for submission in board.held_out.get(protocol, ())}
     for row in board.rows:
         model = row.submission
         if own := ran.get(model.slug):

@@ -59,11 +59,11 @@ def _row(row: Scaled, sizes: Sequence[int], groups: Sequence[Group[Scaled]]) -> 
         "points": [
             {
                 "size": size,
-                "error": six_digits(found.error),
-                "ms": six_digits(1e3 * found.seconds),
-                "whole": found.answered == len(surfaces.SURFACES),
+                "error": six_digits(middle.error),
+                "ms": six_digits(1e3 * middle.seconds),
+                "whole": middle.answered == len(surfaces.SURFACES),
             }
-            for size, found in medians.items()
+            for size, middle in medians.items()
         ],
     }
 

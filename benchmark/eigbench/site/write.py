@@ -55,16 +55,18 @@ def files(
         on_step(f"board {board.key}")
         values[f"boards/{board.key}"] = boards.content(board)
         for row in board.rows:
-            one = row.submission
-            on_step(f"row {board.key}/{one.slug}")
-            values[f"rows/{board.key}/{one.slug}"] = opened = rows.content(one, board.own)
+            submission = row.submission
+            on_step(f"row {board.key}/{submission.slug}")
+            values[f"rows/{board.key}/{submission.slug}"] = opened = rows.content(
+                submission, board.own
+            )
             for shape in opened["shapes"]:
                 if shape["mesh"] is not None:
-                    meshes[shape["mesh"]] = (one, shape["id"].partition("/")[0])
+                    meshes[shape["mesh"]] = (submission, shape["id"].partition("/")[0])
     for name in sorted(meshes):
         on_step(f"mesh {Path(name).name}")
-        one, shape_id = meshes[name]
-        spec = shapes.spec_of(one.truth, shape_id)
+        submission, shape_id = meshes[name]
+        spec = shapes.spec_of(submission.truth, shape_id)
         if spec is not None:
             values[name] = shapes.packed(shapes.generated(spec))
     if scaled:
