@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
+from eigbench import results
 from eigbench.board.markdown import table
 
 Row = TypeVar("Row")  # of a table: a ranked submission, or a result of the scaling track
@@ -81,6 +82,29 @@ def as_markdown(
         lines.insert(0, [group.lead, *(column.lead for column in columns[1:])])
     titles = [column.title for column in columns]
     return table(titles, lines, [column.numeric for column in columns])
+
+
+def of_run(result: Callable[[Row], dict[str, Any]]) -> tuple[Column[Row], ...]:
+    """Return the columns of a run's model, kind, hardware and training set, from its result.
+
+    A mark on a row belongs after its name, here, for every table.
+    """
+
+    def column(key: str, title: str, note: str, text: Callable[[Row], str]) -> Column[Row]:
+        return Column(key, title, note, lambda row: words(text(row)), numeric=False)
+
+    def setting(row: Row) -> str:
+        return results.setting(result(row))
+
+    def training(row: Row) -> str:
+        return results.declared(result(row), "training_data")
+
+    return (
+        column("name", "model", "Name of the model.", lambda row: result(row)["model"]["name"]),
+        column("kind", "kind", DECLARED, lambda row: result(row)["model"]["kind"]),
+        column("hardware", "hardware", f"Where it was timed. {DECLARED}", setting),
+        column("training", "training set", f"What it was fitted to. {DECLARED}", training),
+    )
 
 
 def words(text: str) -> Cell:

@@ -117,7 +117,8 @@ def check_finite(submission: Submission, values: NDArray[np.float64], title: str
     count = int((~finite.reshape(len(values), -1).all(axis=1)).sum())
     raise EigbenchError(
         f"{submission.result_path}: {title} is infinite on {count:,} of {len(values):,} instances, "
-        "though the predictions are finite (PSNR of an exact one, InvLap of a 0): choose another --metric"
+        "though the predictions are finite (PSNR of an exact one, InvLap of a 0): choose another "
+        "--metric"
     )
 
 

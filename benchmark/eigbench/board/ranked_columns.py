@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
-from eigbench import results
 from eigbench.board import cost_columns, generalisation
-from eigbench.board.columns import DECLARED, Cell, Column, Group, six_digits, words
+from eigbench.board.columns import DECLARED, Cell, Column, Group, of_run, six_digits, words
 from eigbench.board.generalisation import Board
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.board.tables import (
@@ -46,6 +46,11 @@ PHYSICS_NOTES = {
 }
 FAMILIES_BY = ("invlap", "rpd", "psnr20")
 
+
+def _result(row: Ranked) -> dict[str, Any]:
+    return row.submission.result
+
+
 RANK: Column[Ranked] = Column(
     "rank",
     "rank",
@@ -54,13 +59,7 @@ RANK: Column[Ranked] = Column(
     lambda row: (row.shown_rank, row.rank),
     numeric=False,
 )
-# A mark on a row of every table, after its name, belongs into this cell.
-MODEL: Column[Ranked] = Column(
-    "name", "model", "Name of the model.", lambda row: words(row.submission.name), numeric=False
-)
-KIND: Column[Ranked] = Column(
-    "kind", "kind", DECLARED, lambda row: words(row.submission.result["model"]["kind"]), False
-)
+MODEL, KIND, HARDWARE, TRAINING = of_run(_result)
 
 
 def main() -> Group[Ranked]:
@@ -217,25 +216,8 @@ def _declared() -> list[Column[Ranked]]:
         count = row.submission.result["predictions"]["seeds"]
         return str(count), count
 
-    return [
-        Column(
-            "hardware",
-            "hardware",
-            f"Where it was timed. {DECLARED}",
-            lambda row: words(results.setting(row.submission.result)),
-            numeric=False,
-        ),
-        Column(
-            "training",
-            "training set",
-            f"What it was fitted to. {DECLARED}",
-            lambda row: words(results.declared(row.submission.result, "training_data")),
-            numeric=False,
-        ),
-        Column(
-            "seeds", "seeds", "Runs with other random numbers; the row shows their mean.", seeds
-        ),
-    ]
+    note = "Runs with other random numbers; the row shows their mean."
+    return [HARDWARE, TRAINING, Column("seeds", "seeds", note, seeds)]
 
 
 def _physics() -> Group[Ranked]:

@@ -3,38 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
-from eigbench import results
-from eigbench.board.columns import DECLARED, Cell, Column, Group, six_digits, words
+from eigbench.board.columns import Cell, Column, Group, of_run, six_digits
 from eigbench.board.tables import number
 from eigbench.scaling import scores, surfaces
 from eigbench.scaling.results import Scaled
 from eigbench.scaling.scores import Medians, Verdict
 
-MODEL: Column[Scaled] = Column(
-    "name", "model", "Name of the model.", lambda row: words(row.name), numeric=False
-)
-KIND: Column[Scaled] = Column(
-    "kind", "kind", DECLARED, lambda row: words(row.result["model"]["kind"]), numeric=False
-)
-DECLARED_COLUMNS: tuple[Column[Scaled], ...] = (
-    Column(
-        "hardware",
-        "hardware",
-        f"Where it was timed. {DECLARED}",
-        lambda row: words(results.setting(row.result)),
-        numeric=False,
-    ),
-    Column(
-        "training",
-        "training set",
-        f"What it was fitted to. {DECLARED}",
-        lambda row: words(results.declared(row.result, "training_data")),
-        numeric=False,
-    ),
-)
+
+def _result(row: Scaled) -> dict[str, Any]:
+    return row.result
+
+
+MODEL, KIND, HARDWARE, TRAINING = of_run(_result)
 
 
 def groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> dict[str, Group[Scaled]]:

@@ -9,7 +9,7 @@ from typing import Any
 from eigbench import results
 from eigbench.board import scaling_columns, scaling_page
 from eigbench.board.columns import Group, six_digits
-from eigbench.board.scaling_columns import DECLARED_COLUMNS, KIND, MODEL, ms, percent
+from eigbench.board.scaling_columns import HARDWARE, KIND, MODEL, TRAINING, ms, percent
 from eigbench.board.tables import family_title
 from eigbench.scaling import scores, surfaces
 from eigbench.scaling.results import ANSWERED, Scaled
@@ -44,7 +44,7 @@ def content(rows: Sequence[Scaled]) -> dict[str, Any]:
 def _groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> list[Group[Scaled]]:
     """Return the views of the page's table; the first has what the run declared too."""
     overview, *others = scaling_columns.groups(sizes, verdicts).values()
-    return [replace(overview, columns=[*overview.columns, *DECLARED_COLUMNS]), *others]
+    return [replace(overview, columns=[*overview.columns, HARDWARE, TRAINING]), *others]
 
 
 def _row(row: Scaled, sizes: Sequence[int], groups: Sequence[Group[Scaled]]) -> dict[str, Any]:
