@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-from eigbench.board import figures, ranking
+from eigbench.board import error_figures, figures, ranking
 from eigbench.board.tables import number
 from eigbench.results import submission
 from eigbench.results.submission import Submission
@@ -413,7 +413,7 @@ def pictures() -> dict[Path, Figure]:
     drawn = {
         LOSSES: loss_curves(),
         TIMES: time_bars(),
-        SPECTRA: figures.spectra(one) if one else None,
+        SPECTRA: error_figures.spectra(one) if one else None,
     }
     return {PAGE.with_name(name): figure for name, figure in drawn.items() if figure is not None}
 

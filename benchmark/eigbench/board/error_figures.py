@@ -1,10 +1,11 @@
-"""Pictures of errors: their distribution over the meshes, and how they grow with the index."""
+"""Figures of single results: spectra, and errors by family, by index and over the meshes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -14,18 +15,106 @@ from eigbench.board.figures import (
     FLOOR,
     PREDICTED,
     PROTOCOL_MARKS,
+    TRUE,
     check_finite,
     dataset_of,
     escaped,
     style,
 )
 from eigbench.board.ranking import RANKED_BY
+from eigbench.board.tables import family_title, in_order
 from eigbench.results.submission import Submission
-from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.metrics import METRICS, psnr
 
 LEAST = 1e-6  # relative error; a smaller one is drawn at the lower edge
 BINS = 40
 LINES = ("-", "--", ":", "-.")
+QUANTILES = {"best": 0.0, "median": 0.5, "worst": 1.0}
+
+
+def spectra(submission: Submission) -> Figure:
+    """Draw predicted against true spectra, as the paper's Figure 6.
+
+    A row for each family shows its instances with the least, the median and the largest RPD, with
+    their PSNR and Inverse Laplacian.
+    """
+    families = in_order(submission.truth.families.tolist())
+    errors = ranking.per_mesh(submission, RANKED_BY)
+    check_finite(submission, errors, METRICS[RANKED_BY].title)
+    with style():
+        figure = Figure(figsize=(7.2, 1.7 * len(families) + 0.6), layout="constrained")
+        panels = figure.subplots(len(families), len(QUANTILES), squeeze=False)
+        for row, family in zip(panels, families, strict=True):
+            mine = np.flatnonzero(submission.truth.families == family)
+            for axes, (name, quantile) in zip(row, QUANTILES.items(), strict=True):
+                _spectrum(
+                    axes, submission, int(mine[ranking.at_quantile(errors[mine], quantile)]), name
+                )
+            row[0].set_ylabel(family_title(family))
+        panels[0][0].legend(frameon=False, fontsize=7)
+        for axes in panels[-1]:
+            axes.set_xlabel("index", fontsize=7)
+        figure.suptitle(
+            f"{escaped(submission.name)}: true and predicted eigenvalues\n"
+            f"best, median and worst by {METRICS[RANKED_BY].title}",
+            fontsize=10,
+        )
+    return figure
+
+
+def _spectrum(axes: mpl.axes.Axes, submission: Submission, i: int, name: str) -> None:
+    label, predicted = submission.truth.eigenvalues[i], submission.predictions[0, i]
+    index = np.arange(1, len(label) + 1)
+    axes.plot(index, label, "o", color=TRUE, ms=3.5, fillstyle="none", label="true")
+    axes.plot(index, predicted, "x", color=PREDICTED, ms=4, label="predicted")
+    decibels = psnr(predicted[None], label[None])[0]
+    error = METRICS["invlap"].function(predicted[None], label[None])[0]
+    axes.set_title(
+        f"{name}: {submission.truth.ids[i]}\nPSNR {decibels:.1f} dB, InvLap {error:.3g}",
+        fontsize=6.5,
+    )
+    axes.set_ylim(bottom=0)
+    axes.set_xticks(index[::3])
+    axes.tick_params(labelsize=6)
+
+
+def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
+    """Draw the distribution of a metric by family: a box of quartiles, whiskers 5 to 95 %."""
+    names = in_order(submissions[0].truth.families.tolist())
+    with style():
+        height = 0.35 * len(names) * max(1.0, 0.4 * len(submissions)) + 1.2
+        figure = Figure(figsize=(7.2, height), layout="constrained")
+        axes = figure.subplots()
+        width = 0.8 / len(submissions)
+        palette = mpl.colormaps["viridis"](np.linspace(0.3, 1, len(submissions)))
+        for number, (submission, colour) in enumerate(zip(submissions, palette, strict=True)):
+            values = ranking.per_mesh(submission, key)
+            check_finite(submission, values, METRICS[key].title)
+            values = np.maximum(values, FLOOR / 10)
+            boxes = axes.boxplot(
+                [values[submission.truth.families == name] for name in names],
+                positions=np.arange(len(names)) + (number - (len(submissions) - 1) / 2) * width,
+                widths=0.85 * width,
+                orientation="horizontal",
+                whis=(5, 95),
+                showfliers=False,
+                patch_artist=True,
+                manage_ticks=False,
+                medianprops={"color": "#D55E00"},
+                label=escaped(submission.name),
+            )
+            for box in boxes["boxes"]:
+                box.set(facecolor=colour, alpha=0.7)
+        axes.set_yticks(range(len(names)), [family_title(name) for name in names])
+        axes.set_ylim(len(names) - 0.5, -0.5)
+        axes.set_xscale("log")
+        axes.set_xlabel(
+            f"{METRICS[key].title}: quartiles, whiskers 5 to 95 %; below {FLOOR / 10:g} at the edge"
+        )
+        axes.grid(axis="x", alpha=0.25)
+        axes.set_title(dataset_of(submissions[0]), fontsize=9, loc="left")
+        figure.legend(frameon=False, fontsize=7, loc="outside lower center", ncols=2)
+    return figure
 
 
 def by_index(submissions: Sequence[Submission]) -> Figure:
@@ -43,17 +132,19 @@ def by_index(submissions: Sequence[Submission]) -> Figure:
         axes = figure.subplots()
         marks = cycle(PROTOCOL_MARKS)
         lines = np.repeat(LINES, len(PROTOCOL_MARKS))
-        for one, (marker, colour), line in zip(submissions, marks, cycle(lines), strict=False):
-            errors = np.maximum(_relative(one), LEAST)
+        for submission, (marker, colour), line in zip(
+            submissions, marks, cycle(lines), strict=False
+        ):
+            errors = np.maximum(_relative(submission), LEAST)
             index = np.arange(1, errors.shape[1] + 1)
             if len(submissions) == 1:
                 colour = PREDICTED
                 for share, alpha in ((5, 0.15), (25, 0.25)):
                     low, high = np.percentile(errors, (share, 100 - share), axis=0)
-                    told = f"{100 - 2 * share} % of the meshes"
-                    axes.fill_between(index, low, high, color=colour, alpha=alpha, lw=0, label=told)
+                    band = f"{100 - 2 * share} % of the meshes"
+                    axes.fill_between(index, low, high, color=colour, alpha=alpha, lw=0, label=band)
             median = np.median(errors, axis=0)
-            name = escaped(one.name)
+            name = escaped(submission.name)
             axes.plot(index, median, line, marker=marker, ms=4, color=colour, label=name)
         axes.set_yscale("log")
         axes.set_xticks(index)
@@ -75,25 +166,27 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
     """
     metric = METRICS[key]
     least = FLOOR / 10
-    found = [ranking.per_mesh(one, key) for one in submissions]
-    for one, values in zip(submissions, found, strict=True):
-        check_finite(one, values, metric.title)
-    medians = [f"{np.median(values):.3g}" for values in found]
+    every = [ranking.per_mesh(submission, key) for submission in submissions]
+    for submission, values in zip(submissions, every, strict=True):
+        check_finite(submission, values, metric.title)
+    medians = [f"{np.median(values):.3g}" for values in every]
     if not metric.higher_is_better:
-        found = [np.maximum(values, least) for values in found]
-    low, high = min(v.min() for v in found), max(v.max() for v in found)
+        every = [np.maximum(values, least) for values in every]
+    low, high = min(v.min() for v in every), max(v.max() for v in every)
     space = np.linspace if metric.higher_is_better else np.geomspace
     edges = space(low, high if high > low else 1.1 * low + 1e-9, BINS + 1)
     with style():
-        tall = 2.4 if len(found) == 1 else 0.85
-        figure = Figure(figsize=(7.2, tall * len(found) + 0.9), layout="constrained")
-        panels = np.ravel(figure.subplots(len(found), sharex=True, squeeze=False))
-        for axes, one, values, told in zip(panels, submissions, found, medians, strict=True):
+        tall = 2.4 if len(every) == 1 else 0.85
+        figure = Figure(figsize=(7.2, tall * len(every) + 0.9), layout="constrained")
+        panels = np.ravel(figure.subplots(len(every), sharex=True, squeeze=False))
+        for axes, submission, values, median in zip(
+            panels, submissions, every, medians, strict=True
+        ):
             axes.hist(
                 values, edges, weights=np.full(len(values), 100 / len(values)), color=PREDICTED
             )
             axes.axvline(np.median(values), color="#D55E00", lw=1.2)
-            axes.set_title(f"{escaped(one.name)}: median {told}", fontsize=8, loc="left")
+            axes.set_title(f"{escaped(submission.name)}: median {median}", fontsize=8, loc="left")
             axes.set_ylabel("% of meshes", fontsize=7)
             axes.tick_params(labelsize=7)
             axes.grid(axis="x", alpha=0.25)
@@ -106,9 +199,9 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
     return figure
 
 
-def _relative(one: Submission) -> NDArray[np.float64]:
+def _relative(submission: Submission) -> NDArray[np.float64]:
     """Return the relative error of each instance and eigenvalue, mean over seeds, shape (n, k)."""
-    labels = one.truth.eigenvalues
-    values = np.mean(np.abs(one.predictions - labels) / labels, axis=0)
-    check_finite(one, values, "the relative error")
+    labels = submission.truth.eigenvalues
+    values = np.mean(np.abs(submission.predictions - labels) / labels, axis=0)
+    check_finite(submission, values, "the relative error")
     return np.asarray(values)

@@ -1,4 +1,4 @@
-"""Pictures of results: error against time, spectra, errors by family."""
+"""The figures of a board, error against time and by protocol, and what all figures share."""
 
 from __future__ import annotations
 
@@ -15,21 +15,19 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from eigbench import results
-from eigbench.board import ranking
 from eigbench.board.generalisation import Board, title
 from eigbench.board.ranking import RANKED_BY
-from eigbench.board.tables import family_title, in_order
 from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
-from eigbench.scoring.metrics import METRICS, psnr
+from eigbench.scoring.metrics import METRICS
 from synthnet import recipe
 from synthnet.store.files import write_atomically
 
-# Okabe and Ito: told apart by colour-blind readers; the markers tell kinds apart in print.
+# Okabe and Ito: colour-blind readers can distinguish them; in print the markers do.
 KINDS = {"trivial": ("#999999", "s"), "classical": ("#0072B2", "o"), "learned": ("#D55E00", "^")}
 TRUE, PREDICTED = "#000000", "#0072B2"
-FLOOR = 1e-3  # errors below are drawn at the lower edge: the exact solver's would be 1e-11
-FASTEST = 0.1  # ms; what is faster is drawn at the left edge
+FLOOR = 1e-3  # smaller errors are drawn at the lower edge: an exact solver's would be 1e-11
+FASTEST = 0.1  # ms; faster models are drawn at the left edge
 PROTOCOL_MARKS = (  # Okabe and Ito again, and a marker each
     ("s", "#E69F00"),
     ("^", "#56B4E9"),
@@ -38,7 +36,6 @@ PROTOCOL_MARKS = (  # Okabe and Ito again, and a marker each
     ("P", "#CC79A7"),
     ("X", "#0072B2"),
 )
-QUANTILES = {"best": 0.0, "median": 0.5, "worst": 1.0}
 
 
 @contextmanager
@@ -65,14 +62,14 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
     Results of several hardware labels get a panel each, with one scale of errors: times are not
     compared across.
     """
-    means = (one.result["scores"]["overall"][key]["mean"] for one in submissions)
+    means = (submission.result["scores"]["overall"][key]["mean"] for submission in submissions)
     errors = [max(mean, FLOOR) for mean in means if mean is not None] or [1.0]
     limits = min(errors) / 1.8, max(errors) * 2.5
     by_label: dict[str, list[Submission]] = {}
-    for one in submissions:
-        by_label.setdefault(results.setting(one.result), []).append(one)
+    for submission in submissions:
+        by_label.setdefault(results.setting(submission.result), []).append(submission)
     with style():
-        # Places by hand: those of an automatic layout depend on the version of FreeType
+        # Positions are fixed: those of an automatic layout depend on the version of FreeType
         figure = Figure(figsize=(7.2, 4.4 * len(by_label)))
         panels = np.ravel(figure.subplots(len(by_label), squeeze=False))
         figure.subplots_adjust(0.1, 0.5 / (4.4 * len(by_label)), 0.97, 0.93, hspace=0.35)
@@ -95,60 +92,62 @@ def escaped(text: str) -> str:
     return text.replace("$", "\\$")
 
 
-def dataset_of(one: Submission) -> str:
+def dataset_of(submission: Submission) -> str:
     """Return what a submission predicts, in short: ``synthNet 1.0, test, grouped``."""
-    facts = one.result["dataset"]
+    facts = submission.result["dataset"]
     return f"{recipe.title(facts['version'])}, {facts['split']}, {facts['protocol']}"
 
 
-def check_finite(one: Submission, values: NDArray[np.float64], title: str) -> None:
-    """Raise if values of a submission's instances, a row or a number each, cannot be drawn.
+def check_finite(submission: Submission, values: NDArray[np.float64], title: str) -> None:
+    """Check that values of a submission's instances, a row or a number each, can be drawn.
 
     Raises
     ------
     EigbenchError
-        If a value is not finite: a prediction is not, or the measure has no number for one that
-        is, as PSNR for an exact prediction and InvLap for one of 0.
+        If a value is not finite: because a prediction is not, or because the measure is infinite
+        for a finite one, as PSNR for an exact prediction and InvLap for a prediction of 0.
     """
     finite = np.isfinite(values)
     if finite.all():
         return
-    if not np.isfinite(one.predictions).all():
-        raise EigbenchError(f"{one.result_path} has predictions that are not finite: no picture")
+    if not np.isfinite(submission.predictions).all():
+        raise EigbenchError(
+            f"{submission.result_path} has predictions that are not finite: no picture"
+        )
     count = int((~finite.reshape(len(values), -1).all(axis=1)).sum())
     raise EigbenchError(
-        f"{one.result_path}: {title} is infinite on {count:,} of {len(values):,} instances, though "
-        "the predictions are finite (PSNR of an exact one, InvLap of a 0): choose another --metric"
+        f"{submission.result_path}: {title} is infinite on {count:,} of {len(values):,} instances, "
+        "though the predictions are finite (PSNR of an exact one, InvLap of a 0): choose another "
+        "--metric"
     )
 
 
 def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -> None:
-    metric = METRICS[key]
+    """Draw error against time of one hardware label, a named mark for each model."""
     points, notes = [], []
-    for one in sorted(submissions, key=lambda s: s.slug):
-        mean = one.result["scores"]["overall"][key]["mean"]
-        time = one.result["cost"]["ms_per_mesh"]
+    for submission in sorted(submissions, key=lambda s: s.slug):
+        mean = submission.result["scores"]["overall"][key]["mean"]
+        time = submission.result["cost"]["ms_per_mesh"]
         if mean is None:
             continue
-        note = escaped(one.name)
+        note = escaped(submission.name)
         note += f" ({mean:.0e})" if mean < FLOOR else ""
         note += f" ({time:.0e} ms)" if time < FASTEST else ""
-        colour, marker = KINDS[one.result["model"]["kind"]]
+        colour, marker = KINDS[submission.result["model"]["kind"]]
         points.append((max(time, FASTEST), max(mean, FLOOR)))
         notes.append(note)
         axes.plot(*points[-1], marker, color=colour, ms=6)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("ms a mesh, median")
-    axes.set_ylabel(f"mean {metric.heading}")
+    axes.set_ylabel(f"mean {METRICS[key].heading}")
     axes.grid(alpha=0.25)
     if not points:
         return
     x = np.array(points)[:, 0]
     axes.set_xlim(x.min() / 1.8, x.max() * 4)
-    for note, (dx, dy, side), point in zip(
-        notes, _label_places(axes, points, notes), points, strict=True
-    ):
+    offsets = _label_offsets(axes, points, notes)
+    for note, (dx, dy, side), point in zip(notes, offsets, points, strict=True):
         axes.annotate(
             note, point, (dx, dy), textcoords="offset points", ha=side, va="center", fontsize=8
         )
@@ -159,7 +158,7 @@ def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -
     axes.legend(handles=handles, loc="lower left", fancybox=False, edgecolor="0.8", fontsize=8)
 
 
-def _label_places(
+def _label_offsets(
     axes: mpl.axes.Axes, points: Sequence[tuple[float, float]], notes: Sequence[str]
 ) -> list[tuple[float, float, str]]:
     """Return for each note an offset in points and a side, so that few notes overlap.
@@ -171,7 +170,7 @@ def _label_places(
     size = np.array([width, height])
     at = (np.log10(points) - limits[:, 0]) / (limits[:, 1] - limits[:, 0]) * size
     taken = [(x - 4, y - 4, x + 4, y + 4) for x, y in at]
-    places = []
+    offsets = []
     for (x, y), note in zip(at, notes, strict=True):
         long = 4.6 * len(note)
         options = {}
@@ -181,10 +180,10 @@ def _label_places(
                 outside = max(0.0, -here[0]) + max(0.0, here[2] - width)
                 overlap = sum(_overlap(here, other) for other in taken)
                 options[(dx, dy, side)] = (overlap + 10 * outside, here)
-        best = min(options, key=lambda place: options[place][0])
+        best = min(options, key=lambda offset: options[offset][0])
         taken.append(options[best][1])
-        places.append(best)
-    return places
+        offsets.append(best)
+    return offsets
 
 
 def _overlap(a: Sequence[float], b: Sequence[float]) -> float:
@@ -196,9 +195,9 @@ def generalisation(board: Board, key: str = RANKED_BY) -> str:
     """Return an SVG of each model's mean error i.i.d. and under each protocol, a line a model."""
     metric = METRICS[key]
     with style():
-        figure = Figure(figsize=(7.2, 0.3 * len(board.rows) + 1.3))
-        axes = figure.subplots()
         high = 0.3 * len(board.rows) + 1.3
+        figure = Figure(figsize=(7.2, high))
+        axes = figure.subplots()
         figure.subplots_adjust(0.36, 0.45 / high, 0.98, 1 - 0.75 / high)
         columns = [("i.i.d.", "o", TRUE)]
         columns += [
@@ -207,14 +206,14 @@ def generalisation(board: Board, key: str = RANKED_BY) -> str:
         ]
         for line, row in enumerate(board.rows):
             model = row.submission
-            found = [model.result["scores"]["overall"][key]["mean"]]
-            found += [board.cell(model, name, key).score for name in board.protocols]
-            known = [max(value, FLOOR) for value in found if value is not None]
+            means = [model.result["scores"]["overall"][key]["mean"]]
+            means += [board.scored(model, name, key).score for name in board.protocols]
+            known = [max(value, FLOOR) for value in means if value is not None]
             axes.plot([min(known), max(known)], [line, line], color="#cccccc", lw=1, zorder=1)
-            for value, (_, marker, colour) in zip(found, columns, strict=True):
+            for value, (_, marker, colour) in zip(means, columns, strict=True):
                 if value is not None:
-                    place = max(value, FLOOR)
-                    axes.plot(place, line, marker, color=colour, ms=5.5, alpha=0.85, zorder=2)
+                    x = max(value, FLOOR)
+                    axes.plot(x, line, marker, color=colour, ms=5.5, alpha=0.85, zorder=2)
         names = [escaped(row.submission.name) for row in board.rows]
         axes.set_yticks(range(len(names)), names, fontsize=8)
         axes.set_ylim(len(names) - 0.5, -0.5)
@@ -227,88 +226,6 @@ def generalisation(board: Board, key: str = RANKED_BY) -> str:
         ]
         figure.legend(handles=handles, loc="upper center", frameon=False, fontsize=7.5, ncols=3)
         return as_svg(figure)
-
-
-def spectra(one: Submission) -> Figure:
-    """Draw predicted against true spectra, as the paper's Figure 6.
-
-    A row for each family: of its instances the one with the least, the median and the
-    largest RPD, with its PSNR and Inverse Laplacian.
-    """
-    families = in_order(one.truth.families.tolist())
-    errors = ranking.per_mesh(one, RANKED_BY)
-    check_finite(one, errors, METRICS[RANKED_BY].title)
-    with style():
-        figure = Figure(figsize=(7.2, 1.7 * len(families) + 0.6), layout="constrained")
-        panels = figure.subplots(len(families), len(QUANTILES), squeeze=False)
-        for row, family in zip(panels, families, strict=True):
-            mine = np.flatnonzero(one.truth.families == family)
-            for axes, (name, quantile) in zip(row, QUANTILES.items(), strict=True):
-                _spectrum(axes, one, int(mine[ranking.at_quantile(errors[mine], quantile)]), name)
-            row[0].set_ylabel(family_title(family))
-        panels[0][0].legend(frameon=False, fontsize=7)
-        for axes in panels[-1]:
-            axes.set_xlabel("index", fontsize=7)
-        figure.suptitle(
-            f"{escaped(one.name)}: true and predicted eigenvalues\nbest, median and worst by "
-            f"{METRICS[RANKED_BY].title}",
-            fontsize=10,
-        )
-    return figure
-
-
-def _spectrum(axes: mpl.axes.Axes, one: Submission, i: int, name: str) -> None:
-    label, predicted = one.truth.eigenvalues[i], one.predictions[0, i]
-    index = np.arange(1, len(label) + 1)
-    axes.plot(index, label, "o", color=TRUE, ms=3.5, fillstyle="none", label="true")
-    axes.plot(index, predicted, "x", color=PREDICTED, ms=4, label="predicted")
-    decibels = psnr(predicted[None], label[None])[0]
-    error = METRICS["invlap"].function(predicted[None], label[None])[0]
-    axes.set_title(
-        f"{name}: {one.truth.ids[i]}\nPSNR {decibels:.1f} dB, InvLap {error:.3g}", fontsize=6.5
-    )
-    axes.set_ylim(bottom=0)
-    axes.set_xticks(index[::3])
-    axes.tick_params(labelsize=6)
-
-
-def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
-    """Draw the distribution of a metric by family: a box of quartiles, whiskers 5 to 95 %."""
-    names = in_order(submissions[0].truth.families.tolist())
-    with style():
-        height = 0.35 * len(names) * max(1.0, 0.4 * len(submissions)) + 1.2
-        figure = Figure(figsize=(7.2, height), layout="constrained")
-        axes = figure.subplots()
-        width = 0.8 / len(submissions)
-        palette = mpl.colormaps["viridis"](np.linspace(0.3, 1, len(submissions)))
-        for number, (one, colour) in enumerate(zip(submissions, palette, strict=True)):
-            values = ranking.per_mesh(one, key)
-            check_finite(one, values, METRICS[key].title)
-            values = np.maximum(values, FLOOR / 10)
-            boxes = axes.boxplot(
-                [values[one.truth.families == name] for name in names],
-                positions=np.arange(len(names)) + (number - (len(submissions) - 1) / 2) * width,
-                widths=0.85 * width,
-                orientation="horizontal",
-                whis=(5, 95),
-                showfliers=False,
-                patch_artist=True,
-                manage_ticks=False,
-                medianprops={"color": "#D55E00"},
-                label=escaped(one.name),
-            )
-            for box in boxes["boxes"]:
-                box.set(facecolor=colour, alpha=0.7)
-        axes.set_yticks(range(len(names)), [family_title(name) for name in names])
-        axes.set_ylim(len(names) - 0.5, -0.5)
-        axes.set_xscale("log")
-        axes.set_xlabel(
-            f"{METRICS[key].title}: quartiles, whiskers 5 to 95 %; below {FLOOR / 10:g} at the edge"
-        )
-        axes.grid(axis="x", alpha=0.25)
-        axes.set_title(dataset_of(submissions[0]), fontsize=9, loc="left")
-        figure.legend(frameon=False, fontsize=7, loc="outside lower center", ncols=2)
-    return figure
 
 
 def save(path: Path, figure: Figure) -> None:

@@ -1,9 +1,9 @@
 """How predictors do on what they were not trained on: a version's protocols side by side.
 
 Each protocol tests shapes of the test split, so the same shapes can be scored twice: once by the
-predictor whose training held them and their like out, once by the one that was trained on
-everything. The difference is the drop. What is not trained has none, and its predictions under
-the protocol ``grouped`` are its predictions under every other.
+predictor whose training held them and their like out, once by the predictor that was trained on
+everything. The difference is the drop. A model without training has none, and its predictions
+under the protocol ``grouped`` are its predictions under every other.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from eigbench.board.columns import Cell, Column, Group, six_digits
 from eigbench.board.markdown import cell as escaped
-from eigbench.board.markdown import table
-from eigbench.board.ranking import Ranked
+from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.board.tables import score
 from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
@@ -26,7 +26,6 @@ from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.training import IMPORTED, trained_on, untrained
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
-from synthnet.store.files import sha256
 
 SHOWN = ("rpd", "psnr20")
 NOT_RUN = "not run"
@@ -36,29 +35,30 @@ TITLES = {
     "genus": "genus 1 and more unseen",
     "boundary": "boundaries unseen",
 }
+NO_DROP = "None where nothing is trained, or the model is trained on another version."
 
 EXPLAINED = (
-    "The test shapes of the split above, predicted by models whose training held something "
-    "of them out; models without training are as they were. In brackets the drop: the score "
-    "minus that of the same model, by the same code and with the same seeds, trained on "
-    "everything, on the same shapes (for imported meshes, on the split above); none where nothing "
-    "is trained, or on another version. With a family, those that are isometric to it are held "
-    "out. Not run: nobody has, or the model is trained on one set alone. "
+    "The test shapes of the split above, predicted by models whose training held some of them "
+    "out; models without training stay as they are. In brackets the drop: the score minus that of "
+    "the same model, by the same code and with the same seeds, trained on everything, on the same "
+    "shapes (for imported meshes, on the split above). There is no drop where nothing is trained, "
+    "or the model is trained on another version. A family is held out together with those "
+    "isometric to it. Not run: nobody has run it, or the model is trained on one set alone. "
     "[What is held out](docs/dataset-card-2.0.md#protocols)."
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
-    """A model's mean score under a protocol, and by how much it is off the unheld one's.
+class HeldOut:
+    """A model's mean score under a protocol.
 
     Parameters
     ----------
     score : float or None
         Mean of the metric; ``None`` where the model was not run.
     drop : float or None
-        Minus the mean, on the same shapes, of the same model trained on everything; ``None``
-        where the model is not trained, or on another version.
+        The score minus the mean, on the same shapes, of the same model trained on everything;
+        ``None`` where the model is not trained, or on another version.
     """
 
     score: float | None
@@ -74,7 +74,7 @@ class Board:
     rows : sequence of Ranked
         Of the protocol ``grouped``, best first.
     held_out : mapping of str to sequence of Submission
-        Of each other protocol that asks for generalisation.
+        Of each other protocol that tests generalisation.
     """
 
     rows: Sequence[Ranked]
@@ -94,28 +94,36 @@ class Board:
 
     def model(self, slug: str) -> Submission:
         """Return the submission of that name under ``grouped``."""
-        (found,) = (row.submission for row in self.rows if row.submission.slug == slug)
-        return found
+        (model,) = (row.submission for row in self.rows if row.submission.slug == slug)
+        return model
 
     def submitted(self, model: Submission, protocol: str) -> Submission | None:
         """Return a model's submission under a protocol, if there is one."""
-        return {one.slug: one for one in self.held_out.get(protocol, ())}.get(model.slug)
+        return {submission.slug: submission for submission in self.held_out.get(protocol, ())}.get(
+            model.slug
+        )
 
-    def cell(self, model: Submission, protocol: str, key: str) -> Cell:
-        """Return a model's cell under a protocol."""
+    def count(self, protocol: str) -> int:
+        """Return how many meshes a protocol tests."""
+        ran = self.held_out.get(protocol)
+        labels = ran[0].truth if ran else tested(self.version, protocol)
+        return len(np.unique(labels.shapes))
+
+    def scored(self, model: Submission, protocol: str, key: str) -> HeldOut:
+        """Return a model's mean of a metric under a protocol."""
         own = self.submitted(model, protocol)
         if own is not None:
             mean = _mean(own, own.truth, key)
             elsewhere = protocol.startswith(IMPORTED)
-            seeds = len(own.predictions)  # of the model trained on everything, the same
+            seeds = len(own.predictions)  # the model trained on everything is scored on as many
             shapes = model.truth if elsewhere else own.truth
             meta = model.result["model"]
             if untrained(meta) or not trained_on(meta, self.version):
-                return Cell(mean)
-            return Cell(mean, mean - _mean(model, shapes, key, seeds))
+                return HeldOut(mean)
+            return HeldOut(mean, mean - _mean(model, shapes, key, seeds))
         if untrained(model.result["model"]) and not protocol.startswith(IMPORTED):
-            return Cell(_mean(model, tested(self.version, protocol), key))
-        return Cell(None)
+            return HeldOut(_mean(model, tested(self.version, protocol), key))
+        return HeldOut(None)
 
 
 @lru_cache(maxsize=16)
@@ -124,13 +132,12 @@ def tested(version: str, protocol: str) -> Truth:
     return truth.load(version, "test", protocol)
 
 
-def _mean(model: Submission, wanted: Truth, key: str, seeds: int | None = None) -> float:
+def _mean(model: Submission, labels: Truth, key: str, seeds: int | None = None) -> float:
     """Return the mean of a metric over some of a model's instances, and its first seeds."""
-    found = predicted(model, wanted)[:seeds]
-    return float(scores.of_metric(wanted, found, key).mean())
+    return float(scores.of_metric(labels, predicted(model, labels)[:seeds], key).mean())
 
 
-def predicted(model: Submission, wanted: Truth) -> NDArray[np.float64]:
+def predicted(model: Submission, labels: Truth) -> NDArray[np.float64]:
     """Return a model's predictions of some of its instances, shape (seeds, n, k).
 
     Raises
@@ -139,70 +146,27 @@ def predicted(model: Submission, wanted: Truth) -> NDArray[np.float64]:
         If it does not predict one of them.
     """
     row_of = {id: row for row, id in enumerate(model.truth.ids)}
-    missing = [id for id in wanted.ids if id not in row_of]
+    missing = [id for id in labels.ids if id not in row_of]
     if missing:
         raise EigbenchError(f"{model.result_path} does not predict {missing[0]}")
-    return np.asarray(model.predictions[:, [row_of[id] for id in wanted.ids]])
-
-
-def section(board: Board, figure: str) -> list[str]:
-    """Return the Markdown of a version's protocols, and the place of its figure."""
-    parts = [
-        f"## synthNet {board.version}: generalisation\n",
-        f"{EXPLAINED}\n",
-    ]
-    counts = [f"{title(name)} ({_count(board, name)})" for name in board.protocols]
-    marks = _marks(board, board.rows)
-    for key in SHOWN:
-        headers = [f"{METRICS[key].heading} of", "i.i.d.", *counts]
-        parts.append(table(headers, _lines(board, key, board.rows, marks)))
-    parts += [f"{line}\n" for _, line in marks.values()]
-    parts.append(f"![Error under each protocol]({figure})\n")
-    return [*parts, *_digests(board)]
-
-
-def top(board: Board, count: int) -> str:
-    """Return what the first rows of a board lose where it was held out, for the README."""
-    key = SHOWN[0]
-    headers = [f"{METRICS[key].heading} of", "i.i.d.", *map(title, board.protocols)]
-    intro = (
-        f"The same models on what training did not have, synthNet {board.version}; in brackets "
-        "the drop of those that are trained:"
-    )
-    rows = board.rows[:count]
-    marks = _marks(board, rows)
-    below = "".join(f"\n{line}\n" for _, line in marks.values())
-    return f"{intro}\n\n{table(headers, _lines(board, key, rows, marks))}{below}"
+    return np.asarray(model.predictions[:, [row_of[id] for id in labels.ids]])
 
 
 Marks = dict[tuple[str, str], tuple[str, str]]  # (model, protocol): the mark, the line below
 
 
-def _lines(board: Board, key: str, rows: Sequence[Ranked], marks: Marks) -> list[list[str]]:
-    found = []
-    for row in rows:
-        one = row.submission
-        cells = [score(one.result["scores"]["overall"][key]["mean"], key)]
-        for protocol in board.protocols:
-            cell = with_drop(board.cell(one, protocol, key), key)
-            mark, _ = marks.get((one.slug, protocol), ("", ""))
-            cells.append(f"{cell} {mark}".rstrip())
-        found.append([one.name, *cells])
-    return found
-
-
-def _marks(board: Board, rows: Sequence[Ranked]) -> Marks:
-    """Return the mark of each cell with a remark, and its line below the table."""
+def remark_marks(board: Board, rows: Sequence[Ranked]) -> Marks:
+    """Return the mark of each score with a remark, and its line below the table."""
     superscript = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
-    found: Marks = {}
+    marks: Marks = {}
     for row in rows:
         for protocol in board.protocols:
-            one = board.submitted(row.submission, protocol)
-            if one is not None and one.remark:
-                mark = str(len(found) + 1).translate(superscript)
-                line = escaped(f"{mark} {one.name}, {title(protocol)}: {one.remark}")
-                found[one.slug, protocol] = mark, line
-    return found
+            submission = board.submitted(row.submission, protocol)
+            if submission is not None and submission.remark:
+                mark = str(len(marks) + 1).translate(superscript)
+                line = escaped(f"{mark} {submission.name}, {title(protocol)}: {submission.remark}")
+                marks[submission.slug, protocol] = mark, line
+    return marks
 
 
 def title(protocol: str) -> str:
@@ -218,20 +182,14 @@ def title(protocol: str) -> str:
     return TITLES.get(protocol, protocol)
 
 
-def _count(board: Board, protocol: str) -> str:
-    ran = board.held_out.get(protocol)
-    wanted = ran[0].truth if ran else tested(board.version, protocol)
-    return f"{len(np.unique(wanted.shapes)):,} meshes"
-
-
-def with_drop(cell: Cell, key: str) -> str:
-    """Return a cell as text: the score, and in brackets the drop."""
-    if cell.score is None:
+def with_drop(held_out: HeldOut, key: str) -> str:
+    """Return a score as text, and in brackets the drop."""
+    if held_out.score is None:
         return NOT_RUN
-    text = score(cell.score, key)
-    if cell.drop is None:
+    text = score(held_out.score, key)
+    if held_out.drop is None:
         return text
-    return f"{text} ({signed(cell.drop, key).removesuffix(' %')})"
+    return f"{text} ({signed(held_out.drop, key).removesuffix(' %')})"
 
 
 def signed(drop: float, key: str) -> str:
@@ -245,19 +203,63 @@ def signed(drop: float, key: str) -> str:
     return f"{'+' if drop >= 0 else '−'}{score(abs(drop), key)}"
 
 
-def _digests(board: Board) -> list[str]:
-    lines = [
-        [
-            name,
-            one.name,
-            str(len(one.predictions)),
-            sha256(one.result_path),
-            sha256(one.predictions_path),
-        ]
-        for name in board.protocols
-        for one in sorted(board.held_out.get(name, ()), key=lambda one: one.slug)
+def table(board: Board, key: str, marks: Marks) -> Group[Ranked]:
+    """Return the table of a metric under every protocol of a version, with marks for remarks."""
+    metric = METRICS[key]
+
+    def iid(row: Ranked) -> Cell:
+        value = row.submission.result["scores"]["overall"][key]["mean"]
+        return score(value, key), six_digits(value)
+
+    def column(protocol: str) -> Column[Ranked]:
+        def cell(row: Ranked) -> Cell:
+            held_out = board.scored(row.submission, protocol, key)
+            mark, _ = marks.get((row.submission.slug, protocol), ("", ""))
+            return f"{with_drop(held_out, key)} {mark}".rstrip(), six_digits(held_out.score)
+
+        count = f"{board.count(protocol):,}"
+        note = (
+            f"Mean {metric.title} on the {count} meshes that this protocol tests, by a model whose "
+            "training held them and their like out; in brackets the drop against the same model "
+            "trained on everything."
+        )
+        key_ = f"{key}-{protocol}"
+        return Column(key_, title(protocol), note, cell, higher=metric.higher_is_better, lead=count)
+
+    note = f"Mean {metric.title} on the whole test split, trained on everything."
+    first = Column(f"{key}-iid", "i.i.d.", note, iid, higher=metric.higher_is_better)
+    columns = [first, *map(column, board.protocols)]
+    heading = f"Generalisation, {metric.heading}"
+    return Group(f"protocols-{key}", heading, columns, lead="meshes")
+
+
+def drops(board: Board, protocol: str) -> list[Column[Ranked]]:
+    """Return the columns of the same model trained on everything, and of what it loses."""
+    metric = METRICS[RANKED_BY].title
+
+    def scored(row: Ranked) -> HeldOut:
+        return board.scored(board.model(row.submission.slug), protocol, RANKED_BY)
+
+    def iid(row: Ranked) -> Cell:
+        held_out = scored(row)
+        if held_out.score is None or held_out.drop is None:
+            return "none", None
+        value = held_out.score - held_out.drop
+        return score(value, RANKED_BY), six_digits(value)
+
+    def drop(row: Ranked) -> Cell:
+        lost = scored(row).drop
+        return ("none", None) if lost is None else (signed(lost, RANKED_BY), six_digits(lost))
+
+    iid_note = (
+        f"Mean {metric} of the same model, by the same code and with the same seeds, trained on "
+        f"everything, on the same shapes (for imported meshes, on the test split). {NO_DROP}"
+    )
+    drop_note = (
+        f"Mean {metric} minus that of the same model trained on everything: what it loses on what "
+        f"was held out. {NO_DROP}"
+    )
+    return [
+        Column("iid", f"i.i.d. {metric}", iid_note, iid),
+        Column("drop", "drop", drop_note, drop),
     ]
-    if not lines:
-        return []
-    headers = ["protocol", "model", "seeds", "result", "predictions"]
-    return ["### Seeds and digests under these protocols\n", table(headers, lines, left=5)]

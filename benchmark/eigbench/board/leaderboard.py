@@ -4,11 +4,11 @@ A board is all results of one dataset, split and protocol. In a checkout::
 
     LEADERBOARD.md                              generated
     README.md                                   generated between its marks of the leaderboard
-    benchmark/results/BOARD/MODEL.json          placed by `eigbench submit`
-    benchmark/predictions/BOARD/MODEL.parquet   placed by `eigbench submit`
+    benchmark/results/BOARD/MODEL.json          added by `eigbench submit`
+    benchmark/predictions/BOARD/MODEL.parquet   added by `eigbench submit`
     benchmark/figures/BOARD.svg                 generated
     benchmark/reported/*.json                   numbers of papers, as printed
-    benchmark/scaling/MODEL.json                placed by `eigbench submit`, see scaling.results
+    benchmark/scaling/MODEL.json                added by `eigbench submit`, see scaling.results
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from eigbench import results
-from eigbench.board import figures, generalisation, page, ranking
-from eigbench.board import scaling_page as scaling_page
+from eigbench.board import figures, generalisation, page, ranking, scaling_page
 from eigbench.board.ranking import Ranked
 from eigbench.errors import ResultError
 from eigbench.results import predictions, submission
@@ -33,7 +32,7 @@ from synthnet.types import PROTOCOLS
 
 PAGE = "LEADERBOARD.md"
 README = "README.md"
-MARK = "<!-- begin leaderboard -->"  # a board of one's own may have a README without it
+MARK = "<!-- begin leaderboard -->"  # a README without it stays as it is
 RESULTS = Path("benchmark", "results")
 PREDICTIONS = Path("benchmark", "predictions")
 FIGURES = Path("benchmark", "figures")
@@ -48,54 +47,59 @@ def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submis
     ResultError
         If one is partial, misplaced, without predictions, or does not bear its scores out.
     """
-    found = []
-    paths = sorted((root / RESULTS).glob("*/*.json"))
-    for path in paths:
+    rows = []
+    for path in sorted((root / RESULTS).glob("*/*.json")):
         if on_row is not None:
             on_row(f"{path.parent.name}/{path.stem}")
-        predictions = root / PREDICTIONS / path.parent.name / f"{path.stem}.parquet"
-        one = submission.read(path, predictions)
-        check_fit(one)
-        if (one.board, one.slug) != (path.parent.name, path.stem):
-            raise ResultError(f"{path} belongs at {RESULTS / one.board / one.slug}.json")
-        found.append(one)
-    _check_protocols(found)
+        row = submission.read(path, root / PREDICTIONS / path.parent.name / f"{path.stem}.parquet")
+        check_fit(row)
+        if (row.board, row.slug) != (path.parent.name, path.stem):
+            raise ResultError(f"{path} belongs at {RESULTS / row.board / row.slug}.json")
+        rows.append(row)
+    _check_protocols(rows)
+    _check_strays(root, rows)
+    return rows
+
+
+def _check_strays(root: Path, rows: Sequence[Submission]) -> None:
+    """Check that every file of results and predictions is of a row."""
     known = {
         path
-        for one in found
+        for row in rows
         for path in (
-            one.result_path,
-            one.predictions_path,
-            submission.remark_path(one.result_path),
+            row.result_path,
+            row.predictions_path,
+            submission.remark_path(row.result_path),
         )
     }
     for folder in (RESULTS, PREDICTIONS):
         for path in sorted((root / folder).rglob("*")):
             if path.is_file() and path not in known:
                 raise ResultError(f"{path} belongs to no row: remove it, or submit its result")
-    return found
 
 
-def _check_protocols(found: Sequence[Submission]) -> None:
-    """Check that who has a result under a version's own protocol has one under ``grouped``."""
-    whole = {(one.truth.version, one.slug): one for one in found if one.truth.protocol == "grouped"}
-    for one in found:
-        base = whole.get((one.truth.version, one.slug))
-        if one.truth.protocol in PROTOCOLS:
+def _check_protocols(rows: Sequence[Submission]) -> None:
+    """Check that a row of a version's own protocol has one of the same code under ``grouped``."""
+    grouped = {
+        (row.truth.version, row.slug): row for row in rows if row.truth.protocol == "grouped"
+    }
+    for row in rows:
+        if row.truth.protocol in PROTOCOLS:
             continue
+        base = grouped.get((row.truth.version, row.slug))
         if base is None:
             raise ResultError(
-                f"{one.result_path}: {one.name} has a result under {one.truth.protocol} and none "
-                f"under grouped of {one.truth.version} to compare it with: submit that too"
+                f"{row.result_path}: {row.name} has a result under {row.truth.protocol} and none "
+                f"under grouped of {row.truth.version} to compare it with: submit that too"
             )
-        if one.result["model"]["sources"] != base.result["model"]["sources"]:
+        if row.result["model"]["sources"] != base.result["model"]["sources"]:
             raise ResultError(
-                f"{one.result_path} and {base.result_path} are of other code, or other weights: "
+                f"{row.result_path} and {base.result_path} are of other code, or other weights: "
                 "the drop between them would say nothing; evaluate both anew"
             )
 
 
-def check_fit(one: Submission) -> None:
+def check_fit(row: Submission) -> None:
     """Check that a submission may stand on a board.
 
     Raises
@@ -104,21 +108,21 @@ def check_fit(one: Submission) -> None:
         If it is partial, not of a test split, of a single training of a protocol, not in
         Parquet, or has predictions that are not finite or not positive.
     """
-    split, protocol = (one.result["dataset"][key] for key in ("split", "protocol"))
-    problem = predictions.unphysical(one.truth, one.predictions)
-    if one.result["partial"]:
-        raise ResultError(f"{one.result_path} is partial (made with --limit): evaluate it whole")
+    split, protocol = (row.result["dataset"][key] for key in ("split", "protocol"))
+    problem = predictions.unphysical(row.truth, row.predictions)
+    if row.result["partial"]:
+        raise ResultError(f"{row.result_path} is partial (made with --limit): evaluate it whole")
     if split != "test":
-        raise ResultError(f"{one.result_path} is of the split {split}: a board takes test only")
+        raise ResultError(f"{row.result_path} is of the split {split}: a board takes test only")
     if "/" in protocol and not protocol.startswith(IMPORTED):
         whole = protocol.partition("/")[0]
         raise ResultError(
-            f"{one.result_path} is of {protocol} alone: evaluate it with --protocol {whole}"
+            f"{row.result_path} is of {protocol} alone: evaluate it with --protocol {whole}"
         )
-    if one.predictions_path.suffix != ".parquet":
-        raise ResultError(f"{one.predictions_path} must be the Parquet file of `eigbench evaluate`")
+    if row.predictions_path.suffix != ".parquet":
+        raise ResultError(f"{row.predictions_path} must be the Parquet file of `eigbench evaluate`")
     if problem:
-        raise ResultError(f"{one.predictions_path}: {problem}")
+        raise ResultError(f"{row.predictions_path}: {problem}")
 
 
 def generate(
@@ -127,28 +131,28 @@ def generate(
     scaled: Sequence[Scaled] = (),
     readme: str = "",
 ) -> dict[Path, str]:
-    """Return the text of each generated file, by its place in the checkout.
+    """Return the text of each generated file, by its path in the checkout.
 
-    The order of the input does not matter. ``readme`` is the README as it is: where it has the
+    The order of the input does not matter. ``readme`` is the text of the README: where it has the
     marks, the first rows of each board go between them.
 
     Raises
     ------
     ValueError
-        If it has the marks more than once, or not both of them.
+        If the README has the marks more than once, or not both of them.
     """
     submissions = list(submissions)
     parts, tops, generated = [page.BANNER], [], {}
     for rows, protocols in boards(submissions):
-        place = FIGURES / f"{rows[0].submission.board}.svg"
-        generated[place] = figures.error_against_time([row.submission for row in rows])
-        parts += page.board(rows, place)
+        path = FIGURES / f"{rows[0].submission.board}.svg"
+        generated[path] = figures.error_against_time([row.submission for row in rows])
+        parts += page.board(rows, path)
         tops.append(page.top(rows))
         if protocols is not None:
-            place = FIGURES / f"{protocols.version}-generalisation.svg"
-            generated[place] = figures.generalisation(protocols)
-            parts += generalisation.section(protocols, place.as_posix())
-            tops.append(generalisation.top(protocols, page.TOP))
+            path = FIGURES / f"{protocols.version}-generalisation.svg"
+            generated[path] = figures.generalisation(protocols)
+            parts += page.generalised(protocols, path.as_posix())
+            tops.append(page.generalised_top(protocols, page.TOP))
     if not submissions:
         parts.append("No result has been submitted yet.\n")
     section, drawn = scaling_page.section(scaled)
@@ -174,12 +178,12 @@ def boards(
 ) -> Iterator[tuple[list[Ranked], generalisation.Board | None]]:
     """Yield the rows of each board, best first, by version and protocol.
 
-    With those of a version's protocol ``grouped`` go its own protocols, if it has any: who was
-    evaluated under these stands beside who was under that, on no board apart.
+    The rows of a version's protocol ``grouped`` come with its own protocols, if it has any: a row
+    of these stands beside the same model's under ``grouped``, on no board of its own.
     """
     by_board: dict[str, list[Submission]] = {}
-    for one in submissions:
-        by_board.setdefault(one.board, []).append(one)
+    for row in submissions:
+        by_board.setdefault(row.board, []).append(row)
     for board in sorted(by_board):
         version, protocol = by_board[board][0].truth.version, by_board[board][0].truth.protocol
         if protocol not in PROTOCOLS:
@@ -189,9 +193,9 @@ def boards(
             yield rows, None
             continue
         held_out = {
-            found[0].truth.protocol: found
-            for found in by_board.values()
-            if found[0].truth.version == version and found[0].truth.protocol not in PROTOCOLS
+            mine[0].truth.protocol: mine
+            for mine in by_board.values()
+            if mine[0].truth.version == version and mine[0].truth.protocol not in PROTOCOLS
         }
         yield rows, generalisation.Board(rows, held_out)
 
@@ -201,8 +205,8 @@ def read_reported(root: Path) -> list[dict[str, Any]]:
     return [json.loads(path.read_text()) for path in sorted((root / REPORTED).glob("*.json"))]
 
 
-def place(one: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Path]:
-    """Copy a result and its predictions to their places; return these.
+def add(row: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Path]:
+    """Copy a result and its predictions onto a board; return their paths there.
 
     Raises
     ------
@@ -212,15 +216,15 @@ def place(one: Submission, root: Path, *, replace: bool = False) -> tuple[Path, 
     EigbenchError
         If another of that name is there and ``replace`` is not given.
     """
-    check_fit(one)
-    if one.truth.protocol in PROTOCOLS and one.result["cost"].get("reference") is None:
+    check_fit(row)
+    if row.truth.protocol in PROTOCOLS and row.result["cost"].get("reference") is None:
         raise ResultError(
-            f"{one.result_path} was not timed beside LaPy: evaluate without --no-reference"
+            f"{row.result_path} was not timed beside LaPy: evaluate without --no-reference"
         )
-    generate([one], [])  # a row that cannot be drawn would break the page for all
-    places = (
-        root / RESULTS / one.board / f"{one.slug}.json",
-        root / PREDICTIONS / one.board / f"{one.slug}.parquet",
+    generate([row], [])  # a row that cannot be drawn would break the page for all
+    paths = (
+        root / RESULTS / row.board / f"{row.slug}.json",
+        root / PREDICTIONS / row.board / f"{row.slug}.parquet",
     )
-    results.put((one.result_path, one.predictions_path), places, replace=replace)
-    return places
+    results.put((row.result_path, row.predictions_path), paths, replace=replace)
+    return paths

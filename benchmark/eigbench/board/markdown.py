@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterable, Sequence
 
 
-def table(headers: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
-    """Return a Markdown table, the first ``left`` columns aligned left; cells not padded."""
-    rule = ["---"] * left + ["--:"] * (len(headers) - left)
+def table(headers: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequence[bool]) -> str:
+    """Return a Markdown table, its ``numeric`` columns aligned right; cells are not padded."""
+    rule = ["--:" if right else "---" for right in numeric]
     lines = [headers, rule, *rows]
     return "\n".join("| " + " | ".join(map(cell, line)) + " |" for line in lines) + "\n"
 

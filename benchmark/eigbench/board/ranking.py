@@ -1,8 +1,8 @@
-"""Which of several predictors is better, and which cannot be told apart.
+"""Which of several predictors is better, and which are statistically tied.
 
 Two predictors tie in a metric if the 95 % paired bootstrap interval of their difference
-includes zero (the shapes are too few to tell), or if their difference is below the noise
-floor of the metric (the labels are too coarse to tell), see :mod:`eigbench.scoring.noise`.
+includes zero (too few shapes), or if their difference is below the noise floor of the metric
+(labels too coarse), see :mod:`eigbench.scoring.noise`.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Ranked:
-    """A submission and its place: rank 3 of a group of 2 shares it with one other."""
+    """A submission and its rank: one in a group of 2 shares its rank with another."""
 
     submission: Submission
     rank: int
     group: int
 
     @property
-    def place(self) -> str:
+    def shown_rank(self) -> str:
         """The rank as it is shown: ``3``, or ``3=`` where it is shared."""
         return f"{self.rank}{'=' if self.group > 1 else ''}"
 
@@ -128,9 +128,8 @@ def _verdict(
 def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Ranked]:
     """Return the submissions best first, in tie groups.
 
-    A group begins with the best row that is left and takes in each row after it, in order
-    of the mean, up to the first that does not tie with it. The order of the input does not
-    matter.
+    Each group runs, in order of the mean, until a row differs from its best. The order of the
+    input does not matter.
     """
     sign = -1 if METRICS[key].higher_is_better else 1
 
@@ -139,13 +138,13 @@ def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Rank
         return (np.inf if mean is None else sign * mean), submission.slug
 
     left = sorted(submissions, key=order)
-    found: list[Ranked] = []
+    rows: list[Ranked] = []
     while left:
         first = left[0]
         size = 1
         while size < len(left) and difference(first, left[size], key).verdict == "tie":
             size += 1
-        rank = len(found) + 1
-        found += [Ranked(submission, rank, size) for submission in left[:size]]
+        rank = len(rows) + 1
+        rows += [Ranked(submission, rank, size) for submission in left[:size]]
         left = left[size:]
-    return found
+    return rows

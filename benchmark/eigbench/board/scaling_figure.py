@@ -13,7 +13,7 @@ from eigbench.board.figures import as_svg, style
 from eigbench.scaling import scores as scaling_scores
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled
-from eigbench.scaling.scores import Cell
+from eigbench.scaling.scores import Medians
 
 # Okabe and Ito without yellow; the next seven models have other lines and marks
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#666666")
@@ -36,7 +36,7 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
     legend = ENTRY * entries + 0.2
     height = HEIGHT * len(by_setting) + legend
     with style():
-        # Places by hand, as in figures.py
+        # Positions are fixed, as in figures.py
         figure = Figure(figsize=(7.2, height))
         panels = figure.subplots(len(by_setting), 2, squeeze=False)
         figure.subplots_adjust(
@@ -45,7 +45,7 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
         for (time, error), (label, mine) in zip(panels, by_setting.items(), strict=True):
             sizes = scaling_scores.sizes(mine)
             for row in mine:
-                cells = [scaling_scores.cell(row, size) for size in sizes]
+                cells = [scaling_scores.medians(row, size) for size in sizes]
                 look = looks[_key(row)]
                 _line(time, sizes, cells, [cell.seconds for cell in cells], look)
                 errors = [np.nan if np.isnan(c.error) else max(c.error, LEAST) for c in cells]
@@ -95,7 +95,7 @@ def _look(number: int) -> tuple[str, str, str]:
 def _line(
     axes: mpl.axes.Axes,
     sizes: Sequence[int],
-    cells: Sequence[Cell],
+    cells: Sequence[Medians],
     values: Sequence[float],
     look: tuple[str, str, str],
 ) -> None:

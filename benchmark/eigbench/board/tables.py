@@ -88,7 +88,7 @@ def family_title(name: str) -> str:
 
 def in_order(names: Iterable[str]) -> list[str]:
     """Return families in synthnet's order, others after them by name."""
-    known = {name: place for place, name in enumerate(FAMILIES)}
+    known = {name: rank for rank, name in enumerate(FAMILIES)}
     return sorted(set(names), key=lambda name: (known.get(name, len(known)), name))
 
 

@@ -1,122 +1,108 @@
-"""What the commands on results do. None of them runs a predictor."""
+"""The commands submit, leaderboard and site. None of them runs a predictor."""
 
 from __future__ import annotations
 
 import argparse
 import difflib
 import json
-import math
 import sys
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
-from tabulate import tabulate
 
-from eigbench.board import error_figures, figures, leaderboard, ranking
-from eigbench.board import scaling_page as scaling_page
-from eigbench.board.ranking import RANKED_BY, Difference
-from eigbench.board.tables import family_title, number
+from eigbench.board import leaderboard, scaling_page
+from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import submission
 from eigbench.scaling import results as scaling_results
-from eigbench.scoring.metrics import METRICS
 from eigbench.site import bundle, write
-from synthnet import store
+from eigbench.site.write import DOCS
 from synthnet.store.files import make_directory, write_text
 
 SHOWN = 40  # lines of a difference
-TIES = (
-    "(interval): too few shapes to tell. (floor): labels too coarse to tell, see docs/metrics.md; "
-    "there is none for PSNR, nor for labels without estimates of their error. (equal): the same on "
-    "every instance. (not finite): both have values that are not."
-)
 
 
-def compare(options: argparse.Namespace) -> int:
-    """Print the paired differences of two results."""
-    dataset = _dataset(options)
-    a, b = (
-        submission.read(path, predictions, dataset)
-        for path, predictions in zip((options.a, options.b), options.predictions, strict=True)
+def add_commands(command: Command) -> None:
+    """Add submit, leaderboard and site to the command line."""
+    sub = command(
+        "submit",
+        submit,
+        "check a result and its predictions, and put both on the board",
+        "results.json",
     )
-    overall = {key: ranking.difference(a, b, key) for key in METRICS}
-    families = {
-        family: ranking.difference(a, b, RANKED_BY, family)
-        for family in sorted(set(a.truth.families.tolist()))
-    }
-    if options.json:
-        found = {
-            "a": a.name,
-            "b": b.name,
-            "overall": {key: _plain(d) for key, d in overall.items()},
-            "families": {"metric": RANKED_BY, **{f: _plain(d) for f, d in families.items()}},
-        }
-        print(json.dumps(found, indent=1))
-        return 0
-    print(f"A: {a.name} ({options.a})\nB: {b.name} ({options.b})\n")
-    names = {"a": "A is better", "b": "B is better"}
+    sub.add_argument("result", type=Path, metavar="RESULT.json")
+    sub.add_argument("--predictions", type=Path, metavar="FILE", help="default: beside the result")
+    sub.add_argument("--replace", action="store_true", help="replace the model's earlier result")
+    _add_board(sub)
 
-    def row(title: str, d: Difference, key: str) -> list[str]:
-        decimals = METRICS[key].decimals
-        between = f"{number(d.low, decimals)} to {number(d.high, decimals)}"
-        return [
-            title,
-            number(d.a, decimals),
-            number(d.b, decimals),
-            number(d.a - d.b, decimals),
-            between,
-            "none" if d.floor is None else number(d.floor, decimals),
-            names.get(d.verdict) or f"tie ({d.why})",
-        ]
+    sub = command(
+        "leaderboard",
+        regenerate,
+        "generate LEADERBOARD.md from the results on the board; no predictor is run",
+        "--check",
+    )
+    sub.add_argument(
+        "--check", action="store_true", help="write nothing; exit 1 if a file is not up to date"
+    )
+    _add_board(sub)
 
-    headers = ["A", "B", "A − B", "95 % interval over shapes", "noise floor", "verdict"]
-    rows = [row(METRICS[key].title, d, key) for key, d in overall.items()]
-    print(tabulate(rows, headers=["metric", *headers], disable_numparse=True) + "\n")
-    rows = [row(family_title(family), d, RANKED_BY) for family, d in families.items()]
-    title = f"{METRICS[RANKED_BY].title} by family"
-    print(tabulate(rows, headers=[title, *headers], disable_numparse=True))
-    print(f"\n{TIES}")
-    return 0
+    sub = command(
+        "site",
+        site,
+        "write the leaderboard as a page to sort, filter and open, which needs no server",
+        "--out page",
+    )
+    sub.add_argument("--out", type=Path, default=Path("page"), metavar="DIR")
+    sub.add_argument(
+        "--docs",
+        metavar="URL",
+        help=f"where the pages of docs are, seen from DIR; {{}} is a page's name, as in {DOCS} "
+        "(default: those of the checkout)",
+    )
+    _add_board(sub)
 
 
-def _plain(difference: Difference) -> dict[str, object]:
-    """Return a difference for JSON, which has no NaN or infinity."""
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in asdict(difference).items()
-    }
+def _add_board(sub: argparse.ArgumentParser) -> None:
+    """Add the directory of the board."""
+    sub.add_argument(
+        "--board",
+        type=Path,
+        default=Path(),
+        metavar="DIR",
+        help="a checkout of the project, or any directory of its layout (default: here)",
+    )
 
 
 def submit(options: argparse.Namespace) -> int:
     """Check a result with its predictions and put both on the board."""
     root = _root(options, make=True)
-    if scaling_results.is_one(options.result):
+    if scaling_results.is_scaled(options.result):
         return _submit_scaled(options, root)
-    one = submission.read(options.result, options.predictions)
-    places = leaderboard.place(one, root, replace=options.replace)
+    row = submission.read(options.result, options.predictions)
+    paths = leaderboard.add(row, root, replace=options.replace)
     if options.json:
-        print(json.dumps({"model": one.name, "board": one.board, "files": list(map(str, places))}))
+        print(json.dumps({"model": row.name, "board": row.board, "files": list(map(str, paths))}))
         return 0
-    print(f"{one.name}: every score follows from its predictions; cost and physics as declared")
-    for place in places:
-        print(f"  {place}")
-    remark = submission.remark_path(places[0])
+    print(f"{row.name}: every score follows from its predictions; cost and physics as declared")
+    for path in paths:
+        print(f"  {path}")
+    remark = submission.remark_path(paths[0])
     if remark.is_file():
-        print(f"the remark on what was there before stays: {remark}")
+        print(f"the remark on the earlier result stays: {remark}")
     print(f"now: eigbench leaderboard{_board_argument(options)}")
     return 0
 
 
 def _submit_scaled(options: argparse.Namespace, root: Path) -> int:
     """Put a result of the scaling track, which holds its predictions, on the board."""
-    one = scaling_results.read(options.result)
-    scaling_page.section([one])  # a row that cannot be drawn would break the page for all
-    place = scaling_results.place(one, root, replace=options.replace)
+    row = scaling_results.read(options.result)
+    scaling_page.section([row])  # a row that cannot be drawn would break the page for all
+    path = scaling_results.add(row, root, replace=options.replace)
     if options.json:
-        print(json.dumps({"model": one.name, "board": "scaling", "files": [str(place)]}))
+        print(json.dumps({"model": row.name, "board": "scaling", "files": [str(path)]}))
         return 0
-    print(f"{one.name}: the meshes are the pinned ones; times as declared\n  {place}")
+    print(f"{row.name}: the meshes are the pinned ones; times as declared\n  {path}")
     print(f"now: eigbench leaderboard{_board_argument(options)}")
     return 0
 
@@ -125,44 +111,49 @@ def regenerate(options: argparse.Namespace) -> int:
     """Generate the leaderboard, or say what of it is not up to date."""
     root = _root(options)
     with Console(stderr=True).status("scoring") as status:
-        found = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
+        rows = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
         scaled = scaling_results.read_board(root)
         reported, readme = leaderboard.read_reported(root), _text(root / leaderboard.README)
-        generated = leaderboard.generate(found, reported, scaled, readme)
+        generated = leaderboard.generate(rows, reported, scaled, readme)
     stale = [p for p, text in generated.items() if _text(root / p) != text]
-    known = {root / place for place in generated}
+    known = {root / path for path in generated}
     orphans = [p for p in sorted((root / leaderboard.FIGURES).glob("*.svg")) if p not in known]
     if options.json:
-        print(json.dumps({"rows": len(found), "stale": list(map(str, [*stale, *orphans]))}))
+        print(json.dumps({"rows": len(rows), "stale": list(map(str, [*stale, *orphans]))}))
     if options.check:
-        for place in stale:
-            old, new = _text(root / place).splitlines(), generated[place].splitlines()
-            titles = f"{place} as it is", f"{place} as generated"
-            lines = list(difflib.unified_diff(old, new, *titles, n=0, lineterm=""))
-            more = [f"... and {len(lines) - SHOWN} more lines"] if len(lines) > SHOWN else []
-            print("\n".join([*lines[:SHOWN], *more]), file=sys.stderr)
-        for place in orphans:
-            print(f"{place} belongs to no board", file=sys.stderr)
+        _print_changes(root, generated, stale, orphans)
         if stale or orphans:
-            print(
-                f"eigbench: not up to date: run eigbench leaderboard{_board_argument(options)}",
-                file=sys.stderr,
-            )
+            again = f"eigbench leaderboard{_board_argument(options)}"
+            print(f"eigbench: not up to date: run {again}", file=sys.stderr)
             return 1
         if not options.json:
-            print(f"{len(found)} rows scored anew, every generated file is up to date")
+            print(f"{len(rows)} rows scored anew, every generated file is up to date")
         return 0
-    for place in stale:
-        make_directory((root / place).parent)
-        write_text(root / place, generated[place])
-    for place in orphans:
-        place.unlink()
+    for path in stale:
+        make_directory((root / path).parent)
+        write_text(root / path, generated[path])
+    for path in orphans:
+        path.unlink()
     if not options.json:
-        written = ", ".join(str(root / place) for place in stale) or "nothing new"
-        print(f"rows: {len(found)}; written: {written}")
-        for place in orphans:
-            print(f"removed: {place}, which belongs to no board")
+        written = ", ".join(str(root / path) for path in stale) or "nothing new"
+        print(f"rows: {len(rows)}; written: {written}")
+        for path in orphans:
+            print(f"removed: {path}, which belongs to no board")
     return 0
+
+
+def _print_changes(
+    root: Path, generated: Mapping[Path, str], stale: Sequence[Path], orphans: Sequence[Path]
+) -> None:
+    """Print what would change in each stale file, and the figures that no board has."""
+    for path in stale:
+        old, new = _text(root / path).splitlines(), generated[path].splitlines()
+        titles = f"{path} as it is", f"{path} as generated"
+        lines = list(difflib.unified_diff(old, new, *titles, n=0, lineterm=""))
+        more = [f"... and {len(lines) - SHOWN} more lines"] if len(lines) > SHOWN else []
+        print("\n".join([*lines[:SHOWN], *more]), file=sys.stderr)
+    for path in orphans:
+        print(f"{path} belongs to no board", file=sys.stderr)
 
 
 def site(options: argparse.Namespace) -> int:
@@ -170,69 +161,33 @@ def site(options: argparse.Namespace) -> int:
     root = _root(options)
     docs = write.docs_from(options.out) if options.docs is None else options.docs
     write.check_docs(docs)
-    write.check_place(options.out)
+    write.check_out(options.out)
     bundle.read()  # all three before the minute that scoring takes
     with Console(stderr=True).status("scoring") as status:
-        found = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
+        rows = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
         content = write.files(
-            found,
+            rows,
             leaderboard.read_reported(root),
             scaling_results.read_board(root),
             docs=docs,
             on_step=lambda step: status.update(f"drawing {step}"),
         )
     write.write(options.out, content)
-    size = sum(map(len, content.values()))
+    size, count = sum(map(len, content.values())), len(content)
     if options.json:
-        told = {"out": str(options.out), "files": len(content), "bytes": size, "rows": len(found)}
-        print(json.dumps(told))
+        facts = {"out": str(options.out), "files": count, "bytes": size, "rows": len(rows)}
+        print(json.dumps(facts))
     else:
-        place = options.out / "index.html"
-        print(f"rows: {len(found)}; {len(content)} files, {size / 1e6:.1f} MB: open {place}")
+        index = options.out / "index.html"
+        print(f"rows: {len(rows)}; {count} files, {size / 1e6:.1f} MB: open {index}")
     return 0
-
-
-def plot(options: argparse.Namespace) -> int:
-    """Draw the pictures of one or several results."""
-    found = [submission.read(path, None, _dataset(options)) for path in options.results]
-    if len({one.truth.digest for one in found}) > 1:
-        raise EigbenchError("the results are of different datasets, splits or protocols")
-    make_directory(options.out)
-    found = [row.submission for row in ranking.ranked(found)]
-    drawn = {
-        "families.png": figures.families(found, options.metric),
-        "index.png": error_figures.by_index(found),
-        "histogram.png": error_figures.histogram(found, options.metric),
-    }
-    written = [options.out / name for name in drawn]
-    for path, figure in zip(written, drawn.values(), strict=True):
-        figures.save(path, figure)
-    written.append(options.out / "error-time.svg")
-    write_text(written[-1], figures.error_against_time(found, options.metric))
-    for one in found:
-        path = options.out / f"spectra-{one.slug}.png"
-        figures.save(path, figures.spectra(one))
-        written.append(path)
-    if options.json:
-        print(json.dumps({"files": list(map(str, written))}))
-    else:
-        print("\n".join(map(str, written)))
-    return 0
-
-
-def _dataset(options: argparse.Namespace) -> store.StoredDataset | None:
-    if options.dataset is None:
-        return None
-    manifest = store.read_manifest(options.dataset)
-    if manifest is None:
-        raise EigbenchError(f"{options.dataset} holds no dataset (no manifest)")
-    return store.StoredDataset(options.dataset, manifest)
 
 
 def _root(options: argparse.Namespace, *, make: bool = False) -> Path:
     root: Path = options.board
-    there = any((root / place).is_dir() for place in (leaderboard.RESULTS, scaling_results.PLACE))
-    if not there and not (make and root != Path()):
+    folders = (leaderboard.RESULTS, scaling_results.FOLDER)
+    exists = any((root / folder).is_dir() for folder in folders)
+    if not exists and not (make and root != Path()):
         raise EigbenchError(
             f"{root.resolve()} has no {leaderboard.RESULTS}: run this in a checkout of the "
             "project, or give one with --board DIR"

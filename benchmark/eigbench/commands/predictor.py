@@ -1,4 +1,4 @@
-"""What the commands on predictors do: check, evaluate, score. Only score runs no code of theirs."""
+"""The commands evaluate, which runs a predictor, and score, which runs no code."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import argparse
 import json
 import shutil
 import sys
-from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from eigbench import results
 from eigbench.board import tables
+from eigbench.commands import arguments
+from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.results import predictions
 from eigbench.running import meshes, record
@@ -27,64 +28,84 @@ from eigbench.scoring.training import IMPORTED
 from synthnet import recipe, store
 from synthnet.store import pins
 from synthnet.terminal import WRONG_INPUT, Rate
+from synthnet.types import PROTOCOLS, SPLITS
 from synthnet.verify import seal
 
-AGREE = 1e-5  # relative, between batch sizes and orders of one predictor
+
+def add_commands(command: Command) -> None:
+    """Add evaluate and score to the command line."""
+    _add_evaluate(command)
+    sub = command(
+        "score",
+        score,
+        "score a file of predictions; no code is run",
+        "preds.parquet",
+    )
+    sub.add_argument("file", type=Path, metavar="FILE", help=".parquet, .npz or .csv")
+    _add_split(sub)
+    sub.add_argument(
+        "--root", type=Path, metavar="DIR", help="directory that holds a sealed set or import"
+    )
 
 
-def check(options: argparse.Namespace) -> int:
-    """Try a predictor on the probes, one at a time, shuffled and changed."""
-    ids, probes = physics.questions()
-    base = len(ids) // (1 + len(physics.CHANGES))
-    order = np.random.default_rng(0).permutation(len(ids))
-
-    def ask(chosen: Sequence[int], batch_size: int) -> NDArray[np.float64]:
-        settings = Options(batch_size=batch_size, time_limit=options.time_limit)
-        asked = [ids[i] for i in chosen], [probes[i] for i in chosen]
-        return predict_meshes(options.predictor, *asked, 10, settings)
-
-    console = Console(stderr=True)
-    with console.status("asking about all at once"):
-        answers = ask(range(len(ids)), len(ids))
-    with console.status("asking one at a time"):
-        singly = ask(range(base), 1)
-    with console.status("asking in shuffled order"):
-        shuffled = ask(order.tolist(), len(ids))
-    contract = physics.contract(answers)
-    findings = [
-        *_differences("one mesh at a time", ids, answers[:base], singly),
-        *_differences("shuffled order", [ids[i] for i in order], answers[order], shuffled),
-    ]
-    if not np.isfinite(answers).all():
-        bad = [ids[i] for i in np.flatnonzero(~np.isfinite(answers).all(axis=1))[:3]]
-        findings.append(f"answers that are not finite, first for {', '.join(bad)}")
-    elif not (answers > 0).all():
-        bad = [ids[i] for i in np.flatnonzero(~(answers > 0).all(axis=1))[:3]]
-        findings.append(f"answers that are not positive, first for {', '.join(bad)}")
-    if contract["ascending"] != 1:
-        findings.append("answers that do not ascend: sort each spectrum")
-    if options.json:
-        print(json.dumps({"physics": contract, "findings": findings}, indent=1))
-    else:
-        print(tables.physics(contract))
-        print(f"\n{base} shapes and {len(ids) - base} changed copies of them")
-        for finding in findings:
-            print(f"  {finding}")
-        verdict = "it can be evaluated" if not findings else "look at the findings above"
-        print(f"{options.predictor}: loads and answers in shape; {verdict}")
-    return 1 if findings else 0
+def _add_evaluate(command: Command) -> None:
+    sub = command(
+        "evaluate",
+        run_evaluate,
+        "run a predictor over a split and score it; this runs the file's code",
+        "my_model.py --dataset 1.0 --out results.json",
+    )
+    arguments.predictor(sub)
+    _add_split(sub)
+    sub.add_argument("--root", type=Path, metavar="DIR", help="directory that holds the versions")
+    sub.add_argument("--out", type=Path, default=Path("results.json"), metavar="FILE")
+    sub.add_argument(
+        "--predictions", type=Path, metavar="FILE", help="default: beside --out, .parquet"
+    )
+    sub.add_argument("--device", default="cpu", help="handed to the predictor (default: cpu)")
+    sub.add_argument("--batch-size", type=arguments.positive, default=200, metavar="B")
+    sub.add_argument(
+        "--seeds", type=arguments.positive, default=1, metavar="N", help="runs (default: 1)"
+    )
+    sub.add_argument(
+        "--threads", type=arguments.positive, default=1, metavar="N", help="default: 1"
+    )
+    sub.add_argument("--time-limit", type=float, default=3600.0, metavar="S", help="for a batch")
+    sub.add_argument(
+        "--limit", type=arguments.positive, metavar="N", help="only N instances: a partial result"
+    )
+    sub.add_argument("--resume", action="store_true", help="go on with an interrupted run")
+    sub.add_argument(
+        "--no-reference",
+        dest="reference",
+        action="store_false",
+        help="do not time LaPy on some of the same meshes; a board wants it timed",
+    )
 
 
-def _differences(
-    how: str, ids: Sequence[str], a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]
-) -> list[str]:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        apart = np.where(a == b, 0.0, np.abs(a / b - 1)).max(axis=1)
-    bad = np.flatnonzero(~(apart <= AGREE) & np.isfinite(a).all(axis=1))
-    if not len(bad):
-        return []
-    first = ", ".join(ids[i] for i in bad[:3])
-    return [f"other answers for {how}: up to {apart[bad].max():.2g} relative, first for {first}"]
+def _add_split(sub: argparse.ArgumentParser) -> None:
+    """Add the options that choose the labels."""
+    which = sub.add_mutually_exclusive_group()
+    which.add_argument(
+        "--dataset",
+        default="1.0",
+        metavar="V",
+        help="a version, an import, or a directory that synthnet made (default: 1.0)",
+    )
+    which.add_argument(
+        "--sealed",
+        type=Path,
+        metavar="SEAL.json",
+        help="the sealed set of this seal, where it is built (see docs/sealed.md)",
+    )
+    sub.add_argument("--split", default="test", choices=SPLITS)
+    sub.add_argument(
+        "--protocol",
+        default="grouped",
+        metavar="P",
+        help=f"{', '.join(PROTOCOLS)}, or one of the version's own: of 2.0 family, "
+        "resolution, genus, boundary, imported/NAME (default: grouped)",
+    )
 
 
 def _directory(options: argparse.Namespace) -> store.StoredDataset | None:
@@ -142,20 +163,20 @@ def run_evaluate(options: argparse.Namespace) -> int:
     if not options.predictor.is_file():
         raise PredictorError(f"there is no file {options.predictor}")
     directory = _directory(options)
-    wanted = _truth(options, directory)
-    partial = options.limit is not None and options.limit < len(wanted.ids)
+    labels = _truth(options, directory)
+    partial = options.limit is not None and options.limit < len(labels.ids)
     if partial:
-        wanted = wanted.head(options.limit)
+        labels = labels.head(options.limit)
         if out.exists() and not results.read(out)["partial"]:
             raise EigbenchError(f"{out} is a whole result: give --limit another --out")
-    dataset = _meshes_of(wanted, directory, options.root)
+    dataset = _meshes_of(labels, directory, options.root)
     settings = Options(**{f.name: getattr(options, f.name) for f in fields(Options)})
     settings = replace(settings, reference=settings.reference and not partial)
     parts = out.with_name(f".{out.name}.parts")
-    evaluation, answers = _predict(options, wanted, dataset, settings, parts)
-    predictions.write(kept, wanted, evaluation.predictions)
+    evaluation, answers = _predict(options, labels, dataset, settings, parts)
+    predictions.write(kept, labels, evaluation.predictions)
     result = record.make(
-        wanted,
+        labels,
         evaluation,
         settings,
         code=options.predictor,
@@ -173,12 +194,12 @@ def run_evaluate(options: argparse.Namespace) -> int:
             print(f"{table(result)}\n")
         print(tables.physics(result["physics"]))
         print(f"\nresult {out}, predictions {kept}")
-    return _told(predictions.unphysical(wanted, evaluation.predictions))
+    return _exit_code(predictions.unphysical(labels, evaluation.predictions))
 
 
 def _predict(
     options: argparse.Namespace,
-    wanted: truth.Truth,
+    labels: truth.Truth,
     dataset: store.StoredDataset,
     settings: Options,
     parts: Path,
@@ -186,7 +207,7 @@ def _predict(
     """Return the evaluation and the answers to the questions of physics, with progress."""
     console = Console(stderr=True)
     with console.status("reading the meshes"):
-        instances = meshes.read(dataset, wanted.ids)
+        instances = meshes.read(dataset, labels.ids)
     loading = console.status("loading the predictor")
     progress = Progress(
         TextColumn("predicting"),
@@ -196,7 +217,7 @@ def _predict(
         TimeRemainingColumn(),
         console=console,
     )
-    task = progress.add_task("predicting", total=len(wanted.ids) * settings.seeds)
+    task = progress.add_task("predicting", total=len(labels.ids) * settings.seeds)
 
     def on_batch(count: int) -> None:
         loading.stop()
@@ -207,7 +228,7 @@ def _predict(
         loading.start()
         evaluation = evaluate(
             options.predictor,
-            wanted,
+            labels,
             instances,
             settings,
             parts,
@@ -221,16 +242,16 @@ def _predict(
     finally:
         loading.stop()
         progress.stop()
-    k = wanted.eigenvalues.shape[1]
-    with console.status("asking about physics"):
+    k = labels.eigenvalues.shape[1]
+    with console.status("predicting for the physics contract"):
         asked = physics.questions()
-        trained = str(wanted.trainings[0])
+        trained = str(labels.trainings[0])
         answers = predict_meshes(options.predictor, *asked, k, settings, trained)
     return evaluation, answers
 
 
-def _told(problem: str) -> int:
-    """Say what is wrong with predictions that were scored as they are."""
+def _exit_code(problem: str) -> int:
+    """Return the exit code of scored predictions, and print what is wrong with them."""
     if problem:
         print(f"eigbench: {problem}", file=sys.stderr)
         return WRONG_INPUT
@@ -239,16 +260,16 @@ def _told(problem: str) -> int:
 
 def score(options: argparse.Namespace) -> int:
     """Score a file of predictions."""
-    wanted = _truth(options, _directory(options))
-    found = predictions.read(options.file, wanted)
-    result = {"dataset": results.dataset_facts(wanted), "scores": scores.score(wanted, found)}
+    labels = _truth(options, _directory(options))
+    values = predictions.read(options.file, labels)
+    result = {"dataset": results.dataset_facts(labels), "scores": scores.score(labels, values)}
     if options.json:
         print(json.dumps(result, indent=1))
     else:
         print(f"{options.file} on {_described(result)}\n")
         for table in (tables.overall, tables.families, tables.per_index):
             print(f"{table(result)}\n")
-    return _told(predictions.unphysical(wanted, found))
+    return _exit_code(predictions.unphysical(labels, values))
 
 
 def _described(result: dict[str, Any]) -> str:

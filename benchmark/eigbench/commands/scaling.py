@@ -1,10 +1,9 @@
-"""What the commands of the scaling track do: scale, which runs a predictor, and scaling."""
+"""The commands of the scaling track: scale, which runs a predictor, and scaling."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
@@ -12,6 +11,8 @@ from rich.console import Console
 from tabulate import tabulate
 
 from eigbench.board.tables import family_title
+from eigbench.commands import arguments
+from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.scaling import run as scaling_run
 from eigbench.scaling import scores as scaling_scores
@@ -20,8 +21,8 @@ from eigbench.scaling.results import ANSWERED, Scaled
 from eigbench.scaling.run import Settings
 
 
-def add(command: Callable[..., argparse.ArgumentParser], positive: Callable[[str], int]) -> None:
-    """Add the two commands to the command line."""
+def add_commands(command: Command) -> None:
+    """Add scale and scaling to the command line."""
 
     def sizes_option(sub: argparse.ArgumentParser) -> None:
         sub.add_argument(
@@ -39,17 +40,19 @@ def add(command: Callable[..., argparse.ArgumentParser], positive: Callable[[str
         "run a predictor on the surfaces of the scaling track; this runs the file's code",
         "my_model.py --sizes 1000 10000 --out surfaces.json",
     )
-    sub.add_argument("predictor", type=Path, metavar="FILE", help="the predictor's Python file")
+    arguments.predictor(sub)
     sizes_option(sub)
     sub.add_argument("--out", type=Path, default=Path("scaling.json"), metavar="FILE")
     sub.add_argument("--device", default="cpu", help="handed to the predictor (default: cpu)")
-    sub.add_argument("--threads", type=positive, default=1, metavar="N", help="default: 1")
     sub.add_argument(
-        "--time-limit", type=_above_zero, default=600.0, metavar="S", help="for a mesh"
+        "--threads", type=arguments.positive, default=1, metavar="N", help="default: 1"
+    )
+    sub.add_argument(
+        "--time-limit", type=arguments.above_zero, default=600.0, metavar="S", help="for a mesh"
     )
     sub.add_argument(
         "--memory-limit",
-        type=_above_zero,
+        type=arguments.above_zero,
         default=16.0,
         metavar="GIB",
         help="of the predictor's process (default: 16; watched on Linux only)",
@@ -86,15 +89,15 @@ def scale(options: argparse.Namespace) -> int:
         print(json.dumps(result, indent=1))
         return 0
     rows = []
-    for (surface, size), one in Scaled(result, out).meshes.items():
+    for (surface, size), mesh in Scaled(result, out).meshes.items():
         own = surfaces.pinned(surface, size).discretisation_error
         row = [f"{size:,}", family_title(surface), f"{100 * own:.2g} %"]
-        if one["outcome"] == ANSWERED:
-            seconds, memory = scaling_scores.seconds(one), one["peak_memory_mb"]
-            error = f"{100 * scaling_scores.error(one):.2g} %"
+        if mesh["outcome"] == ANSWERED:
+            seconds, memory = scaling_scores.seconds(mesh), mesh["peak_memory_mb"]
+            error = f"{100 * scaling_scores.error(mesh):.2g} %"
             row += [error, f"{1e3 * seconds:,.2f}", f"{memory:,.0f}", ""]
         else:
-            row += ["", "", "", f"{one['outcome']}: {one['detail']}"]
+            row += ["", "", "", f"{mesh['outcome']}: {mesh['detail']}"]
         rows.append(row)
     headers = ["vertices", "surface", "discretisation error", "error", "ms", "peak MB", ""]
     print(f"{result['model']['name']}, one mesh a call\n")
@@ -108,17 +111,19 @@ def show(options: argparse.Namespace) -> int:
     chosen = [surfaces.pinned(s, size) for size in _sizes(options) for s in surfaces.SURFACES]
     rows, findings = [], []
     with Console(stderr=True).status("reading") as status:
-        for one in chosen:
+        for pinned in chosen:
             if options.verify:
-                status.update(f"solving {one.pin.id}")
-                findings += [f"{one.pin.id}: {told}" for told in surfaces.differences(one)]
+                status.update(f"solving {pinned.pin.id}")
+                findings += [
+                    f"{pinned.pin.id}: {difference}" for difference in surfaces.differences(pinned)
+                ]
             rows.append(
                 {
-                    "mesh": one.pin.id,
-                    "vertices": one.vertices,
-                    "triangulation": surfaces.SURFACES[one.surface]["triangulation"],
-                    "discretisation_error": one.discretisation_error,
-                    "limit_error": float((one.limit_error / one.limit).max()),
+                    "mesh": pinned.pin.id,
+                    "vertices": pinned.vertices,
+                    "triangulation": surfaces.SURFACES[pinned.surface]["triangulation"],
+                    "discretisation_error": pinned.discretisation_error,
+                    "limit_error": float((pinned.limit_error / pinned.limit).max()),
                 }
             )
     if options.json:
@@ -148,10 +153,3 @@ def _sizes(options: argparse.Namespace) -> list[int]:
         return sorted(set(options.sizes))
     pinned = surfaces.read()
     return [n for n in surfaces.SIZES if all((s, n) in pinned for s in surfaces.SURFACES)]
-
-
-def _above_zero(text: str) -> float:
-    value = float(text)
-    if not value > 0:
-        raise argparse.ArgumentTypeError(f"must be above 0, got {value:g}")
-    return value

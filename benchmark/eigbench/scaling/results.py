@@ -1,4 +1,4 @@
-"""Results of the scaling track: what one holds, and what is asserted when it is read.
+"""Results of the scaling track: their contents, and the checks when they are read.
 
 Predictions and times stand in the result itself, mesh by mesh; errors do not: they follow from
 the pinned labels.
@@ -21,7 +21,7 @@ from synthnet.store.files import write_text
 
 VERSION = 1
 ANSWERED = "answered"
-PLACE = Path("benchmark", "scaling")  # of the results on a board
+FOLDER = Path("benchmark", "scaling")  # of the results on a board
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Scaled:
     @property
     def meshes(self) -> Mapping[tuple[str, int], dict[str, Any]]:
         """What became of each mesh, by surface and size."""
-        return {(one["surface"], one["size"]): one for one in self.result["meshes"]}
+        return {(mesh["surface"], mesh["size"]): mesh for mesh in self.result["meshes"]}
 
 
 def schema() -> dict[str, Any]:
@@ -64,10 +64,10 @@ def schema() -> dict[str, Any]:
     return loaded
 
 
-def is_one(path: Path) -> bool:
+def is_scaled(path: Path) -> bool:
     """Return whether a file of JSON says that it is a result of the scaling track."""
-    found = results.load(path)
-    return isinstance(found, dict) and "scaling_version" in found
+    loaded = results.load(path)
+    return isinstance(loaded, dict) and "scaling_version" in loaded
 
 
 def read(path: Path) -> Scaled:
@@ -99,21 +99,21 @@ def validate(result: Any, path: Path) -> None:
     """
     results.check_schema(result, schema(), path)
     seen = set()
-    for one in result["meshes"]:
+    for mesh in result["meshes"]:
         try:
-            expected = surfaces.pinned(one["surface"], one["size"])
+            expected = surfaces.pinned(mesh["surface"], mesh["size"])
         except EigbenchError as error:
             raise ResultError(f"{path}: {error}") from error
         key = expected.pin.id
         if key in seen:
             raise ResultError(f"{path} has {key} twice")
         seen.add(key)
-        if one["digest"] != expected.pin.digest:
+        if mesh["digest"] != expected.pin.digest:
             raise ResultError(f"{path}: its {key} is not the mesh that is pinned here")
-        answered = one["outcome"] == ANSWERED
-        if (one["eigenvalues"] is not None) != answered or bool(one["seconds"]) != answered:
-            raise ResultError(f"{path}: {key} is {one['outcome']}, its numbers say otherwise")
-        if len(one["seconds"]) != len(one["cpu_seconds"]):
+        answered = mesh["outcome"] == ANSWERED
+        if (mesh["eigenvalues"] is not None) != answered or bool(mesh["seconds"]) != answered:
+            raise ResultError(f"{path}: {key} is {mesh['outcome']}, its numbers say otherwise")
+        if len(mesh["seconds"]) != len(mesh["cpu_seconds"]):
             raise ResultError(f"{path}: {key} has wall times and CPU times of other numbers")
 
 
@@ -125,27 +125,27 @@ def read_board(root: Path) -> list[Scaled]:
     ResultError
         If one is damaged or misplaced.
     """
-    found = []
-    for path in sorted(p for p in (root / PLACE).rglob("*") if p.is_file()):
-        one = read(path)
-        if path != (place := _place(one, root)):
-            raise ResultError(f"{path} belongs at {place}")
-        found.append(one)
-    return found
+    rows = []
+    for path in sorted(p for p in (root / FOLDER).rglob("*") if p.is_file()):
+        row = read(path)
+        if path != (expected := _path(row, root)):
+            raise ResultError(f"{path} belongs at {expected}")
+        rows.append(row)
+    return rows
 
 
-def place(one: Scaled, root: Path, *, replace: bool = False) -> Path:
-    """Copy a result to its place on a board; return that.
+def add(row: Scaled, root: Path, *, replace: bool = False) -> Path:
+    """Copy a result onto a board; return its path there.
 
     Raises
     ------
     EigbenchError
         If another of that name is there and ``replace`` is not given.
     """
-    target = _place(one, root)
-    results.put([one.path], [target], replace=replace)
+    target = _path(row, root)
+    results.put([row.path], [target], replace=replace)
     return target
 
 
-def _place(one: Scaled, root: Path) -> Path:
-    return root / PLACE / f"{one.slug}.json"
+def _path(row: Scaled, root: Path) -> Path:
+    return root / FOLDER / f"{row.slug}.json"

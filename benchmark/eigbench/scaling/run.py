@@ -1,6 +1,6 @@
 """Run a predictor over the meshes of the scaling track; each in a process of its own.
 
-A mesh that takes too long or too much, or whose process dies, is recorded as that, and the
+A mesh that takes too long or too much memory, or whose process dies, is recorded as such, and the
 others go on. The result is written anew after every mesh, so what is finished is never lost.
 """
 
@@ -47,7 +47,7 @@ class Settings:
     memory_limit : float
         Most GiB of the predictor's process.
     resume : bool
-        Keep what a result at the same place has, and add what it lacks.
+        Keep the meshes of an earlier result at the same path, and add those that it lacks.
     """
 
     device: str = "cpu"
@@ -88,29 +88,29 @@ def run(
         If the predictor does not load or fails on a small mesh; nothing is written then. Or if
         LaPy fails.
     """
-    wanted = [surfaces.pinned(surface, size) for size in sizes for surface in surfaces.SURFACES]
+    chosen = [surfaces.pinned(surface, size) for size in sizes for surface in surfaces.SURFACES]
     if out.exists() and not settings.resume:
         raise EigbenchError(f"{out} is there already: --resume adds what it lacks, or give another")
     result = _described(path, settings)
     done = _done(out, result, settings) if out.exists() else {}
     with contextlib.ExitStack() as stack:
         peer: PredictorProcess | None = None
-        for expected in wanted:
+        for expected in chosen:
             if (expected.surface, expected.size) in done:
                 continue
             on_mesh(expected.pin.id)
             mesh = surfaces.mesh(expected.surface, expected.size)
             surfaces.check(expected, mesh)
-            found = _measured(path, expected, mesh, settings)
+            entry = _measured(path, expected, mesh, settings)
             if expected.size <= surfaces.TIMED_BESIDE:
                 if peer is None:
                     peer = stack.enter_context(_reference())
                 answers = _repeated(peer, expected.pin.id, mesh)
-                found["reference_seconds"] = float(np.median([a.seconds for a in answers]))
-            done[expected.surface, expected.size] = found
+                entry["reference_seconds"] = float(np.median([a.seconds for a in answers]))
+            done[expected.surface, expected.size] = entry
             order = {surface: i for i, surface in enumerate(surfaces.SURFACES)}
-            places = sorted(done, key=lambda key: (key[1], order[key[0]]))
-            result["meshes"] = [done[place] for place in places]
+            keys = sorted(done, key=lambda key: (key[1], order[key[0]]))
+            result["meshes"] = [done[key] for key in keys]
             scaling_results.write(out, result)
     return result if "meshes" in result else scaling_results.read(out).result
 
@@ -153,7 +153,7 @@ def _described(path: Path, settings: Settings) -> dict[str, Any]:
 def _done(
     out: Path, result: dict[str, Any], settings: Settings
 ) -> dict[tuple[str, int], dict[str, Any]]:
-    """Return what an earlier run has left, but what broke a limit that is higher now."""
+    """Return the meshes of an earlier run, without those that broke a limit that is higher now."""
     earlier = scaling_results.read(out)
     for part in ("model", "cost", "environment"):
         before, now = earlier.result[part], result[part]
@@ -167,10 +167,10 @@ def _done(
         "over memory": ("memory_limit_gib", settings.memory_limit),
     }
     kept = {}
-    for key, one in earlier.meshes.items():
-        name, limit = again.get(one["outcome"], ("time_limit", 0.0))
-        if one[name] >= limit:
-            kept[key] = one
+    for key, mesh in earlier.meshes.items():
+        name, limit = again.get(mesh["outcome"], ("time_limit", 0.0))
+        if mesh[name] >= limit:
+            kept[key] = mesh
     return kept
 
 
@@ -178,7 +178,7 @@ def _measured(
     path: Path, expected: surfaces.Pinned, mesh: Mesh, settings: Settings
 ) -> dict[str, Any]:
     """Return what became of a mesh, ready for JSON."""
-    found: dict[str, Any] = {
+    entry: dict[str, Any] = {
         "surface": expected.surface,
         "size": expected.size,
         "digest": expected.pin.digest,
@@ -200,13 +200,13 @@ def _measured(
             peak = process.status().peak_bytes
     except PredictorError as error:
         detail = " ".join(str(error).split())[:300]
-        return {**found, "outcome": OUTCOMES.get(type(error), "failed"), "detail": detail}
+        return {**entry, "outcome": OUTCOMES.get(type(error), "failed"), "detail": detail}
     values = answers[0].values[0]
     if not (np.isfinite(values).all() and (values > 0).all()):
         wrong = "the answer is not finite and positive"
-        return {**found, "outcome": "failed", "detail": wrong}
+        return {**entry, "outcome": "failed", "detail": wrong}
     return {
-        **found,
+        **entry,
         "eigenvalues": values.tolist(),
         "seconds": [a.seconds for a in answers],
         "cpu_seconds": [a.cpu_seconds for a in answers],
@@ -237,7 +237,7 @@ def _process(path: Path, settings: Settings) -> PredictorProcess:
 
 @contextlib.contextmanager
 def _reference() -> Any:
-    """Load LaPy, on one thread, as every result is timed beside it."""
+    """Load LaPy on one thread: every result is timed beside it."""
     path = Path(reference.__file__)
     with PredictorProcess(
         path, surfaces.K, device="cpu", seed=0, training=TRAINING, threads=1, time_limit=PATIENCE

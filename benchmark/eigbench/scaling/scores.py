@@ -1,9 +1,9 @@
 """What the results of the scaling track say: errors, times, and whether prediction wins.
 
-An exact solver is no name but a finding: on a mesh, whatever is within :data:`EXACT` of the label
-in every eigenvalue. A prediction wins on a mesh if it is faster than the fastest of these, on the
-same machine, no further from the label than the label is from the surface's spectrum, and faster
-too than these are on a coarser mesh of that surface that is just as far from its spectrum.
+An exact solver is recognised by its answers: on a mesh, every model within :data:`EXACT` of the
+label in every eigenvalue is one. A prediction wins on a mesh if it is faster than the fastest of
+these on the same machine, no further from the label than the label is from the surface's spectrum,
+and also faster than these are on a coarser mesh of that surface just as far from its spectrum.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SAME = 1e-6  # relative, of two distances from a surface
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class Medians:
     """One model at one size: medians over the surfaces that it answered.
 
     Parameters
@@ -54,7 +54,7 @@ class Verdict:
     Parameters
     ----------
     size : int
-        Vertices wanted.
+        Nominal number of vertices.
     solver : str or None
         The model that is exact and fastest on most surfaces; ``None`` if none answered exactly.
     seconds : float
@@ -75,53 +75,54 @@ class Verdict:
 
 def settings(rows: Sequence[Scaled]) -> dict[str, list[Scaled]]:
     """Return the results by hardware, device and threads: times are compared within one only."""
-    found: dict[str, list[Scaled]] = {}
+    by_setting: dict[str, list[Scaled]] = {}
     for row in sorted(rows, key=lambda row: row.slug):
-        found.setdefault(results.setting(row.result), []).append(row)
-    return dict(sorted(found.items()))
+        by_setting.setdefault(results.setting(row.result), []).append(row)
+    return dict(sorted(by_setting.items()))
 
 
-def seconds(one: Mapping[str, Any]) -> float:
+def seconds(mesh: Mapping[str, Any]) -> float:
     """Return the time of a mesh: the median of its repeats."""
-    return float(np.median(one["seconds"]))
+    return float(np.median(mesh["seconds"]))
 
 
-def error(one: Mapping[str, Any]) -> float:
+def error(mesh: Mapping[str, Any]) -> float:
     """Return the mean relative error of an answer against the mesh's label."""
-    label = surfaces.pinned(one["surface"], one["size"]).label
-    return surfaces.relative_error(np.array(one["eigenvalues"]), label)
+    label = surfaces.pinned(mesh["surface"], mesh["size"]).label
+    return surfaces.relative_error(np.array(mesh["eigenvalues"]), label)
 
 
-def distance(one: Mapping[str, Any]) -> float:
+def distance(mesh: Mapping[str, Any]) -> float:
     """Return the mean relative error of an answer against the surface's spectrum."""
-    limit = surfaces.pinned(one["surface"], one["size"]).limit
-    return surfaces.relative_error(np.array(one["eigenvalues"]), limit)
+    limit = surfaces.pinned(mesh["surface"], mesh["size"]).limit
+    return surfaces.relative_error(np.array(mesh["eigenvalues"]), limit)
 
 
-def is_exact(one: Mapping[str, Any]) -> bool:
+def is_exact(mesh: Mapping[str, Any]) -> bool:
     """Return whether an answer is the label, but for rounding."""
-    label = surfaces.pinned(one["surface"], one["size"]).label
-    return bool(np.max(np.abs(np.array(one["eigenvalues"]) / label - 1)) <= EXACT)
+    label = surfaces.pinned(mesh["surface"], mesh["size"]).label
+    return bool(np.max(np.abs(np.array(mesh["eigenvalues"]) / label - 1)) <= EXACT)
 
 
-def cell(row: Scaled, size: int) -> Cell:
+def medians(row: Scaled, size: int) -> Medians:
     """Return the medians of a model at a size."""
     meshes = row.meshes
     tried = [meshes[s, size] for s in surfaces.SURFACES if (s, size) in meshes]
-    good = [one for one in tried if one["outcome"] == ANSWERED]
-    columns = [(error(m), distance(m), seconds(m), m["peak_memory_mb"]) for m in good]
-    medians = np.median(np.array(columns, dtype=np.float64), axis=0) if good else np.full(4, np.nan)
-    error_, distance_, seconds_, memory = medians.tolist()
-    failures = tuple(sorted({_told(one) for one in tried if one["outcome"] != ANSWERED}))
-    return Cell(len(good), len(tried), error_, distance_, seconds_, memory, failures)
+    good = [mesh for mesh in tried if mesh["outcome"] == ANSWERED]
+    facts = [(error(m), distance(m), seconds(m), m["peak_memory_mb"]) for m in good]
+    middle = np.median(np.array(facts, dtype=np.float64), axis=0) if good else np.full(4, np.nan)
+    failures = tuple(sorted({_failure(mesh) for mesh in tried if mesh["outcome"] != ANSWERED}))
+    error_, distance_, seconds_, memory = middle.tolist()
+    return Medians(len(good), len(tried), error_, distance_, seconds_, memory, failures)
 
 
-def _told(one: Mapping[str, Any]) -> str:
-    if one["outcome"] == "over time":
-        return f"over {one['time_limit']:g} s"
-    if one["outcome"] == "over memory":
-        return f"over {one['memory_limit_gib']:g} GiB"
-    return str(one["outcome"])
+def _failure(mesh: Mapping[str, Any]) -> str:
+    """Return why a mesh was not answered, with the limit that was broken."""
+    if mesh["outcome"] == "over time":
+        return f"over {mesh['time_limit']:g} s"
+    if mesh["outcome"] == "over memory":
+        return f"over {mesh['memory_limit_gib']:g} GiB"
+    return str(mesh["outcome"])
 
 
 def sizes(rows: Sequence[Scaled]) -> list[int]:
@@ -143,7 +144,7 @@ def coarse_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, f
     Parameters
     ----------
     verdicts : sequence of Verdict
-        Of one setting; those of which an exact solver answered every surface count.
+        Of one setting. A size counts if an exact solver answered every surface there.
     distance : float
         Mean relative error against the surface's spectrum.
 
@@ -170,9 +171,9 @@ def coarse_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, f
 def equal_seconds(surface: str, times: Mapping[int, float], distance: float) -> float:
     """Return what an exact solver takes on a mesh of a surface just fine enough for an error.
 
-    Between two sizes time is a power of the discretisation error. Below the smallest it is taken
-    as inversely proportional to it, as for a solver whose time is linear in the vertices; above
-    the largest nothing is added.
+    Between two sizes time is a power of the discretisation error. On meshes coarser than the
+    coarsest it is taken as inversely proportional to that error, as for a solver whose time is
+    linear in the vertices; beyond the finest mesh nothing is added.
 
     Parameters
     ----------
@@ -194,17 +195,17 @@ def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
     fastest: dict[str, tuple[float, str]] = {}
     counts: dict[str, tuple[int, int]] = {}
     for surface in surfaces.SURFACES:
-        exact = {n: found for n in sizes(rows) if (found := _fastest_exact(rows, surface, n))}
+        exact = {n: best for n in sizes(rows) if (best := _fastest_exact(rows, surface, n))}
         if size not in exact:
             continue
         fastest[surface] = exact[size]
         times = {n: time for n, (time, _) in exact.items()}
         own = surfaces.pinned(surface, size).discretisation_error
-        for row, one in _answers(rows, surface, size):
-            if seconds(one) < times[size] and not is_exact(one):
+        for row, mesh in _answers(rows, surface, size):
+            if seconds(mesh) < times[size] and not is_exact(mesh):
                 faster, wins = counts.get(row.slug, (0, 0))
-                equal = equal_seconds(surface, times, distance(one))
-                won = error(one) <= own and seconds(one) < equal
+                equal = equal_seconds(surface, times, distance(mesh))
+                won = error(mesh) <= own and seconds(mesh) < equal
                 counts[row.slug] = faster + 1, wins + won
     names = [name for _, name in fastest.values()]
     return Verdict(
@@ -228,4 +229,4 @@ def _answers(
 
 def _fastest_exact(rows: Sequence[Scaled], surface: str, size: int) -> tuple[float, str] | None:
     answers = _answers(rows, surface, size)
-    return min(((seconds(one), row.name) for row, one in answers if is_exact(one)), default=None)
+    return min(((seconds(mesh), row.name) for row, mesh in answers if is_exact(mesh)), default=None)

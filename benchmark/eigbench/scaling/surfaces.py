@@ -1,14 +1,14 @@
 r"""The surfaces of the scaling track: the same six at four sizes, with pinned labels.
 
-Each is a surface of 2.0, meshed by its family's own triangulation with about as many vertices
-as wanted. Label and surface are two things: the label :math:`\lambda_h` is the spectrum of the
-mesh, :math:`\lambda` that of the surface, and
+Each is a surface of 2.0, meshed by its family's own triangulation with about the nominal number of
+vertices. Label and surface are two things: the label :math:`\lambda_h` is the spectrum of the mesh,
+:math:`\lambda` that of the surface, and
 
 .. math::
     \frac{1}{k} \sum_i \frac{|\lambda_{h,i} - \lambda_i|}{\lambda_i} = O(h^2)
 
-is the mesh's discretisation error: a prediction that is nearer to the label than that cannot be
-told from the label by anyone who wants the surface's spectrum.
+is the mesh's discretisation error: as an estimate of the surface's spectrum, a prediction nearer to
+the label than that is as good as the label.
 """
 
 from __future__ import annotations
@@ -36,9 +36,10 @@ from synthnet.types import Certificate, Mesh, Parameters, Sample, ShapeSpec
 Array = NDArray[np.float64]
 
 K = 10
-SIZES = (1_000, 10_000, 100_000, 1_000_000)  # vertices wanted; a mesh has what comes nearest
-# By family, so that the name says which surface is meant. The three triangulations take turns:
-# a predictor should not live on meshes that are uniform, nor on those that are not.
+# Nominal vertices: a mesh has the nearest count that its triangulation allows.
+SIZES = (1_000, 10_000, 100_000, 1_000_000)
+# By family, so that the name says which surface is meant. The three triangulations take turns, so
+# that neither uniform nor graded meshes decide alone.
 SURFACES: Mapping[str, Parameters] = {
     "ellipsoid": {"a": 1.0, "b": 0.8, "c": 0.55, "triangulation": "uniform", "seed": 0},
     "twisted_torus": {
@@ -68,8 +69,8 @@ SURFACES: Mapping[str, Parameters] = {
     },
     "open_cylinder": {"height": 2.0, "triangulation": "adaptive", "seed": 5},
 }
-# Of Family.refine: 64,000, 256,000 and 1,000,000 vertices, graded towards singular corners. The
-# limit follows from the last two; how far those before lead elsewhere bounds its error, h⁴ here.
+# These steps of Family.refine give 64,000, 256,000 and 1,000,000 vertices, graded towards singular
+# corners. The limit follows from the last two; the limit of the two before bounds its error, h⁴.
 REFINEMENTS = (3, 4, 5)
 TIMED_BESIDE = 10_000  # vertices up to which every run times LaPy on the same meshes
 PINS = "surfaces.parquet"
@@ -114,7 +115,7 @@ class Pinned:
         return relative_error(self.label, self.limit)
 
 
-def relative_error(found: Array, expected: Array) -> float:
+def relative_error(values: Array, expected: Array) -> float:
     """Return the mean of |p − g| / g.
 
     Examples
@@ -122,7 +123,7 @@ def relative_error(found: Array, expected: Array) -> float:
     >>> round(relative_error(np.array([1.1, 3.8]), np.array([1.0, 4.0])), 12)
     0.075
     """
-    return float(np.mean(np.abs(found - expected) / expected))
+    return float(np.mean(np.abs(values - expected) / expected))
 
 
 def spec(surface: str, size: int) -> ShapeSpec:
@@ -174,20 +175,20 @@ def make(surface: str, size: int, known: tuple[Array, Array] | None = None) -> P
         If the label cannot be computed and certified.
     """
     made = mesh(surface, size)
-    found = spectrum.compute(made, K)
+    computed = spectrum.compute(made, K)
     return Pinned(
         surface,
         size,
         len(made.vertices),
-        pins.pin(_sample(surface, size, made, found.eigenvalues, found.certificate)),
-        found.certificate,
+        pins.pin(_sample(surface, size, made, computed.eigenvalues, computed.certificate)),
+        computed.certificate,
         *(known or limit(surface)),
     )
 
 
 def _sample(surface: str, size: int, made: Mesh, label: Array, certificate: Certificate) -> Sample:
-    one = spec(surface, size)
-    return Sample(one, made, label, 0.0, certificate, np.eye(3)[None], "test", ("test",))
+    shape = spec(surface, size)
+    return Sample(shape, made, label, 0.0, certificate, np.eye(3)[None], "test", ("test",))
 
 
 def check(expected: Pinned, made: Mesh) -> None:
@@ -198,19 +199,19 @@ def check(expected: Pinned, made: Mesh) -> None:
     EigbenchError
         If it is another.
     """
-    one = _sample(expected.surface, expected.size, made, expected.label, expected.certificate)
-    for difference in pins.differences(pins.pin(one), expected.pin):
+    sample = _sample(expected.surface, expected.size, made, expected.label, expected.certificate)
+    for difference in pins.differences(pins.pin(sample), expected.pin):
         raise EigbenchError(f"{expected.pin.id} is not the mesh that is pinned: {difference}")
 
 
 def differences(expected: Pinned) -> Iterator[str]:
     """Make a mesh and its label anew, and yield what differs from the pin."""
-    found = make(expected.surface, expected.size, (expected.limit, expected.limit_error))
-    yield from pins.differences(found.pin, expected.pin)
-    if found.vertices != expected.vertices:
-        yield f"{found.vertices:,} vertices instead of {expected.vertices:,}"
-    if found.certificate.count != expected.certificate.count:
-        yield f"{found.certificate.count} eigenvalues counted, not {expected.certificate.count}"
+    made = make(expected.surface, expected.size, (expected.limit, expected.limit_error))
+    yield from pins.differences(made.pin, expected.pin)
+    if made.vertices != expected.vertices:
+        yield f"{made.vertices:,} vertices instead of {expected.vertices:,}"
+    if made.certificate.count != expected.certificate.count:
+        yield f"{made.certificate.count} eigenvalues counted, not {expected.certificate.count}"
 
 
 def pinned(surface: str, size: int) -> Pinned:
@@ -221,14 +222,14 @@ def pinned(surface: str, size: int) -> Pinned:
     EigbenchError
         If there is no such mesh, or it is not pinned yet.
     """
-    found = read().get((surface, size)) if surface in SURFACES else None
-    if found is None:
+    entry = read().get((surface, size)) if surface in SURFACES else None
+    if entry is None:
         spec(surface, size)
         raise EigbenchError(
             f"the label of {surface} at {size:,} vertices is not pinned: "
             f"python scripts/pin_scaling.py {size}"
         )
-    return found
+    return entry
 
 
 @lru_cache(maxsize=1)
@@ -236,15 +237,15 @@ def read() -> Mapping[tuple[str, int], Pinned]:
     """Return the pins that the repository has, by surface and size."""
     table = pins.shipped_table("eigbench.scaling", PINS)
     rows = [] if table is None else table.to_pylist()
-    found = (_from_row(row) for row in rows)
-    return {(one.surface, one.size): one for one in found}
+    entries = (_from_row(row) for row in rows)
+    return {(entry.surface, entry.size): entry for entry in entries}
 
 
-def write(path: Path, found: Iterable[Pinned]) -> None:
+def write(path: Path, entries: Iterable[Pinned]) -> None:
     """Write pins to a file, in the order of sizes and surfaces, the same to the byte."""
-    order = {surface: place for place, surface in enumerate(SURFACES)}
-    rows = sorted(found, key=lambda one: (one.size, order[one.surface]))
-    table = pa.Table.from_pylist([_to_row(one) for one in rows], schema=_SCHEMA)
+    order = {surface: rank for rank, surface in enumerate(SURFACES)}
+    rows = sorted(entries, key=lambda entry: (entry.size, order[entry.surface]))
+    table = pa.Table.from_pylist([_to_row(entry) for entry in rows], schema=_SCHEMA)
 
     def store(partial: Path) -> None:
         pq.write_table(table, partial, compression="zstd", use_dictionary=False)
@@ -270,19 +271,19 @@ _SCHEMA = pa.schema(
 )
 
 
-def _to_row(one: Pinned) -> dict[str, object]:
+def _to_row(entry: Pinned) -> dict[str, object]:
     return {
-        "surface": one.surface,
-        "size": one.size,
-        "vertices": one.vertices,
-        "digest": one.pin.digest,
-        "moments": one.pin.moments,
-        "eigenvalues": one.label,
-        "count": one.certificate.count,
-        "shift": one.certificate.shift,
-        "residual": one.certificate.residual,
-        "limit": one.limit,
-        "limit_error": one.limit_error,
+        "surface": entry.surface,
+        "size": entry.size,
+        "vertices": entry.vertices,
+        "digest": entry.pin.digest,
+        "moments": entry.pin.moments,
+        "eigenvalues": entry.label,
+        "count": entry.certificate.count,
+        "shift": entry.certificate.shift,
+        "residual": entry.certificate.residual,
+        "limit": entry.limit,
+        "limit_error": entry.limit_error,
     }
 
 

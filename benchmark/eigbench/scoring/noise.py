@@ -46,8 +46,8 @@ def floor(truth: Truth, key: str) -> float | None:
     if limits is None:
         return None
     function = METRICS[key].function
-    perfect, found = (function(p, limits).mean() for p in (limits, truth.eigenvalues))
-    return abs(float(perfect - found)) if np.isfinite(perfect) else None
+    perfect, scored = (function(p, limits).mean() for p in (limits, truth.eigenvalues))
+    return abs(float(perfect - scored)) if np.isfinite(perfect) else None
 
 
 def surface_eigenvalues(truth: Truth) -> NDArray[np.float64] | None:

@@ -34,11 +34,11 @@ def probes() -> dict[str, Mesh]:
             if shape.split == "validation":
                 mesh = FAMILIES[plan.family].generate(shape.spec.parameters)
                 by_family.setdefault(plan.family, {})[shape.spec.id] = mesh
-    found: dict[str, Mesh] = {}
+    chosen: dict[str, Mesh] = {}
     for meshes in by_family.values():
         smallest = sorted(meshes, key=lambda id: (len(meshes[id].vertices), id))
-        found.update((id, meshes[id]) for id in smallest[:PER_FAMILY])
-    return found
+        chosen.update((id, meshes[id]) for id in smallest[:PER_FAMILY])
+    return chosen
 
 
 def scaled(factor: float) -> Callable[[Mesh, np.random.Generator], Mesh]:

@@ -68,7 +68,7 @@ class Truth:
         """Indices of the instances in the order of the SHA-256 of their ids.
 
         In it predictors see them: neither the copies of a shape nor the shapes of a family
-        come one after the other, so that neither can be told from their place.
+        come one after the other, so that their order reveals neither.
         """
         keys = [hashlib.sha256(id.encode()).digest() for id in self.ids]
         return np.array(sorted(range(len(keys)), key=keys.__getitem__), dtype=np.int64)
@@ -231,7 +231,7 @@ def imported_name(wanted: Recipe, split: str, protocol: str) -> str:
 def _of_import(version: str, protocol: str, labels: Mapping[str, pins.Pin]) -> Truth:
     """Return the labels of an import; its digest is that of the pins, so of the very meshes."""
     ids = list(labels)
-    told = "\n".join(f"{id} {pin.digest}" for id, pin in labels.items())
+    lines = "\n".join(f"{id} {pin.digest}" for id, pin in labels.items())
     return Truth(
         version,
         "test",
@@ -242,7 +242,7 @@ def _of_import(version: str, protocol: str, labels: Mapping[str, pins.Pin]) -> T
         np.array([id.rpartition("-")[0] for id in ids]),
         np.full(len(ids), training_set(_trained_on(version), protocol)),
         np.array([pin.eigenvalues for pin in labels.values()]),
-        hashlib.sha256(told.encode()).hexdigest(),
+        hashlib.sha256(lines.encode()).hexdigest(),
     )
 
 

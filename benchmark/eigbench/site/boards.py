@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from eigbench import results
-from eigbench.board import generalisation, leaderboard, page, ranking
+from eigbench.board import generalisation, leaderboard, page, ranked_columns, ranking
+from eigbench.board.columns import Group, six_digits
 from eigbench.board.generalisation import Board
+from eigbench.board.ranked_columns import KIND, MODEL, RANK
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.board.tables import score
 from eigbench.results.submission import Submission
@@ -18,7 +20,6 @@ from eigbench.scoring.metrics import MAIN
 from eigbench.scoring.training import untrained
 from eigbench.scoring.truth import Truth
 from eigbench.site import columns
-from eigbench.site.columns import number_of
 
 OF_ALL = {
     "grouped": "grouped: no copy of a test shape in training",
@@ -33,12 +34,12 @@ class Shown:
     Parameters
     ----------
     rows : sequence of Ranked
-        Best first. Under a protocol that asks for generalisation, what is not trained is among
-        them: its predictions of the whole split hold for a part of it.
+        Best first. Under a version's own protocol, models without training are among them: their
+        predictions of the whole split hold for a part of it.
     protocols : Board or None
         All protocols of the version, if it has its own.
     own : str or None
-        The one of these that the rows are of.
+        The version's own protocol that the rows are of, if they are of one.
     """
 
     rows: Sequence[Ranked]
@@ -64,18 +65,18 @@ class Shown:
 
 def shown(submissions: Sequence[Submission]) -> list[Shown]:
     """Return the boards, in order of version and protocol."""
-    found = []
+    every = []
     for rows, board in leaderboard.boards(submissions):
-        found.append(Shown(rows, board, None))
+        every.append(Shown(rows, board, None))
         if board is not None:
             under = {protocol: list(_under(board, protocol)) for protocol in board.protocols}
-            found += [Shown(ranking.ranked(mine), board, p) for p, mine in under.items() if mine]
-    return found
+            every += [Shown(ranking.ranked(mine), board, p) for p, mine in under.items() if mine]
+    return every
 
 
 def _under(board: Board, protocol: str) -> Iterator[Submission]:
-    """Yield who is scored under a protocol, with the times of the protocol ``grouped``."""
-    ran = {one.slug: one for one in board.held_out.get(protocol, ())}
+    """Yield the models scored under a protocol, with the times of the protocol ``grouped``."""
+    ran = {submission.slug: submission for submission in board.held_out.get(protocol, ())}
     for row in board.rows:
         model = row.submission
         if own := ran.get(model.slug):
@@ -86,63 +87,74 @@ def _under(board: Board, protocol: str) -> Iterator[Submission]:
 
 
 def _is_known(board: Board, model: Submission, protocol: str) -> bool:
-    return board.cell(model, protocol, RANKED_BY).score is not None
+    return board.scored(model, protocol, RANKED_BY).score is not None
 
 
-def restricted(model: Submission, wanted: Truth) -> Submission:
-    """Return a submission as if it had been asked about some of its instances only."""
-    found = generalisation.predicted(model, wanted)
+def restricted(model: Submission, labels: Truth) -> Submission:
+    """Return a submission as if it had predicted only some of its instances."""
+    values = generalisation.predicted(model, labels)
     result = {
         **model.result,
-        "dataset": results.dataset_facts(wanted),
-        "scores": scores.score(wanted, found),
+        "dataset": results.dataset_facts(labels),
+        "scores": scores.score(labels, values),
     }
-    return dataclasses.replace(model, result=result, truth=wanted, predictions=found)
+    return dataclasses.replace(model, result=result, truth=labels, predictions=values)
 
 
-def told(board: Shown) -> dict[str, Any]:
+def content(board: Shown) -> dict[str, Any]:
     """Return what the page shows of a board."""
-    groups = columns.groups(board.rows, board.protocols, board.own)
-    fixed = columns.fixed()
-    known = {column.key: column for group in groups for column in group.columns}
-    every = [*fixed, *known.values()]
+    groups, fixed = _groups(board), [RANK]
     return {
         "key": board.key,
         "kind": "board",
         "title": results.title(board.rows[0].submission.result),
         "notes": _notes(board),
         "floors": _floors(board.truth),
-        "columns": {column.key: column.told() for column in every},
-        "groups": [
-            {"key": g.key, "title": g.title, "columns": [c.key for c in g.columns]} for g in groups
-        ],
+        **columns.heads(groups, fixed),
         "rows": [
             {
                 "slug": row.submission.slug,
-                "name": row.submission.name,
-                "kind": row.submission.result["model"]["kind"],
+                "name": MODEL.cell(row)[0],
+                "kind": KIND.cell(row)[0],
                 "training": results.declared(row.submission.result, "training_data"),
                 "setting": results.setting(row.submission.result),
-                "ms": number_of(row.submission.result["cost"]["ms_per_mesh"]),
-                "cells": {column.key: column.cell(row) for column in every},
+                "ms": six_digits(row.submission.result["cost"]["ms_per_mesh"]),
+                "cells": columns.cells(row, groups, fixed),
             }
             for row in board.rows
         ],
     }
 
 
+def _groups(board: Shown) -> list[Group[Ranked]]:
+    """Return the views of the page's table."""
+    whole = ranked_columns.main()
+    metrics = Group("metrics", "All metrics", [c for c in whole.columns if c.key in MAIN])
+    overview = ranked_columns.overview(board.protocols, board.own)
+    groups = [overview, metrics, *ranked_columns.groups(board.rows, board.own)]
+    if board.protocols is None or board.own is not None:
+        return groups
+    marks = generalisation.remark_marks(board.protocols, board.rows)
+    tables = (generalisation.table(board.protocols, key, marks) for key in generalisation.SHOWN)
+    return [*groups, *tables]
+
+
 def _notes(board: Shown) -> list[str]:
+    """Return the paragraphs of "How to read this"."""
     notes = [note.strip() for note in (*page.introduction(board.rows), *page.remarks(board.rows))]
-    if board.own is None:
-        return notes
-    return [*notes, f"**Generalisation**: {generalisation.EXPLAINED}"]
+    if board.own is not None:
+        return [*notes, f"**Generalisation**: {generalisation.EXPLAINED}"]
+    if board.protocols is not None:
+        marks = generalisation.remark_marks(board.protocols, board.rows)
+        notes += [line for _, line in marks.values()]
+    return notes
 
 
 def _floors(truth: Truth) -> dict[str, Any]:
     """Return the noise floor of each metric, as number and text."""
-    found = {key: noise.floor(truth, key) for key in MAIN}
+    floors = {key: noise.floor(truth, key) for key in MAIN}
     return {
-        key: [number_of(value), score(value, key)]
-        for key, value in found.items()
+        key: [six_digits(value), score(value, key)]
+        for key, value in floors.items()
         if value is not None
     }

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from eigbench.board import ranking, tables
+from eigbench.board.columns import six_digits
 from eigbench.board.ranking import RANKED_BY
 from eigbench.board.tables import Table, family_title, number, score
 from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS
 from eigbench.site import shapes
-from eigbench.site.columns import number_of
 from synthnet.store.files import sha256
 
 QUANTILES = {"worst": 1.0, "median": 0.5}
@@ -28,7 +28,7 @@ FACTS = {
 }
 
 
-def told(one: Submission, own: str | None = None) -> dict[str, Any]:
+def content(submission: Submission, own: str | None = None) -> dict[str, Any]:
     """Return what the page shows of a row when it is opened.
 
     Parameters
@@ -36,28 +36,28 @@ def told(one: Submission, own: str | None = None) -> dict[str, Any]:
     one : Submission
         The row.
     own : str or None
-        Its protocol, if it is one of the version's own: then it was timed elsewhere.
+        Its protocol, if that is the version's own: the row was timed under ``grouped`` then.
     """
-    result = one.result
+    result = submission.result
     cost = "Cost" if own is None else "Cost under the protocol grouped"
     return {
-        "facts": _facts(one),
+        "facts": _facts(submission),
         "tables": [
             _table("Metrics", tables.overall(result)),
             _table("By family, means", tables.families(result)),
             _table("By eigenvalue", _indices(result)),
             _table("Physics", tables.physics(result["physics"])),
             _table(cost, tables.cost(result)),
-            _table("Files and versions", _files(one)),
+            _table("Files and versions", _files(submission)),
         ],
-        "shapes": [_shape(one, name, i) for name, i in chosen(one).items()],
+        "shapes": [_shape(submission, name, i) for name, i in chosen(submission).items()],
     }
 
 
-def _facts(one: Submission) -> list[list[str]]:
-    model = one.result["model"]
-    found = [["kind", model["kind"]]]
-    return found + [[title, model[key]] for key, title in FACTS.items() if key in model]
+def _facts(submission: Submission) -> list[list[str]]:
+    model = submission.result["model"]
+    declared = [[title, model[key]] for key, title in FACTS.items() if key in model]
+    return [["kind", model["kind"]], *declared]
 
 
 def _table(title: str, table: Table) -> dict[str, Any]:
@@ -73,40 +73,44 @@ def _indices(result: dict[str, Any]) -> Table:
     return Table(["", "mean relative error", "median"], lines)
 
 
-def _files(one: Submission) -> Table:
-    facts, model = one.result["dataset"], one.result["model"]
+def _files(submission: Submission) -> Table:
+    facts, model = submission.result["dataset"], submission.result["model"]
     lines = [
-        ["result, SHA-256", sha256(one.result_path)],
-        ["predictions, SHA-256", sha256(one.predictions_path)],
+        ["result, SHA-256", sha256(submission.result_path)],
+        ["predictions, SHA-256", sha256(submission.predictions_path)],
         ["recipe", facts["recipe_digest"]],
         ["labels", facts["split_digest"]],
         *([f"{name}, SHA-256", digest] for name, digest in sorted(model["sources"].items())),
-        *([name, text] for name, text in one.result["environment"].items()),
+        *([name, text] for name, text in submission.result["environment"].items()),
     ]
     return Table(["", ""], lines)
 
 
-def chosen(one: Submission) -> dict[str, int]:
+def chosen(submission: Submission) -> dict[str, int]:
     """Return the instances that are shown, by what they are of the row's RPD."""
-    errors = ranking.per_mesh(one, RANKED_BY)
+    errors = ranking.per_mesh(submission, RANKED_BY)
     return {name: ranking.at_quantile(errors, q) for name, q in QUANTILES.items()}
 
 
-def _shape(one: Submission, name: str, i: int) -> dict[str, Any]:
-    shape, label, predicted = one.truth.shapes[i], one.truth.eigenvalues[i], one.predictions[0, i]
-    spec = shapes.spec_of(one.truth, shape)
-    found = {key: float(ranking.per_mesh(one, key)[i]) for key in ("rpd", "invlap", "psnr")}
+def _shape(submission: Submission, name: str, i: int) -> dict[str, Any]:
+    shape, label, predicted = (
+        submission.truth.shapes[i],
+        submission.truth.eigenvalues[i],
+        submission.predictions[0, i],
+    )
+    spec = shapes.spec_of(submission.truth, shape)
+    errors = {key: float(ranking.per_mesh(submission, key)[i]) for key in ("rpd", "invlap", "psnr")}
     return {
         "name": name,
-        "id": one.truth.ids[i],
-        "family": family_title(one.truth.families[i]),
+        "id": submission.truth.ids[i],
+        "family": family_title(submission.truth.families[i]),
         "parameters": {} if spec is None else {k: _short(v) for k, v in spec.parameters.items()},
-        "scores": [[METRICS[key].title, _score(key, value)] for key, value in found.items()],
-        "label": [number_of(float(value)) for value in label],
-        "predicted": [number_of(float(value)) for value in predicted],
+        "scores": [[METRICS[key].title, _score(key, value)] for key, value in errors.items()],
+        "label": [six_digits(float(value)) for value in label],
+        "predicted": [six_digits(float(value)) for value in predicted],
         "errors": [number(float(value)) for value in np.abs(predicted - label) / np.abs(label)],
-        "several": len(one.predictions) > 1,
-        "mesh": None if spec is None else shapes.place(one.truth, shape),
+        "several": len(submission.predictions) > 1,
+        "mesh": None if spec is None else shapes.location(submission.truth, shape),
         "why": NO_MESH if spec is None else "",
     }
 

@@ -29,8 +29,8 @@ def spec_of(truth: Truth, shape: str) -> ShapeSpec | None:
     return draw_shape(whole, family, int(index))
 
 
-def place(truth: Truth, shape: str) -> str:
-    """Return where the mesh of a shape stands: the same for every subset of a version."""
+def location(truth: Truth, shape: str) -> str:
+    """Return the name of a shape's mesh on the page: the same for every subset of a version."""
     return f"meshes/{recipe.load(truth.version).base}/{shape}"
 
 

@@ -1,4 +1,4 @@
-"""The folder of the page: what is in it, and how it is put in place of an older one."""
+"""The folder of the page: what is in it, and how it replaces an older one."""
 
 from __future__ import annotations
 
@@ -37,44 +37,46 @@ def files(
     docs: str = DOCS,
     on_step: Callable[[str], None] = lambda step: None,
 ) -> dict[str, bytes]:
-    """Return the content of every file of the page, by its place in the folder.
+    """Return the content of every file of the page, by its path in the folder.
 
     The order of the input does not matter.
 
     Raises
     ------
     EigbenchError
-        If the scripts are not bundled as they are now, or ``docs`` has no place for a page's name.
+        If the scripts were bundled from other sources, or ``docs`` has no ``{}`` for a page's name.
     """
     check_docs(docs)
-    found = bundle.read()
-    told: dict[str, Any] = {}
+    scripts = bundle.read()
+    values: dict[str, Any] = {}
     meshes: dict[str, tuple[Submission, str]] = {}
     shown = boards.shown(submissions)
     for board in shown:
         on_step(f"board {board.key}")
-        told[f"boards/{board.key}"] = boards.told(board)
+        values[f"boards/{board.key}"] = boards.content(board)
         for row in board.rows:
-            one = row.submission
-            on_step(f"row {board.key}/{one.slug}")
-            told[f"rows/{board.key}/{one.slug}"] = opened = rows.told(one, board.own)
+            submission = row.submission
+            on_step(f"row {board.key}/{submission.slug}")
+            values[f"rows/{board.key}/{submission.slug}"] = opened = rows.content(
+                submission, board.own
+            )
             for shape in opened["shapes"]:
                 if shape["mesh"] is not None:
-                    meshes[shape["mesh"]] = (one, shape["id"].partition("/")[0])
-    for place in sorted(meshes):
-        on_step(f"mesh {Path(place).name}")
-        one, shape_id = meshes[place]
-        spec = shapes.spec_of(one.truth, shape_id)
+                    meshes[shape["mesh"]] = (submission, shape["id"].partition("/")[0])
+    for name in sorted(meshes):
+        on_step(f"mesh {Path(name).name}")
+        submission, shape_id = meshes[name]
+        spec = shapes.spec_of(submission.truth, shape_id)
         if spec is not None:
-            told[place] = shapes.packed(shapes.generated(spec))
+            values[name] = shapes.packed(shapes.generated(spec))
     if scaled:
-        told[f"boards/{scaling.KEY}"] = scaling.told(scaled)
-        told |= {f"rows/{scaling.KEY}/{row.slug}": scaling.opened(row) for row in scaled}
+        values[f"boards/{scaling.KEY}"] = scaling.content(scaled)
+        values |= {f"rows/{scaling.KEY}/{row.slug}": scaling.opened(row) for row in scaled}
     if reported:
-        told[f"boards/{REPORTED}"] = _reported(reported)
-    found |= {f"{place}.js": script(place, value) for place, value in told.items()}
-    found[DATA] = script("index", _index(shown, bool(scaled), bool(reported), docs))
-    return found
+        values[f"boards/{REPORTED}"] = _reported(reported)
+    scripts |= {f"{name}.js": script(name, value) for name, value in values.items()}
+    scripts[DATA] = script("index", _index(shown, bool(scaled), bool(reported), docs))
+    return scripts
 
 
 def script(key: str, value: Any) -> bytes:
@@ -135,72 +137,72 @@ def _reported(papers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def write(out: Path, content: Mapping[str, bytes]) -> None:
-    """Write the page beside its place and move it there; a run that fails leaves the older page.
+    """Write the page beside its path and move it there; a run that fails leaves the older page.
 
-    At every moment a whole page is in its place, or beside it as ``.NAME.*.older``, from where a
+    At every moment a whole page is at its path, or beside it as ``.NAME.*.older``, from where a
     run that was stopped between its two moves, or the next run, puts it back.
 
     Raises
     ------
     EigbenchError
-        If something else is there, which would be lost, or the page cannot be written.
+        If there is something else, which would be lost, or the page cannot be written.
     BuildError
         If the folder that it is to be in cannot be written.
     """
-    check_place(out)
-    place = out.resolve()
-    make_directory(place.parent)
+    check_out(out)
+    page = out.resolve()
+    make_directory(page.parent)
     # No two runs may have a folder in common: each would move and remove the other's.
-    beside = f".{place.name}.{uuid.uuid4().hex}"
-    partial, older = (place.with_name(f"{beside}.{kind}") for kind in ("partial", "older"))
+    beside = f".{page.name}.{uuid.uuid4().hex}"
+    partial, older = (page.with_name(f"{beside}.{kind}") for kind in ("partial", "older"))
     try:
-        own = f".{glob.escape(place.name)}.{'[0-9a-f]' * 32}.older"  # of this place alone
-        for lost in sorted(place.parent.glob(own)):
-            _put_back(lost, place)
+        own = f".{glob.escape(page.name)}.{'[0-9a-f]' * 32}.older"  # matches this page's alone
+        for lost in sorted(page.parent.glob(own)):
+            _put_back(lost, page)
         for name, data in sorted(content.items()):
             (partial / name).parent.mkdir(parents=True, exist_ok=True)
             (partial / name).write_bytes(data)
-        if place.exists():
-            place.rename(older)
-        partial.rename(place)
+        if page.exists():
+            page.rename(older)
+        partial.rename(page)
     except OSError as error:
         raise EigbenchError(f"cannot write {out} ({error.strerror})") from error
     finally:  # by an interrupt too
         shutil.rmtree(partial, ignore_errors=True)
-        _put_back(older, place)
-        if place.exists():
+        _put_back(older, page)
+        if page.exists():
             shutil.rmtree(older, ignore_errors=True)
 
 
-def _put_back(older: Path, place: Path) -> None:
-    if older.exists() and not place.exists():
-        older.rename(place)
+def _put_back(older: Path, page: Path) -> None:
+    if older.exists() and not page.exists():
+        older.rename(page)
 
 
-def check_place(out: Path) -> None:
-    """Check that a page may be put at a place: nothing, an empty folder or an older page.
+def check_out(out: Path) -> None:
+    """Check that a page may be written to a path: nothing, an empty folder or an older page.
 
     Raises
     ------
     EigbenchError
-        If something else is there, or something else is in the older page's folder.
+        If there is something else, or something else is in the older page's folder.
     """
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
     if not all((out / name).is_file() for name in ("index.html", "page.js", DATA)):
         raise EigbenchError(
-            f"{out} is there and is no page of `eigbench site`, which would replace it: give "
-            "another place with --out"
+            f"{out} exists and is no page of `eigbench site`, which would replace it: give "
+            "another folder with --out"
         )
     if foreign := _foreign(out):
         raise EigbenchError(
             f"{out} has {foreign[0].relative_to(out)}, which `eigbench site` did not write and "
-            "would remove: move it elsewhere, or give another place with --out"
+            "would remove: move it elsewhere, or give another folder with --out"
         )
 
 
 def _foreign(page: Path) -> list[Path]:
-    """Return what is in a page's folder but is not of the page."""
+    """Return the paths in a page's folder that do not belong to the page."""
     top = {*bundle.FILES, DATA, *FOLDERS}
     return [path for path in sorted(page.iterdir()) if path.name not in top] + [
         path
@@ -211,7 +213,7 @@ def _foreign(page: Path) -> list[Path]:
 
 
 def check_docs(docs: str) -> None:
-    """Check that ``docs`` has a place for a page's name.
+    """Check that ``docs`` has ``{}`` for a page's name.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 import { axisX, axisY, dot, gridX, gridY, line, plot, pointer, ruleY, text, tip } from "@observablehq/plot";
 import { drawn, element, mark } from "./dom.js";
-import { front, places } from "./front.js";
+import { front, labels } from "./front.js";
 
 const SYMBOLS = { trivial: "square", classical: "circle", learned: "triangle" };
 const TRUE = "currentColor";
@@ -112,8 +112,8 @@ function name(svg, { points, best, floor, width, height }) {
   const ordered = [...best, ...points.filter((one) => !one.faint && !best.includes(one))];
   const at = ordered.map((one) => ({ x: x.apply(one.x), y: y.apply(one.y), text: one.name, above: best.includes(one) }));
   const line = floor === null ? [] : [[width - 76, y.apply(floor) - 14, width, y.apply(floor) + 2]];
-  for (const place of places(at, line, { left: 48, right: width - 4, top: 4, bottom: height - 38 }))
-    svg.lastElementChild.before(drawn("text", { x: place.x, y: place.y, "text-anchor": place.anchor, dy: "0.32em", fill: "currentColor", class: "name" }, place.text));
+  for (const { x: left, y: middle, anchor, text: title } of labels(at, line, { left: 48, right: width - 4, top: 4, bottom: height - 38 }))
+    svg.lastElementChild.before(drawn("text", { x: left, y: middle, "text-anchor": anchor, dy: "0.32em", fill: "currentColor", class: "name" }, title));
 }
 
 function legend(points, kinds, floor) {

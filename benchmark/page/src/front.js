@@ -1,23 +1,23 @@
-// Arithmetic of the charts: who is on the Pareto front, and where names go.
+// Arithmetic of the charts: the points on the Pareto front, and where names go.
 
 /** Return the points that no other is both as fast and as good as, fastest first. */
 export function front(points, higher) {
   const sign = higher ? -1 : 1;
   const ordered = [...points].sort((a, b) => a.time - b.time || sign * (a.value - b.value));
-  const found = [];
+  const best = [];
   for (const one of ordered)
-    if (!found.length || sign * (one.value - found.at(-1).value) < 0) found.push(one);
-  return found;
+    if (!best.length || sign * (one.value - best.at(-1).value) < 0) best.push(one);
+  return best;
 }
 
 const CHARACTER = 5.6; // pixels, on average, at the size of the names
 const OFFSETS = [0, 11, -11, 18, -18];
 const ABOVE = [-9, 10, 0, -18, 18]; // a name on the front stands clear of its line
 
-/** Return places for names beside points, clear of some boxes; a name that fits nowhere is left out. */
-export function places(points, elsewhere, frame) {
+/** Return where names stand beside points, clear of some boxes; a name that fits nowhere is left out. */
+export function labels(points, elsewhere, frame) {
   const taken = [...elsewhere, ...points.map(({ x, y }) => [x - 5, y - 5, x + 5, y + 5])];
-  const found = [];
+  const written = [];
   for (const { x, y, text, above } of points) {
     const long = CHARACTER * text.length;
     for (const [dy, anchor] of (above ? ABOVE : OFFSETS).flatMap((dy) => [[dy, "start"], [dy, "end"]])) {
@@ -26,11 +26,11 @@ export function places(points, elsewhere, frame) {
       const inside = here[0] >= frame.left && here[2] <= frame.right && here[1] >= frame.top && here[3] <= frame.bottom;
       if (!inside || taken.some((other) => overlap(here, other))) continue;
       taken.push(here);
-      found.push({ x: anchor === "start" ? x + 8 : x - 8, y: y + dy, anchor, text });
+      written.push({ x: anchor === "start" ? x + 8 : x - 8, y: y + dy, anchor, text });
       break;
     }
   }
-  return found;
+  return written;
 }
 
 const overlap = (a, b) => Math.min(a[2], b[2]) > Math.max(a[0], b[0]) && Math.min(a[3], b[3]) > Math.max(a[1], b[1]);

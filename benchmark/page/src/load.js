@@ -14,7 +14,7 @@ export function put(key, value) {
 export const has = (key) => known.has(key);
 
 /** Return what is said of a file that is not there. */
-export const lost = (place) => new Error(`${place} of this page's folder cannot be loaded`);
+export const lost = (path) => new Error(`${path} of this page's folder cannot be loaded`);
 
 /** Return a promise of the value of KEY.js. */
 export function get(key) {
@@ -40,18 +40,18 @@ function withResolvers() {
 const scripts = new Map();
 
 /** Load a script of the page's folder, once. */
-export function script(place) {
-  if (!scripts.has(place)) {
-    scripts.set(place, new Promise((resolve, reject) => {
+export function script(path) {
+  if (!scripts.has(path)) {
+    scripts.set(path, new Promise((resolve, reject) => {
       const tag = document.createElement("script");
-      tag.src = place;
+      tag.src = path;
       tag.onload = resolve;
       tag.onerror = () => {
-        scripts.delete(place);
-        reject(lost(place));
+        scripts.delete(path);
+        reject(lost(path));
       };
       document.head.append(tag);
     }));
   }
-  return scripts.get(place);
+  return scripts.get(path);
 }

@@ -26,9 +26,9 @@ addEventListener("DOMContentLoaded", () => {
   if (!has("index")) part("status").textContent = lost("data.js").message;
 });
 
-async function start(found) {
+async function start(loaded) {
   if (!eigbench.charts) throw lost("chart.js");
-  index = found;
+  index = loaded;
   wirePage();
   wireTheme(part("theme"), () => {
     drawChart();
@@ -72,9 +72,9 @@ async function show() {
   if (!every.includes(state.board)) state.board = every[0];
   const key = state.board;
   try {
-    const found = await get(`boards/${key}`);
+    const loaded = await get(`boards/${key}`);
     if (key !== state.board) return; // another was chosen meanwhile
-    board = found;
+    board = loaded;
   } catch (error) {
     if (key === state.board) clear(error.message);
     return;
@@ -85,7 +85,7 @@ async function show() {
   document.title = `${board.title} - eigbench leaderboard`;
   const notes = markdown(board.notes, linker(index.docs));
   const about = element("details", {}, element("summary", {}, "How to read this"), notes);
-  const reported = [element("h3", {}, "As printed, and what does not agree in it"), ...notes];
+  const reported = [element("h3", {}, "Notes on the printed numbers"), ...notes];
   part("notes").replaceChildren(...(board.groups ? [glossary(board), about] : reported));
   render();
 }
@@ -116,7 +116,7 @@ function change(patch, form = true) {
   render(form);
 }
 
-/** Draw everything that hangs on the state. */
+/** Draw everything that depends on the state. */
 function render(form = true) {
   if (!board) return;
   location.replace(encoded(state)); // not history.replaceState, which some browsers refuse to files

@@ -8,13 +8,13 @@ export function makeDetail(board, row) {
   const body = element("div", { class: "detail" }, element("p", {}, "Loading …"));
   const parts = [];
   let closed = false;
-  const ready = get(`rows/${board.key}/${row.slug}`).then(async (told) => {
+  const ready = get(`rows/${board.key}/${row.slug}`).then(async (content) => {
     if (closed) return;
-    const cards = told.shapes.map((shape) => card(row, shape));
+    const cards = content.shapes.map((shape) => card(row, shape));
     body.replaceChildren(
-      facts(told.facts),
+      facts(content.facts),
       ...(cards.length ? [element("div", { class: "shapes" }, cards.map((one) => one.element))] : []),
-      element("div", { class: "tables" }, told.tables.map((table) => plainTable(table))));
+      element("div", { class: "tables" }, content.tables.map((table) => plainTable(table))));
     for (const one of cards) parts.push(one);
     await Promise.all(cards.map((one) => one.start()));
   }).catch((error) => body.append(element("p", { class: "error" }, error.message)));

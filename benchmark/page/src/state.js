@@ -13,9 +13,9 @@ export function decoded(hash) {
 
 /** Return the fragment of a state, with what is not as it is at first. */
 export function encoded(state) {
-  const told = new URLSearchParams({ board: state.board });
-  for (const name of TEXTS) if (state[name]) told.set(name, state[name]);
-  if (state.sort && state.down) told.set("order", "down");
-  if (state.kinds) told.set("kinds", state.kinds.join(","));
-  return `#${told}`;
+  const fragment = new URLSearchParams({ board: state.board });
+  for (const name of TEXTS) if (state[name]) fragment.set(name, state[name]);
+  if (state.sort && state.down) fragment.set("order", "down");
+  if (state.kinds) fragment.set("kinds", state.kinds.join(","));
+  return `#${fragment}`;
 }

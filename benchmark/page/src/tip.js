@@ -30,7 +30,7 @@ let shown = null; // the element that it is of
 function scrolled() {
   if (!shown) return;
   const { top, bottom } = shown.getBoundingClientRect();
-  if (shown.contains(document.activeElement) && bottom > 0 && top < innerHeight) place(shown);
+  if (shown.contains(document.activeElement) && bottom > 0 && top < innerHeight) position(shown);
   else hide();
 }
 
@@ -40,10 +40,10 @@ function show(target, text) {
   box().textContent = text;
   box().hidden = false;
   shown = target;
-  place(target);
+  position(target);
 }
 
-function place(target) {
+function position(target) {
   const at = target.getBoundingClientRect();
   const { width, height } = box().getBoundingClientRect();
   const left = Math.max(8, Math.min(at.left, document.documentElement.clientWidth - width - 8));

@@ -38,11 +38,11 @@ function view(container, packed, label) {
   });
   const simplified = packed.shown < packed.face_count; // then its edges are not those of the mesh
   const count = (number) => number.toLocaleString("en");
-  const told = `${count(packed.vertex_count)} vertices, ${count(packed.face_count)} triangles` +
+  const counts = `${count(packed.vertex_count)} vertices, ${count(packed.face_count)} triangles` +
     (simplified ? `; simplified for display to ${count(packed.shown)}` : "");
   const context = canvas.getContext("webgl2", { alpha: true, antialias: true });
   if (!context) {
-    container.replaceChildren(element("p", {}, `This browser has no WebGL, so the mesh (${told}) cannot be shown.`));
+    container.replaceChildren(element("p", {}, `This browser has no WebGL, so the mesh (${counts}) cannot be shown.`));
     return { redraw: () => {}, close: () => {} };
   }
   const renderer = new WebGLRenderer({ canvas, context });
@@ -129,7 +129,7 @@ function view(container, packed, label) {
       button("Turn up", "↑", () => turn(0, TURN)), button("Turn down", "↓", () => turn(0, -TURN)),
       button("Zoom in", "+", () => zoom(ZOOM)), button("Zoom out", "−", () => zoom(1 / ZOOM)),
       button("Reset the view", "reset", reset), toggle),
-    element("p", { class: "small" }, `${told}.`));
+    element("p", { class: "small" }, `${counts}.`));
   const observer = new ResizeObserver(resize);
   observer.observe(container.querySelector(".canvas"));
   reset();

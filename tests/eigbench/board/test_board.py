@@ -49,7 +49,7 @@ def generated(made, tmp_path_factory):
     """A board of the four, generated. Read only."""
     root = tmp_path_factory.mktemp("board")
     for path in made.values():
-        leaderboard.place(submission.read(path), root)
+        leaderboard.add(submission.read(path), root)
     for path, text in leaderboard.generate(leaderboard.read(root), []).items():
         (root / path).parent.mkdir(parents=True, exist_ok=True)
         (root / path).write_text(text)
@@ -477,7 +477,7 @@ def test_submit_refuses_what_was_not_timed_beside_lapy(made, tmp_path):
     one = submission.read(made["far"])
     cost = {**one.result["cost"], "reference": None}
     with pytest.raises(ResultError, match="was not timed beside LaPy: evaluate without --no-ref"):
-        leaderboard.place(replace(one, result={**one.result, "cost": cost}), tmp_path)
+        leaderboard.add(replace(one, result={**one.result, "cost": cost}), tmp_path)
 
 
 def test_ratio_to_lapy_is_on_the_page(read):
@@ -505,7 +505,7 @@ def test_submit_refuses_another_split(made, tmp_path):
         one, result={**one.result, "dataset": {**one.result["dataset"], "split": "train"}}
     )
     with pytest.raises(ResultError, match="is of the split train: a board takes test only"):
-        leaderboard.place(other, tmp_path)
+        leaderboard.add(other, tmp_path)
 
 
 @pytest.mark.parametrize("value", [np.nan, -1.0, 0.0])
@@ -602,7 +602,7 @@ def test_plot_draws_every_picture(eigbench, made, tmp_path):
 
 
 def test_spectra_show_the_best_the_median_and_the_worst_of_each_family(read, mini_truth):
-    figure = figures.spectra(read["one"])
+    figure = error_figures.spectra(read["one"])
     titles = [axes.get_title() for axes in figure.axes]
     assert len(titles) == 3 * len(set(mini_truth.families.tolist()))
     errors = ranking.per_mesh(read["one"], "rpd")
@@ -683,7 +683,7 @@ def test_plot_of_a_metric_that_is_infinite_on_finite_answers_says_so(
         assert code == 2
         assert f"{told} {len(answers)} instances, though the predictions are finite" in err
         one = submission.read(two)
-        for draw in (error_figures.histogram, figures.families):
+        for draw in (error_figures.histogram, error_figures.families):
             with pytest.raises(EigbenchError, match=told):
                 draw([one], key)
     assert eigbench("plot", two, "--out", tmp_path, "--metric", "rpd")[0] == 0

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from eigbench.board import generalisation, leaderboard, ranking
+from eigbench.board import generalisation, leaderboard, page, ranking
 from eigbench.errors import EigbenchError, PredictorError, ResultError
 from eigbench.results import submission
 from eigbench.running import meshes
@@ -137,27 +137,30 @@ def test_the_drop_is_against_the_same_shapes_and_nothing_that_is_untrained_has_o
     whole, model = held_out
     board = generalisation.Board(ranking.ranked(whole), {"genus": [model]})
     solver, trained, lazy = whole
-    cell = board.cell(trained, "genus", "rpd")
+    cell = board.scored(trained, "genus", "rpd")
     assert cell.score == pytest.approx(10 * 0.05 / 2.05)
     assert cell.drop == pytest.approx(10 * (0.05 / 2.05 - 0.01 / 2.01))
-    assert board.cell(solver, "genus", "rpd").drop is None
-    assert board.cell(solver, "genus", "rpd").score == pytest.approx(10 * 0.001 / 2.001)
-    assert board.cell(lazy, "genus", "rpd") == generalisation.Cell(None)
-    assert board.cell(trained, "boundary", "rpd") == generalisation.Cell(None)
+    assert board.scored(solver, "genus", "rpd").drop is None
+    assert board.scored(solver, "genus", "rpd").score == pytest.approx(10 * 0.001 / 2.001)
+    assert board.scored(lazy, "genus", "rpd") == generalisation.HeldOut(None)
+    assert board.scored(trained, "boundary", "rpd") == generalisation.HeldOut(None)
     assert board.protocols == ["family", "resolution", "genus", "boundary"]
 
 
 def test_section_shows_scores_beside_the_iid_column_with_the_drop(held_out, tmp_path):
     whole, model = held_out
     for one in [*whole, model]:
-        leaderboard.place(one, tmp_path)
+        leaderboard.add(one, tmp_path)
     text = leaderboard.generate(leaderboard.read(tmp_path), [])[leaderboard.Path("LEADERBOARD.md")]
     assert (
         text == leaderboard.generate([model, *whole[::-1]], [])[leaderboard.Path(leaderboard.PAGE)]
     )
     assert "## synthNet 2.0-mini: generalisation" in text
     assert "protocol genus" not in text  # no section of its own
-    assert "genus 1 and more unseen (9 meshes)" in text
+    heads, _, counts = text.partition("| RPD ↓ of |")[2].splitlines()[:3]
+    assert heads.split(" | ")[3] == "genus 1 and more unseen"
+    assert counts.split(" | ")[4] == "9"
+    assert counts.startswith("| meshes |")
     assert "| Model | 0.0498 | not run | not run | 0.2439 (+0.1942) | not run |" in text
     assert "| Lazy | 0.0990 | not run | not run | not run | not run |" in text
     assert "| Solver | 0.0050 | 0.0050 | 0.0050 | 0.0050 | 0.0050 |" in text
@@ -169,7 +172,7 @@ def test_readme_shows_what_the_first_rows_lose(held_out):
     readme = "<!-- begin leaderboard --><!-- end leaderboard -->"
     text = leaderboard.generate([*whole, model], [], (), readme)[leaderboard.Path("README.md")]
     assert "| Model | 0.0498 | not run | not run | 0.2439 (+0.1942) | not run |" in text
-    best = generalisation.top(generalisation.Board(ranking.ranked(whole), {"genus": [model]}), 1)
+    best = page.generalised_top(generalisation.Board(ranking.ranked(whole), {"genus": [model]}), 1)
     assert [line.split(" | ")[0] for line in best.splitlines()[2:]] == [
         "| RPD ↓ of",
         "| ---",
@@ -184,7 +187,7 @@ def test_what_is_trained_on_another_version_has_no_drop(parts, make_submission):
         for wanted in (parts["grouped"], parts["genus"])
     )
     board = generalisation.Board(ranking.ranked([whole]), {"genus": [genus]})
-    cell = board.cell(whole, "genus", "rpd")
+    cell = board.scored(whole, "genus", "rpd")
     assert cell.score == pytest.approx(10 * 0.01 / 2.01)
     assert cell.drop is None
 
@@ -192,7 +195,7 @@ def test_what_is_trained_on_another_version_has_no_drop(parts, make_submission):
 def test_a_remark_beside_a_result_stands_below_its_table(held_out, tmp_path):
     whole, model = held_out
     for one in [*whole, model]:
-        leaderboard.place(one, tmp_path)
+        leaderboard.add(one, tmp_path)
     results = tmp_path / leaderboard.RESULTS
     (results / model.board / "model.remark.txt").write_text("tuned\non these\n")
     (results / whole[0].board / "solver.remark.txt").write_text("a | b\n")
@@ -217,7 +220,7 @@ def test_a_remark_beside_a_result_stands_below_its_table(held_out, tmp_path):
 )
 def test_a_wrong_remark_is_one_line(name, content, message, held_out, tmp_path):
     solver = held_out[0][0]
-    leaderboard.place(solver, tmp_path)
+    leaderboard.add(solver, tmp_path)
     place = tmp_path / leaderboard.RESULTS / solver.board / f"{name}.remark.txt"
     place.write_bytes(content)
     with pytest.raises(ResultError, match=message):
@@ -234,20 +237,20 @@ def test_submit_says_that_a_remark_stays(held_out, eigbench, tmp_path):
     place.write_text("tuned")
     code, out, _ = eigbench(*arguments, "--replace")
     assert code == 0
-    assert f"the remark on what was there before stays: {place}" in out
+    assert f"the remark on the earlier result stays: {place}" in out
 
 
 def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(
     held_out, parts, make_submission, tmp_path
 ):
     _, model = held_out
-    leaderboard.place(model, tmp_path)
+    leaderboard.add(model, tmp_path)
     with pytest.raises(ResultError, match="Model has a result under genus and none under grouped"):
         leaderboard.read(tmp_path)
     wanted = truth.load("2.0-mini", "test", "family/pretzel")
     single = submission.read(make_submission("Model", wanted.eigenvalues, wanted))
     with pytest.raises(ResultError, match=r"is of family/pretzel alone: .* --protocol family"):
-        leaderboard.place(single, tmp_path)
+        leaderboard.add(single, tmp_path)
 
 
 def test_a_model_that_says_nothing_of_its_training_is_not_taken_for_untrained(
@@ -258,7 +261,7 @@ def test_a_model_that_says_nothing_of_its_training_is_not_taken_for_untrained(
     silent = submission.read(make_submission("Silent", values, wanted, kind="learned"))
     silent.result["model"].pop("training_data", None)
     board = generalisation.Board(ranking.ranked([silent]), {})
-    assert board.cell(silent, "genus", "rpd") == generalisation.Cell(None)
+    assert board.scored(silent, "genus", "rpd") == generalisation.HeldOut(None)
 
 
 def test_the_drop_is_between_the_same_seeds(parts, make_submission):
@@ -269,7 +272,7 @@ def test_the_drop_is_between_the_same_seeds(parts, make_submission):
     )
     one = submission.read(make_submission("M", genus.eigenvalues * 1.01, genus, kind="learned"))
     board = generalisation.Board(ranking.ranked([three]), {"genus": [one]})
-    assert board.cell(three, "genus", "rpd").drop == pytest.approx(0)
+    assert board.scored(three, "genus", "rpd").drop == pytest.approx(0)
 
 
 def test_a_drop_between_two_codes_is_refused(held_out, parts, make_submission, tmp_path):
@@ -279,6 +282,6 @@ def test_a_drop_between_two_codes_is_refused(held_out, parts, make_submission, t
         "Model", parts["genus"].eigenvalues, parts["genus"], kind="learned", sources=other
     )
     for one in (whole[1], submission.read(changed)):
-        leaderboard.place(one, tmp_path)
+        leaderboard.add(one, tmp_path)
     with pytest.raises(ResultError, match="are of other code, or other weights"):
         leaderboard.read(tmp_path)

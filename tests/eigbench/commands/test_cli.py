@@ -8,7 +8,7 @@ import shutil
 import numpy as np
 import pytest
 from eigbench.board import tables
-from eigbench.commands import predictor
+from eigbench.commands import check
 from eigbench.results import predictions
 from eigbench.scoring import physics
 from eigbench.scoring.metrics import METRICS
@@ -296,4 +296,4 @@ def test_check_of_a_bad_predictor_exits_with_2(eigbench, predictor_file):
 
 def test_zeros_agree_with_zeros():
     zeros = np.zeros((2, 10))
-    assert predictor._differences("shuffled order", ["a", "b"], zeros, zeros) == []
+    assert check._differences("shuffled order", ["a", "b"], zeros, zeros) == []

@@ -228,7 +228,7 @@ def test_a_signal_ends_an_evaluation_and_the_predictors_process(
     process.send_signal(number)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    told = "eigbench: interrupted; what was finished is kept, --resume goes on from it"
+    told = "eigbench: interrupted; finished work is kept, --resume continues from it"
     assert err.splitlines()[-1] == told
     assert len([*code.parent.glob(".out.json.parts/*/*.npz")]) == 1
     assert not Path("/proc", pid.read_text()).exists()

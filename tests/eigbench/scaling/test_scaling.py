@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eigbench.board import leaderboard
-from eigbench.board import scaling_page as scaling_page
+from eigbench.board import leaderboard, scaling_page
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, ResultError
 from eigbench.running.process import PredictorProcess
 from eigbench.scaling import results as scaling_results
@@ -176,7 +175,7 @@ def test_what_goes_wrong_at_one_size_loses_only_that(
     assert told in result["meshes"][1]["detail"]
     assert result["meshes"][1]["eigenvalues"] is None
     assert scaling_results.read(out).result == result
-    cell = scaling_scores.cell(Scaled(result, out), 10_000)
+    cell = scaling_scores.medians(Scaled(result, out), 10_000)
     said = {"over time": "over 2 s", "over memory": "over 0.25 GiB"}.get(outcome, outcome)
     assert (cell.answered, cell.total, cell.failures) == (0, 1, (said,))
 
@@ -438,7 +437,7 @@ def test_submit_places_a_result_and_the_board_is_checked(eigbench, rows, tmp_pat
     assert not (board / leaderboard.RESULTS).exists()  # a board may be of this track alone
     assert eigbench("leaderboard", "--board", board)[0] == 0
     assert eigbench("leaderboard", "--check", "--board", board)[0] == 0
-    place = board / scaling_results.PLACE / "near.json"
+    place = board / scaling_results.FOLDER / "near.json"
     assert place.read_bytes() == rows[2].path.read_bytes()
     changed = json.loads(rows[2].path.read_text())
     changed["meshes"][0]["seconds"] = [0.5]

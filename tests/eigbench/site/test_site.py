@@ -144,8 +144,7 @@ def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, n
             lines = table(section, f"{METRICS[key].heading} of")
             for row in read(content, f"boards/{one.board}.js")["rows"]:
                 line = lines[cell(row["name"])]
-                (column,) = (head for head in line if head.startswith(f"{title} ("))
-                shown = line[column].rstrip(" ¹²³")  # marks of remarks, which the page has as notes
+                shown = line[title].rstrip(" ¹²³")  # marks of remarks, which the page has as notes
                 mean, _, drop = shown.partition(" (")
                 assert row["cells"][key][0].partition(" ± ")[0] == mean, (one.board, row["name"])
                 if key == "rpd":
@@ -404,7 +403,7 @@ def test_a_page_with_something_else_in_its_folder_is_not_replaced(made_content, 
     with pytest.raises(
         EigbenchError,
         match=rf"page has {re.escape(named)}, which `eigbench site` did not write and would "
-        "remove: move it elsewhere, or give another place with --out$",
+        "remove: move it elsewhere, or give another folder with --out$",
     ):
         write.write(tmp_path / "page", made_content)
     assert mine.read_text() == "mine"
@@ -416,9 +415,7 @@ def test_a_folder_that_is_no_page_is_not_touched(eigbench, made_board, tmp_path)
     (tmp_path / "mine" / "index.html").write_text("mine")
     code, _, err = eigbench("site", "--board", tmp_path, "--out", tmp_path / "mine")
     assert code == 2
-    assert re.search(
-        r"eigbench: .*mine is there and is no page of `eigbench site`, .* --out\n", err
-    )
+    assert re.search(r"eigbench: .*mine exists and is no page of `eigbench site`, .* --out\n", err)
     assert (tmp_path / "mine" / "index.html").read_text() == "mine"
 
 

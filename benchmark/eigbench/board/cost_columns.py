@@ -1,0 +1,114 @@
+"""The columns of time, memory and training: what a prediction costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from eigbench import results
+from eigbench.board.columns import DECLARED, Cell, Column, Group, six_digits, words
+from eigbench.board.ranking import Ranked
+from eigbench.board.tables import SPEED, beside_lapy, number
+
+
+def table() -> Group[Ranked]:
+    """Return the table of times and memory, which are compared within one hardware only."""
+
+    def quartiles(facts: dict[str, Any]) -> Cell:
+        low, high = facts["ms_per_mesh_quartiles"]
+        return f"{number(low, 2)} to {number(high, 2)}", six_digits(low)
+
+    def of(key: str, decimals: int) -> Callable[[dict[str, Any]], Cell]:
+        return lambda facts: (number(facts[key], decimals), six_digits(facts[key]))
+
+    ms, ratio = speed()
+    columns = [
+        ms,
+        _fact("quartiles", "quartiles", "Quartiles of ms a mesh over the batches.", quartiles),
+        _fact(
+            "ms-mean",
+            "mean",
+            "Total time divided by the number of meshes.",
+            of("ms_per_mesh_mean", 2),
+        ),
+        _fact("lapy-ms", "LaPy's ms", "LaPy's ms a mesh in the same run.", _lapys_own),
+        ratio,
+        _fact(
+            "batch", "batch", "Meshes per call.", lambda f: (str(f["batch_size"]), f["batch_size"])
+        ),
+        _fact("cores", "cores used", "CPU time divided by wall time.", of("cores_used", 2)),
+        _fact(
+            "memory",
+            "peak MB",
+            "Peak memory of the predictor's process, its libraries included, a GPU's not.",
+            of("peak_memory_mb", 0),
+        ),
+        parameters(),
+        Column(
+            "training-cost",
+            "training cost",
+            f"What the training took. {DECLARED}",
+            lambda row: words(results.declared(row.submission.result, "training_cost")),
+            numeric=False,
+        ),
+    ]
+    note = "ms a mesh is the median over batches. The training cost is declared, not measured."
+    return Group("cost", "Cost", columns, note)
+
+
+def _fact(
+    key: str,
+    title: str,
+    note: str,
+    cell: Callable[[dict[str, Any]], Cell],
+    *,
+    higher: bool = False,
+) -> Column[Ranked]:
+    """Return a column of what a run cost."""
+    return Column(key, title, note, lambda row: cell(row.submission.result["cost"]), higher=higher)
+
+
+def speed(protocol: str | None = None) -> list[Column[Ranked]]:
+    """Return the columns of time; rows of a version's own protocol show those of ``grouped``."""
+
+    def ratio(facts: dict[str, Any]) -> Cell:
+        reference = facts.get("reference")
+        return beside_lapy(facts), None if reference is None else six_digits(reference["ratio"])
+
+    elsewhere = "" if protocol is None else " Timed under the protocol grouped."
+    ms_note = (
+        "Milliseconds a mesh from raw vertices and faces to eigenvalues, median over batches. "
+        f"Compare them within one hardware, device and number of threads only.{elsewhere}"
+    )
+    ratio_note = (
+        "How many times faster than LaPy on one thread, timed in the same run on some of the same "
+        "batches. It may be compared between machines for equal device and threads."
+        f"{elsewhere}"
+    )
+    return [
+        _fact(
+            "ms",
+            "ms a mesh",
+            ms_note,
+            lambda facts: (number(facts["ms_per_mesh"], 2), six_digits(facts["ms_per_mesh"])),
+        ),
+        _fact("lapy", SPEED, ratio_note, ratio, higher=True),
+    ]
+
+
+def _lapys_own(facts: dict[str, Any]) -> Cell:
+    """Return LaPy's ms a mesh in a run, on the batches that it was given too."""
+    reference = facts.get("reference")
+    if reference is None:
+        return "not timed", None
+    return number(reference["ms_per_mesh"], 2), six_digits(reference["ms_per_mesh"])
+
+
+def parameters() -> Column[Ranked]:
+    """Return the column of the number of trained parameters."""
+
+    def cell(row: Ranked) -> Cell:
+        count = row.submission.result["model"]["parameters"]
+        return ("", None) if count is None else (f"{count:,}", count)
+
+    return Column("parameters", "parameters", "Number of trained parameters, counted.", cell)

@@ -1,0 +1,237 @@
+"""The columns of a board, for LEADERBOARD.md and for the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from eigbench.board import cost_columns, generalisation
+from eigbench.board.columns import DECLARED, Cell, Column, Group, of_run, six_digits, words
+from eigbench.board.generalisation import Board
+from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.board.tables import (
+    deviation,
+    family_title,
+    in_order,
+    number,
+    score,
+    with_uncertainty,
+)
+from eigbench.scoring.metrics import MAIN, METRICS
+from eigbench.scoring.physics import SHARES, TITLES
+from synthnet.store.files import sha256
+
+METRIC_NOTES = {
+    "invlap": "Inverse Laplacian: √ Σ (g/p − 1)² of prediction p and label g. It has no upper "
+    "bound: one prediction that is too small can dominate the mean.",
+    "rpd": "Relative percent difference: Σ |p − g| / (|p| + |g|), from 0 to 10. It decides the "
+    "ranks.",
+    "polar": "1 − cosine of the angle between the spectra + ‖p − g‖ / (‖p‖ + ‖g‖), from 0 to 3. "
+    "The largest eigenvalues dominate it.",
+    "psnr": "Peak signal-to-noise ratio of a spectrum in dB, infinite for an exact one.",
+    "psnr20": "Share of meshes whose spectrum is predicted with a PSNR above 20 dB.",
+    "l1": "Σ |p − g|. It scales as 1/length²; small shapes dominate it.",
+    "l2": "√ Σ (p − g)². It scales as 1/length²; small shapes dominate it.",
+}
+PHYSICS_NOTES = {
+    "scale_2": "A mesh twice as large must have a quarter of the eigenvalues.",
+    "scale_half": "A mesh half as large must have four times the eigenvalues.",
+    "rotation": "A rotated mesh must have the same eigenvalues.",
+    "reflection": "A mirrored mesh must have the same eigenvalues.",
+    "permutation": "The numbering of vertices and faces must not matter.",
+    "triangulation": "Each triangle is split into four: the surface stays the same, though the "
+    "eigenvalues of an exact solver change a little.",
+    "positive": "Share of probe shapes whose predicted eigenvalues are all positive.",
+    "ascending": "Share of probe shapes whose predicted eigenvalues ascend.",
+}
+FAMILIES_BY = ("invlap", "rpd", "psnr20")
+
+
+def _result(row: Ranked) -> dict[str, Any]:
+    return row.submission.result
+
+
+RANK: Column[Ranked] = Column(
+    "rank",
+    "rank",
+    f"By mean {METRICS[RANKED_BY].title}. Rows marked = are statistically tied with the first of "
+    "their group: the shapes are too few, or the labels too coarse, to tell them apart.",
+    lambda row: (row.shown_rank, row.rank),
+    numeric=False,
+)
+MODEL, KIND, HARDWARE, TRAINING = of_run(_result)
+
+
+def main() -> Group[Ranked]:
+    """Return the main table of LEADERBOARD.md."""
+    columns = [*map(_mean, MAIN), cost_columns.parameters(), *cost_columns.speed(), *_declared()]
+    return Group("main", "Main table", columns)
+
+
+def top() -> Group[Ranked]:
+    """Return the table of the README: means without their uncertainty."""
+    ratio = cost_columns.speed()[1]
+    return Group("top", "Top", [_plain(RANKED_BY), _plain("psnr20"), ratio])
+
+
+def overview(board: Board | None, protocol: str | None) -> Group[Ranked]:
+    """Return what the page shows first: fewer columns, and the drop where something is held out."""
+    drops = [] if board is None or protocol is None else generalisation.drops(board, protocol)
+    metrics = [_mean(RANKED_BY), *drops, _mean("invlap"), _mean("psnr20")]
+    columns = [*metrics, *cost_columns.speed(protocol), cost_columns.parameters(), *_declared()]
+    return Group("overview", "Overview", columns)
+
+
+def groups(rows: Sequence[Ranked], protocol: str | None = None) -> list[Group[Ranked]]:
+    """Return the tables below the main one.
+
+    Parameters
+    ----------
+    rows : sequence of Ranked
+        Of the board.
+    protocol : str or None
+        The version's own protocol that the rows are of, which has no times and physics of its
+        own; ``None`` for a protocol that all versions have.
+    """
+    medians = [_median(key) for key in METRICS if key != "psnr20"]
+    scored = [
+        Group(
+            "medians",
+            "Medians",
+            medians,
+            "The median over instances. InvLap has no upper bound, so one bad prediction can "
+            "dominate its mean; PSNR is in dB, and infinite where a prediction is exact.",
+        ),
+        Group(
+            "intervals",
+            "Intervals",
+            [_interval(key) for key in MAIN],
+            "95 % percentile-bootstrap intervals of the means; where an interval is not symmetric, "
+            "± gives only half its width.",
+        ),
+        *(_families(rows, key) for key in FAMILIES_BY),
+        Group("indices", "Relative error by eigenvalue", _indices(rows), "Mean of |p − g| / g."),
+    ]
+    return scored if protocol is not None else [*scored, cost_columns.table(), _physics()]
+
+
+def digests() -> Group[Ranked]:
+    """Return the table of the files' SHA-256."""
+
+    def column(name: str) -> Column[Ranked]:
+        def cell(row: Ranked) -> Cell:
+            return words(sha256(getattr(row.submission, f"{name}_path")))
+
+        return Column(name, name, f"SHA-256 of the file of the {name}.", cell, numeric=False)
+
+    columns = [column("result"), column("predictions")]
+    return Group("digests", "Digests", columns, "SHA-256 of the files")
+
+
+def _of_metric(
+    key: str, suffix: str, note: str, cell: Callable[[dict[str, float | None]], Cell]
+) -> Column[Ranked]:
+    """Return a column of a metric's scores over all instances."""
+    metric = METRICS[key]
+    return Column(
+        key + suffix,
+        metric.heading,
+        note,
+        lambda row: cell(row.submission.result["scores"]["overall"][key]),
+        higher=metric.higher_is_better,
+    )
+
+
+def _mean(key: str) -> Column[Ranked]:
+    note = (
+        f"{METRIC_NOTES[key]} Mean over instances ± half the 95 % interval over shapes; in "
+        "brackets the standard deviation over seeds."
+    )
+    return _of_metric(
+        key, "", note, lambda cell: (with_uncertainty(cell, key), six_digits(cell["mean"]))
+    )
+
+
+def _plain(key: str) -> Column[Ranked]:
+    note = f"{METRIC_NOTES[key]} Mean over instances."
+    return _of_metric(
+        key, "-mean", note, lambda cell: (score(cell["mean"], key), six_digits(cell["mean"]))
+    )
+
+
+def _median(key: str) -> Column[Ranked]:
+    note = f"Median over instances. {METRIC_NOTES[key]}"
+    return _of_metric(
+        key, "-median", note, lambda cell: (score(cell["median"], key), six_digits(cell["median"]))
+    )
+
+
+def _interval(key: str) -> Column[Ranked]:
+    def cell(scores: dict[str, float | None]) -> Cell:
+        low, high = scores["low"], scores["high"]
+        return f"{score(low, key)} to {score(high, key)}", six_digits(low)
+
+    note = f"95 % percentile-bootstrap interval of the mean over shapes. {METRIC_NOTES[key]}"
+    return _of_metric(key, "-interval", note, cell)
+
+
+def _families(rows: Sequence[Ranked], key: str) -> Group[Ranked]:
+    metric = METRICS[key]
+    counts = rows[0].submission.result["scores"]["families"]
+
+    def column(name: str) -> Column[Ranked]:
+        def cell(row: Ranked) -> Cell:
+            value = row.submission.result["scores"]["families"][name][key]["mean"]
+            return score(value, key), six_digits(value)
+
+        count = f"{counts[name]['count']:,}"
+        note = f"Mean {metric.title} over the {count} instances of this family. {METRIC_NOTES[key]}"
+        return Column(
+            f"{key}-{name}",
+            family_title(name),
+            note,
+            cell,
+            higher=metric.higher_is_better,
+            lead=count,
+        )
+
+    columns = [column(name) for name in in_order(counts)]
+    return Group(f"families-{key}", f"{metric.heading} by family", columns, lead="instances")
+
+
+def _indices(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
+    def column(i: int) -> Column[Ranked]:
+        def cell(row: Ranked) -> Cell:
+            value = row.submission.result["scores"]["per_index"][i]["mean"]
+            return number(value), six_digits(value)
+
+        note = f"Mean relative error |p − g| / g of the non-zero eigenvalue number {i + 1}."
+        return Column(f"index-{i + 1}", f"λ{i + 1}", note, cell)
+
+    return [column(i) for i in range(len(rows[0].submission.result["scores"]["per_index"]))]
+
+
+def _declared() -> list[Column[Ranked]]:
+    def seeds(row: Ranked) -> Cell:
+        count = row.submission.result["predictions"]["seeds"]
+        return str(count), count
+
+    note = "Runs with other random numbers; the row shows their mean."
+    return [HARDWARE, TRAINING, Column("seeds", "seeds", note, seeds)]
+
+
+def _physics() -> Group[Ranked]:
+    def column(key: str) -> Column[Ranked]:
+        def cell(row: Ranked) -> Cell:
+            value = row.submission.result["physics"][key]
+            return deviation(key, value), six_digits(value)
+
+        measured = "" if key in SHARES else " Median relative deviation on probe shapes."
+        note = f"{PHYSICS_NOTES[key]}{measured} {DECLARED}"
+        return Column(f"physics-{key}", TITLES[key], note, cell, higher=key in SHARES)
+
+    note = (
+        "Median relative deviation on probe shapes from the laws that every spectrum obeys, and "
+        "the share of spectra that are positive and ascending."
+    )
+    return Group("physics", "Physics", [column(key) for key in TITLES], note)

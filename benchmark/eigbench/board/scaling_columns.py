@@ -1,0 +1,154 @@
+"""The columns of the scaling track, for LEADERBOARD.md and for the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from eigbench.board.columns import Cell, Column, Group, of_run, six_digits
+from eigbench.board.tables import number
+from eigbench.scaling import scores, surfaces
+from eigbench.scaling.results import Scaled
+from eigbench.scaling.scores import Medians, Verdict
+
+
+def _result(row: Scaled) -> dict[str, Any]:
+    return row.result
+
+
+MODEL, KIND, HARDWARE, TRAINING = of_run(_result)
+
+
+def groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> dict[str, Group[Scaled]]:
+    """Return the tables of one hardware setting by key; ``verdicts`` are its own."""
+    timed = [size for size in sizes if size <= surfaces.TIMED_BESIDE]
+    tables = (
+        Group(
+            "overview",
+            "Error and time",
+            [column(size) for size in sizes for column in (_error, _time)],
+            lead="discretisation error of the meshes",
+        ),
+        Group(
+            "distance",
+            "Against the surface",
+            [_distance(size, verdicts) for size in sizes],
+            "The same answers against the spectrum of the surface instead of the mesh's. In "
+            "brackets: the ms that the fastest exact solver takes on a mesh just fine enough for "
+            "that error, interpolated between the sizes; making such a mesh is not counted.",
+            lead="the labels",
+        ),
+        Group(
+            "memory",
+            "Peak memory",
+            [_memory(size) for size in sizes],
+            "MB of the process, its libraries included.",
+        ),
+        Group(
+            "lapy",
+            "LaPy beside each run",
+            [_lapy(size) for size in timed],
+            "LaPy's ms a mesh in the run of each row, on the same meshes up to "
+            f"{surfaces.TIMED_BESIDE:,} vertices: how fast the machine was then.",
+        ),
+    )
+    return {group.key: group for group in tables}
+
+
+def _error(size: int) -> Column[Scaled]:
+    note = (
+        "Mean relative error of the ten eigenvalues against the label, the exact spectrum of the "
+        "mesh; median over the surfaces."
+    )
+    own = percent(scores.floor(size))
+    return _median("error", size, "error", note, lambda m: (percent(m.error), m.error), own)
+
+
+def _time(size: int) -> Column[Scaled]:
+    note = (
+        "Milliseconds a mesh, one mesh a call; median over the surfaces. Compare them within one "
+        "hardware, device and number of threads only."
+    )
+    return _median("ms", size, "ms", note, lambda m: (ms(m.seconds), 1e3 * m.seconds))
+
+
+def _distance(size: int, verdicts: Sequence[Verdict]) -> Column[Scaled]:
+    note = (
+        "Mean relative error against the spectrum of the surface instead of the mesh's; median "
+        "over the surfaces. In brackets: the ms that the fastest exact solver takes on a mesh just "
+        "fine enough for that error."
+    )
+
+    def text(distance: float) -> str:
+        side, seconds = scores.coarse_seconds(verdicts, distance)
+        return percent(distance) + (f" ({side}{ms(seconds)})" if seconds > 0 else "")
+
+    own = text(scores.floor(size))
+    return _median(
+        "distance", size, "distance", note, lambda m: (text(m.distance), m.distance), own
+    )
+
+
+def _memory(size: int) -> Column[Scaled]:
+    note = "Peak memory in MB of the process, its libraries included; median over the surfaces."
+
+    def cell(medians: Medians) -> tuple[str, float]:
+        return f"{medians.peak_memory_mb:,.0f}", medians.peak_memory_mb
+
+    return _median("memory", size, "MB", note, cell)
+
+
+def _lapy(size: int) -> Column[Scaled]:
+    def cell(row: Scaled) -> Cell:
+        seconds = _lapys_seconds(row, size)
+        return ("not run", None) if seconds is None else (ms(seconds), six_digits(1e3 * seconds))
+
+    note = "LaPy's ms a mesh in the same run, on the same meshes: how fast the machine was then."
+    return Column(f"lapy-{size}", f"{size:,}: ms", f"At {size:,} vertices. {note}", cell)
+
+
+def _median(
+    key: str,
+    size: int,
+    title: str,
+    note: str,
+    cell: Callable[[Medians], tuple[str, float]],
+    own: str = "",
+) -> Column[Scaled]:
+    """Return a column of medians at a size, which says what they leave out."""
+
+    def with_failures(row: Scaled) -> Cell:
+        medians = scores.medians(row, size)
+        if not medians.total:
+            return "not run", None
+        if not medians.answered:
+            return ", ".join(medians.failures), None
+        text, value = cell(medians)
+        if medians.answered < len(surfaces.SURFACES):
+            text = f"{text} ({medians.answered} of {len(surfaces.SURFACES)})"
+        return text, six_digits(value)
+
+    note = f"At {size:,} vertices. {note}"
+    return Column(f"{key}-{size}", f"{size:,}: {title}", note, with_failures, lead=own)
+
+
+def _lapys_seconds(row: Scaled, size: int) -> float | None:
+    """Return the median time of LaPy in a row's run at a size, in seconds."""
+    times = [
+        mesh["reference_seconds"]
+        for (_, at), mesh in row.meshes.items()
+        if at == size and mesh["reference_seconds"] is not None
+    ]
+    return float(np.median(times)) if times else None
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent."""
+    return f"{number(100 * share, 3)} %"
+
+
+def ms(seconds: float) -> str:
+    """Return seconds in milliseconds."""
+    return number(1e3 * seconds, 2)

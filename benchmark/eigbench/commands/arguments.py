@@ -1,0 +1,59 @@
+"""Options that several commands take."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from eigbench.errors import EigbenchError
+from synthnet import store
+
+Command = Callable[..., argparse.ArgumentParser]  # of a name, a function, a text and an example
+
+
+def predictor(sub: argparse.ArgumentParser) -> None:
+    """Add the predictor's file."""
+    sub.add_argument("predictor", type=Path, metavar="FILE", help="the predictor's Python file")
+
+
+def dataset_directory(sub: argparse.ArgumentParser) -> None:
+    """Add the directory of a dataset whose labels are not pinned; read by :func:`dataset`."""
+    sub.add_argument(
+        "--dataset",
+        type=Path,
+        metavar="DIR",
+        help="what was predicted, if it is no pinned version",
+    )
+
+
+def dataset(options: argparse.Namespace) -> store.StoredDataset | None:
+    """Return the dataset of a directory, if one is given.
+
+    Raises
+    ------
+    EigbenchError
+        If there is none.
+    """
+    if options.dataset is None:
+        return None
+    manifest = store.read_manifest(options.dataset)
+    if manifest is None:
+        raise EigbenchError(f"{options.dataset} holds no dataset (no manifest)")
+    return store.StoredDataset(options.dataset, manifest)
+
+
+def positive(text: str) -> int:
+    """Return a whole number from 1 up."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
+    return value
+
+
+def above_zero(text: str) -> float:
+    """Return a number above zero."""
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"must be above 0, got {value:g}")
+    return value

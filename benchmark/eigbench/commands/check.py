@@ -1,0 +1,87 @@
+"""The command check: it tries a predictor on a few dozen meshes."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from eigbench.board import tables
+from eigbench.commands import arguments
+from eigbench.commands.arguments import Command
+from eigbench.running.evaluate import Options, predict_meshes
+from eigbench.scoring import physics
+
+AGREE = 1e-5  # relative, between batch sizes and orders of one predictor
+
+
+def add_commands(command: Command) -> None:
+    """Add the command to the command line."""
+    sub = command(
+        "check",
+        check,
+        "try a predictor on a few dozen meshes; this runs the file's code",
+        "my_model.py",
+    )
+    arguments.predictor(sub)
+    sub.add_argument("--time-limit", type=float, default=600.0, metavar="S")
+
+
+def check(options: argparse.Namespace) -> int:
+    """Try a predictor on the probes, one at a time, shuffled and changed."""
+    ids, probes = physics.questions()
+    base = len(ids) // (1 + len(physics.CHANGES))
+    order = np.random.default_rng(0).permutation(len(ids))
+
+    def ask(chosen: Sequence[int], batch_size: int) -> NDArray[np.float64]:
+        settings = Options(batch_size=batch_size, time_limit=options.time_limit)
+        asked = [ids[i] for i in chosen], [probes[i] for i in chosen]
+        return predict_meshes(options.predictor, *asked, 10, settings)
+
+    console = Console(stderr=True)
+    with console.status("predicting all at once"):
+        answers = ask(range(len(ids)), len(ids))
+    with console.status("predicting one at a time"):
+        singly = ask(range(base), 1)
+    with console.status("predicting in shuffled order"):
+        shuffled = ask(order.tolist(), len(ids))
+    contract = physics.contract(answers)
+    findings = [
+        *_differences("one mesh at a time", ids, answers[:base], singly),
+        *_differences("shuffled order", [ids[i] for i in order], answers[order], shuffled),
+    ]
+    if not np.isfinite(answers).all():
+        bad = [ids[i] for i in np.flatnonzero(~np.isfinite(answers).all(axis=1))[:3]]
+        findings.append(f"answers that are not finite, first for {', '.join(bad)}")
+    elif not (answers > 0).all():
+        bad = [ids[i] for i in np.flatnonzero(~(answers > 0).all(axis=1))[:3]]
+        findings.append(f"answers that are not positive, first for {', '.join(bad)}")
+    if contract["ascending"] != 1:
+        findings.append("answers that do not ascend: sort each spectrum")
+    if options.json:
+        print(json.dumps({"physics": contract, "findings": findings}, indent=1))
+    else:
+        print(tables.physics(contract))
+        print(f"\n{base} shapes and {len(ids) - base} changed copies of them")
+        for finding in findings:
+            print(f"  {finding}")
+        verdict = "it can be evaluated" if not findings else "look at the findings above"
+        print(f"{options.predictor}: loads and answers in shape; {verdict}")
+    return 1 if findings else 0
+
+
+def _differences(
+    how: str, ids: Sequence[str], a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]
+) -> list[str]:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = np.where(a == b, 0.0, np.abs(a / b - 1)).max(axis=1)
+    bad = np.flatnonzero(~(apart <= AGREE) & np.isfinite(a).all(axis=1))
+    if not len(bad):
+        return []
+    first = ", ".join(ids[i] for i in bad[:3])
+    return [f"other answers for {how}: up to {apart[bad].max():.2g} relative, first for {first}"]

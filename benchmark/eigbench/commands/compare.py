@@ -1,0 +1,145 @@
+"""The commands compare and plot, on one or several results; neither runs a predictor."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+
+from tabulate import tabulate
+
+from eigbench.board import error_figures, figures, ranking
+from eigbench.board.ranking import RANKED_BY, Difference
+from eigbench.board.tables import family_title, number
+from eigbench.commands import arguments
+from eigbench.commands.arguments import Command
+from eigbench.errors import EigbenchError
+from eigbench.results import submission
+from eigbench.scoring.metrics import METRICS
+from synthnet.store.files import make_directory, write_text
+
+VERDICTS = {"a": "A is better", "b": "B is better"}
+TIES = (
+    "(interval): the shapes are too few to tell. (floor): the labels are too coarse to tell, see "
+    "docs/metrics.md; PSNR has no floor, nor have labels without estimates of their error. "
+    "(equal): the same on every instance. (not finite): both have such values."
+)
+
+
+def add_commands(command: Command) -> None:
+    """Add compare and plot to the command line."""
+    sub = command(
+        "compare",
+        compare,
+        "compare two results, mesh by mesh; their predictions are looked for beside them",
+        "a.json b.json",
+    )
+    sub.add_argument("a", type=Path, metavar="A.json")
+    sub.add_argument("b", type=Path, metavar="B.json")
+    sub.add_argument(
+        "--predictions",
+        type=Path,
+        nargs=2,
+        metavar=("A", "B"),
+        default=(None, None),
+        help="if they are elsewhere",
+    )
+    arguments.dataset_directory(sub)
+
+    sub = command(
+        "plot",
+        plot,
+        "draw spectra, errors by family and index, their histogram, and error against time",
+        "a.json b.json --out figures",
+    )
+    sub.add_argument("results", type=Path, nargs="+", metavar="RESULT.json")
+    sub.add_argument("--out", type=Path, default=Path("figures"), metavar="DIR")
+    sub.add_argument("--metric", default=RANKED_BY, choices=METRICS)
+    arguments.dataset_directory(sub)
+
+
+def compare(options: argparse.Namespace) -> int:
+    """Print the paired differences of two results."""
+    dataset = arguments.dataset(options)
+    a, b = (
+        submission.read(path, predictions, dataset)
+        for path, predictions in zip((options.a, options.b), options.predictions, strict=True)
+    )
+    overall = {key: ranking.difference(a, b, key) for key in METRICS}
+    families = {
+        family: ranking.difference(a, b, RANKED_BY, family)
+        for family in sorted(set(a.truth.families.tolist()))
+    }
+    if options.json:
+        differences = {
+            "a": a.name,
+            "b": b.name,
+            "overall": {key: _plain(d) for key, d in overall.items()},
+            "families": {"metric": RANKED_BY, **{f: _plain(d) for f, d in families.items()}},
+        }
+        print(json.dumps(differences, indent=1))
+        return 0
+    print(f"A: {a.name} ({options.a})\nB: {b.name} ({options.b})\n")
+    _print_table("metric", [_line(METRICS[key].title, d, key) for key, d in overall.items()])
+    print()
+    lines = [_line(family_title(family), d, RANKED_BY) for family, d in families.items()]
+    _print_table(f"{METRICS[RANKED_BY].title} by family", lines)
+    print(f"\n{TIES}")
+    return 0
+
+
+def _line(title: str, difference: Difference, key: str) -> list[str]:
+    d, decimals = difference, METRICS[key].decimals
+    return [
+        title,
+        number(d.a, decimals),
+        number(d.b, decimals),
+        number(d.a - d.b, decimals),
+        f"{number(d.low, decimals)} to {number(d.high, decimals)}",
+        "none" if d.floor is None else number(d.floor, decimals),
+        VERDICTS.get(d.verdict) or f"tie ({d.why})",
+    ]
+
+
+def _print_table(title: str, lines: list[list[str]]) -> None:
+    headers = ["A", "B", "A − B", "95 % interval over shapes", "noise floor", "verdict"]
+    print(tabulate(lines, headers=[title, *headers], disable_numparse=True))
+
+
+def _plain(difference: Difference) -> dict[str, object]:
+    """Return a difference for JSON, which has no NaN or infinity."""
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in asdict(difference).items()
+    }
+
+
+def plot(options: argparse.Namespace) -> int:
+    """Draw the pictures of one or several results."""
+    dataset = arguments.dataset(options)
+    unordered = [submission.read(path, None, dataset) for path in options.results]
+    if len({row.truth.digest for row in unordered}) > 1:
+        raise EigbenchError("the results are of different datasets, splits or protocols")
+    make_directory(options.out)
+    rows = [row.submission for row in ranking.ranked(unordered)]
+    drawn = {
+        "families.png": error_figures.families(rows, options.metric),
+        "index.png": error_figures.by_index(rows),
+        "histogram.png": error_figures.histogram(rows, options.metric),
+    }
+    written = [options.out / name for name in drawn]
+    for path, figure in zip(written, drawn.values(), strict=True):
+        figures.save(path, figure)
+    written.append(options.out / "error-time.svg")
+    write_text(written[-1], figures.error_against_time(rows, options.metric))
+    for row in rows:
+        path = options.out / f"spectra-{row.slug}.png"
+        figures.save(path, error_figures.spectra(row))
+        written.append(path)
+    if options.json:
+        print(json.dumps({"files": list(map(str, written))}))
+    else:
+        print("\n".join(map(str, written)))
+    return 0
