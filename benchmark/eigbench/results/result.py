@@ -18,7 +18,7 @@ from eigbench.scoring.truth import Truth
 from synthnet import recipe
 from synthnet.store.files import make_directory, one_line, sha256, write_atomically, write_text
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2  # 2: sources by their statements, the commit
 
 
 def dataset_facts(truth: Truth) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
+from eigbench.results.sources import digest
 from eigbench.running import reference
 from eigbench.running.meshes import Instances
 from eigbench.running.process import PredictorProcess
@@ -315,8 +316,8 @@ def _unchanged(note: Path, root: Path) -> bool:
     if not note.exists():
         return False  # it did not come as far as the first batch
     return all(
-        (root / name).is_file() and files.sha256(root / name) == digest
-        for name, digest in json.loads(note.read_text()).items()
+        (root / name).is_file() and digest(root / name) == earlier
+        for name, earlier in json.loads(note.read_text()).items()
     )
 
 

@@ -33,8 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
+from eigbench.results.sources import digest
 from eigbench.scoring.training import DEFAULT
-from synthnet.store.files import sha256
 from synthnet.types import Mesh
 
 META_KEYS = (
@@ -124,13 +124,13 @@ def _takes_training(loader: Callable[..., Any]) -> bool:
 
 
 def sources(path: Path, roots: Sequence[Path]) -> dict[str, str]:
-    """Return the SHA-256 of the files a predictor is made of, by name relative to its directory.
+    """Return digests of the files a predictor is made of, by name relative to its directory.
 
     These are its file, each module it has imported from ``roots``, and what lies beside it under
     the same name: ``my_model.safetensors``. Other files that it reads are not seen.
     """
     root = path.resolve().parent
-    found = {file.name: sha256(file) for file in root.glob(f"{path.stem}.*") if file.is_file()}
+    found = {file.name: digest(file) for file in root.glob(f"{path.stem}.*") if file.is_file()}
     libraries = {Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")}
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
@@ -143,7 +143,7 @@ def sources(path: Path, roots: Sequence[Path]) -> dict[str, str]:
         installed = any(place.is_relative_to(library.resolve()) for library in libraries)
         inside = any(place.is_relative_to(one) for one in roots)
         if place.suffix == ".py" and inside and not installed:
-            found[Path(os.path.relpath(place, root)).as_posix()] = sha256(place)
+            found[Path(os.path.relpath(place, root)).as_posix()] = digest(place)
     return dict(sorted(found.items()))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,7 @@ def make(
         "cost": cost(evaluation, options),
         "physics": contract,
         "environment": environment(),
+        **checkout(code),
     }
 
 
@@ -118,6 +120,32 @@ def hardware() -> str:
         model = lines[0].partition(":")[2].strip() if lines else model
     kind = processor().rpartition("-")[0]
     return f"{model} ({kind}), {os.cpu_count()} cores"
+
+
+def checkout(code: Path) -> dict[str, Any]:
+    """Return, as a result's ``checkout``, the commit that a file lies in; nothing outside of git.
+
+    ``dirty``: a tracked file of the checkout differs from the commit, or the commit lacks this one.
+    """
+
+    def git(*command: str) -> str | None:
+        try:
+            done = subprocess.run(
+                ["git", "-C", str(code.resolve().parent), *command],
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+        except OSError:  # git is not installed
+            return None
+        return None if done.returncode else done.stdout.strip()
+
+    commit = git("rev-parse", "--verify", "HEAD")
+    if commit is None:
+        return {}
+    changed = git("status", "--porcelain", "--untracked-files=no")
+    untracked = git("ls-files", "--error-unmatch", "--", code.name) is None
+    return {"checkout": {"commit": commit, "dirty": changed != "" or untracked}}
 
 
 def environment() -> dict[str, str]:

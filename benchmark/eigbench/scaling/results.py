@@ -19,7 +19,7 @@ from eigbench.results.submission import slug
 from eigbench.scaling import surfaces
 from synthnet.store.files import write_text
 
-VERSION = 1
+VERSION = 2  # 2: sources by their statements, the commit
 ANSWERED = "answered"
 PLACE = Path("benchmark", "scaling")  # of the results on a board
 
@@ -56,10 +56,10 @@ class Scaled:
 
 
 def schema() -> dict[str, Any]:
-    """Return the JSON Schema of these results; model and environment are as in all others."""
+    """Return the JSON Schema of these results; three parts are as in all others."""
     text = resources.files("eigbench.scaling").joinpath("result.schema.json").read_text()
     loaded: dict[str, Any] = json.loads(text)
-    for name in ("model", "environment"):
+    for name in ("model", "environment", "checkout"):
         loaded["properties"][name] = results.schema()["properties"][name]
     return loaded
 

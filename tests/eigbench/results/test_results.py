@@ -89,7 +89,7 @@ def test_missing_key_is_refused(result, place):
 @pytest.mark.parametrize(
     ("place", "key", "value"),
     [
-        ("", "schema_version", 2),
+        ("", "schema_version", 1),
         ("", "metric_version", "1"),
         ("", "partial", "no"),
         ("model", "name", 3),

@@ -3,6 +3,7 @@
 import dataclasses
 import gc
 import os
+import subprocess
 import sys
 import types
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.running import meshes as instances
-from eigbench.running import predictor
+from eigbench.running import predictor, record
 from eigbench.running.meshes import view
 
 from synthnet import store
@@ -468,3 +469,52 @@ def predict(meshes):
     answer = predictor.load(predictor_file(code)).predict([MESH])
     area = np.sqrt(3) / 2  # of an equilateral triangle with side sqrt 2
     np.testing.assert_allclose(answer, [4 * np.pi * np.arange(1, 11) / area], rtol=1e-14)
+
+
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """Return a function that runs git in a repository with one commit, of a predictor."""
+    for who in ("AUTHOR", "COMMITTER"):
+        monkeypatch.setenv(f"GIT_{who}_NAME", "somebody")
+        monkeypatch.setenv(f"GIT_{who}_EMAIL", "somebody@example.org")
+    (tmp_path / "code").mkdir()
+
+    def git(*command):
+        done = subprocess.run(
+            ["git", *command], cwd=tmp_path / "code", capture_output=True, text=True, check=True
+        )
+        return done.stdout.strip()
+
+    git("init", "-q")
+    (tmp_path / "code" / "my_model.py").write_text(FUNCTION)
+    git("add", "my_model.py")
+    git("commit", "-q", "-m", "A predictor")
+    return git
+
+
+def test_commit_of_a_checkout_is_recorded(checkout, tmp_path):
+    code = tmp_path / "code" / "my_model.py"
+    commit = checkout("rev-parse", "HEAD")
+    clean = {"checkout": {"commit": commit, "dirty": False}}
+    assert record.checkout(code) == clean
+    (tmp_path / "code" / "results.json").write_text("{}")  # no part of the code
+    assert record.checkout(code) == clean
+    code.write_text(FUNCTION + "\n# changed\n")
+    assert record.checkout(code) == {"checkout": {"commit": commit, "dirty": True}}
+
+
+def test_predictor_that_is_not_in_the_commit_makes_the_checkout_dirty(checkout, tmp_path):
+    other = tmp_path / "code" / "other.py"
+    other.write_text(FUNCTION)
+    assert record.checkout(other)["checkout"]["dirty"] is True
+
+
+def test_outside_of_a_checkout_no_commit_is_recorded(tmp_path, monkeypatch):
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    (tmp_path / "my_model.py").write_text(FUNCTION)
+    assert record.checkout(tmp_path / "my_model.py") == {}
+
+
+def test_without_git_no_commit_is_recorded(checkout, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert record.checkout(tmp_path / "code" / "my_model.py") == {}
