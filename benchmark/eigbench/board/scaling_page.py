@@ -119,6 +119,7 @@ def told(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
     return [
         f"**Where prediction beats the exact solver**: {escaped(answer)}\n",
         "\n".join(lines) + "\n",
+        *(f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in rows if row.remark),
     ]
 
 

@@ -11,6 +11,7 @@ import ast
 import hashlib
 import warnings
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,39 @@ from synthnet.store.files import sha256
 
 # What follows from the position (ctx), from the spelling (kind), or is written as a comment.
 UNSEEN = ("ctx", "kind", "type_comment", "type_ignores")
+
+
+CODE = "baselines"  # of a checkout: the folder with the predictors of its rows
+EARLIER = "made by an earlier version of its code."
+
+
+def outdated(result: dict[str, Any], root: Path) -> bool:
+    """Return whether the code of a result in a checkout is not that which made it any more.
+
+    A result whose predictor is not among the checkout's baselines is not: nothing is known of it.
+    """
+    folder, model = root / CODE, result["model"]
+    if not (folder / model["code"].partition(":")[0]).is_file():
+        return False
+    return any(_current(folder / name) != made_by for name, made_by in model["sources"].items())
+
+
+def remark(result: dict[str, Any], path: Path) -> str:
+    """Return what a board says of a result in a checkout whose code has changed since."""
+    board = next((folder for folder in path.resolve().parents if folder.name == "benchmark"), None)
+    return EARLIER if board is not None and outdated(result, board.parent) else ""
+
+
+def _current(path: Path) -> str:
+    if not path.is_file():
+        return ""
+    facts = path.stat()
+    return _remembered(path, facts.st_mtime_ns, facts.st_size)
+
+
+@lru_cache(maxsize=1024)
+def _remembered(path: Path, changed: int, size: int) -> str:
+    return digest(path)
 
 
 def digest(path: Path) -> str:
@@ -34,7 +68,7 @@ def digest(path: Path) -> str:
 
 
 def digest_of_code(code: bytes | str) -> str:
-    """Return the SHA-256 of code's syntax tree, the same for every version of Python.
+    r"""Return the SHA-256 of code's syntax tree, the same for every version of Python.
 
     The tree is taken without what does nothing: docstrings and other constants that stand alone,
     and ``pass``. Of the imports only the names count, in no order: what is imported, without its
@@ -47,8 +81,8 @@ def digest_of_code(code: bytes | str) -> str:
 
     Examples
     --------
-    >>> old = "from a import area\\ndef f(x): return  area(x)  # in length²"
-    >>> new = "from b.c import area\\ndef f(x):\\n  'Return the area.'\\n  return area(x)"
+    >>> old = "from a import area\ndef f(x): return  area(x)  # in length²"
+    >>> new = "from b.c import area\ndef f(x):\n  'Return the area.'\n  return area(x)"
     >>> digest_of_code(old) == digest_of_code(new)
     True
     >>> digest_of_code(old) == digest_of_code(old.replace("area(x)", "area(2 * x)"))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from eigbench import results
 from eigbench.errors import EigbenchError, ResultError
-from eigbench.results import predictions
+from eigbench.results import predictions, sources
 from eigbench.scoring import scores, truth
 from eigbench.scoring.metrics import METRIC_VERSION
 from eigbench.scoring.truth import Truth
@@ -43,8 +43,8 @@ class Submission:
     result_path, predictions_path : Path
         The two files.
     remark : str
-        What a reader should know of the result: the text beside it, on one line; empty if
-        there is none.
+        What a reader should know of the result, on one line: that its code has changed since,
+        and the text beside it. Empty if there is nothing to say.
     """
 
     result: dict[str, Any]
@@ -138,7 +138,8 @@ def read(
             f"{place} has {len(found)} seeds, {path} names {result['predictions']['seeds']}"
         )
     _check_same(result["scores"], scores.score(wanted, found), "scores", path)
-    return Submission(result, wanted, found, path, place, _remark(remark_path(path)))
+    remark = " ".join(filter(None, [sources.remark(result, path), _remark(remark_path(path))]))
+    return Submission(result, wanted, found, path, place, remark)
 
 
 def _remark(path: Path) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from eigbench.results import SCHEMA_VERSION, dataset_facts
-from eigbench.running import reference
+from eigbench.running import predictor, reference
 from eigbench.running.evaluate import Evaluation, Options
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRIC_VERSION
@@ -123,15 +123,16 @@ def hardware() -> str:
 
 
 def checkout(code: Path) -> dict[str, Any]:
-    """Return, as a result's ``checkout``, the commit that a file lies in; nothing outside of git.
+    """Return the commit that a predictor lies in, as a result's ``checkout``; nothing without git.
 
-    ``dirty``: a tracked file of the checkout differs from the commit, or the commit lacks this one.
+    ``dirty``: a tracked file of the checkout differs from the commit, or that lacks the predictor.
     """
+    file, _ = predictor.split(code)
 
     def git(*command: str) -> str | None:
         try:
             done = subprocess.run(
-                ["git", "-C", str(code.resolve().parent), *command],
+                ["git", "-C", str(file.resolve().parent), *command],
                 capture_output=True,
                 text=True,
                 check=False,
@@ -144,7 +145,7 @@ def checkout(code: Path) -> dict[str, Any]:
     if commit is None:
         return {}
     changed = git("status", "--porcelain", "--untracked-files=no")
-    untracked = git("ls-files", "--error-unmatch", "--", code.name) is None
+    untracked = git("ls-files", "--error-unmatch", "--", file.name) is None
     return {"checkout": {"commit": commit, "dirty": changed != "" or untracked}}
 
 

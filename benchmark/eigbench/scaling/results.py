@@ -15,6 +15,7 @@ from typing import Any
 
 from eigbench import results
 from eigbench.errors import EigbenchError, ResultError
+from eigbench.results import sources
 from eigbench.results.submission import slug
 from eigbench.scaling import surfaces
 from synthnet.store.files import write_text
@@ -48,6 +49,11 @@ class Scaled:
     def slug(self) -> str:
         """Name of the model in a file's name."""
         return slug(self.name)
+
+    @property
+    def remark(self) -> str:
+        """What a reader should know of the result: that its code has changed since, or nothing."""
+        return sources.remark(self.result, self.path)
 
     @property
     def meshes(self) -> Mapping[tuple[str, int], dict[str, Any]]:

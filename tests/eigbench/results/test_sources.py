@@ -5,7 +5,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from eigbench.results.sources import digest, digest_of_code
+from eigbench.results.sources import digest, digest_of_code, outdated, remark
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -192,3 +192,58 @@ def test_python_file_counts_by_its_statements(tmp_path):
     path = tmp_path / "a.py"
     path.write_text(CODE)
     assert digest(path) == digest_of_code(CODE)
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """A checkout with one baseline, and the result that it made."""
+    folder = tmp_path / "baselines"
+    (folder / "parts").mkdir(parents=True)
+    (folder / "mine.py").write_text(CODE)
+    (folder / "parts" / "net.py").write_text("x = 1\n")
+    (folder / "mine.npz").write_bytes(b"weights")
+    names = ("mine.py", "parts/net.py", "mine.npz")
+    sources = {name: digest(folder / name) for name in names}
+    return tmp_path, {"model": {"code": "mine.py", "sources": sources}}
+
+
+def test_result_is_outdated_by_a_changed_statement_and_by_no_comment(checkout):
+    root, result = checkout
+    assert not outdated(result, root)
+    net = root / "baselines" / "parts" / "net.py"
+    net.write_text("x = 1  # a comment\n")
+    assert not outdated(result, root)
+    net.write_text("x = 2\n")
+    assert outdated(result, root)
+
+
+@pytest.mark.parametrize("name", ["mine.npz", "parts/net.py"])
+def test_result_is_outdated_by_a_file_that_changed_or_went(checkout, name):
+    root, result = checkout
+    (root / "baselines" / name).write_bytes(b"y = 2")
+    assert outdated(result, root)
+    (root / "baselines" / name).unlink()
+    assert outdated(result, root)
+
+
+def test_variant_is_outdated_with_its_file(checkout):
+    root, result = checkout
+    result["model"]["code"] = "mine.py:small"
+    assert not outdated(result, root)
+    (root / "baselines" / "mine.py").write_text("x = 1")
+    assert outdated(result, root)
+
+
+def test_result_of_a_predictor_that_is_elsewhere_is_not_outdated(checkout):
+    root, result = checkout
+    (root / "baselines" / "mine.py").rename(root / "mine.py")
+    assert not outdated(result, root)
+
+
+def test_remark_is_of_results_on_the_board_of_a_checkout(checkout):
+    root, result = checkout
+    path = root / "benchmark" / "results" / "1.0-test-grouped" / "mine.json"
+    assert remark(result, path) == ""
+    (root / "baselines" / "mine.py").write_text("x = 1")
+    assert remark(result, path) == "made by an earlier version of its code."
+    assert remark(result, root / "mine.json") == ""

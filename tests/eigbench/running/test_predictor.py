@@ -518,3 +518,76 @@ def test_outside_of_a_checkout_no_commit_is_recorded(tmp_path, monkeypatch):
 def test_without_git_no_commit_is_recorded(checkout, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     assert record.checkout(tmp_path / "code" / "my_model.py") == {}
+
+
+FAMILY = """
+from pathlib import Path
+FACTORS = {"small": 1, "large": 2}
+def META(variant): return {"name": f"Family, {variant}", "authors": FACTORS[variant] * "A. "}
+class Loaded:
+    def __init__(self, *given): self.given = given
+    def predict(self, meshes): return self.given
+def load(device, seed, variant): return Loaded(device, seed, variant)
+"""
+
+
+def test_variant_of_a_file_is_loaded_by_its_name(predictor_file):
+    path = predictor_file(FAMILY)
+    loaded = predictor.load(path.with_name("my_model.py:large"), device="cuda", seed=3)
+    assert loaded.predict([]) == ("cuda", 3, "large")
+    assert loaded.meta == {"name": "Family, large", "kind": "learned", "authors": "A. A. "}
+    assert loaded.seeded
+    assert not loaded.trained
+
+
+def test_variant_and_training_are_asked_for_by_name(predictor_file):
+    code = FAMILY.replace("seed, variant): return", "seed, variant, training): return")
+    code = code.replace("Loaded(device, seed, variant)", "Loaded(variant, training)")
+    path = predictor_file(code).with_name("my_model.py:small")
+    loaded = predictor.load(path, training="2.0/genus")
+    assert loaded.predict([]) == ("small", "2.0/genus")
+    assert loaded.trained
+
+
+def test_variant_without_meta_is_named_after_file_and_variant(predictor_file):
+    path = predictor_file(FAMILY.replace("def META", "def other"))
+    assert predictor.load(path.with_name("my_model.py:small")).meta["name"] == "my_model small"
+
+
+@pytest.mark.parametrize(
+    ("code", "name", "message"),
+    [
+        (FAMILY, "my_model.py", r"is a family of predictors: name one, my_model\.py:NAME"),
+        (FAMILY, "my_model.py:huge", r"failed to load: KeyError: 'huge' \(my_model.py, line 4"),
+        (FAMILY, "other.py:large", r"there is no file .*other\.py$"),
+        (FUNCTION, "my_model.py:large", r"has no variants: leave out :large"),
+        (LOAD, "my_model.py:large", r"has no variants: leave out :large"),
+        (
+            FAMILY.replace("def META", "def other") + "def META(variant): return [variant]\n",
+            "my_model.py:large",
+            "META must be a dict, got list",
+        ),
+    ],
+)
+def test_variant_that_is_not_there_is_one_line(predictor_file, code, name, message):
+    path = predictor_file(code).with_name(name)
+    with pytest.raises(PredictorError, match=message):
+        predictor.load(path)
+
+
+def test_sources_of_a_variant_are_its_own_weights(predictor_file, tmp_path):
+    path = predictor_file(FAMILY)
+    (tmp_path / "my_model").mkdir()
+    for name in ("small", "large"):
+        (tmp_path / "my_model" / f"{name}.npz").write_bytes(name.encode())
+    path = path.with_name("my_model.py:large")
+    assert set(predictor.sources(path, predictor.load(path).roots)) == {
+        "my_model.py",
+        "my_model/large.npz",
+    }
+
+
+def test_file_whose_name_has_a_colon_is_a_file(predictor_file):
+    path = predictor_file(FUNCTION, "my:model.py")
+    assert predictor.split(path) == (path, "")
+    assert predictor.load(path).predict([]) == "function"
