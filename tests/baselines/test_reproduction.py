@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 import shutil
@@ -30,7 +31,7 @@ def directory(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         monkeypatch.setattr(module, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(reproduction, "PAGE", tmp_path / "reproduction.md")
     for cached in (reproduction.read, reproduction.record):
-        monkeypatch.setattr(reproduction, cached.__name__, cached.__wrapped__)
+        monkeypatch.setattr(reproduction, cached.__name__, functools.cache(cached.__wrapped__))
     return tmp_path
 
 

@@ -91,6 +91,8 @@ def test_missing_key_is_refused(result, place):
     [
         ("", "schema_version", 1),
         ("", "metric_version", "1"),
+        ("", "checkout", {"commit": "0" * 40}),
+        ("", "checkout", {"commit": "main", "dirty": False, "branch": "main"}),
         ("", "partial", "no"),
         ("model", "name", 3),
         ("model", "name", ""),
