@@ -48,7 +48,7 @@ bench: $(STAMP) ## measure solver, building, harness and network, each against a
 	@echo "after a build of 1.0: $(VENV)/bin/python benchmarks/loading.py"
 
 tables: $(STAMP) ## write docs/reproduction.md: the paper's tables beside ours
-	PYTHONPATH=. $(VENV)/bin/python scripts/reproduction.py
+	$(VENV)/bin/python -m evidence.reproduction
 
 page: $(STAMP) ## write the leaderboard as a page into PAGE
 	cd benchmark/page && PATH="$(abspath $(VENV))/bin:$$PATH" npm ci

@@ -1,8 +1,8 @@
 """The paper's network with scale-free encodings, trained on 2.0 under each of its protocols.
 
-Weights by scripts/train_protocols.py. It is the network of `reproduction/modern.py`, which is
-trained on 1.0-small, in 4 epochs instead of 5 and on another training set, of whose large meshes
-a share is taken.
+Its weights are trained by `python -m baselines.train_scale_free`. It is the network of
+`reproduction.py:modern`, which is trained on 1.0-small, in 4 epochs instead of 5 and on another
+training set, of whose large meshes a share is taken.
 """
 
 from gcn.trainings import TrainedRow, load_row, meta

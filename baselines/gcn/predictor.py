@@ -1,4 +1,4 @@
-"""A trained network as a predictor: what the files in ``baselines/reproduction`` share."""
+"""A trained network as a predictor: what ``baselines/reproduction.py`` loads."""
 
 from __future__ import annotations
 

@@ -1,38 +1,38 @@
-"""The page of the paper's tables, and the script that trains their rows."""
+"""The page of the paper's tables, and the module that trains their rows."""
 
 from __future__ import annotations
 
+import functools
 import json
 import re
-import sys
+import shutil
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from eigbench.results import submission
 
+from baselines import train_reproduction
 from baselines.gcn import weights
 from baselines.gcn.configs import CONFIGS, PAPER
+from evidence import reproduction
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
-def scripts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> tuple[ModuleType, ModuleType]:
-    """train_gcn.py and reproduction.py, as modules whose files lie in a directory of their own."""
-    monkeypatch.syspath_prepend(ROOT / "scripts")
-    for name in ("train_gcn", "reproduction"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    import reproduction
-    import train_gcn
-
-    (tmp_path / "baselines").mkdir()
-    (tmp_path / "baselines" / "gcn").symlink_to(ROOT / "baselines" / "gcn")
-    for module in (train_gcn, reproduction):
-        monkeypatch.setattr(module, "ROWS", tmp_path / "baselines" / "reproduction")
+def directory(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A directory of their own, in which training and page read and write."""
+    baselines = tmp_path / "baselines"
+    baselines.mkdir()
+    (baselines / "gcn").symlink_to(ROOT / "baselines" / "gcn")
+    shutil.copy(ROOT / "baselines" / "reproduction.py", baselines)
+    monkeypatch.setattr(train_reproduction, "LOADER", baselines / "reproduction.py")
+    for module in (train_reproduction, reproduction):
         monkeypatch.setattr(module, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(reproduction, "PAGE", tmp_path / "reproduction.md")
-    return train_gcn, reproduction
+    for cached in (reproduction.read, reproduction.record):
+        monkeypatch.setattr(reproduction, cached.__name__, functools.cache(cached.__wrapped__))
+    return tmp_path
 
 
 def rows_of(page: str, first: str) -> list[list[str]]:
@@ -41,17 +41,13 @@ def rows_of(page: str, first: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
-def test_page_of_this_repository_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(ROOT / "scripts")
-    import reproduction
-
+def test_page_of_this_repository_is_up_to_date() -> None:
     assert reproduction.main(["--check"]) == 0
     text = reproduction.PAGE.read_text()
     assert len(re.findall(r"!\[\w+\]\([\w.-]+\)", text)) == 3
 
 
-def test_what_was_not_run_says_so(scripts: tuple[ModuleType, ModuleType]) -> None:
-    _, reproduction = scripts
+def test_what_was_not_run_says_so(directory: Path) -> None:
     page = reproduction.page(reproduction.pictures())
     for config in PAPER:
         assert rows_of(page, config)[0].count("not run") == 7
@@ -67,9 +63,8 @@ def test_what_was_not_run_says_so(scripts: tuple[ModuleType, ModuleType]) -> Non
     [(1.01, 4.0, "yes"), (4.0, 1.01, "no, the reverse"), (1.01, 1.01, "a tie")],
 )
 def test_findings_are_judged_by_paired_intervals(
-    scripts, make_submission, mini_truth, monkeypatch, better, worse, verdict
+    directory, make_submission, mini_truth, monkeypatch, better, worse, verdict
 ):
-    _, reproduction = scripts
     made = {
         config: submission.read(make_submission(config, mini_truth.eigenvalues * factor))
         for config, factor in (("table1-rpd", better), ("table1-polar", worse))
@@ -89,8 +84,7 @@ def test_findings_are_judged_by_paired_intervals(
 
 
 @pytest.mark.parametrize(("steps", "told"), [(5, "more than 5.0% of its steps"), (100, "")])
-def test_page_says_how_far_the_papers_schedule_went(scripts, monkeypatch, steps, told):
-    _, reproduction = scripts
+def test_page_says_how_far_the_papers_schedule_went(directory, monkeypatch, steps, told):
     monkeypatch.setattr(
         reproduction, "read", lambda config, protocol: config == "table1-rpd" or None
     )
@@ -103,24 +97,27 @@ def test_page_says_how_far_the_papers_schedule_went(scripts, monkeypatch, steps,
 
 
 def test_row_is_trained_and_scored_once_and_stands_on_the_page(
-    scripts, mini_home, tmp_path, monkeypatch
+    directory, mini_home, tmp_path, monkeypatch
 ):
-    train_gcn, reproduction = scripts
     monkeypatch.setenv("SYNTHNET_HOME", str(mini_home))
     options = ["--minutes", "0.03", "--runs", str(tmp_path / "runs"), "--version", "1.0-mini"]
     options += ["--protocols", "grouped", "--configs", "table1-rpd-modern", "--epochs", "3=1"]
-    assert train_gcn.main(options) == 0
-    row = train_gcn.ROWS / "table1_rpd_modern.safetensors"
+    assert train_reproduction.main(options) == 0
+    row = train_reproduction.weights_of("table1-rpd-modern", "grouped")
     record = weights.read(row)[1]
     assert record["config"]["epochs"] == 1
     assert record["version"] == "1.0-mini"
     assert 0 < record["steps"] <= record["of"]
-    result = json.loads((train_gcn.RESULTS / "grouped" / "table1-rpd-modern.json").read_text())
+    result = json.loads(
+        (train_reproduction.RESULTS / "grouped" / "table1-rpd-modern.json").read_text()
+    )
     assert result["partial"] is False
     assert result["model"]["parameters"] == 198_794
+    assert result["model"]["code"] == "reproduction.py:table1_rpd_modern"
+    assert "reproduction/table1_rpd_modern.safetensors" in result["model"]["sources"]
 
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()}
-    assert train_gcn.main(options) == 0
+    assert train_reproduction.main(options) == 0
     assert before == {path: path.stat().st_mtime_ns for path in before}
 
     assert reproduction.main([]) == 0
@@ -140,28 +137,24 @@ def test_row_is_trained_and_scored_once_and_stands_on_the_page(
     assert reproduction.main(["--check"]) == 1
 
 
-def test_training_that_fails_is_told_and_writes_no_row(scripts, tmp_path, capfd):
-    train_gcn, _ = scripts
+def test_training_that_fails_is_told_and_writes_no_row(directory, tmp_path, capfd):
     options = ["--minutes", "1", "--runs", str(tmp_path / "runs"), "--configs", "table1-rpd"]
-    assert train_gcn.main([*options, "--protocols", "paper", "--version", "none"]) == 1
+    assert train_reproduction.main([*options, "--protocols", "paper", "--version", "none"]) == 1
     assert "failed: table1-rpd, paper: training" in capfd.readouterr().err
-    assert not list(train_gcn.ROWS.iterdir())
+    assert not list((directory / "baselines" / "reproduction").iterdir())
 
 
 @pytest.mark.parametrize(
     ("epochs", "told"), [("3=0", "must be like 3=5"), ("3", "like 3=5"), ("5=2", "has 5 blocks")]
 )
-def test_epochs_that_would_do_nothing_are_refused(scripts, tmp_path, capsys, epochs, told):
+def test_epochs_that_would_do_nothing_are_refused(directory, tmp_path, capsys, epochs, told):
     options = ["--minutes", "1", "--runs", str(tmp_path), "--configs", "table1-rpd"]
     with pytest.raises(SystemExit, match="2"):
-        scripts[0].main([*options, "--epochs", epochs])
+        train_reproduction.main([*options, "--epochs", epochs])
     assert told in capsys.readouterr().err
 
 
-def test_every_table_of_the_paper_has_a_configuration_a_row(
-    scripts: tuple[ModuleType, ModuleType],
-) -> None:
-    _, reproduction = scripts
+def test_every_table_of_the_paper_has_a_configuration_a_row() -> None:
     given = reproduction.REPORTED["tables"]
     assert [len(table["rows"]) for table in given[:4]] == [3, 5, 8, 3]
     assert {config for table in reproduction.TABLES for config in table} == set(PAPER)

@@ -186,7 +186,7 @@ def make_scaled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Scale
                 }
             )
         result = {
-            "scaling_version": 1,
+            "scaling_version": scaling_results.VERSION,
             "model": {
                 "name": name,
                 "kind": "classical",

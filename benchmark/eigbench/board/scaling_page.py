@@ -86,6 +86,7 @@ def answers(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
     return [
         f"**Where prediction beats the exact solver**: {escaped(_answer(verdicts, rows))}\n",
         "\n".join(_facts(verdict, rows) for verdict in verdicts) + "\n",
+        *(f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in rows if row.remark),
     ]
 
 

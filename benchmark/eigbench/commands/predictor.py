@@ -23,6 +23,7 @@ from eigbench.errors import EigbenchError, PredictorError
 from eigbench.results import predictions
 from eigbench.running import meshes, record
 from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
+from eigbench.running.predictor import check_file
 from eigbench.scoring import physics, scores, truth
 from eigbench.scoring.training import IMPORTED
 from synthnet import recipe, store
@@ -160,8 +161,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     for name, path, suffix in (("--out", out, ".json"), ("--predictions", kept, ".parquet")):
         if path.suffix != suffix:
             raise EigbenchError(f"{name} must end in {suffix}, got {path}")
-    if not options.predictor.is_file():
-        raise PredictorError(f"there is no file {options.predictor}")
+    check_file(options.predictor)
     directory = _directory(options)
     labels = _truth(options, directory)
     partial = options.limit is not None and options.limit < len(labels.ids)

@@ -13,7 +13,8 @@ from tabulate import tabulate
 from eigbench.board.tables import family_title
 from eigbench.commands import arguments
 from eigbench.commands.arguments import Command
-from eigbench.errors import EigbenchError, PredictorError
+from eigbench.errors import EigbenchError
+from eigbench.running.predictor import check_file
 from eigbench.scaling import run as scaling_run
 from eigbench.scaling import scores as scaling_scores
 from eigbench.scaling import surfaces
@@ -74,8 +75,7 @@ def scale(options: argparse.Namespace) -> int:
     out: Path = options.out
     if out.suffix != ".json":
         raise EigbenchError(f"--out must end in .json, got {out}")
-    if not options.predictor.is_file():
-        raise PredictorError(f"there is no file {options.predictor}")
+    check_file(options.predictor)
     settings = Settings(**{f.name: getattr(options, f.name) for f in fields(Settings)})
     with Console(stderr=True).status("loading the predictor") as status:
         result = scaling_run.run(

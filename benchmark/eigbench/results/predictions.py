@@ -91,12 +91,12 @@ def read(path: Path, truth: Truth) -> NDArray[np.float64]:
     return np.stack([_join(path, ids[seeds == s], values[seeds == s], truth) for s in _runs(seeds)])
 
 
-def unphysical(truth: Truth, found: NDArray[np.float64]) -> str:
+def unphysical(truth: Truth, answers: NDArray[np.float64]) -> str:
     """Return one line about values that are not finite or not positive, empty if there are none.
 
     They are scored as they are, never left out of a mean; but a board does not take them.
     """
-    for what, bad in (("not finite", ~np.isfinite(found)), ("not positive", ~(found > 0))):
+    for what, bad in (("not finite", ~np.isfinite(answers)), ("not positive", ~(answers > 0))):
         rows = np.flatnonzero(bad.any(axis=(0, 2)))
         if len(rows):
             first = ", ".join(truth.ids[i] for i in rows[:3])
@@ -108,8 +108,8 @@ def unphysical(truth: Truth, found: NDArray[np.float64]) -> str:
 
 
 def _runs(seeds: NDArray[np.int64]) -> Sequence[int]:
-    found: list[int] = np.unique(seeds).tolist()
-    return found
+    runs: list[int] = np.unique(seeds).tolist()
+    return runs
 
 
 def _join(

@@ -18,7 +18,7 @@ from eigbench.scoring.truth import Truth
 from synthnet import recipe
 from synthnet.store.files import make_directory, one_line, sha256, write_atomically, write_text
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2  # 2: sources by their statements, the commit
 
 
 def dataset_facts(truth: Truth) -> dict[str, Any]:
@@ -79,12 +79,12 @@ def load(path: Path) -> Any:
 
 
 def put(sources: Sequence[Path], targets: Sequence[Path], *, replace: bool = False) -> None:
-    """Copy files to their places on a board, the last first; all or none if one is taken.
+    """Copy files to their paths on a board, the last first; all, or none if a path is taken.
 
     Raises
     ------
     EigbenchError
-        If another file is at a place and ``replace`` is not given.
+        If another file is at a path and ``replace`` is not given.
     """
     for source, target in zip(sources, targets, strict=True):
         if target.exists() and sha256(target) != sha256(source) and not replace:
@@ -132,7 +132,7 @@ def validate(result: Any, path: Path) -> None:
     Raises
     ------
     ResultError
-        With the place of the first thing that is wrong.
+        With the keys of the first thing that is wrong.
     """
     check_schema(result, schema(), path)
     _check_means(result, path)
@@ -141,20 +141,20 @@ def validate(result: Any, path: Path) -> None:
         raise ResultError(f"{path}: the median time is not between the quartiles")
 
 
-def check_schema(result: Any, wanted: dict[str, Any], path: Path) -> None:
+def check_schema(result: Any, required: dict[str, Any], path: Path) -> None:
     """Check a result against a schema.
 
     Raises
     ------
     ResultError
-        With the place of the first thing that is wrong.
+        With the keys of the first thing that is wrong.
     """
-    validator = jsonschema.Draft202012Validator(wanted)
+    validator = jsonschema.Draft202012Validator(required)
     error = next(iter(sorted(validator.iter_errors(result), key=lambda e: list(e.path))), None)
     if error is not None:
-        place = "/".join(map(str, error.path)) or "the top"
-        told = " ".join(error.message.split())
-        raise ResultError(f"{path} is no result: at {place}: {told[:200]}")
+        keys = "/".join(map(str, error.path)) or "the top"
+        message = " ".join(error.message.split())
+        raise ResultError(f"{path} is no result: at {keys}: {message[:200]}")
 
 
 def _check_means(result: dict[str, Any], path: Path) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from eigbench import results
 from eigbench.errors import EigbenchError, ResultError
-from eigbench.results import predictions
+from eigbench.results import predictions, sources
 from eigbench.scoring import scores, truth
 from eigbench.scoring.metrics import METRIC_VERSION
 from eigbench.scoring.truth import Truth
@@ -30,7 +30,7 @@ AGREE = 1e-9  # relative, between a score that is stored and the same computed h
 
 @dataclass(frozen=True, slots=True)
 class Submission:
-    """A result that its predictions bear out.
+    """A result that its predictions confirm.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ class Submission:
     result_path, predictions_path : Path
         The two files.
     remark : str
-        What a reader should know of the result: the text beside it, on one line; empty if
-        there is none.
+        What a reader should know of the result, on one line: that its code has changed since,
+        and the text beside it. Empty if there is nothing to say.
     """
 
     result: dict[str, Any]
@@ -90,10 +90,10 @@ def slug(name: str) -> str:
     >>> slug("Rayleigh-Ritz, degree 7")
     'rayleigh-ritz-degree-7'
     """
-    found = re.sub(r"[^a-z0-9.]+", "-", name.lower()).strip("-.")
-    if not found:
+    hyphened = re.sub(r"[^a-z0-9.]+", "-", name.lower()).strip("-.")
+    if not hyphened:
         raise EigbenchError(f"the name {name!r} has no letter or digit: change META's name")
-    return found
+    return hyphened
 
 
 def read(
@@ -124,21 +124,22 @@ def read(
             f"{path} has metric version {result['metric_version']}, these are version "
             f"{METRIC_VERSION}: score its predictions again"
         )
-    wanted = _truth(result, dataset, path)
-    _check_labels(result, wanted, path)
-    place = predictions_path or _beside(path)
-    found = predictions.read(place, wanted)
-    if sha256(place) != result["predictions"]["sha256"]:
+    labels = _truth(result, dataset, path)
+    _check_labels(result, labels, path)
+    kept = predictions_path or _beside(path)
+    answers = predictions.read(kept, labels)
+    if sha256(kept) != result["predictions"]["sha256"]:
         raise ResultError(
-            f"{place} is not the file that {path} was made with: its SHA-256 is "
-            f"{sha256(place)[:12]}…, the result names {result['predictions']['sha256'][:12]}…"
+            f"{kept} is not the file that {path} was made with: its SHA-256 is "
+            f"{sha256(kept)[:12]}…, the result names {result['predictions']['sha256'][:12]}…"
         )
-    if len(found) != result["predictions"]["seeds"]:
+    if len(answers) != result["predictions"]["seeds"]:
         raise ResultError(
-            f"{place} has {len(found)} seeds, {path} names {result['predictions']['seeds']}"
+            f"{kept} has {len(answers)} seeds, {path} names {result['predictions']['seeds']}"
         )
-    _check_same(result["scores"], scores.score(wanted, found), "scores", path)
-    return Submission(result, wanted, found, path, place, _remark(remark_path(path)))
+    _check_same(result["scores"], scores.score(labels, answers), "scores", path)
+    remark = " ".join(filter(None, [sources.remark(result, path), _remark(remark_path(path))]))
+    return Submission(result, labels, answers, path, kept, remark)
 
 
 def _remark(path: Path) -> str:
@@ -157,9 +158,9 @@ def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Pa
     facts = result["dataset"]
     split, protocol = facts["split"], facts["protocol"]
     if dataset is not None:
-        wanted = truth.of_dataset(dataset, split, protocol)
+        labels = truth.of_dataset(dataset, split, protocol)
     elif facts["version"] in recipe.available():
-        wanted = _pinned(facts["version"], split, protocol)
+        labels = _pinned(facts["version"], split, protocol)
     elif recipe.parse_name(facts["version"]).kind is recipe.Kind.SEALED:
         raise ResultError(
             f"{path} is of the sealed set {facts['version']}, which has no place on a board: "
@@ -170,7 +171,7 @@ def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Pa
             f"{path} is of the dataset {facts['version']}, whose labels are not pinned here: "
             "give its directory with --dataset"
         )
-    return wanted.head(facts["instances"]) if result["partial"] else wanted
+    return labels.head(facts["instances"]) if result["partial"] else labels
 
 
 @lru_cache(maxsize=8)
@@ -178,35 +179,35 @@ def _pinned(version: str, split: str, protocol: str) -> Truth:
     return truth.load(version, split, protocol)
 
 
-def _check_labels(result: dict[str, Any], wanted: Truth, path: Path) -> None:
-    for key, here in results.dataset_facts(wanted).items():
+def _check_labels(result: dict[str, Any], labels: Truth, path: Path) -> None:
+    for key, here in results.dataset_facts(labels).items():
         stored = result["dataset"][key]
         if stored != here:
             raise ResultError(
                 f"{path} was made with other labels: its {key} is {str(stored)[:16]}, "
-                f"that of {wanted.version} here is {str(here)[:16]}"
+                f"that of {labels.version} here is {str(here)[:16]}"
             )
 
 
 def _beside(path: Path) -> Path:
     beside = path.with_suffix(".parquet")
     on_board = path.parent.parent.parent / "predictions" / path.parent.name / beside.name
-    found = next((p for p in (beside, on_board) if p.is_file()), None)
-    if found is None:
-        raise ResultError(f"{path}: there are no predictions at {beside}: put them there")
-    return found
+    for candidate in (beside, on_board):
+        if candidate.is_file():
+            return candidate
+    raise ResultError(f"{path}: there are no predictions at {beside}: put them there")
 
 
-def _check_same(stored: Any, computed: Any, place: str, path: Path) -> None:
-    """Raise at the first place where two trees of numbers differ."""
+def _check_same(stored: Any, computed: Any, key: str, path: Path) -> None:
+    """Raise at the first number in which two trees differ."""
     if isinstance(computed, dict) and isinstance(stored, dict) and stored.keys() == computed.keys():
         for key, value in computed.items():
-            _check_same(stored[key], value, f"{place}/{key}", path)
+            _check_same(stored[key], value, f"{key}/{key}", path)
     elif isinstance(computed, list) and isinstance(stored, list) and len(stored) == len(computed):
         for i, value in enumerate(computed):
-            _check_same(stored[i], value, f"{place}/{i}", path)
+            _check_same(stored[i], value, f"{key}/{i}", path)
     elif isinstance(computed, float) and isinstance(stored, int | float):
         if not math.isclose(stored, computed, rel_tol=AGREE, abs_tol=1e-15):
-            raise ResultError(f"{path}: {place} is {stored!r}, its predictions give {computed!r}")
+            raise ResultError(f"{path}: {key} is {stored!r}, its predictions give {computed!r}")
     elif stored != computed:
-        raise ResultError(f"{path}: {place} is {stored!r}, its predictions give {computed!r}")
+        raise ResultError(f"{path}: {key} is {stored!r}, its predictions give {computed!r}")

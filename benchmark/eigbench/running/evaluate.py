@@ -1,4 +1,4 @@
-"""Run a predictor over a split, and keep what it answered."""
+"""Run a predictor over a split, and keep its answers."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
+from eigbench.results.sources import digest
 from eigbench.running import reference
 from eigbench.running.meshes import Instances
 from eigbench.running.process import PredictorProcess
@@ -131,13 +132,13 @@ def evaluate(
             chosen = np.flatnonzero(truth.trainings == training) if several else everything
             first = replace(options, reference=options.reference and seed == number == 0)
             task = _Task(path, truth.take(chosen), first, seed, training)
-            place = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
-            left = place.exists() and options.resume
-            same = _open_parts(place, _fingerprint(task), path, options.resume)
+            folder = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
+            left = folder.exists() and options.resume
+            same = _open_parts(folder, _fingerprint(task), path, options.resume)
             if left and not same and on_restart is not None:
                 on_restart()
             try:
-                run = _run(task, instances, place, on_batch)
+                run = _run(task, instances, folder, on_batch)
             finally:
                 if not any(parts.glob("*/*.npz")):  # nothing is lost
                     shutil.rmtree(parts, ignore_errors=True)
@@ -174,21 +175,21 @@ def predict_meshes(
 
 
 def _trainings(path: Path, truth: Truth, options: Options) -> list[str]:
-    """Return what the predictor is to be trained on, in turn; one, if it is not trained at all."""
-    found = list(dict.fromkeys(truth.trainings.tolist()))
-    if all(training.partition("/")[2] in PROTOCOLS for training in found):
-        return found
-    with _process(path, truth.eigenvalues.shape[1], options, training=found[0]) as process:
+    """Return what the predictor is to be trained on, in turn; a single set if it is not trained."""
+    trainings = list(dict.fromkeys(truth.trainings.tolist()))
+    if all(training.partition("/")[2] in PROTOCOLS for training in trainings):
+        return trainings
+    with _process(path, truth.eigenvalues.shape[1], options, training=trainings[0]) as process:
         loaded = process.loaded
     if loaded.trained:
-        return found
+        return trainings
     if not untrained(loaded.meta):
         raise PredictorError(
             f"{path} is {loaded.meta['kind']}, trained on {loaded.meta.get('training_data', '?')}, "
-            f"and the protocol {truth.protocol} asks for a training of its own, {found[0]}: define "
-            "load(device, seed, training)"
+            f"and the protocol {truth.protocol} asks for a training of its own, {trainings[0]}: "
+            "define load(device, seed, training)"
         )
-    return found[:1]
+    return trainings[:1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,10 +217,10 @@ class _Run:
 
 
 def _run(
-    task: _Task, instances: Instances, place: Path, on_batch: Callable[[int], None] | None
+    task: _Task, instances: Instances, folder: Path, on_batch: Callable[[int], None] | None
 ) -> _Run:
     truth, options = task.truth, task.options
-    parts = _read_parts(place)
+    parts = _read_parts(folder)
     done = sum(len(part.answered.values) for part in parts)
     if on_batch is not None and done:
         on_batch(done)
@@ -234,7 +235,7 @@ def _run(
         warm_ids = ids[: min(WARM_UP, options.batch_size)]
         warm = [instances.mesh(id) for id in warm_ids]
         process.predict(warm_ids, warm)
-        files.write_text(place / SOURCES, json.dumps(process.status().sources))
+        files.write_text(folder / SOURCES, json.dumps(process.status().sources))
         peer: PredictorProcess | None = None
         for first, last in _batches(len(ids), options.batch_size, done):
             batch = ids[first:last]
@@ -251,7 +252,7 @@ def _run(
                         f"{reference.META['name']}, timed beside the predictor, failed "
                         f"({error}): --no-reference leaves it out"
                     ) from error
-            _write_part(place, len(parts), part)
+            _write_part(folder, len(parts), part)
             parts.append(part)
             if on_batch is not None:
                 on_batch(len(batch))
@@ -298,14 +299,14 @@ def _fingerprint(task: _Task) -> dict[str, object]:
     }
 
 
-def _open_parts(place: Path, fingerprint: dict[str, object], path: Path, resume: bool) -> bool:
+def _open_parts(folder: Path, fingerprint: dict[str, object], path: Path, resume: bool) -> bool:
     """Make the directory of parts; return whether what it holds is to be gone on from."""
-    note = place / "run.json"
+    note = folder / "run.json"
     same = resume and note.exists() and json.loads(note.read_text()) == fingerprint
-    same = same and _unchanged(place / SOURCES, path.resolve().parent)
+    same = same and _unchanged(folder / SOURCES, path.resolve().parent)
     if not same:
-        shutil.rmtree(place, ignore_errors=True)
-        files.make_directory(place)
+        shutil.rmtree(folder, ignore_errors=True)
+        files.make_directory(folder)
         files.write_text(note, json.dumps(fingerprint))
     return same
 
@@ -315,21 +316,21 @@ def _unchanged(note: Path, root: Path) -> bool:
     if not note.exists():
         return False  # it did not come as far as the first batch
     return all(
-        (root / name).is_file() and files.sha256(root / name) == digest
-        for name, digest in json.loads(note.read_text()).items()
+        (root / name).is_file() and digest(root / name) == earlier
+        for name, earlier in json.loads(note.read_text()).items()
     )
 
 
-def _read_parts(place: Path) -> list[_Part]:
+def _read_parts(folder: Path) -> list[_Part]:
     parts = []
-    for path in sorted(place.glob("*.npz")):
+    for path in sorted(folder.glob("*.npz")):
         with np.load(path, allow_pickle=False) as part:
             answered = Answered(part["values"], float(part["seconds"]), float(part["cpu_seconds"]))
             parts.append(_Part(answered, float(part["reference_seconds"])))
     return parts
 
 
-def _write_part(place: Path, number: int, part: _Part) -> None:
+def _write_part(folder: Path, number: int, part: _Part) -> None:
     def write(to: Path) -> None:
         with to.open("wb") as file:
             np.savez(
@@ -340,4 +341,4 @@ def _write_part(place: Path, number: int, part: _Part) -> None:
                 reference_seconds=part.reference_seconds,
             )
 
-    files.write_atomically(place / f"{number:06d}.npz", write)
+    files.write_atomically(folder / f"{number:06d}.npz", write)

@@ -52,21 +52,21 @@ def read(dataset: store.StoredDataset, ids: Sequence[str]) -> Instances:
     EigbenchError
         If the dataset lacks one.
     """
-    wanted = {id.rpartition("/")[0] for id in ids}
-    families = {shape.rpartition("-")[0] for shape in wanted}
+    asked = {id.rpartition("/")[0] for id in ids}
+    families = {shape.rpartition("-")[0] for shape in asked}
     shapes, isometries = {}, {}
     for record in dataset.manifest.shards:
         path = dataset.directory / record.file
         if record.family not in families:
             continue
-        if not wanted.intersection(store.read_table(path, ["id"])["id"].to_pylist()):
+        if not asked.intersection(store.read_table(path, ["id"])["id"].to_pylist()):
             continue
         for sample in store.read_samples(path):
-            if sample.spec.id in wanted:  # copied, or it would hold the whole shard
+            if sample.spec.id in asked:  # a copy, since a view would hold the whole shard in memory
                 mesh = sample.mesh
                 shapes[sample.spec.id] = Mesh(mesh.vertices.copy(), mesh.faces.copy())
                 isometries[sample.spec.id] = sample.isometries.copy()
-    missing = sorted(wanted - shapes.keys())
+    missing = sorted(asked - shapes.keys())
     if missing:
         raise EigbenchError(
             f"{dataset.directory} lacks {len(missing)} shapes of the split, first "

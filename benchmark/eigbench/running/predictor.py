@@ -1,12 +1,14 @@
 """A predictor in one file: how it is found, and what it must be.
 
-The first of these that the file has is taken:
+A file defines one of these; they are checked in this order:
 
 1. a function ``predict(meshes)`` that returns an array of shape (B, 10);
 2. a class ``Predictor`` with such a method, made without arguments;
-3. a function ``load(device, seed)`` or ``load(device, seed, training)`` that returns an object
-   with such a method; ``training`` names what it is to have been trained on, ``1.0/grouped`` or
-   ``2.0/family/pretzel``: the version and the ``protocol`` of :class:`synthnet.pyg.SynthNet`;
+3. a function ``load(device, seed)`` that returns an object with such a method. If it has a
+   parameter ``training``, that names what the predictor is to have been trained on, ``1.0/grouped``
+   or ``2.0/family/pretzel``: the version and the ``protocol`` of :class:`synthnet.pyg.SynthNet`.
+   If it has a parameter ``variant``, the file is a family of predictors, each of them named as
+   ``FILE.py:NAME``; then ``META`` may be a function of the name;
 4. a ``torch.nn.Module`` named ``model`` (an instance, or a class made without arguments)
    that maps a PyG batch to (B, 10), and, if it needs one, a ``transform`` of
    ``Data(pos, face)``.
@@ -16,6 +18,7 @@ Loading runs the file's code.
 
 from __future__ import annotations
 
+import glob
 import importlib.util
 import inspect
 import math
@@ -23,7 +26,7 @@ import os
 import sys
 import sysconfig
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -33,8 +36,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
+from eigbench.results.sources import digest
 from eigbench.scoring.training import DEFAULT
-from synthnet.store.files import sha256
 from synthnet.types import Mesh
 
 META_KEYS = (
@@ -81,70 +84,115 @@ class Predictor:
     roots: tuple[Path, ...] = ()
 
 
-def load(path: Path, *, device: str = "cpu", seed: int = 0, training: str = DEFAULT) -> Predictor:
-    """Load the predictor of a file. This runs the file's code.
+def split(path: Path) -> tuple[Path, str]:
+    """Return the file and the name of ``FILE.py:NAME``; the name is empty for a file alone."""
+    name, colon, variant = path.name.rpartition(":")
+    if not colon or path.is_file():
+        return path, ""
+    return path.with_name(name), variant
+
+
+def check_file(path: Path) -> None:
+    """Check that there is a file at a path, or at that of ``FILE.py:NAME``.
 
     Raises
     ------
     PredictorError
-        If there is no such file, its code fails, or it has none of the four doors.
+        If there is none.
     """
-    known = set(sys.path)
-    found = _found(_module(path), path, device, seed, training)
-    added = (Path(place).resolve() for place in sys.path if place not in known)
-    return replace(found, roots=(path.resolve().parent, *added))
+    file, _ = split(path)
+    if not file.is_file():
+        raise PredictorError(f"there is no file {file}")
 
 
-def _found(module: ModuleType, path: Path, device: str, seed: int, training: str) -> Predictor:
-    """Return the predictor of a module, by the first door that it has."""
-    meta = _meta(module, path)
+def load(path: Path, *, device: str = "cpu", seed: int = 0, training: str = DEFAULT) -> Predictor:
+    """Load the predictor of a file, or of ``FILE.py:NAME``. This runs the file's code.
+
+    Raises
+    ------
+    PredictorError
+        If there is no such file, its code fails, or it has none of the four doors, or no variants.
+    """
+    file, variant = split(path)
+    before = set(sys.path)
+    module = _module(file)
+    arguments = {"training": training, "variant": variant}
+    loaded = _through_a_door(module, file, device, seed, arguments)
+    added = (Path(directory).resolve() for directory in sys.path if directory not in before)
+    return replace(loaded, roots=(file.resolve().parent, *added))
+
+
+def _through_a_door(
+    module: ModuleType, path: Path, device: str, seed: int, arguments: Mapping[str, str]
+) -> Predictor:
+    """Return the predictor of a module, by the first door that it has.
+
+    ``arguments`` are those that a function ``load`` may take besides device and seed.
+    """
+    loader = getattr(module, "load", None)
+    asked = _asked(loader, arguments)
+    variant = arguments["variant"]
+    if variant and "variant" not in asked:
+        raise PredictorError(f"{path} has no variants: leave out :{variant}")
+    if not variant and "variant" in asked:
+        raise PredictorError(f"{path} is a family of predictors: name one, {path.name}:NAME")
+    meta = _meta(module, path, variant)
     try:
         if callable(function := getattr(module, "predict", None)):
             return Predictor(function, meta, None)
         if isinstance(kind := getattr(module, "Predictor", None), type):
             return _of_object(kind(), meta, path)
-        if callable(loader := getattr(module, "load", None)):
-            trained = _takes_training(loader)
-            made = loader(device, seed, training) if trained else loader(device, seed)
-            return replace(_of_object(made, meta, path), seeded=True, trained=trained)
+        if callable(loader):
+            made = _of_object(loader(device, seed, **asked), meta, path)
+            return replace(made, seeded=True, trained="training" in asked)
         if (model := getattr(module, "model", None)) is not None:
             return _of_torch(model, getattr(module, "transform", None), meta, device, path)
     except PredictorError:
         raise
     except (Exception, SystemExit) as error:
-        raise PredictorError(f"{path} failed to load: {told(error, path)}") from error
+        raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
     raise PredictorError(
         f"{path} has no predictor: define predict(meshes), a class Predictor, "
         "load(device, seed) or a torch module named model"
     )
 
 
-def _takes_training(loader: Callable[..., Any]) -> bool:
-    return "training" in inspect.signature(loader).parameters
+def _asked(loader: Any, arguments: Mapping[str, str]) -> dict[str, str]:
+    """Return those of the arguments that a function takes."""
+    try:
+        parameters = inspect.signature(loader).parameters
+    except (TypeError, ValueError):  # it is no function, or one without a signature
+        return {}
+    return {name: value for name, value in arguments.items() if name in parameters}
 
 
 def sources(path: Path, roots: Sequence[Path]) -> dict[str, str]:
-    """Return the SHA-256 of the files a predictor is made of, by name relative to its directory.
+    """Return digests of the files a predictor is made of, by name relative to its directory.
 
     These are its file, each module it has imported from ``roots``, and what lies beside it under
-    the same name: ``my_model.safetensors``. Other files that it reads are not seen.
+    the same name: ``my_model.safetensors``; of a variant, ``my_models/NAME.safetensors``. Other
+    files that it reads are not seen.
     """
+    path, variant = split(path)
     root = path.resolve().parent
-    found = {file.name: sha256(file) for file in root.glob(f"{path.stem}.*") if file.is_file()}
+    beside = [*root.glob(f"{glob.escape(path.stem)}.*")]
+    if variant:
+        beside += (root / path.stem).glob(f"{glob.escape(variant)}.*")
+    digests = {file.relative_to(root).as_posix(): digest(file) for file in beside if file.is_file()}
     libraries = {Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")}
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
         if name.split(".")[0] in ("__main__", "__mp_main__", "eigbench", "synthnet") or not file:
             continue
-        place = Path(file)  # relative for modules that are no files: torch has some
-        if not place.is_absolute():
+        source = Path(file)  # relative for modules that are no files: torch has some
+        if not source.is_absolute():
             continue
-        place = place.resolve()
-        installed = any(place.is_relative_to(library.resolve()) for library in libraries)
-        inside = any(place.is_relative_to(one) for one in roots)
-        if place.suffix == ".py" and inside and not installed:
-            found[Path(os.path.relpath(place, root)).as_posix()] = sha256(place)
-    return dict(sorted(found.items()))
+        source = source.resolve()
+        installed = any(source.is_relative_to(library.resolve()) for library in libraries)
+        inside = any(source.is_relative_to(folder) for folder in roots)
+        if source.suffix == ".py" and inside and not installed:
+            digests[Path(os.path.relpath(source, root)).as_posix()] = digest(source)
+    return dict(sorted(digests.items()))
 
 
 def as_array(answer: Any) -> NDArray[Any]:
@@ -158,7 +206,7 @@ def as_array(answer: Any) -> NDArray[Any]:
     try:
         return np.asarray(answer.detach().cpu() if hasattr(answer, "detach") else answer)
     except (ValueError, TypeError) as error:
-        raise PredictorError(f"the answer is no array: {told(error)}") from error
+        raise PredictorError(f"the answer is no array: {described(error)}") from error
 
 
 def checked(values: NDArray[Any], count: int, k: int) -> NDArray[np.float64]:
@@ -206,12 +254,17 @@ def _module(path: Path) -> ModuleType:
             f"{path} needs the package {error.name}, which is not installed: pip install it"
         ) from error
     except (Exception, SystemExit) as error:
-        raise PredictorError(f"{path} failed to load: {told(error, path)}") from error
+        raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
     return module
 
 
-def _meta(module: ModuleType, path: Path) -> dict[str, str]:
+def _meta(module: ModuleType, path: Path, variant: str) -> dict[str, str]:
     given = getattr(module, "META", {})
+    if variant and callable(given):
+        try:
+            given = given(variant)
+        except (Exception, SystemExit) as error:
+            raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
     if not isinstance(given, dict):
         raise PredictorError(f"{path}: META must be a dict, got {type(given).__name__}")
     unknown = sorted(map(str, set(given) - set(META_KEYS)))
@@ -221,7 +274,8 @@ def _meta(module: ModuleType, path: Path) -> dict[str, str]:
             f"it may have {', '.join(META_KEYS)}"
         )
     meta = {key: str(value) for key, value in given.items()}
-    meta = {"name": path.stem, "kind": "learned", **meta}
+    name = " ".join(filter(None, [path.stem, variant]))
+    meta = {"name": name, "kind": "learned", **meta}
     if not 1 <= len(meta["name"]) <= 80:
         raise PredictorError(f"{path}: META name must have 1 to 80 characters")
     for key, value in meta.items():
@@ -270,14 +324,14 @@ def _count(thing: Any) -> int:
     return sum(math.prod(parameter.shape) for parameter in thing.parameters())
 
 
-def told(error: BaseException, path: Path | None = None) -> str:
-    """Return an error on one line, and if it came through a file, the last place there."""
+def described(error: BaseException, path: Path | None = None) -> str:
+    """Return an error on one line, and if it came through a file, the last line there."""
     message = " ".join(str(error).split())
     text = f"{type(error).__name__}: {message}" if message else type(error).__name__
     if path is None:
         return text
     frames = traceback.extract_tb(error.__traceback__)
-    own = [one for one in frames if Path(one.filename) == path.resolve()]
+    own = [frame for frame in frames if Path(frame.filename) == path.resolve()]
     if not own:
         return text
     inside = "" if own[-1].name == "<module>" else f", in {own[-1].name}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from eigbench.results import SCHEMA_VERSION, dataset_facts
-from eigbench.running import reference
+from eigbench.running import predictor, reference
 from eigbench.running.evaluate import Evaluation, Options
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRIC_VERSION
@@ -63,6 +64,7 @@ def make(
         "cost": cost(evaluation, options),
         "physics": contract,
         "environment": environment(),
+        **checkout(code),
     }
 
 
@@ -118,6 +120,33 @@ def hardware() -> str:
         model = lines[0].partition(":")[2].strip() if lines else model
     kind = processor().rpartition("-")[0]
     return f"{model} ({kind}), {os.cpu_count()} cores"
+
+
+def checkout(code: Path) -> dict[str, Any]:
+    """Return the commit that a predictor lies in, as a result's ``checkout``; nothing without git.
+
+    ``dirty``: a tracked file of the checkout differs from the commit, or that lacks the predictor.
+    """
+    file, _ = predictor.split(code)
+
+    def git(*command: str) -> str | None:
+        try:
+            done = subprocess.run(
+                ["git", "-C", str(file.resolve().parent), *command],
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+        except OSError:  # git is not installed
+            return None
+        return None if done.returncode else done.stdout.strip()
+
+    commit = git("rev-parse", "--verify", "HEAD")
+    if commit is None:
+        return {}
+    changed = git("status", "--porcelain", "--untracked-files=no")
+    untracked = git("ls-files", "--error-unmatch", "--", file.name) is None
+    return {"checkout": {"commit": commit, "dirty": changed != "" or untracked}}
 
 
 def environment() -> dict[str, str]:

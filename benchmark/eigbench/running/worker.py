@@ -115,9 +115,10 @@ def _answer(loaded: predictor.Predictor, given: Sequence[Mesh], job: Job) -> Ans
     except PredictorError:
         raise
     except (Exception, SystemExit) as error:
-        told = predictor.told(error, job.path)
+        file, _ = predictor.split(job.path)
+        described = predictor.described(error, file)
         hint = "; meshes are read-only: copy what you change" if "read-only" in str(error) else ""
-        raise PredictorError(f"the predictor failed: {told}{hint}") from error
+        raise PredictorError(f"the predictor failed: {described}{hint}") from error
     if before != [(mesh.vertices.sum(), mesh.faces.sum()) for mesh in meshes]:
         raise PredictorError(
             "the predictor changes its input: copy vertices and faces before writing to them"

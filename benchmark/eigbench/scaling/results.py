@@ -15,11 +15,12 @@ from typing import Any
 
 from eigbench import results
 from eigbench.errors import EigbenchError, ResultError
+from eigbench.results import sources
 from eigbench.results.submission import slug
 from eigbench.scaling import surfaces
 from synthnet.store.files import write_text
 
-VERSION = 1
+VERSION = 2  # 2: sources by their statements, the commit
 ANSWERED = "answered"
 FOLDER = Path("benchmark", "scaling")  # of the results on a board
 
@@ -50,16 +51,21 @@ class Scaled:
         return slug(self.name)
 
     @property
+    def remark(self) -> str:
+        """What a reader should know of the result: that its code has changed since, or nothing."""
+        return sources.remark(self.result, self.path)
+
+    @property
     def meshes(self) -> Mapping[tuple[str, int], dict[str, Any]]:
         """What became of each mesh, by surface and size."""
         return {(mesh["surface"], mesh["size"]): mesh for mesh in self.result["meshes"]}
 
 
 def schema() -> dict[str, Any]:
-    """Return the JSON Schema of these results; model and environment are as in all others."""
+    """Return the JSON Schema of these results; three parts are as in all others."""
     text = resources.files("eigbench.scaling").joinpath("result.schema.json").read_text()
     loaded: dict[str, Any] = json.loads(text)
-    for name in ("model", "environment"):
+    for name in ("model", "environment", "checkout"):
         loaded["properties"][name] = results.schema()["properties"][name]
     return loaded
 

@@ -147,6 +147,7 @@ def _described(path: Path, settings: Settings) -> dict[str, Any]:
             "hardware": ", ".join(filter(None, [loaded.accelerator, record.hardware()])),
         },
         "environment": record.environment(),
+        **record.checkout(path),
     }
 
 

@@ -80,7 +80,8 @@ def _files(submission: Submission) -> Table:
         ["predictions, SHA-256", sha256(submission.predictions_path)],
         ["recipe", facts["recipe_digest"]],
         ["labels", facts["split_digest"]],
-        *([f"{name}, SHA-256", digest] for name, digest in sorted(model["sources"].items())),
+        *([f"{name}, digest", digest] for name, digest in sorted(model["sources"].items())),
+        *([name, str(value)] for name, value in submission.result.get("checkout", {}).items()),
         *([name, text] for name, text in submission.result["environment"].items()),
     ]
     return Table(["", ""], lines)

@@ -90,8 +90,10 @@ def test_missing_key_is_refused(result, place):
 @pytest.mark.parametrize(
     ("place", "key", "value"),
     [
-        ("", "schema_version", 2),
+        ("", "schema_version", 1),
         ("", "metric_version", "1"),
+        ("", "checkout", {"commit": "0" * 40}),
+        ("", "checkout", {"commit": "main", "dirty": False, "branch": "main"}),
         ("", "partial", "no"),
         ("model", "name", 3),
         ("model", "name", ""),

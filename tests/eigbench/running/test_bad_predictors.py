@@ -208,7 +208,9 @@ def test_changed_code_starts_anew(evaluate, ids, tmp_path):
     path = tmp_path / "fails.py"
     path.write_text(PRELUDE + FAILS_IN_BATCH_2.format(how="raise RuntimeError"))
     assert evaluate("", path=path)[0] == 2
-    path.write_text(path.read_text() + "\n# another file\n")
+    path.write_text(path.read_text() + "\n# a comment\n")
+    assert "starting anew" not in evaluate("", "--resume", path=path)[2]
+    path.write_text(path.read_text() + "\nchanged = True\n")
     again = evaluate("", "--resume", path=path)
     assert again[0] == 2
     assert "code or settings have changed: starting anew" in again[2]

@@ -3,6 +3,7 @@
 import dataclasses
 import gc
 import os
+import subprocess
 import sys
 import types
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.running import meshes as instances
-from eigbench.running import predictor
+from eigbench.running import predictor, record
 from eigbench.running.meshes import view
 
 from synthnet import store
@@ -470,3 +471,125 @@ def predict(meshes):
     answer = predictor.load(predictor_file(code)).predict([MESH])
     area = np.sqrt(3) / 2  # of an equilateral triangle with side sqrt 2
     np.testing.assert_allclose(answer, [4 * np.pi * np.arange(1, 11) / area], rtol=1e-14)
+
+
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """Return a function that runs git in a repository with one commit, of a predictor."""
+    for who in ("AUTHOR", "COMMITTER"):
+        monkeypatch.setenv(f"GIT_{who}_NAME", "somebody")
+        monkeypatch.setenv(f"GIT_{who}_EMAIL", "somebody@example.org")
+    (tmp_path / "code").mkdir()
+
+    def git(*command):
+        done = subprocess.run(
+            ["git", *command], cwd=tmp_path / "code", capture_output=True, text=True, check=True
+        )
+        return done.stdout.strip()
+
+    git("init", "-q")
+    (tmp_path / "code" / "my_model.py").write_text(FUNCTION)
+    git("add", "my_model.py")
+    git("commit", "-q", "-m", "A predictor")
+    return git
+
+
+def test_commit_of_a_checkout_is_recorded(checkout, tmp_path):
+    code = tmp_path / "code" / "my_model.py"
+    commit = checkout("rev-parse", "HEAD")
+    clean = {"checkout": {"commit": commit, "dirty": False}}
+    assert record.checkout(code) == clean
+    (tmp_path / "code" / "results.json").write_text("{}")  # no part of the code
+    assert record.checkout(code) == clean
+    code.write_text(FUNCTION + "\n# changed\n")
+    assert record.checkout(code) == {"checkout": {"commit": commit, "dirty": True}}
+
+
+def test_predictor_that_is_not_in_the_commit_makes_the_checkout_dirty(checkout, tmp_path):
+    other = tmp_path / "code" / "other.py"
+    other.write_text(FUNCTION)
+    assert record.checkout(other)["checkout"]["dirty"] is True
+
+
+def test_outside_of_a_checkout_no_commit_is_recorded(tmp_path, monkeypatch):
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    (tmp_path / "my_model.py").write_text(FUNCTION)
+    assert record.checkout(tmp_path / "my_model.py") == {}
+
+
+def test_without_git_no_commit_is_recorded(checkout, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert record.checkout(tmp_path / "code" / "my_model.py") == {}
+
+
+FAMILY = """
+from pathlib import Path
+FACTORS = {"small": 1, "large": 2}
+def META(variant): return {"name": f"Family, {variant}", "authors": FACTORS[variant] * "A. "}
+class Loaded:
+    def __init__(self, *given): self.given = given
+    def predict(self, meshes): return self.given
+def load(device, seed, variant): return Loaded(device, seed, variant)
+"""
+
+
+def test_variant_of_a_file_is_loaded_by_its_name(predictor_file):
+    path = predictor_file(FAMILY)
+    loaded = predictor.load(path.with_name("my_model.py:large"), device="cuda", seed=3)
+    assert loaded.predict([]) == ("cuda", 3, "large")
+    assert loaded.meta == {"name": "Family, large", "kind": "learned", "authors": "A. A. "}
+    assert loaded.seeded
+    assert not loaded.trained
+
+
+def test_variant_and_training_are_asked_for_by_name(predictor_file):
+    code = FAMILY.replace("seed, variant): return", "seed, variant, training): return")
+    code = code.replace("Loaded(device, seed, variant)", "Loaded(variant, training)")
+    path = predictor_file(code).with_name("my_model.py:small")
+    loaded = predictor.load(path, training="2.0/genus")
+    assert loaded.predict([]) == ("small", "2.0/genus")
+    assert loaded.trained
+
+
+def test_variant_without_meta_is_named_after_file_and_variant(predictor_file):
+    path = predictor_file(FAMILY.replace("def META", "def other"))
+    assert predictor.load(path.with_name("my_model.py:small")).meta["name"] == "my_model small"
+
+
+@pytest.mark.parametrize(
+    ("code", "name", "message"),
+    [
+        (FAMILY, "my_model.py", r"is a family of predictors: name one, my_model\.py:NAME"),
+        (FAMILY, "my_model.py:huge", r"failed to load: KeyError: 'huge' \(my_model.py, line 4"),
+        (FAMILY, "other.py:large", r"there is no file .*other\.py$"),
+        (FUNCTION, "my_model.py:large", r"has no variants: leave out :large"),
+        (LOAD, "my_model.py:large", r"has no variants: leave out :large"),
+        (
+            FAMILY.replace("def META", "def other") + "def META(variant): return [variant]\n",
+            "my_model.py:large",
+            "META must be a dict, got list",
+        ),
+    ],
+)
+def test_variant_that_is_not_there_is_one_line(predictor_file, code, name, message):
+    path = predictor_file(code).with_name(name)
+    with pytest.raises(PredictorError, match=message):
+        predictor.load(path)
+
+
+def test_sources_of_a_variant_are_its_own_weights(predictor_file, tmp_path):
+    path = predictor_file(FAMILY)
+    (tmp_path / "my_model").mkdir()
+    for name in ("small", "large"):
+        (tmp_path / "my_model" / f"{name}.npz").write_bytes(name.encode())
+    path = path.with_name("my_model.py:large")
+    assert set(predictor.sources(path, predictor.load(path).roots)) == {
+        "my_model.py",
+        "my_model/large.npz",
+    }
+
+
+def test_file_whose_name_has_a_colon_is_a_file(predictor_file):
+    path = predictor_file(FUNCTION, "my:model.py")
+    assert predictor.split(path) == (path, "")
+    assert predictor.load(path).predict([]) == "function"

@@ -212,7 +212,9 @@ def test_resume_refuses_what_other_code_or_settings_have_made(predictor_file, tm
     scaling_run.run(code, [1_000], Settings(), out)
     with pytest.raises(EigbenchError, match=r"made with another threads \(cost\): give another"):
         scaling_run.run(code, [1_000], Settings(threads=2, resume=True), out)
-    code.write_text(EIGHTY + "\n# changed\n")
+    code.write_text(EIGHTY + "\n# a comment\n")
+    scaling_run.run(code, [1_000], Settings(resume=True), out)
+    code.write_text(EIGHTY + "\nCHANGED = 1\n")
     with pytest.raises(EigbenchError, match=r"made with another sources \(model\): give another"):
         scaling_run.run(code, [1_000], Settings(resume=True), out)
 
@@ -456,7 +458,7 @@ def test_submit_places_a_result_and_the_board_is_checked(eigbench, rows, tmp_pat
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda r: r.update(scaling_version=2), "at scaling_version: 1 was expected"),
+        (lambda r: r.update(scaling_version=1), "at scaling_version: 2 was expected"),
         (lambda r: r["meshes"][0].update(digest="0" * 32), "its ellipsoid-1000 is not the mesh"),
         (lambda r: r["meshes"][0].update(surface="cube"), "has no cube at 1,000 vertices"),
         (lambda r: r["meshes"][0].update(outcome="died"), "is died, its numbers say otherwise"),

@@ -1,14 +1,14 @@
 """Train every row of the paper's Tables 1 to 3 under one budget, and score it.
 
-    export PYTHONPATH=.
-    python scripts/train_gcn.py --minutes 2 --runs runs --protocols grouped --epochs 3=5 4=3 5=2
-    python scripts/train_gcn.py --minutes 2 --runs runs --protocols paper --epochs 3=4 4=2 5=1
-    python scripts/train_gcn.py --minutes 2 --runs runs --protocols grouped --configs modern
+    train="python -m baselines.train_reproduction --minutes 2 --runs runs"
+    $train --protocols grouped --epochs 3=5 4=3 5=2
+    $train --protocols paper --epochs 3=4 4=2 5=1
+    $train --protocols grouped --configs modern
 
-For each protocol and configuration: training for so many minutes, with what the configuration
-says otherwise; its weights and a predictor go to baselines/reproduction, its result and
-predictions on the version's test split to benchmark/reproduction. What is finished is left as it
-is, an interrupted run goes on. Nothing else should run on the machine: the budget is of time.
+Each protocol and configuration is trained for so many minutes, otherwise as the configuration says.
+The weights go to baselines/reproduction, where baselines/reproduction.py loads them; the result and
+the predictions on the version's test split go to benchmark/reproduction. What is finished is left
+as it is, an interrupted run goes on. Nothing else should run on the machine: the budget is of time.
 A one-cycle rate must come to its end within the minutes: --epochs says, for networks of so many
 blocks, how many epochs that is. Then `make tables`.
 """
@@ -24,30 +24,12 @@ from pathlib import Path
 from baselines.gcn import weights
 from baselines.gcn.configs import CONFIGS, PAPER
 from baselines.gcn.run import CHECKPOINT, WEIGHTS
-from synthnet.store.files import write_bytes, write_text
+from synthnet.store.files import make_directory, write_bytes
 from synthnet.types import PROTOCOLS
 
 ROOT = Path(__file__).parent.parent
-ROWS = ROOT / "baselines" / "reproduction"
+LOADER = ROOT / "baselines" / "reproduction.py"
 RESULTS = ROOT / "benchmark" / "reproduction"
-ROW = '''"""The GCN of the configuration {config}, trained under the protocol {protocol}.
-
-Written by scripts/train_gcn.py.
-"""
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from gcn.predictor import Row, load_row, meta
-
-META = meta(__file__)
-
-
-def load(device: str, seed: int) -> Row:
-    """Return the trained network."""
-    return load_row(__file__, device, seed)
-'''
 
 
 def pair(text: str) -> tuple[int, int]:
@@ -58,10 +40,11 @@ def pair(text: str) -> tuple[int, int]:
     return int(blocks), int(epochs)
 
 
-def name_of(config: str, protocol: str) -> str:
-    """Return the name of a row's files."""
+def weights_of(config: str, protocol: str) -> Path:
+    """Return the file of a row's weights; its stem is the row's name for the loader."""
     name = config.replace("-", "_")
-    return name if protocol == "grouped" else f"{name}_{protocol}"
+    name = name if protocol == "grouped" else f"{name}_{protocol}"
+    return LOADER.with_suffix("") / f"{name}.safetensors"
 
 
 def trained(config: str, protocol: str, out: Path, options: argparse.Namespace) -> bool:
@@ -81,13 +64,13 @@ def trained(config: str, protocol: str, out: Path, options: argparse.Namespace) 
     return subprocess.run([sys.executable, "-m", *command], cwd=ROOT, check=False).returncode == 0
 
 
-def scored(row: Path, protocol: str, result: Path, options: argparse.Namespace) -> bool:
+def scored(name: str, protocol: str, result: Path, options: argparse.Namespace) -> bool:
     """Evaluate a row on the test split; return whether there is a result.
 
     Exit code 2 may mean that predictions are not positive, which are scored all the same: the
     paper's networks may answer anything.
     """
-    command = ["eigbench", "evaluate", str(row), "--dataset", options.version]
+    command = ["eigbench", "evaluate", f"{LOADER}:{name}", "--dataset", options.version]
     command += ["--protocol", protocol, "--device", options.device, "--out", str(result)]
     command += ["--threads", str(os.cpu_count()), "--no-reference"]
     subprocess.run([sys.executable, "-m", *command], cwd=ROOT, check=False)
@@ -118,27 +101,25 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = {CONFIGS[config].model.blocks for config in options.configs}
     if unknown := set(options.epochs) - chosen:
         parser.error(f"--epochs: no chosen configuration has {min(unknown)} blocks")
-    ROWS.mkdir(exist_ok=True)
-    wrong = []
+    make_directory(LOADER.with_suffix(""))
+    failed = []
     for protocol in options.protocols:
         for config in options.configs:
-            name = name_of(config, protocol)
-            out, row = options.runs / protocol / config, ROWS / f"{name}.py"
+            out, row = options.runs / protocol / config, weights_of(config, protocol)
             result = RESULTS / protocol / f"{config}.json"
             if result.exists():
                 continue
             print(f"{config}, {protocol}", flush=True)
             if not trained(config, protocol, out, options):
-                wrong.append(f"{config}, {protocol}: training")
+                failed.append(f"{config}, {protocol}: training")
                 continue
-            write_bytes(row.with_suffix(".safetensors"), (out / WEIGHTS).read_bytes())
-            write_text(row, ROW.format(config=config, protocol=protocol))
-            result.parent.mkdir(parents=True, exist_ok=True)
-            if not scored(row, protocol, result, options):
-                wrong.append(f"{config}, {protocol}: scoring")
-    for one in wrong:
-        print(f"failed: {one}", file=sys.stderr)
-    return 1 if wrong else 0
+            write_bytes(row, (out / WEIGHTS).read_bytes())
+            make_directory(result.parent)
+            if not scored(row.stem, protocol, result, options):
+                failed.append(f"{config}, {protocol}: scoring")
+    for row_and_step in failed:
+        print(f"failed: {row_and_step}", file=sys.stderr)
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":

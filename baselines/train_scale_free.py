@@ -1,12 +1,11 @@
 """Train the network of baselines/gcn_scale_free.py on 2.0 under each of its protocols.
 
-    export PYTHONPATH=.
-    python scripts/train_protocols.py --runs runs
+    python -m baselines.train_scale_free --runs runs
 
-Once with everything, once for each protocol, once without each family, of which isometric ones are
-left out together: 26 trainings of two to seven minutes on two cores. What is finished in --runs is
-left as it is, an interrupted training goes on. When all are finished their weights go to
-baselines/gcn_scale_free.safetensors.
+It is trained once with everything, once for each protocol and once without each family, of which
+isometric ones are left out together: 26 trainings of two to seven minutes on two cores. What is
+finished in --runs is left as it is, an interrupted training goes on. When all are finished their
+weights go to baselines/gcn_scale_free.safetensors.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from baselines.gcn.train import loop, said
 from synthnet import recipe
 from synthnet.store.files import make_directory
 
-OUT = Path(__file__).parent.parent / "baselines" / "gcn_scale_free.safetensors"
+OUT = Path(__file__).parent / "gcn_scale_free.safetensors"
 VERSION = "2.0"
 VERTICES = 1000  # of a mesh; of larger ones a share is trained on, see gcn.sampled
 EPOCHS = 4
@@ -67,9 +66,9 @@ def main() -> int:
         f"{len(shapes.ids):,} meshes, {sum(len(g.features) for g in shapes.graphs):,} vertices"
     )
     same = trained_as(shapes)
-    places = {name: options.runs / same[name].replace("/", "-") for name in protocols()}
+    folders = {name: options.runs / same[name].replace("/", "-") for name in protocols()}
     for protocol in dict.fromkeys(same[name] for name in options.only or protocols()):
-        out = places[protocol]
+        out = folders[protocol]
         if (out / WEIGHTS).exists():
             continue
         make_directory(out)
@@ -91,7 +90,7 @@ def main() -> int:
             return 130
         run.finish()
         print(said(run), flush=True)
-    finished = {training_set(VERSION, name): out / WEIGHTS for name, out in places.items()}
+    finished = {training_set(VERSION, name): out / WEIGHTS for name, out in folders.items()}
     if missing := [name for name, file in finished.items() if not file.exists()]:
         print(f"{OUT} is as it was: {len(missing)} trainings are missing, such as {missing[0]}")
         return 0

@@ -1,7 +1,7 @@
 """Write docs/reproduction.md: the paper's tables and figures beside those of our own runs.
 
-    python scripts/reproduction.py            # `make tables`
-    python scripts/reproduction.py --check    # exit code 1 if the page is not what it writes
+    python -m evidence.reproduction            # `make tables`
+    python -m evidence.reproduction --check    # exit code 1 if the page is not what it writes
 
 From benchmark/reproduction (results and predictions, scored anew here), the weights in
 baselines/reproduction (what each row was trained on), docs/data/gcn.json (`make bench`) and
@@ -28,12 +28,12 @@ from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS
 from matplotlib.figure import Figure
 from tabulate import tabulate
-from train_gcn import RESULTS, ROWS, name_of
 
 from baselines.gcn import weights
 from baselines.gcn.configs import CONFIGS, PAPER
 from baselines.gcn.model import GCN
 from baselines.gcn.predictor import told
+from baselines.train_reproduction import RESULTS, weights_of
 from synthnet.store.files import write_text
 from synthnet.types import PROTOCOLS
 
@@ -43,7 +43,7 @@ REPORTED = json.loads((ROOT / "benchmark" / "reported" / "wu-2024.json").read_te
 LEAKAGE = """\
 Under the protocol `paper` copies of a test shape are trained on: turned or mirrored, with the
 same eigenvalues. What that is worth to a predictor that remembers, on all of 1.0
-(`scripts/leakage.py`): both see nothing but six numbers of a mesh that no isometry changes. The
+(`evidence/leakage.py`): both see nothing but six numbers of a mesh that no isometry changes. The
 look-up answers with the spectrum of the training shape whose numbers are nearest, scaled; the trees
 are the leaderboard's, of one seed instead of three."""
 COLUMNS = ("invlap", "polar", "rpd", "psnr20", "l1", "l2")
@@ -55,21 +55,22 @@ EXAMPLES = "modern"  # the row whose spectra are drawn
 OURS = {"grouped": "ours, grouped", "paper": "ours, paper's protocol"}
 INTRO = """\
 Each reported row is followed by ours: the same network, loss, encoding and schedule
-([configs.py](../baselines/gcn/configs.py)), trained by `scripts/train_gcn.py` for the same minutes
-a row: a small part of the paper's 200 or 400 epochs, as the next table says. Scores are means
-over every instance of the test split, computed anew from the committed predictions. Nothing of
-the paper's is in our rows. Names that end in `-modern` have the same network, loss and encoding,
-trained by AdamW with a one-cycle rate made to end within the minutes (networks of four and five
-blocks came to 95 % of it), batches of 16, a fresh isometry at every visit and gradient clipping;
-`modern` is besides scale-free: its mesh has area 1, its outputs are logarithms of factors to
+([configs.py](../baselines/gcn/configs.py)), trained by `baselines/train_reproduction.py` for the
+same minutes a row: a small part of the paper's 200 or 400 epochs, as the next table says. Scores
+are means over every instance of the test split, computed anew from the committed predictions. None
+of the paper's numbers is in our rows. Names that end in `-modern` have the same network, loss and
+encoding, trained by AdamW with a one-cycle rate made to end within the minutes (networks of four
+and five blocks came to 95 % of it), batches of 16, a fresh isometry at every visit and gradient
+clipping; `modern` is also scale-free: its mesh has area 1, its outputs are logarithms of factors to
 Weyl's law.
 
-How a network begins the paper does not say. Here the last bias is the geometric mean of the
+The paper does not say how a network is initialised. Here the last bias is the geometric mean of the
 training labels, because RPDLoss is constant where an output is negative: an output that begins
 there has no gradient, and PyTorch's initial values put about half of the ten outputs there. With a
 virtual node the initial outputs vary widely, so some may still begin below zero. The last
-column says for what share of the test meshes any of the ten predicted eigenvalues is not positive;
-where that is nearly all of them, training has not begun to work, and errors have no bound.
+column gives the share of the test meshes for which any of the ten predicted eigenvalues is not
+positive; where that is nearly all of them, training has not begun to work, and errors have no
+bound.
 """
 # Our configuration of each reported row, in the order of the paper's tables.
 TABLES = (
@@ -136,7 +137,7 @@ def read(config: str, protocol: str) -> Submission | None:
 @cache
 def record(config: str, protocol: str) -> dict[str, Any]:
     """Return what a row's weights say of its training."""
-    return weights.read(ROWS / f"{name_of(config, protocol)}.safetensors")[1]
+    return weights.read(weights_of(config, protocol))[1]
 
 
 def mean(one: Submission | None, key: str) -> str:
@@ -313,7 +314,7 @@ def leakage() -> str:
 
 
 def look_ups() -> str:
-    """Return how well predictors do that can only remember, by ``scripts/leakage.py``."""
+    """Return how well predictors do that can only remember, by ``evidence/leakage.py``."""
     path = ROOT / "docs" / "data" / "leakage.json"
     if not path.exists():
         return "Not run."
@@ -332,7 +333,7 @@ def look_ups() -> str:
 
 
 def measured_seconds() -> list[dict[str, Any]]:
-    """Return what ``benchmarks/gcn.py --figure-2`` has measured, if it was run."""
+    """Return what ``evidence/gcn_speed.py --figure-2`` has measured, if it was run."""
     path = ROOT / "docs" / "data" / "gcn.json"
     found: list[dict[str, Any]] = json.loads(path.read_text())["figure2"] if path.exists() else []
     return found

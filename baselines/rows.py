@@ -1,0 +1,191 @@
+"""Run the rows of the leaderboard: list them, and make again what an earlier version has made.
+
+    python -m baselines.rows                                 # the rows, and which are marked
+    python -m baselines.rows --marked                        # run these again and submit them
+    python -m baselines.rows --run                           # run and submit all of 1.0/grouped
+    python -m baselines.rows --run exact ritz5 --board 2.0/family --seeds 1
+    python -m baselines.rows --run exact --board scaling --sizes 1000 10000
+
+One thread each, on a machine with nothing else to do, because times are compared. Rows of a board
+are timed beside LaPy, so they may be made on several machines; those of the scaling track are
+compared on one machine only. What is finished in --results is kept as long as the code stays, and
+an interrupted row goes on where it stopped. All of one dataset take one to two hours. Under a
+protocol of a version's own, only what is trained is run: the rest predicts there what it predicts
+under `grouped`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from eigbench import results
+from eigbench.results.sources import outdated
+
+ROOT = Path(__file__).parent.parent
+SEEDS = {  # of each row's predictor
+    "mean": 1,
+    "weyl": 1,
+    "boosted_trees": 3,
+    "ritz3": 1,
+    "ritz5": 1,
+    "ritz7": 1,
+    "decimate300": 1,
+    "decimate1000": 1,
+    "lumped": 1,
+    "exact": 1,
+    "certified": 1,
+    "multilevel": 1,
+    "ritz_mlp": 3,
+    "reproduction:modern": 1,
+    "gcn_scale_free": 1,
+}
+TRAINED = ("mean", "boosted_trees", "ritz_mlp", "gcn_scale_free")  # on the set they are asked for
+ONLY = {"gcn_scale_free": "2.0"}  # trained on that alone
+BATCH = {"1.0": 200, "2.0": 50}  # meshes: 2.0's are six times as large
+PROTOCOLS = ("grouped", "family", "resolution", "genus", "boundary", "imported/real-28")
+SCALING = "scaling"
+BOARDS = ("1.0/grouped", *(f"2.0/{protocol}" for protocol in PROTOCOLS), SCALING)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A baseline on a board; ``result`` is what the board has of it, if anything."""
+
+    name: str
+    board: str
+    result: dict[str, Any] | None
+
+    @property
+    def marked(self) -> bool:
+        """Whether an earlier version of the code made it."""
+        return self.result is not None and outdated(self.result, ROOT)
+
+    @property
+    def state(self) -> str:
+        """What the board has."""
+        if self.result is None:
+            return "not run"
+        return "made by an earlier version" if self.marked else "as the code is"
+
+
+def code(name: str) -> str:
+    """Return a baseline's file, or the name of one of several: ``reproduction.py:modern``."""
+    file, colon, variant = name.partition(":")
+    return f"{file}.py{colon}{variant}"
+
+
+def usual(board: str) -> list[str]:
+    """Return the baselines that belong on a board."""
+    version, _, protocol = board.partition("/")
+    trained_anew = board != SCALING and protocol != "grouped" and "imported" not in protocol
+    every = TRAINED if trained_anew else SEEDS
+    return [name for name in every if board == SCALING or ONLY.get(name) in (None, version)]
+
+
+def rows(boards: Sequence[str], names: Sequence[str] = ()) -> Iterator[Row]:
+    """Yield the rows of some boards, or those of some baselines."""
+    for board in boards:
+        name = board if board == SCALING else f"results/{board.replace('/', '-test-', 1)}"
+        folder = ROOT / "benchmark" / name.replace("imported/", "imported-")
+        there = [results.load(path) for path in sorted(folder.glob("*.json"))]
+        by_code = {result["model"]["code"]: result for result in there}
+        for baseline in names or usual(board):
+            yield Row(baseline, board, by_code.get(code(baseline)))
+
+
+def command(row: Row, out: Path, options: argparse.Namespace) -> list[str]:
+    """Return the command of eigbench that makes a row; seeds are those that it has, if any."""
+    start = [str(ROOT / "baselines" / code(row.name)), "--resume", "--out", str(out)]
+    if row.board == SCALING:
+        sizes = ["--sizes", *options.sizes] if options.sizes else []
+        limits = ["--time-limit", options.time_limit, "--memory-limit", options.memory_limit]
+        return ["scale", *start, *limits, *sizes]
+    version, _, protocol = row.board.partition("/")
+    seeds = SEEDS[row.name] if row.result is None else row.result["predictions"]["seeds"]
+    seeds = min(SEEDS[row.name], options.seeds or seeds)
+    shown = [] if protocol == "grouped" else ["--no-reference"]  # times are shown for grouped only
+    split = ["--dataset", version, "--protocol", protocol, *shown]
+    counts = ["--batch-size", str(BATCH[version]), "--seeds", str(seeds)]
+    return ["evaluate", *start, *split, *counts]
+
+
+def eigbench(*arguments: str) -> int:
+    """Run a command of eigbench; return its exit code."""
+    return subprocess.run([sys.executable, "-m", "eigbench", *arguments], check=False).returncode
+
+
+def make(row: Row, options: argparse.Namespace) -> int:
+    """Evaluate and submit a row; return the first exit code that is not 0."""
+    print(f"{row.name}, {row.board}:", flush=True)
+    folder = options.results / row.board.replace("/", "-")
+    folder.mkdir(parents=True, exist_ok=True)
+    out = folder / f"{row.name.replace(':', '-')}.json"
+    if out.exists() and outdated(results.load(out), ROOT):
+        out.unlink()
+    finished = row.board != SCALING and out.exists()  # there --resume adds sizes
+    status = 0 if finished else eigbench(*command(row, out, options))
+    if status:
+        return status
+    return eigbench("submit", str(out), "--replace", "--board", str(ROOT))
+
+
+def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--marked", action="store_true", help="run what an earlier version made")
+    what.add_argument(
+        "--run", nargs="*", metavar="NAME", help=f"run these (default: all) of {', '.join(SEEDS)}"
+    )
+    parser.add_argument(
+        "--board", nargs="+", metavar="B", help=f"of {', '.join(BOARDS)} (--run: 1.0/grouped)"
+    )
+    parser.add_argument(
+        "--results", type=Path, default=ROOT / "runs" / "rows", metavar="DIR", help="of this run"
+    )
+    parser.add_argument("--seeds", type=int, help="at most so many (default: those of the row)")
+    parser.add_argument("--sizes", nargs="+", metavar="N", help="as of `eigbench scale`")
+    parser.add_argument("--time-limit", default="600", metavar="S", help="as of `eigbench scale`")
+    parser.add_argument(
+        "--memory-limit", default="16", metavar="GIB", help="as of `eigbench scale`"
+    )
+    options = parser.parse_args(arguments)
+    options.board = options.board or (BOARDS if options.run is None else BOARDS[:1])
+    for board in options.board:
+        version, _, protocol = board.partition("/")
+        if protocol == "paper":
+            parser.error("the trained baselines keep no numbers of the test shapes' copies")
+        if board != SCALING and not (version in BATCH and protocol):
+            parser.error(f"there is no board {board!r}: choose of {', '.join(BOARDS)}")
+    if unknown := set(options.run or ()) - set(SEEDS):
+        parser.error(f"there is no row {min(unknown)!r}: choose of {', '.join(SEEDS)}")
+    return options
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """List the rows, and run those that are asked for; return the first exit code that is not 0."""
+    options = parse(arguments)
+    every = list(rows(options.board, options.run or ()))
+    if options.run is not None:
+        chosen = every
+    else:
+        chosen = [row for row in every if options.marked and row.marked]
+        for row in every:
+            print(f"{row.board:22}{row.name:22}{row.state}")
+        print(f"{sum(row.marked for row in every)} of {len(every)} rows are marked")
+    for row in chosen:
+        if status := make(row, options):
+            return status
+    return eigbench("leaderboard", "--board", str(ROOT)) if chosen else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,172 @@
+"""Digests of the files that a predictor is made of, which a tidy-up leaves as they are.
+
+The digest of a Python file is that of its statements: comments, docstrings, formatting and
+imports that moved do not change it, a changed statement does. Any other file counts by its bytes.
+No code is run here.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import warnings
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from synthnet.store.files import sha256
+
+# What follows from the position (ctx), from the spelling (kind), or is written as a comment.
+UNSEEN = ("ctx", "kind", "type_comment", "type_ignores")
+
+
+CODE = "baselines"  # of a checkout: the folder with the predictors of its rows
+EARLIER = "made by an earlier version of its code."
+
+
+def outdated(result: dict[str, Any], root: Path) -> bool:
+    """Return whether the code of a result in a checkout is not that which made it any more.
+
+    A result whose predictor is not among the checkout's baselines is not: nothing is known of it.
+    """
+    folder, model = root / CODE, result["model"]
+    if not (folder / model["code"].partition(":")[0]).is_file():
+        return False
+    return any(_current(folder / name) != made_by for name, made_by in model["sources"].items())
+
+
+def remark(result: dict[str, Any], path: Path) -> str:
+    """Return what a board says of a result in a checkout whose code has changed since."""
+    board = next((folder for folder in path.resolve().parents if folder.name == "benchmark"), None)
+    return EARLIER if board is not None and outdated(result, board.parent) else ""
+
+
+def _current(path: Path) -> str:
+    if not path.is_file():
+        return ""
+    facts = path.stat()
+    return _remembered(path, facts.st_mtime_ns, facts.st_size)
+
+
+@lru_cache(maxsize=1024)
+def _remembered(path: Path, changed: int, size: int) -> str:
+    return digest(path)
+
+
+def digest(path: Path) -> str:
+    """Return the digest of a file, 64 hexadecimal digits.
+
+    A Python file that does not parse counts by its bytes, like any other file.
+    """
+    if path.suffix == ".py":
+        try:
+            return digest_of_code(path.read_bytes())
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
+            pass  # what the parser raises at code that it does not know, or that nests too deep
+    return sha256(path)
+
+
+def digest_of_code(code: bytes | str) -> str:
+    r"""Return the SHA-256 of code's syntax tree, the same for every version of Python.
+
+    The tree is taken without what does nothing: docstrings and other constants that stand alone,
+    and ``pass``. Of the imports only the names count, in no order: what is imported, without its
+    module, and the name that it is given.
+
+    Raises
+    ------
+    SyntaxError, ValueError
+        If it is not Python.
+
+    Examples
+    --------
+    >>> old = "from a import area\ndef f(x): return  area(x)  # in length²"
+    >>> new = "from b.c import area\ndef f(x):\n  'Return the area.'\n  return area(x)"
+    >>> digest_of_code(old) == digest_of_code(new)
+    True
+    >>> digest_of_code(old) == digest_of_code(old.replace("area(x)", "area(2 * x)"))
+    False
+    """
+    with warnings.catch_warnings(action="ignore"):  # of its escapes; they are for its author
+        tree = ast.parse(code)
+    hashed = hashlib.sha256()
+    for part in (*_imported(tree), *_tokens(tree)):
+        text = part.encode("utf-8", "surrogatepass")
+        hashed.update(b"%d:%s" % (len(text), text))  # the length keeps neighbours apart
+    return hashed.hexdigest()
+
+
+def _imported(tree: ast.Module) -> list[str]:
+    """Return what the imports of a file bind, as ``name as bound``."""
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            names |= {(alias.name, alias.asname or alias.name) for alias in node.names}
+        elif isinstance(node, ast.Import):
+            for alias in node.names:  # ``import a.b`` binds a, ``import a.b as c`` binds b as c
+                first, last = alias.name.split(".")[0], alias.name.split(".")[-1]
+                names.add((last, alias.asname) if alias.asname else (first, first))
+    return [f"{name} as {bound}" for name, bound in sorted(names)]
+
+
+def _tokens(tree: ast.Module) -> Iterator[str]:
+    """Yield a tree, a node after the other; a stack instead of calls, for code that nests deep."""
+    left: list[Any] = [tree]
+    while left:
+        item = left.pop()
+        if isinstance(item, _Mark):
+            yield item
+        elif isinstance(item, ast.Constant):
+            yield f"{type(item.value).__name__} {_spelt(item.value)}"
+        elif isinstance(item, ast.AST):
+            left += [_Mark(")"), *reversed(_fields(item)), _Mark(f"{type(item).__name__}(")]
+        elif isinstance(item, list):
+            left += [_Mark("]"), *reversed(item), _Mark("[")]
+        else:
+            yield f"{type(item).__name__} {_spelt(item)}"
+
+
+class _Mark(str):
+    """A bracket or a name of the tree's own, which no identifier in it can be taken for."""
+
+
+def _fields(node: ast.AST) -> list[Any]:
+    """Return the names and values of a node's fields, in order, without those that are empty."""
+    parts: list[Any] = []
+    for name in sorted(set(node._fields) - set(UNSEEN)):
+        value = getattr(node, name, None)
+        if isinstance(value, list):
+            value = _joined(value) if isinstance(node, ast.JoinedStr) else _acting(value)
+        if value is not None and value != []:
+            parts += [_Mark(f"{name}="), value]
+    return parts
+
+
+def _acting(items: list[Any]) -> list[Any]:
+    """Return a list of nodes without the statements that do nothing, and without imports."""
+    idle = (ast.Pass, ast.Import, ast.ImportFrom)
+    return [
+        item
+        for item in items
+        if not isinstance(item, idle)
+        and not (isinstance(item, ast.Expr) and isinstance(item.value, ast.Constant))
+    ]
+
+
+def _joined(items: list[Any]) -> list[Any]:
+    """Return the parts of an f-string; parsers differ in how they cut the text between braces."""
+    parts: list[Any] = []
+    for item in items:
+        if not isinstance(item, ast.Constant):
+            parts.append(item)
+        elif parts and isinstance(parts[-1], ast.Constant):
+            parts[-1] = ast.Constant(f"{parts[-1].value}{item.value}")
+        elif item.value:
+            parts.append(item)
+    return parts
+
+
+def _spelt(value: Any) -> str:
+    """Return a constant as text; of a string itself, since repr follows Python's Unicode tables."""
+    return value if isinstance(value, str) else repr(value)
