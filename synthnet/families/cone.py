@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from synthnet.families import limits, primitives
 from synthnet.families.family import POSITIVE, Family
+from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
 
 
@@ -13,7 +14,7 @@ def surface(
 ) -> Mesh:
     """Open3D's cone, base disc included, each triangle split into 4 ``subdivisions`` times."""
     cone = primitives.cone(radius=radius, height=height, resolution=resolution, split=split)
-    return primitives.subdivide(cone, subdivisions)
+    return subdivide(cone, subdivisions)
 
 
 def refined(
@@ -22,7 +23,7 @@ def refined(
     """Open3D's cone refined onto the smooth cone, then subdivided as :func:`surface`."""
     cone = primitives.cone(radius=radius, height=height, resolution=resolution, split=split)
     fine = primitives.refine_lateral(cone, times, lambda z: radius * (1 - z / height))
-    return primitives.subdivide(fine, subdivisions)
+    return subdivide(fine, subdivisions)
 
 
 def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:

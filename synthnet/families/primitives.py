@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from synthnet.mesh.open3d import load_open3d
+from synthnet.mesh.open3d import from_open3d, load_open3d
 from synthnet.types import Mesh
 
 Points: TypeAlias = NDArray[np.float64]
@@ -18,34 +18,6 @@ Points: TypeAlias = NDArray[np.float64]
 PLANE = 1e-9  # distance under which a point lies on a plane, or two points are one
 CLEAR = 1e-6  # angle by which a cap keeps off a plane to be on one side of it
 FLAT = 1e-9  # difference of unit normals under which neighbours form one flat facet
-
-
-def from_open3d(triangle_mesh: Any) -> Mesh:
-    """Copy an ``open3d.geometry.TriangleMesh`` into a float64 mesh."""
-    return Mesh(
-        np.array(triangle_mesh.vertices, dtype=np.float64),
-        np.array(triangle_mesh.triangles, dtype=np.int64),
-    )
-
-
-def to_open3d(mesh: Mesh) -> Any:
-    """Copy a mesh into an ``open3d.geometry.TriangleMesh``."""
-    o3d = load_open3d()
-    return o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(np.array(mesh.vertices, dtype=np.float64, order="C")),
-        o3d.utility.Vector3iVector(np.array(mesh.faces, dtype=np.int32, order="C")),
-    )
-
-
-def subdivide(mesh: Mesh, times: int) -> Mesh:
-    """Split every triangle into four by its edges' midpoints, ``times`` times.
-
-    Examples
-    --------
-    >>> len(subdivide(box(width=1, height=2, depth=3), 2).faces)  # 12 · 4²
-    192
-    """
-    return from_open3d(to_open3d(mesh).subdivide_midpoint(times)) if times else mesh
 
 
 def refine(

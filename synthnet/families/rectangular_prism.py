@@ -2,14 +2,13 @@
 
 from synthnet.families import primitives
 from synthnet.families.family import POSITIVE, Family
+from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
 
 
 def surface(*, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
     """Open3D's box of 12 triangles, each split into 4 ``subdivisions`` times."""
-    return primitives.subdivide(
-        primitives.box(width=width, height=height, depth=depth), subdivisions
-    )
+    return subdivide(primitives.box(width=width, height=height, depth=depth), subdivisions)
 
 
 def refined(times: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from synthnet.families import limits, primitives
 from synthnet.families.family import POSITIVE, Family
+from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
 
 
@@ -27,7 +28,7 @@ def surface(
         primitives.cone(radius=radius, height=height, resolution=resolution_a, split=split_a),
         primitives.cone(radius=radius, height=height, resolution=resolution_b, split=split_b),
     )
-    return primitives.subdivide(hull, subdivisions)
+    return subdivide(hull, subdivisions)
 
 
 def refined(
@@ -52,7 +53,7 @@ def refined(
         subdivisions=0,
     )
     fine = primitives.refine_lateral(hull, times, lambda z: radius * (1 - z / height))
-    return primitives.subdivide(fine, subdivisions)
+    return subdivide(fine, subdivisions)
 
 
 def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:

@@ -10,8 +10,9 @@ from scipy import linalg
 from synthnet import recipe, spectrum
 from synthnet.errors import CertificateError, SpectrumError
 from synthnet.families import FAMILIES, PRIMITIVES
-from synthnet.families.primitives import convex_hull, subdivide
+from synthnet.families.primitives import convex_hull
 from synthnet.mesh import geometry
+from synthnet.mesh.open3d import subdivide
 from synthnet.recipe.drawing import draw_shape
 from synthnet.spectrum import certificate, reference, search, solve
 from synthnet.spectrum.lanczos import Lanczos, RitzPairs
