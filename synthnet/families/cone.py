@@ -17,12 +17,12 @@ def surface(
     return subdivide(cone, subdivisions)
 
 
-def refined(
-    times: int, *, radius: float, height: float, resolution: int, split: int, subdivisions: int
+def at_level(
+    level: int, *, radius: float, height: float, resolution: int, split: int, subdivisions: int
 ) -> Mesh:
     """Open3D's cone refined onto the smooth cone, then subdivided as :func:`surface`."""
     cone = primitives.cone(radius=radius, height=height, resolution=resolution, split=split)
-    fine = primitives.refine_lateral(cone, times, lambda z: radius * (1 - z / height))
+    fine = primitives.refine_lateral(cone, level, lambda z: radius * (1 - z / height))
     return subdivide(fine, subdivisions)
 
 
@@ -35,7 +35,7 @@ FAMILY = Family(
     name="cone",
     title="Cone",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -45,5 +45,5 @@ FAMILY = Family(
     },
     euler_characteristic=2,
     limit=limit,
-    refinements=2,
+    least_levels=2,
 )

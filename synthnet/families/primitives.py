@@ -56,7 +56,7 @@ def refine(
         middles[moved] = onto(middles[moved])
         (a, b, c), (ab, bc, ca) = corners.T, of_side.T + len(mesh.vertices)
         four = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-        faces = np.stack([np.stack(one, axis=1) for one in four], axis=1).reshape(-1, 3)
+        faces = np.stack([np.stack(child, axis=1) for child in four], axis=1).reshape(-1, 3)
         mesh = Mesh(np.concatenate([mesh.vertices, middles]), faces)
     return mesh
 
@@ -72,8 +72,8 @@ def refine_lateral(mesh: Mesh, times: int, radius: Callable[[Points], Points]) -
     """Refine a mesh of a cylinder or cone about the z axis with flat ends.
 
     New vertices of the lateral surface and of the rims keep their height z and go out to
-    ``radius(z)``; those inside an end stay where they are, in its plane. What counts is the
-    triangles at an edge: an end may have chords between two vertices of its rim.
+    ``radius(z)``; those inside an end stay where they are, in its plane. The
+    triangles at an edge decide: an end may have chords between two vertices of its rim.
     """
 
     def onto(points: Points) -> Points:
@@ -180,12 +180,12 @@ def _points_of_halves(
     representative[order] = first
     unique, number = np.unique(representative, return_inverse=True)
     numbers = []
-    for mesh, mine, place in (
+    for mesh, mine, new_numbers in (
         (left, kept[0], number[: len(kept[0])]),
         (right, kept[1], number[len(kept[0]) :]),
     ):
         numbers.append(np.full(len(mesh.vertices), -1, dtype=np.int64))
-        numbers[-1][mine] = place
+        numbers[-1][mine] = new_numbers
     return points[unique], (numbers[0], numbers[1])
 
 
@@ -266,7 +266,7 @@ def _fan_flat_facets(points: NDArray[np.float64], faces: NDArray[np.int64]) -> N
     """Put the faces of a hull into a normal form.
 
     Where more than three hull vertices lie in one plane, the triangulation of that
-    facet (and the order of everything) hangs on the last bit of the coordinates, which
+    facet (and the order of everything) depends on the last bit of the coordinates, which
     differs between machines. So each flat facet is fanned out from its first vertex,
     and the faces are put in order: the same points give the same faces.
     """

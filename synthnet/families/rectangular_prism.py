@@ -11,16 +11,16 @@ def surface(*, width: float, height: float, depth: float, subdivisions: int) -> 
     return subdivide(primitives.box(width=width, height=height, depth=depth), subdivisions)
 
 
-def refined(times: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
-    """Box subdivided ``times`` times more: a polyhedron is its own limit."""
-    return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + times)
+def at_level(level: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
+    """Box subdivided ``level`` times more: a polyhedron is its own limit."""
+    return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + level)
 
 
 FAMILY = Family(
     name="rectangular_prism",
     title="Rectangular prism",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
     euler_characteristic=2,
 )

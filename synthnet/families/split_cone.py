@@ -31,8 +31,8 @@ def surface(
     return subdivide(hull, subdivisions)
 
 
-def refined(
-    times: int,
+def at_level(
+    level: int,
     *,
     radius: float,
     height: float,
@@ -52,7 +52,7 @@ def refined(
         split_b=split_b,
         subdivisions=0,
     )
-    fine = primitives.refine_lateral(hull, times, lambda z: radius * (1 - z / height))
+    fine = primitives.refine_lateral(hull, level, lambda z: radius * (1 - z / height))
     return subdivide(fine, subdivisions)
 
 
@@ -65,7 +65,7 @@ FAMILY = Family(
     name="split_cone",
     title="Split cone",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -77,5 +77,5 @@ FAMILY = Family(
     },
     euler_characteristic=2,
     limit=limit,
-    refinements=2,
+    least_levels=2,
 )

@@ -15,16 +15,16 @@ def surface(*, width: float, height: float, depth: float, subdivisions: int) -> 
     return subdivide(Mesh(vertices, FACES.copy()), subdivisions)
 
 
-def refined(times: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
-    """Tetrahedron subdivided ``times`` times more: a polyhedron is its own limit."""
-    return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + times)
+def at_level(level: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
+    """Tetrahedron subdivided ``level`` times more: a polyhedron is its own limit."""
+    return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + level)
 
 
 FAMILY = Family(
     name="tetrahedron",
     title="Tetrahedron",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
     euler_characteristic=2,
 )

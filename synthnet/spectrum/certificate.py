@@ -1,8 +1,8 @@
 """The certificate of a spectrum: residuals that bound errors, and a count that nothing is missing.
 
-A residual says that there is an eigenvalue near each number found, not that there is no other. A
+A residual proves that there is an eigenvalue near each value, not that there is no other. A
 factorisation of A − σB counts the eigenvalues below σ (Sylvester's law of inertia). Where the
-count in a gap is that of the pairs found below it, and no residual reaches across, none is missing.
+count in a gap is the number of pairs below it, and no residual reaches across, none is missing.
 
 References
 ----------

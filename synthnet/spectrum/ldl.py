@@ -30,7 +30,7 @@ class Factor:
     pivots : ndarray of shape (n,), float64
         The diagonal D.
     panels : ndarray, float64
-        Rows of Lᵀ, front by front; empty where only the pivots were asked for.
+        Rows of Lᵀ, front by front; empty if only the pivots are kept.
     uncertainty : float
         An estimate of how far rounding moves the eigenvalues, in their unit: the largest
         diagonal entry of M⁻¹ |L| |D| |Lᵀ|, M a quarter of the lumped mass (below B), times
@@ -62,11 +62,11 @@ def factorise(
     matrices : Matrices
         A and B.
     ordering : Ordering
-        Of their pattern.
+        The order of elimination for their pattern.
     sigma : float
         The shift, in the unit of the eigenvalues.
     pivots_only : bool
-        Whether to leave out what solving needs.
+        Whether to leave out the panels, which only :func:`solve` needs.
     """
     pivots = np.empty(len(ordering.order))
     panels = np.empty(0 if pivots_only else ordering.panel[-1])
@@ -330,7 +330,7 @@ def _backward(u: NDArray[np.float64], y: Vector, z: Vector) -> None:
         z[t] -= dz
 
 
-# The loops in which the time goes: they read a vector once for several others.
+# These loops take most of the time: they read a vector once for several others.
 
 
 @kernel

@@ -170,6 +170,7 @@ def minimum_degree(
         stamp = _merge_twins(graph, lists[new:free], lists, stamp + largest + 1)
         free, least = _link_again(graph, lists, new, free, clique, n - eliminated, least)
 
+        graph.start[pivot] = new
         graph.length[pivot] = free - new
         graph.degree[pivot] = clique
         size[pivot] = alone - size[pivot]

@@ -16,7 +16,7 @@ from synthnet.spectrum.lanczos import Lanczos, RitzPairs
 from synthnet.spectrum.ldl import Factor, factorise, solve
 from synthnet.spectrum.ordering import Ordering
 
-ROUNDS = 8  # of the search for more copies of an eigenvalue than a start of two vectors shows
+ROUNDS = 8  # most searches for further copies of an eigenvalue: a start of two vectors shows two
 Rows = NDArray[np.float64]
 
 
