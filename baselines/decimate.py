@@ -6,7 +6,7 @@ import lapy_solver
 import numpy as np
 
 from synthnet import Mesh
-from synthnet.families.primitives import from_open3d, to_open3d
+from synthnet.mesh.open3d import from_open3d, to_open3d
 
 
 def decimated(mesh: Mesh, vertices: int) -> Mesh:

@@ -39,15 +39,16 @@ def stamp(folder: Path) -> str:
 def kernel(function: Function) -> Function:
     """Compile a function of arrays and numbers to machine code at its first call.
 
-    The code is kept beside the module, or in the user's cache, for the next process; where
-    neither can be written every process compiles anew.
+    The code is kept beside the module, or in the user's cache, for the next process; if neither
+    can be written, every process compiles again.
     """
-    # Numba's cache knows a function by its name, and looks at its own file only. What it keeps
-    # names the module, which may be imported by two names (baselines.gcn and gcn).
+    # Numba's cache identifies a function by its name and its own file. The name here also holds
+    # the module, which may be imported by two names (baselines.gcn and gcn), and the sources of
+    # the kernels that it calls.
     folder = Path(function.__code__.co_filename).parent
     function.__qualname__ += f"_{function.__module__.replace('.', '_')}_{stamp(folder)}"
     try:
         compiled: Function = njit(cache=True, **SETTINGS)(function)
-    except RuntimeError:  # Numba found no place for its cache
+    except RuntimeError:  # Numba can write its cache nowhere
         compiled = njit(**SETTINGS)(function)
     return compiled

@@ -49,7 +49,7 @@ class Progressed:
 class Run:
     """A training run that can be stopped and taken up again at any step.
 
-    The batches, the isometries and the rate of a step hang on the seed and its number alone, so
+    The batches, the isometries and the rate of a step depend on the seed and its number alone, so
     a resumed run ends with the weights of an uninterrupted one.
 
     Parameters
@@ -311,7 +311,7 @@ def optimiser(config: TrainConfig, model: nn.Module) -> torch.optim.Optimizer:
 
 
 def generator(*numbers: int) -> torch.Generator:
-    """Return a generator that hangs on these numbers alone."""
+    """Return a generator that depends on these numbers alone."""
     seed = 0
     for number in numbers:
         seed = (seed * 1_000_003 + number + 1) % 2**63

@@ -1,7 +1,7 @@
 """Shapes of a version that is too large to be trained on whole: of large meshes a share.
 
 A mesh of n vertices is taken with probability min(1, v / n), so that meshes of every size cost
-training about the same. Which ones hangs on their ids alone.
+training about the same. The choice depends on their ids alone.
 """
 
 from __future__ import annotations

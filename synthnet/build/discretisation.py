@@ -12,7 +12,7 @@ the label:
 (Richardson). Eigenvalues are paired by their index in ascending order. A coarse mesh does
 not follow that law yet, so it is refined again, and the two finest meshes give the limit:
 families with triangles that reach across the whole surface at least twice
-(:attr:`synthnet.families.Family.refinements`), those of 2.0, whose refinements are uniform
+(:attr:`synthnet.families.Family.least_levels`), those of 2.0, whose refinements are uniform
 meshes of the surface whatever the mesh in question, and any mesh while the last refinement
 changed an eigenvalue by more than a tenth (half a per cent in 2.0), up to five times, or as often
 as the solver can certify the finer mesh. Families of 2.0 whose limit is known have their error
@@ -96,14 +96,14 @@ def estimate(
         return Estimate(spec.id, eigenvalues - limit, np.array([limit, limit]))
     meshes = [eigenvalues]
     change = np.inf
-    while len(meshes) <= family.refinements or (len(meshes) <= MOST and change > family.settled):
-        key = f"{len(eigenvalues)} {family.refinement(spec.parameters, len(meshes))}"
+    while len(meshes) <= family.least_levels or (len(meshes) <= MOST and change > family.settled):
+        key = f"{len(eigenvalues)} {family.level_key(spec.parameters, len(meshes))}"
         if key not in known:
             mesh = family.refine(spec.parameters, len(meshes))
             try:
                 known[key] = spectrum.compute(mesh, len(eigenvalues)).eigenvalues
             except SpectrumError:
-                if len(meshes) <= family.refinements:
+                if len(meshes) <= family.least_levels:
                     raise
                 break  # slivers so fine that rounding has the say: the meshes before must do
         meshes.append(known[key])

@@ -1,7 +1,8 @@
 """The families of shapes, one file each.
 
-To add a family: write its file with an atlas and a ``FAMILY``, add it to :data:`CHARTED`, and
-name it in a new recipe.
+To add a family, write its file (:mod:`synthnet.families.family` says what belongs in it), add its
+``FAMILY`` to :data:`CHARTED` below, and name it in a new recipe. The tests run over these
+dictionaries, so they find the family by themselves.
 """
 
 from __future__ import annotations

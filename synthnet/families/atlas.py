@@ -8,7 +8,7 @@ coordinates, so that a mesh can be refined and its vertices be moved on the smoo
 .. math::
     X : \{1, \dots, q\} \times \mathbb{R}^d \to \mathbb{R}^3, \qquad v = X(\text{chart}, u)
 
-No decision of :meth:`Atlas.uniform` hangs on a rounding: the faces are a function of the
+No decision of :meth:`Atlas.uniform` depends on rounding: the faces are a function of the
 integers alone, the same on every machine.
 """
 
@@ -100,7 +100,7 @@ class Atlas:
         Raises
         ------
         ValueError
-            If more than two patches meet in an edge, or one has two corners in a place.
+            If more than two patches meet in an edge, or two corners of a patch coincide.
         """
         points = self.chart(np.repeat(self.charts, 3), _flat(self.corners))
         near = cKDTree(points).query_pairs(
@@ -159,13 +159,13 @@ class Atlas:
         for corner in range(3):
             numbers[:, weights[:, corner] == 1] = macro.faces[:, [corner]]
 
-        place = np.full((n + 2, n + 2), -1)
-        place[i, j] = np.arange(len(i))
+        number = np.full((n + 2, n + 2), -1)
+        number[i, j] = np.arange(len(i))
         up, down = i + j < n, i + j < n - 1
         local = np.concatenate(
             [
-                np.stack([place[i, j], place[i + 1, j], place[i, j + 1]], axis=1)[up],
-                np.stack([place[i + 1, j], place[i + 1, j + 1], place[i, j + 1]], axis=1)[down],
+                np.stack([number[i, j], number[i + 1, j], number[i, j + 1]], axis=1)[up],
+                np.stack([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]], axis=1)[down],
             ]
         )
         shares = np.broadcast_to(weights, (len(macro.faces), *weights.shape))

@@ -21,7 +21,7 @@ TRIANGULATION: Mapping[str, float | Choice] = {
 }
 NEAREST = (1 / 4, 1 / 16)  # shares of the vertices around the focus of an adaptive mesh
 GROWTH = 1 + 3 * sum(4**i * share for i, share in enumerate(NEAREST))  # of its vertices
-SETTLED = 0.005  # relative change under the last refinement
+SETTLED = 0.005  # relative change from the last level but one to the last
 REFERENCE = 4000  # vertices of the coarsest mesh of those that estimate an error
 
 
@@ -39,9 +39,9 @@ def triangulate(
         four times again, towards a random point. ``irregular``: vertices moved at random on
         the surface, then edges flipped until they are Delaunay.
     vertices : int
-        How many are wanted; the mesh has what comes nearest.
+        How many vertices to aim at; the mesh has the nearest number that its patches allow.
     seed : int
-        Of the random point or moves.
+        Seed of the random point or moves.
     halves : bool
         Whether the half with x > 0 is four times finer, or sixteen times, for an odd seed.
     """
@@ -60,13 +60,13 @@ def triangulate(
     return mesh
 
 
-def reference(atlas: Atlas, times: int) -> Charted:
-    """Return the mesh that estimates of errors rest on, its step halved with each time."""
-    return atlas.uniform(atlas.steps(REFERENCE) * 2 ** (times - 1), graded=True)
+def reference(atlas: Atlas, level: int) -> Charted:
+    """Return the mesh that estimates of errors depend on, its step halved with each level."""
+    return atlas.uniform(atlas.steps(REFERENCE) * 2 ** (level - 1), graded=True)
 
 
 def one_shape(parameters: Parameters) -> Parameters:
-    """Drop what says how the surface is triangulated: the surface is the shape."""
+    """Drop the parameters of the triangulation: two triangulations of a surface are one shape."""
     return {name: value for name, value in parameters.items() if name not in TRIANGULATION}
 
 
@@ -106,24 +106,24 @@ def charted(
             )
         )
 
-    def refined(times: int, **parameters: Any) -> Mesh:
-        if times == 0:
+    def at_level(level: int, **parameters: Any) -> Mesh:
+        if level == 0:
             return surface(**parameters)
         charts = atlas(**one_shape(parameters))
-        return charts.mesh(reference(charts, times))
+        return charts.mesh(reference(charts, level))
 
     return Family(
         name=name,
         title=title,
         surface=surface,
-        refined=refined,
+        at_level=at_level,
         least={**least, **TRIANGULATION},
         most=most or {},
         euler_characteristic=euler_characteristic,
         boundaries=boundaries,
         orientable=orientable,
         limit=limit,
-        refinements=2,
+        least_levels=2,
         settled=settled,
         exact=limit is not None,
         congruent=one_shape,

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from synthnet.families import limits, primitives
 from synthnet.families.family import POSITIVE, Family
+from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
 
 
@@ -13,16 +14,16 @@ def surface(
 ) -> Mesh:
     """Open3D's cone, base disc included, each triangle split into 4 ``subdivisions`` times."""
     cone = primitives.cone(radius=radius, height=height, resolution=resolution, split=split)
-    return primitives.subdivide(cone, subdivisions)
+    return subdivide(cone, subdivisions)
 
 
-def refined(
-    times: int, *, radius: float, height: float, resolution: int, split: int, subdivisions: int
+def at_level(
+    level: int, *, radius: float, height: float, resolution: int, split: int, subdivisions: int
 ) -> Mesh:
     """Open3D's cone refined onto the smooth cone, then subdivided as :func:`surface`."""
     cone = primitives.cone(radius=radius, height=height, resolution=resolution, split=split)
-    fine = primitives.refine_lateral(cone, times, lambda z: radius * (1 - z / height))
-    return primitives.subdivide(fine, subdivisions)
+    fine = primitives.refine_lateral(cone, level, lambda z: radius * (1 - z / height))
+    return subdivide(fine, subdivisions)
 
 
 def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
@@ -34,7 +35,7 @@ FAMILY = Family(
     name="cone",
     title="Cone",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -44,5 +45,5 @@ FAMILY = Family(
     },
     euler_characteristic=2,
     limit=limit,
-    refinements=2,
+    least_levels=2,
 )

@@ -17,15 +17,15 @@ def surface(*, radius: float, height: float, resolution: int, split: int, scalin
     return Mesh(vertices, mesh.faces)
 
 
-def refined(
-    times: int, *, radius: float, height: float, resolution: int, split: int, scaling: float
+def at_level(
+    level: int, *, radius: float, height: float, resolution: int, split: int, scaling: float
 ) -> Mesh:
     """Frustum's mesh with the new vertices of side and rims moved out to the surface."""
     mesh = surface(
         radius=radius, height=height, resolution=resolution, split=split, scaling=scaling
     )
     return primitives.refine_lateral(
-        mesh, times, lambda z: radius * (1 + (scaling - 1) * (z / height + 0.5))
+        mesh, level, lambda z: radius * (1 + (scaling - 1) * (z / height + 0.5))
     )
 
 
@@ -43,7 +43,7 @@ FAMILY = Family(
     name="conical_frustum",
     title="Conical frustum",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -53,5 +53,5 @@ FAMILY = Family(
     },
     euler_characteristic=2,
     limit=limit,
-    refinements=2,
+    least_levels=2,
 )

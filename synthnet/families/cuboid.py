@@ -16,14 +16,14 @@ def atlas(*, width: float, height: float, depth: float) -> Atlas:
     faces = []
     for axis in range(3):
         first, second = (axis + 1) % 3, (axis + 2) % 3
-        for place, outward in ((0.0, False), (sizes[axis], True)):
-            faces.append(_face(rectangle(x[first], x[second]), axis, place, outward))
+        for position, outward in ((0.0, False), (sizes[axis], True)):
+            faces.append(_face(rectangle(x[first], x[second]), axis, position, outward))
     return polyhedron(*faces)
 
 
-def _face(patches: Floats, axis: int, place: float, outward: bool) -> Floats:
+def _face(patches: Floats, axis: int, position: float, outward: bool) -> Floats:
     points = np.empty((len(patches), 3, 3))
-    points[:, :, axis] = place
+    points[:, :, axis] = position
     points[:, :, (axis + 1) % 3], points[:, :, (axis + 2) % 3] = np.moveaxis(patches, 2, 0)
     return points if outward else points[:, ::-1]
 

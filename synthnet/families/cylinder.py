@@ -13,10 +13,10 @@ def surface(*, radius: float, height: float, resolution: int, split: int) -> Mes
     return primitives.cylinder(radius=radius, height=height, resolution=resolution, split=split)
 
 
-def refined(times: int, *, radius: float, height: float, resolution: int, split: int) -> Mesh:
+def at_level(level: int, *, radius: float, height: float, resolution: int, split: int) -> Mesh:
     """Cylinder's mesh with the new vertices of side and rims moved out to the radius."""
     mesh = surface(radius=radius, height=height, resolution=resolution, split=split)
-    return primitives.refine_lateral(mesh, times, lambda z: np.full_like(z, radius))
+    return primitives.refine_lateral(mesh, level, lambda z: np.full_like(z, radius))
 
 
 def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
@@ -29,9 +29,9 @@ FAMILY = Family(
     name="cylinder",
     title="Cylinder",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={"radius": POSITIVE, "height": POSITIVE, "resolution": 3, "split": 1},
     euler_characteristic=2,
     limit=limit,
-    refinements=2,
+    least_levels=2,
 )

@@ -27,15 +27,15 @@ INWARD = ("11", "22")  # where the outline turns inwards
 OUTLINES = ("00 10 11 21 32 22 23 12 01", "10 11 21 32 23 22 12 02 01")
 
 
-def places(form: int, size: float, lean: float) -> dict[str, Floats]:
-    """Return where the corners are, by name.
+def positions(form: int, size: float, lean: float) -> dict[str, Floats]:
+    """Return the positions of the corners, by name.
 
     The first triangle has sides of length ``size`` from the corner 11 to 01 and 10, which make
     an angle of π/2 + lean.
     """
     tilt = np.array([np.sin(lean), -np.cos(lean)])
     corner = np.array([1.0, 1.0])
-    found = {"11": corner, "01": corner - np.array([1.0, 0.0]), "10": corner + tilt}
+    at = {"11": corner, "01": corner - np.array([1.0, 0.0]), "10": corner + tilt}
     names = [triangle.split() for triangle in TRIANGLES[form]]
     for number, (new, a, b) in enumerate(names[1:], start=1):
         (old,) = (
@@ -44,17 +44,17 @@ def places(form: int, size: float, lean: float) -> dict[str, Floats]:
             if {a, b} < set(before)
             for third in set(before) - {a, b}
         )
-        side = found[b] - found[a]
-        away = found[old] - found[a]
+        side = at[b] - at[a]
+        away = at[old] - at[a]
         along = side * (away @ side) / (side @ side)
-        found[new] = found[a] + 2 * along - away
-    return {name: size * place for name, place in found.items()}
+        at[new] = at[a] + 2 * along - away
+    return {name: size * position for name, position in at.items()}
 
 
 def patches(form: int, size: float, lean: float) -> Floats:
     """Return the seven triangles, shape (7, 3, 2), counter-clockwise."""
-    found = places(form, size, lean)
-    corners = np.array([[found[name] for name in one.split()] for one in TRIANGLES[form]])
+    at = positions(form, size, lean)
+    corners = np.array([[at[name] for name in triangle.split()] for triangle in TRIANGLES[form]])
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     turned = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0
     return np.where(turned[:, None, None], corners[:, ::-1], corners)
@@ -62,8 +62,8 @@ def patches(form: int, size: float, lean: float) -> Floats:
 
 def atlas(*, form: int, size: float, lean: float) -> Atlas:
     """Drum ``form``, 0 or 1, of triangles with two sides of length ``size``."""
-    found = places(form, size, lean)
-    inward = np.array([[*found[name], 0.0] for name in INWARD])
+    at = positions(form, size, lean)
+    inward = np.array([[*at[name], 0.0] for name in INWARD])
     return polyhedron(flat(patches(form, size, lean)), singular=inward)
 
 

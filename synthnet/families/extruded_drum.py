@@ -11,10 +11,10 @@ from synthnet.families.polyhedra import prism
 
 def atlas(*, form: int, size: float, lean: float, height: float) -> Atlas:
     """Prism of a height over :func:`synthnet.families.drum.atlas`."""
-    found = drum.places(form, size, lean)
-    outline = np.array([found[name] for name in drum.OUTLINES[form].split()])
+    at = drum.positions(form, size, lean)
+    outline = np.array([at[name] for name in drum.OUTLINES[form].split()])
     patches = drum.patches(form, size, lean)
-    inward = np.array([found[name] for name in drum.INWARD])
+    inward = np.array([at[name] for name in drum.INWARD])
     return prism(patches, outline, height, size, range(len(outline)), inward)
 
 

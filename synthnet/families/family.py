@@ -1,4 +1,17 @@
-"""What a family of shapes is: a name, a generator, and what is known of its surfaces."""
+"""A family of shapes: its name, its generator, and facts about its surfaces.
+
+A family is a value, made once at the end of its own file. Start from the file of one that is like
+it: ``sphere.py`` for meshes that Open3D or a formula gives, ``annulus.py`` for a surface given by
+charts, which :func:`synthnet.families.charted.charted` triangulates. The file needs
+
+- ``surface``, a pure function of the parameters to a mesh (charted: ``atlas``, to an atlas);
+- ``at_level``, the refined mesh of the same parameters (charted families have it already);
+- ``limit``, if the smooth spectrum is known, from :mod:`synthnet.families.limits`;
+- ``FAMILY``, which names them with the parameters' least values and the Euler characteristic.
+
+Then register it in ``synthnet/families/__init__.py``, and give its parameters' distributions in a
+new recipe: a version that is published never changes.
+"""
 
 from __future__ import annotations
 
@@ -37,14 +50,15 @@ class Family:
         Name for people.
     surface : callable
         Pure function of the parameters, by keyword, to a float64 :class:`Mesh`.
-    refined : callable
-        The same, after how often to refine, to a finer mesh; see :meth:`refine`.
+    at_level : callable
+        Function of a level and then of the parameters, by keyword, to the mesh of
+        :meth:`refine`.
     least : mapping of str to number or Choice
-        The parameters there are, and the least value of each, or its choices.
+        The names of the parameters, and the least value of each, or its choices.
     euler_characteristic : int or callable
         V − E + F of every mesh of the family, or that from the parameters.
     shared : callable, optional
-        Maps parameters to those that refined meshes hang on, where these are fewer.
+        Maps parameters to those that refined meshes depend on, where these are fewer.
     most : mapping of str to number
         The largest value of parameters that have one.
     boundaries : int
@@ -54,14 +68,14 @@ class Family:
     limit : callable, optional
         From k and the parameters to the spectrum of the smooth surface, where it is known;
         see :meth:`limit_eigenvalues`.
-    refinements : int
-        How often a mesh is refined at least to estimate its discretisation error: twice where
+    least_levels : int
+        Least number of levels from which the discretisation error is estimated: two where
         triangles may reach from the centre of an end to its rim, or from tip to base, so
         that the meshes as they are do not converge yet.
     settled : float
-        Relative change of an eigenvalue under the last refinement at which an estimate rests.
+        Relative change of an eigenvalue from one level to the next at which an estimate ends.
     exact : bool
-        Whether the error of a label is found from ``limit`` instead of refined meshes.
+        Whether the error of a label is computed from ``limit`` instead of refined meshes.
     congruent : callable, optional
         Maps parameters to a representative of all parameters that give a congruent
         shape, so that mirror images count as one shape in the splits.
@@ -70,11 +84,11 @@ class Family:
     name: str
     title: str
     surface: Callable[..., Mesh]
-    refined: Callable[..., Mesh]
+    at_level: Callable[..., Mesh]
     least: Mapping[str, float | Choice]
     euler_characteristic: Euler
     limit: Callable[..., NDArray[np.float64]] | None = None
-    refinements: int = 1
+    least_levels: int = 1
     settled: float = 0.1
     exact: bool = False
     congruent: Callable[[Parameters], Parameters] | None = None
@@ -105,45 +119,45 @@ class Family:
         """
         return self.surface(**self._arguments(parameters))
 
-    def refine(self, parameters: Parameters, times: int = 1) -> Mesh:
-        """Make the mesh of the given parameters with every triangle split into four.
+    def refine(self, parameters: Parameters, level: int = 1) -> Mesh:
+        """Make the mesh of the given parameters with every triangle split into four at each level.
 
         Where the parameters say how to triangulate a surface (2.0), it is another mesh instead, of
         the surface alone: uniform, or graded towards its singular corners, of about 4,000 vertices
-        for 1 and four times as many for each more.
+        at level 1 and four times as many at each further level.
 
         A new vertex on an edge of a curved part is moved onto the smooth surface, so that
-        the step halves. Where the generator itself subdivides (cones, split cones), what it
-        subdivides is refined so, and then subdivided: the vertices that the generator
-        leaves inside the smooth surface would otherwise stay there. An inverted cone is
-        refined as the cone it is isometric to.
+        the step halves. Where the generator itself subdivides a mesh (cones, split cones),
+        that mesh is refined first and then subdivided: the vertices that the generator leaves
+        inside the smooth surface would otherwise stay there. An inverted cone is refined as the
+        cone it is isometric to.
 
         Parameters
         ----------
         parameters : mapping of str to number
             As for :meth:`generate`.
-        times : int
-            How often; 0 gives the mesh of :meth:`generate`, an inverted cone as a cone.
+        level : int
+            How often to refine; 0 gives the mesh of :meth:`generate`, an inverted cone as a cone.
 
         Returns
         -------
         Mesh
-            float64 vertices, int64 faces, closed and oriented outwards; 4^times the
+            float64 vertices, int64 faces, closed and oriented outwards; 4^level the
             triangles of :meth:`generate`.
 
         Raises
         ------
         ValueError
-            As :meth:`generate`, or if ``times`` is negative.
+            As :meth:`generate`, or if ``level`` is negative.
         """
-        if times < 0:
-            raise ValueError(f"times must be at least 0, got {times}")
-        return self.refined(times, **self._arguments(parameters))
+        if level < 0:
+            raise ValueError(f"level must be at least 0, got {level}")
+        return self.at_level(level, **self._arguments(parameters))
 
-    def refinement(self, parameters: Parameters, times: int) -> str:
-        """Return a key of :meth:`refine`: equal keys, equal meshes."""
+    def level_key(self, parameters: Parameters, level: int) -> str:
+        """Return a key of a refined mesh: :meth:`refine` gives equal meshes for equal keys."""
         kept = dict(parameters if self.shared is None else self.shared(parameters))
-        return json.dumps([self.name, times, kept], sort_keys=True)
+        return json.dumps([self.name, level, kept], sort_keys=True)
 
     def limit_eigenvalues(self, parameters: Parameters, k: int = 10) -> NDArray[np.float64] | None:
         """Return the first k non-zero eigenvalues of the smooth surface, or None if not known.

@@ -36,8 +36,8 @@ def surface(
     return Mesh(np.column_stack([mesh.vertices[:, :2], reflected]), mesh.faces)
 
 
-def refined(
-    times: int,
+def at_level(
+    level: int,
     *,
     radius: float,
     height: float,
@@ -47,8 +47,8 @@ def refined(
     flip: float,
 ) -> Mesh:
     """Refined mesh of the cone, to which the inverted one is isometric."""
-    return cone.refined(
-        times,
+    return cone.at_level(
+        level,
         radius=radius,
         height=height,
         resolution=resolution,
@@ -66,7 +66,7 @@ FAMILY = Family(
     name="inverted_cone",
     title="Inverted cone",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,

@@ -100,14 +100,15 @@ def of_revolution(profile: Sequence[Arc], k: int, *, closed: bool = False) -> Ar
     elements = [
         (arc, start, stop) for arc in profile for start, stop in _elements(arc, _largest(profile))
     ]
-    found = np.zeros(0)
+    smallest = np.zeros(0)
     m = 0
     while True:
         values = _separated(elements, m, k, closed)
-        found = np.sort(np.concatenate([found, values[1:] if m == 0 else np.repeat(values, 2)]))
-        if len(found) >= k and m > 0 and values[0] > found[k - 1]:
-            return found[:k]
-        found = found[:k]
+        copies = values[1:] if m == 0 else np.repeat(values, 2)
+        smallest = np.sort(np.concatenate([smallest, copies]))
+        if len(smallest) >= k and m > 0 and values[0] > smallest[k - 1]:
+            return smallest[:k]
+        smallest = smallest[:k]
         m += 1
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from synthnet.mesh.open3d import load_open3d
+from synthnet.mesh.open3d import from_open3d, load_open3d
 from synthnet.types import Mesh
 
 Points: TypeAlias = NDArray[np.float64]
@@ -18,34 +18,6 @@ Points: TypeAlias = NDArray[np.float64]
 PLANE = 1e-9  # distance under which a point lies on a plane, or two points are one
 CLEAR = 1e-6  # angle by which a cap keeps off a plane to be on one side of it
 FLAT = 1e-9  # difference of unit normals under which neighbours form one flat facet
-
-
-def from_open3d(triangle_mesh: Any) -> Mesh:
-    """Copy an ``open3d.geometry.TriangleMesh`` into a float64 mesh."""
-    return Mesh(
-        np.array(triangle_mesh.vertices, dtype=np.float64),
-        np.array(triangle_mesh.triangles, dtype=np.int64),
-    )
-
-
-def to_open3d(mesh: Mesh) -> Any:
-    """Copy a mesh into an ``open3d.geometry.TriangleMesh``."""
-    o3d = load_open3d()
-    return o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(np.array(mesh.vertices, dtype=np.float64, order="C")),
-        o3d.utility.Vector3iVector(np.array(mesh.faces, dtype=np.int32, order="C")),
-    )
-
-
-def subdivide(mesh: Mesh, times: int) -> Mesh:
-    """Split every triangle into four by its edges' midpoints, ``times`` times.
-
-    Examples
-    --------
-    >>> len(subdivide(box(width=1, height=2, depth=3), 2).faces)  # 12 · 4²
-    192
-    """
-    return from_open3d(to_open3d(mesh).subdivide_midpoint(times)) if times else mesh
 
 
 def refine(
@@ -84,7 +56,7 @@ def refine(
         middles[moved] = onto(middles[moved])
         (a, b, c), (ab, bc, ca) = corners.T, of_side.T + len(mesh.vertices)
         four = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-        faces = np.stack([np.stack(one, axis=1) for one in four], axis=1).reshape(-1, 3)
+        faces = np.stack([np.stack(child, axis=1) for child in four], axis=1).reshape(-1, 3)
         mesh = Mesh(np.concatenate([mesh.vertices, middles]), faces)
     return mesh
 
@@ -100,8 +72,8 @@ def refine_lateral(mesh: Mesh, times: int, radius: Callable[[Points], Points]) -
     """Refine a mesh of a cylinder or cone about the z axis with flat ends.
 
     New vertices of the lateral surface and of the rims keep their height z and go out to
-    ``radius(z)``; those inside an end stay where they are, in its plane. What counts is the
-    triangles at an edge: an end may have chords between two vertices of its rim.
+    ``radius(z)``; those inside an end stay where they are, in its plane. The
+    triangles at an edge decide: an end may have chords between two vertices of its rim.
     """
 
     def onto(points: Points) -> Points:
@@ -208,12 +180,12 @@ def _points_of_halves(
     representative[order] = first
     unique, number = np.unique(representative, return_inverse=True)
     numbers = []
-    for mesh, mine, place in (
+    for mesh, mine, new_numbers in (
         (left, kept[0], number[: len(kept[0])]),
         (right, kept[1], number[len(kept[0]) :]),
     ):
         numbers.append(np.full(len(mesh.vertices), -1, dtype=np.int64))
-        numbers[-1][mine] = place
+        numbers[-1][mine] = new_numbers
     return points[unique], (numbers[0], numbers[1])
 
 
@@ -294,7 +266,7 @@ def _fan_flat_facets(points: NDArray[np.float64], faces: NDArray[np.int64]) -> N
     """Put the faces of a hull into a normal form.
 
     Where more than three hull vertices lie in one plane, the triangulation of that
-    facet (and the order of everything) hangs on the last bit of the coordinates, which
+    facet (and the order of everything) depends on the last bit of the coordinates, which
     differs between machines. So each flat facet is fanned out from its first vertex,
     and the faces are put in order: the same points give the same faces.
     """

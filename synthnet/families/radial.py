@@ -20,14 +20,14 @@ EDGE = 2.0
 def icosahedron() -> Floats:
     """Return the twenty faces, shape (20, 3, 3), counter-clockwise seen from outside."""
     near = np.isclose(np.linalg.norm(CORNERS[:, None] - CORNERS, axis=2), EDGE)
-    found = []
+    triangles = []
     for a in range(12):
         for b in range(a + 1, 12):
             for c in range(b + 1, 12):
                 if near[a, b] and near[b, c] and near[a, c]:
                     turn = np.linalg.det(CORNERS[[a, b, c]])
-                    found.append((a, b, c) if turn > 0 else (a, c, b))
-    return np.asarray(CORNERS[np.array(found)])
+                    triangles.append((a, b, c) if turn > 0 else (a, c, b))
+    return np.asarray(CORNERS[np.array(triangles)])
 
 
 def radial(

@@ -2,26 +2,25 @@
 
 from synthnet.families import primitives
 from synthnet.families.family import POSITIVE, Family
+from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
 
 
 def surface(*, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
     """Open3D's box of 12 triangles, each split into 4 ``subdivisions`` times."""
-    return primitives.subdivide(
-        primitives.box(width=width, height=height, depth=depth), subdivisions
-    )
+    return subdivide(primitives.box(width=width, height=height, depth=depth), subdivisions)
 
 
-def refined(times: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
-    """Box subdivided ``times`` times more: a polyhedron is its own limit."""
-    return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + times)
+def at_level(level: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
+    """Box subdivided ``level`` times more: a polyhedron is its own limit."""
+    return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + level)
 
 
 FAMILY = Family(
     name="rectangular_prism",
     title="Rectangular prism",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
     euler_characteristic=2,
 )

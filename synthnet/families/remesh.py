@@ -15,7 +15,7 @@ HALF = 1e-6  # of the width: so far from the plane a triangle counts as beyond i
 COCIRCULAR = 1e-6  # sum of cotangents under which an edge is as good as its flip
 
 
-def refined(mesh: Charted, marked: NDArray[np.bool_]) -> Charted:
+def refine(mesh: Charted, marked: NDArray[np.bool_]) -> Charted:
     """Split marked triangles into four, and their neighbours so that the mesh conforms.
 
     A triangle with two or three split edges is split into four, one with a single split edge
@@ -70,21 +70,21 @@ def towards(atlas: Atlas, mesh: Charted, focus: Floats, shares: tuple[float, ...
     mesh : Charted
         A mesh of it.
     focus : ndarray of shape (3,)
-        The point; in general position, so that no distance hangs on a rounding.
+        The point; in general position, so that no distance depends on a rounding.
     shares : tuple of float
         Shares of the vertices, descending: what is within the distance of so many is refined.
     """
     distances = np.linalg.norm(atlas.points(mesh) - focus, axis=1)
     for radius in np.quantile(distances, shares):
-        mesh = refined(mesh, np.linalg.norm(_centres(atlas, mesh) - focus, axis=1) <= radius)
+        mesh = refine(mesh, np.linalg.norm(_centres(atlas, mesh) - focus, axis=1) <= radius)
     return mesh
 
 
 def finer_half(atlas: Atlas, mesh: Charted, times: int) -> Charted:
-    """Refine the half with x > 0 so often."""
+    """Refine the half with x > 0, ``times`` times."""
     for _ in range(times):
         x = _centres(atlas, mesh)[:, 0]
-        mesh = refined(mesh, x > HALF * np.ptp(x))
+        mesh = refine(mesh, x > HALF * np.ptp(x))
     return mesh
 
 
@@ -187,12 +187,12 @@ def _flip(
     twin: Integers,
     fixed: NDArray[np.bool_],
 ) -> None:
-    """Flip edges in place, from a stack, until none is to be flipped or each had ten turns.
+    """Flip edges in place, from a stack, until every edge is Delaunay or each had ten turns.
 
-    Half-edge 3f + i goes from corner i of face f to corner i + 1; ``corner_of`` says whose
-    coordinates a corner has; ``fixed`` half-edges stay.
+    Half-edge 3f + i goes from corner i of face f to corner i + 1; ``corner_of`` names the corner
+    whose coordinates a corner has; ``fixed`` half-edges stay.
     """
-    face, origin, twins, stays = faces.ravel(), corner_of.ravel(), twin, fixed
+    face, origin = faces.ravel(), corner_of.ravel()
     count = len(face)
     stack = np.empty(count, dtype=np.int64)
     waits = np.ones(count, dtype=np.bool_)
@@ -205,50 +205,65 @@ def _flip(
         size -= 1
         h = stack[size]
         waits[h] = False
-        if stays[h]:
+        if fixed[h] or not _improves(points, face, twin, h):
             continue
-        t = twins[h]
-        f, g = h - h % 3, t - t % 3
-        h1, h2 = f + (h + 1) % 3, f + (h + 2) % 3
-        t1, t2 = g + (t + 1) % 3, g + (t + 2) % 3
-        a, b, c, d = face[h], face[h1], face[h2], face[t2]
-        here, n0, n1, n2 = _cotangent(points[c], points[a], points[b])
-        there, m0, m1, m2 = _cotangent(points[d], points[b], points[a])
-        if not here + there < -COCIRCULAR:
-            continue
-        # The flip gives (a, d, c) and (d, b, c); both must face where the two faced.
-        _, k0, k1, k2 = _cotangent(points[a], points[d], points[c])
-        _, l0, l1, l2 = _cotangent(points[d], points[b], points[c])
-        s0, s1, s2 = n0 + m0, n1 + m1, n2 + m2
-        if k0 * s0 + k1 * s1 + k2 * s2 <= 0 or l0 * s0 + l1 * s1 + l2 * s2 <= 0:
-            continue
-        if _joined(face, twins, h2, c, d):
-            continue
-        # Faces f = (a, d, c), g = (d, b, c): half-edges f: a→d, d→c, c→a; g: d→b, b→c, c→d.
-        ad, ca, db, bc = t1, h2, t2, h1
-        ad_twin, ca_twin, db_twin, bc_twin = twins[ad], twins[ca], twins[db], twins[bc]
-        ad_stays, ca_stays, db_stays, bc_stays = stays[ad], stays[ca], stays[db], stays[bc]
-        oa, ob, oc, od = origin[h], origin[h1], origin[h2], origin[t2]
-        face[f], face[f + 1], face[f + 2] = a, d, c
-        face[g], face[g + 1], face[g + 2] = d, b, c
-        origin[f], origin[f + 1], origin[f + 2] = oa, od, oc
-        origin[g], origin[g + 1], origin[g + 2] = od, ob, oc
-        for place, other, still in (
-            (f, ad_twin, ad_stays),
-            (f + 2, ca_twin, ca_stays),
-            (g, db_twin, db_stays),
-            (g + 1, bc_twin, bc_stays),
-        ):
-            twins[place] = other
-            stays[place] = still
-            if other >= 0:
-                twins[other] = place
-            if not waits[place]:
-                waits[place] = True
-                stack[size] = place
+        for side in _turn(face, origin, twin, fixed, h):
+            if not waits[side]:
+                waits[side] = True
+                stack[size] = side
                 size += 1
-        twins[f + 1], twins[g + 2] = g + 2, f + 1
-        stays[f + 1] = stays[g + 2] = False
+
+
+@kernel
+def _improves(points: Floats, face: Integers, twins: Integers, h: int) -> bool:
+    """Return whether to flip half-edge h: it is not Delaunay, and the flip gives a surface."""
+    t = twins[h]
+    h1, h2 = h - h % 3 + (h + 1) % 3, h - h % 3 + (h + 2) % 3
+    a, b, c, d = face[h], face[h1], face[h2], face[t - t % 3 + (t + 2) % 3]
+    here, n0, n1, n2 = _cotangent(points[c], points[a], points[b])
+    there, m0, m1, m2 = _cotangent(points[d], points[b], points[a])
+    if not here + there < -COCIRCULAR:
+        return False
+    # The flip gives (a, d, c) and (d, b, c); both must face where the two faced.
+    _, k0, k1, k2 = _cotangent(points[a], points[d], points[c])
+    _, l0, l1, l2 = _cotangent(points[d], points[b], points[c])
+    s0, s1, s2 = n0 + m0, n1 + m1, n2 + m2
+    if k0 * s0 + k1 * s1 + k2 * s2 <= 0 or l0 * s0 + l1 * s1 + l2 * s2 <= 0:
+        return False
+    return not _joined(face, twins, h2, c, d)
+
+
+@kernel
+def _turn(
+    face: Integers, origin: Integers, twins: Integers, stays: NDArray[np.bool_], h: int
+) -> tuple[int, int, int, int]:
+    """Flip half-edge h in its two faces; return the half-edges of the four sides around them."""
+    t = twins[h]
+    f, g = h - h % 3, t - t % 3
+    h1, h2 = f + (h + 1) % 3, f + (h + 2) % 3
+    t1, t2 = g + (t + 1) % 3, g + (t + 2) % 3
+    a, b, c, d = face[h], face[h1], face[h2], face[t2]
+    # Faces f = (a, d, c), g = (d, b, c): half-edges f: a→d, d→c, c→a; g: d→b, b→c, c→d.
+    ad_twin, ca_twin, db_twin, bc_twin = twins[t1], twins[h2], twins[t2], twins[h1]
+    ad_stays, ca_stays, db_stays, bc_stays = stays[t1], stays[h2], stays[t2], stays[h1]
+    oa, ob, oc, od = origin[h], origin[h1], origin[h2], origin[t2]
+    face[f], face[f + 1], face[f + 2] = a, d, c
+    face[g], face[g + 1], face[g + 2] = d, b, c
+    origin[f], origin[f + 1], origin[f + 2] = oa, od, oc
+    origin[g], origin[g + 1], origin[g + 2] = od, ob, oc
+    for side, other, still in (
+        (f, ad_twin, ad_stays),
+        (f + 2, ca_twin, ca_stays),
+        (g, db_twin, db_stays),
+        (g + 1, bc_twin, bc_stays),
+    ):
+        twins[side] = other
+        stays[side] = still
+        if other >= 0:
+            twins[other] = side
+    twins[f + 1], twins[g + 2] = g + 2, f + 1
+    stays[f + 1] = stays[g + 2] = False
+    return f, f + 2, g, g + 1
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Rectangles rolled up without stretching: the spectrum of the flat one, in another place."""
+"""Rectangles rolled up without stretching: the spectrum is that of the flat rectangle."""
 
 import numpy as np
 

@@ -13,9 +13,9 @@ def surface(*, radius: float, resolution: int) -> Mesh:
     return primitives.sphere(radius=radius, resolution=resolution)
 
 
-def refined(times: int, *, radius: float, resolution: int) -> Mesh:
+def at_level(level: int, *, radius: float, resolution: int) -> Mesh:
     """Sphere's mesh with the midpoints of its edges moved out to the radius."""
-    return primitives.refine_sphere(surface(radius=radius, resolution=resolution), times, radius)
+    return primitives.refine_sphere(surface(radius=radius, resolution=resolution), level, radius)
 
 
 def limit(k: int, *, radius: float, **_: float) -> NDArray[np.float64]:
@@ -27,7 +27,7 @@ FAMILY = Family(
     name="sphere",
     title="Sphere",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={"radius": POSITIVE, "resolution": 2},
     euler_characteristic=2,
     limit=limit,

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from synthnet.families import limits, primitives
 from synthnet.families.family import POSITIVE, Family
+from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
 
 
@@ -27,11 +28,11 @@ def surface(
         primitives.cone(radius=radius, height=height, resolution=resolution_a, split=split_a),
         primitives.cone(radius=radius, height=height, resolution=resolution_b, split=split_b),
     )
-    return primitives.subdivide(hull, subdivisions)
+    return subdivide(hull, subdivisions)
 
 
-def refined(
-    times: int,
+def at_level(
+    level: int,
     *,
     radius: float,
     height: float,
@@ -51,8 +52,8 @@ def refined(
         split_b=split_b,
         subdivisions=0,
     )
-    fine = primitives.refine_lateral(hull, times, lambda z: radius * (1 - z / height))
-    return primitives.subdivide(fine, subdivisions)
+    fine = primitives.refine_lateral(hull, level, lambda z: radius * (1 - z / height))
+    return subdivide(fine, subdivisions)
 
 
 def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
@@ -64,7 +65,7 @@ FAMILY = Family(
     name="split_cone",
     title="Split cone",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -76,5 +77,5 @@ FAMILY = Family(
     },
     euler_characteristic=2,
     limit=limit,
-    refinements=2,
+    least_levels=2,
 )

@@ -22,10 +22,10 @@ def congruent(parameters: Parameters) -> Parameters:
     return {**parameters, "resolution_a": a, "resolution_b": b}
 
 
-def refined(times: int, *, radius: float, resolution_a: int, resolution_b: int) -> Mesh:
+def at_level(level: int, *, radius: float, resolution_a: int, resolution_b: int) -> Mesh:
     """Hull with the midpoints of its edges moved out to the radius."""
     mesh = surface(radius=radius, resolution_a=resolution_a, resolution_b=resolution_b)
-    return primitives.refine_sphere(mesh, times, radius)
+    return primitives.refine_sphere(mesh, level, radius)
 
 
 def limit(k: int, *, radius: float, **_: float) -> NDArray[np.float64]:
@@ -37,7 +37,7 @@ FAMILY = Family(
     name="split_sphere",
     title="Split sphere",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={"radius": POSITIVE, "resolution_a": 2, "resolution_b": 2},
     euler_characteristic=2,
     limit=limit,

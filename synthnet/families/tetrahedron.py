@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from synthnet.families import primitives
 from synthnet.families.family import POSITIVE, Family
+from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
 
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])  # outward, all triples
@@ -12,19 +12,19 @@ FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])  # outward, all t
 def surface(*, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
     """Vertices (0,0,0), (w,0,0), (0,h,0), (0,0,d); faces split into 4 ``subdivisions`` times."""
     vertices = np.vstack([np.zeros(3), np.diag([width, height, depth])])
-    return primitives.subdivide(Mesh(vertices, FACES.copy()), subdivisions)
+    return subdivide(Mesh(vertices, FACES.copy()), subdivisions)
 
 
-def refined(times: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
-    """Tetrahedron subdivided ``times`` times more: a polyhedron is its own limit."""
-    return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + times)
+def at_level(level: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
+    """Tetrahedron subdivided ``level`` times more: a polyhedron is its own limit."""
+    return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + level)
 
 
 FAMILY = Family(
     name="tetrahedron",
     title="Tetrahedron",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
     euler_characteristic=2,
 )

@@ -23,8 +23,8 @@ def surface(
     )
 
 
-def refined(
-    times: int,
+def at_level(
+    level: int,
     *,
     torus_radius: float,
     tube_radius: float,
@@ -48,7 +48,7 @@ def refined(
         )
         return moved
 
-    return primitives.refine(mesh, times, onto)
+    return primitives.refine(mesh, level, onto)
 
 
 def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> NDArray[np.float64]:
@@ -63,7 +63,7 @@ FAMILY = Family(
     name="torus",
     title="Torus",
     surface=surface,
-    refined=refined,
+    at_level=at_level,
     least={
         "torus_radius": POSITIVE,
         "tube_radius": POSITIVE,

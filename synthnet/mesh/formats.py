@@ -229,8 +229,9 @@ def _ply_text(rows: Rows, elements: Sequence[Element]) -> Triangles:
                 values[name] = words[at : at + max(size, 0)]
                 at += max(size, 0)
             if at > len(words):
-                told = f"{i:,} of {element.count:,} {element.plural}, line {line} ends early"
-                raise UnreadableError(f"cut off: {told}")
+                raise UnreadableError(
+                    f"cut off: {i:,} of {element.count:,} {element.plural}, line {line} ends early"
+                )
             if at < len(words):
                 raise UnreadableError(f"line {line}: {len(words)} values instead of {at}")
             if element.name == "vertex":
@@ -254,8 +255,8 @@ def _ply_binary(body: memoryview, elements: Sequence[Element], order: str) -> Tr
         columns[element.name] = rows
     if at != len(body):
         raise UnreadableError(f"{len(body) - at:,} bytes more than its header declares")
-    found = columns["vertex"]
-    vertices = np.stack([found[axis].astype(np.float64) for axis in "xyz"], axis=1)
+    xyz = columns["vertex"]
+    vertices = np.stack([xyz[axis].astype(np.float64) for axis in "xyz"], axis=1)
     faces = columns["face"]
     if not len(faces):
         return vertices, np.zeros((0, 3), np.int64)
@@ -364,9 +365,9 @@ def fans(
     corners : ndarray of int64
         The corners of all polygons in a row.
     sizes, numbers : ndarray of shape (p,), int64
-        How many corners each polygon has, at least 3, and what it is told by.
+        How many corners each polygon has, at least 3, and its number in error messages.
     unit : str
-        Of what ``numbers`` are.
+        What ``numbers`` count.
 
     Returns
     -------
@@ -377,7 +378,7 @@ def fans(
     ------
     UnreadableError
         If a corner is no vertex, or the triangles of a polygon do not all face one way; those
-        that name a vertex twice are not asked.
+        that name a vertex twice are not checked.
 
     Examples
     --------
@@ -427,10 +428,10 @@ def _rows(content: bytes, first: int = 1) -> Rows:
 
 
 def _next(rows: Rows, i: int, count: int, what: str) -> tuple[int, list[bytes]]:
-    found = next(rows, None)
-    if found is None:
+    row = next(rows, None)
+    if row is None:
         raise UnreadableError(f"cut off: {i:,} of {count:,} {what}")
-    return found
+    return row
 
 
 def _no_more(rows: Rows, what: str) -> None:

@@ -75,7 +75,7 @@ def volume(mesh: Mesh) -> float:
 
 
 class MeshFacts:
-    """Facts of a mesh, each computed when first asked for.
+    """Facts of a mesh, each computed when it is first used.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The one door through which the package imports Open3D.
+"""The one door through which the package imports Open3D, and meshes there and back.
 
 Open3D's library is linked against a display stack (libEGL, libGL, libX11), libusb,
 libudev and libidn2, and the loader wants all of them before the first line of Open3D
@@ -21,12 +21,16 @@ import platform
 import struct
 import sys
 import types
+from typing import Any
+
+import numpy as np
 
 from synthnet.errors import MissingPackageError
+from synthnet.types import Mesh
 
-__all__ = ["load_open3d"]
+__all__ = ["decimate", "from_open3d", "load_open3d", "subdivide", "to_open3d"]
 
-# What libOpen3D.so.0.20 takes from each library, as told by
+# What libOpen3D.so.0.20 takes from each library, as listed by
 #   readelf --wide --dyn-syms libOpen3D.so.0.20 | grep UND
 # A line each, library:version:names; the version is the one the symbols must carry, if
 # any. Open3D is linked with BIND_NOW, so with one name too few its import fails. libEGL
@@ -87,6 +91,57 @@ def load_open3d() -> types.ModuleType:
             f"Open3D cannot be imported ({error}); install it and the USB library it "
             f"needs with `pip install {wheel} libusb-package`"
         ) from error
+
+
+def from_open3d(triangle_mesh: Any) -> Mesh:
+    """Copy an ``open3d.geometry.TriangleMesh`` into a float64 mesh."""
+    return Mesh(
+        np.array(triangle_mesh.vertices, dtype=np.float64),
+        np.array(triangle_mesh.triangles, dtype=np.int64),
+    )
+
+
+def to_open3d(mesh: Mesh) -> Any:
+    """Copy a mesh into an ``open3d.geometry.TriangleMesh``."""
+    o3d = load_open3d()
+    return o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(np.array(mesh.vertices, dtype=np.float64, order="C")),
+        o3d.utility.Vector3iVector(np.array(mesh.faces, dtype=np.int32, order="C")),
+    )
+
+
+def subdivide(mesh: Mesh, times: int) -> Mesh:
+    """Split every triangle into four by its edges' midpoints, ``times`` times.
+
+    Examples
+    --------
+    >>> len(subdivide(Mesh(np.eye(3), np.array([[0, 1, 2]])), 2).faces)
+    16
+    """
+    return from_open3d(to_open3d(mesh).subdivide_midpoint(times)) if times else mesh
+
+
+def decimate(mesh: Mesh, faces: int) -> Mesh:
+    """Simplify a mesh to about ``faces`` triangles by quadric decimation.
+
+    Returns
+    -------
+    Mesh
+        float64 vertices, int64 faces, without degenerate triangles or unused vertices; a mesh
+        that has no more triangles is returned as it is.
+
+    Examples
+    --------
+    >>> grid = subdivide(Mesh(np.eye(3), np.array([[0, 1, 2]])), 3)
+    >>> len(grid.faces), len(decimate(grid, 16).faces) <= 16
+    (64, True)
+    """
+    if len(mesh.faces) <= faces:
+        return mesh
+    simple = to_open3d(mesh).simplify_quadric_decimation(target_number_of_triangles=faces)
+    simple.remove_degenerate_triangles()
+    simple.remove_unreferenced_vertices()
+    return from_open3d(simple)
 
 
 def _loadable(library: str) -> bool:

@@ -1,4 +1,4 @@
-"""Reading mesh files of strangers: OBJ, OFF, PLY and STL, in a process of its own.
+"""Reading mesh files from any source: OBJ, OFF, PLY and STL, in a process of its own.
 
 A truncated or altered file may ask for all memory or take for ever. None of that reaches the
 process that asks.
@@ -81,7 +81,7 @@ class Reader:
         """Return the triangles of a file as they stand in it, polygons cut into triangles.
 
         A process that dies is no proof against the file: it may have died before, or for want of
-        memory elsewhere. So a second one is asked.
+        memory elsewhere. So a second process tries once more.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ def _answer(
         return {"unreadable": f"needs more than {gigabytes:g} GB of memory"}, None
 
 
-def _send(channel: Connection, told: dict[str, str], triangles: Any) -> None:
-    channel.send_bytes(json.dumps(told).encode())
+def _send(channel: Connection, refusal: dict[str, str], triangles: Any) -> None:
+    channel.send_bytes(json.dumps(refusal).encode())
     for values in triangles or ():
         channel.send_bytes(np.ascontiguousarray(values).data.cast("B"))

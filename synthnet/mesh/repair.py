@@ -18,7 +18,7 @@ loose vertices        vertices without a face are dropped
 no altitude           refused: ``degenerate_face``; without its face the surface would be slit
 non-manifold edges    refused: ``non_manifold_edge``; an edge may have one face or two
 pinched vertices      a vertex where several fans of faces meet is one for each of them
-several components    refused: ``components``; or, if asked, the largest by area is kept
+several components    refused: ``components``; or, on request, the largest by area is kept
 orientation           faces are turned to agree; a closed surface is turned outwards; a surface
                       that has no orientation stays as it is
 few vertices          refused: ``few_vertices``
@@ -128,8 +128,8 @@ def repair(mesh: Mesh, *, least: int = 11, keep_largest: bool = False) -> Repair
     state = connected(state, keep_largest)
     state = oriented(state)
     if len(state.mesh.vertices) < least:
-        found = len(state.mesh.vertices)
-        raise Refused("few_vertices", f"{found} vertices, a spectrum needs at least {least}")
+        count = len(state.mesh.vertices)
+        raise Refused("few_vertices", f"{count} vertices, a spectrum needs at least {least}")
     return state
 
 
@@ -146,9 +146,9 @@ def finite(state: Repaired) -> Repaired:
 
 def within_extent(state: Repaired) -> Repaired:
     """Refuse sizes that float32 cannot store or whose squares and areas have no float64."""
-    found, (least, most) = _diagonal(state.mesh), DIAGONALS
-    if not least <= found <= most:
-        raise Refused("extent", f"the diagonal is {found:g}, not between {least:g} and {most:g}")
+    diagonal, (least, most) = _diagonal(state.mesh), DIAGONALS
+    if not least <= diagonal <= most:
+        raise Refused("extent", f"the diagonal is {diagonal:g}, not between {least:g} and {most:g}")
     return state
 
 

@@ -11,7 +11,7 @@ from synthnet.kernels import kernel
 
 
 class Matrices(NamedTuple):
-    """Stiffness and mass, symmetric, on one pattern.
+    """Stiffness and mass, symmetric, with the same pattern.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Matrices(NamedTuple):
 
 
 def assemble(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Matrices:
-    """Assemble the matrices of a mesh of which every vertex has a face.
+    """Assemble the matrices of a mesh in which every vertex belongs to a face.
 
     Parameters
     ----------
@@ -108,8 +108,8 @@ def _sort(numbers: NDArray[np.int32]) -> None:
 
 
 @kernel
-def _place(numbers: NDArray[np.int32], low: int, high: int, number: int) -> int:
-    """Return where a number is in an ascending range of numbers."""
+def _index(numbers: NDArray[np.int32], low: int, high: int, number: int) -> int:
+    """Return the index of a number in an ascending range of numbers."""
     while high - low > 8:
         middle = (low + high) // 2
         if numbers[middle] <= number:
@@ -130,7 +130,7 @@ def _add_triangles(
     stiffness: NDArray[np.float64],
     mass: NDArray[np.float64],
 ) -> int:
-    """Add every triangle's part; return how many have no area, or one that is no number."""
+    """Add every triangle's part; return how many have an area of zero or NaN."""
     flat = 0
     edges = np.empty((3, 3))  # edge i is opposite corner i
     local = np.empty((3, 3))
@@ -155,7 +155,7 @@ def _add_triangles(
         for c in range(3):
             row = faces[f, c]
             for d in range(3):
-                p = _place(indices, indptr[row], indptr[row + 1], faces[f, d])
+                p = _index(indices, indptr[row], indptr[row + 1], faces[f, d])
                 stiffness[p] += local[c, d]
                 mass[p] += area / 6 if c == d else area / 12
     return flat

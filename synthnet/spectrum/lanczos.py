@@ -2,7 +2,7 @@ r"""Block Lanczos with two vectors a step for :math:`(A - \sigma B)^{-1} B`.
 
 The operator is self-adjoint in the inner product of B; its eigenvalue θ belongs to
 :math:`\lambda = \sigma + 1/\theta`. The constant function, whose λ is zero, is the first
-vector of the basis and so never found again.
+vector of the basis, so the search never returns it.
 
 References
 ----------
@@ -56,20 +56,20 @@ class Lanczos:
     matrices : Matrices
         A and B.
     ordering : Ordering
-        Of their pattern.
+        The order of elimination for their pattern.
     factor : Factor
-        Of A − σB.
+        The factorisation of A − σB.
     sigma : float
         The shift.
     limit : int
         Most vectors in the basis.
     known : ndarray of shape (m, n), float64
-        B-orthonormal eigenvectors to stay orthogonal to, so that others are found.
+        B-orthonormal eigenvectors; the basis stays orthogonal to them and finds others.
     strict : bool
         Whether to make every vector orthogonal to all before it, instead of two of four
         until a loss is seen.
     seed : int
-        Of the two vectors to start from.
+        Seed of the two vectors to start from.
     """
 
     def __init__(
@@ -147,8 +147,8 @@ class Lanczos:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the first eigenvectors as rows of shape (count, n), and their products with B.
 
-        They are the Ritz vectors after one more product with the operator, which is free of
-        charge and damps what is wrong in them.
+        They are the Ritz vectors after one more product with the operator, which costs nothing and
+        damps their errors.
         """
         weights = np.concatenate([pairs.inside[:, :count], pairs.outside[:, :count]]).T
         used = slice(self.first, self.size)

@@ -17,6 +17,9 @@ from synthnet.kernels import kernel
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering
 
+Four = tuple[float, float, float, float]
+Vector = NDArray[np.float64]
+
 
 @dataclass(frozen=True, slots=True)
 class Factor:
@@ -27,7 +30,7 @@ class Factor:
     pivots : ndarray of shape (n,), float64
         The diagonal D.
     panels : ndarray, float64
-        Rows of Lᵀ, front by front; empty where only the pivots were asked for.
+        Rows of Lᵀ, front by front; empty if only the pivots are kept.
     uncertainty : float
         An estimate of how far rounding moves the eigenvalues, in their unit: the largest
         diagonal entry of M⁻¹ |L| |D| |Lᵀ|, M a quarter of the lumped mass (below B), times
@@ -59,11 +62,11 @@ def factorise(
     matrices : Matrices
         A and B.
     ordering : Ordering
-        Of their pattern.
+        The order of elimination for their pattern.
     sigma : float
         The shift, in the unit of the eigenvalues.
     pivots_only : bool
-        Whether to leave out what solving needs.
+        Whether to leave out the panels, which only :func:`solve` needs.
     """
     pivots = np.empty(len(ordering.order))
     panels = np.empty(0 if pivots_only else ordering.panel[-1])
@@ -89,14 +92,13 @@ def _factorise(
     memory = np.empty(ordering.widest * ordering.widest)
     stack = np.empty(ordering.stack)  # what fronts have yet to add to their parents
     at = np.zeros(fronts, np.int64)
-    local = np.empty(n, np.int32)  # the place in the front of each column
+    local = np.empty(n, np.int32)  # the row in the front of each column
     absolute = np.zeros(n)
     top = 0
     for k in range(fronts):
         begin = ordering.begin[k]
-        end = ordering.begin[k + 1]
         rows = ordering.rows[ordering.first_row[k] : ordering.first_row[k + 1]]
-        width = end - begin
+        width = ordering.begin[k + 1] - begin
         size = width + rows.shape[0]
         front = memory[: size * size].reshape(size, size)  # its upper triangle
         for p in range(size):
@@ -105,8 +107,7 @@ def _factorise(
             local[begin + p] = p
         for p in range(rows.shape[0]):
             local[rows[p]] = width + p
-
-        for column in range(begin, end):
+        for column in range(begin, begin + width):
             i = ordering.order[column]
             for p in range(indptr[i], indptr[i + 1]):
                 j = ordering.position[indices[p]]
@@ -117,37 +118,72 @@ def _factorise(
         child = ordering.child[k]
         while child >= 0:
             theirs = ordering.rows[ordering.first_row[child] : ordering.first_row[child + 1]]
-            place = at[child]
-            for p in range(theirs.shape[0]):
-                target = front[local[theirs[p]]]
-                source = stack[place : place + theirs.shape[0] - p]
-                for q in range(source.shape[0]):
-                    target[local[theirs[p + q]]] += source[q]
-                place += source.shape[0]
+            _add_child(front, local, theirs, stack[at[child] :])
             top = min(top, at[child])
             child = ordering.sibling[child]
-
         _eliminate(front, width)
-        for p in range(width):
-            pivot = front[p, p]
-            pivots[begin + p] = pivot
-            scale = 1.0 / pivot
-            if panels.shape[0] > 0:
-                start = ordering.panel[k] + p * size
-                panel = panels[start : start + size]
-                for q in range(p + 1, size):
-                    panel[q] = front[p, q] * scale
-            if pivot < 0.0:  # with signs the terms add up to the diagonal of A − σB
-                absolute[begin + p] -= 2 * pivot
-                for q in range(p + 1, width):
-                    absolute[begin + q] -= 2 * front[p, q] * front[p, q] * scale
-                for q in range(width, size):
-                    absolute[rows[q - width]] -= 2 * front[p, q] * front[p, q] * scale
+        if panels.shape[0] > 0:
+            _keep_panel(front, width, panels[ordering.panel[k] : ordering.panel[k + 1]])
+        _keep_pivots(front, begin, rows, pivots, absolute)
         at[k] = top
         for p in range(width, size):
             stack[top : top + size - p] = front[p, p:]
             top += size - p
     return absolute
+
+
+@kernel
+def _add_child(
+    front: NDArray[np.float64],
+    local: NDArray[np.int32],
+    rows: NDArray[np.int32],
+    triangle: NDArray[np.float64],
+) -> None:
+    """Add what a child, with these rows, left on the stack: an upper triangle row by row."""
+    start = 0
+    for p in range(rows.shape[0]):
+        target = front[local[rows[p]]]
+        source = triangle[start : start + rows.shape[0] - p]
+        for q in range(source.shape[0]):
+            target[local[rows[p + q]]] += source[q]
+        start += source.shape[0]
+
+
+@kernel
+def _keep_panel(front: NDArray[np.float64], width: int, panel: NDArray[np.float64]) -> None:
+    """Keep the eliminated rows, divided by their pivots: rows of Lᵀ, right of its diagonal."""
+    size = front.shape[0]
+    for p in range(width):
+        scale = 1.0 / front[p, p]
+        row = panel[p * size : (p + 1) * size]
+        for q in range(p + 1, size):
+            row[q] = front[p, q] * scale
+
+
+@kernel
+def _keep_pivots(
+    front: NDArray[np.float64],
+    begin: int,
+    rows: NDArray[np.int32],
+    pivots: NDArray[np.float64],
+    absolute: NDArray[np.float64],
+) -> None:
+    """Keep the pivots, and add to the diagonal of |L| |D| |Lᵀ| what the negative ones change.
+
+    With signs the terms add up to the diagonal of A − σB.
+    """
+    size = front.shape[0]
+    width = size - rows.shape[0]
+    for p in range(width):
+        pivot = front[p, p]
+        pivots[begin + p] = pivot
+        if pivot < 0.0:
+            scale = 1.0 / pivot
+            absolute[begin + p] -= 2 * pivot
+            for q in range(p + 1, width):
+                absolute[begin + q] -= 2 * front[p, q] * front[p, q] * scale
+            for q in range(width, size):
+                absolute[rows[q - width]] -= 2 * front[p, q] * front[p, q] * scale
 
 
 @kernel
@@ -191,103 +227,110 @@ def solve_two(
     panels: NDArray[np.float64],
     x: NDArray[np.float64],
 ) -> None:
-    """Solve for the two rows of x in place."""
+    """Solve for the two rows of x in place: L first, from the leaves up, then D Lᵀ down again."""
     fronts = ordering.child.shape[0]
     x0, x1 = x[0], x[1]
     y = np.empty(ordering.widest)
     z = np.empty(ordering.widest)
     for k in range(fronts):
-        begin = ordering.begin[k]
-        width = ordering.begin[k + 1] - begin
+        columns = ordering.order[ordering.begin[k] : ordering.begin[k + 1]]
         rows = ordering.row_vertices[ordering.first_row[k] : ordering.first_row[k + 1]]
-        size = width + rows.shape[0]
+        width, size = columns.shape[0], columns.shape[0] + rows.shape[0]
         u = panels[ordering.panel[k] : ordering.panel[k + 1]].reshape(width, size)
         for p in range(width):
-            i = ordering.order[begin + p]
-            y[p] = x0[i]
-            z[p] = x1[i]
+            y[p] = x0[columns[p]]
+            z[p] = x1[columns[p]]
         y[width:size] = 0.0
         z[width:size] = 0.0
-        t = 0
-        while t + 4 <= width:
-            for s in range(t, t + 3):
-                for r in range(s + 1, t + 4):
-                    y[r] -= u[s, r] * y[s]
-                    z[r] -= u[s, r] * z[s]
-            subtract_four(
-                y[t + 4 : size],
-                z[t + 4 : size],
-                u[t, t + 4 :],
-                u[t + 1, t + 4 :],
-                u[t + 2, t + 4 :],
-                u[t + 3, t + 4 :],
-                (y[t], y[t + 1], y[t + 2], y[t + 3]),
-                (z[t], z[t + 1], z[t + 2], z[t + 3]),
-            )
-            t += 4
-        while t < width:
-            _subtract(y[t + 1 : size], u[t, t + 1 :], y[t])
-            _subtract(z[t + 1 : size], u[t, t + 1 :], z[t])
-            t += 1
+        _forward(u, y[:size], z[:size])
         for p in range(width):
-            i = ordering.order[begin + p]
-            x0[i] = y[p]
-            x1[i] = z[p]
+            x0[columns[p]] = y[p]
+            x1[columns[p]] = z[p]
         for p in range(rows.shape[0]):
-            i = rows[p]
-            x0[i] += y[width + p]
-            x1[i] += z[width + p]
+            x0[rows[p]] += y[width + p]
+            x1[rows[p]] += z[width + p]
     for k in range(fronts - 1, -1, -1):
         begin = ordering.begin[k]
-        width = ordering.begin[k + 1] - begin
+        columns = ordering.order[begin : ordering.begin[k + 1]]
         rows = ordering.row_vertices[ordering.first_row[k] : ordering.first_row[k + 1]]
-        size = width + rows.shape[0]
+        width, size = columns.shape[0], columns.shape[0] + rows.shape[0]
         u = panels[ordering.panel[k] : ordering.panel[k + 1]].reshape(width, size)
         for p in range(width):
-            i = ordering.order[begin + p]
-            y[p] = x0[i] / pivots[begin + p]
-            z[p] = x1[i] / pivots[begin + p]
+            y[p] = x0[columns[p]] / pivots[begin + p]
+            z[p] = x1[columns[p]] / pivots[begin + p]
         for p in range(rows.shape[0]):
-            i = rows[p]
-            y[width + p] = x0[i]
-            z[width + p] = x1[i]
-        t = width
-        while t >= 4:
-            t -= 4
-            a, b = dot_four(
-                y[t + 4 : size],
-                z[t + 4 : size],
-                u[t, t + 4 :],
-                u[t + 1, t + 4 :],
-                u[t + 2, t + 4 :],
-                u[t + 3, t + 4 :],
-            )
-            for s in range(3, -1, -1):
-                dy, dz = a[s], b[s]
-                for r in range(s + 1, 4):
-                    dy += u[t + s, t + r] * y[t + r]
-                    dz += u[t + s, t + r] * z[t + r]
-                y[t + s] -= dy
-                z[t + s] -= dz
-        while t > 0:
-            t -= 1
-            dy = 0.0
-            dz = 0.0
-            for r in range(t + 1, size):
-                dy += u[t, r] * y[r]
-                dz += u[t, r] * z[r]
-            y[t] -= dy
-            z[t] -= dz
+            y[width + p] = x0[rows[p]]
+            z[width + p] = x1[rows[p]]
+        _backward(u, y[:size], z[:size])
         for p in range(width):
-            i = ordering.order[begin + p]
-            x0[i] = y[p]
-            x1[i] = z[p]
+            x0[columns[p]] = y[p]
+            x1[columns[p]] = z[p]
 
 
-# The loops in which the time goes: they read a vector once for several others.
+@kernel
+def _forward(u: NDArray[np.float64], y: Vector, z: Vector) -> None:
+    """Solve for the columns of a front, first in y and z, and subtract them from what follows.
 
-Four = tuple[float, float, float, float]
-Vector = NDArray[np.float64]
+    The rows of u, of shape (width, size), are those of Lᵀ.
+    """
+    width = u.shape[0]
+    t = 0
+    while t + 4 <= width:
+        for s in range(t, t + 3):
+            for r in range(s + 1, t + 4):
+                y[r] -= u[s, r] * y[s]
+                z[r] -= u[s, r] * z[s]
+        subtract_four(
+            y[t + 4 :],
+            z[t + 4 :],
+            u[t, t + 4 :],
+            u[t + 1, t + 4 :],
+            u[t + 2, t + 4 :],
+            u[t + 3, t + 4 :],
+            (y[t], y[t + 1], y[t + 2], y[t + 3]),
+            (z[t], z[t + 1], z[t + 2], z[t + 3]),
+        )
+        t += 4
+    while t < width:
+        _subtract(y[t + 1 :], u[t, t + 1 :], y[t])
+        _subtract(z[t + 1 :], u[t, t + 1 :], z[t])
+        t += 1
+
+
+@kernel
+def _backward(u: NDArray[np.float64], y: Vector, z: Vector) -> None:
+    """Solve for the columns of a front, first in y and z, whose later entries are solved."""
+    width, size = u.shape
+    t = width
+    while t >= 4:
+        t -= 4
+        a, b = dot_four(
+            y[t + 4 :],
+            z[t + 4 :],
+            u[t, t + 4 :],
+            u[t + 1, t + 4 :],
+            u[t + 2, t + 4 :],
+            u[t + 3, t + 4 :],
+        )
+        for s in range(3, -1, -1):
+            dy, dz = a[s], b[s]
+            for r in range(s + 1, 4):
+                dy += u[t + s, t + r] * y[t + r]
+                dz += u[t + s, t + r] * z[t + r]
+            y[t + s] -= dy
+            z[t + s] -= dz
+    while t > 0:
+        t -= 1
+        dy = 0.0
+        dz = 0.0
+        for r in range(t + 1, size):
+            dy += u[t, r] * y[r]
+            dz += u[t, r] * z[r]
+        y[t] -= dy
+        z[t] -= dz
+
+
+# These loops take most of the time: they read a vector once for several others.
 
 
 @kernel

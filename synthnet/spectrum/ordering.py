@@ -70,12 +70,55 @@ def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Orde
     order, begin, parent = _fronts(owner, pivots, size, below)
     position = np.empty_like(order)
     position[order] = np.arange(len(order), dtype=np.int32)
-    first_row, rows, panel, child, sibling, widest, stack = _symbolic(
-        order, position, begin, parent, indptr, indices
-    )
+    child, sibling = _children(parent)
+    first_row, rows = _rows_below(order, position, begin, child, sibling, indptr, indices)
+    panel, widest, stack = _room(begin, first_row, child, sibling)
     return Ordering(
         order, position, begin, first_row, rows, order[rows], panel, child, sibling, widest, stack
     )
+
+
+class _Quotient(NamedTuple):
+    """The graph of what is left: vertices, and elements (cliques of eliminated vertices).
+
+    A number i below n is a vertex until it is a pivot, and an element from then on. Its list
+    holds a vertex's elements and then its neighbours, or an element's vertices. All arrays have
+    shape (n,).
+
+    Attributes
+    ----------
+    start, length : ndarray, int64 and int32
+        Where each list begins, and its length.
+    elements : ndarray, int32
+        How many elements come first in a vertex's list.
+    size : ndarray, int32
+        Vertices merged into this one, itself included; 0: merged away; negative: it belongs to
+        the element being made.
+    degree : ndarray, int32
+        A bound of the vertices around a vertex, or the number of an element's.
+    mark : ndarray, int64
+        0: the element was absorbed by another; otherwise see :func:`_count_outside`.
+    owner : ndarray, int32
+        What a vertex was merged into, or what element absorbed the element; −1 at the roots.
+    head, after, before : ndarray, int32
+        The vertices of each degree as a doubly linked list; −1 at its ends.
+    bucket, chain, hashes : ndarray, int32
+        The vertices of each hash as a linked list, and each vertex's hash.
+    """
+
+    start: NDArray[np.int64]
+    length: NDArray[np.int32]
+    elements: NDArray[np.int32]
+    size: NDArray[np.int32]
+    degree: NDArray[np.int32]
+    mark: NDArray[np.int64]
+    owner: NDArray[np.int32]
+    head: NDArray[np.int32]
+    after: NDArray[np.int32]
+    before: NDArray[np.int32]
+    bucket: NDArray[np.int32]
+    chain: NDArray[np.int32]
+    hashes: NDArray[np.int32]
 
 
 @kernel
@@ -100,200 +143,272 @@ def minimum_degree(
         Columns in each pivot's clique after its own.
     """
     n = indptr.shape[0] - 1
-    lists = np.empty(indptr[n] + 12 * n + 64, np.int32)
-    start = np.empty(n, np.int64)  # of each vertex's or element's list
-    length = np.empty(n, np.int32)
-    n_elements = np.zeros(n, np.int32)  # elements come first in a vertex's list
-    size = np.ones(n, np.int32)  # 0: merged away; negative: in the element being made
-    degree = np.empty(n, np.int32)
-    head = np.full(n, -1, np.int32)  # vertices of each degree, doubly linked
-    after = np.full(n, -1, np.int32)
-    before = np.full(n, -1, np.int32)
-    bucket = np.full(n, -1, np.int32)  # vertices of each hash
-    chain = np.full(n, -1, np.int32)
-    hashes = np.empty(n, np.int32)
-    mark = np.ones(n, np.int64)  # 0: element absorbed
-    owner = np.full(n, -1, np.int32)
+    graph, lists, free = _quotient(indptr, indices)
+    size, head = graph.size, graph.head
     below = np.zeros(n, np.int32)
     pivots = np.empty(n, np.int32)
-    n_pivots = 0
-    free = 0
-    for i in range(n):
-        start[i] = free
-        for p in range(indptr[i], indptr[i + 1]):
-            if indices[p] != i:
-                lists[free] = indices[p]
-                free += 1
-        length[i] = free - start[i]
-        degree[i] = length[i]
-    for i in range(n - 1, -1, -1):
-        d = degree[i]
-        after[i] = head[d]
-        if head[d] >= 0:
-            before[head[d]] = i
-        head[d] = i
+    n_pivots = eliminated = least = largest = 0
     stamp = 2
-    eliminated = 0
-    least = 0
-    largest = 0
     while eliminated < n:
         while head[least] < 0:
             least += 1
         pivot = head[least]
-        head[least] = after[pivot]
-        if after[pivot] >= 0:
-            before[after[pivot]] = -1
-        pivot_size = size[pivot]
-        eliminated += pivot_size
-        size[pivot] = -pivot_size
-
-        # The new element: the neighbours, and the vertices of the elements it absorbs.
+        _unlink(graph, pivot)
+        eliminated += size[pivot]
         if free + n > lists.shape[0]:
             longer = np.empty(2 * lists.shape[0] + n, np.int32)
             longer[:free] = lists[:free]
             lists = longer
-        new = free
-        clique = 0
-        for q in range(n_elements[pivot] + 1):
-            if q < n_elements[pivot]:
-                element = lists[start[pivot] + q]
-                low, high = start[element], start[element] + length[element]
-                owner[element] = pivot
-                mark[element] = 0
-            else:
-                low = start[pivot] + n_elements[pivot]
-                high = start[pivot] + length[pivot]
-            for p in range(low, high):
-                i = lists[p]
-                if size[i] > 0:
-                    clique += size[i]
-                    size[i] = -size[i]
-                    lists[free] = i
-                    free += 1
-                    if after[i] >= 0:
-                        before[after[i]] = before[i]
-                    if before[i] >= 0:
-                        after[before[i]] = after[i]
-                    else:
-                        head[degree[i]] = after[i]
-        start[pivot] = new
-        length[pivot] = free - new
-        degree[pivot] = clique
 
-        # mark[e] − stamp becomes the number of e's vertices outside the new element.
-        for p in range(new, free):
-            i = lists[p]
-            for q in range(start[i], start[i] + n_elements[i]):
-                element = lists[q]
-                if mark[element] >= stamp:
-                    mark[element] += size[i]
-                elif mark[element] != 0:
-                    mark[element] = degree[element] + stamp + size[i]
-
-        # New degrees; vertices with no neighbour outside are eliminated with the pivot.
-        for p in range(new, free):
-            i = lists[p]
-            low = start[i]
-            middle = low + n_elements[i]
-            high = low + length[i]
-            keep = low
-            key = 0
-            external = 0
-            for q in range(low, middle):
-                element = lists[q]
-                if mark[element] != 0:
-                    outside = mark[element] - stamp
-                    if outside > 0:
-                        external += outside
-                        lists[keep] = element
-                        keep += 1
-                        key += element
-                    else:
-                        owner[element] = pivot
-                        mark[element] = 0
-            kept_elements = keep - low + 1
-            first_vertex = keep
-            for q in range(middle, high):
-                j = lists[q]
-                if size[j] > 0:
-                    external += size[j]
-                    lists[keep] = j
-                    keep += 1
-                    key += j
-            if keep == low:
-                owner[i] = pivot
-                clique += size[i]
-                pivot_size -= size[i]
-                eliminated -= size[i]
-                size[i] = 0
-            else:
-                n_elements[i] = kept_elements
-                degree[i] = min(degree[i], external)
-                lists[keep] = lists[first_vertex]
-                lists[first_vertex] = lists[low]
-                lists[low] = pivot
-                length[i] = keep - low + 1
-                hashes[i] = key % n
-                chain[i] = bucket[hashes[i]]
-                bucket[hashes[i]] = i
-        degree[pivot] = clique
+        new = free  # the new element's list begins here
+        free, clique = _make_element(graph, lists, pivot, new)
+        _count_outside(graph, lists[new:free], lists, stamp)
+        alone = _update_degrees(graph, lists[new:free], lists, pivot, stamp)
+        clique -= alone
+        eliminated += alone
         largest = max(largest, clique)
-        stamp += largest + 1
+        stamp = _merge_twins(graph, lists[new:free], lists, stamp + largest + 1)
+        free, least = _link_again(graph, lists, new, free, clique, n - eliminated, least)
 
-        # Merge vertices of the element that have the same list.
-        for p in range(new, free):
-            if size[lists[p]] >= 0:
-                continue
-            i = bucket[hashes[lists[p]]]
-            bucket[hashes[lists[p]]] = -1
-            while i >= 0 and chain[i] >= 0:
-                for q in range(start[i] + 1, start[i] + length[i]):
-                    mark[lists[q]] = stamp
-                last = i
-                j = chain[i]
-                while j >= 0:
-                    same = length[j] == length[i] and n_elements[j] == n_elements[i]
-                    q = start[j] + 1
-                    while same and q < start[j] + length[j]:
-                        same = mark[lists[q]] == stamp
-                        q += 1
-                    j_next = chain[j]
-                    if same:
-                        owner[j] = i
-                        size[i] += size[j]
-                        size[j] = 0
-                        chain[last] = j_next
-                    else:
-                        last = j
-                    j = j_next
-                stamp += 1
-                i = chain[i]
-
-        # Back into the lists of degrees.
-        keep = new
-        for p in range(new, free):
-            i = lists[p]
-            if size[i] < 0:
-                size[i] = -size[i]
-                d = min(degree[i] + clique - size[i], n - eliminated - size[i])
-                if head[d] >= 0:
-                    before[head[d]] = i
-                after[i] = head[d]
-                before[i] = -1
-                head[d] = i
-                least = min(least, d)
-                degree[i] = d
-                lists[keep] = i
-                keep += 1
-        length[pivot] = keep - new
-        free = keep
-        size[pivot] = pivot_size
+        graph.start[pivot] = new
+        graph.length[pivot] = free - new
+        graph.degree[pivot] = clique
+        size[pivot] = alone - size[pivot]
         below[pivot] = clique
-        if keep == new:
-            mark[pivot] = 0
+        if free == new:
+            graph.mark[pivot] = 0
         pivots[n_pivots] = pivot
         n_pivots += 1
-    return owner, pivots[:n_pivots].copy(), size, below
+    return graph.owner, pivots[:n_pivots].copy(), size, below
+
+
+@kernel
+def _quotient(
+    indptr: NDArray[np.int32], indices: NDArray[np.int32]
+) -> tuple[_Quotient, NDArray[np.int32], int]:
+    """Return the graph before the first pivot, its lists with room to grow, and their end."""
+    n = indptr.shape[0] - 1
+    lists = np.empty(indptr[n] + 12 * n + 64, np.int32)
+    graph = _Quotient(
+        np.empty(n, np.int64),
+        np.empty(n, np.int32),
+        np.zeros(n, np.int32),
+        np.ones(n, np.int32),
+        np.empty(n, np.int32),
+        np.ones(n, np.int64),
+        np.full(n, -1, np.int32),
+        np.full(n, -1, np.int32),
+        np.full(n, -1, np.int32),
+        np.full(n, -1, np.int32),
+        np.full(n, -1, np.int32),
+        np.full(n, -1, np.int32),
+        np.empty(n, np.int32),
+    )
+    free = 0
+    for i in range(n):
+        graph.start[i] = free
+        for p in range(indptr[i], indptr[i + 1]):
+            if indices[p] != i:
+                lists[free] = indices[p]
+                free += 1
+        graph.length[i] = free - graph.start[i]
+    for i in range(n - 1, -1, -1):
+        _link(graph, i, graph.length[i])
+    return graph, lists, free
+
+
+@kernel
+def _link(graph: _Quotient, i: int, degree: int) -> None:
+    """Put a vertex first in the list of a degree."""
+    first = graph.head[degree]
+    if first >= 0:
+        graph.before[first] = i
+    graph.after[i] = first
+    graph.before[i] = -1
+    graph.head[degree] = i
+    graph.degree[i] = degree
+
+
+@kernel
+def _unlink(graph: _Quotient, i: int) -> None:
+    """Take a vertex out of the list of its degree."""
+    after, before = graph.after[i], graph.before[i]
+    if after >= 0:
+        graph.before[after] = before
+    if before >= 0:
+        graph.after[before] = after
+    else:
+        graph.head[graph.degree[i]] = after
+
+
+@kernel
+def _make_element(
+    graph: _Quotient, lists: NDArray[np.int32], pivot: int, free: int
+) -> tuple[int, int]:
+    """Turn a pivot into an element of its neighbours and those of the elements it absorbs.
+
+    Its list is written from ``free``. Returns the end of the list and how many vertices it has.
+    """
+    start, length, size = graph.start, graph.length, graph.size
+    elements = graph.elements[pivot]
+    size[pivot] = -size[pivot]
+    clique = 0
+    for q in range(elements + 1):
+        if q < elements:
+            element = lists[start[pivot] + q]
+            low, high = start[element], start[element] + length[element]
+            graph.owner[element] = pivot
+            graph.mark[element] = 0
+        else:
+            low, high = start[pivot] + elements, start[pivot] + length[pivot]
+        for p in range(low, high):
+            i = lists[p]
+            if size[i] > 0:
+                clique += size[i]
+                size[i] = -size[i]
+                _unlink(graph, i)
+                lists[free] = i
+                free += 1
+    return free, clique
+
+
+@kernel
+def _count_outside(
+    graph: _Quotient, members: NDArray[np.int32], lists: NDArray[np.int32], stamp: int
+) -> None:
+    """Set mark[e] − stamp to the number of e's vertices outside the new element, of each e near."""
+    mark, size = graph.mark, graph.size
+    for i in members:
+        for q in range(graph.start[i], graph.start[i] + graph.elements[i]):
+            element = lists[q]
+            if mark[element] >= stamp:
+                mark[element] += size[i]
+            elif mark[element] != 0:
+                mark[element] = graph.degree[element] + stamp + size[i]
+
+
+@kernel
+def _update_degrees(
+    graph: _Quotient,
+    members: NDArray[np.int32],
+    lists: NDArray[np.int32],
+    pivot: int,
+    stamp: int,
+) -> int:
+    """Put the new element into its vertices' lists, and bound their degrees outside it.
+
+    Elements inside the new one are absorbed. Vertices with no neighbour outside are eliminated
+    with the pivot. Returns how many these are.
+    """
+    start, elements, size, mark = graph.start, graph.elements, graph.size, graph.mark
+    n = start.shape[0]
+    alone = 0
+    for i in members:
+        low = start[i]
+        middle = low + elements[i]
+        keep = low
+        key = 0
+        external = 0
+        for q in range(low, middle):
+            element = lists[q]
+            if mark[element] != 0:
+                outside = mark[element] - stamp
+                if outside > 0:
+                    external += outside
+                    lists[keep] = element
+                    keep += 1
+                    key += element
+                else:
+                    graph.owner[element] = pivot
+                    mark[element] = 0
+        first_vertex = keep
+        for q in range(middle, low + graph.length[i]):
+            j = lists[q]
+            if size[j] > 0:
+                external += size[j]
+                lists[keep] = j
+                keep += 1
+                key += j
+        if keep == low:
+            graph.owner[i] = pivot
+            alone -= size[i]
+            size[i] = 0
+        else:
+            elements[i] = first_vertex - low + 1
+            graph.degree[i] = min(graph.degree[i], external)
+            lists[keep] = lists[first_vertex]
+            lists[first_vertex] = lists[low]
+            lists[low] = pivot
+            graph.length[i] = keep - low + 1
+            graph.hashes[i] = key % n
+            graph.chain[i] = graph.bucket[graph.hashes[i]]
+            graph.bucket[graph.hashes[i]] = i
+    return alone
+
+
+@kernel
+def _merge_twins(
+    graph: _Quotient, members: NDArray[np.int32], lists: NDArray[np.int32], stamp: int
+) -> int:
+    """Merge vertices of the new element that have the same list; return the next free stamp."""
+    start, length, size, chain = graph.start, graph.length, graph.size, graph.chain
+    mark = graph.mark
+    for member in members:
+        if size[member] >= 0:
+            continue
+        i = graph.bucket[graph.hashes[member]]
+        graph.bucket[graph.hashes[member]] = -1
+        while i >= 0 and chain[i] >= 0:
+            for q in range(start[i] + 1, start[i] + length[i]):
+                mark[lists[q]] = stamp
+            last = i
+            j = chain[i]
+            while j >= 0:
+                same = length[j] == length[i] and graph.elements[j] == graph.elements[i]
+                q = start[j] + 1
+                while same and q < start[j] + length[j]:
+                    same = mark[lists[q]] == stamp
+                    q += 1
+                if same:
+                    graph.owner[j] = i
+                    size[i] += size[j]
+                    size[j] = 0
+                    chain[last] = chain[j]
+                else:
+                    last = j
+                j = chain[j]
+            stamp += 1
+            i = chain[i]
+    return stamp
+
+
+@kernel
+def _link_again(
+    graph: _Quotient,
+    lists: NDArray[np.int32],
+    low: int,
+    high: int,
+    clique: int,
+    left: int,
+    least: int,
+) -> tuple[int, int]:
+    """Put the new element's vertices back into the lists of degrees, with their new degrees.
+
+    The element's list is lists[low:high]; vertices that were eliminated or merged leave it.
+    Returns its new end, and a lower bound of all degrees.
+    """
+    keep = low
+    for p in range(low, high):
+        i = lists[p]
+        if graph.size[i] < 0:
+            size = -graph.size[i]
+            graph.size[i] = size
+            degree = min(graph.degree[i] + clique - size, left - size)
+            _link(graph, i, degree)
+            least = min(least, degree)
+            lists[keep] = i
+            keep += 1
+    return keep, least
 
 
 @kernel
@@ -308,10 +423,37 @@ def _fronts(
     Returns the vertex of each column, the first column of each front and each front's
     parent, −1 at the roots.
     """
-    n = owner.shape[0]
     m = pivots.shape[0]
-    element = np.full(n, -1, np.int32)
+    element = np.full(owner.shape[0], -1, np.int32)
     element[pivots] = np.arange(m)
+    parent, into, columns = _merge_small(owner, pivots, size, below, element)
+    number, count = _postorder(parent, into)
+    begin = np.zeros(count + 1, np.int32)
+    front_parent = np.full(count, -1, np.int32)
+    for k in range(m):
+        if into[k] == k:
+            begin[number[k] + 1] = columns[k]
+            if parent[k] >= 0:
+                front_parent[number[k]] = number[into[parent[k]]]
+    for k in range(count):
+        begin[k + 1] += begin[k]
+    return _columns(owner, element, number[into], begin), begin, front_parent
+
+
+@kernel
+def _merge_small(
+    owner: NDArray[np.int32],
+    pivots: NDArray[np.int32],
+    size: NDArray[np.int32],
+    below: NDArray[np.int32],
+    element: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
+    """Merge elements into their parents while the dense front has few zeros.
+
+    Returns each element's parent, −1 at the roots; the element whose front it belongs to; and
+    the columns of that front.
+    """
+    m = pivots.shape[0]
     parent = np.full(m, -1, np.int32)
     into = np.arange(m)
     columns = size[pivots].astype(np.int64)
@@ -329,21 +471,29 @@ def _fronts(
             into[k] = p
             columns[p] = width
             zeros[p] = added
+    for k in range(m - 1, -1, -1):
+        into[k] = into[into[k]]  # parents come later, and know where they belong by now
+    return parent, into, columns
+
+
+@kernel
+def _postorder(parent: NDArray[np.int32], into: NDArray[np.int64]) -> tuple[NDArray[np.int32], int]:
+    """Number the fronts so that children come before parents; return also how many there are."""
+    m = parent.shape[0]
     child = np.full(m, -1, np.int32)
     sibling = np.full(m, -1, np.int32)
     root = -1
     for k in range(m - 1, -1, -1):
         if into[k] != k:
-            into[k] = into[into[k]]
-        elif parent[k] >= 0:
+            continue
+        if parent[k] >= 0:
             p = into[parent[k]]
             sibling[k] = child[p]
             child[p] = k
         else:
             sibling[k] = root
             root = k
-
-    number = np.full(m, -1, np.int32)  # of each front, in postorder
+    number = np.full(m, -1, np.int32)
     path = np.empty(m + 1, np.int32)
     count = 0
     while root >= 0:
@@ -360,20 +510,23 @@ def _fronts(
                 count += 1
                 depth -= 1
         root = sibling[root]
+    return number, count
 
-    begin = np.zeros(count + 1, np.int32)
-    front_parent = np.full(count, -1, np.int32)
-    for k in range(m):
-        if into[k] == k:
-            begin[number[k] + 1] = columns[k]
-            if parent[k] >= 0:
-                front_parent[number[k]] = number[into[parent[k]]]
-    for k in range(count):
-        begin[k + 1] += begin[k]
 
-    # Inside a front, columns follow the order in which their elements were eliminated.
+@kernel
+def _columns(
+    owner: NDArray[np.int32],
+    element: NDArray[np.int32],
+    front: NDArray[np.int32],
+    begin: NDArray[np.int32],
+) -> NDArray[np.int32]:
+    """Return the vertex of each column; a front's follow the order in which elements were made.
+
+    ``front`` is the front of each element, and ``begin`` the first column of each front.
+    """
+    n, m = owner.shape[0], front.shape[0]
     start = np.zeros(m + 1, np.int32)
-    home = np.empty(n, np.int32)
+    home = np.empty(n, np.int32)  # the element that each vertex was eliminated with
     for i in range(n):
         j = i
         while element[j] < 0:
@@ -388,44 +541,41 @@ def _fronts(
         members[fill[home[i]]] = i
         fill[home[i]] += 1
     order = np.empty(n, np.int32)
-    place = begin[:-1].copy()
+    column = begin[:-1].copy()
     for k in range(m):
-        front = number[into[k]]
         for p in range(start[k], start[k + 1]):
-            order[place[front]] = members[p]
-            place[front] += 1
-    return order, begin, front_parent
+            order[column[front[k]]] = members[p]
+            column[front[k]] += 1
+    return order
 
 
 @kernel
-def _symbolic(
+def _children(parent: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return each front's first child, and its next sibling; −1 for none."""
+    child = np.full(parent.shape[0], -1, np.int32)
+    sibling = np.full(parent.shape[0], -1, np.int32)
+    for k in range(parent.shape[0]):
+        if parent[k] >= 0:
+            sibling[k] = child[parent[k]]
+            child[parent[k]] = k
+    return child, sibling
+
+
+@kernel
+def _rows_below(
     order: NDArray[np.int32],
     position: NDArray[np.int32],
     begin: NDArray[np.int32],
-    parent: NDArray[np.int32],
+    child: NDArray[np.int32],
+    sibling: NDArray[np.int32],
     indptr: NDArray[np.int32],
     indices: NDArray[np.int32],
-) -> tuple[
-    NDArray[np.int64],
-    NDArray[np.int32],
-    NDArray[np.int64],
-    NDArray[np.int32],
-    NDArray[np.int32],
-    int,
-    int,
-]:
-    """Find the rows below each front, and how much room the factorisation takes."""
-    n = order.shape[0]
-    fronts = parent.shape[0]
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Find the rows below each front: those of its columns, and those of its children."""
+    n, fronts = order.shape[0], child.shape[0]
     first_row = np.zeros(fronts + 1, np.int64)
-    panel = np.zeros(fronts + 1, np.int64)
     rows = np.empty(16 * n + 1024, np.int32)
-    child = np.full(fronts, -1, np.int32)
-    sibling = np.full(fronts, -1, np.int32)
     seen = np.full(n, -1, np.int32)
-    widest = 0
-    waiting = 0
-    stack = 0
     for k in range(fronts):
         end = begin[k + 1]
         count = first_row[k]
@@ -449,18 +599,38 @@ def _symbolic(
                     seen[j] = k
                     rows[count] = j
                     count += 1
-            m = first_row[c + 1] - first_row[c]
-            waiting -= m * (m + 1) // 2
             c = sibling[c]
         rows[first_row[k] : count].sort()
         first_row[k + 1] = count
-        m = count - first_row[k]
-        width = end - begin[k]
+    return first_row, rows[: first_row[fronts]].copy()
+
+
+@kernel
+def _room(
+    begin: NDArray[np.int32],
+    first_row: NDArray[np.int64],
+    child: NDArray[np.int32],
+    sibling: NDArray[np.int32],
+) -> tuple[NDArray[np.int64], int, int]:
+    """Return where each front's rows of the factor begin, the widest front, and the largest stack.
+
+    The stack holds, of each front that waits for its parent, a triangle of numbers.
+    """
+    fronts = child.shape[0]
+    panel = np.zeros(fronts + 1, np.int64)
+    widest = 0
+    waiting = 0
+    stack = 0
+    for k in range(fronts):
+        c = child[k]
+        while c >= 0:
+            m = first_row[c + 1] - first_row[c]
+            waiting -= m * (m + 1) // 2
+            c = sibling[c]
+        m = first_row[k + 1] - first_row[k]
+        width = begin[k + 1] - begin[k]
         panel[k + 1] = panel[k] + width * (width + m)
         widest = max(widest, width + m)
         waiting += m * (m + 1) // 2
         stack = max(stack, waiting)
-        if parent[k] >= 0:
-            sibling[k] = child[parent[k]]
-            child[parent[k]] = k
-    return first_row, rows[: first_row[fronts]].copy(), panel, child, sibling, widest, stack
+    return panel, widest, stack

@@ -2,55 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg, sparse
 
-from synthnet.errors import CertificateError, SpectrumError
+from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
+from synthnet.spectrum.certificate import Candidate, certify, inertia, largest_residual
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.lanczos import Lanczos, RitzPairs
-from synthnet.spectrum.ldl import Factor, factorise, solve
 from synthnet.spectrum.ordering import Ordering, find_ordering
-from synthnet.types import Certificate, Mesh, Spectrum
+from synthnet.spectrum.search import Setting, search
+from synthnet.types import Mesh, Spectrum
 
-DENSE, DENSE_FOR = 64, 6  # vertices, and vertices for each pair, up to which a basis is no saving
-NEAR_ZERO = 1e-3  # of Weyl's k-th eigenvalue: what is below it is exact to so much of it
-SAFETY = 100  # times the rounding errors' first-order effect on the shift of a count
-
-
-@dataclass(frozen=True, slots=True)
-class Setting:
-    """How to look for eigenpairs.
-
-    Parameters
-    ----------
-    shift : float
-        Of the operator, in units of what Weyl's law gives for the k-th eigenvalue.
-    residual : float
-        Largest relative residual that is good enough.
-    excused : float
-        Largest one to put up with where rounding lets it fall no further, as on very fine
-        meshes.
-    gap : float
-        Least relative gap above the cluster of the k-th eigenvalue in which to count.
-    vectors : int
-        Most vectors in the basis.
-    strict : bool
-        Whether to keep the basis orthogonal to rounding at every step.
-    seed : int
-        Of the vectors to start from.
-    """
-
-    shift: float
-    residual: float
-    excused: float
-    gap: float
-    vectors: int
-    strict: bool
-    seed: int
+# Up to so many vertices, or vertices for each pair, a dense solver is as fast.
+DENSE, DENSE_FOR = 64, 6
 
 
 # A shift inside the spectrum needs a quarter fewer steps than one below it; measured on 1.0.
@@ -61,7 +25,6 @@ NORMAL = Setting(
 STRONGER = Setting(
     shift=-0.05, residual=1e-7, excused=np.inf, gap=1e-2, vectors=401, strict=True, seed=1
 )
-ROUNDS = 8  # of looking for more copies of an eigenvalue than a start of two vectors shows
 
 
 def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
@@ -104,8 +67,11 @@ def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     >>> bool(abs(stiffness.sum(axis=0)).max() < 1e-15)  # constants are in its kernel
     True
     """
-    matrices = _assemble(mesh)
-    shape = (len(mesh.vertices),) * 2
+    return _sparse(_assemble(mesh))
+
+
+def _sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+    shape = (len(matrices.lumped),) * 2
     stiffness, mass = (
         sparse.csc_matrix((values, matrices.indices, matrices.indptr), shape=shape)
         for values in (matrices.stiffness, matrices.mass)
@@ -133,11 +99,12 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
 
     and at least one eigenvalue is within so much of λ, relative to it, because B ≥ M/4 for
     triangles. A factorisation :math:`A - \sigma B = L D L^T`, σ in a gap above the k-th
-    eigenvalue and all that are as good as equal to it, has as many negative pivots as there
-    are eigenvalues below σ (Sylvester's law of inertia): none was missed if that is the
-    number of pairs found. More are searched for beside them as long as some are missing;
-    an answer without certificate is looked for again by a stronger setting. Next to zero,
-    below a thousandth of Weyl's k-th eigenvalue, the residual is relative to that instead.
+    eigenvalue and its cluster, has as many negative pivots as there are eigenvalues below σ
+    (Sylvester's law of inertia): none was missed if that is the number of pairs found. While
+    some are missing the search goes on beside those found; if the answer cannot be certified,
+    a stronger setting searches again. Next to zero, below a thousandth of Weyl's k-th
+    eigenvalue, the residual is relative to that instead. The same problem stands in NumPy and
+    SciPy alone in :mod:`synthnet.spectrum.reference`.
 
     Parameters
     ----------
@@ -219,75 +186,27 @@ def count_below(mesh: Mesh, *shifts: float) -> list[int]:
     """
     matrices = _assemble(mesh)
     ordering = find_ordering(matrices.indptr, matrices.indices)
-    return [_inertia(matrices, ordering, shift).negative for shift in shifts]
-
-
-def _inertia(matrices: Matrices, ordering: Ordering, shift: float) -> Factor:
-    factor = factorise(matrices, ordering, shift, pivots_only=True)
-    if not factor.finite:
-        raise SpectrumError(f"a pivot of A - {shift:g} B is zero")
-    return factor
-
-
-@dataclass(frozen=True, slots=True)
-class _Candidate:
-    """Pairs below a gap: vectors as B-orthonormal rows, and the gap."""
-
-    values: NDArray[np.float64]
-    vectors: NDArray[np.float64]
-    residual: float
-    gap: tuple[float, float]
+    return [inertia(matrices, ordering, shift).negative for shift in shifts]
 
 
 def _certified(matrices: Matrices, ordering: Ordering, k: int, setting: Setting) -> Spectrum:
     n = len(matrices.lumped)
     if n <= max(DENSE, DENSE_FOR * (k + 1)):
-        found = _dense(matrices, k, setting)
-        certificate = _certify(found, _inertia(matrices, ordering, _middle(found)))
+        candidate = _dense(matrices, k, setting)
+        counted = inertia(matrices, ordering, candidate.middle)
     else:
-        found, certificate = _searched(matrices, ordering, k, setting)
-    area = float(matrices.lumped.sum())
+        candidate, counted = search(matrices, ordering, k, setting)
     return Spectrum(
-        eigenvalues=found.values[:k],
-        trivial=float(matrices.stiffness.sum()) / area,
-        certificate=certificate,
-        eigenvectors=found.vectors[:k].T,
+        eigenvalues=candidate.values[:k],
+        trivial=float(matrices.stiffness.sum()) / float(matrices.lumped.sum()),
+        certificate=certify(candidate, counted),
+        eigenvectors=candidate.vectors[:k].T,
     )
 
 
-def _middle(found: _Candidate) -> float:
-    return sum(found.gap) / 2
-
-
-def _certify(found: _Candidate, counted: Factor) -> Certificate:
-    """Return the certificate, or raise an error that says why there is none."""
-    (low, high), shift = found.gap, _middle(found)
-    if SAFETY * counted.uncertainty > (high - low) / 2:
-        raise CertificateError(
-            f"rounding moves the shift {shift:g} of the count by {counted.uncertainty:.2g}, "
-            f"too much for the gap from {low:g} to {high:g}"
-        )
-    if counted.negative != len(found.values) + 1:
-        raise CertificateError(
-            f"{counted.negative} eigenvalues are below {shift:g}, but "
-            f"{len(found.values) + 1} were found"
-        )
-    # B-orthonormal vectors have as many different eigenvalues within the norm of all their
-    # residuals together, at most the root of their number times the largest (Kahan).
-    together = np.sqrt(len(found.values)) * found.residual
-    if not found.values[-1] * (1 + together) < shift:
-        raise CertificateError(
-            f"an eigenvalue of residual {found.residual:.2g} may be above {shift:g}"
-        )
-    return Certificate(counted.negative, shift, found.residual)
-
-
-def _dense(matrices: Matrices, k: int, setting: Setting) -> _Candidate:
-    n = len(matrices.lumped)
-    stiffness, mass = (
-        sparse.csc_matrix((values, matrices.indices, matrices.indptr), shape=(n, n)).toarray()
-        for values in (matrices.stiffness, matrices.mass)
-    )
+def _dense(matrices: Matrices, k: int, setting: Setting) -> Candidate:
+    """Return k pairs and those of their cluster, by LAPACK."""
+    stiffness, mass = (matrix.toarray() for matrix in _sparse(matrices))
     try:
         values, vectors = linalg.eigh(stiffness, mass)
     except linalg.LinAlgError as error:
@@ -295,154 +214,8 @@ def _dense(matrices: Matrices, k: int, setting: Setting) -> _Candidate:
     values, rows = values[1:], vectors[:, 1:].T
     gaps = np.append(np.diff(values), values[-1]) > setting.gap * np.abs(values)
     last = k - 1 + int(np.argmax(gaps[k - 1 :]))
-    high = float(values[last + 1]) if last + 1 < len(values) else 2 * float(values[last])
-    rows = rows[: last + 1]
     low = float(values[last])
-    values = values[: last + 1]
-    residual = _largest_residual(
-        matrices, rows @ stiffness - values[:, None] * (rows @ mass), values
-    )
-    return _Candidate(values, rows, residual, (low, high))
-
-
-def _searched(
-    matrices: Matrices, ordering: Ordering, k: int, setting: Setting
-) -> tuple[_Candidate, Certificate]:
-    """Search; while more are counted than found, search beside what has been found.
-
-    From two vectors, Lanczos sees two copies of an eigenvalue; the third and fourth that
-    symmetric shapes have show up by rounding only, and later.
-    """
-    sigma = setting.shift * 4 * np.pi * k / float(matrices.lumped.sum())
-    factor = factorise(matrices, ordering, sigma)
-    if not factor.finite:
-        raise SpectrumError(f"a pivot of A - {sigma:g} B is zero")
-    found = _lanczos(matrices, ordering, factor, sigma, k, setting)
-    counted = _inertia(matrices, ordering, _middle(found))
-    for seed in range(1, ROUNDS + 1):
-        missing = counted.negative - 1 - len(found.values)
-        if missing <= 0:
-            break
-        more = _lanczos(matrices, ordering, factor, sigma, missing, setting, found, seed)
-        if len(more.values) == len(found.values):
-            break
-        found = more
-    return found, _certify(found, counted)
-
-
-def _lanczos(
-    matrices: Matrices,
-    ordering: Ordering,
-    factor: Factor,
-    sigma: float,
-    k: int,
-    setting: Setting,
-    known: _Candidate | None = None,
-    seed: int = 0,
-) -> _Candidate:
-    """Find k pairs and those of their cluster; or those below the gap beside the known ones."""
-    room_for = len(matrices.lumped) - 1 - (0 if known is None else len(known.values))
-    search = Lanczos(
-        matrices,
-        ordering,
-        factor,
-        sigma,
-        limit=min(setting.vectors + 8 * k, room_for),
-        known=None if known is None else known.vectors,
-        strict=setting.strict,
-        seed=setting.seed + 100 * seed,
-    )
-    tolerance, best = setting.residual, None
-    steps, room = k + 2, True
-    while room:
-        room = search.extend(steps)
-        steps = 2
-        pairs = search.ritz()
-        if known is None:
-            cut = _gap_above(pairs, k, tolerance, setting.gap, sigma)
-        else:
-            cut = _below_gap(pairs, known.gap, tolerance, sigma)
-        if cut is None:
-            continue
-        count, gap = cut
-        rows = search.vectors(pairs, count)
-        if known is not None:
-            weighted = search.weighted[1 : search.first]
-            rows = np.concatenate([known.vectors, rows[0]]), np.concatenate([weighted, rows[1]])
-        values, vectors, residual = _polished(matrices, ordering, factor, rows, setting.residual)
-        found = _Candidate(values, vectors, residual, gap)
-        if residual <= setting.residual:
-            return found
-        if best is not None and residual > best.residual / 2:  # rounding, then
-            break
-        if best is None or residual < best.residual:
-            best = found
-        tolerance /= 10
-    if best is None or best.residual > setting.excused:
-        raise SpectrumError(f"no convergence in {search.size} Lanczos vectors")
-    return best
-
-
-def _below_gap(
-    pairs: RitzPairs, gap: tuple[float, float], tolerance: float, sigma: float
-) -> tuple[int, tuple[float, float]] | None:
-    """Return the pairs below a gap, if there are any and all have converged."""
-    below = pairs.values < sum(gap) / 2
-    count = int(np.count_nonzero(below))
-    converged = pairs.errors <= tolerance * np.maximum(pairs.values, NEAR_ZERO * abs(sigma))
-    return (count, gap) if count and converged[below].all() else None
-
-
-def _polished(
-    matrices: Matrices,
-    ordering: Ordering,
-    factor: Factor,
-    rows: tuple[NDArray[np.float64], NDArray[np.float64]],
-    enough: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Rayleigh–Ritz, with one correction where the residual is not small enough."""
-    values, vectors, defects = _rayleigh_ritz(matrices, *rows)
-    residual = _largest_residual(matrices, defects, values)
-    if residual <= enough:
-        return values, vectors, residual
-    # A step of inverse iteration, as a correction: rounding in the factor is undone.
-    vectors = vectors - solve(factor, ordering, defects)
-    weighted = fem.multiply(matrices, matrices.mass, vectors)
-    values, vectors, defects = _rayleigh_ritz(matrices, vectors, weighted)
-    return values, vectors, _largest_residual(matrices, defects, values)
-
-
-def _gap_above(
-    pairs: RitzPairs, k: int, tolerance: float, gap: float, sigma: float
-) -> tuple[int, tuple[float, float]] | None:
-    """Find the first gap above k pairs of which all below it have converged."""
-    values, errors = pairs.values, pairs.errors
-    converged = errors <= tolerance * np.maximum(values, NEAR_ZERO * abs(sigma))
-    good = len(values) if converged.all() else int(np.argmin(converged))
-    for count in range(k, min(good + 1, len(values))):
-        low, high = float(values[count - 1]), float(values[count] - errors[count])
-        if high > low * (1 + gap):
-            return count, (low, high)
-    return None
-
-
-def _rayleigh_ritz(
-    matrices: Matrices, vectors: NDArray[np.float64], weighted: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """In the span of the rows: values, B-orthonormal rows, and their defects A φ − λ B φ."""
-    stiff = fem.multiply(matrices, matrices.stiffness, vectors)
-    try:
-        values, turn = linalg.eigh(vectors @ stiff.T, vectors @ weighted.T, check_finite=False)
-    except linalg.LinAlgError as error:
-        raise SpectrumError(f"the eigenvectors found are not independent: {error}") from error
-    defects = turn.T @ stiff - values[:, None] * (turn.T @ weighted)
-    return values, turn.T @ vectors, defects
-
-
-def _largest_residual(
-    matrices: Matrices, defects: NDArray[np.float64], values: NDArray[np.float64]
-) -> float:
-    """Of B-orthonormal vectors; see :func:`compute`. Next to zero it is relative to a floor."""
-    bounds = 2 * np.sqrt(np.square(defects) @ (1 / matrices.lumped))
-    floor = NEAR_ZERO * 4 * np.pi * len(values) / matrices.lumped.sum()
-    return float(np.max(bounds / np.maximum(values, floor)))
+    high = float(values[last + 1]) if last + 1 < len(values) else 2 * low
+    values, rows = values[: last + 1], rows[: last + 1]
+    defects = rows @ stiffness - values[:, None] * (rows @ mass)
+    return Candidate(values, rows, largest_residual(matrices, defects, values), (low, high))

@@ -20,7 +20,7 @@ from synthnet.mesh.geometry import area
 from synthnet.recipe import Recipe
 from synthnet.recipe.distributions import ISOMETRIES, generator
 from synthnet.recipe.plan import PlannedShape
-from synthnet.spectrum import solve
+from synthnet.spectrum import certificate, solve
 from synthnet.store import ImportDescription, pins
 from synthnet.store.files import one_line
 from synthnet.types import Mesh, Sample, ShapeSpec
@@ -141,7 +141,7 @@ def check_label(sample: Sample) -> Iterator[str]:
         yield f"{sample.spec.id}: LaPy has no answer: {one_line(error)}"
         return
     # Next to zero labels are exact to a part of Weyl's k-th eigenvalue, and so is LaPy.
-    least = solve.NEAR_ZERO * 4 * np.pi * k / area(sample.mesh)
+    least = certificate.NEAR_ZERO * 4 * np.pi * k / area(sample.mesh)
     off = np.abs(sample.eigenvalues - independent[:k]) / np.maximum(independent[:k], least)
     apart = float(off.max())
     if not apart <= LAPY_TOLERANCE:

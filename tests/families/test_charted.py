@@ -120,7 +120,7 @@ def test_a_marked_triangle_becomes_four_and_its_neighbours_conform() -> None:
     mesh = atlas.uniform(4)
     marked = np.zeros(len(mesh.faces), dtype=bool)
     marked[17] = True
-    finer = remesh.refined(mesh, marked)
+    finer = remesh.refine(mesh, marked)
     assert len(finer.faces) == len(mesh.faces) + 3 + 3  # three neighbours are halved
     facts = geometry.MeshFacts(atlas.mesh(finer))
     assert facts.is_closed
@@ -131,7 +131,7 @@ def test_a_marked_triangle_becomes_four_and_its_neighbours_conform() -> None:
 def test_all_triangles_marked_is_uniform_refinement() -> None:
     atlas = torus()
     mesh = atlas.uniform(3)
-    finer = remesh.refined(mesh, np.ones(len(mesh.faces), dtype=bool))
+    finer = remesh.refine(mesh, np.ones(len(mesh.faces), dtype=bool))
     ours, theirs = (np.sort(atlas.points(m), axis=0) for m in (finer, atlas.uniform(6)))
     np.testing.assert_allclose(ours, theirs, atol=1e-12)
 
@@ -174,7 +174,7 @@ def test_jittering_turns_no_triangle_over() -> None:
     twice = uniform
     for _ in range(2):
         centres = twice.corners.mean(axis=1)
-        twice = remesh.refined(twice, (centres[:, 0] > 2) & (centres[:, 0] < 4))
+        twice = remesh.refine(twice, (centres[:, 0] > 2) & (centres[:, 0] < 4))
     for mesh, least in ((uniform, 0.9), (twice, 0.8)):
         for seed in range(5):
             moved = remesh.jittered(atlas, mesh, np.random.default_rng(seed))

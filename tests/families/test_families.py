@@ -720,6 +720,6 @@ def test_an_inverted_cone_is_refined_as_the_cone() -> None:
     )
 
 
-def test_a_negative_number_of_refinements_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"^times must be at least 0, got -1$"):
+def test_a_negative_level_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"^level must be at least 0, got -1$"):
         FAMILIES["sphere"].refine(LEAST["sphere"], -1)

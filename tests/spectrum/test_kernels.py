@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 SOURCE = """
-from synthnet.solver.compiled import kernel
+from synthnet.kernels import kernel
 
 @kernel
 def _twice(x):
@@ -23,13 +23,13 @@ def test_a_module_may_be_imported_by_two_names(order: tuple[str, str], tmp_path:
     (tmp_path / "room" / "part.py").write_text(SOURCE)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     for name in order:
-        place = tmp_path / "room" if name == "part" else tmp_path
-        code = f"import sys; sys.path.insert(0, {str(place)!r})\n"
+        folder = tmp_path / "room" if name == "part" else tmp_path
+        code = f"import sys; sys.path.insert(0, {str(folder)!r})\n"
         code += f"import importlib; print(importlib.import_module({name!r})._twice(2.0))"
         done = subprocess.run(
             [sys.executable, "-c", code],
             env=environment,
-            cwd=place,
+            cwd=folder,
             capture_output=True,
             text=True,
             check=False,

@@ -6,14 +6,15 @@ import lapy
 import numpy as np
 import pytest
 from scipy import linalg
-from scipy.sparse.linalg import eigsh
 
 from synthnet import recipe, spectrum
 from synthnet.errors import CertificateError, SpectrumError
 from synthnet.families import FAMILIES, PRIMITIVES
-from synthnet.families.primitives import convex_hull, subdivide
+from synthnet.families.primitives import convex_hull
 from synthnet.mesh import geometry
+from synthnet.mesh.open3d import subdivide
 from synthnet.recipe.drawing import draw_shape
+from synthnet.spectrum import certificate, reference, search, solve
 from synthnet.spectrum.lanczos import Lanczos, RitzPairs
 from synthnet.spectrum.ldl import Factor, factorise
 from synthnet.spectrum.ordering import find_ordering
@@ -44,6 +45,15 @@ def rectangle(columns: int, rows: int, width: float = 1.0, height: float = 0.7) 
     below = np.stack([corner, corner + 1, corner + columns + 2], axis=1)
     above = np.stack([corner, corner + columns + 2, corner + columns + 1], axis=1)
     return Mesh(vertices, np.concatenate([below, above]))
+
+
+def reference_matrices(mesh: Mesh) -> tuple[Any, Any]:
+    return reference.matrices(mesh.vertices, mesh.faces)
+
+
+def reference_eigenvalues(mesh: Mesh) -> np.ndarray:
+    """All eigenvalues, by the dense solver."""
+    return reference.all_eigenvalues(*reference_matrices(mesh))
 
 
 def rectangle_eigenvalues(count: int, width: float = 1.0, height: float = 0.7) -> np.ndarray:
@@ -205,8 +215,7 @@ def test_the_same_mesh_gives_the_same_bytes() -> None:
 
 @pytest.mark.parametrize("mesh", [box(3), drawn("split_cone", 1), rectangle(17, 13)])
 def test_no_eigenvalue_is_missed(mesh: Mesh) -> None:
-    stiffness, mass = spectrum.fem_matrices(mesh)
-    everything = linalg.eigh(stiffness.toarray(), mass.toarray(), eigvals_only=True)
+    everything = reference_eigenvalues(mesh)
     found = spectrum.compute(mesh, k=25).eigenvalues
     np.testing.assert_allclose(found, everything[1:26], rtol=1e-9)
 
@@ -227,14 +236,14 @@ def test_small_meshes_go_to_the_dense_solver(
     asked = []
 
     def fail(name: str) -> Any:
-        def solve(*arguments: Any) -> None:
+        def failing(*arguments: Any) -> None:
             asked.append(name)
             raise SpectrumError(name)
 
-        return solve
+        return failing
 
-    monkeypatch.setattr(spectrum, "_dense", fail("dense"))
-    monkeypatch.setattr(spectrum, "_searched", fail("searched"))
+    monkeypatch.setattr(solve, "_dense", fail("dense"))
+    monkeypatch.setattr(solve, "search", fail("searched"))
     with pytest.raises(SpectrumError, match=solver):
         spectrum.compute(rectangle(columns, rows), k)
     assert asked == [solver, solver]  # the second time by the stronger setting
@@ -242,12 +251,11 @@ def test_small_meshes_go_to_the_dense_solver(
 
 @pytest.mark.parametrize("mesh", [rectangle(8, 5), box(3), sphere(20), drawn("torus", 3)])
 def test_both_settings_and_the_dense_solver_agree(mesh: Mesh) -> None:
-    stiffness, mass = (matrix.toarray() for matrix in spectrum.fem_matrices(mesh))
-    expected = linalg.eigh(stiffness, mass, eigvals_only=True, subset_by_index=[1, 10])
-    matrices = spectrum._assemble(mesh)
+    expected = reference_eigenvalues(mesh)[1:11]
+    matrices = solve._assemble(mesh)
     ordering = find_ordering(matrices.indptr, matrices.indices)
-    for setting in (spectrum.NORMAL, spectrum.STRONGER):
-        found = spectrum._certified(matrices, ordering, 10, setting)
+    for setting in (solve.NORMAL, solve.STRONGER):
+        found = solve._certified(matrices, ordering, 10, setting)
         np.testing.assert_allclose(found.eigenvalues, expected, rtol=1e-9)
         assert found.certificate.residual <= setting.residual
 
@@ -303,9 +311,9 @@ def test_a_face_without_area_is_refused(bad: list[float]) -> None:
 def test_lanczos_that_does_not_converge_is_a_spectrum_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    hopeless = dataclasses.replace(spectrum.NORMAL, residual=1e-300, excused=0.0, vectors=1)
-    monkeypatch.setattr(spectrum, "NORMAL", hopeless)
-    monkeypatch.setattr(spectrum, "STRONGER", hopeless)
+    hopeless = dataclasses.replace(solve.NORMAL, residual=1e-300, excused=0.0, vectors=1)
+    monkeypatch.setattr(solve, "NORMAL", hopeless)
+    monkeypatch.setattr(solve, "STRONGER", hopeless)
     with pytest.raises(SpectrumError, match=r"^no convergence in 81 Lanczos vectors$"):
         spectrum.compute(sphere(10))
 
@@ -314,7 +322,8 @@ def test_a_broken_factorisation_is_a_spectrum_error(monkeypatch: pytest.MonkeyPa
     def broken(*arguments: Any, **options: Any) -> Factor:
         return Factor(np.array([1.0, np.inf]), np.zeros(0), np.nan)
 
-    monkeypatch.setattr(spectrum, "factorise", broken)
+    monkeypatch.setattr(search, "factorise", broken)
+    monkeypatch.setattr(certificate, "factorise", broken)
     with pytest.raises(SpectrumError, match=r"^a pivot of A - \S+ B is zero$"):
         spectrum.compute(sphere(10))
     with pytest.raises(SpectrumError, match=r"^a pivot of A - 3 B is zero$"):
@@ -341,15 +350,15 @@ def test_a_certificate_holds_against_all_eigenvalues(family: str) -> None:
     mesh = drawn(family, 3 if family != "sphere" else 20)
     found = spectrum.compute(mesh)
     proof = found.certificate
-    stiffness, mass = spectrum.fem_matrices(mesh)
-    if len(mesh.vertices) > 3000:  # by ARPACK, the dense solver would take minutes
-        values, _ = eigsh(stiffness, proof.count + 3, mass, sigma=-1.0)
+    stiffness, mass = reference_matrices(mesh)
+    if len(mesh.vertices) > 3000:  # by ARPACK: the dense solver would take minutes
+        values, _ = reference.eigenpairs(stiffness, mass, proof.count + 3)
     else:
-        values = linalg.eigh(stiffness.toarray(), mass.toarray(), eigvals_only=True)
-    values = np.sort(values)
+        values = reference.all_eigenvalues(stiffness, mass)
+    assert reference.count_below(stiffness, mass, proof.shift) == proof.count
     assert np.count_nonzero(values < proof.shift) == proof.count >= 11
     gap = values[proof.count] - values[proof.count - 1]
-    assert gap > spectrum.NORMAL.gap * proof.shift / 2
+    assert gap > solve.NORMAL.gap * proof.shift / 2
     assert abs(values - proof.shift).min() > gap / 4
     assert spectrum.count_below(mesh, proof.shift) == [proof.count]
     assert abs(found.eigenvalues / values[1:11] - 1).max() <= proof.residual <= 1e-7
@@ -357,7 +366,7 @@ def test_a_certificate_holds_against_all_eigenvalues(family: str) -> None:
 
 def test_the_residual_bounds_the_error_of_a_vector_that_is_no_eigenvector() -> None:
     mesh = drawn("cylinder", 3)
-    matrices = spectrum._assemble(mesh)
+    matrices = solve._assemble(mesh)
     stiffness, mass = (matrix.toarray() for matrix in spectrum.fem_matrices(mesh))
     values, vectors = linalg.eigh(stiffness, mass)
     rng = np.random.default_rng(0)
@@ -365,7 +374,7 @@ def test_the_residual_bounds_the_error_of_a_vector_that_is_no_eigenvector() -> N
         x = vectors[:, 5] + size * vectors @ rng.normal(size=len(values))
         x /= np.sqrt(x @ mass @ x)
         value = np.array([x @ stiffness @ x])
-        bound = spectrum._largest_residual(
+        bound = certificate.largest_residual(
             matrices, (stiffness @ x - value * (mass @ x))[None], value
         )
         assert np.abs(values / value - 1).min() <= bound
@@ -373,8 +382,7 @@ def test_the_residual_bounds_the_error_of_a_vector_that_is_no_eigenvector() -> N
 
 def test_eigenvalues_below_a_shift_are_counted() -> None:
     mesh = rectangle(11, 9)
-    stiffness, mass = (matrix.toarray() for matrix in spectrum.fem_matrices(mesh))
-    values = linalg.eigh(stiffness, mass, eigvals_only=True)
+    values = reference_eigenvalues(mesh)
     counts = [1, 2, 11, 40, len(values) - 1]
     shifts = [(values[count - 1] + values[count]) / 2 for count in counts]
     assert spectrum.count_below(mesh, -1.0, *shifts, 2 * values[-1]) == [0, *counts, len(values)]
@@ -419,7 +427,7 @@ def test_a_missed_eigenvalue_of_a_pair_is_caught_and_found(
 ) -> None:
     expected = spectrum.compute(mesh)
     monkeypatch.setattr(Careless, "lost", [])
-    monkeypatch.setattr(spectrum, "Lanczos", Careless)
+    monkeypatch.setattr(search, "Lanczos", Careless)
     found = spectrum.compute(mesh)
     assert Careless.lost  # something was dropped
     np.testing.assert_allclose(found.eigenvalues, expected.eigenvalues, rtol=1e-9)
@@ -436,7 +444,7 @@ def test_a_setting_that_misses_one_is_followed_by_the_stronger(
     def blind_at_first(*arguments: Any, **options: Any) -> Lanczos:
         return (Lanczos if options["strict"] else Blind)(*arguments, **options)
 
-    monkeypatch.setattr(spectrum, "Lanczos", blind_at_first)
+    monkeypatch.setattr(search, "Lanczos", blind_at_first)
     found = spectrum.compute(mesh)
     assert Careless.lost
     np.testing.assert_allclose(found.eigenvalues, expected.eigenvalues, rtol=1e-9)
@@ -447,7 +455,7 @@ def test_a_solver_that_always_misses_one_of_a_pair_gives_no_label(
     mesh: Mesh, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Careless, "lost", [])
-    monkeypatch.setattr(spectrum, "Lanczos", Blind)
+    monkeypatch.setattr(search, "Lanczos", Blind)
     with pytest.raises(SpectrumError, match=r"\d+ eigenvalues are below|^no convergence"):
         spectrum.compute(mesh)
 
@@ -476,8 +484,7 @@ def test_eigenvalues_of_symmetric_meshes_have_all_their_copies(
     # Irreducible representations of these groups have up to five dimensions, so eigenvalues
     # have up to five copies, equal to rounding.
     mesh = subdivide(solid(), times)
-    stiffness, mass = (matrix.toarray() for matrix in spectrum.fem_matrices(mesh))
-    expected = linalg.eigh(stiffness, mass, eigvals_only=True, subset_by_index=[1, k])
+    expected = reference_eigenvalues(mesh)[1 : k + 1]
     found = spectrum.compute(mesh, k)
     np.testing.assert_allclose(found.eigenvalues, expected, rtol=1e-9)
 
@@ -487,25 +494,24 @@ def test_eigenvalues_of_symmetric_meshes_have_all_their_copies(
 )
 def test_many_eigenvalues_of_a_small_mesh(columns: int, rows: int, k: int) -> None:
     mesh = rectangle(columns, rows)
-    stiffness, mass = (matrix.toarray() for matrix in spectrum.fem_matrices(mesh))
-    expected = linalg.eigh(stiffness, mass, eigvals_only=True, subset_by_index=[1, k])
+    expected = reference_eigenvalues(mesh)[1 : k + 1]
     np.testing.assert_allclose(spectrum.compute(mesh, k).eigenvalues, expected, rtol=1e-9)
 
 
 def test_a_residual_that_does_not_prove_the_count_is_refused() -> None:
     values = np.array([1.0, 2.0])
-    pairs = spectrum._Candidate(values, np.eye(2), 0.4, (2.0, 3.0))
+    pairs = certificate.Candidate(values, np.eye(2), 0.4, (2.0, 3.0))
     counted = Factor(np.array([-1.0, -1, -1, 1]), np.zeros(0), 0.0)
     with pytest.raises(CertificateError, match=r"^an eigenvalue of residual 0.4 may be above 2.5$"):
-        spectrum._certify(pairs, counted)
+        certificate.certify(pairs, counted)
     fine = dataclasses.replace(pairs, residual=0.1)
-    assert spectrum._certify(fine, counted).count == 3
+    assert certificate.certify(fine, counted).count == 3
 
 
 def test_a_count_that_rounding_decides_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     def vague(*arguments: Any, **options: Any) -> Factor:
         return dataclasses.replace(factorise(*arguments, **options), uncertainty=1.0)
 
-    monkeypatch.setattr(spectrum, "factorise", vague)
+    monkeypatch.setattr(certificate, "factorise", vague)
     with pytest.raises(CertificateError, match=r"^rounding moves the shift \S+ of the count by 1,"):
         spectrum.compute(sphere(10))

@@ -69,9 +69,9 @@ SURFACES: Mapping[str, Parameters] = {
     },
     "open_cylinder": {"height": 2.0, "triangulation": "adaptive", "seed": 5},
 }
-# These steps of Family.refine give 64,000, 256,000 and 1,000,000 vertices, graded towards singular
+# These levels of Family.refine give 64,000, 256,000 and 1,000,000 vertices, graded towards singular
 # corners. The limit follows from the last two; the limit of the two before bounds its error, h⁴.
-REFINEMENTS = (3, 4, 5)
+LEVELS = (3, 4, 5)
 TIMED_BESIDE = 10_000  # vertices up to which every run times LaPy on the same meshes
 PINS = "surfaces.parquet"
 
@@ -160,7 +160,7 @@ def limit(surface: str) -> tuple[Array, Array]:
     if known is not None:
         return known, np.zeros(K)
     spectra = [
-        spectrum.compute(family.refine(parameters, times), K).eigenvalues for times in REFINEMENTS
+        spectrum.compute(family.refine(parameters, level), K).eigenvalues for level in LEVELS
     ]
     before, last = (extrapolate(*pair) for pair in pairwise(spectra))
     return last, np.abs(last - before)

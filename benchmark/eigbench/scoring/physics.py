@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from synthnet import recipe
 from synthnet.families import FAMILIES
-from synthnet.families.primitives import subdivide
 from synthnet.mesh import isometries
+from synthnet.mesh.open3d import subdivide
 from synthnet.recipe.plan import plan_shards
 from synthnet.types import Mesh
 

@@ -12,7 +12,7 @@ from eigbench.scoring.training import IMPORTED
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
 from synthnet.families import FAMILIES
-from synthnet.families.primitives import from_open3d, to_open3d
+from synthnet.mesh.open3d import decimate
 from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Mesh, ShapeSpec
 
@@ -39,23 +39,13 @@ def generated(spec: ShapeSpec) -> Mesh:
     return FAMILIES[spec.family].generate(spec.parameters).stored()
 
 
-def simplified(mesh: Mesh, faces: int = FACES) -> Mesh:
-    """Return a mesh of about ``faces`` triangles by quadric decimation; a smaller one as it is."""
-    if len(mesh.faces) <= faces:
-        return mesh
-    simple = to_open3d(mesh).simplify_quadric_decimation(target_number_of_triangles=faces)
-    simple.remove_degenerate_triangles()
-    simple.remove_unreferenced_vertices()
-    return from_open3d(simple)
-
-
 def packed(mesh: Mesh) -> dict[str, Any]:
     """Return a mesh for the page: centred, scaled to [-1, 1] and rounded to :data:`STEPS`.
 
     Vertices and faces are little-endian in base64: int16, and uint16 or uint32 as ``wide`` says.
     ``vertex_count`` and ``face_count`` are those of the mesh itself, ``shown`` the triangles.
     """
-    few = simplified(mesh)
+    few = decimate(mesh, FACES)
     return {
         "vertex_count": len(mesh.vertices),
         "face_count": len(mesh.faces),

@@ -98,7 +98,7 @@ def test_limit_by_extrapolation_is_the_closed_form(monkeypatch):
     assert not error.any()
     family = replace(FAMILIES["open_cylinder"], limit=None)
     monkeypatch.setattr(surfaces, "FAMILIES", {"open_cylinder": family})
-    monkeypatch.setattr(surfaces, "REFINEMENTS", (1, 2, 3))  # as in the pins, 16 times coarser
+    monkeypatch.setattr(surfaces, "LEVELS", (1, 2, 3))  # as in the pins, 16 times coarser
     found, bound = surfaces.limit("open_cylinder")
     assert (np.abs(found - known) <= bound).all()
     np.testing.assert_allclose(found, known, rtol=1e-6)

@@ -22,6 +22,7 @@ from eigbench.site import boards, bundle, rows, shapes, write
 from eigbench.site.shapes import FACES, STEPS
 
 from synthnet import store
+from synthnet.mesh.open3d import decimate
 from synthnet.types import Mesh
 
 FIRST = ("index.html", "style.css", "page.js", "chart.js", "data.js")  # and the first board
@@ -289,11 +290,11 @@ def test_packed_mesh_is_within_half_a_step_of_the_mesh():
 def test_a_large_mesh_is_simplified_the_same_each_time(mini_truth):
     spec = shapes.spec_of(replace(mini_truth, version="1.0"), "split_sphere-01742")
     mesh = shapes.generated(spec)
-    few = [shapes.simplified(mesh, 2_000) for _ in range(2)]
+    few = [decimate(mesh, 2_000) for _ in range(2)]
     assert len(few[0].faces) <= 2_000 < len(mesh.faces)
     np.testing.assert_array_equal(few[0].vertices, few[1].vertices)
     np.testing.assert_array_equal(few[0].faces, few[1].faces)
-    assert shapes.simplified(mesh, len(mesh.faces)) is mesh
+    assert decimate(mesh, len(mesh.faces)) is mesh
     packed = shapes.packed(mesh)
     assert packed["face_count"] == len(mesh.faces) > FACES >= packed["shown"]
 

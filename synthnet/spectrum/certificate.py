@@ -1,0 +1,124 @@
+"""The certificate of a spectrum: residuals that bound errors, and a count that nothing is missing.
+
+A residual proves that there is an eigenvalue near each value, not that there is no other. A
+factorisation of A − σB counts the eigenvalues below σ (Sylvester's law of inertia). Where the
+count in a gap is the number of pairs below it, and no residual reaches across, none is missing.
+
+References
+----------
+B. N. Parlett, "The Symmetric Eigenvalue Problem" (1998), sections 3.3, 11.5 and 15.9. A. J.
+Wathen, "Realistic eigenvalue bounds for the Galerkin mass matrix", IMA J. Numer. Anal. 7 (1987).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.errors import CertificateError, SpectrumError
+from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.ldl import Factor, factorise
+from synthnet.spectrum.ordering import Ordering
+from synthnet.types import Certificate
+
+NEAR_ZERO = 1e-3  # of Weyl's k-th eigenvalue: below it, residuals are relative to this instead
+SAFETY = 100  # times the rounding errors' first-order effect on the shift of a count
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """Pairs that are claimed to be all between zero and a gap.
+
+    Parameters
+    ----------
+    values : ndarray of shape (c,), float64
+        Eigenvalues in 1/length², ascending, without the zero of the constant function.
+    vectors : ndarray of shape (c, n), float64
+        B-orthonormal rows.
+    residual : float
+        The largest relative residual of a pair; see :func:`largest_residual`.
+    gap : tuple of float
+        The last eigenvalue below the gap, and a lower bound of the first above it.
+    """
+
+    values: NDArray[np.float64]
+    vectors: NDArray[np.float64]
+    residual: float
+    gap: tuple[float, float]
+
+    @property
+    def middle(self) -> float:
+        """The middle of the gap, where eigenvalues are counted."""
+        return sum(self.gap) / 2
+
+
+def inertia(matrices: Matrices, ordering: Ordering, shift: float) -> Factor:
+    """Return the pivots of A − σB, whose signs count the eigenvalues below the shift σ.
+
+    Raises
+    ------
+    SpectrumError
+        If a pivot is zero.
+    """
+    factor = factorise(matrices, ordering, shift, pivots_only=True)
+    if not factor.finite:
+        raise SpectrumError(f"a pivot of A - {shift:g} B is zero")
+    return factor
+
+
+def certify(candidate: Candidate, counted: Factor) -> Certificate:
+    """Return the certificate of a candidate from the pivots in the middle of its gap.
+
+    Raises
+    ------
+    CertificateError
+        If rounding could change the count, the count is not that of the pairs and the zero, or a
+        pair could belong above the gap.
+    """
+    (low, high), shift = candidate.gap, candidate.middle
+    if SAFETY * counted.uncertainty > (high - low) / 2:
+        raise CertificateError(
+            f"rounding moves the shift {shift:g} of the count by {counted.uncertainty:.2g}, "
+            f"too much for the gap from {low:g} to {high:g}"
+        )
+    pairs = len(candidate.values)
+    if counted.negative != pairs + 1:
+        raise CertificateError(
+            f"{counted.negative} eigenvalues are below {shift:g}, but {pairs + 1} were found"
+        )
+    # B-orthonormal vectors have as many different eigenvalues within the norm of all their
+    # residuals together, which is at most the root of their number times the largest (Kahan).
+    together = np.sqrt(pairs) * candidate.residual
+    if not candidate.values[-1] * (1 + together) < shift:
+        raise CertificateError(
+            f"an eigenvalue of residual {candidate.residual:.2g} may be above {shift:g}"
+        )
+    return Certificate(counted.negative, shift, candidate.residual)
+
+
+def largest_residual(
+    matrices: Matrices, defects: NDArray[np.float64], values: NDArray[np.float64]
+) -> float:
+    r"""Return the largest relative residual of B-orthonormal vectors.
+
+    With :math:`r = A\varphi - \lambda B\varphi` and M the lumped mass, it is
+
+    .. math:: \frac{2}{\lambda} \sqrt{r^T M^{-1} r},
+
+    and an eigenvalue is within so much of λ, relative to λ, because B ≥ M/4 for triangles
+    (Wathen). Below :data:`NEAR_ZERO` of Weyl's value it is relative to that instead.
+
+    Parameters
+    ----------
+    matrices : Matrices
+        A and B.
+    defects : ndarray of shape (c, n), float64
+        Rows r.
+    values : ndarray of shape (c,), float64
+        The λ, in 1/length².
+    """
+    bounds = 2 * np.sqrt(np.square(defects) @ (1 / matrices.lumped))
+    floor = NEAR_ZERO * 4 * np.pi * len(values) / matrices.lumped.sum()
+    return float(np.max(bounds / np.maximum(values, floor)))

@@ -1,0 +1,211 @@
+"""The search for eigenpairs: Lanczos until all below a gap have converged, then a count of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from synthnet.errors import SpectrumError
+from synthnet.spectrum import fem
+from synthnet.spectrum.certificate import NEAR_ZERO, Candidate, inertia, largest_residual
+from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.lanczos import Lanczos, RitzPairs
+from synthnet.spectrum.ldl import Factor, factorise, solve
+from synthnet.spectrum.ordering import Ordering
+
+ROUNDS = 8  # most searches for further copies of an eigenvalue: a start of two vectors shows two
+Rows = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """How to look for eigenpairs.
+
+    Parameters
+    ----------
+    shift : float
+        Shift of the operator, in units of what Weyl's law gives for the k-th eigenvalue.
+    residual : float
+        Largest relative residual at which the search ends.
+    excused : float
+        Largest relative residual that is accepted where rounding keeps it from falling further,
+        as on very fine meshes.
+    gap : float
+        Least relative gap above the cluster of the k-th eigenvalue in which to count.
+    vectors : int
+        Most vectors in the basis.
+    strict : bool
+        Whether to keep the basis orthogonal to rounding at every step.
+    seed : int
+        Seed of the vectors to start from.
+    """
+
+    shift: float
+    residual: float
+    excused: float
+    gap: float
+    vectors: int
+    strict: bool
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Problem:
+    """What stays the same during a search: the matrices, and A − σB factorised at its shift σ."""
+
+    matrices: Matrices
+    ordering: Ordering
+    factor: Factor
+    sigma: float
+    setting: Setting
+
+    def converged(self, pairs: RitzPairs, tolerance: float) -> NDArray[np.bool_]:
+        """Return which pairs have an error below the tolerance, relative to their value."""
+        scale = np.maximum(pairs.values, NEAR_ZERO * abs(self.sigma))
+        return np.asarray(pairs.errors <= tolerance * scale, dtype=np.bool_)
+
+
+def search(
+    matrices: Matrices, ordering: Ordering, k: int, setting: Setting
+) -> tuple[Candidate, Factor]:
+    """Search for k pairs; while more are counted than found, search beside what is known.
+
+    From two vectors, Lanczos sees two copies of an eigenvalue; the third and fourth that
+    symmetric shapes have show up by rounding only, and later.
+
+    Returns
+    -------
+    Candidate
+        At least k pairs.
+    Factor
+        The pivots in the middle of its gap, to certify it with.
+
+    Raises
+    ------
+    SpectrumError
+        If the iteration does not converge, or a pivot is zero.
+    """
+    sigma = setting.shift * 4 * np.pi * k / float(matrices.lumped.sum())
+    factor = factorise(matrices, ordering, sigma)
+    if not factor.finite:
+        raise SpectrumError(f"a pivot of A - {sigma:g} B is zero")
+    problem = _Problem(matrices, ordering, factor, sigma, setting)
+    candidate = _find(problem, k)
+    counted = inertia(matrices, ordering, candidate.middle)
+    for seed in range(1, ROUNDS + 1):
+        missing = counted.negative - 1 - len(candidate.values)
+        if missing <= 0:
+            break
+        more = _find(problem, missing, candidate, seed)
+        if len(more.values) == len(candidate.values):
+            break
+        candidate = more
+    return candidate, counted
+
+
+def _find(problem: _Problem, k: int, known: Candidate | None = None, seed: int = 0) -> Candidate:
+    """Find k pairs and those of their cluster; or those below the gap beside the known ones."""
+    setting = problem.setting
+    most = len(problem.matrices.lumped) - 1 - (0 if known is None else len(known.values))
+    lanczos = Lanczos(
+        problem.matrices,
+        problem.ordering,
+        problem.factor,
+        problem.sigma,
+        limit=min(setting.vectors + 8 * k, most),
+        known=None if known is None else known.vectors,
+        strict=setting.strict,
+        seed=setting.seed + 100 * seed,
+    )
+    tolerance, best = setting.residual, None
+    steps, room = k + 2, True
+    while room:
+        room = lanczos.extend(steps)
+        steps = 2
+        pairs = lanczos.ritz()
+        converged = problem.converged(pairs, tolerance)
+        if known is None:
+            cut = _gap_above(pairs, converged, k, setting.gap)
+        else:
+            cut = _below_gap(pairs, converged, known)
+        if cut is None:
+            continue
+        count, gap = cut
+        candidate = _polished(problem, *_vectors(lanczos, pairs, count, known), gap)
+        if candidate.residual <= setting.residual:
+            return candidate
+        if best is not None and candidate.residual > best.residual / 2:
+            break  # only rounding is left
+        if best is None or candidate.residual < best.residual:
+            best = candidate
+        tolerance /= 10
+    if best is None or best.residual > setting.excused:
+        raise SpectrumError(f"no convergence in {lanczos.size} Lanczos vectors")
+    return best
+
+
+def _gap_above(
+    pairs: RitzPairs, converged: NDArray[np.bool_], k: int, least: float
+) -> tuple[int, tuple[float, float]] | None:
+    """Return the number of pairs below the first gap above k of which all have converged."""
+    values, errors = pairs.values, pairs.errors
+    good = len(values) if converged.all() else int(np.argmin(converged))
+    for count in range(k, min(good + 1, len(values))):
+        low, high = float(values[count - 1]), float(values[count] - errors[count])
+        if high > low * (1 + least):
+            return count, (low, high)
+    return None
+
+
+def _below_gap(
+    pairs: RitzPairs, converged: NDArray[np.bool_], known: Candidate
+) -> tuple[int, tuple[float, float]] | None:
+    """Return the number of pairs below a known gap, if there are any and all have converged."""
+    below = pairs.values < known.middle
+    count = int(np.count_nonzero(below))
+    return (count, known.gap) if count and converged[below].all() else None
+
+
+def _vectors(
+    lanczos: Lanczos, pairs: RitzPairs, count: int, known: Candidate | None
+) -> tuple[Rows, Rows]:
+    """Return the known vectors and the first ones of a search, and their products with B."""
+    vectors, weighted = lanczos.vectors(pairs, count)
+    if known is None:
+        return vectors, weighted
+    return (
+        np.concatenate([known.vectors, vectors]),
+        np.concatenate([lanczos.weighted[1 : lanczos.first], weighted]),
+    )
+
+
+def _polished(
+    problem: _Problem, vectors: Rows, weighted: Rows, gap: tuple[float, float]
+) -> Candidate:
+    """Rayleigh–Ritz, with one correction where the residual is not small enough."""
+    matrices = problem.matrices
+    values, vectors, defects = _rayleigh_ritz(matrices, vectors, weighted)
+    residual = largest_residual(matrices, defects, values)
+    if residual > problem.setting.residual:
+        # A step of inverse iteration, as a correction: it undoes rounding in the factor.
+        vectors = vectors - solve(problem.factor, problem.ordering, defects)
+        weighted = fem.multiply(matrices, matrices.mass, vectors)
+        values, vectors, defects = _rayleigh_ritz(matrices, vectors, weighted)
+        residual = largest_residual(matrices, defects, values)
+    return Candidate(values, vectors, residual, gap)
+
+
+def _rayleigh_ritz(
+    matrices: Matrices, vectors: Rows, weighted: Rows
+) -> tuple[NDArray[np.float64], Rows, Rows]:
+    """In the span of the rows: values, B-orthonormal rows, and their defects A φ − λ B φ."""
+    stiff = fem.multiply(matrices, matrices.stiffness, vectors)
+    try:
+        values, turn = linalg.eigh(vectors @ stiff.T, vectors @ weighted.T, check_finite=False)
+    except linalg.LinAlgError as error:
+        raise SpectrumError(f"the eigenvectors found are not independent: {error}") from error
+    defects = turn.T @ stiff - values[:, None] * (turn.T @ weighted)
+    return values, turn.T @ vectors, defects
