@@ -1,0 +1,78 @@
+"""A dataset is of one kind, by its name before it is opened and by its manifest afterwards."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from synthnet import recipe, store
+from synthnet.errors import StoreError
+from synthnet.recipe import Kind, parse_name
+from synthnet.store import ImportDescription, StoredDataset, description_of
+from synthnet.types import Manifest
+from synthnet.verify.seal import sealed_recipe
+
+DESCRIPTION = ImportDescription(
+    {"unit_area": False, "split": "test"}, "1.0", 1, {"a-00000": {"file": "a.ply", "sha256": "0"}}
+)
+
+
+def manifest(version: str, made_from: dict[str, Any]) -> Manifest:
+    return Manifest(version, "0" * 64, made_from, {}, (), {})
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "version", "scale"),
+    [
+        ("1.0", Kind.VERSION, "1.0", 1),
+        ("2.0-mini", Kind.VERSION, "2.0-mini", 1),
+        ("1.0-mini-x3", Kind.SCALED, "1.0-mini", 3),
+        ("2.0-sealed-0123456789ab", Kind.SEALED, "2.0", 1),
+        ("2.0-sealed-0123456789a", Kind.IMPORTED, "2.0-sealed-0123456789a", 1),
+        ("scans", Kind.IMPORTED, "scans", 1),
+        ("9.9", Kind.IMPORTED, "9.9", 1),
+    ],
+)
+def test_a_name_says_the_kind_and_the_version(
+    name: str, kind: Kind, version: str, scale: int
+) -> None:
+    parsed = parse_name(name)
+    assert (parsed.kind, parsed.version, parsed.scale) == (kind, version, scale)
+
+
+@pytest.mark.parametrize(
+    ("resolved", "kind"),
+    [
+        (recipe.load("1.0-mini"), Kind.VERSION),
+        (recipe.load("1.0-mini-x2"), Kind.SCALED),
+        (sealed_recipe("1.0-mini", bytes(range(32))), Kind.SEALED),
+    ],
+    ids=lambda value: getattr(value, "version", ""),
+)
+def test_recipe_manifest_and_name_agree(resolved: recipe.Recipe, kind: Kind) -> None:
+    made = manifest(resolved.version, resolved.to_dict())
+    assert resolved.kind is kind
+    assert StoredDataset(Path(), made).kind is kind
+    assert parse_name(resolved.version).kind is kind
+
+
+def test_an_import_is_known_by_its_manifest_whatever_its_name(tmp_path: Path) -> None:
+    for name in ("scans", "mesh-x100"):
+        (tmp_path / name).mkdir()
+        store.write_manifest(tmp_path / name, manifest(name, DESCRIPTION.to_dict()))
+        dataset = store.open_unversioned(name, tmp_path)
+        assert dataset is not None
+        assert dataset.kind is Kind.IMPORTED
+        assert description_of(dataset.manifest) == DESCRIPTION
+    assert store.open_unversioned("1.0-mini", tmp_path) is None
+
+
+def test_a_description_with_other_parts_is_of_another_release() -> None:
+    newer = manifest("scans", {**DESCRIPTION.to_dict(), "units": "mm"})
+    with pytest.raises(StoreError, match=r"scans was imported by a newer synthnet \(units\)"):
+        description_of(newer)
+    older = manifest("scans", {"imported": {}, "rules": "1.0"})
+    with pytest.raises(StoreError, match="scans was imported by an older synthnet"):
+        description_of(older)
