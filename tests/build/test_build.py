@@ -303,6 +303,7 @@ def test_second_build_has_nothing_to_do(
     assert {p: p.stat().st_mtime_ns for p in mini_home.rglob("*")} == files
 
 
+@pytest.mark.slow
 def test_missing_shard_is_built_again(mini_home: Path, mini_copy: Path, command: Command) -> None:
     (mini_copy / VERSION / "shards" / "torus-0000.parquet").unlink()
     finish(mini_copy, mini_home, command)

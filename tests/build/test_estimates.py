@@ -91,6 +91,7 @@ def contents(home: Path) -> dict[str, bytes]:
 # Made
 
 
+@pytest.mark.slow
 def test_command_makes_what_is_missing_and_keeps_the_rest(
     dataset: StoredDataset, mini_home: Path, command: Command
 ) -> None:

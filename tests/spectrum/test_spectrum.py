@@ -342,7 +342,7 @@ def test_a_vertex_without_a_face_is_refused(resolution: int) -> None:
 @pytest.mark.parametrize(
     "family",
     [
-        pytest.param(name, marks=[] if name in ("tetrahedron", "split_cone") else pytest.mark.slow)
+        pytest.param(name, marks=[] if name in ("torus", "split_cone") else pytest.mark.slow)
         for name in PRIMITIVES
     ],
 )
@@ -476,7 +476,7 @@ def regular_tetrahedron() -> Mesh:
 
 
 @pytest.mark.parametrize("k", [10, 20])
-@pytest.mark.parametrize("times", [2, 3, 4])
+@pytest.mark.parametrize("times", [2, 3, pytest.param(4, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("solid", [icosahedron, octahedron, regular_tetrahedron])
 def test_eigenvalues_of_symmetric_meshes_have_all_their_copies(
     solid: Callable[[], Mesh], times: int, k: int

@@ -266,6 +266,7 @@ class Stopped(Watcher):
             raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 def test_interrupted_build_goes_on(sealed_set: SealedSet, tmp_path: Path) -> None:
     wanted = seal.sealed_recipe(
         "1.0-mini", seal.read_salt(sealed_set.salt), share=0.01, beacon="round 7"
