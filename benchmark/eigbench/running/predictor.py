@@ -129,15 +129,10 @@ def _through_a_door(
 
     ``arguments`` are those that a function ``load`` may take besides device and seed.
     """
-    loader = getattr(module, "load", None)
-    asked = _asked(loader, arguments)
-    variant = arguments["variant"]
-    if variant and "variant" not in asked:
-        raise PredictorError(f"{path} has no variants: leave out :{variant}")
-    if not variant and "variant" in asked:
-        raise PredictorError(f"{path} is a family of predictors: name one, {path.name}:NAME")
-    meta = _meta(module, path, variant)
     try:
+        loader = getattr(module, "load", None)
+        asked = _asked(loader, arguments, path)
+        meta = _meta(module, path, arguments["variant"])
         if callable(function := getattr(module, "predict", None)):
             return Predictor(function, meta, None)
         if isinstance(kind := getattr(module, "Predictor", None), type):
@@ -157,12 +152,17 @@ def _through_a_door(
     )
 
 
-def _asked(loader: Any, arguments: Mapping[str, str]) -> dict[str, str]:
-    """Return those of the arguments that a function takes."""
+def _asked(loader: Any, arguments: Mapping[str, str], path: Path) -> dict[str, str]:
+    """Return those of the arguments that a function takes; a variant must be among them."""
     try:
-        parameters = inspect.signature(loader).parameters
+        parameters = set(inspect.signature(loader).parameters)
     except (TypeError, ValueError):  # it is no function, or one without a signature
-        return {}
+        parameters = set()
+    variant = arguments["variant"]
+    if variant and "variant" not in parameters:
+        raise PredictorError(f"{path} has no variants: leave out :{variant}")
+    if not variant and "variant" in parameters:
+        raise PredictorError(f"{path} is a family of predictors: name one, {path.name}:NAME")
     return {name: value for name, value in arguments.items() if name in parameters}
 
 
@@ -261,10 +261,7 @@ def _module(path: Path) -> ModuleType:
 def _meta(module: ModuleType, path: Path, variant: str) -> dict[str, str]:
     given = getattr(module, "META", {})
     if variant and callable(given):
-        try:
-            given = given(variant)
-        except (Exception, SystemExit) as error:
-            raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
+        given = given(variant)
     if not isinstance(given, dict):
         raise PredictorError(f"{path}: META must be a dict, got {type(given).__name__}")
     unknown = sorted(map(str, set(given) - set(META_KEYS)))
