@@ -4,31 +4,93 @@ Both sides do a fixed random sample of synthNet 1.0 in this process, on one thre
 by chunk in turn. Ours is the build as it is: generation, filters, label, residual,
 isometries and the Parquet shard. The peer makes the mesh by Open3D's methods alone and
 calls ``lapy.Solver(...).eigs(11)``; it checks and stores nothing.
-
-Usage: python benchmarks/build_cost.py [--shapes 300] [--json]
 """
 
+from __future__ import annotations
+
 import argparse
-import json
 import statistics
-import sys
 import tempfile
-import time
 from collections import defaultdict
+from functools import partial
 from pathlib import Path
 
-import lapy
 import numpy as np
 import threadpoolctl
-from rich.progress import track
-from tabulate import tabulate
 
+from evidence.timing import in_turn, progress
 from synthnet import recipe
 from synthnet.build.versions import build_shard
 from synthnet.mesh.open3d import load_open3d
 from synthnet.recipe.plan import ShardPlan, plan_shards
 
 CHUNK = 5
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the measurement."""
+    parser.add_argument("--shapes", type=int, default=300)
+
+
+def measure(options: argparse.Namespace) -> dict:
+    """Return core-milliseconds a mesh by family and for all, and the median ratio of a chunk."""
+    chunks = sample_chunks(options.shapes)
+    seconds: dict[str, list[tuple[int, float, float]]] = defaultdict(list)
+    with threadpoolctl.threadpool_limits(1), tempfile.TemporaryDirectory() as temporary:
+        warm, directory = (Path(temporary) / name for name in ("warm", "timed"))
+        time_chunk(chunks[0], warm)
+        for number, plan in enumerate(progress(chunks, "timing")):
+            both = time_chunk(plan, directory, backwards=number % 2 == 0)
+            seconds[plan.family].append((len(plan.shapes), *both))
+    every = [chunk for chunks in seconds.values() for chunk in chunks]
+    rows = [row(family, chunks) for family, chunks in {**seconds, "all": every}.items()]
+    median = statistics.median(ours / plain for _, ours, plain in every)
+    return {"rows": rows, "median_chunk_ratio": round(median, 3)}
+
+
+def sample_chunks(count: int) -> list[ShardPlan]:
+    """Draw shapes of 1.0 at random, the same in every run, in chunks of one family."""
+    shapes = [shape for plan in plan_shards(recipe.load("1.0")) for shape in plan.shapes]
+    chosen = np.random.default_rng(0).choice(len(shapes), size=count, replace=False)
+    families = defaultdict(list)
+    for number in sorted(chosen):
+        families[shapes[number].spec.family].append(shapes[number])
+    return [
+        ShardPlan(f"shards/{family}-{start}.parquet", family, tuple(members[start : start + CHUNK]))
+        for family, members in families.items()
+        for start in range(0, len(members), CHUNK)
+    ]
+
+
+def time_chunk(plan: ShardPlan, directory: Path, *, backwards: bool = False) -> list[float]:
+    """Return the core-seconds of building a chunk as a shard, and of the plain loop over it."""
+    (directory / "shards").mkdir(parents=True, exist_ok=True)
+    sides = {
+        "ours": partial(build_shard, plan, recipe.load("1.0"), directory),
+        "plain": partial(plain_loop, plan),
+    }
+    return [timed.seconds for timed in in_turn(sides, backwards=backwards).values()]
+
+
+def row(family: str, chunks: list[tuple[int, float, float]]) -> dict:
+    """Return the number of shapes, milliseconds a mesh of both sides, and their ratio."""
+    shapes, ours, plain = (sum(column) for column in zip(*chunks, strict=True))
+    return {
+        "family": family,
+        "shapes": shapes,
+        "ours ms": round(1e3 * ours / shapes, 2),
+        "plain ms": round(1e3 * plain / shapes, 2),
+        "ratio": round(ours / plain, 3),
+    }
+
+
+def plain_loop(plan: ShardPlan) -> None:
+    """Make and solve the meshes of a chunk as one would by hand."""
+    import lapy
+
+    for shape in plan.shapes:
+        vertices, faces = plain_mesh(shape.spec.family, dict(shape.spec.parameters))
+        lapy.Solver(lapy.TriaMesh(vertices, faces)).eigs(11)
 
 
 def plain_mesh(family: str, p: dict) -> tuple[np.ndarray, np.ndarray]:
@@ -78,89 +140,3 @@ def plain_hull(halves: list):
     points = np.concatenate([a[a[:, 0] <= 1e-9], b[b[:, 0] >= -1e-9]])
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     return cloud.compute_convex_hull()[0]
-
-
-def sample_chunks(count: int) -> list[ShardPlan]:
-    """Draw shapes of 1.0 at random, the same at every call, in chunks of one family."""
-    shapes = [shape for plan in plan_shards(recipe.load("1.0")) for shape in plan.shapes]
-    chosen = np.random.default_rng(0).choice(len(shapes), size=count, replace=False)
-    families = defaultdict(list)
-    for number in sorted(chosen):
-        families[shapes[number].spec.family].append(shapes[number])
-    return [
-        ShardPlan(f"shards/{family}-{start}.parquet", family, tuple(members[start : start + CHUNK]))
-        for family, members in families.items()
-        for start in range(0, len(members), CHUNK)
-    ]
-
-
-def time_ours(plan: ShardPlan, directory: Path) -> float:
-    """Return the core-seconds of building one chunk as a shard."""
-    started = time.process_time()
-    build_shard(plan, recipe.load("1.0"), directory)
-    return time.process_time() - started
-
-
-def time_plain(plan: ShardPlan) -> float:
-    """Return the core-seconds of the plain loop over one chunk."""
-    started = time.process_time()
-    for shape in plan.shapes:
-        vertices, faces = plain_mesh(shape.spec.family, dict(shape.spec.parameters))
-        lapy.Solver(lapy.TriaMesh(vertices, faces)).eigs(11)
-    return time.process_time() - started
-
-
-def main() -> None:
-    """Run the comparison and print a table or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--shapes", type=int, default=300)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    chunks = sample_chunks(options.shapes)
-    ours, plain, counts = defaultdict(float), defaultdict(float), defaultdict(int)
-    ratios = []
-    with threadpoolctl.threadpool_limits(1), tempfile.TemporaryDirectory() as place:
-        directory = Path(place)
-        (directory / "shards").mkdir()
-        (directory / "warm" / "shards").mkdir(parents=True)
-        time_ours(chunks[0], directory / "warm")
-        time_plain(chunks[0])
-        for number, plan in enumerate(track(chunks, "timing", disable=not sys.stderr.isatty())):
-            if number % 2:
-                first, second = time_ours(plan, directory), time_plain(plan)
-            else:
-                second, first = time_plain(plan), time_ours(plan, directory)
-            ours[plan.family] += first
-            plain[plan.family] += second
-            counts[plan.family] += len(plan.shapes)
-            ratios.append(first / second)
-    rows = [
-        {
-            "family": family,
-            "shapes": counts[family],
-            "ours ms": round(1e3 * ours[family] / counts[family], 2),
-            "plain ms": round(1e3 * plain[family] / counts[family], 2),
-            "ratio": round(ours[family] / plain[family], 3),
-        }
-        for family in counts
-    ]
-    shapes, total_ours, total_plain = options.shapes, sum(ours.values()), sum(plain.values())
-    rows.append(
-        {
-            "family": "all",
-            "shapes": shapes,
-            "ours ms": round(1e3 * total_ours / shapes, 2),
-            "plain ms": round(1e3 * total_plain / shapes, 2),
-            "ratio": round(total_ours / total_plain, 3),
-        }
-    )
-    median = round(statistics.median(ratios), 3)
-    if options.json:
-        print(json.dumps({"rows": rows, "median_chunk_ratio": median}, indent=1))
-        return
-    print(tabulate(rows, headers="keys"))
-    print(f"\ncore-milliseconds a mesh, one thread; median ratio of {len(ratios)} chunks: {median}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,30 +1,55 @@
-"""Write the table of folds of 2.0's dataset card: how sharply meshes of smooth surfaces are bent.
-
-    synthnet build --version 2.0
-    python scripts/fold_table.py
+"""How sharply meshes of smooth surfaces are bent, in 2.0.
 
 On a smooth surface the angle between two triangles' normals goes to 0 as the mesh gets finer.
 Where it stays large, triangles are slivers that do not lie along the surface, though their
-vertices are on it.
+vertices are on it. Needs a built 2.0.
 """
 
+from __future__ import annotations
+
+import argparse
 from collections import defaultdict
-from pathlib import Path
 
 import numpy as np
 import trimesh
-from rich.progress import track
-from tabulate import tabulate
 
+from evidence import markdown
+from evidence.timing import progress
 from synthnet import recipe, store
 from synthnet.families import FAMILIES
-from synthnet.store.files import write_marked
 from synthnet.types import Mesh
 
-CARD = Path(__file__).parent.parent / "docs" / "dataset-card-2.0.md"
 VERSION = "2.0"
 SMOOTH = ("ellipsoid", "twisted_torus", "knotted_tube", "pretzel", "blob")  # without any crease
 SHARP = 60.0  # degrees between normals
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """There are none."""
+
+
+def measure(options: argparse.Namespace) -> dict:
+    """Measure every mesh of the smooth families: medians and maxima by size."""
+    dataset, version = store.open_dataset(VERSION), recipe.load(VERSION)
+    sizes = [size.name for size in version.sizes or ()]
+    folds = defaultdict(list)
+    shards = [shard for shard in dataset.manifest.shards if shard.family in SMOOTH]
+    for shard in progress(shards, "folds"):
+        for sample in store.read_samples(dataset.directory / shard.file):
+            size = sizes[sample.spec.index % version.copies]
+            folds[sample.spec.family, size].append(folded(sample.mesh))
+    rows = []
+    for (family, size), pairs in folds.items():
+        middle, most = np.median(pairs, axis=0).tolist(), np.max(pairs, axis=0).tolist()
+        rows.append(
+            {
+                "family": family,
+                "size": size,
+                "median": {"angle": middle[0], "area": middle[1]},
+                "largest": {"angle": most[0], "area": most[1]},
+            }
+        )
+    return {"version": VERSION, "rows": rows}
 
 
 def folded(mesh: Mesh) -> tuple[float, float]:
@@ -35,31 +60,17 @@ def folded(mesh: Mesh) -> tuple[float, float]:
     return float(angles.max()), float(surface.area_faces[beside].sum() / surface.area)
 
 
-def main() -> None:
-    """Measure every mesh of the smooth families, and rewrite the table."""
-    dataset, wanted = store.open_dataset(VERSION), recipe.load(VERSION)
-    sizes = [size.name for size in wanted.sizes or ()]
-    found = defaultdict(list)
-    shards = [shard for shard in dataset.manifest.shards if shard.family in SMOOTH]
-    for shard in track(shards, "folds"):
-        for sample in store.read_samples(dataset.directory / shard.file):
-            size = sizes[sample.spec.index % wanted.copies]
-            found[sample.spec.family, size].append(folded(sample.mesh))
-    rows = []
-    for family in SMOOTH:
-        row = [FAMILIES[family].title]
-        for size in sizes:
-            angles, shares = np.array(found[family, size]).T
-            row += [
-                f"{np.median(angles):.0f}° ({angles.max():.0f}°)",
-                f"{100 * np.median(shares):.1f} % ({100 * shares.max():.1f} %)",
+def table(data: dict) -> str:
+    """Return a row a family, with the angle and the area of each size."""
+    cells: dict[str, list[str]] = {}
+    for row in data["rows"]:
+        middle, most = row["median"], row["largest"]
+        cells.setdefault(FAMILIES[row["family"]].title, []).extend(
+            [
+                f"{middle['angle']:.0f}° ({most['angle']:.0f}°)",
+                f"{100 * middle['area']:.1f} % ({100 * most['area']:.1f} %)",
             ]
-        rows.append(row)
+        )
+    sizes = dict.fromkeys(row["size"] for row in data["rows"])
     headers = ["family", *(text for size in sizes for text in (f"{size}: angle", "area"))]
-    table = tabulate(rows, headers, tablefmt="github", disable_numparse=True)
-    write_marked(CARD, folds=f"\n{table}\n")
-    print(CARD)
-
-
-if __name__ == "__main__":
-    main()
+    return markdown.table(headers, ([title, *row] for title, row in cells.items()), "l")

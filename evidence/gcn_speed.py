@@ -5,45 +5,155 @@ Both sides have the encoded graphs in memory and all threads of PyTorch. The pee
 step is forward, loss, backward; inference is of 200 meshes. Medians, in turn. With --figure-2
 also the paper's Figure 2: the 200 meshes from raw vertices and faces to eigenvalues, by the
 network, LaPy and the solver behind the labels, on one thread and on all.
-
-Usage: PYTHONPATH=. python benchmarks/gcn.py [--version 1.0-small] [--rounds 7] [--figure-2]
 """
 
-import argparse
-import json
-import statistics
-import time
-from functools import partial
-from pathlib import Path
+from __future__ import annotations
 
-import lapy
+import argparse
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
 import numpy as np
 import threadpoolctl
-import torch
-from eigbench.scoring.losses import rpd_loss
-from tabulate import tabulate
-from torch_geometric.data import Batch, Data
 
-from baselines.gcn import data, folded
-from baselines.gcn.encodings import encoding
-from baselines.gcn.model import GCN, GCNConfig
+from evidence.timing import in_turn
 from synthnet import spectrum
 from synthnet.build.versions import ensure_built
-from synthnet.store.files import write_text
-from synthnet.types import Mesh
+from synthnet.types import Mesh, Sample
 
-STEP, INFERENCE = 32, 200
+if TYPE_CHECKING:
+    import torch
+
+    from baselines.gcn.model import GCN
+
+STEP, INFERENCE = 32, 200  # meshes
+ENCODING = "ALG"
 
 
-def timed(work) -> float:
-    """Return the seconds of a call."""
+def options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the measurement."""
+    parser.add_argument("--version", default="1.0-small")
+    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--device", help="default: cuda where there is one")
+    parser.add_argument("--figure-2", action="store_true")
+
+
+def measure(options: argparse.Namespace) -> dict:
+    """Return a row for each task and precision; with ``--figure-2`` the figure's seconds too."""
+    import torch
+
+    from baselines.gcn.model import GCN, GCNConfig
+
+    device = options.device or ("cuda" if torch.cuda.is_available() else "cpu")
+    samples = list(ensure_built(options.version).samples())
+    chosen = np.random.default_rng(0).choice(len(samples), INFERENCE, replace=False)
+    samples = [samples[i] for i in chosen]
+    torch.manual_seed(0)
+    model = GCN(GCNConfig(ENCODING)).to(device)
+    threads = torch.get_num_threads()
+    few, many, tasks = sides(model, samples, device, threads)
+    rows = [
+        row(task, dtype, peer, partial(ours, dtype), options.rounds)
+        for task, (peer, ours) in tasks.items()
+        for dtype in (torch.float32, torch.bfloat16)
+    ]
+    result = {
+        "device": device,
+        "capability": torch.backends.cpu.get_cpu_capability(),
+        "threads": threads,
+        "vertices": {"step": few, "inference": many},
+        "rows": rows,
+    }
+    if options.figure_2:
+        result["figure2"] = figure_2(model, [sample.mesh for sample in samples], threads)
+    return result
+
+
+def sides(
+    model: GCN, samples: list[Sample], device: str, threads: int
+) -> tuple[int, int, dict[str, tuple[Callable, Callable]]]:
+    """Return the vertices of a step and of inference, and the peer's and our call of each task."""
+    import torch
+    from eigbench.scoring.losses import rpd_loss
+    from torch_geometric.data import Batch
+
+    from baselines.gcn import data, folded
+
+    encode = data.encoder(model.config)
+    graphs = [encode(sample.mesh).to(device) for sample in samples]
+    plain = [plain_graph(sample.mesh) for sample in samples]
+    few = Batch.from_data_list(plain[:STEP]).to(device)
+    many = Batch.from_data_list(plain).to(device)
+    labels = np.array([sample.eigenvalues for sample in samples])
+    y = torch.tensor(labels, dtype=torch.float32, device=device)
+
+    def gradients(loss: Callable[[], torch.Tensor]) -> torch.Tensor:
+        model.zero_grad()
+        loss().backward()
+        return torch.cat([p.grad.flatten() for p in model.parameters()])
+
+    def our_loss(dtype: torch.dtype) -> torch.Tensor:
+        def loss(p: torch.Tensor, g: torch.Tensor, _: object) -> torch.Tensor:
+            return rpd_loss(p, g)
+
+        return folded.batch_loss(model, graphs[:STEP], None, y[:STEP], loss, dtype, threads)
+
+    def plain_inference() -> torch.Tensor:
+        with torch.no_grad():
+            return model(many)
+
+    tasks = {
+        f"training step of {STEP}": (
+            lambda: gradients(lambda: rpd_loss(model(few), y[:STEP])),
+            lambda dtype: gradients(lambda: our_loss(dtype)),
+        ),
+        f"inference of {INFERENCE}": (
+            plain_inference,
+            lambda dtype: folded.outputs(model, graphs, dtype, threads),
+        ),
+    }
+    return int(few.num_nodes), int(many.num_nodes), tasks
+
+
+def plain_graph(mesh: Mesh) -> object:
+    """Return a mesh as PyTorch Geometric has it, encoded by the transforms."""
+    import torch
+    from torch_geometric.data import Data
+
+    from baselines.gcn.encodings import encoding
+
+    pos = torch.from_numpy(mesh.vertices.astype(np.float64))
+    face = torch.from_numpy(mesh.faces.T.astype(np.int64))
+    encoded = encoding(ENCODING)(Data(pos=pos, face=face))
+    return Data(x=encoded.x, edge_index=encoded.edge_index, edge_weight=encoded.edge_weight)
+
+
+def row(task: str, dtype: torch.dtype, peer: Callable, ours: Callable, rounds: int) -> dict:
+    """Return the milliseconds of both sides, and the difference of their answers."""
+    both = {"peer": peer, "ours": ours}
+    in_turn(both)  # warms up
+    timed = in_turn(both, rounds, clock=clock)
+    truth, answer = timed["peer"].answer, timed["ours"].answer
+    difference = float((truth - answer).norm() / truth.norm())
+    return {
+        "what": task,
+        "dtype": str(dtype).removeprefix("torch."),
+        "PyG ms": round(1e3 * timed["peer"].seconds),
+        "ours ms": round(1e3 * timed["ours"].seconds),
+        "ratio": round(timed["peer"].seconds / timed["ours"].seconds, 2),
+        "relative difference": float(f"{difference:.1e}"),
+    }
+
+
+def clock() -> float:
+    """Return the seconds of a clock, once a GPU has done its work."""
+    import torch
+
     if torch.cuda.is_available():
         torch.cuda.synchronize()
-    started = time.perf_counter()
-    work()
-    if torch.cuda.is_available():
-        torch.cuda.synchronize()
-    return time.perf_counter() - started
+    return time.perf_counter()
 
 
 def figure_2(model: GCN, meshes: list[Mesh], threads: int) -> list[dict]:
@@ -51,11 +161,15 @@ def figure_2(model: GCN, meshes: list[Mesh], threads: int) -> list[dict]:
 
     The network and our solver share meshes out among threads; LaPy has its libraries' own.
     """
+    import lapy
+
+    from baselines.gcn import data, folded
+
     encode = data.encoder(model.config)
     device = next(model.parameters()).device
 
     def network(count: int) -> None:
-        graphs = [one.to(device) for one in folded.each(encode, meshes, count)]
+        graphs = [graph.to(device) for graph in folded.each(encode, meshes, count)]
         folded.outputs(model, graphs, threads=count)
 
     def by_lapy(count: int) -> None:
@@ -70,108 +184,10 @@ def figure_2(model: GCN, meshes: list[Mesh], threads: int) -> list[dict]:
 
     ways = {"GCN, encoding included": network, "LaPy": by_lapy, "our certified solver": by_solver}
     rows = []
-    for what, way in ways.items():
+    for name, way in ways.items():
         for count in dict.fromkeys((1, threads)):
-            seconds = timed(partial(way, count))
+            seconds = in_turn({name: partial(way, count)}, clock=clock)[name].seconds
             where = f"{device.type}, {count} thread{'s' * (count > 1)}"
-            what_of = f"{what}, {len(meshes)} meshes"
-            rows.append({"what": what_of, "where": where, "seconds": round(seconds, 3)})
+            what = f"{name}, {len(meshes)} meshes"
+            rows.append({"what": what, "where": where, "seconds": round(seconds, 3)})
     return rows
-
-
-def main() -> None:
-    """Compare and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--version", default="1.0-small")
-    parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
-    parser.add_argument("--figure-2", action="store_true")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    config = GCNConfig("ALG")
-    samples = list(ensure_built(options.version).samples())
-    rng = np.random.default_rng(0)
-    chosen = [samples[i] for i in rng.choice(len(samples), INFERENCE, replace=False)]
-    transform, encode = encoding("ALG"), data.encoder(config)
-    plain, graphs, labels = [], [], []
-    for sample in chosen:
-        pos = torch.from_numpy(sample.mesh.vertices.astype(np.float64))
-        face = torch.from_numpy(sample.mesh.faces.T.astype(np.int64))
-        encoded = transform(Data(pos=pos, face=face))
-        plain.append(
-            Data(x=encoded.x, edge_index=encoded.edge_index, edge_weight=encoded.edge_weight)
-        )
-        graphs.append(encode(sample.mesh).to(options.device))
-        labels.append(sample.eigenvalues)
-    y = torch.tensor(np.array(labels), dtype=torch.float32, device=options.device)
-    torch.manual_seed(0)
-    model = GCN(config).to(options.device)
-    threads = torch.get_num_threads()
-    few = Batch.from_data_list(plain[:STEP]).to(options.device)
-    many = Batch.from_data_list(plain).to(options.device)
-
-    def gradients() -> torch.Tensor:
-        return torch.cat([p.grad.flatten() for p in model.parameters()])
-
-    def plain_step() -> torch.Tensor:
-        model.zero_grad()
-        rpd_loss(model(few), y[:STEP]).backward()
-        return gradients()
-
-    def our_step(dtype: torch.dtype) -> torch.Tensor:
-        model.zero_grad()
-        loss = folded.batch_loss(
-            model, graphs[:STEP], None, y[:STEP], lambda p, g, _: rpd_loss(p, g), dtype, threads
-        )
-        loss.backward()
-        return gradients()
-
-    def plain_inference() -> torch.Tensor:
-        with torch.no_grad():
-            return model(many)
-
-    pairs = {
-        "training step of 32": (plain_step, our_step),
-        "inference of 200": (
-            plain_inference,
-            lambda dtype: folded.outputs(model, graphs, dtype, threads),
-        ),
-    }
-    rows = []
-    for what, (peer, ours) in pairs.items():
-        for dtype in (torch.float32, torch.bfloat16):
-            truth, found = peer(), ours(dtype)
-            difference = float((truth - found).norm() / truth.norm())
-            peers, mine = [], []
-            for _ in range(options.rounds):
-                peers.append(timed(peer))
-                mine.append(timed(lambda: ours(dtype)))  # noqa: B023
-            one, other = statistics.median(peers), statistics.median(mine)
-            rows.append(
-                {
-                    "what": what,
-                    "dtype": str(dtype).removeprefix("torch."),
-                    "PyG ms": round(1e3 * one),
-                    "ours ms": round(1e3 * other),
-                    "ratio": round(one / other, 2),
-                    "relative difference": float(f"{difference:.1e}"),
-                }
-            )
-    result = {
-        "device": options.device,
-        "capability": torch.backends.cpu.get_cpu_capability(),
-        "threads": threads,
-        "vertices": {"step": int(few.num_nodes), "inference": int(many.num_nodes)},
-        "rows": rows,
-    }
-    if options.figure_2:
-        result["figure2"] = figure_2(model, [sample.mesh for sample in chosen], threads)
-        print(tabulate(result["figure2"], headers="keys"))
-    if options.json:
-        write_text(options.json, json.dumps(result, indent=1) + "\n")
-    print(tabulate(rows, headers="keys"))
-    print({key: result[key] for key in ("device", "capability", "threads", "vertices")})
-
-
-if __name__ == "__main__":
-    main()

@@ -1,18 +1,14 @@
 """What the harness adds to a predictor's time, against a bare loop over the same meshes.
 
-    python benchmarks/harness_overhead.py [--version 1.0-mini] [--rounds 5] [--json]
-
 Both sides run with one thread and batches of 34 meshes: the harness in its process, and a
 process that makes the same batches, calls `predict` and looks at the clock. They take turns;
 the ratio is that of the medians over rounds of the whole time charged. Beside it stands
 what is not charged: starting, reading, sending meshes and answers.
 """
 
+from __future__ import annotations
+
 import argparse
-import json
-import os
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -23,21 +19,52 @@ from eigbench.running import predictor
 from eigbench.running.evaluate import WARM_UP, Options, evaluate
 from eigbench.running.process import THREAD_VARIABLES
 from eigbench.scoring import truth
-from tabulate import tabulate
 
+from evidence import BASELINES, markdown
+from evidence.timing import in_new_process, progress
 from synthnet import store
 
-BASELINES = Path(__file__).parent.parent / "baselines"
 PREDICTORS = ("weyl", "ritz3", "exact")
 BATCH = 34
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the measurement."""
+    parser.add_argument("--version", default="1.0-mini")
+    parser.add_argument("--rounds", type=int, default=5)
+
+
+def measure(options: argparse.Namespace) -> dict:
+    """Return a row a predictor."""
+    count = len(truth.load(options.version).ids)
+    rows = [row(name, options, count) for name in progress(PREDICTORS, "predictors")]
+    return {"version": options.version, "meshes": count, "rounds": options.rounds, "rows": rows}
+
+
+def row(name: str, options: argparse.Namespace, count: int) -> dict:
+    """Return the median milliseconds a mesh of both sides, in turn, and of what is not charged."""
+    one_thread = dict.fromkeys(THREAD_VARIABLES, "1")
+    plain, harness, rest = [], [], []
+    for _ in range(options.rounds):
+        plain.append(in_new_process(bare, name, options.version, environment=one_thread))
+        seconds, whole = charged(name, options.version)
+        harness.append(seconds)
+        rest.append(whole - seconds)
+    return {
+        "predictor": name,
+        "bare ms": round(1e3 * float(np.median(plain)) / count, 3),
+        "charged ms": round(1e3 * float(np.median(harness)) / count, 3),
+        "ratio": round(float(np.median(harness) / np.median(plain)), 3),
+        "not charged ms": round(1e3 * float(np.median(rest)) / count, 3),
+    }
 
 
 def bare(name: str, version: str) -> float:
     """Return the seconds of a plain loop over batches."""
     loaded = predictor.load(BASELINES / f"{name}.py")
-    wanted = truth.load(version)
-    read = instances.read(store.open_dataset(version), wanted.ids)
-    ids = [wanted.ids[i] for i in wanted.order]
+    labels = truth.load(version)
+    read = instances.read(store.open_dataset(version), labels.ids)
+    ids = [labels.ids[i] for i in labels.order]
     loaded.predict([read.mesh(id) for id in ids[:WARM_UP]])
     total = 0.0
     for first in range(0, len(ids), BATCH):
@@ -49,7 +76,7 @@ def bare(name: str, version: str) -> float:
 
 
 def charged(name: str, version: str) -> tuple[float, float]:
-    """Return the seconds the harness charges, and those of the whole evaluation."""
+    """Return the seconds that the harness charges, and those of the whole evaluation."""
     with tempfile.TemporaryDirectory() as parts:
         started = time.perf_counter()
         evaluation = evaluate(
@@ -62,47 +89,7 @@ def charged(name: str, version: str) -> tuple[float, float]:
         return float(evaluation.seconds.sum()), time.perf_counter() - started
 
 
-def main() -> None:
-    """Measure, and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--version", default="1.0-mini")
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--json", action="store_true", help="print JSON, as docs/data keeps it")
-    parser.add_argument("--bare", choices=PREDICTORS, help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.bare:
-        print(bare(options.bare, options.version))
-        return
-    one_thread = {**os.environ, **dict.fromkeys(THREAD_VARIABLES, "1")}
-    rows = []
-    count = len(truth.load(options.version).ids)
-    for name in PREDICTORS:
-        plain, harness, whole = [], [], []
-        for _ in range(options.rounds):
-            command = [sys.executable, __file__, "--bare", name, "--version", options.version]
-            done = subprocess.run(command, env=one_thread, capture_output=True, check=True)
-            plain.append(float(done.stdout))
-            seconds, wall = charged(name, options.version)
-            harness.append(seconds)
-            whole.append(wall)
-        rows.append(
-            {
-                "predictor": name,
-                "bare ms": round(1e3 * float(np.median(plain)) / count, 3),
-                "charged ms": round(1e3 * float(np.median(harness)) / count, 3),
-                "ratio": round(float(np.median(harness) / np.median(plain)), 3),
-                "not charged ms": round(
-                    1e3 * float(np.median(np.subtract(whole, harness))) / count, 3
-                ),
-            }
-        )
-        print(f"{name}: done", file=sys.stderr, flush=True)
-    if options.json:
-        report = {"version": options.version, "meshes": count, "rounds": options.rounds}
-        print(json.dumps({**report, "rows": rows}, indent=1))
-    else:
-        print(tabulate(rows, headers="keys"))
-
-
-if __name__ == "__main__":
-    main()
+def table(data: dict) -> str:
+    """Return a row a predictor."""
+    rows = [[str(value) for value in row.values()] for row in data["rows"]]
+    return markdown.table(list(data["rows"][0]), rows, "lr")

@@ -4,24 +4,19 @@ Both sides get the same meshes in this process, on one thread, in turn; a mesh's
 side is the median of its repetitions. Ours includes assembly, ordering, the residuals and
 the count by inertia; theirs is ``lapy.Solver(...).eigs(11)``, which certifies nothing. The
 answers must agree to a relative 1e-9.
-
-Usage: python benchmarks/solver.py [--shapes 160] [--spheres 40] [--repeats 3] [--json]
 """
 
-import argparse
-import json
-import statistics
-import sys
-import time
-from collections import defaultdict
-from collections.abc import Callable
+from __future__ import annotations
 
-import lapy
+import argparse
+import statistics
+from collections import defaultdict
+
 import numpy as np
 import threadpoolctl
-from rich.progress import track
-from tabulate import tabulate
 
+from evidence import markdown
+from evidence.timing import in_turn, progress
 from synthnet import recipe, spectrum
 from synthnet.families import FAMILIES
 from synthnet.recipe.plan import PlannedShape, plan_shards
@@ -30,8 +25,34 @@ from synthnet.types import Mesh
 AGREE = 1e-9
 
 
+def options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the measurement."""
+    parser.add_argument("--shapes", type=int, default=160)
+    parser.add_argument("--spheres", type=int, default=40)
+    parser.add_argument("--repeats", type=int, default=3)
+
+
+def measure(options: argparse.Namespace) -> dict:
+    """Compare on a random sample of 1.0, and on split spheres, which have the most vertices."""
+    spectrum.compile_solver()
+    with threadpoolctl.threadpool_limits(1):
+        rows = compared("1.0's mix", sample(options.shapes, 1), options.repeats)
+        spheres = sample(options.spheres, 2, "split_sphere")
+        alone = compared("split spheres alone", spheres, options.repeats)[-1]
+    return {"rows": [*rows, alone]}
+
+
+def problems(data: dict) -> list[str]:
+    """Return which answers of the two sides differ."""
+    return [
+        f"{row['meshes']}: eigenvalues differ by {row['largest difference']:.0e}"
+        for row in data["rows"]
+        if row["largest difference"] > AGREE
+    ]
+
+
 def sample(count: int, seed: int, family: str | None = None) -> list[PlannedShape]:
-    """Draw shapes of 1.0 at random, the same at every call, torus-00975 left out: rejected."""
+    """Draw shapes of 1.0, the same in every run; torus-00975 is left out, as it is rejected."""
     shapes = [
         shape
         for plan in plan_shards(recipe.load("1.0"))
@@ -42,42 +63,16 @@ def sample(count: int, seed: int, family: str | None = None) -> list[PlannedShap
     return [shapes[number] for number in sorted(chosen)]
 
 
-def timed(solve: Callable[[], np.ndarray]) -> tuple[float, np.ndarray]:
-    """Return core-seconds and answer of a call."""
-    started = time.process_time()
-    answer = solve()
-    return time.process_time() - started, answer
-
-
-def compare(mesh: Mesh, repeats: int) -> tuple[float, float, float]:
-    """Return the median seconds of both sides and how far the answers are apart."""
-    exact = mesh.vertices.astype(np.float64)
-    times: tuple[list[float], list[float]] = ([], [])
-    apart = 0.0
-    for number in range(repeats):
-        sides = [
-            (0, lambda: spectrum.compute(mesh).eigenvalues),
-            (1, lambda: lapy.Solver(lapy.TriaMesh(exact, mesh.faces)).eigs(11)[0][1:]),
-        ]
-        answers = {}
-        for side, solve in sides[:: 1 if number % 2 else -1]:
-            seconds, answers[side] = timed(solve)
-            times[side].append(seconds)
-        apart = max(apart, float(np.abs(answers[0] / answers[1] - 1).max()))
-    return statistics.median(times[0]), statistics.median(times[1]), apart
-
-
-def measure(name: str, shapes: list[PlannedShape], repeats: int) -> list[dict]:
-    """Return a row for each family of the shapes and one for all of them."""
-    found = defaultdict(list)
-    for shape in track(shapes, name, disable=not sys.stderr.isatty()):
-        spec = shape.spec
-        mesh = FAMILIES[spec.family].generate(spec.parameters).stored()
-        found[spec.family].append((*compare(mesh, repeats), len(mesh.vertices)))
-    found[name] = [row for rows in list(found.values()) for row in rows]
+def compared(name: str, shapes: list[PlannedShape], repeats: int) -> list[dict]:
+    """Return a row for each family of the shapes, and one for all of them."""
+    by_family = defaultdict(list)
+    for shape in progress(shapes, name):
+        mesh = FAMILIES[shape.spec.family].generate(shape.spec.parameters).stored()
+        by_family[shape.spec.family].append((*beside_lapy(mesh, repeats), len(mesh.vertices)))
+    groups = {**by_family, name: [row for rows in by_family.values() for row in rows]}
     return [
         {
-            "meshes": family,
+            "meshes": group,
             "number": len(rows),
             "mean vertices": round(statistics.mean(row[3] for row in rows)),
             "synthNet ms": round(1e3 * statistics.mean(row[0] for row in rows), 2),
@@ -85,30 +80,36 @@ def measure(name: str, shapes: list[PlannedShape], repeats: int) -> list[dict]:
             "LaPy / synthNet": round(sum(r[1] for r in rows) / sum(r[0] for r in rows), 2),
             "largest difference": max(row[2] for row in rows),
         }
-        for family, rows in found.items()
+        for group, rows in groups.items()
     ]
 
 
-def main() -> int:
-    """Run the comparison and print a table or JSON; return 1 if an answer differs."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--shapes", type=int, default=160)
-    parser.add_argument("--spheres", type=int, default=40)
-    parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    spectrum.compile_solver()
-    with threadpoolctl.threadpool_limits(1):
-        rows = measure("1.0's mix", sample(options.shapes, 1), options.repeats)
-        spheres = sample(options.spheres, 2, "split_sphere")
-        rows.append({**measure("", spheres, options.repeats)[-1], "meshes": "split spheres alone"})
-    if options.json:
-        print(json.dumps(rows, indent=1))
-    else:
-        print(tabulate(rows, headers="keys"))
-        print("\ncore-milliseconds a mesh, one thread; ratios are of the sums")
-    return int(max(row["largest difference"] for row in rows) > AGREE)
+def beside_lapy(mesh: Mesh, repeats: int) -> tuple[float, float, float]:
+    """Return the median seconds of both sides, and the largest relative difference."""
+    import lapy
+
+    exact = mesh.vertices.astype(np.float64)
+    sides = {
+        "ours": lambda: spectrum.compute(mesh).eigenvalues,
+        "LaPy": lambda: lapy.Solver(lapy.TriaMesh(exact, mesh.faces)).eigs(11)[0][1:],
+    }
+    ours, theirs = in_turn(sides, repeats).values()
+    return ours.seconds, theirs.seconds, float(np.abs(ours.answer / theirs.answer - 1).max())
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def table(data: dict) -> str:
+    """Return the comparison; times are core-milliseconds a mesh, ratios those of the sums."""
+    rows = [
+        [
+            row["meshes"].replace("_", " "),
+            row["number"],
+            f"{row['mean vertices']:,}",
+            f"{row['synthNet ms']:.1f}",
+            f"{row['LaPy ms']:.1f}",
+            f"{row['LaPy / synthNet']:.1f}",
+            f"{row['largest difference']:.0e}",
+        ]
+        for row in data["rows"]
+    ]
+    headers = ["meshes", "number", "mean vertices", "synthNet ms", "LaPy ms", "ratio"]
+    return markdown.table([*headers, "largest relative difference"], rows, "lr")

@@ -43,9 +43,9 @@ REPORTED = json.loads((ROOT / "benchmark" / "reported" / "wu-2024.json").read_te
 LEAKAGE = """\
 Under the protocol `paper` copies of a test shape are trained on: turned or mirrored, with the
 same eigenvalues. What that is worth to a predictor that remembers, on all of 1.0
-(`scripts/leakage.py`): both see nothing but six numbers of a mesh that no isometry changes. The
-look-up answers with the spectrum of the training shape whose numbers are nearest, scaled; the trees
-are the leaderboard's, of one seed instead of three."""
+(`python -m evidence measure leakage`): both see nothing but six numbers of a mesh that no
+isometry changes. The look-up answers with the spectrum of the training shape whose numbers are
+nearest, scaled; the trees are the leaderboard's, of one seed instead of three."""
 COLUMNS = ("invlap", "polar", "rpd", "psnr20", "l1", "l2")
 NOT_RUN = "not run"
 VERDICTS = {"a": "yes", "b": "no, the reverse", "tie": "a tie"}
@@ -313,7 +313,7 @@ def leakage() -> str:
 
 
 def look_ups() -> str:
-    """Return how well predictors do that can only remember, by ``scripts/leakage.py``."""
+    """Return how well predictors do that can only remember, by ``evidence/leakage.py``."""
     path = ROOT / "docs" / "data" / "leakage.json"
     if not path.exists():
         return "Not run."
@@ -332,7 +332,7 @@ def look_ups() -> str:
 
 
 def measured_seconds() -> list[dict[str, Any]]:
-    """Return what ``benchmarks/gcn.py --figure-2`` has measured, if it was run."""
+    """Return what ``evidence/gcn_speed.py --figure-2`` has measured, if it was run."""
     path = ROOT / "docs" / "data" / "gcn.json"
     found: list[dict[str, Any]] = json.loads(path.read_text())["figure2"] if path.exists() else []
     return found

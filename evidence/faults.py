@@ -1,18 +1,15 @@
-"""Break builds in every way we know: docs/data/faults.json and docs/faults.md.
-
-    python scripts/break_builds.py --kills 50 --flips 200 --seed 0 --json docs/data/faults.json
+"""Builds broken in every way we know.
 
 A build of 1.0-mini is killed, starved of disk and memory, run twice at once, and its files
 are altered. What is left must be, after another run, the bytes of an undisturbed build, or
-be refused in one line with exit code 2. Exit code 1 if anything else was seen. Needs Linux;
-a small disk needs root, which may mount one. Half an hour on two cores.
+be refused in one line with exit code 2; anything else is wrong. Needs Linux; a small disk needs
+root, which may mount one. Half an hour on two cores.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import os
 import random
 import re
@@ -28,17 +25,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
-from tabulate import tabulate
-
+from evidence import markdown, numbers
 from synthnet import recipe, store
 from synthnet.errors import SynthNetError
 from synthnet.recipe.plan import plan_shards
-from synthnet.store.files import write_marked, write_text
 from synthnet.store.storage import RemotePath
 from synthnet.verify.checks import verify_files
 
-ROOT = Path(__file__).parent.parent
-PAGE = ROOT / "docs" / "faults.md"
 VERSION = "1.0-mini"
 PATIENCE = 300.0  # seconds: a build that takes longer hangs
 LARGE = ("split_sphere", "inverted_cone", "rectangular_prism", "cone", "cylinder")
@@ -523,19 +516,30 @@ def _without_estimates(reference: Path) -> dict[str, bytes]:
     return {n: c for n, c in contents(reference).items() if not n.startswith("errors/")}
 
 
-# The command
+# The measurement
 
 
-def table(report: dict) -> str:
-    """Return the table of the page."""
-    rows = []
-    for row in report["rows"]:
-        seen = ", ".join(f"{count} {what}" for what, count in sorted(row["seen"].items()))
-        numbers = [row[name] for name in ("cases", "refused", "same")] + [len(row["wrong"])]
-        rows.append([row["fault"], *numbers, row["skipped"] or seen])
-    headers = ["fault", "cases", "refused in one line", "then as it should be", "wrong", "where"]
-    text = tabulate(rows, headers, tablefmt="github", disable_numparse=True)
-    return f"{report['version']}, seed {report['seed']}:\n\n{text}"
+def options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the measurement."""
+    parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument("--flips", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", nargs="+", choices=NAMES, help="keep the rows of other faults")
+
+
+def measure(options: argparse.Namespace) -> dict:
+    """Do everything, or only some of it: a row a fault."""
+    with tempfile.TemporaryDirectory(prefix="break-builds-") as temporary:
+        outcomes = all_faults(options, Path(temporary))
+    rows = {outcome.fault: outcome.row() for outcome in outcomes}
+    if options.only:
+        rows = {row["fault"]: row for row in numbers.read("faults")["rows"]} | rows
+    return {"version": VERSION, "seed": options.seed, "rows": list(rows.values())}
+
+
+def problems(data: dict) -> list[str]:
+    """Return what was neither mended nor refused."""
+    return [problem for row in data["rows"] for problem in row["wrong"]]
 
 
 def all_faults(options: argparse.Namespace, place: Path) -> list[Outcome]:
@@ -566,34 +570,12 @@ def all_faults(options: argparse.Namespace, place: Path) -> list[Outcome]:
     return [faults[name](random.Random(f"{options.seed} {name}")) for name in chosen]
 
 
-def main() -> int:
-    """Break builds, print the table, and rewrite the page with --json."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--kills", type=int, default=50)
-    parser.add_argument("--flips", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--only", nargs="+", choices=NAMES, help="these faults; --json keeps its other rows"
-    )
-    parser.add_argument("--json", type=Path, help="write the numbers here, and the page")
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="break-builds-") as place:
-        outcomes = all_faults(options, Path(place))
-    rows = {outcome.fault: outcome.row() for outcome in outcomes}
-    if options.only and options.json and options.json.exists():
-        kept = json.loads(options.json.read_text())["rows"]
-        rows = {row["fault"]: row for row in kept} | rows
-    report = {"version": VERSION, "seed": options.seed, "rows": list(rows.values())}
-    print(table(report))
-    for problem in (problem for outcome in outcomes for problem in outcome.wrong):
-        print(f"WRONG: {problem}")
-    if options.json:
-        write_text(options.json, json.dumps(report, indent=1) + "\n")
-        write_marked(PAGE, faults=f"\n{table(report)}\n")
-    return int(any(outcome.wrong for outcome in outcomes))
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+def table(data: dict) -> str:
+    """Return a row a fault."""
+    rows = []
+    for row in data["rows"]:
+        seen = ", ".join(f"{count} {what}" for what, count in sorted(row["seen"].items()))
+        counts = [row[name] for name in ("cases", "refused", "same")] + [len(row["wrong"])]
+        rows.append([row["fault"], *counts, row["skipped"] or seen])
+    headers = ["fault", "cases", "refused in one line", "then as it should be", "wrong", "where"]
+    return f"{data['version']}, seed {data['seed']}:\n\n{markdown.table(headers, rows, 'l')}"
