@@ -9,7 +9,7 @@ from pathlib import Path
 
 from evidence import card, measurements, numbers
 from evidence.blocks import BLOCKS, ELSEWHERE, fill
-from evidence.measurements import MEASUREMENTS, REPORTS
+from evidence.measurements import MEASUREMENTS, REPORTS, add_options
 from synthnet.errors import SynthNetError
 
 PICTURES = ("growth", "1.0", "2.0", "readme")
@@ -62,10 +62,10 @@ def add_measurements(measure: argparse.ArgumentParser) -> None:
             description=measurement.module.__doc__,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        measurement.module.options(command)
+        add_options(command, measurement.module.measure)
         default = f"docs/data/{measurement.data}.json"
         command.add_argument("--out", metavar="FILE", help=f"default: {default}; - only prints")
-        command.set_defaults(run=lambda options, name=name: measurements.run(name, options))
+        command.set_defaults(run=run_measure, measurement=name)
 
 
 def add_pins(pin: argparse.ArgumentParser) -> None:
@@ -100,6 +100,11 @@ def run_list(_: argparse.Namespace) -> int:
     for name, command in REPORTS.items():
         print(f"  {name:32} {command}")
     return 0
+
+
+def run_measure(options: argparse.Namespace) -> int:
+    """Run a measurement."""
+    return measurements.run(options.measurement, options.out, vars(options))
 
 
 def run_fill(options: argparse.Namespace) -> int:

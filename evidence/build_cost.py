@@ -8,7 +8,6 @@ calls ``lapy.Solver(...).eigs(11)``; it checks and stores nothing.
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import tempfile
 from collections import defaultdict
@@ -27,14 +26,9 @@ from synthnet.recipe.plan import ShardPlan, plan_shards
 CHUNK = 5
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("--shapes", type=int, default=300)
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure(*, shapes: int = 300) -> dict:
     """Return core-milliseconds a mesh by family and for all, and the median ratio of a chunk."""
-    chunks = sample_chunks(options.shapes)
+    chunks = sample_chunks(shapes)
     seconds: dict[str, list[tuple[int, float, float]]] = defaultdict(list)
     with threadpoolctl.threadpool_limits(1), tempfile.TemporaryDirectory() as temporary:
         warm, directory = (Path(temporary) / name for name in ("warm", "timed"))

@@ -7,7 +7,6 @@ on which LaPy fails is counted, and the loop goes on. It takes a quarter of an h
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 import tempfile
 import time
@@ -26,28 +25,22 @@ from synthnet.types import ShapeSpec
 CHUNK = 50
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("--version", default="1.0")
-    parser.add_argument("--workers", type=int, default=2)
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure(*, version: str = "1.0", workers: int = 2) -> dict:
     """Time both, one after the other."""
-    version = recipe.load(options.version)
-    specs = [shape.spec for plan in plan_shards(version) for shape in plan.shapes]
+    whole = recipe.load(version)
+    specs = [shape.spec for plan in plan_shards(whole) for shape in plan.shapes]
     chunks = [specs[i : i + CHUNK] for i in range(0, len(specs), CHUNK)]
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(options.workers, mp_context=context) as pool:
-        list(pool.map(plain_loop, [specs[:1]] * 2 * options.workers))  # imports are not timed
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        list(pool.map(plain_loop, [specs[:1]] * 2 * workers))  # imports are not timed
         started = time.perf_counter()
         done = list(progress(pool.map(plain_loop, chunks), "plain loop", len(chunks)))
         plain = time.perf_counter() - started
     with tempfile.TemporaryDirectory() as home:
-        report = build(version, root=home, workers=options.workers)
+        report = build(whole, root=home, workers=workers)
     return {
-        "version": options.version,
-        "workers": options.workers,
+        "version": version,
+        "workers": workers,
         "drawn": len(specs),
         "plain labelled": sum(labelled for labelled, _ in done),
         "plain failed": sum(failed for _, failed in done),

@@ -6,11 +6,11 @@ A run replaces the rows of the same families, share and scale, and leaves the ot
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import resource
 import sys
 import tempfile
+from collections.abc import Sequence
 
 from evidence import markdown, numbers
 from evidence.timing import in_new_process, peak_mb
@@ -20,30 +20,29 @@ from synthnet.build.versions import build
 SAME = ("families", "scale", "share")
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("--version", default="1.0")
-    parser.add_argument("--families", nargs="*", default=[], help="default: all")
-    parser.add_argument("--share", type=float, default=1.0, help="of the recipe's counts")
-    parser.add_argument("--scale", nargs="+", type=int, default=[1, 4])
-    parser.add_argument("--workers", type=int, default=2)
-
-
-def measure(options: argparse.Namespace) -> dict:
-    """Build at each scale."""
+def measure(
+    *,
+    version: str = "1.0",
+    families: Sequence[str] = (),
+    share: float = 1.0,
+    scale: Sequence[int] = (1, 4),
+    workers: int = 2,
+) -> dict:
+    """Build each scale of some or all families, with a share of the recipe's counts."""
     rows = numbers.read("build-memory")["rows"]
-    families = ", ".join(options.families).replace("_", " ") or "all"
-    for scale in options.scale:
-        sys.stderr.write(f"scale {scale}\n")
-        arguments = (options.version, options.families, options.share, scale, options.workers)
-        measured = in_new_process(build_once, *arguments)
-        row = {"families": families, "share": options.share, **measured}
+    names = ", ".join(families).replace("_", " ") or "all"
+    for times in scale:
+        sys.stderr.write(f"scale {times}\n")
+        measured = in_new_process(build_once, version, families, share, times, workers)
+        row = {"families": names, "share": share, **measured}
         rows = [old for old in rows if any(old[key] != row[key] for key in SAME)] + [row]
     rows.sort(key=lambda r: (r["families"] != "all", r["families"], r["share"] * r["scale"]))
     return {"rows": rows}
 
 
-def build_once(version: str, families: list[str], share: float, scale: int, workers: int) -> dict:
+def build_once(
+    version: str, families: Sequence[str], share: float, scale: int, workers: int
+) -> dict:
     """Build in this process, and return a row."""
     base = recipe.load(version)
     chosen = {

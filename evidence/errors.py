@@ -8,8 +8,6 @@ stands for the true error. Needs a built version.
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 import threadpoolctl
 
@@ -27,12 +25,7 @@ QUANTILES = (5, 50, 95)
 AGREEMENT = 1e-5  # of the label: pins are of single precision, and made on another machine
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("version", choices=["1.0", "2.0"])
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure(*, version: str) -> dict:
     """Return a row a family.
 
     Raises
@@ -40,12 +33,11 @@ def measure(options: argparse.Namespace) -> dict:
     ValueError
         If the version has no pinned estimates, or they are not those made here.
     """
-    dataset = store.open_dataset(options.version)
-    errors = pins.read_errors(options.version)
+    dataset = store.open_dataset(version)
+    errors = pins.read_errors(version)
     if errors is None:
         raise ValueError(
-            f"no estimates of {options.version} are pinned: "
-            f"python -m evidence pin errors {options.version}"
+            f"no estimates of {version} are pinned: python -m evidence pin errors {version}"
         )
     rows = []
     with threadpoolctl.threadpool_limits(1):
@@ -53,7 +45,7 @@ def measure(options: argparse.Namespace) -> dict:
             files = [shard.file for shard in dataset.manifest.shards if shard.family == name]
             shapes = [row for file in files for row in estimates.labels(dataset.directory / file)]
             rows.append(family(name, shapes, [errors[spec.id] for spec, _ in shapes]))
-    return {"version": options.version, "rows": rows}
+    return {"version": version, "rows": rows}
 
 
 def family(

@@ -3,44 +3,49 @@
 A build of 1.0-mini is killed, starved of disk and memory, run twice at once, and its files
 are altered. What is left must be, after another run, the bytes of an undisturbed build, or
 be refused in one line with exit code 2; anything else is wrong. Needs Linux; a small disk needs
-root, which may mount one. Half an hour on two cores.
+root, which may mount one. Half an hour on two cores. ``--only`` keeps the rows of other faults.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import random
 import re
 import resource
-import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from evidence import markdown, numbers
+from evidence.build_process import (
+    VERSION,
+    Build,
+    Files,
+    begun,
+    contents,
+    difference,
+    everything,
+    finish,
+    lay_out,
+    shards_written,
+    small_ones,
+)
 from synthnet import recipe, store
 from synthnet.errors import SynthNetError
 from synthnet.recipe.plan import plan_shards
 from synthnet.store.storage import RemotePath
 from synthnet.verify.checks import verify_files
 
-VERSION = "1.0-mini"
-PATIENCE = 300.0  # seconds: a build that takes longer hangs
-LARGE = ("split_sphere", "inverted_cone", "rectangular_prism", "cone", "cylinder")
-WHO = ("the build", "a worker", "all its processes")
-NAMES = (
-    *("killed", "killed with --error-estimates", "disk full", "byte altered"),
-    *("out of memory", "two at once", "two at one URL"),
-)
+VICTIMS = ("the build", "a worker", "all its processes")
 AT_THE_END = 0.2  # of the kills: once the last shard is there, so that the manifest is hit
+Missing = Callable[[str], bool]
 
 
 @dataclass
@@ -69,124 +74,52 @@ class Outcome:
         sys.stderr.write(f"{self.fault}: {self.cases} cases, {problem or 'as it should be'}\n")
 
 
-# Builds as processes
+def measure(*, kills: int = 50, flips: int = 200, seed: int = 0, only: Sequence[str] = ()) -> dict:
+    """Return a row a fault, with a reference made first."""
+    with tempfile.TemporaryDirectory(prefix="break-builds-") as temporary:
+        place = Path(temporary)
+        reference = place / "reference"
+        faults = all_faults(reference, place, kills, flips)
+        if unknown := {*only} - {*faults}:
+            raise ValueError(f"no fault {min(unknown)!r}: there are {', '.join(faults)}")
+        sys.stderr.write("an undisturbed build, with error estimates, to compare with\n")
+        build = Build(reference, "--error-estimates")
+        if build.wait():
+            raise RuntimeError(f"an undisturbed build fails: {build.failure()}")
+        shards = [name for name in contents(reference) if name.startswith("shards/")]
+        if len(plan_shards(recipe.load(VERSION))) != len(shards):
+            raise RuntimeError("the undisturbed build lacks shards")
+        chosen = only or faults
+        rows = {name: faults[name](random.Random(f"{seed} {name}")).row() for name in chosen}
+    if only:
+        rows = {row["fault"]: row for row in numbers.read("faults")["rows"]} | rows
+    return {"version": VERSION, "seed": seed, "rows": list(rows.values())}
 
 
-class Build:
-    """``synthnet build`` in a process group of its own."""
-
-    def __init__(self, home: Path | str, *options: str) -> None:
-        self.errors = tempfile.TemporaryFile("w+")  # noqa: SIM115 - as long as the process
-        self.text = ""
-        command = [sys.executable, "-m", "synthnet", "build", "--version", VERSION]
-        self.process = subprocess.Popen(
-            [*command, "--out", str(home), *options],
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            start_new_session=True,
-            stdout=subprocess.DEVNULL,
-            stderr=self.errors,
-        )
-
-    def wait(self) -> int:
-        """Return the exit code; a build that hangs is killed, and its code is not 0 or 2."""
-        try:
-            self.process.wait(PATIENCE)
-        except subprocess.TimeoutExpired:
-            self.kill_all()
-        code = self.process.wait()
-        if not self.errors.closed:
-            self.errors.seek(0)
-            self.text = self.errors.read()
-            self.errors.close()
-        return code
-
-    def said(self) -> str:
-        """Return what it wrote to standard error by its end."""
-        self.wait()
-        return self.text
-
-    def refusal(self) -> str | None:
-        """Return the one line of a build that has ended with exit code 2."""
-        lines = [line for line in self.said().splitlines() if line.startswith("synthnet: ")]
-        alone = len(lines) == 1 and "Traceback" not in self.said()
-        return lines[0] if alone and self.wait() == 2 else None
-
-    def workers(self) -> list[int]:
-        """Return the processes that make shards."""
-        return [pid for pid, line in group(self.process.pid) if "spawn_main" in line]
-
-    def kill(self, who: str, rng: random.Random) -> None:
-        """Kill a part of it, which does not get to notice."""
-        if who == "all its processes":
-            self.kill_all()
-        elif who == "a worker" and (workers := self.workers()):
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(rng.choice(workers), signal.SIGKILL)
-        else:
-            self.process.kill()
-
-    def kill_all(self) -> None:
-        """Kill the group."""
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.process.pid, signal.SIGKILL)
+def problems(data: dict) -> list[str]:
+    """Return what was neither mended nor refused."""
+    return [problem for row in data["rows"] for problem in row["wrong"]]
 
 
-def group(leader: int) -> Iterator[tuple[int, str]]:
-    """Yield number and command line of the processes alive in a group."""
-    for entry in Path("/proc").iterdir():
-        if not entry.name.isdigit():
-            continue
-        with contextlib.suppress(OSError):  # it may end meanwhile
-            state, _, pgrp = (entry / "stat").read_text().rpartition(") ")[2].split()[:3]
-            if int(pgrp) == leader and state not in "ZX":
-                yield int(entry.name), (entry / "cmdline").read_text().replace("\0", " ")
-
-
-def contents(home: Path) -> dict[str, bytes]:
-    """Return all files of a dataset but the lock, by name."""
-    directory = home / VERSION
+def all_faults(
+    reference: Path, place: Path, kills: int, flips: int
+) -> dict[str, Callable[[random.Random], Outcome]]:
+    """Return the faults by name, in the order of the page."""
+    with_estimates, few = kills // 5, max(1, kills // 10)
     return {
-        str(p.relative_to(directory)): p.read_bytes()
-        for p in sorted(directory.rglob("*"))
-        if p.is_file() and p.name != ".lock"
+        "killed": lambda rng: kill_builds(reference, place, kills - with_estimates, rng),
+        "killed with --error-estimates": lambda rng: kill_builds(
+            reference, place, with_estimates, rng, "--error-estimates", missing=small_ones
+        ),
+        "disk full": lambda rng: fill_disks(reference, place, few, rng),
+        "byte altered": lambda rng: flip_bytes(reference, place, flips, rng),
+        "out of memory": lambda rng: starve_workers(reference, place, few, rng),
+        "two at once": lambda rng: build_twice(reference, place, 2 * few, rng),
+        "two at one URL": lambda rng: build_twice_at_a_url(reference, few, rng),
     }
 
 
-def finish(home: Path, expected: dict[str, bytes], *options: str) -> str | None:
-    """Run the build again; return how its files differ from the expected ones."""
-    build = Build(home, *options)
-    code = build.wait()
-    if code != 0:
-        return f"exit code {code} instead of 0: {build.said()[-500:]}"
-    return difference(contents(home), expected)
-
-
-def difference(found: dict[str, bytes], expected: dict[str, bytes]) -> str | None:
-    """Return the names of files that are too few, too many or of other bytes."""
-    names = [n for n in sorted({*found, *expected}) if found.get(n) != expected.get(n)]
-    return f"differ: {', '.join(names)}" if names else None
-
-
-def begun(home: Path, reference: Path, missing: Callable[[str], bool]) -> None:
-    """Lay out a dataset that lacks some files of the reference, and so the manifest."""
-    for name, content in contents(reference).items():
-        if not missing(name):
-            path = home / VERSION / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-
-
-def everything(name: str) -> bool:
-    """Leave out every file: a build from nothing."""
-    return True
-
-
-def small_ones(name: str) -> bool:
-    """Leave out the manifest, and the shards and estimates that take little time."""
-    return not Path(name).name.startswith(LARGE)
-
-
-# Faults
+# Killed
 
 
 def kill_builds(
@@ -195,120 +128,100 @@ def kill_builds(
     kills: int,
     rng: random.Random,
     *options: str,
-    missing: Callable[[str], bool] = everything,
+    missing: Missing = everything,
     seconds: float | None = None,
 ) -> Outcome:
     """Kill builds at random times, and what resumes them, and let the last one finish."""
-    outcome = Outcome(f"killed{' with ' if options else ''}{' '.join(options)}")
-    expected = contents(reference)
-    if "--error-estimates" not in options:
-        expected = {name: c for name, c in expected.items() if not name.startswith("errors/")}
-    seconds = seconds or undisturbed_seconds(reference, place, missing, *options)
+    outcome = Outcome(" with ".join(["killed", *options]))
+    expected = contents(reference, estimates="--error-estimates" in options)
+    seconds = seconds or undisturbed_seconds(expected, place, missing, *options)
     while outcome.cases < kills:
-        home = place / f"killed-{outcome.cases}"
-        begun(home, reference, lambda name: missing(name) or name not in expected)
-        done = 0
-        for _ in range(rng.randint(1, 3)):
-            killed = _kill_once(home, seconds, len(expected), rng, outcome, *options)
-            done += killed
-            if not killed or outcome.cases + done == kills:
-                break
-        problem = finish(home, expected, *options)
-        for _ in range(done):
-            outcome.judge(problem)
-        shutil.rmtree(home)
+        with begun(place, expected, missing) as home:
+            done = 0
+            for _ in range(rng.randint(1, 3)):
+                killed = kill_once(home, seconds, len(expected), rng, outcome, *options)
+                done += killed
+                if not killed or outcome.cases + done == kills:
+                    break
+            problem = finish(home, expected, *options)
+            for _ in range(done):
+                outcome.judge(problem)
     return outcome
 
 
-def undisturbed_seconds(
-    reference: Path, place: Path, missing: Callable[[str], bool], *options: str
-) -> float:
+def undisturbed_seconds(expected: Files, place: Path, missing: Missing, *options: str) -> float:
     """Return how long the build takes that is to be killed."""
-    home = place / "undisturbed"
-    begun(home, reference, missing)
-    started = time.monotonic()
-    build = Build(home, *options)
-    if build.wait():
-        raise RuntimeError(f"an undisturbed build fails: {build.said()}")
-    shutil.rmtree(home)
-    return time.monotonic() - started
+    with begun(place, expected, missing) as home:
+        started = time.monotonic()
+        build = Build(home, *options)
+        if build.wait():
+            raise RuntimeError(f"an undisturbed build fails: {build.failure()}")
+        return time.monotonic() - started
 
 
-def _kill_once(
+def kill_once(
     home: Path, seconds: float, files: int, rng: random.Random, outcome: Outcome, *options: str
 ) -> bool:
     """Start a build and kill it; return whether it was not too late."""
-    at_the_end, who = rng.random() < AT_THE_END, rng.choice(WHO)
+    at_the_end, victim = rng.random() < AT_THE_END, rng.choice(VICTIMS)
     build = Build(home, *options)
     if at_the_end:
-        while build.process.poll() is None and _written(home) < files - 1:
+        while build.process.poll() is None and shards_written(home) < files - 1:
             time.sleep(0.002)
         time.sleep(rng.uniform(0, 0.05))
     else:
-        _sleep(rng.uniform(0, seconds), build.process)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            build.process.wait(rng.uniform(0, seconds))
     if build.process.poll() is not None:
         build.wait()
         return False
-    outcome.seen[f"{who}, {_phase(home, build, files)}"] += 1
-    build.kill(who, rng)
+    phase = "at work" if build.workers() else "starting"
+    if shards_written(home) >= files - 1:
+        phase = "all shards written"
+    outcome.seen[f"{victim}, {phase}"] += 1
+    build.kill(victim, rng)
     code = build.wait()  # after its parent's death a worker may live on for a moment
-    if code == 2 and build.refusal():
+    if build.refusal():
         outcome.refused += 1
     elif code not in (0, -signal.SIGKILL):
-        outcome.wrong.append(f"{who} killed: exit code {code}, {build.said()[-500:]}")
+        outcome.wrong.append(f"{victim} killed: {build.failure()}")
     return True
 
 
-def _sleep(seconds: float, process: subprocess.Popen[bytes]) -> None:
-    with contextlib.suppress(subprocess.TimeoutExpired):
-        process.wait(seconds)
-
-
-def _written(home: Path) -> int:
-    return sum(1 for _ in (home / VERSION).glob("*/[!.]*.parquet"))
-
-
-def _phase(home: Path, build: Build, files: int) -> str:
-    if _written(home) >= files - 1:
-        return "all shards written"
-    return "at work" if build.workers() else "starting"
+# No space, no memory
 
 
 def fill_disks(
-    reference: Path,
-    place: Path,
-    cases: int,
-    rng: random.Random,
-    missing: Callable[[str], bool] = everything,
+    reference: Path, place: Path, cases: int, rng: random.Random, missing: Missing = everything
 ) -> Outcome:
     """Build on disks too small, then give them room."""
     outcome = Outcome("disk full")
-    expected = _without_estimates(reference)
-    given = sum(len(c) for name, c in expected.items() if not missing(name))
-    total = sum(map(len, expected.values()))
+    expected = contents(reference, estimates=False)
+    given = sum(len(content) for name, content in expected.items() if not missing(name))
+    rest = sum(map(len, expected.values())) - given
     for number in range(cases):
         disk = place / f"disk-{number}"
         disk.mkdir()
-        size = int(rng.uniform(given + 0.05 * (total - given), given + 0.9 * (total - given)))
-        options = f"size={size // 1024}k"
-        mount = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(disk)]
+        size = f"size={int(rng.uniform(given + 0.05 * rest, given + 0.9 * rest)) // 1024}k"
+        mount = ["mount", "-t", "tmpfs", "-o", size, "tmpfs", str(disk)]
         done = subprocess.run(mount, capture_output=True, text=True, check=False)
         if done.returncode:
             outcome.skipped = f"cannot mount a small disk: {done.stderr.strip()}"
             return outcome
         try:
-            begun(disk, reference, lambda name: missing(name) or name not in expected)
-            outcome.judge(_fill(disk, expected, outcome))
+            lay_out(disk, expected, missing)
+            outcome.judge(fill_disk(disk, expected, outcome))
         finally:
             subprocess.run(["umount", str(disk)], check=True)
     return outcome
 
 
-def _fill(disk: Path, expected: dict[str, bytes], outcome: Outcome) -> str | None:
+def fill_disk(disk: Path, expected: Files, outcome: Outcome) -> str | None:
+    """Build until the disk is full, then after it was enlarged; return what is wrong."""
     build = Build(disk)
-    code, line = build.wait(), build.refusal()
+    line = build.refusal()
     if line is None or "o space left" not in line or str(disk) not in line:
-        return f"exit code {code}: {build.said()[-500:]}"
+        return build.failure()
     outcome.refused += 1
     if leftovers := list((disk / VERSION).rglob("*.partial")):
         return f"left behind: {leftovers}"
@@ -317,99 +230,81 @@ def _fill(disk: Path, expected: dict[str, bytes], outcome: Outcome) -> str | Non
 
 
 def starve_workers(
-    reference: Path,
-    place: Path,
-    cases: int,
-    rng: random.Random,
-    missing: Callable[[str], bool] = everything,
+    reference: Path, place: Path, cases: int, rng: random.Random, missing: Missing = everything
 ) -> Outcome:
     """Take the memory from a worker at work, by the kernel's limit of its data."""
     outcome = Outcome("out of memory")
-    expected = _without_estimates(reference)
-    while outcome.cases < cases:
-        home = place / f"starved-{outcome.cases}"
-        begun(home, reference, lambda name: missing(name) or name not in expected)
-        outcome.judge(_starve(home, expected, rng, outcome))
-        shutil.rmtree(home)
+    expected = contents(reference, estimates=False)
+    for _ in range(cases):
+        with begun(place, expected, missing) as home:
+            outcome.judge(starve(home, expected, rng, outcome))
     return outcome
 
 
-def _starve(
-    home: Path, expected: dict[str, bytes], rng: random.Random, outcome: Outcome
-) -> str | None:
+def starve(home: Path, expected: Files, rng: random.Random, outcome: Outcome) -> str | None:
+    """Limit the workers of a build once some shards are written; return what is wrong."""
     build, shards = Build(home), rng.randint(1, len(expected) // 2)
-    while build.process.poll() is None and _written(home) < shards:
+    while build.process.poll() is None and shards_written(home) < shards:
         time.sleep(0.02)
     for worker in build.workers():
         with contextlib.suppress(OSError):
-            limit = _data(worker) + int(rng.uniform(0, 10e6))
+            limit = data_bytes(worker) + int(rng.uniform(0, 10e6))
             resource.prlimit(worker, resource.RLIMIT_DATA, (limit, limit))
     code, line = build.wait(), build.refusal()
     if code == 0:
         outcome.seen["had enough"] += 1
     elif line is None or "memory" not in line:
-        return f"exit code {code}: {build.said()[-500:]}"
+        return build.failure()
     else:
         outcome.refused += 1
         outcome.seen[re.split(" at |:|\\(", line.removeprefix("synthnet: "))[0].strip()] += 1
     return finish(home, expected)
 
 
-def _data(process: int) -> int:
-    """Return the bytes of a process that the limit of its data is about."""
+def data_bytes(process: int) -> int:
+    """Return the bytes of a process to which the limit of its data applies."""
     with contextlib.suppress(OSError):
-        text = Path(f"/proc/{process}/status").read_text()
-        if found := re.search(r"VmData:\s*(\d+) kB", text):
-            return 1024 * int(found[1])
+        status = Path(f"/proc/{process}/status").read_text()
+        if size := re.search(r"VmData:\s*(\d+) kB", status):
+            return 1024 * int(size[1])
     return 0
 
 
-def build_twice(
-    reference: Path,
-    place: Path,
-    cases: int,
-    rng: random.Random,
-    missing: Callable[[str], bool] = everything,
-) -> Outcome:
-    """Start two builds of one place at once, with --wait and without."""
+# Two at once
+
+
+def build_twice(reference: Path, place: Path, cases: int, rng: random.Random) -> Outcome:
+    """Start two builds in one directory at once, with --wait and without."""
     outcome = Outcome("two at once")
     pairs = [((), ()), (("--wait",), ("--wait",)), ((), ("--wait",))]
     pairs += [(("--wait",), ("--wait", "--error-estimates"))]
     for number in range(cases):
         options = pairs[number % len(pairs)]
-        estimated = any("--error-estimates" in o for o in options)
-        expected = contents(reference) if estimated else _without_estimates(reference)
-        home = place / f"twice-{number}"
-        begun(
-            home,
-            reference,
-            lambda name, e=expected, m=small_ones if estimated else missing: (
-                m(name) or name not in e
-            ),
-        )
-        outcome.judge(_twice(home, expected, options, rng, outcome))
-        shutil.rmtree(home)
+        expected = contents(reference, estimates="--error-estimates" in options[1])
+        with begun(place, expected, small_ones) as home:
+            outcome.judge(twice(home, expected, options, rng, outcome))
     return outcome
 
 
-def _twice(
+def twice(
     home: Path,
-    expected: dict[str, bytes],
+    expected: Files,
     options: Sequence[tuple[str, ...]],
     rng: random.Random,
     outcome: Outcome,
 ) -> str | None:
+    """Start a build with each of the options, in any order; return what is wrong."""
     builds = []
-    for mine in rng.sample(options, len(options)):
-        builds.append((mine, Build(home, *mine)))
+    for given in rng.sample(options, len(options)):
+        builds.append((given, Build(home, *given)))
         time.sleep(rng.choice((0, rng.uniform(0, 3))))
-    for mine, build in builds:
-        code, line = build.wait(), build.refusal()
-        if "--wait" not in mine and line and "another build is writing to" in line:
+    for given, build in builds:
+        line = build.refusal()
+        if "--wait" not in given and line and "another build is writing to" in line:
             outcome.refused += 1
             outcome.seen["one refused"] += 1
-        elif code != 0:
-            return f"{' '.join(mine)}: exit code {code}: {build.said()[-500:]}"
+        elif build.wait() != 0:
+            return f"{' '.join(given)}: {build.failure()}"
     return difference(contents(home), expected)
 
 
@@ -428,17 +323,16 @@ def build_twice_at_a_url(reference: Path, cases: int, rng: random.Random) -> Out
     os.environ |= {"AWS_ENDPOINT_URL": endpoint, "AWS_DEFAULT_REGION": "us-east-1"}
     os.environ |= {"AWS_ACCESS_KEY_ID": "a", "AWS_SECRET_ACCESS_KEY": "b"}
     system = s3fs.S3FileSystem(endpoint_url=endpoint)
-    expected = _without_estimates(reference)
+    expected = contents(reference, estimates=False)
     for number in range(cases):
         system.mkdir(f"data-{number}")
-        outcome.judge(_twice_at(f"s3://data-{number}", expected, system, rng))
+        outcome.judge(twice_at(f"s3://data-{number}", expected, system, rng))
     server.stop()
     return outcome
 
 
-def _twice_at(
-    url: str, expected: dict[str, bytes], system: object, rng: random.Random
-) -> str | None:
+def twice_at(url: str, expected: Files, system: object, rng: random.Random) -> str | None:
+    """Start two builds at a URL that has the large shards; return what is wrong."""
     for name, content in expected.items():
         if not small_ones(name):
             (RemotePath(url) / VERSION / name).write_bytes(content)
@@ -447,13 +341,16 @@ def _twice_at(
         builds.append(Build(url))
         time.sleep(rng.choice((0, rng.uniform(0, 3))))
     for build in builds:
-        if code := build.wait():
-            return f"exit code {code}: {build.said()[-500:]}"
+        if build.wait():
+            return build.failure()
     top = f"{url.removeprefix('s3://')}/{VERSION}/"
     system.invalidate_cache()  # type: ignore[attr-defined]
     names = system.find(top)  # type: ignore[attr-defined]
-    found = {name.removeprefix(top): RemotePath(f"s3://{name}").read_bytes() for name in names}
-    return difference(found, expected)
+    files = {name.removeprefix(top): RemotePath(f"s3://{name}").read_bytes() for name in names}
+    return difference(files, expected)
+
+
+# Altered
 
 
 def flip_bytes(
@@ -462,27 +359,27 @@ def flip_bytes(
     """Alter one byte of one file at a time: verify must name it, a build mend or refuse."""
     outcome = Outcome("byte altered")
     expected = contents(reference)
-    home = place / "flipped"
-    shutil.copytree(reference, home)
     shards, errors = ([n for n in expected if n.startswith(d)] for d in ("shards/", "errors/"))
     kinds = [kind for kind in (shards, shards, errors, [store.MANIFEST]) if kind]
-    if report := verify_files(VERSION, root=home).problems:
+    if report := verify_files(VERSION, root=reference).problems:
         raise RuntimeError(f"the reference is not in order: {report[0]}")
-    for number in range(flips):
-        name = rng.choice(rng.choice(kinds))
-        at, content = rng.randrange(len(expected[name])), bytearray(expected[name])
-        content[at] ^= rng.randrange(1, 256)
-        (home / VERSION / name).write_bytes(content)
-        problem = _found_by_verify(home, name, outcome)
-        if problem is None and number % build_every == 0:
-            problem = _mended_or_refused(home, name, expected, bool(errors), outcome)
-        outcome.judge(problem and f"{name}, byte {at} is {content[at]}: {problem}")
-        (home / VERSION / name).write_bytes(expected[name])
-    shutil.rmtree(home)
+    with begun(place, expected, lambda name: False) as home:
+        for number in range(flips):
+            name = rng.choice(rng.choice(kinds))
+            at, content = rng.randrange(len(expected[name])), bytearray(expected[name])
+            content[at] ^= rng.randrange(1, 256)
+            (home / VERSION / name).write_bytes(content)
+            problem = unnoticed(home, name, outcome)
+            if problem is None and number % build_every == 0:
+                options = ("--error-estimates",) if errors else ()
+                problem = unmended(home, name, expected, options, outcome)
+            outcome.judge(problem and f"{name}, byte {at} is {content[at]}: {problem}")
+            (home / VERSION / name).write_bytes(expected[name])
     return outcome
 
 
-def _found_by_verify(home: Path, name: str, outcome: Outcome) -> str | None:
+def unnoticed(home: Path, name: str, outcome: Outcome) -> str | None:
+    """Return how ``verify`` fails to name an altered file."""
     try:
         checks = verify_files(VERSION, root=home).checks
     except SynthNetError as error:
@@ -495,79 +392,20 @@ def _found_by_verify(home: Path, name: str, outcome: Outcome) -> str | None:
     return "verify does not name it"
 
 
-def _mended_or_refused(
-    home: Path, name: str, expected: dict[str, bytes], estimated: bool, outcome: Outcome
+def unmended(
+    home: Path, name: str, expected: Files, options: tuple[str, ...], outcome: Outcome
 ) -> str | None:
-    options = ("--error-estimates",) if estimated else ()
+    """Return how a build over an altered file neither mends it nor refuses it by its name."""
     build = Build(home, *options)
-    code, line = build.wait(), build.refusal()
-    if code == 0:
+    if build.wait() == 0:
         outcome.seen["build: mended"] += 1
         return difference(contents(home), expected)
-    if line is None or name not in line:
-        return f"a build over it: exit code {code}, {build.said()[-500:]}"
+    if name not in (build.refusal() or ""):
+        return f"a build over it: {build.failure()}"
     outcome.refused += 1
     outcome.seen["build: refused"] += 1
     (home / VERSION / name).unlink()  # as the line says
     return finish(home, expected, *options)
-
-
-def _without_estimates(reference: Path) -> dict[str, bytes]:
-    return {n: c for n, c in contents(reference).items() if not n.startswith("errors/")}
-
-
-# The measurement
-
-
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("--kills", type=int, default=50)
-    parser.add_argument("--flips", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", nargs="+", choices=NAMES, help="keep the rows of other faults")
-
-
-def measure(options: argparse.Namespace) -> dict:
-    """Do everything, or only some of it: a row a fault."""
-    with tempfile.TemporaryDirectory(prefix="break-builds-") as temporary:
-        outcomes = all_faults(options, Path(temporary))
-    rows = {outcome.fault: outcome.row() for outcome in outcomes}
-    if options.only:
-        rows = {row["fault"]: row for row in numbers.read("faults")["rows"]} | rows
-    return {"version": VERSION, "seed": options.seed, "rows": list(rows.values())}
-
-
-def problems(data: dict) -> list[str]:
-    """Return what was neither mended nor refused."""
-    return [problem for row in data["rows"] for problem in row["wrong"]]
-
-
-def all_faults(options: argparse.Namespace, place: Path) -> list[Outcome]:
-    """Do everything, with a reference made first."""
-    reference = place / "reference"
-    sys.stderr.write("an undisturbed build, with error estimates, to compare with\n")
-    build = Build(reference, "--error-estimates")
-    if build.wait():
-        raise RuntimeError(f"an undisturbed build fails: {build.said()}")
-    if len(plan_shards(recipe.load(VERSION))) != sum(
-        n[:7] == "shards/" for n in contents(reference)
-    ):
-        raise RuntimeError("the undisturbed build lacks shards")
-    with_estimates = options.kills // 5
-    few = max(1, options.kills // 10)
-    faults: dict[str, Callable[[random.Random], Outcome]] = {
-        "killed": lambda rng: kill_builds(reference, place, options.kills - with_estimates, rng),
-        "killed with --error-estimates": lambda rng: kill_builds(
-            reference, place, with_estimates, rng, "--error-estimates", missing=small_ones
-        ),
-        "disk full": lambda rng: fill_disks(reference, place, few, rng),
-        "byte altered": lambda rng: flip_bytes(reference, place, options.flips, rng),
-        "out of memory": lambda rng: starve_workers(reference, place, few, rng),
-        "two at once": lambda rng: build_twice(reference, place, 2 * few, rng, small_ones),
-        "two at one URL": lambda rng: build_twice_at_a_url(reference, few, rng),
-    }
-    chosen = options.only or NAMES
-    return [faults[name](random.Random(f"{options.seed} {name}")) for name in chosen]
 
 
 def table(data: dict) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 
 from evidence.timing import progress
@@ -18,20 +16,15 @@ VERSION = "1.0"
 SMOOTH = {"resolution": 60, "split": 20, "subdivisions": 2}
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("--compared", type=int, default=100, help="split cones")
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure(*, compared: int = 100) -> dict:
     """Compare split cones with fine cones, and count inverted cones by where their tip is."""
     shapes = list(draw_shapes(recipe.load(VERSION)))
     cones, inverted = (
         [shape for shape in shapes if shape.family == family]
         for family in ("split_cone", "inverted_cone")
     )
-    step = len(cones) // options.compared
-    chosen = cones[::step][: options.compared]
+    step = len(cones) // compared
+    chosen = cones[::step][:compared]
     flips = [tip(shape) for shape in inverted]
     return {
         "split_cones": {"compared": len(chosen), "excess": excess(chosen)},

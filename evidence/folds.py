@@ -7,7 +7,6 @@ vertices are on it. Needs a built 2.0.
 
 from __future__ import annotations
 
-import argparse
 from collections import defaultdict
 
 import numpy as np
@@ -24,11 +23,7 @@ SMOOTH = ("ellipsoid", "twisted_torus", "knotted_tube", "pretzel", "blob")  # wi
 SHARP = 60.0  # degrees between normals
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """There are none."""
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure() -> dict:
     """Measure every mesh of the smooth families: medians and maxima by size."""
     dataset, version = store.open_dataset(VERSION), recipe.load(VERSION)
     sizes = [size.name for size in version.sizes or ()]

@@ -7,7 +7,6 @@ altered file declares; the dataset must verify.
 
 from __future__ import annotations
 
-import argparse
 import random
 import re
 import tempfile
@@ -35,23 +34,7 @@ MESHES = {
 }
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("--cases", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=0)
-
-
-def measure(options: argparse.Namespace) -> dict:
-    """Import the cases, and verify what came of them."""
-    return run(options.cases, options.seed)
-
-
-def problems(data: dict) -> list[str]:
-    """Return what was neither a certified shape nor a rejection."""
-    return data["problems"]
-
-
-def run(cases: int, seed: int) -> dict:
+def measure(*, cases: int = 1000, seed: int = 0) -> dict:
     """Return the outcomes by format, and what should not have happened."""
     with tempfile.TemporaryDirectory() as temporary:
         directory = Path(temporary) / "fuzz"
@@ -62,10 +45,10 @@ def run(cases: int, seed: int) -> dict:
         dataset = import_meshes([directory], "fuzz", root=home).dataset
         seconds = time.perf_counter() - started
         rows = what_was_met(dataset)
-        problems = list(verify("fuzz", root=home, sample=20).problems)
-        problems += filter(None, (lost_faces(sample, directory) for sample in dataset.samples()))
+        wrong = list(verify("fuzz", root=home, sample=20).problems)
+        wrong += filter(None, (lost_faces(sample, directory) for sample in dataset.samples()))
     if len(rows) != cases:
-        problems.append(f"{cases} files, {len(rows)} outcomes")
+        wrong.append(f"{cases} files, {len(rows)} outcomes")
     outcomes: dict[str, Counter[str]] = {suffix: Counter() for suffix in FORMATS}
     for row in rows:
         reason = str(row["what"]).partition(":")[0]
@@ -76,8 +59,13 @@ def run(cases: int, seed: int) -> dict:
         "seed": seed,
         "seconds": round(seconds, 1),
         "outcomes": {suffix: dict(sorted(counts.items())) for suffix, counts in outcomes.items()},
-        "problems": problems,
+        "problems": wrong,
     }
+
+
+def problems(data: dict) -> list[str]:
+    """Return what was neither a certified shape nor a rejection."""
+    return data["problems"]
 
 
 def write_cases(directory: Path, cases: int, rng: random.Random) -> None:

@@ -9,7 +9,6 @@ network, LaPy and the solver behind the labels, on one thread and on all.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
 from functools import partial
@@ -32,22 +31,16 @@ STEP, INFERENCE = 32, 200  # meshes
 ENCODING = "ALG"
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("--version", default="1.0-small")
-    parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--device", help="default: cuda where there is one")
-    parser.add_argument("--figure-2", action="store_true")
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure(
+    *, version: str = "1.0-small", rounds: int = 7, device: str = "", figure_2: bool = False
+) -> dict:
     """Return a row for each task and precision; with ``--figure-2`` the figure's seconds too."""
     import torch
 
     from baselines.gcn.model import GCN, GCNConfig
 
-    device = options.device or ("cuda" if torch.cuda.is_available() else "cpu")
-    samples = list(ensure_built(options.version).samples())
+    device = device or ("cuda" if torch.cuda.is_available() else "cpu")
+    samples = list(ensure_built(version).samples())
     chosen = np.random.default_rng(0).choice(len(samples), INFERENCE, replace=False)
     samples = [samples[i] for i in chosen]
     torch.manual_seed(0)
@@ -55,7 +48,7 @@ def measure(options: argparse.Namespace) -> dict:
     threads = torch.get_num_threads()
     few, many, tasks = sides(model, samples, device, threads)
     rows = [
-        row(task, dtype, peer, partial(ours, dtype), options.rounds)
+        row(task, dtype, peer, partial(ours, dtype), rounds)
         for task, (peer, ours) in tasks.items()
         for dtype in (torch.float32, torch.bfloat16)
     ]
@@ -66,8 +59,8 @@ def measure(options: argparse.Namespace) -> dict:
         "vertices": {"step": few, "inference": many},
         "rows": rows,
     }
-    if options.figure_2:
-        result["figure2"] = figure_2(model, [sample.mesh for sample in samples], threads)
+    if figure_2:
+        result["figure2"] = from_raw_meshes(model, [sample.mesh for sample in samples], threads)
     return result
 
 
@@ -156,7 +149,7 @@ def clock() -> float:
     return time.perf_counter()
 
 
-def figure_2(model: GCN, meshes: list[Mesh], threads: int) -> list[dict]:
+def from_raw_meshes(model: GCN, meshes: list[Mesh], threads: int) -> list[dict]:
     """Return seconds for all meshes, by the network, LaPy and our solver, on one thread and all.
 
     The network and our solver share meshes out among threads; LaPy has its libraries' own.

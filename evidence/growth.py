@@ -6,7 +6,6 @@ repetitions, one above 100,000 vertices) and by how much it raised the process's
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import sys
 import time
@@ -27,15 +26,10 @@ NAMES = {"synthnet": "synthNet, certified", "lapy": "LaPy"}
 COLOURS = {"synthnet": "#0072b2", "lapy": "#d55e00"}
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("--largest", type=int, default=1_000_000, help="vertices")
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure(*, largest: int = 1_000_000) -> dict:
     """Solve every size on both sides, each in a new process; what fails is left out."""
     spectrum.compile_solver()
-    steps = [step for step in STEPS if 600 * step**2 <= 1.001 * options.largest]
+    steps = [step for step in STEPS if 600 * step**2 <= 1.001 * largest]
     rows = []
     for side, step in progress([(side, step) for step in steps for side in NAMES], "solving"):
         try:

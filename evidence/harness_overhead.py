@@ -8,7 +8,6 @@ what is not charged: starting, reading, sending meshes and answers.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from pathlib import Path
@@ -28,26 +27,20 @@ PREDICTORS = ("weyl", "ritz3", "exact")
 BATCH = 34
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("--version", default="1.0-mini")
-    parser.add_argument("--rounds", type=int, default=5)
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure(*, version: str = "1.0-mini", rounds: int = 5) -> dict:
     """Return a row a predictor."""
-    count = len(truth.load(options.version).ids)
-    rows = [row(name, options, count) for name in progress(PREDICTORS, "predictors")]
-    return {"version": options.version, "meshes": count, "rounds": options.rounds, "rows": rows}
+    count = len(truth.load(version).ids)
+    rows = [row(name, version, rounds, count) for name in progress(PREDICTORS, "predictors")]
+    return {"version": version, "meshes": count, "rounds": rounds, "rows": rows}
 
 
-def row(name: str, options: argparse.Namespace, count: int) -> dict:
+def row(name: str, version: str, rounds: int, count: int) -> dict:
     """Return the median milliseconds a mesh of both sides, in turn, and of what is not charged."""
     one_thread = dict.fromkeys(THREAD_VARIABLES, "1")
     plain, harness, rest = [], [], []
-    for _ in range(options.rounds):
-        plain.append(in_new_process(bare, name, options.version, environment=one_thread))
-        seconds, whole = charged(name, options.version)
+    for _ in range(rounds):
+        plain.append(in_new_process(bare, name, version, environment=one_thread))
+        seconds, whole = charged(name, version)
         harness.append(seconds)
         rest.append(whole - seconds)
     return {

@@ -9,8 +9,6 @@ the numbers.
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 from eigbench.scoring import metrics
 from scipy.spatial import cKDTree
@@ -52,11 +50,7 @@ class Trees:
         return np.sort(np.stack(values, axis=1), axis=1)
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """There are none."""
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure() -> dict:
     """Return a row a predictor and protocol."""
     dataset = store.open_dataset(VERSION)
     invariants = baseline("invariants").invariants

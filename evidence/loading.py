@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
-import argparse
 import time
 
 from evidence.timing import peak_mb, progress
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("version", nargs="?", default="1.0")
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure(*, version: str = "1.0") -> dict:
     """Open the train split twice, and read one epoch without a model."""
     from torch_geometric.loader import DataLoader
 
     from synthnet.loaders.pyg import SynthNet
 
-    SynthNet(version=options.version)  # unpacks, if that has not been done before
+    SynthNet(version=version)  # unpacks, if that has not been done before
     started = time.perf_counter()
-    train = SynthNet(version=options.version, split="train")
+    train = SynthNet(version=version, split="train")
     opened = time.perf_counter() - started
     loader = DataLoader(train, batch_size=32, shuffle=True)
     started, vertices = time.perf_counter(), 0
     for batch in progress(loader, "an epoch"):
         vertices += batch.num_nodes
     return {
-        "version": options.version,
+        "version": version,
         "instances": len(train),
         "vertices": vertices,
         "open_seconds": round(opened, 3),

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -42,10 +43,10 @@ class Measurement:
     Attributes
     ----------
     module
-        Has ``options``, which adds to a parser; ``measure``, which takes the options and returns
-        the numbers; and perhaps ``problems``, which returns what is wrong with them.
+        Has ``measure``, which returns the numbers and whose parameters are the options of the
+        command, and perhaps ``problems``, which returns what is wrong with them.
     data
-        Name of the file of docs/data; ``{version}`` in it is the option of that name.
+        Name of the file of docs/data; ``{version}`` in it is the parameter of that name.
     """
 
     module: ModuleType
@@ -78,14 +79,40 @@ REPORTS = {
 }
 
 
-def run(name: str, options: argparse.Namespace) -> int:
-    """Measure, print and write; return 1 if something is wrong with the numbers."""
+def add_options(parser: argparse.ArgumentParser, measure: Callable[..., object]) -> None:
+    """Add an option for each parameter of a function; one without a default has to be given."""
+    for name, parameter in inspect.signature(measure).parameters.items():
+        option, default = f"--{name.replace('_', '-')}", parameter.default
+        if default is inspect.Parameter.empty:
+            parser.add_argument(name)
+        elif isinstance(default, bool):
+            parser.add_argument(option, action="store_true")
+        elif isinstance(default, tuple):
+            kind = type(default[0]) if default else str
+            parser.add_argument(option, nargs="+", type=kind, default=default)
+        else:
+            parser.add_argument(option, type=type(default), default=default)
+
+
+def run(name: str, out: str | None, given: Mapping[str, object]) -> int:
+    """Measure, print and write; return 1 if something is wrong with the numbers.
+
+    Parameters
+    ----------
+    name
+        Of :data:`MEASUREMENTS`.
+    out
+        The file to write, ``-`` for none; by default the one of docs/data.
+    given
+        The parameters of the measurement; others are ignored.
+    """
     measurement = MEASUREMENTS[name]
-    data = measurement.module.measure(options)
+    measure = measurement.module.measure
+    options = {key: given[key] for key in inspect.signature(measure).parameters}
+    data = measure(**options)
     print(as_text(data))
-    if options.out != "-":
-        default = DATA / f"{measurement.data.format_map(vars(options))}.json"
-        path = Path(options.out) if options.out else default
+    if out != "-":
+        path = Path(out) if out else DATA / f"{measurement.data.format_map(options)}.json"
         numbers.write(path, data)
         print(f"{path} written; `python -m evidence fill` brings it into the pages")
     find_problems = getattr(measurement.module, "problems", None)

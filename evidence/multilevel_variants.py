@@ -7,7 +7,6 @@ more are those of the dataset and some of 2.0's families. A few minutes.
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import sys
 import tempfile
@@ -50,15 +49,10 @@ VARIANTS: dict[str, dict[str, Any]] = {  # what is set otherwise
 Method = Callable[[Mesh], np.ndarray]
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("source", help="name of an imported dataset, or a directory of meshes")
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure(*, source: str) -> dict:
     """Return a row a method, and a row a large mesh."""
     with threadpool_limits(1):
-        real, labels = read_meshes(options.source)
+        real, labels = read_meshes(source)
         meshes = {**real, **synthetic()}
         compared = methods()
         in_turn(calls(compared, next(iter(real.values()))))  # compiles what has to be

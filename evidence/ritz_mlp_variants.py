@@ -7,8 +7,6 @@ A quarter of an hour on one core.
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 from eigbench.scoring.metrics import METRICS
 
@@ -20,11 +18,7 @@ TRIANGLES = ("log_longest_edges", "log_shortest_edges", "log_triangle_areas", "l
 WAYS = {"with": "trained on it", "without": "left out", "ritz": "Ritz alone"}
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """There are none."""
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure() -> dict:
     """Train and score the variants, and each family left out."""
     data = Data()
     return {"ablations": ablations(data), "left_out": left_out(data)}

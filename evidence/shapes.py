@@ -5,7 +5,6 @@ Needs a built version.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from dataclasses import asdict
 
@@ -28,17 +27,12 @@ MEASURES = {
 PERCENTILES = (0, 5, 50, 95, 100)
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("version", choices=["1.0", "2.0"])
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure(*, version: str) -> dict:
     """Return splits, rejections, percentiles and histograms by family."""
-    dataset = store.open_dataset(options.version)
+    dataset = store.open_dataset(version)
     values: dict[str, dict[str, list[float]]] = {}
     splits: dict[str, Counter] = {}
-    for shard in progress(dataset.manifest.shards, options.version):
+    for shard in progress(dataset.manifest.shards, version):
         family = values.setdefault(shard.family, {name: [] for name in MEASURES})
         for sample in store.read_samples(dataset.directory / shard.file):
             family["vertices"].append(len(sample.mesh.vertices))
@@ -55,7 +49,7 @@ def measure(options: argparse.Namespace) -> dict:
         for name in MEASURES
     }
     return {
-        "version": options.version,
+        "version": version,
         "recipe_digest": dataset.manifest.recipe_digest,
         "rejections": [asdict(rejection) for rejection in dataset.manifest.rejections],
         "bins": {name: [float(f"{edge:.4g}") for edge in edges] for name, edges in bins.items()},

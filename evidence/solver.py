@@ -8,7 +8,6 @@ answers must agree to a relative 1e-9.
 
 from __future__ import annotations
 
-import argparse
 import statistics
 from collections import defaultdict
 
@@ -25,20 +24,13 @@ from synthnet.types import Mesh
 AGREE = 1e-9
 
 
-def options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the measurement."""
-    parser.add_argument("--shapes", type=int, default=160)
-    parser.add_argument("--spheres", type=int, default=40)
-    parser.add_argument("--repeats", type=int, default=3)
-
-
-def measure(options: argparse.Namespace) -> dict:
+def measure(*, shapes: int = 160, spheres: int = 40, repeats: int = 3) -> dict:
     """Compare on a random sample of 1.0, and on split spheres, which have the most vertices."""
     spectrum.compile_solver()
     with threadpoolctl.threadpool_limits(1):
-        rows = compared("1.0's mix", sample(options.shapes, 1), options.repeats)
-        spheres = sample(options.spheres, 2, "split_sphere")
-        alone = compared("split spheres alone", spheres, options.repeats)[-1]
+        rows = compared("1.0's mix", sample(shapes, 1), repeats)
+        spheres = sample(spheres, 2, "split_sphere")
+        alone = compared("split spheres alone", spheres, repeats)[-1]
     return {"rows": [*rows, alone]}
 
 

@@ -736,7 +736,7 @@ def test_folder_without_one_good_file_exits_with_2(
 
 @pytest.mark.slow
 def test_altered_files_become_certified_shapes_or_rejections() -> None:
-    found = fuzz_import.run(cases=36, seed=1)
+    found = fuzz_import.measure(cases=36, seed=1)
     assert found["problems"] == []
     assert sum(sum(row.values()) for row in found["outcomes"].values()) == 36
     assert "unreadable" in {name for row in found["outcomes"].values() for name in row}

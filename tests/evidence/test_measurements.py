@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
+from inspect import Parameter, signature
 from itertools import count
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import pytest
 
 from evidence import numbers, timing
 from evidence.__main__ import main, parser
-from evidence.measurements import MEASUREMENTS
+from evidence.measurements import MEASUREMENTS, add_options
 
 
 def test_sides_are_called_in_turn_and_medians_are_returned() -> None:
@@ -59,7 +61,7 @@ def test_a_measurement_writes_its_numbers_and_the_machine(
 def test_wrong_numbers_are_named_and_nothing_is_written_on_request(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def measure(_: object) -> dict:
+    def measure() -> dict:
         return {"rows": [{"meshes": "torus", "largest difference": 1e-3}]}
 
     monkeypatch.setattr(MEASUREMENTS["solver"].module, "measure", measure)
@@ -80,6 +82,25 @@ def test_numbers_are_written_as_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", MEASUREMENTS)
 def test_every_measurement_has_its_options(name: str) -> None:
     needed = {"errors": ["1.0"], "shapes": ["2.0"], "multilevel": ["real-28"]}
-    options = parser().parse_args(["measure", name, *needed.get(name, ())])
-    assert options.out is None
-    MEASUREMENTS[name].data.format_map(vars(options))
+    options = vars(parser().parse_args(["measure", name, *needed.get(name, ())]))
+    assert options["out"] is None
+    MEASUREMENTS[name].data.format_map(options)
+    parameters = signature(MEASUREMENTS[name].module.measure).parameters
+    for key, parameter in parameters.items():
+        assert parameter.default in (Parameter.empty, options[key])
+
+
+def test_parameters_become_options() -> None:
+    def measure(*, source: str, scale: tuple = (1, 4), only: tuple = (), all: bool = False) -> None:
+        """Take one option of each kind."""
+
+    command = argparse.ArgumentParser()
+    add_options(command, measure)
+    assert vars(command.parse_args(["a"])) == {
+        "source": "a",
+        "scale": (1, 4),
+        "only": (),
+        "all": False,
+    }
+    given = command.parse_args(["a", "--scale", "2", "--only", "b", "c", "--all"])
+    assert (given.scale, given.only, given.all) == ([2], ["b", "c"], True)
