@@ -123,7 +123,7 @@ def run(name: str, out: str | None, given: Mapping[str, object]) -> int:
 
 
 def as_text(data: Mapping[str, object]) -> str:
-    """Return numbers for the terminal: lists of rows as tables, the rest as JSON.
+    """Return numbers for the terminal: rows as tables, without lists in them; the rest as JSON.
 
     Examples
     --------
@@ -136,7 +136,8 @@ def as_text(data: Mapping[str, object]) -> str:
     texts = []
     for name, value in data.items():
         if isinstance(value, list) and value and isinstance(value[0], dict):
-            texts.append(tabulate(value, headers="keys"))
+            rows = [{k: v for k, v in row.items() if not isinstance(v, list)} for row in value]
+            texts.append(tabulate(rows, headers="keys"))
         else:
             texts.append(f"{name}: {json.dumps(value)}")
     return "\n".join(texts)
