@@ -68,14 +68,12 @@ def build_once(
 
 def table(data: dict) -> str:
     """Return a row a build."""
-    rows = [
-        [
-            row["families"],
-            f"{row['scale']} ×",
-            *(f"{row[key]:,}" for key in ("shapes", "shards")),
-            *(f"{row[key]:,.0f}" for key in ("build MB", "largest worker MB")),
-        ]
-        for row in data["rows"]
-    ]
-    headers = ["families", "size", "shapes", "shards", "build MB", "largest worker MB"]
-    return markdown.table(headers, rows, "lr")
+    columns = {
+        "families": "{families}",
+        "size": "{scale} ×",
+        "shapes": "{shapes:,}",
+        "shards": "{shards:,}",
+        "build MB": "{build MB:,.0f}",
+        "largest worker MB": "{largest worker MB:,.0f}",
+    }
+    return markdown.columns(data["rows"], columns, "lr")

@@ -84,5 +84,4 @@ def charged(name: str, version: str) -> tuple[float, float]:
 
 def table(data: dict) -> str:
     """Return a row a predictor."""
-    rows = [[str(value) for value in row.values()] for row in data["rows"]]
-    return markdown.table(list(data["rows"][0]), rows, "lr")
+    return markdown.columns(data["rows"], {name: f"{{{name}}}" for name in data["rows"][0]}, "lr")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from tabulate import tabulate
 
@@ -33,3 +33,26 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[object]], align: str =
         disable_numparse=True,
         colalign=[sides[letter] for letter in letters] or None,
     )
+
+
+def columns(rows: Iterable[Mapping], formats: Mapping[str, str], align: str = "") -> str:
+    """Return a Markdown table of rows of numbers.
+
+    Parameters
+    ----------
+    rows
+        Values by name.
+    formats
+        How a column is written, by its header: ``{name:.1f}``.
+    align
+        As of :func:`table`.
+
+    Examples
+    --------
+    >>> print(columns([{"mesh": "torus", "ms": 3.6}], {"ms a mesh": "{ms:.2f}"}, "r"))
+    |   ms a mesh |
+    |-------------|
+    |        3.60 |
+    """
+    cells = [[text.format_map(row) for text in formats.values()] for row in rows]
+    return table(list(formats), cells, align)

@@ -109,26 +109,20 @@ def left_out(data: Data) -> list[dict]:
 
 def variants_table(data: dict) -> str:
     """Return a row a variant."""
-    rows = [
-        [row["variant"], f"{row['invlap']:.4f}", f"{row['rpd']:.4f}", f"{row['psnr20']:.2%}"]
-        for row in data["ablations"]
-    ]
-    return markdown.table(["variant", "InvLap ↓", "RPD ↓", "PSNR>20 ↑"], rows, "lr")
+    columns = {
+        "variant": "{variant}",
+        "InvLap ↓": "{invlap:.4f}",
+        "RPD ↓": "{rpd:.4f}",
+        "PSNR>20 ↑": "{psnr20:.2%}",
+    }
+    return markdown.columns(data["ablations"], columns, "lr")
 
 
 def left_out_table(data: dict) -> str:
     """Return a row a family."""
-    rows = [
-        [
-            FAMILIES[row["family"]].title,
-            row["shapes"],
-            *(
-                cell
-                for way in WAYS
-                for cell in (f"{row[way]['invlap']:.4f}", f"{row[way]['psnr20']:.1%}")
-            ),
-        ]
-        for row in data["left_out"]
-    ]
-    titles = (f"{metric}, {way}" for way in WAYS.values() for metric in ("InvLap", "PSNR>20"))
-    return markdown.table(["family", "shapes", *titles], rows, "lr")
+    rows = [{**row, "family": FAMILIES[row["family"]].title} for row in data["left_out"]]
+    columns = {"family": "{family}", "shapes": "{shapes}"}
+    for key, way in WAYS.items():
+        columns[f"InvLap, {way}"] = f"{{{key}[invlap]:.4f}}"
+        columns[f"PSNR>20, {way}"] = f"{{{key}[psnr20]:.1%}}"
+    return markdown.columns(rows, columns, "lr")

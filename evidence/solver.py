@@ -91,17 +91,14 @@ def beside_lapy(mesh: Mesh, repeats: int) -> tuple[float, float, float]:
 
 def table(data: dict) -> str:
     """Return the comparison; times are core-milliseconds a mesh, ratios those of the sums."""
-    rows = [
-        [
-            row["meshes"].replace("_", " "),
-            row["number"],
-            f"{row['mean vertices']:,}",
-            f"{row['synthNet ms']:.1f}",
-            f"{row['LaPy ms']:.1f}",
-            f"{row['LaPy / synthNet']:.1f}",
-            f"{row['largest difference']:.0e}",
-        ]
-        for row in data["rows"]
-    ]
-    headers = ["meshes", "number", "mean vertices", "synthNet ms", "LaPy ms", "ratio"]
-    return markdown.table([*headers, "largest relative difference"], rows, "lr")
+    rows = [{**row, "meshes": row["meshes"].replace("_", " ")} for row in data["rows"]]
+    columns = {
+        "meshes": "{meshes}",
+        "number": "{number}",
+        "mean vertices": "{mean vertices:,}",
+        "synthNet ms": "{synthNet ms:.1f}",
+        "LaPy ms": "{LaPy ms:.1f}",
+        "ratio": "{LaPy / synthNet:.1f}",
+        "largest relative difference": "{largest difference:.0e}",
+    }
+    return markdown.columns(rows, columns, "lr")
