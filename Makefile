@@ -40,12 +40,12 @@ docs: $(STAMP) ## build the documentation into site/; a broken link fails
 	$(VENV)/bin/python -m sphinx --quiet --fail-on-warning --keep-going -j auto -c docs . site
 
 bench: $(STAMP) ## measure solver, building, harness and network, each against a peer
-	$(VENV)/bin/python benchmarks/solver.py
-	$(VENV)/bin/python benchmarks/build_cost.py
+	$(VENV)/bin/python -m evidence measure solver --out -
+	$(VENV)/bin/python -m evidence measure build-cost --out -
 	$(VENV)/bin/synthnet build --version 1.0-mini
-	$(VENV)/bin/python benchmarks/harness_overhead.py
-	PYTHONPATH=. $(VENV)/bin/python benchmarks/gcn.py --version 1.0-mini
-	@echo "after a build of 1.0: $(VENV)/bin/python benchmarks/loading.py"
+	$(VENV)/bin/python -m evidence measure harness-overhead --out -
+	$(VENV)/bin/python -m evidence measure gcn --version 1.0-mini --out -
+	@echo "after a build of 1.0: $(VENV)/bin/python -m evidence measure loading --out -"
 
 tables: $(STAMP) ## write docs/reproduction.md: the paper's tables beside ours
 	$(VENV)/bin/python -m evidence.reproduction

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
-import re
 import shutil
 import uuid
 from collections.abc import Callable
@@ -91,46 +90,6 @@ def write_secret(path: Path, text: str) -> None:
     except OSError as error:
         path.unlink(missing_ok=True)
         raise _cannot_write(path, error) from error
-
-
-def write_marked(path: Path, **parts: str) -> None:
-    """Write text between marks of a page: ``<!-- begin name -->`` and ``<!-- end name -->``.
-
-    An underscore of a name is a hyphen in the mark.
-
-    Raises
-    ------
-    ValueError
-        If the page has no such marks, or several; nothing is written.
-    """
-    text = path.read_text()
-    for name, part in parts.items():
-        try:
-            text = marked(text, name, part)
-        except ValueError as error:
-            raise ValueError(f"{path} has {error}") from error
-    write_text(path, text)
-
-
-def marked(text: str, name: str, part: str) -> str:
-    """Return a page's text with ``part`` between the marks of ``name``.
-
-    Raises
-    ------
-    ValueError
-        If it has no such marks, or several.
-
-    Examples
-    --------
-    >>> marked("<!-- begin a-b -->old<!-- end a-b -->", "a_b", "new")
-    '<!-- begin a-b -->new<!-- end a-b -->'
-    """
-    mark = name.replace("_", "-")
-    pattern = re.compile(f"(<!-- begin {mark} -->).*?(<!-- end {mark} -->)", re.DOTALL)
-    text, count = pattern.subn(lambda match: f"{match[1]}{part}{match[2]}", text)
-    if count != 1:
-        raise ValueError(f"the marks of {mark} {count} times, not once")
-    return text
 
 
 def write_bytes(path: Path, content: bytes) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from evidence import multilevel_variants, numbers
+from evidence.blocks import fill
 from synthnet import recipe, spectrum
 from synthnet.families import FAMILIES
 from synthnet.families.radial import radial
@@ -24,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def imported(directory: str, name: str) -> ModuleType:
-    """Import a file of baselines/ or scripts/, as those beside it do."""
+    """Import a file of baselines/, as those beside it do."""
     sys.path.insert(0, str(ROOT / directory))
     try:
         return importlib.import_module(name)
@@ -274,11 +275,8 @@ def test_what_has_no_answer(
 # --- page ------------------------------------------------------------------------------
 
 
-def test_page_has_the_tables_that_were_measured(multilevel: ModuleType) -> None:
-    script = imported("scripts", "ablate_multilevel")
-    found = json.loads(script.RESULT.read_text())
-    page = script.PAGE.read_text()
-    for table in script.tables(found).values():
-        assert table in page
-    assert [row["method"] for row in found["methods"]] == list(script.methods())
-    assert script.VARIANTS[script.OURS] == multilevel.SETTING
+def test_page_has_the_tables_that_were_measured() -> None:
+    assert fill(["real-shapes/ablation", "real-shapes/large"], check=True) == []
+    measured = numbers.read("multilevel")
+    assert [row["method"] for row in measured["methods"]] == list(multilevel_variants.methods())
+    assert multilevel_variants.VARIANTS[multilevel_variants.OURS] == {}

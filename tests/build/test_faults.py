@@ -1,19 +1,17 @@
-"""Builds killed, starved and damaged, a few times each; scripts/break_builds.py does more."""
+"""Builds killed, starved and damaged, a few times each; evidence/faults.py does more."""
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import random
 import re
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import ModuleType
 from typing import NoReturn
 
 import pytest
 
+from evidence import faults
 from synthnet import store
 from synthnet.build import versions
 from synthnet.build.versions import build
@@ -24,42 +22,23 @@ from synthnet.recipe import Recipe
 from synthnet.store import files
 from synthnet.verify.checks import verify_files
 
-ROOT = Path(__file__).parents[2]
 VERSION = "1.0-mini"
 SHARD = "shards/torus-0000.parquet"
 linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
 
 
-@pytest.fixture(scope="module")
-def breaker() -> ModuleType:
-    """The script, as a module."""
-    spec = importlib.util.spec_from_file_location(
-        "break_builds", ROOT / "scripts" / "break_builds.py"
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["break_builds"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 @linux
 @pytest.mark.slow
-def test_killed_builds_end_with_the_same_bytes(
-    breaker: ModuleType, mini_home: Path, tmp_path: Path
-) -> None:
-    rng, small = random.Random(1), breaker.small_ones
-    outcome = breaker.kill_builds(mini_home, tmp_path, 2, rng, missing=small, seconds=4.0)
+def test_killed_builds_end_with_the_same_bytes(mini_home: Path, tmp_path: Path) -> None:
+    rng, small = random.Random(1), faults.small_ones
+    outcome = faults.kill_builds(mini_home, tmp_path, 2, rng, missing=small, seconds=4.0)
     assert (outcome.wrong, outcome.cases, outcome.same) == ([], 2, 2)
 
 
 @linux
 @pytest.mark.slow
-def test_full_disk_is_one_line_and_the_build_goes_on(
-    breaker: ModuleType, mini_home: Path, tmp_path: Path
-) -> None:
-    outcome = breaker.fill_disks(mini_home, tmp_path, 1, random.Random(0), breaker.small_ones)
+def test_full_disk_is_one_line_and_the_build_goes_on(mini_home: Path, tmp_path: Path) -> None:
+    outcome = faults.fill_disks(mini_home, tmp_path, 1, random.Random(0), faults.small_ones)
     if outcome.skipped:
         pytest.skip(outcome.skipped)
     assert (outcome.wrong, outcome.refused, outcome.same) == ([], 1, 1)
@@ -67,20 +46,18 @@ def test_full_disk_is_one_line_and_the_build_goes_on(
 
 @linux
 @pytest.mark.slow
-def test_every_altered_byte_is_found_and_mended_or_refused(
-    breaker: ModuleType, mini_home: Path, tmp_path: Path
-) -> None:
-    outcome = breaker.flip_bytes(mini_home, tmp_path, 30, random.Random(3), build_every=30)
+def test_every_altered_byte_is_found_and_mended_or_refused(mini_home: Path, tmp_path: Path) -> None:
+    outcome = faults.flip_bytes(mini_home, tmp_path, 30, random.Random(3), build_every=30)
     assert (outcome.wrong, outcome.same) == ([], 30)
     assert {"verify: digests", "verify: refused"} <= set(outcome.seen)
 
 
-def test_harness_notices_what_is_wrong(breaker: ModuleType) -> None:
+def test_harness_notices_what_is_wrong() -> None:
     expected = {"a": b"1", "b": b"2"}
-    assert breaker.difference(expected, expected) is None
-    assert breaker.difference({"a": b"0", "b": b"2"}, expected) == "differ: a"
-    assert breaker.difference({**expected, ".x.partial": b""}, expected) == "differ: .x.partial"
-    assert breaker.difference({"b": b"2"}, expected) == "differ: a"
+    assert faults.difference(expected, expected) is None
+    assert faults.difference({"a": b"0", "b": b"2"}, expected) == "differ: a"
+    assert faults.difference({**expected, ".x.partial": b""}, expected) == "differ: .x.partial"
+    assert faults.difference({"b": b"2"}, expected) == "differ: a"
 
 
 def test_altered_shard_is_mended_by_a_build_though_its_size_is_right(
@@ -142,12 +119,12 @@ def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(
         assert not build(tiny, root=tmp_path, engine=given(pool, workers=1)).nothing_to_do
 
 
-def test_a_report_survives_json(breaker: ModuleType) -> None:
-    outcome = breaker.Outcome("killed", cases=3, refused=1, same=2, wrong=["left behind"])
+def test_a_report_survives_json() -> None:
+    outcome = faults.Outcome("killed", cases=3, refused=1, same=2, wrong=["left behind"])
     outcome.seen["the build, at work"] = 3
     row = json.loads(json.dumps(outcome.row()))
     assert row["seen"] == {"the build, at work": 3}
-    table = breaker.table({"version": "1.0-mini", "seed": 0, "rows": [row]})
+    table = faults.table({"version": "1.0-mini", "seed": 0, "rows": [row]})
     assert re.search(r"killed +\| 3 +\| 1 +\| 2 +\| 1 +\| 3 the build, at work", table)
 
 

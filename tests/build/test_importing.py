@@ -19,6 +19,7 @@ from eigbench.commands import cli as eigbench_cli
 from eigbench.scoring import truth
 
 import synthnet
+from evidence import fuzz_import
 from synthnet import spectrum, store
 from synthnet.build import filters, importing, sources, surfaces
 from synthnet.build.importing import Settings, file_outcomes, import_meshes
@@ -736,13 +737,8 @@ def test_folder_without_one_good_file_exits_with_2(
 
 
 @pytest.mark.slow
-def test_altered_files_become_certified_shapes_or_rejections(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "scripts")
-    import fuzz_import
-
-    found = fuzz_import.run(cases=36, seed=1)
+def test_altered_files_become_certified_shapes_or_rejections() -> None:
+    found = fuzz_import.measure(cases=36, seed=1)
     assert found["problems"] == []
     assert sum(sum(row.values()) for row in found["outcomes"].values()) == 36
     assert "unreadable" in {name for row in found["outcomes"].values() for name in row}

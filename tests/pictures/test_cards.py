@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 import trimesh
 
+from evidence import folds
 from synthnet import recipe
 from synthnet.families import FAMILIES
 from synthnet.types import SPLITS, Mesh
@@ -118,19 +119,16 @@ def test_versions_and_their_semantic_numbers_are_on_both_cards(version):
         assert f"| {croissant.ABOUT[base].semantic} |" in row
 
 
-def test_folds_are_of_the_smooth_families_and_pretzels_have_them(monkeypatch):
-    monkeypatch.syspath_prepend(DOCS.parent / "scripts")
-    import fold_table
-
+def test_folds_are_of_the_smooth_families_and_pretzels_have_them():
     rows = {row[0]: row[1:] for row in cells("2.0", "folds")}
-    assert list(rows) == [FAMILIES[name].title for name in fold_table.SMOOTH]
+    assert list(rows) == [FAMILIES[name].title for name in folds.SMOOTH]
     medians = {
         title: [float(re.match(r"[\d.]+", cell)[0]) for cell in row] for title, row in rows.items()
     }
     for title, (*_, fine_angle, fine_area) in medians.items():
-        assert (fine_angle > fold_table.SHARP) == (title == FAMILIES["pretzel"].title)
+        assert (fine_angle > folds.SHARP) == (title == FAMILIES["pretzel"].title)
         assert fine_area < 0.2
     box = trimesh.creation.box()
-    angle, share = fold_table.folded(Mesh(box.vertices, box.faces))
+    angle, share = folds.folded(Mesh(box.vertices, box.faces))
     assert angle == pytest.approx(90)
     assert share == pytest.approx(1)

@@ -555,22 +555,3 @@ def test_the_search_for_pickles_finds(source: str) -> None:
 @pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: p.stem)
 def test_nothing_is_loaded_by_pickle(path: Path) -> None:
     assert unsafe_lines(path.read_text()) == []
-
-
-PAGE = "# Page\n<!-- begin a-b -->old<!-- end a-b --> and\n<!-- begin c -->\nold\n<!-- end c -->\n"
-
-
-def test_text_is_written_between_marks(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text(PAGE)
-    files.write_marked(page, a_b="new \\1", c="\n| x |\n")
-    assert page.read_text() == PAGE.replace(">old<", ">new \\1<").replace("\nold\n", "\n| x |\n")
-
-
-@pytest.mark.parametrize("text", ["no marks", PAGE + PAGE])
-def test_page_without_its_marks_is_left_alone(tmp_path: Path, text: str) -> None:
-    page = tmp_path / "page.md"
-    page.write_text(text)
-    with pytest.raises(ValueError, match=r"page\.md has the marks of c [02] times, not once"):
-        files.write_marked(page, c="new")
-    assert page.read_text() == text

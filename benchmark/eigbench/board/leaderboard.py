@@ -20,6 +20,7 @@ from typing import Any
 
 from eigbench import results
 from eigbench.board import figures, generalisation, page, ranking, scaling_page
+from eigbench.board.marks import marked
 from eigbench.board.ranking import Ranked
 from eigbench.errors import ResultError
 from eigbench.results import predictions, submission
@@ -27,7 +28,6 @@ from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
 from eigbench.scoring.training import IMPORTED
 from synthnet import recipe
-from synthnet.store.files import marked
 from synthnet.types import PROTOCOLS
 
 PAGE = "LEADERBOARD.md"

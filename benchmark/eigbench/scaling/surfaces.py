@@ -227,7 +227,7 @@ def pinned(surface: str, size: int) -> Pinned:
         spec(surface, size)
         raise EigbenchError(
             f"the label of {surface} at {size:,} vertices is not pinned: "
-            f"python scripts/pin_scaling.py {size}"
+            f"python -m evidence pin scaling {size}"
         )
     return entry
 

@@ -70,7 +70,8 @@ def surface_eigenvalues(truth: Truth) -> NDArray[np.float64] | None:
     if missing:
         raise EigbenchError(
             f"the pinned error estimates of {base} lack {len(missing)} shapes of "
-            f"{truth.version}, the first {missing[0]}: pin them anew (scripts/pin_errors.py)"
+            f"{truth.version}, the first {missing[0]}: pin them anew "
+            "(python -m evidence pin errors)"
         )
     relative = np.array([pinned[shape] for shape in truth.shapes.tolist()], dtype=np.float64)
     return truth.eigenvalues * (1 - relative)

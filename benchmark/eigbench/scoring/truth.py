@@ -136,7 +136,8 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
         if labels is None:
             raise EigbenchError(
                 f"there is no import {name} here, and its labels are not pinned in this release: "
-                f"`synthnet import DIR --name {name}`, or for a board scripts/pin_version.py {name}"
+                f"`synthnet import DIR --name {name}`, or for a board "
+                f"`python -m evidence pin version {name}`"
             )
         return _of_import(version, protocol, labels)
     pinned = pins.read(wanted.base)

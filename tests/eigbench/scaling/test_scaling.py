@@ -127,7 +127,7 @@ def test_what_is_not_in_the_set_or_not_pinned_is_said(monkeypatch):
         surfaces.pinned("cube", 1_000)
     monkeypatch.setattr(surfaces, "read", dict)
     with pytest.raises(
-        EigbenchError, match=r"blob at 1,000 vertices is not pinned: python scripts"
+        EigbenchError, match=r"blob at 1,000 vertices is not pinned: python -m evidence"
     ):
         surfaces.pinned("blob", 1_000)
 

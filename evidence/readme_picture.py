@@ -1,15 +1,11 @@
-"""Draw docs/pictures/surfaces.png, the picture of the README: surfaces of 2.0, no build needed.
-
-Usage: python scripts/readme_picture.py
-"""
+"""docs/pictures/surfaces.png, the picture of the README: surfaces of 2.0; no build is needed."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
+from evidence import DOCS
 from synthnet import recipe, spectrum
 from synthnet.families import CHARTED
 from synthnet.pictures.draw import signed
@@ -18,7 +14,6 @@ from synthnet.recipe.plan import plan_shards
 from synthnet.store.files import make_directory, write_atomically
 from synthnet.types import Mesh
 
-OUT = Path(__file__).parent.parent / "docs" / "pictures" / "surfaces.png"
 SHOWN = {  # family: which eigenfunction after the constant, from where
     "pretzel": (4, View(50, -60)),
     "knotted_tube": (3, View(55, -60)),
@@ -33,17 +28,17 @@ SIDE = 240  # pixels
 COLOURS_KEPT = 256  # for few bytes
 
 
-def main() -> None:
-    """Draw one surface of each family in a row."""
+def draw_readme() -> None:
+    """Draw a surface of each family in a row."""
     row = np.hstack([picture(surface(family), *shown) for family, shown in SHOWN.items()])
     small = Image.fromarray(row).quantize(COLOURS_KEPT)
-    make_directory(OUT.parent)
-    write_atomically(OUT, lambda partial: small.save(partial, format="png", optimize=True))
-    print(OUT)
+    target = DOCS / "pictures" / "surfaces.png"
+    make_directory(target.parent)
+    write_atomically(target, lambda partial: small.save(partial, format="png", optimize=True))
 
 
 def surface(family: str) -> Mesh:
-    """Return the first surface of 2.0 of a family that is of a size to be drawn."""
+    """Return the first surface of 2.0-mini of a family that has a size to be drawn."""
     for plan in plan_shards(recipe.load("2.0-mini")):
         for shape in plan.shapes if plan.family == family else ():
             mesh = CHARTED[family].generate(shape.spec.parameters)
@@ -56,7 +51,3 @@ def picture(mesh: Mesh, number: int, view: View) -> np.ndarray:
     """Return a square of pixels: a mesh coloured by an eigenfunction."""
     functions = signed(spectrum.compute(mesh, number + 1).eigenvectors)
     return render(mesh, SIDE, SIDE, view=view, values=functions[:, number])
-
-
-if __name__ == "__main__":
-    main()

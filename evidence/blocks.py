@@ -1,0 +1,124 @@
+"""The generated blocks of the pages: a table of what stands where, and how it is filled.
+
+A block stands between ``<!-- begin NAME -->`` and ``<!-- end NAME -->`` of a page. It is a pure
+function of files of docs/data, so it can be checked without measuring anything again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from eigbench.board.marks import marked
+
+from evidence import (
+    DOCS,
+    build_memory,
+    card,
+    errors,
+    faults,
+    flaws,
+    folds,
+    growth,
+    harness_overhead,
+    multilevel_variants,
+    numbers,
+    ritz_mlp_variants,
+    shapes,
+    solver,
+)
+from synthnet.store.files import write_text
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """What a block is made from.
+
+    Attributes
+    ----------
+    data
+        Names of files of docs/data, without their suffix.
+    render
+        Makes the Markdown from the contents of these files.
+    inline
+        Whether the block stands within a paragraph.
+    """
+
+    data: tuple[str, ...]
+    render: Callable[..., str]
+    inline: bool = False
+
+    def text(self) -> str:
+        """Return what stands between the marks."""
+        text = self.render(*map(numbers.read, self.data))
+        return text if self.inline else f"\n{text}\n"
+
+
+# By the page in docs/ and the name in its marks.
+BLOCKS = {
+    "clusters/million": Block(("build-1.0",), card.many_meshes),
+    "clusters/memory": Block(("build-memory",), build_memory.table),
+    "dataset-card/composition": Block(("build-1.0",), card.composition),
+    "dataset-card/parameters": Block(("shapes-1.0",), shapes.parameter_table),
+    "dataset-card/sizes": Block(("shapes-1.0",), shapes.size_table),
+    "dataset-card/rejections": Block(("shapes-1.0",), shapes.rejections),
+    "dataset-card/splits": Block(("shapes-1.0",), shapes.split_table),
+    "dataset-card/split-cones": Block(("flaws-1.0",), flaws.split_cones, inline=True),
+    "dataset-card/inverted-cones": Block(("flaws-1.0",), flaws.inverted_cones, inline=True),
+    "dataset-card/cost": Block(("build-cost", "build-full", "loading-1.0"), card.cost),
+    "dataset-card-2.0/composition": Block(("build-2.0",), card.composition),
+    "dataset-card-2.0/parameters": Block(("shapes-2.0",), shapes.parameter_table),
+    "dataset-card-2.0/sizes": Block(("shapes-2.0",), shapes.size_table),
+    "dataset-card-2.0/rejections": Block(("shapes-2.0",), shapes.rejections),
+    "dataset-card-2.0/splits": Block(("shapes-2.0",), shapes.split_table),
+    "dataset-card-2.0/errors": Block(("errors-2.0",), errors.table),
+    "dataset-card-2.0/folds": Block(("folds-2.0",), folds.table),
+    "faults/faults": Block(("faults",), faults.table),
+    "labels/solver": Block(("solver",), solver.table),
+    "labels/growth": Block(("growth",), growth.table),
+    "labels/errors": Block(("errors-1.0",), errors.table),
+    "learned/ablation": Block(("ritz-mlp",), ritz_mlp_variants.variants_table),
+    "learned/left-out": Block(("ritz-mlp",), ritz_mlp_variants.left_out_table),
+    "real-shapes/ablation": Block(("multilevel",), multilevel_variants.variants),
+    "real-shapes/large": Block(("multilevel",), multilevel_variants.large_meshes),
+    "submit/overhead": Block(("harness-overhead",), harness_overhead.table),
+}
+# Blocks that another command writes.
+ELSEWHERE = {"README/leaderboard": "eigbench leaderboard"}
+
+
+def page_of(name: str) -> tuple[Path, str]:
+    """Return the page of a block, and the name in its marks."""
+    page, _, mark = name.partition("/")
+    return DOCS / f"{page}.md", mark
+
+
+def fill(names: Iterable[str], *, check: bool = False) -> list[str]:
+    """Write blocks into their pages, and return the names of those that had to change.
+
+    Parameters
+    ----------
+    names
+        Of :data:`BLOCKS`.
+    check
+        Whether to write nothing.
+
+    Raises
+    ------
+    ValueError
+        If a page does not have the marks of a block exactly once; that page is left as it is.
+    """
+    stale = []
+    for name in names:
+        page, mark = page_of(name)
+        old = page.read_text()
+        try:
+            new = marked(old, mark, BLOCKS[name].text())
+        except ValueError as error:
+            raise ValueError(f"{page} has {error}") from error
+        if new != old:
+            stale.append(name)
+            if not check:
+                write_text(page, new)
+    return stale

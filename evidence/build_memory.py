@@ -1,0 +1,79 @@
+"""The peak memory of builds of growing size: of the build's process and of its largest worker.
+
+Every build is a new process. Peaks are the kernel's own (``VmHWM`` of /proc), in MB; Linux only.
+A run replaces the rows of the same families, share and scale, and leaves the others.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import resource
+import sys
+import tempfile
+from collections.abc import Sequence
+
+from evidence import markdown, numbers
+from evidence.timing import in_new_process, peak_mb
+from synthnet import recipe
+from synthnet.build.versions import build
+
+SAME = ("families", "scale", "share")
+
+
+def measure(
+    *,
+    version: str = "1.0",
+    families: Sequence[str] = (),
+    share: float = 1.0,
+    scale: Sequence[int] = (1, 4),
+    workers: int = 2,
+) -> dict:
+    """Build each scale of some or all families, with a share of the recipe's counts."""
+    rows = numbers.read("build-memory")["rows"]
+    names = ", ".join(families).replace("_", " ") or "all"
+    for times in scale:
+        sys.stderr.write(f"scale {times}\n")
+        measured = in_new_process(build_once, version, families, share, times, workers)
+        row = {"families": names, "share": share, **measured}
+        rows = [old for old in rows if any(old[key] != row[key] for key in SAME)] + [row]
+    rows.sort(key=lambda r: (r["families"] != "all", r["families"], r["share"] * r["scale"]))
+    return {"rows": rows}
+
+
+def build_once(
+    version: str, families: Sequence[str], share: float, scale: int, workers: int
+) -> dict:
+    """Build in this process, and return a row."""
+    base = recipe.load(version)
+    chosen = {
+        name: dataclasses.replace(family, count=max(1, round(share * family.count)))
+        for name, family in base.families.items()
+        if not families or name in families
+    }
+    measured = dataclasses.replace(base, version="measured", families=chosen)
+    if scale > 1:
+        measured = recipe.scaled(measured, scale)
+    with tempfile.TemporaryDirectory() as home:
+        report = build(measured, root=home, workers=workers)
+        shards = len(report.dataset.manifest.shards)
+    largest_worker = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3
+    return {
+        "scale": scale,
+        "shapes": measured.count,
+        "shards": shards,
+        "build MB": round(peak_mb(), 1),
+        "largest worker MB": round(largest_worker, 1),
+    }
+
+
+def table(data: dict) -> str:
+    """Return a row a build."""
+    columns = {
+        "families": "{families}",
+        "size": "{scale} ×",
+        "shapes": "{shapes:,}",
+        "shards": "{shards:,}",
+        "build MB": "{build MB:,.0f}",
+        "largest worker MB": "{largest worker MB:,.0f}",
+    }
+    return markdown.columns(data["rows"], columns, "lr")

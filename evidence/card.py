@@ -1,0 +1,69 @@
+"""What the dataset cards and the page on clusters say of whole builds."""
+
+from __future__ import annotations
+
+from tabulate import tabulate
+
+from synthnet.families import FAMILIES
+
+
+def composition(report: dict) -> str:
+    """Return the table of families of a build report."""
+    pictures = f"pictures/{report['version']}"
+    rows = [
+        [
+            f"![{FAMILIES[row['family']].title}]({pictures}/{row['family']}.png)",
+            FAMILIES[row["family"]].title,
+            row["drawn"],
+            ", ".join(f"{n} `{reason}`" for reason, n in row["rejected"].items()) or "0",
+            row["kept"],
+            row["vertices"],
+            row["faces"],
+            round(row["core_seconds"], 1),
+        ]
+        for row in report["families"]
+    ]
+    totals = [sum(row[i] for row in rows) for i in (2, 4, 5, 6, 7)]
+    rejected = totals[0] - totals[1]
+    rows.append(["", "All", totals[0], str(rejected), *totals[1:4], round(totals[4], 1)])
+    if report["version"] == "1.0":
+        rows.append(["", "*The paper, as reported*", 16550, "189", 16361, "", "", ""])
+    headers = ["", "family", "drawn", "rejected", "kept", "vertices", "faces", "core-seconds"]
+    table = tabulate(rows, headers, tablefmt="github", intfmt=",", floatfmt=",.1f")
+    minutes = report["wall_seconds"] / 60
+    size = report["bytes"] / 1e6
+    return (
+        f"{table}\n\nBuilt by `synthnet build --version {report['version']}` on 2 cores in "
+        f"{minutes:.1f} minutes; {size:,.0f} MB."
+    )
+
+
+def cost(build: dict, full: dict, loading: dict) -> str:
+    """Return what a built mesh and an epoch cost."""
+    whole = build["rows"][-1]
+    return (
+        f"Building a mesh, with checks, label, copies and storage, takes {whole['ours ms']} "
+        f"core-milliseconds; a plain loop over Open3D and `lapy.Solver(...).eigs(11)`, which "
+        f"checks and stores nothing, {whole['plain ms']}: {whole['ratio']} of it, over "
+        f"{whole['shapes']} random shapes, in one run, on one thread (`make bench`). The whole of "
+        f"{full['version']} on {full['workers']} cores, one after the other: the loop "
+        f"{full['plain seconds']:.0f} s, the build {full['build seconds']:.0f} s, "
+        f"{full['ratio']} of it (`python -m evidence measure build-full`). The train split opens "
+        f"in {loading['open_seconds']} s; an epoch of a `DataLoader` over its "
+        f"{loading['instances']:,} instances, without a model, takes {loading['epoch_seconds']} s "
+        f"and at most {loading['peak_resident_mb']} MB of resident memory "
+        "(`python -m evidence measure loading`)."
+    )
+
+
+def many_meshes(report: dict, meshes: int = 1_000_000, cores: int = 64) -> str:
+    """Return the cost of a measured build, and that of more meshes: times the ratio of shapes."""
+    drawn = sum(row["drawn"] for row in report["families"])
+    hours = sum(row["core_seconds"] for row in report["families"]) / 3600
+    ratio = meshes / drawn
+    return (
+        f"Measured: {drawn:,} meshes of {report['version']} in {hours:.2f} core-hours, "
+        f"{report['bytes'] / 1e9:.2f} GB.\n"
+        f"{meshes:,} meshes: {hours * ratio:.1f} core-hours ({60 * hours * ratio / cores:.0f} "
+        f"minutes on {cores} cores), {report['bytes'] * ratio / 1e9:.0f} GB."
+    )

@@ -1,0 +1,136 @@
+"""How time and memory grow with the mesh: one torus from a thousand to a million vertices.
+
+Each solve is a process of its own, on one thread: its seconds (the median of the
+repetitions, one above 100,000 vertices) and by how much it raised the process's peak memory.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import time
+from concurrent.futures.process import BrokenProcessPool
+
+import numpy as np
+import threadpoolctl
+
+from evidence import DOCS, markdown
+from evidence.timing import in_new_process, peak_mb, progress
+from synthnet import spectrum
+from synthnet.families import FAMILIES
+from synthnet.types import Mesh
+
+STEPS = (1.3, 2.24, 4.08, 7.07, 12.9, 22.4, 40.83)  # of a mesh of 600 step² vertices
+TWICE = 100_000  # vertices up to which a solve is repeated
+NAMES = {"synthnet": "synthNet, certified", "lapy": "LaPy"}
+COLOURS = {"synthnet": "#0072b2", "lapy": "#d55e00"}
+
+
+def measure(*, largest: int = 1_000_000) -> dict:
+    """Solve every size on both sides, each in a new process; what fails is left out."""
+    spectrum.compile_solver()
+    steps = [step for step in STEPS if 600 * step**2 <= 1.001 * largest]
+    rows = []
+    for side, step in progress([(side, step) for step in steps for side in NAMES], "solving"):
+        try:
+            rows.append(in_new_process(solve, side, step))
+        except (BrokenProcessPool, ArithmeticError, MemoryError, RuntimeError, ValueError) as error:
+            sys.stderr.write(f"{side} on {600 * step**2:,.0f} vertices: {error}\n")
+    return {"rows": rows}
+
+
+def torus(step: float) -> Mesh:
+    """Return a torus of radii 1 and 10^-1/2 with 600 step² vertices, nearly."""
+    return FAMILIES["torus"].generate(
+        {
+            "torus_radius": 1.0,
+            "tube_radius": 10**-0.5,
+            "radial_resolution": round(30 * step),
+            "tubular_resolution": round(20 * step),
+        }
+    )
+
+
+def solve(side: str, step: float) -> dict:
+    """Solve in this process, and return what it took."""
+    import lapy
+
+    def eigenvalues(mesh: Mesh) -> np.ndarray:
+        if side == "synthnet":
+            return spectrum.compute(mesh).eigenvalues
+        return lapy.Solver(lapy.TriaMesh(mesh.vertices, mesh.faces)).eigs(11)[0][1:]
+
+    mesh = torus(step)
+    with threadpoolctl.threadpool_limits(1):
+        eigenvalues(torus(1.0))
+        before, seconds = peak_mb(), []
+        for _ in range(3 if len(mesh.vertices) <= TWICE else 1):
+            started = time.perf_counter()
+            values = eigenvalues(mesh)
+            seconds.append(time.perf_counter() - started)
+    return {
+        "side": side,
+        "vertices": len(mesh.vertices),
+        "seconds": statistics.median(seconds),
+        "megabytes": peak_mb() - before,
+        "eigenvalues": values.tolist(),
+    }
+
+
+def table(data: dict) -> str:
+    """Return both sides, their slopes, and the largest difference between their answers."""
+    sides = {
+        side: {row["vertices"]: row for row in data["rows"] if row["side"] == side}
+        for side in NAMES
+    }
+    rows, difference = [], 0.0
+    for n, ours in sides["synthnet"].items():
+        row = [f"{n:,}", f"{ours['seconds']:.3g}", f"{ours['megabytes']:,.0f}"]
+        if theirs := sides["lapy"].get(n):
+            ratio = theirs["seconds"] / ours["seconds"]
+            row += [f"{theirs['seconds']:.3g}", f"{theirs['megabytes']:,.0f}", f"{ratio:.1f}"]
+            quotient = np.divide(ours["eigenvalues"], theirs["eigenvalues"])
+            difference = max(difference, float(np.abs(quotient - 1).max()))
+        else:
+            row += ["failed", "failed", ""]
+        rows.append(row)
+    headers = ["vertices", "synthNet s", "synthNet MB", "LaPy s", "LaPy MB", "ratio of times"]
+    slopes = ", ".join(
+        f"{NAMES[side]} {exponent(list(solved.values()), 'seconds'):.2f} in time and "
+        f"{exponent(list(solved.values()), 'megabytes'):.2f} in memory"
+        for side, solved in sides.items()
+    )
+    return (
+        f"{markdown.table(headers, rows, 'r')}\n\nSlopes of the upper half of the log-log plot: "
+        f"{slopes}. The eigenvalues differ by at most {difference:.0e} relative."
+    )
+
+
+def exponent(rows: list[dict], key: str) -> float:
+    """Return the slope of the upper half of a log-log plot."""
+    upper = rows[len(rows) // 2 :]
+    x, y = (np.log([row[k] for row in upper]) for k in ("vertices", key))
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def draw(data: dict) -> None:
+    """Draw ``docs/growth.svg``: time and memory against vertices, all axes logarithmic."""
+    import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    matplotlib.rcParams["svg.hashsalt"] = "synthnet"
+    figure = Figure(figsize=(9, 3.8), layout="constrained")
+    FigureCanvasSVG(figure)
+    for axes, key, label in zip(
+        figure.subplots(1, 2), ("seconds", "megabytes"), ("seconds", "MB"), strict=True
+    ):
+        for side, name in NAMES.items():
+            points = [(row["vertices"], row[key]) for row in data["rows"] if row["side"] == side]
+            axes.loglog(*zip(*points, strict=True), "o-", color=COLOURS[side], label=name)
+        axes.set_xlabel("vertices")
+        axes.set_ylabel(label)
+        axes.grid(True, which="both", alpha=0.2)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.legend(frameon=False)
+    figure.savefig(DOCS / "growth.svg", metadata={"Date": None, "Creator": None})

@@ -1,0 +1,87 @@
+"""What the harness adds to a predictor's time, against a bare loop over the same meshes.
+
+Both sides run with one thread and batches of 34 meshes: the harness in its process, and a
+process that makes the same batches, calls `predict` and looks at the clock. They take turns;
+the ratio is that of the medians over rounds of the whole time charged. Beside it stands
+what is not charged: starting, reading, sending meshes and answers.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from eigbench.running import meshes as instances
+from eigbench.running import predictor
+from eigbench.running.evaluate import WARM_UP, Options, evaluate
+from eigbench.running.process import THREAD_VARIABLES
+from eigbench.scoring import truth
+
+from evidence import BASELINES, markdown
+from evidence.timing import in_new_process, progress
+from synthnet import store
+
+PREDICTORS = ("weyl", "ritz3", "exact")
+BATCH = 34
+
+
+def measure(*, version: str = "1.0-mini", rounds: int = 5) -> dict:
+    """Return a row a predictor."""
+    count = len(truth.load(version).ids)
+    rows = [row(name, version, rounds, count) for name in progress(PREDICTORS, "predictors")]
+    return {"version": version, "meshes": count, "rounds": rounds, "rows": rows}
+
+
+def row(name: str, version: str, rounds: int, count: int) -> dict:
+    """Return the median milliseconds a mesh of both sides, in turn, and of what is not charged."""
+    one_thread = dict.fromkeys(THREAD_VARIABLES, "1")
+    plain, harness, rest = [], [], []
+    for _ in range(rounds):
+        plain.append(in_new_process(bare, name, version, environment=one_thread))
+        seconds, whole = charged(name, version)
+        harness.append(seconds)
+        rest.append(whole - seconds)
+    return {
+        "predictor": name,
+        "bare ms": round(1e3 * float(np.median(plain)) / count, 3),
+        "charged ms": round(1e3 * float(np.median(harness)) / count, 3),
+        "ratio": round(float(np.median(harness) / np.median(plain)), 3),
+        "not charged ms": round(1e3 * float(np.median(rest)) / count, 3),
+    }
+
+
+def bare(name: str, version: str) -> float:
+    """Return the seconds of a plain loop over batches."""
+    loaded = predictor.load(BASELINES / f"{name}.py")
+    labels = truth.load(version)
+    read = instances.read(store.open_dataset(version), labels.ids)
+    ids = [labels.ids[i] for i in labels.order]
+    loaded.predict([read.mesh(id) for id in ids[:WARM_UP]])
+    total = 0.0
+    for first in range(0, len(ids), BATCH):
+        meshes = [read.mesh(id) for id in ids[first : first + BATCH]]
+        started = time.perf_counter()
+        loaded.predict(meshes)
+        total += time.perf_counter() - started
+    return total
+
+
+def charged(name: str, version: str) -> tuple[float, float]:
+    """Return the seconds that the harness charges, and those of the whole evaluation."""
+    with tempfile.TemporaryDirectory() as parts:
+        started = time.perf_counter()
+        evaluation = evaluate(
+            BASELINES / f"{name}.py",
+            truth.load(version),
+            instances.read(store.open_dataset(version), truth.load(version).ids),
+            Options(batch_size=BATCH),
+            Path(parts),
+        )
+        return float(evaluation.seconds.sum()), time.perf_counter() - started
+
+
+def table(data: dict) -> str:
+    """Return a row a predictor."""
+    return markdown.columns(data["rows"], {name: f"{{{name}}}" for name in data["rows"][0]}, "lr")

@@ -1,0 +1,86 @@
+"""What copies of test shapes in training are worth.
+
+Two predictors that see nothing of a mesh but six numbers that no isometry changes
+(baselines/invariants.py), under both protocols, scored on every instance of the test split of 1.0:
+the spectrum of the nearest training shape, scaled, and the boosted trees of the board. Under
+`paper` nearly every test mesh has copies in training. Needs a built 1.0; docs/reproduction.md shows
+the numbers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from eigbench.scoring import metrics
+from scipy.spatial import cKDTree
+
+from evidence import baseline
+from evidence.timing import progress
+from synthnet import store
+from synthnet.types import PROTOCOLS
+
+VERSION = "1.0"
+
+
+class Nearest:
+    """The spectrum of the training shape with the nearest numbers."""
+
+    name = "Nearest training shape"
+
+    def __init__(self, numbers: np.ndarray, targets: np.ndarray) -> None:
+        self.scale = numbers.std(axis=0)
+        self.tree, self.targets = cKDTree(numbers / self.scale), targets
+
+    def __call__(self, numbers: np.ndarray) -> np.ndarray:
+        """Return log(λ · area) of each shape."""
+        return self.targets[self.tree.query(numbers / self.scale)[1]]
+
+
+class Trees:
+    """The ensembles of baselines/boosted_trees.py."""
+
+    name = "Boosted trees"
+
+    def __init__(self, numbers: np.ndarray, targets: np.ndarray) -> None:
+        trees = baseline("boosted_trees").Trees(numbers, targets, seed=0)
+        self.ensembles = trees.ensembles
+
+    def __call__(self, numbers: np.ndarray) -> np.ndarray:
+        """Return log(λ · area) of each shape."""
+        values = [ensemble.predict(numbers) for ensemble in self.ensembles]
+        return np.sort(np.stack(values, axis=1), axis=1)
+
+
+def measure() -> dict:
+    """Return a row a predictor and protocol."""
+    dataset = store.open_dataset(VERSION)
+    invariants = baseline("invariants").invariants
+    areas, numbers, labels, splits = [], [], [], []
+    for sample in progress(dataset.samples(), "numbers of the shapes", dataset.manifest.rows):
+        area, row = invariants(sample.mesh)
+        areas.append(area)
+        numbers.append(row)
+        labels.append(sample.eigenvalues)
+        copies = len(sample.paper_splits)
+        splits.append({"grouped": (sample.split,) * copies, "paper": sample.paper_splits})
+    area, features, label = np.array(areas)[:, None], np.array(numbers), np.array(labels)
+    rows = []
+    for kind in (Nearest, Trees):
+        for protocol in PROTOCOLS:
+            train = np.array(["train" in instances[protocol] for instances in splits])
+            tests = np.array([instances[protocol].count("test") for instances in splits])
+            shapes, weights = np.flatnonzero(tests), tests[tests > 0] / tests.sum()
+            predict = kind(features[train], np.log(label * area)[train])
+            predicted = np.exp(predict(features[shapes])) / area[shapes]
+            psnr20 = metrics.psnr_above_20(predicted, label[shapes])
+            rpd = metrics.relative_percent_difference(predicted, label[shapes])
+            rows.append(
+                {
+                    "predictor": kind.name,
+                    "protocol": protocol,
+                    "instances": int(tests.sum()),
+                    "seen": round(float(weights @ train[shapes]), 6),
+                    "psnr20": round(float(weights @ psnr20), 6),
+                    "rpd": round(float(weights @ rpd), 6),
+                }
+            )
+    return {"version": VERSION, "rows": rows}

@@ -1,0 +1,143 @@
+"""The table of measurements, and how one is run: measure, write the numbers, print them."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import json
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+from tabulate import tabulate
+
+from evidence import (
+    DATA,
+    build_cost,
+    build_full,
+    build_memory,
+    errors,
+    faults,
+    flaws,
+    folds,
+    fuzz_import,
+    gcn_speed,
+    growth,
+    harness_overhead,
+    leakage,
+    loading,
+    multilevel_variants,
+    numbers,
+    ritz_mlp_variants,
+    shapes,
+    solver,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """How something is measured, and where its numbers go.
+
+    Attributes
+    ----------
+    module
+        Has ``measure``, which returns the numbers and whose parameters are the options of the
+        command, and perhaps ``problems``, which returns what is wrong with them.
+    data
+        Name of the file of docs/data; ``{version}`` in it is the parameter of that name.
+    """
+
+    module: ModuleType
+    data: str
+
+
+MEASUREMENTS = {
+    "build-cost": Measurement(build_cost, "build-cost"),
+    "build-full": Measurement(build_full, "build-full"),
+    "build-memory": Measurement(build_memory, "build-memory"),
+    "errors": Measurement(errors, "errors-{version}"),
+    "faults": Measurement(faults, "faults"),
+    "flaws": Measurement(flaws, "flaws-1.0"),
+    "folds": Measurement(folds, "folds-2.0"),
+    "fuzz-import": Measurement(fuzz_import, "fuzz-import"),
+    "gcn": Measurement(gcn_speed, "gcn"),
+    "growth": Measurement(growth, "growth"),
+    "harness-overhead": Measurement(harness_overhead, "harness-overhead"),
+    "leakage": Measurement(leakage, "leakage"),
+    "loading": Measurement(loading, "loading-{version}"),
+    "multilevel": Measurement(multilevel_variants, "multilevel"),
+    "ritz-mlp": Measurement(ritz_mlp_variants, "ritz-mlp"),
+    "shapes": Measurement(shapes, "shapes-{version}"),
+    "solver": Measurement(solver, "solver"),
+}
+# Reports of builds, which the command of the dataset writes itself.
+REPORTS = {
+    f"build-{v}": f"synthnet build --version {v} --json > docs/data/build-{v}.json"
+    for v in ("1.0", "2.0")
+}
+
+
+def add_options(parser: argparse.ArgumentParser, measure: Callable[..., object]) -> None:
+    """Add an option for each parameter of a function; one without a default has to be given."""
+    for name, parameter in inspect.signature(measure).parameters.items():
+        option, default = f"--{name.replace('_', '-')}", parameter.default
+        if default is inspect.Parameter.empty:
+            parser.add_argument(name)
+        elif isinstance(default, bool):
+            parser.add_argument(option, action="store_true")
+        elif isinstance(default, tuple):
+            kind = type(default[0]) if default else str
+            parser.add_argument(option, nargs="+", type=kind, default=default)
+        else:
+            parser.add_argument(option, type=type(default), default=default)
+
+
+def run(name: str, out: str | None, given: Mapping[str, object]) -> int:
+    """Measure, print and write; return 1 if something is wrong with the numbers.
+
+    Parameters
+    ----------
+    name
+        Of :data:`MEASUREMENTS`.
+    out
+        The file to write, ``-`` for none; by default the one of docs/data.
+    given
+        The parameters of the measurement; others are ignored.
+    """
+    measurement = MEASUREMENTS[name]
+    measure = measurement.module.measure
+    options = {key: given[key] for key in inspect.signature(measure).parameters}
+    data = measure(**options)
+    print(as_text(data))
+    if out != "-":
+        path = Path(out) if out else DATA / f"{measurement.data.format_map(options)}.json"
+        numbers.write(path, data)
+        print(f"{path} written; `python -m evidence fill` brings it into the pages")
+    find_problems = getattr(measurement.module, "problems", None)
+    problems = find_problems(data) if find_problems else []
+    for problem in problems:
+        print(f"WRONG: {problem}", file=sys.stderr)
+    return int(bool(problems))
+
+
+def as_text(data: Mapping[str, object]) -> str:
+    """Return numbers for the terminal: rows as tables, without lists in them; the rest as JSON.
+
+    Examples
+    --------
+    >>> print(as_text({"version": "1.0", "rows": [{"mesh": "torus", "ms": 3.6}]}))
+    version: "1.0"
+    mesh      ms
+    ------  ----
+    torus    3.6
+    """
+    texts = []
+    for name, value in data.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            rows = [{k: v for k, v in row.items() if not isinstance(v, list)} for row in value]
+            texts.append(tabulate(rows, headers="keys"))
+        else:
+            texts.append(f"{name}: {json.dumps(value)}")
+    return "\n".join(texts)

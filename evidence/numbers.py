@@ -1,0 +1,26 @@
+"""The files of docs/data: what was measured, and on which machine."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from eigbench.running.record import environment, hardware
+
+from evidence import DATA
+from synthnet.store.files import write_text
+
+
+def read(name: str) -> Any:
+    """Return the content of ``docs/data/<name>.json``."""
+    return json.loads((DATA / f"{name}.json").read_text())
+
+
+def write(path: Path, data: dict[str, Any]) -> None:
+    """Write measured numbers, with the machine and the packages that they were measured with."""
+    machine = {"hardware": hardware(), "packages": environment()}
+    text = json.dumps({**data, "machine": machine}, indent=1)
+    numbers = re.compile(r'\[\n([^][{}"]*)\]')  # their lists take a line each
+    write_text(path, numbers.sub(lambda match: f"[{' '.join(match[1].split())}]", text) + "\n")

@@ -1,0 +1,106 @@
+"""Measurements: how sides are timed, and that a small measurement runs from the command."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from inspect import Parameter, signature
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+from evidence import numbers, timing
+from evidence.__main__ import main, parser
+from evidence.measurements import MEASUREMENTS, add_options
+
+
+def test_sides_are_called_in_turn_and_medians_are_returned() -> None:
+    called: list[str] = []
+    ticks = iter([0, 1, 1, 3, 3, 13, 13, 14, 14, 16, 16, 20])  # 1, 2; 10, 1; 2, 4
+    timed = timing.in_turn(
+        {"a": lambda: called.append("a") or len(called), "b": lambda: called.append("b")},
+        3,
+        clock=lambda: next(ticks),
+    )
+    assert called == ["a", "b", "b", "a", "a", "b"]
+    assert timed["a"] == (1, 5)
+    assert timed["b"] == (4, None)
+    assert next(ticks, None) is None
+
+
+def test_the_last_side_can_begin() -> None:
+    called: list[str] = []
+    sides = {name: lambda name=name: called.append(name) for name in "ab"}
+    timing.in_turn(sides, backwards=True, clock=count().__next__)
+    assert called == ["b", "a"]
+
+
+def test_a_new_process_has_its_environment_and_this_one_keeps_its_own() -> None:
+    assert (
+        timing.in_new_process(os.getenv, "EVIDENCE_TEST", environment={"EVIDENCE_TEST": "1"}) == "1"
+    )
+    assert "EVIDENCE_TEST" not in os.environ
+    assert timing.in_new_process(os.getpid) != os.getpid()
+
+
+def test_a_measurement_writes_its_numbers_and_the_machine(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "solver.json"
+    small = ["--shapes", "2", "--spheres", "1", "--repeats", "1"]
+    assert main(["measure", "solver", *small, "--out", str(path)]) == 0
+    assert "split spheres alone" in capsys.readouterr().out
+    written = json.loads(path.read_text())
+    assert [row["number"] for row in written["rows"][-2:]] == [2, 1]
+    assert written["machine"]["packages"]["numpy"]
+    assert MEASUREMENTS["solver"].module.table(written).count("\n") == len(written["rows"]) + 1
+
+
+def test_wrong_numbers_are_named_and_nothing_is_written_on_request(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def measure() -> dict:
+        return {"rows": [{"meshes": "torus", "largest difference": 1e-3}]}
+
+    monkeypatch.setattr(MEASUREMENTS["solver"].module, "measure", measure)
+    monkeypatch.setattr(numbers, "write", None)
+    assert main(["measure", "solver", "--out", "-"]) == 1
+    assert capsys.readouterr().err == "WRONG: torus: eigenvalues differ by 1e-03\n"
+
+
+def test_numbers_are_written_as_they_are(tmp_path: Path) -> None:
+    data = {"rows": [{"name": "a [1,  2]", "list": [1.5, 2.0]}], "none": []}
+    numbers.write(tmp_path / "a.json", data)
+    text = (tmp_path / "a.json").read_text()
+    written = json.loads(text)
+    assert {name: written[name] for name in data} == data
+    assert '"list": [1.5, 2.0]' in text
+
+
+@pytest.mark.parametrize("name", MEASUREMENTS)
+def test_every_measurement_has_its_options(name: str) -> None:
+    needed = {"errors": ["1.0"], "shapes": ["2.0"], "multilevel": ["real-28"]}
+    options = vars(parser().parse_args(["measure", name, *needed.get(name, ())]))
+    assert options["out"] is None
+    MEASUREMENTS[name].data.format_map(options)
+    parameters = signature(MEASUREMENTS[name].module.measure).parameters
+    for key, parameter in parameters.items():
+        assert parameter.default in (Parameter.empty, options[key])
+
+
+def test_parameters_become_options() -> None:
+    def measure(*, source: str, scale: tuple = (1, 4), only: tuple = (), all: bool = False) -> None:
+        """Take one option of each kind."""
+
+    command = argparse.ArgumentParser()
+    add_options(command, measure)
+    assert vars(command.parse_args(["a"])) == {
+        "source": "a",
+        "scale": (1, 4),
+        "only": (),
+        "all": False,
+    }
+    given = command.parse_args(["a", "--scale", "2", "--only", "b", "c", "--all"])
+    assert (given.scale, given.only, given.all) == ([2], ["b", "c"], True)
