@@ -19,7 +19,7 @@ import threadpoolctl
 
 from evidence.timing import in_turn, progress
 from synthnet import recipe
-from synthnet.build.versions import build_shard
+from synthnet.build.versions import make_shard
 from synthnet.mesh.open3d import load_open3d
 from synthnet.recipe.plan import ShardPlan, plan_shards
 
@@ -60,7 +60,7 @@ def time_chunk(plan: ShardPlan, directory: Path, *, backwards: bool = False) -> 
     """Return the core-seconds of building a chunk as a shard, and of the plain loop over it."""
     (directory / "shards").mkdir(parents=True, exist_ok=True)
     sides = {
-        "ours": partial(build_shard, plan, recipe.load("1.0"), directory),
+        "ours": partial(make_shard, plan, recipe.load("1.0"), directory / plan.file),
         "plain": partial(plain_loop, plan),
     }
     return [timed.seconds for timed in in_turn(sides, backwards=backwards).values()]

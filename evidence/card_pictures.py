@@ -19,7 +19,7 @@ from evidence import DOCS
 from evidence.shapes import MEASURES
 from evidence.timing import progress
 from synthnet import recipe
-from synthnet.build.versions import make_sample
+from synthnet.build.label import make_sample
 from synthnet.families import FAMILIES
 from synthnet.pictures import draw, gallery
 from synthnet.pictures.raster import render

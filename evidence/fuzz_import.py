@@ -16,7 +16,7 @@ from pathlib import Path
 
 import trimesh
 
-from synthnet.build.importing import import_meshes, what_was_met
+from synthnet.build.importing import import_meshes, file_outcomes
 from synthnet.types import Sample
 from synthnet.verify.checks import verify
 
@@ -44,7 +44,7 @@ def measure(*, cases: int = 1000, seed: int = 0) -> dict:
         home = Path(temporary) / "datasets"
         dataset = import_meshes([directory], "fuzz", root=home).dataset
         seconds = time.perf_counter() - started
-        rows = what_was_met(dataset)
+        rows = file_outcomes(dataset)
         wrong = list(verify("fuzz", root=home, sample=20).problems)
         wrong += filter(None, (lost_faces(sample, directory) for sample in dataset.samples()))
     if len(rows) != cases:

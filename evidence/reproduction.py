@@ -44,8 +44,8 @@ LEAKAGE = """\
 Under the protocol `paper` copies of a test shape are trained on: turned or mirrored, with the
 same eigenvalues. What that is worth to a predictor that remembers, on all of 1.0
 (`python -m evidence measure leakage`): both see nothing but six numbers of a mesh that no isometry
-changes. The look-up answers with the spectrum of the training shape whose numbers are nearest, scaled; the trees
-are the leaderboard's, of one seed instead of three."""
+changes. The look-up answers with the spectrum of the training shape whose numbers are nearest,
+scaled; the trees are the leaderboard's, of one seed instead of three."""
 COLUMNS = ("invlap", "polar", "rpd", "psnr20", "l1", "l2")
 NOT_RUN = "not run"
 VERDICTS = {"a": "yes", "b": "no, the reverse", "tie": "a tie"}
