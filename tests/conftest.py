@@ -5,8 +5,9 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import filelock
 import hypothesis
@@ -16,9 +17,8 @@ import synthnet
 from synthnet import recipe
 from synthnet.build.label import make_sample
 from synthnet.commands import cli
-from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe
+from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe, plan, splits
 from synthnet.recipe.drawing import draw_shapes
-from synthnet.recipe.plan import plan_shards
 from synthnet.types import Sample, ShapeSpec
 from synthnet.verify import seal
 
@@ -42,6 +42,35 @@ def limits(recipe_1_0: Recipe) -> FilterSettings:
 @pytest.fixture(scope="session")
 def specs(recipe_1_0: Recipe) -> list[ShapeSpec]:
     return draw_shapes(recipe_1_0)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def recipes_are_drawn_once() -> Iterator[None]:
+    """Let a plan take the shapes of a recipe, and their splits, that this process has drawn.
+
+    Drawing the 16,550 shapes of 1.0 takes seconds, and every verification does it.
+    """
+    drawn: dict[str, list[ShapeSpec]] = {}
+    split: dict[tuple[str, str], Any] = {}
+    paper = splits.paper
+
+    def draw_once(wanted: Recipe) -> list[ShapeSpec]:
+        if wanted.digest not in drawn:
+            drawn[wanted.digest] = draw_shapes(wanted)
+        return drawn[wanted.digest]
+
+    def split_once(specs: list[ShapeSpec], *settings: object) -> Any:
+        digest = next((digest for digest, known in drawn.items() if known is specs), None)
+        if digest is None:
+            return paper(specs, *settings)
+        if (digest, repr(settings)) not in split:
+            split[digest, repr(settings)] = paper(specs, *settings)
+        return split[digest, repr(settings)]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan, "draw_shapes", draw_once)
+        patch.setattr(splits, "paper", split_once)
+        yield
 
 
 # --- end of the recipe and the draw ---------------------------------------------------
@@ -130,11 +159,11 @@ def tiny(recipe_1_0: Recipe) -> Recipe:
 def tiny_samples(tiny: Recipe) -> dict[str, list[Sample]]:
     """The samples of the tiny recipe by family."""
     made: dict[str, list[Sample]] = {name: [] for name in tiny.families}
-    for plan in plan_shards(tiny):
-        for shape in plan.shapes:
+    for shard in plan.plan_shards(tiny):
+        for shape in shard.shapes:
             sample = make_sample(shape, tiny)
             assert isinstance(sample, Sample), sample
-            made[plan.family].append(sample)
+            made[shard.family].append(sample)
     return made
 
 

@@ -231,7 +231,6 @@ def test_altered_byte_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[st
     assert "manifest" not in found
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_altered_footer_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = mini_copy / VERSION / SHARD
@@ -241,7 +240,6 @@ def test_altered_footer_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[
     assert list(failed(mini_copy, capsys)) == ["digests"]
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_truncated_shard_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = mini_copy / VERSION / SHARD
@@ -261,7 +259,6 @@ def test_removed_shard_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[s
 # Tampering that covers its tracks: shard and manifest agree
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_tampering_with_nothing_changes_nothing(mini_home: Path, mini_copy: Path) -> None:
     tamper(mini_copy, lambda samples: samples)
@@ -309,7 +306,6 @@ def test_eigenvalue_that_is_no_label_is_found(
     assert problem.startswith(f"{id}: eigenvalues differ")
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_missing_eigenvalue_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     id = tamper_first(mini_copy, lambda s: {"eigenvalues": s.eigenvalues[:-1]})
@@ -332,7 +328,6 @@ def test_moved_vertex_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[st
     assert found["pins"][0].startswith(f"{id}: vertices differ by ")
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_vertex_moved_too_little_for_the_moments_is_found(
     mini_copy: Path, capsys: pytest.CaptureFixture[str]
@@ -346,7 +341,6 @@ def test_vertex_moved_too_little_for_the_moments_is_found(
     assert failed(mini_copy, capsys)["meshes"][0].startswith(f"{id}: a vertex is ")
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_swapped_vertices_are_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def swap(sample: Sample) -> dict[str, Any]:
@@ -358,7 +352,6 @@ def test_swapped_vertices_are_found(mini_copy: Path, capsys: pytest.CaptureFixtu
     assert list(failed(mini_copy, capsys)) == ["meshes", "certificates", "pins"]
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_changed_face_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def turn(sample: Sample) -> dict[str, Any]:
@@ -388,7 +381,6 @@ def test_altered_count_of_a_certificate_is_found(
     assert re.fullmatch(said, found[-1])
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_certificate_that_does_not_reach_the_label_is_found(
     mini_copy: Path, capsys: pytest.CaptureFixture[str]
@@ -405,7 +397,6 @@ def test_certificate_that_does_not_reach_the_label_is_found(
     assert len(found) == 2  # and there are fewer
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 @pytest.mark.parametrize("residual", [2e-6, np.nan, -1e-9])
 def test_residual_out_of_its_limits_is_found(
@@ -444,7 +435,6 @@ def test_changed_split_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[s
     }
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_changed_paper_split_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     id = tamper_first(mini_copy, lambda s: {"paper_splits": (*s.paper_splits[1:], "nowhere")})
@@ -463,14 +453,12 @@ def test_changed_parameter_is_found(mini_copy: Path, capsys: pytest.CaptureFixtu
     assert list(found) == ["recipe", "meshes", "pins"]
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_changed_isometry_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tamper_first(mini_copy, lambda s: {"isometries": s.isometries * 1.001})
     assert list(failed(mini_copy, capsys)) == ["recipe"]
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_foreign_shape_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     taken = {s.spec.id for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes}
@@ -500,7 +488,6 @@ def test_dropped_row_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str
     assert found["recipe"] == [f"{dropped}: neither stored nor rejected"]
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_repeated_row_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lost = list(store.read_samples(mini_copy / VERSION / SHARD))[-1].spec.id
@@ -508,7 +495,6 @@ def test_repeated_row_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[st
     assert failed(mini_copy, capsys)["recipe"] == [f"{lost}: neither stored nor rejected"]
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_row_dropped_as_if_it_had_been_rejected_is_found(
     mini_copy: Path, capsys: pytest.CaptureFixture[str]
@@ -547,7 +533,6 @@ def test_altered_count_of_a_shard_is_found(
     assert ("manifest" in found) == (what == "rows")
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_altered_count_of_a_family_is_found(
     mini_copy: Path, capsys: pytest.CaptureFixture[str]
@@ -574,7 +559,6 @@ def test_altered_recipe_digest_is_found(
     }
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("pinned")
 def test_command_lists_what_differs_up_to_a_limit(
     mini_copy: Path, capsys: pytest.CaptureFixture[str]

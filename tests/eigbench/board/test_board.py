@@ -467,7 +467,7 @@ def test_submit_replaces_only_when_told(eigbench, made, make_submission, mini_tr
 def test_submit_refuses_a_partial_result(eigbench, predictor_file, mini_home, tmp_path):
     code = predictor_file("import numpy as np\ndef predict(m): return np.ones((len(m), 10))\n")
     where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", tmp_path / "r.json"]
-    assert eigbench("evaluate", code, *where, "--limit", 5)[0] == 0
+    assert eigbench("evaluate", code, *where, "--limit", 5, "--no-reference")[0] == 0
     code, _, err = eigbench("submit", tmp_path / "r.json", "--board", tmp_path)
     assert code == 2
     assert "is partial (made with --limit)" in err
@@ -552,10 +552,14 @@ def test_any_name_can_stand_on_the_page(make_submission, mini_truth, name):
 def test_compare_tells_ties_from_differences(eigbench, made):
     code, out, _ = eigbench("compare", made["one"], made["twenty"])
     assert code == 0
-    assert out.count("A is better") == len(METRICS) + 10  # of each metric and each eigenvalue
-    assert "tie (" not in out
+    # In every metric and in every family but two, whose labels are too coarse to tell
+    assert re.findall(r"^(.+?)  .*tie \((.+)\)$", out, flags=re.M) == [
+        ("Cylinder", "floor"),
+        ("Split cone", "floor"),
+    ]
+    assert out.count("A is better") == len(METRICS) + 8
     _, out, _ = eigbench("compare", made["twenty"], made["one"])
-    assert out.count("B is better") == len(METRICS) + 10
+    assert out.count("B is better") == len(METRICS) + 8
     code, out, _ = eigbench("compare", made["one"], made["one"], "--json")
     found = json.loads(out)
     assert {d["verdict"] for d in found["overall"].values()} == {"tie"}
@@ -577,7 +581,7 @@ def test_compare_reads_a_partial_result_of_a_directory(
     eigbench, predictor_file, mini_home, tmp_path
 ):
     code = predictor_file("import numpy as np\ndef predict(m): return np.ones((len(m), 10))\n")
-    where = ["--dataset", mini_home / "1.0-mini", "--limit", 5]
+    where = ["--dataset", mini_home / "1.0-mini", "--limit", 5, "--no-reference"]
     for name in "ab":
         eigbench("evaluate", code, *where, "--out", tmp_path / f"{name}.json")
     both = [tmp_path / "a.json", tmp_path / "b.json"]
@@ -587,6 +591,7 @@ def test_compare_reads_a_partial_result_of_a_directory(
     assert "holds no dataset" in err
 
 
+@pytest.mark.slow
 def test_plot_draws_every_picture(eigbench, made, tmp_path):
     code, out, _ = eigbench("plot", made["one"], made["twenty"], "--out", tmp_path / "figures")
     assert code == 0
