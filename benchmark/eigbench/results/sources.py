@@ -161,7 +161,7 @@ def _joined(items: list[Any]) -> list[Any]:
         if not isinstance(item, ast.Constant):
             parts.append(item)
         elif parts and isinstance(parts[-1], ast.Constant):
-            parts[-1] = ast.Constant(str(parts[-1].value) + str(item.value))
+            parts[-1] = ast.Constant(_spelt(parts[-1].value) + _spelt(item.value))
         elif item.value:
             parts.append(item)
     return parts
