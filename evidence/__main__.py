@@ -7,6 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from eigbench.errors import EigbenchError
+
 from evidence import card, measurements, numbers
 from evidence.blocks import BLOCKS, ELSEWHERE, fill
 from evidence.measurements import MEASUREMENTS, REPORTS, add_options
@@ -26,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     try:
         return options.run(options)
-    except (OSError, SynthNetError, ValueError) as error:
+    except (EigbenchError, OSError, SynthNetError, ValueError) as error:
         print(f"evidence: {error}", file=sys.stderr)
         return 2
 
