@@ -31,7 +31,7 @@ def table() -> Group[Ranked]:
         _fact("ms-mean", "mean", mean, _number("ms_per_mesh_mean")),
         _fact("lapy-ms", "LaPy's ms", "LaPy's ms a mesh in the same run.", _lapys_own),
         ratio,
-        _fact("batch", "batch", "Meshes per call.", _number("batch_size", 0)),
+        _fact("batch", "batch", "Number of meshes in a call.", _number("batch_size", 0)),
         _fact("cores", "cores used", "CPU time divided by wall time.", _number("cores_used")),
         _fact("memory", "peak MB", memory, _number("peak_memory_mb", 0)),
         parameters(),
