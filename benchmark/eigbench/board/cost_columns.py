@@ -18,54 +18,27 @@ def table() -> Group[Ranked]:
         low, high = facts["ms_per_mesh_quartiles"]
         return f"{number(low, 2)} to {number(high, 2)}", six_digits(low)
 
-    def of(key: str, decimals: int) -> Callable[[dict[str, Any]], Cell]:
-        return lambda facts: (number(facts[key], decimals), six_digits(facts[key]))
+    def training(row: Ranked) -> Cell:
+        return words(results.declared(row.submission.result, "training_cost"))
 
+    mean = "Total time divided by the number of meshes."
+    memory = "Peak memory of the predictor's process, its libraries included, a GPU's not."
+    trained = f"What the training took. {DECLARED}"
     ms, ratio = speed()
     columns = [
         ms,
         _fact("quartiles", "quartiles", "Quartiles of ms a mesh over the batches.", quartiles),
-        _fact(
-            "ms-mean",
-            "mean",
-            "Total time divided by the number of meshes.",
-            of("ms_per_mesh_mean", 2),
-        ),
+        _fact("ms-mean", "mean", mean, _number("ms_per_mesh_mean")),
         _fact("lapy-ms", "LaPy's ms", "LaPy's ms a mesh in the same run.", _lapys_own),
         ratio,
-        _fact(
-            "batch", "batch", "Meshes per call.", lambda f: (str(f["batch_size"]), f["batch_size"])
-        ),
-        _fact("cores", "cores used", "CPU time divided by wall time.", of("cores_used", 2)),
-        _fact(
-            "memory",
-            "peak MB",
-            "Peak memory of the predictor's process, its libraries included, a GPU's not.",
-            of("peak_memory_mb", 0),
-        ),
+        _fact("batch", "batch", "Number of meshes in a call.", _number("batch_size", 0)),
+        _fact("cores", "cores used", "CPU time divided by wall time.", _number("cores_used")),
+        _fact("memory", "peak MB", memory, _number("peak_memory_mb", 0)),
         parameters(),
-        Column(
-            "training-cost",
-            "training cost",
-            f"What the training took. {DECLARED}",
-            lambda row: words(results.declared(row.submission.result, "training_cost")),
-            numeric=False,
-        ),
+        Column("training-cost", "training cost", trained, training, numeric=False),
     ]
     note = "ms a mesh is the median over batches. The training cost is declared, not measured."
     return Group("cost", "Cost", columns, note)
-
-
-def _fact(
-    key: str,
-    title: str,
-    note: str,
-    cell: Callable[[dict[str, Any]], Cell],
-    *,
-    higher: bool = False,
-) -> Column[Ranked]:
-    """Return a column of what a run cost."""
-    return Column(key, title, note, lambda row: cell(row.submission.result["cost"]), higher=higher)
 
 
 def speed(protocol: str | None = None) -> list[Column[Ranked]]:
@@ -82,26 +55,29 @@ def speed(protocol: str | None = None) -> list[Column[Ranked]]:
     )
     ratio_note = (
         "How many times faster than LaPy on one thread, timed in the same run on some of the same "
-        "batches. It may be compared between machines for equal device and threads."
-        f"{elsewhere}"
+        f"batches. It may be compared between machines for equal device and threads.{elsewhere}"
     )
     return [
-        _fact(
-            "ms",
-            "ms a mesh",
-            ms_note,
-            lambda facts: (number(facts["ms_per_mesh"], 2), six_digits(facts["ms_per_mesh"])),
-        ),
+        _fact("ms", "ms a mesh", ms_note, _number("ms_per_mesh")),
         _fact("lapy", SPEED, ratio_note, ratio, higher=True),
     ]
+
+
+def _fact(
+    key: str, title: str, note: str, cell: Callable[[dict[str, Any]], Cell], *, higher: bool = False
+) -> Column[Ranked]:
+    """Return a column of what a run cost."""
+    return Column(key, title, note, lambda row: cell(row.submission.result["cost"]), higher=higher)
+
+
+def _number(name: str, decimals: int = 2) -> Callable[[dict[str, Any]], Cell]:
+    return lambda facts: (number(facts[name], decimals), six_digits(facts[name]))
 
 
 def _lapys_own(facts: dict[str, Any]) -> Cell:
     """Return LaPy's ms a mesh in a run, on the batches that it was given too."""
     reference = facts.get("reference")
-    if reference is None:
-        return "not timed", None
-    return number(reference["ms_per_mesh"], 2), six_digits(reference["ms_per_mesh"])
+    return ("not timed", None) if reference is None else _number("ms_per_mesh")(reference)
 
 
 def parameters() -> Column[Ranked]:

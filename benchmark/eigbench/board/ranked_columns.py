@@ -93,22 +93,18 @@ def groups(rows: Sequence[Ranked], protocol: str | None = None) -> list[Group[Ra
         The version's own protocol that the rows are of, which has no times and physics of its
         own; ``None`` for a protocol that all versions have.
     """
+    median_note = (
+        "The median over instances. InvLap has no upper bound, so one bad prediction can dominate "
+        "its mean; PSNR is in dB, and infinite where a prediction is exact."
+    )
+    interval_note = (
+        "95 % percentile-bootstrap intervals of the means; where an interval is not symmetric, ± "
+        "gives only half its width."
+    )
     medians = [_median(key) for key in METRICS if key != "psnr20"]
     scored = [
-        Group(
-            "medians",
-            "Medians",
-            medians,
-            "The median over instances. InvLap has no upper bound, so one bad prediction can "
-            "dominate its mean; PSNR is in dB, and infinite where a prediction is exact.",
-        ),
-        Group(
-            "intervals",
-            "Intervals",
-            [_interval(key) for key in MAIN],
-            "95 % percentile-bootstrap intervals of the means; where an interval is not symmetric, "
-            "± gives only half its width.",
-        ),
+        Group("medians", "Medians", medians, median_note),
+        Group("intervals", "Intervals", [_interval(key) for key in MAIN], interval_note),
         *(_families(rows, key) for key in FAMILIES_BY),
         Group("indices", "Relative error by eigenvalue", _indices(rows), "Mean of |p − g| / g."),
     ]

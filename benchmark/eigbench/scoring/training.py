@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from synthnet import recipe
 
-DEFAULT = "1.0/grouped"  # of a predictor that is asked about meshes with no training split
+DEFAULT = "1.0/grouped"  # of a predictor that runs on meshes without a training split
 IMPORTED = "imported"  # the protocol that holds nothing out: tested is an imported dataset
 
 
