@@ -18,24 +18,19 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-try:
-    import torch
-    from torch_geometric.data import Data, InMemoryDataset
-except ModuleNotFoundError as error:
-    raise ImportError(
-        f"synthnet.pyg needs PyTorch and PyTorch Geometric, and {error.name} is missing: "
-        "in the checkout, pip install -c constraints.txt -e '.[torch]'"
-    ) from error
-
 from synthnet import recipe, store
 from synthnet.build.versions import ensure_built
-from synthnet.errors import RecipeError
+from synthnet.errors import RecipeError, needed_by
 from synthnet.loaders import mapped
 from synthnet.loaders.mapped import MappedShapes
 from synthnet.mesh import isometries as isometry
 from synthnet.recipe import splits
 from synthnet.store import files
 from synthnet.types import PROTOCOLS, SPLITS, Mesh
+
+with needed_by("synthnet.pyg"):
+    import torch
+    from torch_geometric.data import Data, InMemoryDataset
 
 INDEX = "index.json"
 

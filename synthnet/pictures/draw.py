@@ -8,16 +8,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from synthnet import spectrum
+from synthnet.errors import needed_by
 from synthnet.pictures.raster import render
 from synthnet.store.files import write_bytes
 from synthnet.types import Mesh, Sample
+
+with needed_by("drawing"):
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
 
 BLUE = "#0072b2"  # Okabe and Ito: told apart by colour-blind readers
 DOTS = 150  # an inch

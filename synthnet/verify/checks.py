@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-import lapy
 import numpy as np
 import threadpoolctl
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from scipy import linalg
 from synthnet import recipe, spectrum, store
 from synthnet.build import estimates, importing
 from synthnet.build.discretisation import Estimate, estimate, extrapolate
-from synthnet.errors import SpectrumError, StoreError
+from synthnet.errors import SpectrumError, StoreError, needed_by
 from synthnet.families import FAMILIES
 from synthnet.mesh import isometries
 from synthnet.mesh.geometry import area
@@ -303,6 +302,8 @@ def lapy_eigenvalues(mesh: Mesh, k: int) -> np.ndarray[tuple[int], np.dtype[np.f
     a fixed one. Of a mesh that is hardly larger than the basis ARPACK needs, LaPy's matrices are
     solved densely: ARPACK finds no more than n - 1 eigenvalues.
     """
+    with needed_by("checking labels against LaPy's"):
+        import lapy
     size = area(mesh)
     vertices = mesh.vertices.astype(np.float64) / np.sqrt(size)
     with threadpoolctl.threadpool_limits(1):

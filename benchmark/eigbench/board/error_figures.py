@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from eigbench.board import ranking
@@ -23,6 +23,9 @@ from eigbench.board.ranking import RANKED_BY
 from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 LEAST = 1e-6  # relative error; a smaller one is drawn at the lower edge
 BINS = 40
 LINES = ("-", "--", ":", "-.")
@@ -38,8 +41,8 @@ def by_index(submissions: Sequence[Submission]) -> Figure:
     EigbenchError
         If a prediction is not finite.
     """
-    with style():
-        figure = Figure(figsize=(7.2, 3.6 + 0.09 * len(submissions)), layout="constrained")
+    with style() as blank:
+        figure = blank(figsize=(7.2, 3.6 + 0.09 * len(submissions)), layout="constrained")
         axes = figure.subplots()
         marks = cycle(PROTOCOL_MARKS)
         lines = np.repeat(LINES, len(PROTOCOL_MARKS))
@@ -84,9 +87,9 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
     low, high = min(v.min() for v in found), max(v.max() for v in found)
     space = np.linspace if metric.higher_is_better else np.geomspace
     edges = space(low, high if high > low else 1.1 * low + 1e-9, BINS + 1)
-    with style():
+    with style() as blank:
         tall = 2.4 if len(found) == 1 else 0.85
-        figure = Figure(figsize=(7.2, tall * len(found) + 0.9), layout="constrained")
+        figure = blank(figsize=(7.2, tall * len(found) + 0.9), layout="constrained")
         panels = np.ravel(figure.subplots(len(found), sharex=True, squeeze=False))
         for axes, one, values, told in zip(panels, submissions, found, medians, strict=True):
             axes.hist(

@@ -7,11 +7,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import cycle
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from eigbench import results
@@ -23,7 +21,12 @@ from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS, psnr
 from synthnet import recipe
+from synthnet.errors import needed_by
 from synthnet.store.files import write_atomically
+
+if TYPE_CHECKING:
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
 
 # Okabe and Ito: told apart by colour-blind readers; the markers tell kinds apart in print.
 KINDS = {"trivial": ("#999999", "s"), "classical": ("#0072B2", "o"), "learned": ("#D55E00", "^")}
@@ -42,8 +45,11 @@ QUANTILES = {"best": 0.0, "median": 0.5, "worst": 1.0}
 
 
 @contextmanager
-def style() -> Iterator[None]:
-    """Plain axes, and SVG that is the same to the byte at each run."""
+def style() -> Iterator[type[Figure]]:
+    """Give Matplotlib's figures: with plain axes, and SVG that is the same to the byte each run."""
+    with needed_by("drawing"):
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
     settings: Any = {  # matplotlib's type of keys is a list of 300 literals
         "font.size": 9,
         "font.family": "DejaVu Sans",
@@ -56,7 +62,7 @@ def style() -> Iterator[None]:
     with mpl.rc_context():
         mpl.rcdefaults()  # a user's own style would change the bytes
         mpl.rcParams.update(settings)
-        yield
+        yield Figure
 
 
 def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) -> str:
@@ -71,9 +77,9 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
     by_label: dict[str, list[Submission]] = {}
     for one in submissions:
         by_label.setdefault(results.setting(one.result), []).append(one)
-    with style():
+    with style() as blank:
         # Places by hand: those of an automatic layout depend on the version of FreeType
-        figure = Figure(figsize=(7.2, 4.4 * len(by_label)))
+        figure = blank(figsize=(7.2, 4.4 * len(by_label)))
         panels = np.ravel(figure.subplots(len(by_label), squeeze=False))
         figure.subplots_adjust(0.1, 0.5 / (4.4 * len(by_label)), 0.97, 0.93, hspace=0.35)
         for axes, label in zip(panels, sorted(by_label), strict=True):
@@ -195,8 +201,8 @@ def _overlap(a: Sequence[float], b: Sequence[float]) -> float:
 def generalisation(board: Board, key: str = RANKED_BY) -> str:
     """Return an SVG of each model's mean error i.i.d. and under each protocol, a line a model."""
     metric = METRICS[key]
-    with style():
-        figure = Figure(figsize=(7.2, 0.3 * len(board.rows) + 1.3))
+    with style() as blank:
+        figure = blank(figsize=(7.2, 0.3 * len(board.rows) + 1.3))
         axes = figure.subplots()
         high = 0.3 * len(board.rows) + 1.3
         figure.subplots_adjust(0.36, 0.45 / high, 0.98, 1 - 0.75 / high)
@@ -238,8 +244,8 @@ def spectra(one: Submission) -> Figure:
     families = in_order(one.truth.families.tolist())
     errors = ranking.per_mesh(one, RANKED_BY)
     check_finite(one, errors, METRICS[RANKED_BY].title)
-    with style():
-        figure = Figure(figsize=(7.2, 1.7 * len(families) + 0.6), layout="constrained")
+    with style() as blank:
+        figure = blank(figsize=(7.2, 1.7 * len(families) + 0.6), layout="constrained")
         panels = figure.subplots(len(families), len(QUANTILES), squeeze=False)
         for row, family in zip(panels, families, strict=True):
             mine = np.flatnonzero(one.truth.families == family)
@@ -275,12 +281,14 @@ def _spectrum(axes: mpl.axes.Axes, one: Submission, i: int, name: str) -> None:
 def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
     """Draw the distribution of a metric by family: a box of quartiles, whiskers 5 to 95 %."""
     names = in_order(submissions[0].truth.families.tolist())
-    with style():
+    with style() as blank:
         height = 0.35 * len(names) * max(1.0, 0.4 * len(submissions)) + 1.2
-        figure = Figure(figsize=(7.2, height), layout="constrained")
+        figure = blank(figsize=(7.2, height), layout="constrained")
         axes = figure.subplots()
         width = 0.8 / len(submissions)
-        palette = mpl.colormaps["viridis"](np.linspace(0.3, 1, len(submissions)))
+        from matplotlib import colormaps
+
+        palette = colormaps["viridis"](np.linspace(0.3, 1, len(submissions)))
         for number, (one, colour) in enumerate(zip(submissions, palette, strict=True)):
             values = ranking.per_mesh(one, key)
             check_finite(one, values, METRICS[key].title)

@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
 from eigbench.scoring.training import DEFAULT
+from synthnet.errors import install
 from synthnet.store.files import sha256
 from synthnet.types import Mesh
 
@@ -111,6 +112,8 @@ def _found(module: ModuleType, path: Path, device: str, seed: int, training: str
             return _of_torch(model, getattr(module, "transform", None), meta, device, path)
     except PredictorError:
         raise
+    except ModuleNotFoundError as error:
+        raise _lacking(path, error) from error
     except (Exception, SystemExit) as error:
         raise PredictorError(f"{path} failed to load: {told(error, path)}") from error
     raise PredictorError(
@@ -202,12 +205,17 @@ def _module(path: Path) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except ModuleNotFoundError as error:
-        raise PredictorError(
-            f"{path} needs the package {error.name}, which is not installed: pip install it"
-        ) from error
+        raise _lacking(path, error) from error
     except (Exception, SystemExit) as error:
         raise PredictorError(f"{path} failed to load: {told(error, path)}") from error
     return module
+
+
+def _lacking(path: Path, error: ModuleNotFoundError) -> PredictorError:
+    command = install(str(error.name))
+    return PredictorError(
+        f"{path} needs the package {error.name}, which is not installed: {command}"
+    )
 
 
 def _meta(module: ModuleType, path: Path) -> dict[str, str]:
