@@ -302,7 +302,7 @@ def lapy_eigenvalues(mesh: Mesh, k: int) -> np.ndarray[tuple[int], np.dtype[np.f
     a fixed one. Of a mesh that is hardly larger than the basis ARPACK needs, LaPy's matrices are
     solved densely: ARPACK finds no more than n - 1 eigenvalues.
     """
-    with needed_by("checking labels against LaPy's"):
+    with needed_by("checking labels"):
         import lapy
     size = area(mesh)
     vertices = mesh.vertices.astype(np.float64) / np.sqrt(size)
