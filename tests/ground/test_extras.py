@@ -167,9 +167,9 @@ def test_other_packages_and_other_errors_are_left_alone() -> None:
         import no_such_thing  # type: ignore[import-not-found]  # noqa: F401
     with pytest.raises(ZeroDivisionError), needed_by("this"):
         _ = 1 / 0
-    with pytest.raises(MissingPackageError, match="this needs PyTorch Geometric: "):
-        with needed_by("this"):
-            raise ModuleNotFoundError(name="torch_geometric.data")
+    line = "this needs PyTorch Geometric: "
+    with pytest.raises(MissingPackageError, match=line), needed_by("this"):
+        raise ModuleNotFoundError(name="torch_geometric.data")
     assert install("cv2") == "pip install it"
 
 
