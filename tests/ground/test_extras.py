@@ -22,6 +22,7 @@ LINES = {
     "eigbench.losses": "eigbench.losses needs PyTorch: pip install 'synthnet[torch]'",
     "eigbench.scoring.losses": "eigbench.losses needs PyTorch: pip install 'synthnet[torch]'",
     "synthnet.loaders.pyg": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
+    "synthnet.loaders.transformed": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
     "synthnet.pictures.draw": "drawing needs Matplotlib: pip install 'synthnet[pictures]'",
     "synthnet.pictures.gallery": "drawing needs Matplotlib: pip install 'synthnet[pictures]'",
     "synthnet.pyg": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
