@@ -33,7 +33,7 @@ class RecipeError(SynthNetError):
 
 
 class StoreError(SynthNetError):
-    """A dataset on disk is missing, damaged or of another recipe."""
+    """A dataset on disk is missing, is damaged or comes from another recipe."""
 
 
 class DamagedError(StoreError):
@@ -41,19 +41,19 @@ class DamagedError(StoreError):
 
 
 class BuildError(SynthNetError):
-    """A build could not go on; what it had finished is kept."""
+    """A build had to stop; the shards it had finished are kept."""
 
 
 class MeshImportError(SynthNetError):
-    """There is nothing to import, or the dataset's name will not do."""
+    """There is nothing to import, or the dataset's name is not allowed."""
 
 
 class SealError(SynthNetError):
-    """A seal file or a salt is missing, malformed, or of another set."""
+    """A seal file or a salt is missing, is malformed, or belongs to another set."""
 
 
 class MissingPackageError(SynthNetError, ImportError):
-    """A package that is needed is not installed, or cannot be imported."""
+    """An optional package is needed, and it is not installed or cannot be imported."""
 
 
 def install(module: str) -> str:
@@ -102,4 +102,4 @@ class SpectrumError(SynthNetError):
 
 
 class CertificateError(SpectrumError):
-    """Eigenvalues were found, but not proved to be all there are."""
+    """Eigenvalues were computed, but they are not proved to be complete."""

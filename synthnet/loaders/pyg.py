@@ -190,13 +190,12 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
 
     def _held_out_or_not(self, shapes: MappedShapes) -> NDArray[np.bool_]:
         """Return which shapes the split has under a protocol of the version's own."""
-        wanted = recipe.load(self.version)
-        parts = splits.folds(wanted, self.protocol, self.split)
+        drawn_by = recipe.load(self.version)
+        parts = splits.folds(drawn_by, self.protocol, self.split)
         taken = [
-            any(splits.takes(fold, wanted, self.split, id) for fold in parts) for id in shapes.ids
+            any(splits.takes(fold, drawn_by, self.split, id) for fold in parts) for id in shapes.ids
         ]
-        mine: NDArray[np.bool_] = (shapes.splits == self.split) & np.array(taken, dtype=np.bool_)
-        return mine
+        return np.asarray((shapes.splits == self.split) & np.array(taken, dtype=np.bool_))
 
     def len(self) -> int:
         """Return the number of instances of all splits; ``len(dataset)`` is this split's."""
