@@ -1,4 +1,4 @@
-# Everything a checkout needs. Any Debian or Ubuntu with Python 3.11+ and make will do.
+# Everything a checkout needs, on any Debian or Ubuntu with Python 3.11+ and make.
 
 VENV ?= .venv
 PYTHON ?= python3
@@ -8,13 +8,13 @@ PAGE ?= page
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help quickstart test lint types docs bench tables page ci clean
+.PHONY: help quickstart test test-all lint types docs bench tables page ci clean
 
 help: ## list the targets
 	@echo "Usage: make TARGET [VENV=$(VENV)] [PYTHON=$(PYTHON)] [VERSION=$(VERSION)]"
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  %-12s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-12s %s\n", $$1, $$2 }' Makefile
 
-# The stamp is written last, so an installation that was interrupted is taken up again.
+# The stamp is written last, so an interrupted installation is resumed.
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) scripts/make_venv.py $(VENV)
 	$(VENV)/bin/python -m pip install -c constraints.txt -e '.[all,dev]'
@@ -26,8 +26,11 @@ quickstart: $(STAMP) ## install everything, build VERSION, show it and load a fi
 	$(VENV)/bin/python examples/first_batch.py $(VERSION)
 	@echo "Now: . $(VENV)/bin/activate"
 
-test: $(STAMP) ## run the tests, a process a core
-	$(VENV)/bin/python -m pytest -n auto --dist loadfile
+test: $(STAMP) ## run the quick tests, one process per core
+	$(VENV)/bin/python -m pytest -n auto --dist loadfile -m "not slow"
+
+test-all: test ## run the quick tests, then the slow ones
+	$(VENV)/bin/python -m pytest -n auto --dist loadfile -m slow
 
 lint: $(STAMP) ## check style and formatting
 	$(VENV)/bin/python -m ruff check
@@ -55,7 +58,7 @@ page: $(STAMP) ## write the leaderboard as a page into PAGE
 	cd benchmark/page && PATH="$(abspath $(VENV))/bin:$$PATH" npm run build
 	$(VENV)/bin/eigbench site --out $(PAGE)
 
-ci: lint types docs test ## all checks: lint, types, docs and test
+ci: lint types docs test-all ## run all checks: lint, types, docs and every test
 
 clean: ## remove the virtual environment and all caches
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache build dist site *.egg-info

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import trimesh
 
-from synthnet.build.importing import import_meshes, file_outcomes
+from synthnet.build.importing import file_outcomes, import_meshes
 from synthnet.types import Sample
 from synthnet.verify.checks import verify
 

@@ -2,8 +2,8 @@
 
 Debian and Ubuntu move ``ensurepip`` out of Python into the package python3-venv. Where
 that is not installed ``python3 -m venv`` fails; this script then downloads a pinned pip
-from the package index, checks its digest and installs it. It needs nothing but the
-standard library.
+from the package index, over a connection whose certificate is checked, checks its digest
+and installs it. It needs nothing but the standard library.
 
 Usage: ``python3 scripts/make_venv.py DIRECTORY``
 """
@@ -30,13 +30,13 @@ TIMEOUT = 60  # seconds without a byte from the index
 
 
 def fail(message: str) -> NoReturn:
-    """Say in one line what is wrong, and stop."""
+    """Print in one line what is wrong, and stop."""
     print(f"make_venv: {message}", file=sys.stderr)
     sys.exit(2)
 
 
 def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
-    """Run a command and keep to ourselves what it prints."""
+    """Run a command and capture what it prints."""
     return subprocess.run(
         [str(word) for word in command], capture_output=True, text=True, check=False
     )
@@ -58,12 +58,18 @@ def make(directory: Path) -> None:
         wheel = download_pip(index)
     except (OSError, ValueError, http.client.HTTPException) as error:
         host = urllib.parse.urlsplit(index).hostname or index
+        if isinstance(getattr(error, "reason", None), ssl.SSLCertVerificationError):
+            fail(
+                f"cannot check the certificate of the package index {host}: install "
+                "ca-certificates or python3-venv, or set PIP_CERT or SSL_CERT_FILE to a file "
+                "of certificates"
+            )
         fail(f"cannot get pip from the package index {host}: {error}")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, WHEEL)
         file.write_bytes(wheel)
         # A wheel is a zip file, which Python can run; this is pip installing itself.
-        # --ignore-installed: do not trust what an interrupted installation left there.
+        # --ignore-installed overwrites what an interrupted installation left there.
         pip = (python, file / "pip", "--isolated", "install", "--no-index")
         done = run(*pip, "--ignore-installed", file)
     if done.returncode != 0:
@@ -71,8 +77,8 @@ def make(directory: Path) -> None:
 
 
 def download_pip(index: str) -> bytes:
-    """Return the pinned wheel of pip, found in a package index and checked."""
-    context = tls_context()
+    """Return the pinned wheel of pip from a package index, its digest checked."""
+    context = ssl.create_default_context(cafile=os.environ.get("PIP_CERT") or None)
 
     def get(url: str) -> tuple[str, bytes]:
         with urllib.request.urlopen(url, timeout=TIMEOUT, context=context) as answer:
@@ -81,7 +87,7 @@ def download_pip(index: str) -> bytes:
     page, text = get(index.rstrip("/") + "/pip/")
     links = Links()
     links.feed(text.decode())
-    for link in links.found:
+    for link in links.targets:
         url = urllib.parse.urldefrag(urllib.parse.urljoin(page, link)).url
         if url.endswith("/" + WHEEL):
             wheel = get(url)[1]
@@ -91,36 +97,23 @@ def download_pip(index: str) -> bytes:
     raise ValueError(f"it does not list {WHEEL}")
 
 
-def tls_context() -> ssl.SSLContext:
-    """Return how to check that the package index is who it says it is."""
-    context = ssl.create_default_context(cafile=os.environ.get("PIP_CERT") or None)
-    paths = ssl.get_default_verify_paths()  # those that exist
-    known = paths.cafile or (paths.capath and any(Path(paths.capath).iterdir()))
-    if not known and not os.environ.get("PIP_CERT"):
-        # Without the package ca-certificates nobody can be recognised. The digest still
-        # vouches for the one file we take, and pip then brings its own certificates.
-        context.check_hostname = False
-        context.verify_mode = ssl.CERT_NONE
-    return context
-
-
 class Links(html.parser.HTMLParser):
-    """Collects where the links of a page lead, in ``found``."""
+    """The targets of the links of a page, in ``targets``."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.found: list[str] = []
+        self.targets: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note down the target of an ``<a>``."""
+        """Keep the target of an ``<a>``."""
         if tag == "a":
-            self.found += [url for name, url in attrs if name == "href" and url]
+            self.targets += [url for name, url in attrs if name == "href" and url]
 
 
 if __name__ == "__main__":
     if sys.version_info < PYTHON:
-        found, needed = (".".join(map(str, v[:2])) for v in (sys.version_info, PYTHON))
-        fail(f"Python {needed} or newer is needed, and {sys.executable} is {found}")
+        running, needed = (".".join(map(str, v[:2])) for v in (sys.version_info, PYTHON))
+        fail(f"Python {needed} or newer is needed, and {sys.executable} is {running}")
     if len(sys.argv) != 2:
         fail("usage: make_venv.py DIRECTORY")
     make(Path(sys.argv[1]))

@@ -32,13 +32,18 @@ def __getattr__(name: str) -> Any:
 
 
 def _picture(shown: Any) -> bytes | None:
-    from synthnet.pictures.draw import notebook_picture
+    """Return what a notebook shows; nothing without Matplotlib, so that it shows the text."""
+    from synthnet.errors import MissingPackageError
 
+    try:
+        from synthnet.pictures.draw import notebook_picture
+    except MissingPackageError:
+        return None
     return notebook_picture(shown)
 
 
 def _show_pictures_in_notebooks() -> None:
-    """Have a notebook show meshes and samples as pictures, drawn when they are shown."""
+    """Register pictures of meshes and samples with a running notebook, which draws them on show."""
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
     if shell is not None:
         png = shell.display_formatter.formatters["image/png"]

@@ -4,6 +4,25 @@ Each message is one line that says what was wrong, where, and what to do next.
 The command line prints it and exits with code 2.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+# Packages that an installation may lack, by the name that is imported: the package's own
+# name, and the extra of this project that brings it.
+OPTIONAL = {
+    "datasets": ("datasets", "datasets"),
+    "distributed": ("distributed", "dask"),
+    "lapy": ("LaPy", "verify"),
+    "matplotlib": ("Matplotlib", "pictures"),
+    "mpi4py": ("mpi4py", "mpi"),
+    "open3d": ("Open3D", "build"),
+    "s3fs": ("s3fs", "s3"),
+    "safetensors": ("safetensors", "baselines"),
+    "sklearn": ("scikit-learn", "baselines"),
+    "torch": ("PyTorch", "torch"),
+    "torch_geometric": ("PyTorch Geometric", "torch"),
+}
+
 
 class SynthNetError(Exception):
     """Base of all errors raised on purpose by this package."""
@@ -14,7 +33,7 @@ class RecipeError(SynthNetError):
 
 
 class StoreError(SynthNetError):
-    """A dataset on disk is missing, damaged or of another recipe."""
+    """A dataset on disk is missing, is damaged or comes from another recipe."""
 
 
 class DamagedError(StoreError):
@@ -22,19 +41,60 @@ class DamagedError(StoreError):
 
 
 class BuildError(SynthNetError):
-    """A build could not go on; what it had finished is kept."""
+    """A build had to stop; the shards it had finished are kept."""
 
 
 class MeshImportError(SynthNetError):
-    """There is nothing to import, or the dataset's name will not do."""
+    """There is nothing to import, or the dataset's name is not allowed."""
 
 
 class SealError(SynthNetError):
-    """A seal file or a salt is missing, malformed, or of another set."""
+    """A seal file or a salt is missing, is malformed, or belongs to another set."""
 
 
 class MissingPackageError(SynthNetError, ImportError):
-    """A package that is needed is not installed, or cannot be imported."""
+    """An optional package is needed, and it is not installed or cannot be imported."""
+
+
+def install(module: str) -> str:
+    """Return the command that installs the package of a module.
+
+    Examples
+    --------
+    >>> install("open3d")
+    "pip install 'synthnet[build]'"
+    >>> install("no_such_thing")  # its package may have any name
+    'pip install it'
+    """
+    return (
+        f"pip install 'synthnet[{OPTIONAL[module][1]}]'" if module in OPTIONAL else "pip install it"
+    )
+
+
+@contextmanager
+def needed_by(what: str) -> Iterator[None]:
+    """Import optional packages in this block; a missing one is one line that names its extra.
+
+    Raises
+    ------
+    MissingPackageError
+        If a package of :data:`OPTIONAL` is not installed.
+
+    Examples
+    --------
+    >>> with needed_by("building shapes"):
+    ...     raise ModuleNotFoundError(name="open3d")
+    Traceback (most recent call last):
+    synthnet.errors.MissingPackageError: building shapes needs Open3D: pip install 'synthnet[build]'
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in OPTIONAL:
+            raise
+        name = OPTIONAL[package][0]
+        raise MissingPackageError(f"{what} needs {name}: {install(package)}") from error
 
 
 class SpectrumError(SynthNetError):
@@ -42,4 +102,4 @@ class SpectrumError(SynthNetError):
 
 
 class CertificateError(SpectrumError):
-    """Eigenvalues were found, but not proved to be all there are."""
+    """Eigenvalues were computed, but they are not proved to be complete."""

@@ -1,10 +1,8 @@
-"""What every process of ours does: notice an interrupt, and end when its parent is gone.
+"""Every process notices an interrupt, and a worker ends when its parent is gone.
 
-Ctrl-C, and SIGTERM as sent by schedulers, are noticed even where the exception is lost.
-
-An exception that a signal raises inside a destructor or a C extension's callback is
-printed or dropped there, and the program goes on. So the signal is also written down, and
-a long loop asks for it.
+An exception that a signal raises inside a destructor or a C extension's callback is printed
+or dropped there, and the program continues. So Ctrl-C, and SIGTERM as schedulers send it,
+are also recorded, and long loops check the record.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ _seen = threading.Event()
 
 
 def notice_interrupts() -> None:
-    """From now on write Ctrl-C and SIGTERM down, and raise ``KeyboardInterrupt``."""
+    """From now on record Ctrl-C and SIGTERM, and raise ``KeyboardInterrupt``."""
     for number, default in (
         (signal.SIGINT, signal.default_int_handler),
         (signal.SIGTERM, signal.SIG_DFL),
@@ -49,7 +47,7 @@ def _notice(number: int, frame: FrameType | None) -> None:
 
 
 def follow_parent() -> None:
-    """From now on end this process when its parent is gone, whatever it is at."""
+    """From now on end this process when its parent is gone, whatever it is doing."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()

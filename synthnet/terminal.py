@@ -1,4 +1,4 @@
-"""What both command lines share: a parser, exit codes, and a column of progress."""
+"""The parser, exit code and progress column that both command lines share."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from typing import Any, NoReturn
 from rich.progress import ProgressColumn, Task
 from rich.text import Text
 
-WRONG_INPUT = 2  # exit code where the input, the directory or the machine will not do
+WRONG_INPUT = 2  # exit code if the input, the directory or the machine is unsuitable
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line, and that takes no abbreviated options."""
+    """A parser that prints an error as one line and accepts no abbreviated options."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"allow_abbrev": False, **options})
 
     def error(self, message: str) -> NoReturn:
-        """Print the error and where help is, and exit."""
+        """Print the error and how to get help, and exit."""
         self.exit(WRONG_INPUT, f"{self.prog}: {message} (`{self.prog} --help` shows how)\n")
 
 
 class Rate(ProgressColumn):
-    """Meshes per second since the family's first shard began."""
+    """A column of meshes per second since the family's first shard began."""
 
     def render(self, task: Task) -> Text:
-        """Return the rate, or nothing before there is one."""
+        """Return the rate, or nothing before the first mesh is done."""
         seconds = task.finished_time or task.elapsed
         if not task.completed or not seconds:
             return Text("")

@@ -52,8 +52,8 @@ class Mesh:
             if array.ndim != 2 or array.shape[1] != 3:
                 raise ValueError(f"{name} must have shape (n, 3), got {array.shape}")
             if array.dtype.kind not in kind:
-                wanted = "floating point" if kind == "f" else "integer"
-                raise ValueError(f"{name} must be {wanted}, got {array.dtype}")
+                required = "floating point" if kind == "f" else "integer"
+                raise ValueError(f"{name} must be {required}, got {array.dtype}")
         if self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < len(self.vertices):
             raise ValueError(
                 f"faces must name vertices 0 to {len(self.vertices) - 1}, "
@@ -111,19 +111,19 @@ class ShapeSpec:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """The proof that a spectrum is complete, see :func:`synthnet.spectrum.compute`.
+    """A proof that a spectrum is complete, see :func:`synthnet.spectrum.compute`.
 
     Parameters
     ----------
     count : int
-        Eigenvalues below the shift, the trivial zero included, by the law of inertia: as
-        many as were found.
+        Eigenvalues below the shift, the trivial zero included, by the law of inertia; it
+        equals the number computed.
     shift : float
         Where they were counted, in 1/length²: in a gap above the last eigenvalue of the
-        label and all that are as good as equal to it.
+        label and those that agree with it to rounding.
     residual : float
-        Largest relative residual of the pairs below the shift: each has an eigenvalue
-        within so much of it, relative to it.
+        Largest relative residual of the pairs below the shift: the relative distance
+        within which each has an exact eigenvalue.
     """
 
     count: int
@@ -142,7 +142,7 @@ class Spectrum:
     trivial : float
         The computed value of the zero eigenvalue of the constant function.
     certificate : Certificate
-        That no eigenvalue was missed.
+        Proof that no eigenvalue was missed.
     eigenvectors : ndarray of shape (n, k), float64
         Eigenfunctions at the vertices, orthonormal in the mass matrix.
     """
@@ -168,7 +168,7 @@ class Sample:
     trivial : float
         The computed value of the zero eigenvalue.
     certificate : Certificate
-        That the label misses no eigenvalue.
+        Proof that the label misses no eigenvalue.
     isometries : ndarray of shape (c, 3, 3), float64
         Orthogonal matrices of the instances; the first is the identity.
     split : str

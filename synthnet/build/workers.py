@@ -24,7 +24,7 @@ from typing import Any, TypeAlias
 
 import threadpoolctl
 
-from synthnet.errors import BuildError, MissingPackageError
+from synthnet.errors import BuildError, MissingPackageError, needed_by
 from synthnet.processes import follow_parent
 
 CONNECT_SECONDS = 10
@@ -138,14 +138,10 @@ def dask_cluster(scheduler: str) -> Iterator[Workers]:
         If no scheduler answers there, it goes away, the workers lack synthnet, or they die
         of one shard after the other.
     """
-    try:
+    with needed_by("--engine dask"):
         import distributed
         from distributed.comm import CommClosedError, resolve_address
         from distributed.scheduler import KilledWorker
-    except ImportError as error:
-        raise MissingPackageError(
-            "--engine dask needs the package distributed: pip install 'synthnet[dask]'"
-        ) from error
     with _quiet("distributed"):
         try:
             resolve_address(scheduler)
@@ -189,12 +185,9 @@ def mpi_processes() -> Engine:
         If the job was not started as ``mpiexec -n N python -m mpi4py.futures -m synthnet``.
     """
     try:
-        from mpi4py import MPI
-        from mpi4py.futures import MPIPoolExecutor, _core
-    except ImportError as error:
-        raise MissingPackageError(
-            "--engine mpi needs the package mpi4py: pip install 'synthnet[mpi]'"
-        ) from error
+        with needed_by("--engine mpi"):
+            from mpi4py import MPI
+            from mpi4py.futures import MPIPoolExecutor, _core
     except RuntimeError as error:
         raise MissingPackageError(
             "--engine mpi finds no MPI library: load your cluster's MPI module, "

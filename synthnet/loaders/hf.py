@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING
 
 from synthnet import store
-from synthnet.errors import StoreError
+from synthnet.errors import StoreError, needed_by
 from synthnet.types import SPLITS
 
 if TYPE_CHECKING:
@@ -35,20 +35,15 @@ def load_dataset(
     ------
     ValueError
         If the split is unknown.
-    ImportError
+    MissingPackageError
         If the package ``datasets`` is not installed.
     StoreError
         If there is no shape in the split.
     """
     if split not in SPLITS:
         raise ValueError(f"split must be one of {', '.join(SPLITS)}, got {split!r}")
-    try:
+    with needed_by("synthnet.load_dataset"):
         import datasets
-    except ImportError as error:
-        raise ImportError(
-            "synthnet.load_dataset needs the package datasets: in the checkout, "
-            "pip install -c constraints.txt -e '.[datasets]'"
-        ) from error
     from synthnet.build.versions import ensure_built
 
     stored = ensure_built(version, root)

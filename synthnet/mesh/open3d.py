@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from synthnet.errors import MissingPackageError
+from synthnet.errors import MissingPackageError, install, needed_by
 from synthnet.types import Mesh
 
 __all__ = ["decimate", "from_open3d", "load_open3d", "subdivide", "to_open3d"]
@@ -83,13 +83,14 @@ def load_open3d() -> types.ModuleType:
                 soname, version, names = line.split(":")
                 if not _loadable(soname):
                     _load_stand_in(soname, names.split(), version)
-        return importlib.import_module("open3d")
+        with needed_by("building shapes"):
+            return importlib.import_module("open3d")
+    except MissingPackageError:
+        raise
     except (ImportError, OSError) as error:
-        # There are open3d-cpu wheels for x86-64 Linux only; open3d has the other ones.
-        wheel = "open3d-cpu" if platform.machine() == "x86_64" else "open3d"
         raise MissingPackageError(
-            f"Open3D cannot be imported ({error}); install it and the USB library it "
-            f"needs with `pip install {wheel} libusb-package`"
+            f"Open3D cannot be imported ({error}): {install('open3d')} brings it with the USB "
+            "library that it needs"
         ) from error
 
 

@@ -8,31 +8,34 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from synthnet import spectrum
+from synthnet.errors import needed_by
 from synthnet.pictures.raster import render
 from synthnet.store.files import write_bytes
 from synthnet.types import Mesh, Sample
 
-BLUE = "#0072b2"  # Okabe and Ito: told apart by colour-blind readers
+with needed_by("drawing"):
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+BLUE = "#0072b2"  # Okabe and Ito's, which colour-blind readers can tell apart
 DOTS = 150  # an inch
 ACROSS = 5  # eigenfunctions, or meshes of a sheet, in a row
 TOP, BELOW = 3.9, 2.15  # inches: height of the mesh and its spectrum, and of a row below
-WIDTH, KEY = 9.0, 0.3  # inches; what the colours mean is told in the key
+WIDTH, KEY = 9.0, 0.3  # inches; the key says what the colours mean
 KEY_TEXT = "eigenfunctions: negative blue, zero white and a line, positive orange"
 CAPTION_LINE = 0.135  # inches
-LETTER = 0.1  # inches: more than a letter of a title takes in the mean
-SIGN = 0.5  # of the largest magnitude: the first vertex above it says which way is positive
+LETTER = 0.1  # inches: a little more than the mean width of a title's letter
+SIGN = 0.5  # of the largest magnitude: a function is positive at the first vertex above it
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Of a sheet: meshes in a row, and the inches each of them has for its picture."""
+    """The layout of a sheet: meshes in a row, and the inches of each mesh's picture."""
 
     across: int = ACROSS
     width: float = WIDTH / ACROSS
@@ -95,13 +98,13 @@ def picture_of_sample(sample: Sample, *, eigenfunctions: int = 0, edges: bool = 
 
 
 def _eigenfunctions(figure: Figure, mesh: Mesh, count: int, top: float) -> None:
-    found = spectrum.compute(mesh, count)
+    computed = spectrum.compute(mesh, count)
     wide = WIDTH / ACROSS
-    for number, function in enumerate(signed(found.eigenvectors).T):
+    for number, function in enumerate(signed(computed.eigenvectors).T):
         row, column = divmod(number, ACROSS)
         below = top - (row + 1) * BELOW
         _picture(figure, (column * wide, below, wide, BELOW - 0.4), mesh, values=function)
-        title = f"$\\lambda_{{{number + 1}}}$ = {found.eigenvalues[number]:.4g}"
+        title = f"$\\lambda_{{{number + 1}}}$ = {computed.eigenvalues[number]:.4g}"
         _text(figure, (column + 0.5) * wide, below + BELOW - 0.2, title, formulas=True)
 
 
@@ -128,7 +131,7 @@ def picture_of_sheet(
     Parameters
     ----------
     meshes : sequence of Mesh or None
-        What to draw, row by row; ``None`` leaves its place empty.
+        What to draw, row by row; ``None`` leaves a gap.
     captions : sequence of sequence of str
         Lines under each mesh, the first its name.
     title : str
@@ -167,7 +170,7 @@ def picture_of_sheet(
 
 
 def signed(eigenvectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return eigenfunctions, the columns, with signs that do not hang on the last bits.
+    """Return eigenfunctions, the columns, with signs that do not depend on the last bits.
 
     The first vertex at which a function reaches half its largest magnitude is positive.
 
@@ -192,17 +195,17 @@ def plain_style() -> Iterator[None]:
 
 def _picture(
     figure: Figure,
-    place: tuple[float, float, float, float],
+    box: tuple[float, float, float, float],
     mesh: Mesh,
     *,
     values: NDArray[np.float64] | None = None,
     edges: bool = False,
 ) -> None:
-    """Draw a mesh in a place of a figure: left, bottom, width and height in inches."""
+    """Draw a mesh in a box of a figure: left, bottom, width and height in inches."""
     inches = figure.get_size_inches()
-    axes = figure.add_axes(tuple(np.array(place) / np.tile(inches, 2)))
+    axes = figure.add_axes(tuple(np.array(box) / np.tile(inches, 2)))
     axes.set_axis_off()
-    width, height = round(place[2] * DOTS), round(place[3] * DOTS)
+    width, height = round(box[2] * DOTS), round(box[3] * DOTS)
     pixels = render(mesh, width, height, values=values, edges=edges)
     axes.imshow(pixels, interpolation="nearest", aspect="auto")
 
@@ -219,7 +222,7 @@ def _text(
 ) -> None:
     """Write text around a point of a figure, in inches from its lower left corner.
 
-    Only where formulas are wanted does a dollar sign begin one: names of imported files have any.
+    A dollar sign begins a formula only if ``formulas`` is set: imported names may contain some.
     """
     wide, high = figure.get_size_inches()
     drawn = figure.text(x / wide, y / high, text, ha="center", va="center", size=size, color=color)
@@ -227,10 +230,10 @@ def _text(
 
 
 def _bars(
-    figure: Figure, place: tuple[float, float, float, float], eigenvalues: NDArray[np.float64]
+    figure: Figure, box: tuple[float, float, float, float], eigenvalues: NDArray[np.float64]
 ) -> None:
     inches = figure.get_size_inches()
-    axes = figure.add_axes(tuple(np.array(place) / np.tile(inches, 2)))
+    axes = figure.add_axes(tuple(np.array(box) / np.tile(inches, 2)))
     numbers = np.arange(1, len(eigenvalues) + 1)
     axes.bar(numbers, eigenvalues, color=BLUE, width=0.6)
     axes.set_xticks(numbers)

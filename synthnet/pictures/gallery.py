@@ -20,8 +20,8 @@ from synthnet.recipe.drawing import draw_shape
 from synthnet.recipe.plan import plan_shards
 from synthnet.types import Mesh, ShapeSpec
 
-LINE, NO_BREAK = 36, "\u00a0"  # letters of a caption's line, and a space that ends none
-MOST = 5000  # shapes of a family to choose from: all but of scaled versions
+LINE, NO_BREAK = 36, "\u00a0"  # letters in a line of a caption; a space that no line breaks at
+MOST = 5000  # shapes of a family to choose from; only scaled versions have more
 UNSEEN = ("seed", "sha256")  # parameters that say nothing to a reader
 
 
@@ -66,39 +66,44 @@ def candidates(
     if stored is not None:
         kept = _by_family(sample.spec for sample in stored.samples())
         families = (shard.family for shard in stored.manifest.shards)
-        found = {name: kept.get(name, []) for name in families}
-        totals = {name: len(specs) for name, specs in found.items()}
+        shapes = {name: kept.get(name, []) for name in families}
+        totals = {name: len(specs) for name, specs in shapes.items()}
     else:
-        wanted = recipe.load(version)
-        found, totals = _drawn(wanted, family), {n: wanted.drawn(n) for n in wanted.families}
+        definition = recipe.load(version)
+        shapes, totals = (
+            _drawn(definition, family),
+            {n: definition.drawn(n) for n in definition.families},
+        )
     if family is not None and family not in totals:
         raise ValueError(f"{version} has no family {family!r}: choose one of {', '.join(totals)}")
     return [
         Candidates(name, totals[name], tuple(specs), _varying(specs))
-        for name, specs in found.items()
+        for name, specs in shapes.items()
         if family in (None, name)
     ]
 
 
-def _drawn(wanted: recipe.Recipe, family: str | None) -> dict[str, list[ShapeSpec]]:
-    if wanted.subset is not None and wanted.scale is None:  # which shapes hangs on the splits
-        return _by_family(shape.spec for plan in plan_shards(wanted) for shape in plan.shapes)
-    names = [name for name in wanted.families if family in (None, name)]
-    first = {name: wanted.families[name].count if wanted.scale else 0 for name in names}
+def _drawn(definition: recipe.Recipe, family: str | None) -> dict[str, list[ShapeSpec]]:
+    if (
+        definition.subset is not None and definition.scale is None
+    ):  # its shapes depend on the splits
+        return _by_family(shape.spec for plan in plan_shards(definition) for shape in plan.shapes)
+    names = [name for name in definition.families if family in (None, name)]
+    first = {name: definition.families[name].count if definition.scale else 0 for name in names}
     return {
         name: [
-            draw_shape(wanted, name, first[name] + number)
-            for number in range(min(wanted.drawn(name), MOST))
+            draw_shape(definition, name, first[name] + number)
+            for number in range(min(definition.drawn(name), MOST))
         ]
         for name in names
     }
 
 
 def _by_family(specs: Iterable[ShapeSpec]) -> dict[str, list[ShapeSpec]]:
-    found: dict[str, list[ShapeSpec]] = {}
+    families: dict[str, list[ShapeSpec]] = {}
     for spec in specs:
-        found.setdefault(spec.family, []).append(spec)
-    return found
+        families.setdefault(spec.family, []).append(spec)
+    return families
 
 
 def chosen(
@@ -162,7 +167,7 @@ def caption(spec: ShapeSpec, varying: Sequence[str]) -> list[str]:
     return [spec.id, *textwrap.wrap(", ".join(parts), LINE)]
 
 
-def spread(places: NDArray[np.float64], count: int) -> list[int]:
+def spread(points: NDArray[np.float64], count: int) -> list[int]:
     """Return an order of points of the unit cube, the first ``count`` from all over it.
 
     A point of Halton's sequence, moved so that it begins in the middle of the cube, takes the
@@ -170,10 +175,10 @@ def spread(places: NDArray[np.float64], count: int) -> list[int]:
 
     Parameters
     ----------
-    places : ndarray of shape (n, d)
+    points : ndarray of shape (n, d)
         A point each row.
     count : int
-        How many are wanted; those that are left follow in their order.
+        How many to spread out; the others follow in their order.
 
     Examples
     --------
@@ -181,11 +186,11 @@ def spread(places: NDArray[np.float64], count: int) -> list[int]:
     [2, 0, 3, 1, 4]
     """
     order: list[int] = []
-    left = np.ones(len(places), dtype=np.bool_)
-    dimensions = max(places.shape[1], 1)
-    targets = (Halton(dimensions, scramble=False).random(min(count, len(places))) + 0.5) % 1
-    for target in targets[:, : places.shape[1]]:
-        away = np.where(left, np.linalg.norm(places - target, axis=1), np.inf)
+    left = np.ones(len(points), dtype=np.bool_)
+    dimensions = max(points.shape[1], 1)
+    targets = (Halton(dimensions, scramble=False).random(min(count, len(points))) + 0.5) % 1
+    for target in targets[:, : points.shape[1]]:
+        away = np.where(left, np.linalg.norm(points - target, axis=1), np.inf)
         order.append(int(away.argmin()))
         left[order[-1]] = False
     return order + np.flatnonzero(left).tolist()

@@ -17,7 +17,7 @@ from synthnet.types import Mesh
 SAMPLES = 3  # in a pixel's width: what is drawn is the mean of nine
 MARGIN = 0.04  # of the picture's smaller side, left free all around
 SURFACE = (0.62, 0.79, 0.92)
-# Okabe and Ito's blue and orange: told apart by colour-blind readers, and in grey by lightness.
+# Okabe and Ito's blue and orange differ for colour-blind readers too, and in grey by lightness.
 NEGATIVE, POSITIVE = (0.0, 0.447, 0.698), (0.902, 0.624, 0.0)
 INK = (0.13, 0.15, 0.18)
 LIGHT = np.array([-0.48, 0.60, 0.64])  # to the right, up, to the viewer; of length 1

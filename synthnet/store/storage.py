@@ -19,12 +19,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, TypeAlias
 
-from synthnet.errors import BuildError, MissingPackageError, StoreError
+from synthnet.errors import BuildError, MissingPackageError, StoreError, install
 from synthnet.store import files
 from synthnet.store.files import one_line
 
 OBJECT_STORES = {"s3", "s3a", "gs", "gcs", "abfs", "az"}  # no directories, but buckets
-EXTRAS = {"s3": "s3", "s3a": "s3"}  # by protocol: the extra that brings its package
+PACKAGES = {"s3": "s3fs", "s3a": "s3fs"}  # by protocol, those that an extra brings
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,8 +127,8 @@ class RemotePath:
                 f"cannot {what} {self} ({one_line(error)}): check the URL and the network"
             ) from error
         except ImportError as error:
-            extra = EXTRAS.get(self.url.partition(":")[0])
-            advice = f"pip install 'synthnet[{extra}]'" if extra else one_line(error)
+            package = PACKAGES.get(self.url.partition(":")[0])
+            advice = install(package) if package else one_line(error)
             raise MissingPackageError(f"cannot {what} {self}: {advice}") from error
         except ValueError as error:
             raise StoreError(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-import lapy
 import numpy as np
 import threadpoolctl
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from scipy import linalg
 from synthnet import spectrum
 from synthnet.build import sources
 from synthnet.build.discretisation import Estimate, estimate, extrapolate
-from synthnet.errors import SpectrumError
+from synthnet.errors import SpectrumError, needed_by
 from synthnet.families import FAMILIES
 from synthnet.mesh import isometries
 from synthnet.mesh.geometry import area
@@ -161,6 +160,8 @@ def lapy_eigenvalues(mesh: Mesh, k: int) -> np.ndarray[tuple[int], np.dtype[np.f
     a fixed one. Of a mesh that is hardly larger than the basis ARPACK needs, LaPy's matrices are
     solved densely: ARPACK finds no more than n - 1 eigenvalues.
     """
+    with needed_by("checking labels"):
+        import lapy
     size = area(mesh)
     vertices = mesh.vertices.astype(np.float64) / np.sqrt(size)
     with threadpoolctl.threadpool_limits(1):

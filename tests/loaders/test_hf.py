@@ -102,5 +102,5 @@ def test_unknown_split_is_refused(home: Path) -> None:
 
 def test_missing_library_is_explained(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "datasets", None)
-    with pytest.raises(ImportError, match=r"needs the package datasets: in the checkout, pip"):
+    with pytest.raises(ImportError, match=r"needs datasets: pip install 'synthnet\[datasets\]'$"):
         synthnet.load_dataset(VERSION, root=home)

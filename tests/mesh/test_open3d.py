@@ -33,7 +33,9 @@ def test_a_missing_open3d_is_explained_in_one_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "open3d", None)  # makes `import open3d` fail
-    with pytest.raises(ImportError, match="pip install open3d") as caught:
+    with pytest.raises(
+        ImportError, match=r"needs Open3D: pip install 'synthnet\[build\]'$"
+    ) as caught:
         open3d.load_open3d.__wrapped__()
     assert "\n" not in str(caught.value)
     assert isinstance(caught.value.__cause__, ModuleNotFoundError)

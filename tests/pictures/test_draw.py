@@ -1,6 +1,10 @@
 """Pictures as bytes: sizes, signs, notebooks, and no hint of a user's own style."""
 
 import io
+import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -30,6 +34,56 @@ def test_a_sample_and_a_mesh_show_themselves_in_a_notebook(sample):
     assert draw.notebook_picture(sample).startswith(HEADER)
     assert pixels(draw.notebook_picture(sample.mesh)).shape == (360, 480, 3)
     assert draw.notebook_picture(Mesh(np.eye(3), np.zeros((0, 3), dtype=int))) is None
+
+
+IN_A_SHELL = """
+import json
+import sys
+
+from IPython.core.interactiveshell import InteractiveShell
+
+shell = InteractiveShell.instance()
+if "without-matplotlib" in sys.argv:
+    sys.modules["matplotlib"] = None
+
+import numpy as np
+import synthnet
+from synthnet.types import Certificate, Sample, ShapeSpec
+
+drawn_at_import = "synthnet.pictures.draw" in sys.modules
+mesh = synthnet.Mesh(np.eye(3), np.array([[0, 1, 2]]))
+sample = Sample(
+    ShapeSpec("triangle-00000", "triangle", 0, {}, "group"), mesh, np.arange(1.0, 11.0), 0.0,
+    Certificate(11, 10.5, 1e-9), np.eye(3)[None], "train", ("train",),
+)
+shown = [shell.display_formatter.format(thing)[0] for thing in (mesh, sample)]
+pictures = [data.get("image/png", b"")[:4].decode("latin-1") for data in shown]
+print(json.dumps([drawn_at_import, pictures, [sorted(data) for data in shown]]))
+"""
+
+
+def in_a_shell(tmp_path, *arguments):
+    done = subprocess.run(
+        [sys.executable, "-c", IN_A_SHELL, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "IPYTHONDIR": str(tmp_path)},
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_a_real_shell_shows_a_mesh_and_a_sample_as_png(tmp_path):
+    drawn_at_import, pictures, kinds = in_a_shell(tmp_path)
+    assert not drawn_at_import
+    assert pictures == ["\x89PNG", "\x89PNG"]
+    assert kinds == [["image/png", "text/plain"]] * 2
+
+
+def test_a_shell_without_matplotlib_shows_the_text(tmp_path):
+    _, _, kinds = in_a_shell(tmp_path, "without-matplotlib")
+    assert kinds == [["text/plain"]] * 2
 
 
 def test_the_same_sample_gives_the_same_bytes_whatever_the_users_style(sample):

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle
+from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from eigbench.board import ranking
@@ -26,6 +25,10 @@ from eigbench.board.tables import family_title, in_order
 from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS, psnr
 
+if TYPE_CHECKING:
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
 LEAST = 1e-6  # relative error; a smaller one is drawn at the lower edge
 BINS = 40
 LINES = ("-", "--", ":", "-.")
@@ -41,8 +44,8 @@ def spectra(submission: Submission) -> Figure:
     families = in_order(submission.truth.families.tolist())
     errors = ranking.per_mesh(submission, RANKED_BY)
     check_finite(submission, errors, METRICS[RANKED_BY].title)
-    with style():
-        figure = Figure(figsize=(7.2, 1.7 * len(families) + 0.6), layout="constrained")
+    with style() as new_figure:
+        figure = new_figure(figsize=(7.2, 1.7 * len(families) + 0.6), layout="constrained")
         panels = figure.subplots(len(families), len(QUANTILES), squeeze=False)
         for row, family in zip(panels, families, strict=True):
             mine = np.flatnonzero(submission.truth.families == family)
@@ -81,12 +84,14 @@ def _spectrum(axes: mpl.axes.Axes, submission: Submission, i: int, name: str) ->
 def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
     """Draw the distribution of a metric by family: a box of quartiles, whiskers 5 to 95 %."""
     names = in_order(submissions[0].truth.families.tolist())
-    with style():
+    with style() as new_figure:
         height = 0.35 * len(names) * max(1.0, 0.4 * len(submissions)) + 1.2
-        figure = Figure(figsize=(7.2, height), layout="constrained")
+        figure = new_figure(figsize=(7.2, height), layout="constrained")
         axes = figure.subplots()
         width = 0.8 / len(submissions)
-        palette = mpl.colormaps["viridis"](np.linspace(0.3, 1, len(submissions)))
+        from matplotlib import colormaps
+
+        palette = colormaps["viridis"](np.linspace(0.3, 1, len(submissions)))
         for number, (submission, colour) in enumerate(zip(submissions, palette, strict=True)):
             values = ranking.per_mesh(submission, key)
             check_finite(submission, values, METRICS[key].title)
@@ -127,8 +132,8 @@ def by_index(submissions: Sequence[Submission]) -> Figure:
     EigbenchError
         If a prediction is not finite.
     """
-    with style():
-        figure = Figure(figsize=(7.2, 3.6 + 0.09 * len(submissions)), layout="constrained")
+    with style() as new_figure:
+        figure = new_figure(figsize=(7.2, 3.6 + 0.09 * len(submissions)), layout="constrained")
         axes = figure.subplots()
         marks = cycle(PROTOCOL_MARKS)
         lines = np.repeat(LINES, len(PROTOCOL_MARKS))
@@ -175,9 +180,9 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
     low, high = min(v.min() for v in every), max(v.max() for v in every)
     space = np.linspace if metric.higher_is_better else np.geomspace
     edges = space(low, high if high > low else 1.1 * low + 1e-9, BINS + 1)
-    with style():
+    with style() as new_figure:
         tall = 2.4 if len(every) == 1 else 0.85
-        figure = Figure(figsize=(7.2, tall * len(every) + 0.9), layout="constrained")
+        figure = new_figure(figsize=(7.2, tall * len(every) + 0.9), layout="constrained")
         panels = np.ravel(figure.subplots(len(every), sharex=True, squeeze=False))
         for axes, submission, values, median in zip(
             panels, submissions, every, medians, strict=True

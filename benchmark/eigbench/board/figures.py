@@ -7,11 +7,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import cycle
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from eigbench import results
@@ -21,7 +19,12 @@ from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS
 from synthnet import recipe
+from synthnet.errors import needed_by
 from synthnet.store.files import write_atomically
+
+if TYPE_CHECKING:
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
 
 # Okabe and Ito: colour-blind readers can distinguish them; in print the markers do.
 KINDS = {"trivial": ("#999999", "s"), "classical": ("#0072B2", "o"), "learned": ("#D55E00", "^")}
@@ -39,8 +42,11 @@ PROTOCOL_MARKS = (  # Okabe and Ito again, and a marker each
 
 
 @contextmanager
-def style() -> Iterator[None]:
-    """Plain axes, and SVG that is the same to the byte at each run."""
+def style() -> Iterator[type[Figure]]:
+    """Give Matplotlib's figures: with plain axes, and SVG that is the same to the byte each run."""
+    with needed_by("drawing"):
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
     settings: Any = {  # matplotlib's type of keys is a list of 300 literals
         "font.size": 9,
         "font.family": "DejaVu Sans",
@@ -53,7 +59,7 @@ def style() -> Iterator[None]:
     with mpl.rc_context():
         mpl.rcdefaults()  # a user's own style would change the bytes
         mpl.rcParams.update(settings)
-        yield
+        yield Figure
 
 
 def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) -> str:
@@ -68,9 +74,9 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
     by_label: dict[str, list[Submission]] = {}
     for submission in submissions:
         by_label.setdefault(results.setting(submission.result), []).append(submission)
-    with style():
+    with style() as new_figure:
         # Positions are fixed: those of an automatic layout depend on the version of FreeType
-        figure = Figure(figsize=(7.2, 4.4 * len(by_label)))
+        figure = new_figure(figsize=(7.2, 4.4 * len(by_label)))
         panels = np.ravel(figure.subplots(len(by_label), squeeze=False))
         figure.subplots_adjust(0.1, 0.5 / (4.4 * len(by_label)), 0.97, 0.93, hspace=0.35)
         for axes, label in zip(panels, sorted(by_label), strict=True):
@@ -194,9 +200,9 @@ def _overlap(a: Sequence[float], b: Sequence[float]) -> float:
 def generalisation(board: Board, key: str = RANKED_BY) -> str:
     """Return an SVG of each model's mean error i.i.d. and under each protocol, a line a model."""
     metric = METRICS[key]
-    with style():
+    with style() as new_figure:
         high = 0.3 * len(board.rows) + 1.3
-        figure = Figure(figsize=(7.2, high))
+        figure = new_figure(figsize=(7.2, high))
         axes = figure.subplots()
         figure.subplots_adjust(0.36, 0.45 / high, 0.98, 1 - 0.75 / high)
         columns = [("i.i.d.", "o", TRUE)]

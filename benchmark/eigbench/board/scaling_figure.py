@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from eigbench.board.figures import as_svg, style
 from eigbench.scaling import scores as scaling_scores
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled
 from eigbench.scaling.scores import Medians
+
+if TYPE_CHECKING:
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
 
 # Okabe and Ito without yellow; the next seven models have other lines and marks
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#666666")
@@ -35,9 +37,9 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
     entries = -(-(len(rows) + 1) // COLUMNS)
     legend = ENTRY * entries + 0.2
     height = HEIGHT * len(by_setting) + legend
-    with style():
+    with style() as new_figure:
         # Positions are fixed, as in figures.py
-        figure = Figure(figsize=(7.2, height))
+        figure = new_figure(figsize=(7.2, height))
         panels = figure.subplots(len(by_setting), 2, squeeze=False)
         figure.subplots_adjust(
             0.09, (legend + 0.5) / height, 0.98, 1 - 0.3 / height, wspace=0.25, hspace=0.45
@@ -75,6 +77,8 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
 
 def _entry(figure: Figure, x: float, y: float, name: str, look: tuple[str, str, str]) -> None:
     """Write a line of the legend by hand: where a legend puts it depends on measured text."""
+    from matplotlib.lines import Line2D
+
     colour, line, mark = look
     width, alpha = (4.0, 0.5) if name == OWN else (1.2, 1.0)
     figure.add_artist(Line2D([x, x + 0.04], [y, y], color=colour, ls=line, lw=width, alpha=alpha))

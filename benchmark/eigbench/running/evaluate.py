@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
 from eigbench.results.sources import digest
-from eigbench.running import reference
 from eigbench.running.meshes import Instances
-from eigbench.running.process import PredictorProcess
+from eigbench.running.process import REFERENCE_FILE, PredictorProcess
 from eigbench.running.worker import Answered, Loaded, Status
 from eigbench.scoring.training import DEFAULT, untrained
 from eigbench.scoring.truth import Truth
@@ -249,8 +248,8 @@ def _run(
                     part = replace(part, reference_seconds=peer.predict(batch, given).seconds)
                 except PredictorError as error:
                     raise PredictorError(
-                        f"{reference.META['name']}, timed beside the predictor, failed "
-                        f"({error}): --no-reference leaves it out"
+                        f"LaPy, timed beside the predictor, failed ({error}): "
+                        "--no-reference leaves it out"
                     ) from error
             _write_part(folder, len(parts), part)
             parts.append(part)
@@ -276,7 +275,7 @@ def _process(
 def _reference_process(k: int, options: Options) -> PredictorProcess:
     limit = max(options.time_limit, TIME_LIMIT)  # the user's may be for a fast predictor
     alone = replace(options, device="cpu", threads=1, time_limit=limit)
-    return _process(Path(reference.__file__), k, alone)
+    return _process(REFERENCE_FILE, k, alone)
 
 
 def _batches(count: int, size: int, done: int = 0) -> list[tuple[int, int]]:

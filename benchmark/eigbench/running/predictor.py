@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 from eigbench.errors import PredictorError
 from eigbench.results.sources import digest
 from eigbench.scoring.training import DEFAULT
+from synthnet.errors import install
 from synthnet.types import Mesh
 
 META_KEYS = (
@@ -144,6 +145,8 @@ def _through_a_door(
             return _of_torch(model, getattr(module, "transform", None), meta, device, path)
     except PredictorError:
         raise
+    except ModuleNotFoundError as error:
+        raise _lacking(path, error) from error
     except (Exception, SystemExit) as error:
         raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
     raise PredictorError(
@@ -250,12 +253,17 @@ def _module(path: Path) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except ModuleNotFoundError as error:
-        raise PredictorError(
-            f"{path} needs the package {error.name}, which is not installed: pip install it"
-        ) from error
+        raise _lacking(path, error) from error
     except (Exception, SystemExit) as error:
         raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
     return module
+
+
+def _lacking(path: Path, error: ModuleNotFoundError) -> PredictorError:
+    command = install(str(error.name))
+    return PredictorError(
+        f"{path} needs the package {error.name}, which is not installed: {command}"
+    )
 
 
 def _meta(module: ModuleType, path: Path, variant: str) -> dict[str, str]:

@@ -17,6 +17,7 @@ from eigbench.running.worker import Answered, Failed, Job, Loaded, Status, work
 from synthnet.types import Mesh
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+REFERENCE_FILE = Path(__file__).with_name("reference.py")  # LaPy, timed beside each predictor
 WATCH = 0.1  # seconds between two looks at a process whose memory is limited
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from eigbench.results import SCHEMA_VERSION, dataset_facts
-from eigbench.running import predictor, reference
+from eigbench.running import predictor
 from eigbench.running.evaluate import Evaluation, Options
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRIC_VERSION
@@ -100,7 +100,7 @@ def beside_reference(evaluation: Evaluation) -> dict[str, Any] | None:
     meshes = int(evaluation.sizes[both].sum())
     seconds = float(evaluation.reference_seconds[both].sum())
     return {
-        "solver": reference.META["name"],
+        "solver": f"LaPy {metadata.version('lapy')}",
         "meshes": meshes,
         "ms_per_mesh": 1e3 * seconds / meshes,
         "ratio": seconds / float(evaluation.seconds[both].sum()),

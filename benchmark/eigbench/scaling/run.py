@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, PredictorError
-from eigbench.running import record, reference
-from eigbench.running.process import PredictorProcess
+from eigbench.running import record
+from eigbench.running.process import REFERENCE_FILE, PredictorProcess
 from eigbench.running.worker import Answered
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
@@ -239,9 +239,14 @@ def _process(path: Path, settings: Settings) -> PredictorProcess:
 @contextlib.contextmanager
 def _reference() -> Any:
     """Load LaPy on one thread: every result is timed beside it."""
-    path = Path(reference.__file__)
     with PredictorProcess(
-        path, surfaces.K, device="cpu", seed=0, training=TRAINING, threads=1, time_limit=PATIENCE
+        REFERENCE_FILE,
+        surfaces.K,
+        device="cpu",
+        seed=0,
+        training=TRAINING,
+        threads=1,
+        time_limit=PATIENCE,
     ) as peer:
         peer.predict(["the mesh to warm up"], [warm_up()])
         yield peer

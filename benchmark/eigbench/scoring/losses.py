@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import torch
-from torch import Tensor
-
 from eigbench.scoring.metrics import EPSILON
+from synthnet.errors import needed_by
+
+with needed_by("eigbench.losses"):
+    import torch
+    from torch import Tensor
 
 
 def rpd_loss(p: Tensor, g: Tensor) -> Tensor:

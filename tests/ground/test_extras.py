@@ -1,0 +1,186 @@
+"""What an installation without extras can do, and the line it gives where an extra is missing."""
+
+import ast
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from eigbench.errors import PredictorError
+from eigbench.running import predictor
+from eigbench.running.process import REFERENCE_FILE
+
+from synthnet.errors import OPTIONAL, MissingPackageError, install, needed_by
+
+ROOT = Path(__file__).parents[2]
+FOLDERS = {"synthnet": ROOT / "synthnet", "eigbench": ROOT / "benchmark" / "eigbench"}
+
+# Modules that cannot be imported without an extra, and their line.
+LINES = {
+    "eigbench.losses": "eigbench.losses needs PyTorch: pip install 'synthnet[torch]'",
+    "eigbench.scoring.losses": "eigbench.losses needs PyTorch: pip install 'synthnet[torch]'",
+    "synthnet.loaders.pyg": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
+    "synthnet.loaders.transformed": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
+    "synthnet.pictures.draw": "drawing needs Matplotlib: pip install 'synthnet[pictures]'",
+    "synthnet.pictures.gallery": "drawing needs Matplotlib: pip install 'synthnet[pictures]'",
+    "synthnet.pyg": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
+}
+A_PREDICTOR = "eigbench.running.reference"  # its own process says what it lacks
+
+# Code that needs an extra when it runs, and its line.
+USES = {
+    "import synthnet; synthnet.load_dataset('1.0-mini')": (
+        "synthnet.load_dataset needs datasets: pip install 'synthnet[datasets]'"
+    ),
+    "from synthnet.families import primitives; primitives.box(width=1, height=1, depth=1)": (
+        "building shapes needs Open3D: pip install 'synthnet[build]'"
+    ),
+    "from synthnet.verify import shapes; shapes.lapy_eigenvalues(None, 10)": (
+        "checking labels needs LaPy: pip install 'synthnet[verify]'"
+    ),
+    "from synthnet.build import workers; workers.dask_cluster('tcp://127.0.0.1:1').__enter__()": (
+        "--engine dask needs distributed: pip install 'synthnet[dask]'"
+    ),
+    "from synthnet.build import workers; workers.mpi_processes()": (
+        "--engine mpi needs mpi4py: pip install 'synthnet[mpi]'"
+    ),
+    "from synthnet.store import storage; storage.place('s3://bucket/file').read_bytes()": (
+        "cannot read s3://bucket/file: pip install 'synthnet[s3]'"
+    ),
+    "from eigbench.board import figures; figures.style().__enter__()": (
+        "drawing needs Matplotlib: pip install 'synthnet[pictures]'"
+    ),
+}
+
+# Commands that need an extra, and the end of their line.
+COMMANDS = {
+    "synthnet build --version 1.0-mini": (
+        "synthnet: building shapes needs Open3D: pip install 'synthnet[build]'"
+    ),
+    "synthnet gallery --version 1.0-mini --png x.png": (
+        "synthnet: drawing needs Matplotlib: pip install 'synthnet[pictures]'"
+    ),
+    "synthnet build --engine mpi": (
+        "synthnet: --engine mpi needs mpi4py: pip install 'synthnet[mpi]'"
+    ),
+    "eigbench check predictor.py": (
+        "eigbench: building shapes needs Open3D: pip install 'synthnet[build]'"
+    ),
+}
+
+BLOCK = f"""
+import importlib, json, sys
+sys.path[:0] = {[str(path.parent) for path in FOLDERS.values()]!r}
+
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if name in {sorted(OPTIONAL)!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Blocker())
+"""
+
+
+def run(code: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run code in a process in which no optional package can be imported."""
+    return subprocess.run(
+        [sys.executable, "-c", BLOCK + code], capture_output=True, text=True, check=False, cwd=cwd
+    )
+
+
+def modules() -> list[str]:
+    names = (
+        ".".join((package, *path.relative_to(folder).with_suffix("").parts))
+        for package, folder in FOLDERS.items()
+        for path in folder.rglob("*.py")
+    )
+    return sorted(name.removesuffix(".__init__") for name in names)
+
+
+def test_only_the_modules_that_need_an_extra_fail_to_import_without_it(tmp_path: Path) -> None:
+    names = [name for name in modules() if name != A_PREDICTOR]
+    assert len(names) > 100
+    code = f"""
+lines = {{}}
+for name in {names!r}:
+    try:
+        importlib.import_module(name)
+    except ImportError as error:
+        lines[name] = str(error)
+print(json.dumps(lines))
+"""
+    done = run(code, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == LINES
+
+
+def test_code_that_needs_an_extra_names_it_in_one_line(tmp_path: Path) -> None:
+    code = f"""
+from synthnet.errors import MissingPackageError
+lines = {{}}
+for use in {list(USES)!r}:
+    try:
+        exec(use)
+    except MissingPackageError as error:
+        lines[use] = str(error)
+print(json.dumps(lines))
+"""
+    done = run(code, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == USES
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_that_needs_an_extra_exits_with_2_and_one_line(
+    command: str, tmp_path: Path
+) -> None:
+    program, *arguments = command.split()
+    code = f"""
+from {program}.commands.cli import main
+raise SystemExit(main({[*arguments]!r}))
+"""
+    (tmp_path / "predictor.py").write_text("def predict(meshes): return []\n")
+    done = run("import os; os.environ['SYNTHNET_HOME'] = 'home'" + code, tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.strip().splitlines() == [COMMANDS[command]]
+
+
+def test_lapy_beside_a_predictor_is_missed_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "lapy", None)
+    line = r"needs the package lapy, which is not installed: pip install 'synthnet\[verify\]'$"
+    with pytest.raises(PredictorError, match=line):
+        predictor.load(REFERENCE_FILE)
+
+
+def test_extras_are_those_of_the_project_and_all_has_every_one() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    named = {extra for _, extra in OPTIONAL.values()}
+    assert named == extras.keys() - {"all", "dev", "docs", "site"}
+    assert extras["all"] == [f"synthnet[{','.join(n for n in extras if n in named)}]"]
+
+
+def test_other_packages_and_other_errors_are_left_alone() -> None:
+    with pytest.raises(ModuleNotFoundError, match="no_such_thing"), needed_by("this"):
+        import no_such_thing  # type: ignore[import-not-found]  # noqa: F401
+    with pytest.raises(ZeroDivisionError), needed_by("this"):
+        _ = 1 / 0
+    line = "this needs PyTorch Geometric: "
+    with pytest.raises(MissingPackageError, match=line), needed_by("this"):
+        raise ModuleNotFoundError(name="torch_geometric.data")
+    assert install("cv2") == "pip install it"
+
+
+def test_the_advice_to_install_an_extra_is_written_once() -> None:
+    files = [path for folder in FOLDERS.values() for path in folder.rglob("*.py")]
+    assert len(files) > 100
+    advising = {
+        path.name
+        for path in files
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and "pip install 'synthnet" in str(node.value)
+    }
+    assert advising == {"errors.py"}
