@@ -52,3 +52,12 @@ def kernel(function: Function) -> Function:
     except RuntimeError:  # Numba can write its cache nowhere
         compiled = njit(**SETTINGS)(function)
     return compiled
+
+
+def part(function: Function) -> Function:
+    """Compile a function into every kernel that calls it, as if its code stood there.
+
+    A long kernel can so be cut where the mathematics is and stay the same machine code.
+    """
+    inlined: Function = njit(inline="always", **SETTINGS)(function)
+    return inlined

@@ -1,11 +1,14 @@
 """Certified spectra of triangle meshes, by a sparse symmetric eigenvalue solver of its own.
 
-In the order of use: :mod:`~synthnet.spectrum.fem` assembles the matrices,
+Read :mod:`~synthnet.spectrum.reference` first: the whole problem in NumPy and SciPy alone. The fast
+solver, in the order of use: :mod:`~synthnet.spectrum.fem` assembles the matrices,
 :mod:`~synthnet.spectrum.ordering` finds an order of elimination with little fill,
 :mod:`~synthnet.spectrum.ldl` factorises A − σB and counts eigenvalues below σ,
-:mod:`~synthnet.spectrum.lanczos` finds eigenpairs around σ, and
-:mod:`~synthnet.spectrum.solve` puts them together and certifies the answer. Plain arrays in
-and out, compiled by Numba on first use and cached on disk.
+:mod:`~synthnet.spectrum.lanczos` finds eigenpairs around σ,
+:mod:`~synthnet.spectrum.search` takes as many as there are below a gap,
+:mod:`~synthnet.spectrum.certificate` proves that none is missing, and
+:mod:`~synthnet.spectrum.solve` puts them together. Plain arrays in and out, compiled by Numba on
+first use and cached on disk.
 """
 
 from synthnet.spectrum.solve import compile_solver, compute, count_below, fem_matrices

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.kernels import kernel
+from synthnet.kernels import kernel, part
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering
 
@@ -118,13 +118,11 @@ def _factorise(
         child = ordering.child[k]
         while child >= 0:
             theirs = ordering.rows[ordering.first_row[child] : ordering.first_row[child + 1]]
-            _add_child(front, local, theirs, stack[at[child] :])
+            _add_child(front, local, theirs, stack, at[child])
             top = min(top, at[child])
             child = ordering.sibling[child]
         _eliminate(front, width)
-        if panels.shape[0] > 0:
-            _keep_panel(front, width, panels[ordering.panel[k] : ordering.panel[k + 1]])
-        _keep_pivots(front, begin, rows, pivots, absolute)
+        _keep_columns(front, width, begin, rows, pivots, panels, ordering.panel[k], absolute)
         at[k] = top
         for p in range(width, size):
             stack[top : top + size - p] = front[p, p:]
@@ -132,53 +130,50 @@ def _factorise(
     return absolute
 
 
-@kernel
+@part
 def _add_child(
     front: NDArray[np.float64],
     local: NDArray[np.int32],
     rows: NDArray[np.int32],
-    triangle: NDArray[np.float64],
+    stack: NDArray[np.float64],
+    start: int,
 ) -> None:
     """Add what a child, with these rows, left on the stack: an upper triangle row by row."""
-    start = 0
     for p in range(rows.shape[0]):
         target = front[local[rows[p]]]
-        source = triangle[start : start + rows.shape[0] - p]
+        source = stack[start : start + rows.shape[0] - p]
         for q in range(source.shape[0]):
             target[local[rows[p + q]]] += source[q]
         start += source.shape[0]
 
 
-@kernel
-def _keep_panel(front: NDArray[np.float64], width: int, panel: NDArray[np.float64]) -> None:
-    """Keep the eliminated rows, divided by their pivots: rows of Lᵀ, right of its diagonal."""
-    size = front.shape[0]
-    for p in range(width):
-        scale = 1.0 / front[p, p]
-        row = panel[p * size : (p + 1) * size]
-        for q in range(p + 1, size):
-            row[q] = front[p, q] * scale
-
-
-@kernel
-def _keep_pivots(
+@part
+def _keep_columns(
     front: NDArray[np.float64],
+    width: int,
     begin: int,
     rows: NDArray[np.int32],
     pivots: NDArray[np.float64],
+    panels: NDArray[np.float64],
+    first: int,
     absolute: NDArray[np.float64],
 ) -> None:
-    """Keep the pivots, and add to the diagonal of |L| |D| |Lᵀ| what the negative ones change.
+    """Keep the eliminated columns: pivots; rows of Lᵀ, from ``first`` in the panels, if any.
 
-    With signs the terms add up to the diagonal of A − σB.
+    The negative pivots change the diagonal of |L| |D| |Lᵀ|: with signs, its terms add up to the
+    diagonal of A − σB.
     """
     size = front.shape[0]
-    width = size - rows.shape[0]
     for p in range(width):
         pivot = front[p, p]
         pivots[begin + p] = pivot
+        scale = 1.0 / pivot
+        if panels.shape[0] > 0:
+            start = first + p * size
+            panel = panels[start : start + size]
+            for q in range(p + 1, size):
+                panel[q] = front[p, q] * scale
         if pivot < 0.0:
-            scale = 1.0 / pivot
             absolute[begin + p] -= 2 * pivot
             for q in range(p + 1, width):
                 absolute[begin + q] -= 2 * front[p, q] * front[p, q] * scale
@@ -233,47 +228,53 @@ def solve_two(
     y = np.empty(ordering.widest)
     z = np.empty(ordering.widest)
     for k in range(fronts):
-        columns = ordering.order[ordering.begin[k] : ordering.begin[k + 1]]
+        begin = ordering.begin[k]
+        width = ordering.begin[k + 1] - begin
         rows = ordering.row_vertices[ordering.first_row[k] : ordering.first_row[k + 1]]
-        width, size = columns.shape[0], columns.shape[0] + rows.shape[0]
+        size = width + rows.shape[0]
         u = panels[ordering.panel[k] : ordering.panel[k + 1]].reshape(width, size)
         for p in range(width):
-            y[p] = x0[columns[p]]
-            z[p] = x1[columns[p]]
+            i = ordering.order[begin + p]
+            y[p] = x0[i]
+            z[p] = x1[i]
         y[width:size] = 0.0
         z[width:size] = 0.0
-        _forward(u, y[:size], z[:size])
+        _forward(u, y, z, width, size)
         for p in range(width):
-            x0[columns[p]] = y[p]
-            x1[columns[p]] = z[p]
+            i = ordering.order[begin + p]
+            x0[i] = y[p]
+            x1[i] = z[p]
         for p in range(rows.shape[0]):
-            x0[rows[p]] += y[width + p]
-            x1[rows[p]] += z[width + p]
+            i = rows[p]
+            x0[i] += y[width + p]
+            x1[i] += z[width + p]
     for k in range(fronts - 1, -1, -1):
         begin = ordering.begin[k]
-        columns = ordering.order[begin : ordering.begin[k + 1]]
+        width = ordering.begin[k + 1] - begin
         rows = ordering.row_vertices[ordering.first_row[k] : ordering.first_row[k + 1]]
-        width, size = columns.shape[0], columns.shape[0] + rows.shape[0]
+        size = width + rows.shape[0]
         u = panels[ordering.panel[k] : ordering.panel[k + 1]].reshape(width, size)
         for p in range(width):
-            y[p] = x0[columns[p]] / pivots[begin + p]
-            z[p] = x1[columns[p]] / pivots[begin + p]
+            i = ordering.order[begin + p]
+            y[p] = x0[i] / pivots[begin + p]
+            z[p] = x1[i] / pivots[begin + p]
         for p in range(rows.shape[0]):
-            y[width + p] = x0[rows[p]]
-            z[width + p] = x1[rows[p]]
-        _backward(u, y[:size], z[:size])
+            i = rows[p]
+            y[width + p] = x0[i]
+            z[width + p] = x1[i]
+        _backward(u, y, z, width, size)
         for p in range(width):
-            x0[columns[p]] = y[p]
-            x1[columns[p]] = z[p]
+            i = ordering.order[begin + p]
+            x0[i] = y[p]
+            x1[i] = z[p]
 
 
-@kernel
-def _forward(u: NDArray[np.float64], y: Vector, z: Vector) -> None:
-    """Solve for the columns of a front, first in y and z, and subtract them from what follows.
+@part
+def _forward(u: NDArray[np.float64], y: Vector, z: Vector, width: int, size: int) -> None:
+    """Solve for a front's columns, first in y and z, and subtract them from what follows.
 
     The rows of u, of shape (width, size), are those of Lᵀ.
     """
-    width = u.shape[0]
     t = 0
     while t + 4 <= width:
         for s in range(t, t + 3):
@@ -281,8 +282,8 @@ def _forward(u: NDArray[np.float64], y: Vector, z: Vector) -> None:
                 y[r] -= u[s, r] * y[s]
                 z[r] -= u[s, r] * z[s]
         subtract_four(
-            y[t + 4 :],
-            z[t + 4 :],
+            y[t + 4 : size],
+            z[t + 4 : size],
             u[t, t + 4 :],
             u[t + 1, t + 4 :],
             u[t + 2, t + 4 :],
@@ -292,21 +293,20 @@ def _forward(u: NDArray[np.float64], y: Vector, z: Vector) -> None:
         )
         t += 4
     while t < width:
-        _subtract(y[t + 1 :], u[t, t + 1 :], y[t])
-        _subtract(z[t + 1 :], u[t, t + 1 :], z[t])
+        _subtract(y[t + 1 : size], u[t, t + 1 :], y[t])
+        _subtract(z[t + 1 : size], u[t, t + 1 :], z[t])
         t += 1
 
 
-@kernel
-def _backward(u: NDArray[np.float64], y: Vector, z: Vector) -> None:
-    """Solve for the columns of a front, first in y and z, whose later entries are solved."""
-    width, size = u.shape
+@part
+def _backward(u: NDArray[np.float64], y: Vector, z: Vector, width: int, size: int) -> None:
+    """Solve for a front's columns, first in y and z, from what follows, which is solved."""
     t = width
     while t >= 4:
         t -= 4
         a, b = dot_four(
-            y[t + 4 :],
-            z[t + 4 :],
+            y[t + 4 : size],
+            z[t + 4 : size],
             u[t, t + 4 :],
             u[t + 1, t + 4 :],
             u[t + 2, t + 4 :],

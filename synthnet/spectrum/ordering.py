@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.kernels import kernel
+from synthnet.kernels import kernel, part
 
 WIDE = 16  # a merged front may be half zeros up to so many columns, 1/16 zeros beyond: measured
 
@@ -182,7 +182,7 @@ def minimum_degree(
     return graph.owner, pivots[:n_pivots].copy(), size, below
 
 
-@kernel
+@part
 def _quotient(
     indptr: NDArray[np.int32], indices: NDArray[np.int32]
 ) -> tuple[_Quotient, NDArray[np.int32], int]:
@@ -217,7 +217,7 @@ def _quotient(
     return graph, lists, free
 
 
-@kernel
+@part
 def _link(graph: _Quotient, i: int, degree: int) -> None:
     """Put a vertex first in the list of a degree."""
     first = graph.head[degree]
@@ -229,7 +229,7 @@ def _link(graph: _Quotient, i: int, degree: int) -> None:
     graph.degree[i] = degree
 
 
-@kernel
+@part
 def _unlink(graph: _Quotient, i: int) -> None:
     """Take a vertex out of the list of its degree."""
     after, before = graph.after[i], graph.before[i]
@@ -241,7 +241,7 @@ def _unlink(graph: _Quotient, i: int) -> None:
         graph.head[graph.degree[i]] = after
 
 
-@kernel
+@part
 def _make_element(
     graph: _Quotient, lists: NDArray[np.int32], pivot: int, free: int
 ) -> tuple[int, int]:
@@ -272,7 +272,7 @@ def _make_element(
     return free, clique
 
 
-@kernel
+@part
 def _count_outside(
     graph: _Quotient, members: NDArray[np.int32], lists: NDArray[np.int32], stamp: int
 ) -> None:
@@ -287,7 +287,7 @@ def _count_outside(
                 mark[element] = graph.degree[element] + stamp + size[i]
 
 
-@kernel
+@part
 def _update_degrees(
     graph: _Quotient,
     members: NDArray[np.int32],
@@ -346,7 +346,7 @@ def _update_degrees(
     return alone
 
 
-@kernel
+@part
 def _merge_twins(
     graph: _Quotient, members: NDArray[np.int32], lists: NDArray[np.int32], stamp: int
 ) -> int:
@@ -382,7 +382,7 @@ def _merge_twins(
     return stamp
 
 
-@kernel
+@part
 def _link_again(
     graph: _Quotient,
     lists: NDArray[np.int32],
