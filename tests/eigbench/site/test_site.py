@@ -26,6 +26,8 @@ from synthnet.mesh.open3d import decimate
 from synthnet.types import Mesh
 
 FIRST = ("index.html", "style.css", "page.js", "chart.js", "data.js")  # and the first board
+# The boards that are shown; that of this repository is large.
+BOTH = ["made", pytest.param("real", marks=pytest.mark.slow)]
 LARGEST = 500_000  # bytes of the first view
 
 
@@ -48,13 +50,14 @@ def test_input_in_another_order_gives_the_same_bytes(made_board, made_content):
     assert again == made_content
 
 
-def test_first_view_is_small_and_the_rest_is_loaded_when_asked_for(made_content, real_content):
-    for content in (made_content, real_content):
-        assert first_view(content) < LARGEST
-        page = content["index.html"].decode()
-        loaded = re.findall(r"<(?:script defer src|link rel=\"stylesheet\" href)=\"(.+?)\"", page)
-        assert sorted(loaded) == sorted(set(FIRST) - {"index.html"})
-        assert len(content["viewer.js"]) > 100_000  # not in the first view
+@pytest.mark.parametrize("name", BOTH)
+def test_first_view_is_small_and_the_rest_is_loaded_when_asked_for(request, name):
+    content = request.getfixturevalue(f"{name}_content")
+    assert first_view(content) < LARGEST
+    page = content["index.html"].decode()
+    loaded = re.findall(r"<(?:script defer src|link rel=\"stylesheet\" href)=\"(.+?)\"", page)
+    assert sorted(loaded) == sorted(set(FIRST) - {"index.html"})
+    assert len(content["viewer.js"]) > 100_000  # not in the first view
 
 
 def test_nothing_is_asked_of_another_host(made_content):
@@ -107,7 +110,7 @@ ON_THE_BOARD = {
 }
 
 
-@pytest.mark.parametrize("name", ["made", "real"])
+@pytest.mark.parametrize("name", BOTH)
 def test_every_row_is_there_with_the_numbers_of_the_leaderboard(request, name):
     found, reported, scaled = request.getfixturevalue(f"{name}_board")
     content = request.getfixturevalue(f"{name}_content")
@@ -131,7 +134,7 @@ def test_every_row_is_there_with_the_numbers_of_the_leaderboard(request, name):
         assert titles == [one["title"] for one in paper["tables"]]
 
 
-@pytest.mark.parametrize("name", ["made", "real"])
+@pytest.mark.parametrize("name", BOTH)
 def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, name):
     found, reported, scaled = request.getfixturevalue(f"{name}_board")
     content = request.getfixturevalue(f"{name}_content")
@@ -173,7 +176,7 @@ def test_every_table_of_a_board_is_a_view_of_the_page(made_board, made_content):
     assert compared == ["medians", "intervals", *families, "indices", "cost", "physics"]
 
 
-@pytest.mark.parametrize("name", ["made", "real"])
+@pytest.mark.parametrize("name", BOTH)
 def test_every_row_opens_to_its_shapes_and_their_meshes(request, name):
     content = request.getfixturevalue(f"{name}_content")
     found = request.getfixturevalue(f"{name}_board")[0]
@@ -323,6 +326,7 @@ def test_a_large_mesh_is_simplified_the_same_each_time(mini_truth):
 # --- the folder --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_command_writes_the_page_and_says_where(eigbench, real_content, tmp_path, monkeypatch):
     monkeypatch.chdir(Path(__file__).parents[3])
     code, out, err = eigbench("site", "--out", tmp_path / "page", "--docs", write.DOCS)
