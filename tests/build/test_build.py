@@ -91,6 +91,7 @@ def test_one_worker_gives_the_same_bytes_as_two(
     assert_same(tmp_path, mini_home)
 
 
+@pytest.mark.slow
 def test_mini_is_a_part_of_small_is_a_part_of_full() -> None:
     shapes = {
         version: {s.spec.id: s for plan in plan_shards(recipe.load(version)) for s in plan.shapes}
@@ -272,6 +273,7 @@ def test_an_interrupt_ends_the_build_in_one_line(
 
 
 @linux
+@pytest.mark.slow
 def test_two_builds_at_once_do_not_mix(
     tmp_path: Path, command: Command, started: Callable[..., subprocess.Popen[str]]
 ) -> None:

@@ -677,6 +677,7 @@ def test_plot_of_answers_that_are_not_finite_is_refused(
     assert eigbench("plot", bad, "--out", tmp_path, "--metric", "psnr")[2] == err
 
 
+@pytest.mark.slow
 def test_plot_of_a_metric_that_is_infinite_on_finite_answers_says_so(
     eigbench, make_submission, mini_truth, tmp_path
 ):
