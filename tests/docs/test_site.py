@@ -153,7 +153,7 @@ def test_displayed_formula_keeps_its_indentation(roles):
 
 def test_every_formula_of_the_docstrings_can_be_drawn(roles):
     paths = [*ROOT.glob("synthnet/**/*.py"), *ROOT.glob("benchmark/eigbench/**/*.py")]
-    assert sum(":math:" in path.read_text() for path in paths) > 10
+    assert sum(":math:" in path.read_text() for path in paths) > 5
     for path in paths:
         text = roles.rewrite(path.read_text())
         assert ":math:" not in text
