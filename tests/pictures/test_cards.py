@@ -36,7 +36,7 @@ def cells(version, part):
 def test_every_family_has_a_thumbnail_and_its_parameters(version):
     composition = {row[1]: row[0] for row in cells(version, "composition")}
     parameters = dict(cells(version, "parameters"))
-    assert len(composition) == len(recipe.load(version).families) > 0
+    assert len(composition) > len(recipe.load(version).families) > 0  # and their sums
     for name, family in recipe.load(version).families.items():
         title = FAMILIES[name].title
         assert composition[title] == f"![{title}](pictures/{version}/{name}.png)"
@@ -112,7 +112,7 @@ def test_versions_and_their_semantic_numbers_are_on_both_cards(version):
     from synthnet.loaders import croissant
 
     section = CARDS[version].read_text().partition("## Versions")[2]
-    assert len(recipe.available()) > 5
+    assert len(recipe.available()) > 3
     for name in recipe.available():
         base = recipe.load(name).base
         (row,) = (line for line in section.splitlines() if f"`{name}`" in line)
