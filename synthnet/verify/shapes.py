@@ -78,7 +78,8 @@ def check_mesh(sample: Sample) -> Iterator[str]:
 def check_certificate(sample: Sample, recipe: Recipe) -> Iterator[str]:
     """Count the eigenvalues below the shift, and below the last gap within the label."""
     id, proof, label = sample.spec.id, sample.certificate, sample.eigenvalues
-    if not 0 <= proof.residual <= (limit := recipe.filters.residual):
+    limit = recipe.filters.residual
+    if not 0 <= proof.residual <= limit:
         yield f"{id}: residual is {proof.residual:.3g}, not between 0 and {limit:g}"
     if not proof.shift > label[-1] or proof.count < len(label) + 1:
         yield (

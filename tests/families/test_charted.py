@@ -344,7 +344,7 @@ def test_the_two_drums_have_the_same_spectrum(lean: float) -> None:
 
 def test_drums_turn_inwards_where_they_say() -> None:
     for form, lean in ((0, 0.0), (1, 0.0), (0, 0.3), (1, 0.3)):
-        found = drum.places(form, 1.0, lean)
+        found = drum.positions(form, 1.0, lean)
         outline = np.array([found[name] for name in drum.OUTLINES[form].split()])
         before, after = np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0)
         bends = turned(np.stack([before, outline, after], axis=1))

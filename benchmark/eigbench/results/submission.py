@@ -201,8 +201,8 @@ def _beside(path: Path) -> Path:
 def _check_same(stored: Any, computed: Any, key: str, path: Path) -> None:
     """Raise at the first number in which two trees differ."""
     if isinstance(computed, dict) and isinstance(stored, dict) and stored.keys() == computed.keys():
-        for key, value in computed.items():
-            _check_same(stored[key], value, f"{key}/{key}", path)
+        for name, value in computed.items():
+            _check_same(stored[name], value, f"{key}/{name}", path)
     elif isinstance(computed, list) and isinstance(stored, list) and len(stored) == len(computed):
         for i, value in enumerate(computed):
             _check_same(stored[i], value, f"{key}/{i}", path)
