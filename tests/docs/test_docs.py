@@ -219,7 +219,7 @@ EVIDENCE = sorted(
     {
         command.strip()
         for page in [*PAGES, ROOT / "Makefile"]
-        for command in re.findall(r"python -m evidence\b([^`#\n\"]*)", page.read_text())
+        for command in re.findall(r"python -m evidence\b(?!\.)([^`#\n\"]*)", page.read_text())
     }
 )
 
