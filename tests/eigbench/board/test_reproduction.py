@@ -16,7 +16,7 @@ from baselines.gcn import weights
 from baselines.gcn.configs import CONFIGS, PAPER
 from evidence import reproduction
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
