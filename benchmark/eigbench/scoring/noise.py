@@ -38,7 +38,7 @@ def floor(truth: Truth, key: str) -> float | None:
 
     Examples
     --------
-    >>> from eigbench import truth
+    >>> from eigbench.scoring import truth
     >>> round(floor(truth.load("1.0-mini"), "rpd"), 3)  # of ten, the sum that RPD is
     0.395
     """

@@ -41,7 +41,7 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from eigbench import truth
+    >>> from eigbench.scoring import truth
     >>> labels = truth.load("1.0-mini")
     >>> scores = score(labels, 1.1 * labels.eigenvalues[None])  # one seed, 10 % too large
     >>> round(scores["overall"]["rpd"]["mean"], 4), round(scores["per_index"][0]["mean"], 4)
