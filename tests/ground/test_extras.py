@@ -46,7 +46,7 @@ USES = {
     "from synthnet.build import workers; workers.mpi_processes()": (
         "--engine mpi needs mpi4py: pip install 'synthnet[mpi]'"
     ),
-    "from synthnet.store import storage; storage.place('s3://bucket/file').read_bytes()": (
+    "from synthnet.store import storage; storage.location('s3://bucket/file').read_bytes()": (
         "cannot read s3://bucket/file: pip install 'synthnet[s3]'"
     ),
     "from eigbench.board import figures; figures.style().__enter__()": (

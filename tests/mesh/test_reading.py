@@ -166,7 +166,7 @@ def test_limits_are_at_most_those_of_who_started_it(monkeypatch: pytest.MonkeyPa
 PARENT = """
 import os, sys
 from pathlib import Path
-from synthnet.reading import Reader
+from synthnet.mesh.reading import Reader
 
 if __name__ == "__main__":
     reader = Reader()

@@ -176,7 +176,9 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
 def test_lapy_is_timed_on_the_batches_of_the_first_and_last_meshes(
     predictor_file, mini_truth, source, tmp_path, monkeypatch, size, batches, timed
 ):
-    monkeypatch.setattr(reference, "__file__", str(predictor_file(SLEEPER, "peer.py")))
+    monkeypatch.setattr(
+        "eigbench.running.evaluate.REFERENCE_FILE", predictor_file(SLEEPER, "peer.py")
+    )
     options = Options(batch_size=size, reference=True)
     found = evaluate(predictor_file(SLEEPER), mini_truth, source, options, tmp_path / "parts")
     assert found.sizes.tolist() == batches
@@ -237,7 +239,9 @@ def test_a_signal_ends_an_evaluation_and_the_predictors_process(
 def test_lapys_time_is_kept_with_an_interrupted_run(
     predictor_file, mini_truth, source, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(reference, "__file__", str(predictor_file(SLEEPER, "peer.py")))
+    monkeypatch.setattr(
+        "eigbench.running.evaluate.REFERENCE_FILE", predictor_file(SLEEPER, "peer.py")
+    )
     fails = SLEEPER.replace("time.sleep(0.01)", "assert len(meshes) != 106")
     question = (predictor_file(fails), mini_truth, source)
     options = Options(reference=True)
@@ -296,9 +300,9 @@ def test_failure_of_lapy_is_not_laid_on_the_predictor(
     predictor_file, mini_truth, source, tmp_path, monkeypatch
 ):
     broken = predictor_file("def predict(meshes): raise ValueError('no')", "peer.py")
-    monkeypatch.setattr(reference, "__file__", str(broken))
+    monkeypatch.setattr("eigbench.running.evaluate.REFERENCE_FILE", broken)
     question = (predictor_file(SLEEPER), mini_truth.head(5), source, Options(reference=True))
-    with pytest.raises(PredictorError, match=r"^LaPy .*timed beside .* ValueError: no.*--no-ref"):
+    with pytest.raises(PredictorError, match=r"^LaPy, timed beside .* ValueError: no.*--no-ref"):
         evaluate(*question, tmp_path / "parts")
 
 
