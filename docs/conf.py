@@ -6,6 +6,7 @@ first page. Links are relative to the page's own file, wherever it lies.
 
 import re
 import shutil
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +103,8 @@ def math_role(*given: Any, **more: Any) -> tuple[list[nodes.Node], list[nodes.No
 
 
 def setup(app: Sphinx) -> None:
-    """Register the above."""
+    """Register the above; a formula that cannot be drawn is an error."""
+    warnings.filterwarnings("error", message="Could not render math expression")
     app.connect("source-read", add_navigation)
     app.connect("build-finished", add_index)
     app.connect("build-finished", check_hosts)

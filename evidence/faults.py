@@ -77,9 +77,9 @@ class Outcome:
 def measure(*, kills: int = 50, flips: int = 200, seed: int = 0, only: Sequence[str] = ()) -> dict:
     """Return a row a fault, with a reference made first."""
     with tempfile.TemporaryDirectory(prefix="break-builds-") as temporary:
-        place = Path(temporary)
-        reference = place / "reference"
-        faults = all_faults(reference, place, kills, flips)
+        folder = Path(temporary)
+        reference = folder / "reference"
+        faults = all_faults(reference, folder, kills, flips)
         if unknown := {*only} - {*faults}:
             raise ValueError(f"no fault {min(unknown)!r}: there are {', '.join(faults)}")
         sys.stderr.write("an undisturbed build, with error estimates, to compare with\n")
@@ -102,19 +102,19 @@ def problems(data: dict) -> list[str]:
 
 
 def all_faults(
-    reference: Path, place: Path, kills: int, flips: int
+    reference: Path, folder: Path, kills: int, flips: int
 ) -> dict[str, Callable[[random.Random], Outcome]]:
     """Return the faults by name, in the order of the page."""
     with_estimates, few = kills // 5, max(1, kills // 10)
     return {
-        "killed": lambda rng: kill_builds(reference, place, kills - with_estimates, rng),
+        "killed": lambda rng: kill_builds(reference, folder, kills - with_estimates, rng),
         "killed with --error-estimates": lambda rng: kill_builds(
-            reference, place, with_estimates, rng, "--error-estimates", missing=small_ones
+            reference, folder, with_estimates, rng, "--error-estimates", missing=small_ones
         ),
-        "disk full": lambda rng: fill_disks(reference, place, few, rng),
-        "byte altered": lambda rng: flip_bytes(reference, place, flips, rng),
-        "out of memory": lambda rng: starve_workers(reference, place, few, rng),
-        "two at once": lambda rng: build_twice(reference, place, 2 * few, rng),
+        "disk full": lambda rng: fill_disks(reference, folder, few, rng),
+        "byte altered": lambda rng: flip_bytes(reference, folder, flips, rng),
+        "out of memory": lambda rng: starve_workers(reference, folder, few, rng),
+        "two at once": lambda rng: build_twice(reference, folder, 2 * few, rng),
         "two at one URL": lambda rng: build_twice_at_a_url(reference, few, rng),
     }
 
@@ -124,7 +124,7 @@ def all_faults(
 
 def kill_builds(
     reference: Path,
-    place: Path,
+    folder: Path,
     kills: int,
     rng: random.Random,
     *options: str,
@@ -134,9 +134,9 @@ def kill_builds(
     """Kill builds at random times, and what resumes them, and let the last one finish."""
     outcome = Outcome(" with ".join(["killed", *options]))
     expected = contents(reference, estimates="--error-estimates" in options)
-    seconds = seconds or undisturbed_seconds(expected, place, missing, *options)
+    seconds = seconds or undisturbed_seconds(expected, folder, missing, *options)
     while outcome.cases < kills:
-        with begun(place, expected, missing) as home:
+        with begun(folder, expected, missing) as home:
             done = 0
             for _ in range(rng.randint(1, 3)):
                 killed = kill_once(home, seconds, len(expected), rng, outcome, *options)
@@ -149,9 +149,9 @@ def kill_builds(
     return outcome
 
 
-def undisturbed_seconds(expected: Files, place: Path, missing: Missing, *options: str) -> float:
+def undisturbed_seconds(expected: Files, folder: Path, missing: Missing, *options: str) -> float:
     """Return how long the build takes that is to be killed."""
-    with begun(place, expected, missing) as home:
+    with begun(folder, expected, missing) as home:
         started = time.monotonic()
         build = Build(home, *options)
         if build.wait():
@@ -192,7 +192,7 @@ def kill_once(
 
 
 def fill_disks(
-    reference: Path, place: Path, cases: int, rng: random.Random, missing: Missing = everything
+    reference: Path, folder: Path, cases: int, rng: random.Random, missing: Missing = everything
 ) -> Outcome:
     """Build on disks too small, then give them room."""
     outcome = Outcome("disk full")
@@ -200,7 +200,7 @@ def fill_disks(
     given = sum(len(content) for name, content in expected.items() if not missing(name))
     rest = sum(map(len, expected.values())) - given
     for number in range(cases):
-        disk = place / f"disk-{number}"
+        disk = folder / f"disk-{number}"
         disk.mkdir()
         size = f"size={int(rng.uniform(given + 0.05 * rest, given + 0.9 * rest)) // 1024}k"
         mount = ["mount", "-t", "tmpfs", "-o", size, "tmpfs", str(disk)]
@@ -230,13 +230,13 @@ def fill_disk(disk: Path, expected: Files, outcome: Outcome) -> str | None:
 
 
 def starve_workers(
-    reference: Path, place: Path, cases: int, rng: random.Random, missing: Missing = everything
+    reference: Path, folder: Path, cases: int, rng: random.Random, missing: Missing = everything
 ) -> Outcome:
     """Take the memory from a worker at work, by the kernel's limit of its data."""
     outcome = Outcome("out of memory")
     expected = contents(reference, estimates=False)
     for _ in range(cases):
-        with begun(place, expected, missing) as home:
+        with begun(folder, expected, missing) as home:
             outcome.judge(starve(home, expected, rng, outcome))
     return outcome
 
@@ -273,7 +273,7 @@ def data_bytes(process: int) -> int:
 # Two at once
 
 
-def build_twice(reference: Path, place: Path, cases: int, rng: random.Random) -> Outcome:
+def build_twice(reference: Path, folder: Path, cases: int, rng: random.Random) -> Outcome:
     """Start two builds in one directory at once, with --wait and without."""
     outcome = Outcome("two at once")
     pairs = [((), ()), (("--wait",), ("--wait",)), ((), ("--wait",))]
@@ -281,7 +281,7 @@ def build_twice(reference: Path, place: Path, cases: int, rng: random.Random) ->
     for number in range(cases):
         options = pairs[number % len(pairs)]
         expected = contents(reference, estimates="--error-estimates" in options[1])
-        with begun(place, expected, small_ones) as home:
+        with begun(folder, expected, small_ones) as home:
             outcome.judge(twice(home, expected, options, rng, outcome))
     return outcome
 
@@ -354,7 +354,7 @@ def twice_at(url: str, expected: Files, system: object, rng: random.Random) -> s
 
 
 def flip_bytes(
-    reference: Path, place: Path, flips: int, rng: random.Random, *, build_every: int = 10
+    reference: Path, folder: Path, flips: int, rng: random.Random, *, build_every: int = 10
 ) -> Outcome:
     """Alter one byte of one file at a time: verify must name it, a build mend or refuse."""
     outcome = Outcome("byte altered")
@@ -363,7 +363,7 @@ def flip_bytes(
     kinds = [kind for kind in (shards, shards, errors, [store.MANIFEST]) if kind]
     if report := verify_files(VERSION, root=reference).problems:
         raise RuntimeError(f"the reference is not in order: {report[0]}")
-    with begun(place, expected, lambda name: False) as home:
+    with begun(folder, expected, lambda name: False) as home:
         for number in range(flips):
             name = rng.choice(rng.choice(kinds))
             at, content = rng.randrange(len(expected[name])), bytearray(expected[name])

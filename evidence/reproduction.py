@@ -255,23 +255,22 @@ def how_far() -> str:
 
 def best_first() -> str:
     """Return all rows of ours under ``grouped``, by RPD."""
-    found = [(c, one) for c in ordered() if (one := read(c, "grouped")) is not None]
-    if not found:
+    made = [(c, row) for c in ordered() if (row := read(c, "grouped")) is not None]
+    if not made:
         return f"Not run: `{TABLES[0][1]}` and the others."
     keys = ("rpd", "psnr20", "invlap", "l1")
     rows = [
-        (one.result["scores"]["overall"]["rpd"]["mean"], [c, *(mean(one, key) for key in keys)])
-        for c, one in found
+        (row.result["scores"]["overall"]["rpd"]["mean"], [c, *(mean(row, key) for key in keys)])
+        for c, row in made
     ]
-    rows += [reference(name, found[0][1], keys) for name in REFERENCES]
+    rows += [reference(name, made[0][1], keys) for name in REFERENCES]
     headers = ["configuration", *(METRICS[key].heading for key in keys)]
     return markdown(headers, [cells for _, cells in sorted(rows)], 1)
 
 
 def reference(slug: str, beside: Submission, keys: Sequence[str]) -> tuple[float, list[str]]:
     """Return the RPD and the cells of a row of the board, on the meshes of one of ours."""
-    place = ROOT / "benchmark" / "results" / "1.0-test-grouped" / f"{slug}.json"
-    row = submission.read(place)
+    row = submission.read(ROOT / "benchmark" / "results" / "1.0-test-grouped" / f"{slug}.json")
     of_id = {id: number for number, id in enumerate(row.truth.ids)}
     mine = [of_id[id] for id in beside.truth.ids]
     labels = row.truth.eigenvalues[mine]
@@ -333,20 +332,20 @@ def look_ups() -> str:
 
 
 def measured_seconds() -> list[dict[str, Any]]:
-    """Return what ``evidence/gcn_speed.py --figure-2`` has measured, if it was run."""
+    """Return what ``python -m evidence measure gcn --figure-2`` has measured, if it was run."""
     path = ROOT / "docs" / "data" / "gcn.json"
-    found: list[dict[str, Any]] = json.loads(path.read_text())["figure2"] if path.exists() else []
-    return found
+    rows: list[dict[str, Any]] = json.loads(path.read_text())["figure2"] if path.exists() else []
+    return rows
 
 
 def times() -> str:
     """Return Figure 2 as a table: seconds of networks and solvers."""
-    found = measured_seconds()
-    if not found:
+    measured = measured_seconds()
+    if not measured:
         return "Not run."
-    rows = [[r["what"], r["where"], f"{r['seconds']:.3g}"] for r in found]
-    if not any(r["where"].startswith("cuda") for r in found):
-        rows.insert(0, [found[0]["what"], "a GPU", NOT_RUN])
+    rows = [[r["what"], r["where"], f"{r['seconds']:.3g}"] for r in measured]
+    if not any(r["where"].startswith("cuda") for r in measured):
+        rows.insert(0, [measured[0]["what"], "a GPU", NOT_RUN])
     given = REPORTED["tables"][4]
     rows += [[f"reported: {what}", where, seconds] for what, where, seconds in given["rows"]]
     return markdown(["what", "where", "seconds"], rows, 2)
@@ -471,12 +470,12 @@ def page(drawn: Iterable[Path]) -> str:
 
 def check(text: str, drawn: dict[Path, Figure]) -> int:
     """Say which files are missing or not what their data say; return the exit code."""
-    with tempfile.TemporaryDirectory() as place:
-        wanted = {PAGE: text.encode()}
+    with tempfile.TemporaryDirectory() as folder:
+        expected = {PAGE: text.encode()}
         for path, figure in drawn.items():
-            figures.save(Path(place) / path.name, figure)
-            wanted[path] = (Path(place) / path.name).read_bytes()
-    old = [p for p, content in wanted.items() if not p.exists() or p.read_bytes() != content]
+            figures.save(Path(folder) / path.name, figure)
+            expected[path] = (Path(folder) / path.name).read_bytes()
+    old = [p for p, content in expected.items() if not p.exists() or p.read_bytes() != content]
     for path in old:
         print(f"{path} is not what its data say: run `make tables`", file=sys.stderr)
     return 1 if old else 0

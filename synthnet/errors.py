@@ -78,7 +78,8 @@ def needed_by(what: str) -> Iterator[None]:
     Raises
     ------
     MissingPackageError
-        If a package of :data:`OPTIONAL` is not installed.
+        If a package of :data:`OPTIONAL` is not installed, or is installed and cannot be
+        imported, such as for want of a library of the system.
 
     Examples
     --------
@@ -89,12 +90,19 @@ def needed_by(what: str) -> Iterator[None]:
     """
     try:
         yield
-    except ModuleNotFoundError as error:
+    except MissingPackageError:
+        raise  # the inner block that raised it named the package
+    except ImportError as error:
         package = (error.name or "").partition(".")[0]
         if package not in OPTIONAL:
             raise
         name = OPTIONAL[package][0]
-        raise MissingPackageError(f"{what} needs {name}: {install(package)}") from error
+        if isinstance(error, ModuleNotFoundError):
+            raise MissingPackageError(f"{what} needs {name}: {install(package)}") from error
+        reason = " ".join(str(error).split())
+        raise MissingPackageError(
+            f"{what} needs {name}, which is installed and cannot be imported: {reason}"
+        ) from error
 
 
 class SpectrumError(SynthNetError):

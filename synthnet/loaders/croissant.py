@@ -192,13 +192,13 @@ def metadata(dataset: StoredDataset) -> dict[str, Any]:
         As :func:`write`.
     """
     manifest = dataset.manifest
-    about, wanted = _about(manifest.version)
+    about, resolved = _about(manifest.version)
     return {
         "@context": CONTEXT,
         "@type": "sc:Dataset",
         "conformsTo": list(CONFORMS_TO),
         "name": f"synthNet {manifest.version}",
-        "description": f"{about.description}. {manifest.rows:,} meshes{_part(wanted)}.",
+        "description": f"{about.description}. {manifest.rows:,} meshes{_part(resolved)}.",
         "version": about.semantic,
         "datePublished": about.frozen,
         "license": LICENCE,
@@ -211,8 +211,8 @@ def metadata(dataset: StoredDataset) -> dict[str, Any]:
         "distribution": _distribution(dataset),
         "recordSet": [
             _splits(),
-            _records("labels", [c for c in COLUMNS if c not in MESHES], wanted, manifest.rows),
-            _records("shapes", list(COLUMNS), wanted, manifest.rows),
+            _records("labels", [c for c in COLUMNS if c not in MESHES], resolved, manifest.rows),
+            _records("shapes", list(COLUMNS), resolved, manifest.rows),
         ],
     }
 
@@ -227,12 +227,12 @@ def _about(version: str) -> tuple[About, recipe.Recipe]:
     return ABOUT[recipe.load(name.version).base], recipe.load(version)
 
 
-def _part(wanted: recipe.Recipe) -> str:
-    if wanted.kind is Kind.SCALED:
-        source = recipe.parse_name(wanted.version).version
+def _part(resolved: recipe.Recipe) -> str:
+    if resolved.kind is Kind.SCALED:
+        source = recipe.parse_name(resolved.version).version
         return f", drawn by the distributions of {source}, all new"
-    if wanted.subset is not None:
-        return f" of {wanted.subset.of}, with the same ids, splits and labels"
+    if resolved.subset is not None:
+        return f" of {resolved.subset.of}, with the same ids, splits and labels"
     return ""
 
 
@@ -320,24 +320,26 @@ def _splits() -> dict[str, Any]:
     }
 
 
-def _records(name: str, columns: Sequence[str], wanted: recipe.Recipe, rows: int) -> dict[str, Any]:
-    told = "all columns" if "vertices" in columns else "all but the meshes"
+def _records(
+    name: str, columns: Sequence[str], resolved: recipe.Recipe, rows: int
+) -> dict[str, Any]:
+    contents = "all columns" if "vertices" in columns else "all but the meshes"
     return {
         "@type": "cr:RecordSet",
         "@id": name,
         "name": name,
-        "description": f"One record a mesh, {rows:,} in all: {told}.",
+        "description": f"One record a mesh, {rows:,} in all: {contents}.",
         "key": {"@id": f"{name}/id"},
-        "field": [_field(name, column, wanted) for column in columns],
+        "field": [_field(name, column, resolved) for column in columns],
     }
 
 
-def _field(records: str, column: str, wanted: recipe.Recipe) -> dict[str, Any]:
+def _field(records: str, column: str, resolved: recipe.Recipe) -> dict[str, Any]:
     kind, text = COLUMNS[column]
-    instances = wanted.augmentation.instances
+    instances = resolved.augmentation.instances
     shapes = {
         "paper_splits": f"{instances}",
-        "eigenvalues": f"{wanted.label.eigenvalues}",
+        "eigenvalues": f"{resolved.label.eigenvalues}",
         "isometries": f"{instances},9",
         "vertices": "-1,3",
         "faces": "-1,3",

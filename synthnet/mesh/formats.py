@@ -188,12 +188,12 @@ def _ply_header(lines: Sequence[bytes]) -> tuple[str, list[Element]]:
             case ["element", name, count] if count.isdecimal() and len(count) < 19:
                 elements.append(Element(name, int(count)))
                 continue
-            case ["property", one, name] if one in PLY_KINDS and elements:
-                kinds = PLY_KINDS[one], None
-            case ["property", "list", many, one, name] if (
-                {many, one} <= set(PLY_KINDS) and PLY_KINDS[many][0] in "iu" and elements
+            case ["property", kind, name] if kind in PLY_KINDS and elements:
+                kinds = PLY_KINDS[kind], None
+            case ["property", "list", many, kind, name] if (
+                {many, kind} <= set(PLY_KINDS) and PLY_KINDS[many][0] in "iu" and elements
             ):
-                kinds = PLY_KINDS[one], PLY_KINDS[many]
+                kinds = PLY_KINDS[kind], PLY_KINDS[many]
             case _:
                 raise UnreadableError(f"line {number}: {_told(line)} is of no PLY header")
         if name in elements[-1].properties:

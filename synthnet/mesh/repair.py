@@ -361,14 +361,14 @@ def _neighbours(
     keys = np.minimum(tails, heads) * (int(faces.max()) + 1) + np.maximum(tails, heads)
     order = np.argsort(keys, kind="stable")
     twice = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
-    one, two = order[twice], order[twice + 1]
-    return one // 3, two // 3, np.stack([one % 3, two % 3], axis=1)
+    first, second = order[twice], order[twice + 1]
+    return first // 3, second // 3, np.stack([first % 3, second % 3], axis=1)
 
 
 def _components(
-    count: int, one: NDArray[np.integer], two: NDArray[np.integer]
+    count: int, tails: NDArray[np.integer], heads: NDArray[np.integer]
 ) -> NDArray[np.int64]:
     """Return the number of the component of each of ``count`` nodes, (count,)."""
-    graph = sparse.coo_matrix((np.ones(len(one), bool), (one, two)), shape=(count, count))
+    graph = sparse.coo_matrix((np.ones(len(tails), bool), (tails, heads)), shape=(count, count))
     labels: NDArray[np.int64] = connected_components(graph, directed=False)[1].astype(np.int64)
     return labels

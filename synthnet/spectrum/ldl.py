@@ -33,7 +33,7 @@ class Factor:
         Rows of Lᵀ, front by front; empty if only the pivots are kept.
     uncertainty : float
         An estimate of how far rounding moves the eigenvalues, in their unit: the largest
-        diagonal entry of M⁻¹ |L| |D| |Lᵀ|, M a quarter of the lumped mass (below B), times
+        diagonal entry of ``M⁻¹ |L| |D| |Lᵀ|``, M a quarter of the lumped mass (below B), times
         the rounding unit. No bound: the norm of that matrix is a few times larger.
     """
 

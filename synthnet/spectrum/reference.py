@@ -1,8 +1,8 @@
 r"""The eigenvalue problem in NumPy and SciPy alone: the solver of this room, made to be read.
 
-On a surface S, the eigenfunctions of the Laplace–Beltrami operator solve :math:`-\Delta u =
-\lambda u`. Multiplied by a test function v and integrated by parts, with no boundary term (the
-natural, or Neumann, condition on a boundary), this is
+On a surface S, the eigenfunctions of the Laplace–Beltrami operator solve
+:math:`-\Delta u = \lambda u`. Multiplied by a test function v and integrated by parts, with no
+boundary term (the natural, or Neumann, condition on a boundary), this is
 
 .. math:: \int_S \nabla u \cdot \nabla v = \lambda \int_S u\,v \quad \text{for all } v,
 

@@ -125,7 +125,19 @@ def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> St
         )
     if manifest.version != version:
         raise StoreError(f"{directory} holds {manifest.version}, not {version}")
-    return StoredDataset(directory, manifest)
+    dataset = StoredDataset(directory, manifest)
+    if not _may_have_name(dataset.kind, recipe.parse_name(version)):
+        raise StoreError(
+            f"by its manifest {directory} is of the kind {dataset.kind.value!r}, which cannot have "
+            f"the name {version}: remove the folder and make it again"
+        )
+    return dataset
+
+
+def _may_have_name(kind: Kind, name: recipe.Name) -> bool:
+    if kind is Kind.IMPORTED:  # free names, such as mesh-x100
+        return name.version not in recipe.available()
+    return kind is name.kind or (kind, name.kind) == (Kind.VERSION, Kind.IMPORTED)  # your recipe's
 
 
 def open_unversioned(name: str, root: str | os.PathLike[str] | None = None) -> StoredDataset | None:

@@ -36,7 +36,7 @@ def make_directory(path: Path) -> None:
         probe.unlink(missing_ok=True)  # another build may probe at the same time
     except OSError as error:
         raise BuildError(
-            f"cannot write to {path} ({error.strerror}): choose another place with --out "
+            f"cannot write to {path} ({error.strerror}): choose another directory with --out "
             "or $SYNTHNET_HOME"
         ) from error
 

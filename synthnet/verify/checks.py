@@ -73,8 +73,12 @@ def verify(
     ------
     StoreError
         If the dataset has not been built there or its manifest is damaged.
+    MissingPackageError
+        If labels are to be derived anew and LaPy is not installed.
     """
     dataset = store.open_dataset(version, root)
+    if sample:
+        shapes.load_lapy()  # now, not after the minutes that the other checks take
     if dataset.kind is Kind.IMPORTED:
         return _verify_imported(dataset, sample, seed, on_shard)
     return _verify_drawn(dataset, sample, seed, on_shard)

@@ -22,6 +22,8 @@ def check_manifest(manifest: Manifest, recipe: Recipe | None) -> Iterator[str]:
             yield "manifest: its digest is not that of its options and files"
     else:
         drawn = {family: recipe.drawn(family) for family in recipe.families}
+        if manifest.version != recipe.version:
+            yield f"manifest: of {manifest.version}, its recipe of {recipe.version}"
         if manifest.recipe_digest != recipe.digest:
             yield "manifest: made from another recipe than this release's"
     for family, expected in drawn.items():

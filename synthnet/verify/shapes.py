@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import types
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -154,6 +156,12 @@ def check_label(sample: Sample) -> Iterator[str]:
         )
 
 
+def load_lapy() -> types.ModuleType:
+    """Import LaPy, or raise :class:`~synthnet.errors.MissingPackageError`."""
+    with needed_by("checking labels"):
+        return importlib.import_module("lapy")
+
+
 def lapy_eigenvalues(mesh: Mesh, k: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """Return the first k eigenvalues after zero by LaPy's own solver, on one thread.
 
@@ -161,8 +169,7 @@ def lapy_eigenvalues(mesh: Mesh, k: int) -> np.ndarray[tuple[int], np.dtype[np.f
     a fixed one. Of a mesh that is hardly larger than the basis ARPACK needs, LaPy's matrices are
     solved densely: ARPACK finds no more than n - 1 eigenvalues.
     """
-    with needed_by("checking labels"):
-        import lapy
+    lapy = load_lapy()
     size = area(mesh)
     vertices = mesh.vertices.astype(np.float64) / np.sqrt(size)
     with threadpoolctl.threadpool_limits(1):

@@ -360,7 +360,9 @@ def test_workers_must_be_at_least_one(workers: int, tmp_path: Path) -> None:
 
 def test_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no directory")
-    with pytest.raises(BuildError, match=r"cannot write to .*: choose another place with --out"):
+    with pytest.raises(
+        BuildError, match=r"cannot write to .*: choose another directory with --out"
+    ):
         build(VERSION, root=tmp_path / "file" / "home")
 
 

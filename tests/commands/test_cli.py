@@ -157,7 +157,7 @@ def test_place_that_cannot_be_written(run: Run) -> None:
         pytest.skip("needs a place that even root cannot write to")
     line = only_line(*run("build", "--version", VERSION, "--out", "/proc/synthnet"))
     assert "cannot write to /proc/synthnet/1.0-mini" in line
-    assert "choose another place with --out or $SYNTHNET_HOME" in line
+    assert "choose another directory with --out or $SYNTHNET_HOME" in line
 
 
 def test_damaged_manifest(run: Run, mini_copy: Path) -> None:

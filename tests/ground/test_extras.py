@@ -174,6 +174,17 @@ def test_other_packages_and_other_errors_are_left_alone() -> None:
     assert install("cv2") == "pip install it"
 
 
+def test_a_package_that_is_there_and_broken_is_not_said_to_be_missing() -> None:
+    line = r"^drawing needs Matplotlib, which is installed and cannot be imported: no libfreetype$"
+    with pytest.raises(MissingPackageError, match=line), needed_by("drawing"):
+        raise ImportError("no libfreetype", name="matplotlib.ft2font")
+    with pytest.raises(ImportError, match=r"^cannot import name"), needed_by("drawing"):
+        raise ImportError("cannot import name 'a'", name="synthnet.mesh")
+    with pytest.raises(MissingPackageError, match=r"^the inner"), needed_by("the outer"):  # noqa: SIM117
+        with needed_by("the inner"):
+            raise ModuleNotFoundError(name="lapy")
+
+
 def test_the_advice_to_install_an_extra_is_written_once() -> None:
     files = [path for folder in FOLDERS.values() for path in folder.rglob("*.py")]
     assert len(files) > 100

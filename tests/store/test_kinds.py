@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,34 @@ def test_an_import_is_known_by_its_manifest_whatever_its_name(tmp_path: Path) ->
         assert dataset.kind is Kind.IMPORTED
         assert description_of(dataset.manifest) == DESCRIPTION
     assert store.open_unversioned("1.0-mini", tmp_path) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "made_from"),
+    [
+        ("1.0-mini", sealed_recipe("1.0-mini", bytes(range(32))).to_dict()),
+        ("1.0-mini", recipe.load("1.0-mini-x2").to_dict()),
+        ("1.0-mini", DESCRIPTION.to_dict()),
+        ("1.0-mini-x2", recipe.load("1.0-mini").to_dict()),
+        ("1.0-mini-x2", DESCRIPTION.to_dict()),
+        ("1.0-mini-sealed-0123456789ab", recipe.load("1.0-mini").to_dict()),
+        ("scans", recipe.load("1.0-mini-x2").to_dict()),
+    ],
+)
+def test_a_manifest_of_another_kind_than_its_name_is_refused(
+    name: str, made_from: dict[str, Any], tmp_path: Path
+) -> None:
+    (tmp_path / name).mkdir()
+    store.write_manifest(tmp_path / name, manifest(name, made_from))
+    with pytest.raises(StoreError, match=rf"which cannot have the name {re.escape(name)}: "):
+        store.open_dataset(name, tmp_path)
+
+
+def test_a_recipe_of_your_own_may_have_any_name(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    made = manifest("mine", recipe.load("1.0-mini").to_dict())
+    store.write_manifest(tmp_path / "mine", made)
+    assert store.open_dataset("mine", tmp_path).manifest == made
 
 
 def test_a_description_with_other_parts_is_of_another_release() -> None:

@@ -405,7 +405,7 @@ def unwritable_places(tmp_path: Path) -> Iterator[Path]:
 
 def test_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     for place in unwritable_places(tmp_path):
-        wanted = f"cannot write to {place} .*: choose another place with --out or"
+        wanted = f"cannot write to {place} .*: choose another directory with --out or"
         with pytest.raises(BuildError, match=wanted) as caught:
             files.make_directory(place)
         assert "\n" not in str(caught.value)

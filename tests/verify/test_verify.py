@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,11 @@ import pytest
 
 from synthnet import recipe, spectrum, store
 from synthnet.commands import cli
-from synthnet.errors import RecipeError, StoreError
+from synthnet.errors import MissingPackageError, RecipeError, StoreError
 from synthnet.recipe.plan import plan_shards
 from synthnet.store import pins
 from synthnet.types import Mesh, Rejection, Sample, ShapeSpec
-from synthnet.verify import checks, shapes
+from synthnet.verify import checks, files, shapes
 from synthnet.verify.checks import VerifyReport, verify
 from synthnet.verify.shapes import lapy_eigenvalues
 
@@ -206,6 +207,23 @@ def test_version_that_is_not_built_says_so(tmp_path: Path) -> None:
         verify(VERSION, root=tmp_path)
     with pytest.raises(RecipeError, match="unknown version '3'"):
         verify("3", root=tmp_path)
+
+
+def test_manifest_of_another_version_than_its_recipe_is_found(mini_home: Path) -> None:
+    manifest = store.open_dataset(VERSION, mini_home).manifest
+    assert [*files.check_manifest(manifest, recipe.load(VERSION))] == []
+    other = dataclasses.replace(manifest, version="1.0-mini-sealed-0123456789ab")
+    (problem,) = files.check_manifest(other, recipe.load(VERSION))
+    assert problem == f"manifest: of {other.version}, its recipe of {VERSION}"
+
+
+def test_a_missing_lapy_is_said_before_anything_is_read(
+    mini_home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "lapy", None)
+    monkeypatch.setattr(checks, "_verify_drawn", None)
+    with pytest.raises(MissingPackageError, match=r"^checking labels needs LaPy"):
+        verify(VERSION, root=mini_home)
 
 
 def test_version_without_pins_is_not_verified(

@@ -29,8 +29,8 @@ BANNER = """\
 
 # Leaderboard
 
-**This page is generated** by `eigbench leaderboard` from [results](benchmark/results),
-[predictions](benchmark/predictions) and the labels pinned in this repository. CI scores every
+**This page is generated** by `eigbench leaderboard` from `benchmark/results`,
+`benchmark/predictions` and the labels pinned in this repository. CI scores every
 file of predictions anew and fails if one byte differs. It runs no submitted model.
 [How to add a row](docs/submit.md) · [what the metrics mean](docs/metrics.md) ·
 [the rules](docs/rules.md)

@@ -110,15 +110,15 @@ def _add_split(sub: argparse.ArgumentParser) -> None:
 
 
 def _directory(options: argparse.Namespace) -> store.StoredDataset | None:
-    """Return the dataset that is named as a directory, an import or a seal, if one is."""
+    """Return the dataset if a directory, an import or a sealed set is named, not a version."""
     if options.sealed is not None:
         return seal.open_checked(seal.read(options.sealed), options.root)
     if options.dataset in recipe.available():
         return None  # a version, even where a directory has its name
-    place = Path(options.dataset)
-    manifest = store.read_manifest(place)
+    path = Path(options.dataset)
+    manifest = store.read_manifest(path)
     if manifest is not None:
-        return store.StoredDataset(place, manifest)
+        return store.StoredDataset(path, manifest)
     return store.open_unversioned(options.dataset, options.root)
 
 
@@ -127,8 +127,8 @@ def _truth(options: argparse.Namespace, directory: store.StoredDataset | None) -
         return truth.of_dataset(directory, options.split, options.protocol)
     name = ""
     if options.protocol.startswith(IMPORTED):
-        wanted = recipe.load(options.dataset)
-        name = truth.imported_name(wanted, options.split, options.protocol)
+        resolved = recipe.load(options.dataset)
+        name = truth.imported_name(resolved, options.split, options.protocol)
     if name and pins.read(name) is None:  # for a board it must be pinned; to try, on disk will do
         dataset = store.open_unversioned(name, options.root)
         if dataset is not None and dataset.kind is recipe.Kind.IMPORTED:
@@ -137,18 +137,18 @@ def _truth(options: argparse.Namespace, directory: store.StoredDataset | None) -
 
 
 def _meshes_of(
-    wanted: truth.Truth, directory: store.StoredDataset | None, root: Path | None
+    labels: truth.Truth, directory: store.StoredDataset | None, root: Path | None
 ) -> store.StoredDataset:
     """Return the dataset on disk whose meshes are predicted; it must be that of the labels."""
-    kind, _, name = wanted.protocol.partition("/")
-    place = name if kind == IMPORTED else wanted.version
-    dataset = directory or store.open_dataset(place, root)
+    kind, _, name = labels.protocol.partition("/")
+    version = name if kind == IMPORTED else labels.version
+    dataset = directory or store.open_dataset(version, root)
     if kind == IMPORTED:
-        same = truth.of_import(dataset, wanted.version).recipe_digest == wanted.recipe_digest
+        same = truth.of_import(dataset, labels.version).recipe_digest == labels.recipe_digest
         problem = f"does not hold the meshes whose labels are pinned as {name}"
     else:
-        same = dataset.manifest.recipe_digest == wanted.recipe_digest
-        problem = f"was not built from the recipe of {wanted.version}"
+        same = dataset.manifest.recipe_digest == labels.recipe_digest
+        problem = f"was not built from the recipe of {labels.version}"
     if not same:
         raise EigbenchError(f"{dataset.directory} {problem}: check it with `synthnet verify`")
     return dataset

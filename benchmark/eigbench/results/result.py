@@ -149,12 +149,22 @@ def check_schema(result: Any, required: dict[str, Any], path: Path) -> None:
     ResultError
         With the keys of the first thing that is wrong.
     """
+    _check_version(result, required, path)
     validator = jsonschema.Draft202012Validator(required)
     error = next(iter(sorted(validator.iter_errors(result), key=lambda e: list(e.path))), None)
     if error is not None:
         keys = "/".join(map(str, error.path)) or "the top"
         message = " ".join(error.message.split())
         raise ResultError(f"{path} is no result: at {keys}: {message[:200]}")
+
+
+def _check_version(result: Any, required: dict[str, Any], path: Path) -> None:
+    for key in ("schema_version", "scaling_version"):
+        stored = result.get(key) if isinstance(result, dict) else None
+        current = required["properties"].get(key, {}).get("const")
+        if isinstance(stored, int) and current not in (None, stored):
+            age = "an earlier" if stored < current else "a later"
+            raise ResultError(f"{path} was made by {age} eigbench: evaluate its predictor again")
 
 
 def _check_means(result: dict[str, Any], path: Path) -> None:

@@ -20,7 +20,6 @@ from synthnet.store.files import sha256
 # What follows from the position (ctx), from the spelling (kind), or is written as a comment.
 UNSEEN = ("ctx", "kind", "type_comment", "type_ignores")
 
-
 CODE = "baselines"  # of a checkout: the folder with the predictors of its rows
 EARLIER = "made by an earlier version of its code."
 
@@ -29,9 +28,14 @@ def outdated(result: dict[str, Any], root: Path) -> bool:
     """Return whether the code of a result in a checkout is not that which made it any more.
 
     A result whose predictor is not among the checkout's baselines is not: nothing is known of it.
+    Another's predictor may have the file name of a baseline; it does not have its model's name.
     """
     folder, model = root / CODE, result["model"]
-    if not (folder / model["code"].partition(":")[0]).is_file():
+    file, _, variant = model["code"].partition(":")
+    code = folder / file
+    if not code.is_file():
+        return False
+    if not variant and model["name"] not in code.read_text(encoding="utf-8", errors="replace"):
         return False
     return any(_current(folder / name) != made_by for name, made_by in model["sources"].items())
 

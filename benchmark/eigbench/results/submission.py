@@ -163,7 +163,7 @@ def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Pa
         labels = _pinned(facts["version"], split, protocol)
     elif recipe.parse_name(facts["version"]).kind is recipe.Kind.SEALED:
         raise ResultError(
-            f"{path} is of the sealed set {facts['version']}, which has no place on a board: "
+            f"{path} is of the sealed set {facts['version']}, which cannot be on a board: "
             "compare results of one with --dataset, its directory"
         )
     else:

@@ -116,7 +116,7 @@ class Pinned:
 
 
 def relative_error(values: Array, expected: Array) -> float:
-    """Return the mean of |p − g| / g.
+    """Return the mean of :math:`|p - g| / g`, p the values and g the expected ones.
 
     Examples
     --------

@@ -130,8 +130,8 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
     (306, 'rectangular_prism-00008/0', (306, 10))
     """
     _check(split)
-    wanted = recipe.load(version)
-    if name := imported_name(wanted, split, protocol):
+    resolved = recipe.load(version)
+    if name := imported_name(resolved, split, protocol):
         labels = pins.read(name)
         if labels is None:
             raise EigbenchError(
@@ -140,9 +140,9 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
                 f"`python -m evidence pin version {name}`"
             )
         return _of_import(version, protocol, labels)
-    pinned = pins.read(wanted.base)
+    pinned = pins.read(resolved.base)
     if pinned is None:
-        raise EigbenchError(f"the labels of {wanted.base} are not pinned in this release")
+        raise EigbenchError(f"the labels of {resolved.base} are not pinned in this release")
     shapes = (
         _Labelled(
             shape.spec.id,
@@ -156,11 +156,11 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
         for shape in plan.shapes
         if shape.spec.id in pinned  # or it was rejected by a filter, and has no label
     )
-    own = None if protocol in PROTOCOLS else wanted
+    own = None if protocol in PROTOCOLS else resolved
     chosen = list(_choose(shapes, _trained_on(version), own, split, protocol))
     if not chosen:
         raise EigbenchError(f"{version} has nothing in the split {split} of protocol {protocol}")
-    return _truth(chosen, version, split, protocol, wanted.digest)
+    return _truth(chosen, version, split, protocol, resolved.digest)
 
 
 @lru_cache(maxsize=4)
@@ -207,7 +207,7 @@ def _check(split: str) -> None:
         raise EigbenchError(f"split must be one of {', '.join(SPLITS)}, got {split!r}")
 
 
-def imported_name(wanted: Recipe, split: str, protocol: str) -> str:
+def imported_name(resolved: Recipe, split: str, protocol: str) -> str:
     """Return the name of the imported dataset that a protocol tests, or nothing.
 
     Raises
@@ -218,8 +218,8 @@ def imported_name(wanted: Recipe, split: str, protocol: str) -> str:
     kind, _, name = protocol.partition("/")
     if kind != IMPORTED:
         return ""
-    if not (wanted.protocols and kind in wanted.protocols):
-        raise EigbenchError(f"{wanted.version} has no protocol {kind}")
+    if not (resolved.protocols and kind in resolved.protocols):
+        raise EigbenchError(f"{resolved.version} has no protocol {kind}")
     if not name:
         raise EigbenchError(f"protocol {kind}: say which, {kind}/NAME, NAME as it was imported")
     if name in recipe.available():

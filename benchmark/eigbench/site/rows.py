@@ -33,7 +33,7 @@ def content(submission: Submission, own: str | None = None) -> dict[str, Any]:
 
     Parameters
     ----------
-    one : Submission
+    submission : Submission
         The row.
     own : str or None
         Its protocol, if that is the version's own: the row was timed under ``grouped`` then.

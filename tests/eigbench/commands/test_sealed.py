@@ -127,7 +127,7 @@ def test_evaluate_runs_a_predictor_on_the_set_and_no_board_takes_it(
     assert code == 0
     assert json.loads(said)["scores"] == result["scores"]
     line = only_line(*eigbench("submit", out, "--board", tmp_path / "board"))
-    assert f"is of the sealed set {sealed_set.seal.dataset}, which has no place on a board" in line
+    assert f"is of the sealed set {sealed_set.seal.dataset}, which cannot be on a board" in line
     directory = sealed_set.home / sealed_set.seal.dataset
     code, said, _ = eigbench("compare", out, out, "--dataset", directory)
     assert code == 0

@@ -90,7 +90,7 @@ def test_missing_key_is_refused(result, place):
 @pytest.mark.parametrize(
     ("place", "key", "value"),
     [
-        ("", "schema_version", 1),
+        ("", "schema_version", "2"),
         ("", "metric_version", "1"),
         ("", "checkout", {"commit": "0" * 40}),
         ("", "checkout", {"commit": "main", "dirty": False, "branch": "main"}),
@@ -122,6 +122,13 @@ def test_missing_key_is_refused(result, place):
 def test_wrong_value_is_refused_and_its_place_named(result, place, key, value):
     at(result, place)[key] = value
     with pytest.raises(ResultError, match=rf"at (.*/)?{key}: "):
+        results.validate(result, HERE)
+
+
+@pytest.mark.parametrize(("version", "age"), [(1, "an earlier"), (3, "a later")])
+def test_result_of_another_schema_says_by_which_eigbench_it_was_made(result, version, age):
+    result["schema_version"] = version
+    with pytest.raises(ResultError, match=rf"made by {age} eigbench: evaluate its predictor again"):
         results.validate(result, HERE)
 
 

@@ -194,17 +194,20 @@ def test_python_file_counts_by_its_statements(tmp_path):
     assert digest(path) == digest_of_code(CODE)
 
 
+META = 'META = {"name": "Mine"}\n'
+
+
 @pytest.fixture
 def checkout(tmp_path):
     """A checkout with one baseline, and the result that it made."""
     folder = tmp_path / "baselines"
     (folder / "parts").mkdir(parents=True)
-    (folder / "mine.py").write_text(CODE)
+    (folder / "mine.py").write_text(CODE + META)
     (folder / "parts" / "net.py").write_text("x = 1\n")
     (folder / "mine.npz").write_bytes(b"weights")
     names = ("mine.py", "parts/net.py", "mine.npz")
     sources = {name: digest(folder / name) for name in names}
-    return tmp_path, {"model": {"code": "mine.py", "sources": sources}}
+    return tmp_path, {"model": {"name": "Mine", "code": "mine.py", "sources": sources}}
 
 
 def test_result_is_outdated_by_a_changed_statement_and_by_no_comment(checkout):
@@ -240,10 +243,18 @@ def test_result_of_a_predictor_that_is_elsewhere_is_not_outdated(checkout):
     assert not outdated(result, root)
 
 
+def test_result_of_another_predictor_in_a_file_of_the_same_name_is_not_outdated(checkout):
+    root, result = checkout
+    result["model"] |= {"name": "Another", "sources": {"mine.py": "0" * 64}}
+    assert not outdated(result, root)
+    result["model"]["name"] = "Mine"
+    assert outdated(result, root)
+
+
 def test_remark_is_of_results_on_the_board_of_a_checkout(checkout):
     root, result = checkout
     path = root / "benchmark" / "results" / "1.0-test-grouped" / "mine.json"
     assert remark(result, path) == ""
-    (root / "baselines" / "mine.py").write_text("x = 1")
+    (root / "baselines" / "mine.py").write_text(META)
     assert remark(result, path) == "made by an earlier version of its code."
     assert remark(result, root / "mine.json") == ""

@@ -458,7 +458,10 @@ def test_submit_places_a_result_and_the_board_is_checked(eigbench, rows, tmp_pat
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda r: r.update(scaling_version=1), "at scaling_version: 2 was expected"),
+        (
+            lambda r: r.update(scaling_version=1),
+            "made by an earlier eigbench: evaluate its predictor again",
+        ),
         (lambda r: r["meshes"][0].update(digest="0" * 32), "its ellipsoid-1000 is not the mesh"),
         (lambda r: r["meshes"][0].update(surface="cube"), "has no cube at 1,000 vertices"),
         (lambda r: r["meshes"][0].update(outcome="died"), "is died, its numbers say otherwise"),
