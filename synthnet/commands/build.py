@@ -37,10 +37,12 @@ def add(commands: Commands) -> None:
         "--engine",
         choices=("local", "dask", "mpi"),
         default="local",
-        help="who does the work: processes of this machine (default), a Dask cluster, "
-        "or the other processes of an MPI job; the data do not depend on it",
+        help="where the work is done: by processes of this machine (default), by a Dask cluster, "
+        "or by the other processes of an MPI job; the data do not depend on it",
     )
-    sub.add_argument("--scheduler", metavar="ADDRESS", help="of the Dask cluster")
+    sub.add_argument(
+        "--scheduler", metavar="ADDRESS", help="address of the Dask cluster's scheduler"
+    )
     workers_options(
         sub,
         other="build",

@@ -33,13 +33,13 @@ def add(commands: Commands) -> None:
         "family",
         nargs="?",
         metavar="FAMILY",
-        help="for example torus (default: one shape of each family)",
+        help="family to draw, for example torus (default: one shape of each family)",
     )
     sub.add_argument(
         "--png",
         type=Path,
         metavar="FILE",
-        help="where to write it (default: gallery-V.png or gallery-V-FAMILY.png, here)",
+        help="picture to write (default: gallery-V.png or gallery-V-FAMILY.png, here)",
     )
     sub.add_argument(
         "--count",

@@ -25,14 +25,18 @@ def add(commands: Commands) -> None:
         version=False,
     )
     sub.add_argument(
-        "directory", type=Path, nargs="+", metavar="DIR", help="with OBJ, OFF, PLY or STL files"
+        "directory",
+        type=Path,
+        nargs="+",
+        metavar="DIR",
+        help="directory with OBJ, OFF, PLY or STL files",
     )
-    sub.add_argument("--name", required=True, metavar="NAME", help="of the dataset")
+    sub.add_argument("--name", required=True, metavar="NAME", help="name of the dataset")
     sub.add_argument("--unit-area", action="store_true", help="scale every surface to area 1")
     sub.add_argument(
         "--keep-largest",
         action="store_true",
-        help="of several components keep the largest, instead of refusing the file",
+        help="keep the largest of several components, instead of refusing the file",
     )
     sub.add_argument(
         "--split",

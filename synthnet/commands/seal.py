@@ -23,7 +23,7 @@ def add(commands: Commands) -> None:
     )
     salt_option(sub)
     sub.add_argument(
-        "--new-salt", action="store_true", help="make that file first, of 256 random bits"
+        "--new-salt", action="store_true", help="write that file first, with 256 random bits"
     )
     sub.add_argument(
         "--share",

@@ -33,35 +33,35 @@ def add(commands: Commands) -> None:
         "--sealed",
         type=Path,
         metavar="SEAL.json",
-        help="check a sealed set by its revealed salt; it is built first if it is not there",
+        help="check a sealed set against its revealed salt; it is built first if it is missing",
     )
     salt_option(sub, required=False)
     sub.add_argument("--workers", type=int, metavar="N", help="local processes, for --sealed")
     sub.add_argument(
         "--files",
         action="store_true",
-        help="only see whether any byte has changed since the build: seconds, not minutes",
+        help="only check whether any byte has changed since the build: seconds, not minutes",
     )
     sub.add_argument(
         "--sample",
         type=at_least(0),
         default=100,
         metavar="N",
-        help="labels to derive anew with LaPy (default: %(default)s)",
+        help="number of labels to compute again with LaPy (default: %(default)s)",
     )
     sub.add_argument(
         "--seed",
         type=at_least(0),
         default=0,
         metavar="N",
-        help="of that sample (default: 0)",
+        help="seed that draws this sample (default: 0)",
     )
     sub.add_argument(
         "--limit",
         type=at_least(0),
         default=20,
         metavar="N",
-        help="problems to print (default: 20)",
+        help="number of problems to print (default: 20)",
     )
 
 

@@ -2,7 +2,6 @@
 
 from synthnet.recipe.finding import load, parse, scaled
 from synthnet.recipe.names import Kind, Name, available, parse_name, title
-from synthnet.recipe.parsing import EACH_FAMILY, NOTHING
 from synthnet.recipe.recipe import (
     AugmentationSettings,
     FamilyRecipe,
@@ -17,8 +16,6 @@ from synthnet.recipe.recipe import (
 )
 
 __all__ = [
-    "EACH_FAMILY",
-    "NOTHING",
     "AugmentationSettings",
     "FamilyRecipe",
     "FilterSettings",

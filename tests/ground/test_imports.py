@@ -1,6 +1,7 @@
 """The plan of the house: which room may import which."""
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -68,6 +69,35 @@ def test_every_file_is_in_a_room_and_every_room_has_files() -> None:
         rooms = {room for line in plan for room in line.split()}
         found = {room_of(file) for owner, file in FILES if owner == package}
         assert found == rooms | GROUND[package] | DOORS[package]
+
+
+def drawn() -> tuple[list[str], list[str]]:
+    """Return the first words of the map's drawing: synthnet's column, and eigbench's."""
+    text = (Path(__file__).parents[2] / "docs" / "architecture.md").read_text()
+    match = re.search(r"```text\n(synthnet/ .*?)```", text, re.DOTALL)
+    assert match is not None
+    first, *lines = match[1].split("\n")
+    middle = first.index("benchmark/eigbench/")
+    columns = ([line[:middle] for line in lines], [line[middle:] for line in lines])
+    return tuple(
+        [
+            word
+            for line in column
+            if re.match(r"  [a-z]", line)  # deeper lines go on with the sentence before
+            for word in (
+                line.split() if len(re.findall(r"\w  +\w", line)) > 1 else line.split()[:1]
+            )
+        ]
+        for column in columns
+    )
+
+
+def test_the_map_draws_these_rooms_in_this_order() -> None:
+    for plan, column in zip(PLANS.values(), drawn(), strict=True):
+        rooms = [room for line in plan for room in line.split()]
+        assert [word for word in column if word not in ("ground", "doors")] == rooms
+        assert column[0] == "ground"
+        assert column[-1] == "doors"
 
 
 def test_imports_are_seen() -> None:
@@ -142,20 +172,21 @@ def test_torch_and_the_benchmark_stay_where_they_belong(package: str, file: str)
         )
 
 
-def reached(room: str) -> set[str]:
-    """Return the files of eigbench that a file imports, and those that these import."""
-    known = {
-        file.removesuffix(".py").replace("/", ".") for owner, file in FILES if owner == "eigbench"
+def reached(module: str) -> set[str]:
+    """Return the modules of eigbench that a module imports, and those that these import."""
+    files = {
+        file.removesuffix(".py").replace("/", ".").removesuffix(".__init__"): file
+        for package, file in FILES
+        if package == "eigbench"
     }
     seen: set[str] = set()
-    left = [room]
+    left = [module]
     while left:
-        for name in imports_of("eigbench", left.pop().replace(".", "/") + ".py"):
+        for name in imports_of("eigbench", files[left.pop()]):
             inner = name.removeprefix("eigbench.")
-            inner = inner if inner in known else inner.rpartition(".")[0]
-            if inner in known and inner not in seen:
-                seen.add(inner)
-                left.append(inner)
+            for known in {inner, inner.rpartition(".")[0]} & files.keys() - seen:
+                seen.add(known)
+                left.append(known)
     return seen
 
 

@@ -84,7 +84,7 @@ def ordered(rows: Sequence[Scaled], size: int) -> list[Scaled]:
 def answers(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
     """Return where prediction beats the exact solver in a sentence, then the facts by size."""
     return [
-        f"**Where prediction beats the exact solver**: {escaped(_answer(verdicts, rows))}\n",
+        f"**Where prediction beats the exact solver.** {escaped(_answer(verdicts, rows))}\n",
         "\n".join(_facts(verdict, rows) for verdict in verdicts) + "\n",
         *(f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in rows if row.remark),
     ]
@@ -92,7 +92,7 @@ def answers(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
 
 def _answer(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> str:
     if not any(verdict.compared for verdict in verdicts):
-        return "no exact solver was run in this setting, so nothing can be said."
+        return "No exact solver was run in this setting, so nothing can be said."
     by_slug = {row.slug: row for row in rows}
     won = []
     for verdict in verdicts:
@@ -105,9 +105,12 @@ def _answer(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> str:
         if winners:
             won.append(f"at {verdict.size:,} vertices {', '.join(winners)}")
     if not won:
-        return f"nowhere. No prediction is {BETTER}."
-    elsewhere = " At no other size." if len(won) < len(verdicts) else ""
-    return f"{BETTER} (kind, on how many surfaces): {'; '.join(won)}.{elsewhere}"
+        return f"Nowhere: no prediction is {BETTER}."
+    elsewhere = " None at another size." if len(won) < len(verdicts) else ""
+    return (
+        f"The following predictions (kind, number of surfaces) are {BETTER}: "
+        f"{'; '.join(won)}.{elsewhere}"
+    )
 
 
 def _facts(verdict: Verdict, rows: Sequence[Scaled]) -> str:

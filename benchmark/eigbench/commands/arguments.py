@@ -23,7 +23,7 @@ def dataset_directory(sub: argparse.ArgumentParser) -> None:
         "--dataset",
         type=Path,
         metavar="DIR",
-        help="what was predicted, if it is no pinned version",
+        help="directory of the dataset that was predicted, unless it is a pinned version",
     )
 
 

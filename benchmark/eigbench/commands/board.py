@@ -31,8 +31,13 @@ def add_commands(command: Command) -> None:
         "check a result and its predictions, and put both on the board",
         "results.json",
     )
-    sub.add_argument("result", type=Path, metavar="RESULT.json")
-    sub.add_argument("--predictions", type=Path, metavar="FILE", help="default: beside the result")
+    sub.add_argument("result", type=Path, metavar="RESULT.json", help="made by `eigbench evaluate`")
+    sub.add_argument(
+        "--predictions",
+        type=Path,
+        metavar="FILE",
+        help="its predictions (default: beside the result)",
+    )
     sub.add_argument("--replace", action="store_true", help="replace the model's earlier result")
     _add_board(sub)
 
@@ -53,11 +58,17 @@ def add_commands(command: Command) -> None:
         "write the leaderboard as a page to sort, filter and open, which needs no server",
         "--out page",
     )
-    sub.add_argument("--out", type=Path, default=Path("page"), metavar="DIR")
+    sub.add_argument(
+        "--out",
+        type=Path,
+        default=Path("page"),
+        metavar="DIR",
+        help="directory that receives the page (default: %(default)s)",
+    )
     sub.add_argument(
         "--docs",
         metavar="URL",
-        help=f"where the pages of docs are, seen from DIR; {{}} is a page's name, as in {DOCS} "
+        help=f"address of the documentation, relative to DIR; {{}} is a page's name, as in {DOCS} "
         "(default: those of the checkout)",
     )
     _add_board(sub)

@@ -29,7 +29,13 @@ def add_commands(command: Command) -> None:
         "my_model.py",
     )
     arguments.predictor(sub)
-    sub.add_argument("--time-limit", type=float, default=600.0, metavar="S")
+    sub.add_argument(
+        "--time-limit",
+        type=float,
+        default=600.0,
+        metavar="S",
+        help="seconds allowed for a batch (default: %(default)g)",
+    )
 
 
 def check(options: argparse.Namespace) -> int:

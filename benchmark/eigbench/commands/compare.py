@@ -36,15 +36,15 @@ def add_commands(command: Command) -> None:
         "compare two results, mesh by mesh; their predictions are looked for beside them",
         "a.json b.json",
     )
-    sub.add_argument("a", type=Path, metavar="A.json")
-    sub.add_argument("b", type=Path, metavar="B.json")
+    sub.add_argument("a", type=Path, metavar="A.json", help="a result of `eigbench evaluate`")
+    sub.add_argument("b", type=Path, metavar="B.json", help="another one")
     sub.add_argument(
         "--predictions",
         type=Path,
         nargs=2,
         metavar=("A", "B"),
         default=(None, None),
-        help="if they are elsewhere",
+        help="their files of predictions (default: beside the results)",
     )
     arguments.dataset_directory(sub)
 
@@ -54,9 +54,26 @@ def add_commands(command: Command) -> None:
         "draw spectra, errors by family and index, their histogram, and error against time",
         "a.json b.json --out figures",
     )
-    sub.add_argument("results", type=Path, nargs="+", metavar="RESULT.json")
-    sub.add_argument("--out", type=Path, default=Path("figures"), metavar="DIR")
-    sub.add_argument("--metric", default=RANKED_BY, choices=METRICS)
+    sub.add_argument(
+        "results",
+        type=Path,
+        nargs="+",
+        metavar="RESULT.json",
+        help="results of `eigbench evaluate`",
+    )
+    sub.add_argument(
+        "--out",
+        type=Path,
+        default=Path("figures"),
+        metavar="DIR",
+        help="directory that receives the figures (default: %(default)s)",
+    )
+    sub.add_argument(
+        "--metric",
+        default=RANKED_BY,
+        choices=METRICS,
+        help="metric of the errors (default: %(default)s)",
+    )
     arguments.dataset_directory(sub)
 
 

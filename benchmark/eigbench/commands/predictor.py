@@ -42,7 +42,7 @@ def add_commands(command: Command) -> None:
         "score a file of predictions; no code is run",
         "preds.parquet",
     )
-    sub.add_argument("file", type=Path, metavar="FILE", help=".parquet, .npz or .csv")
+    sub.add_argument("file", type=Path, metavar="FILE", help="predictions: .parquet, .npz or .csv")
     _add_split(sub)
     sub.add_argument(
         "--root", type=Path, metavar="DIR", help="directory that holds a sealed set or import"
@@ -59,28 +59,62 @@ def _add_evaluate(command: Command) -> None:
     arguments.predictor(sub)
     _add_split(sub)
     sub.add_argument("--root", type=Path, metavar="DIR", help="directory that holds the versions")
-    sub.add_argument("--out", type=Path, default=Path("results.json"), metavar="FILE")
     sub.add_argument(
-        "--predictions", type=Path, metavar="FILE", help="default: beside --out, .parquet"
-    )
-    sub.add_argument("--device", default="cpu", help="handed to the predictor (default: cpu)")
-    sub.add_argument("--batch-size", type=arguments.positive, default=200, metavar="B")
-    sub.add_argument(
-        "--seeds", type=arguments.positive, default=1, metavar="N", help="runs (default: 1)"
+        "--out",
+        type=Path,
+        default=Path("results.json"),
+        metavar="FILE",
+        help="the result (default: %(default)s)",
     )
     sub.add_argument(
-        "--threads", type=arguments.positive, default=1, metavar="N", help="default: 1"
+        "--predictions",
+        type=Path,
+        metavar="FILE",
+        help="the predictions (default: beside --out, ending in .parquet)",
     )
-    sub.add_argument("--time-limit", type=float, default=3600.0, metavar="S", help="for a batch")
     sub.add_argument(
-        "--limit", type=arguments.positive, metavar="N", help="only N instances: a partial result"
+        "--device", default="cpu", help="PyTorch device passed to the predictor (default: cpu)"
+    )
+    sub.add_argument(
+        "--batch-size",
+        type=arguments.positive,
+        default=200,
+        metavar="B",
+        help="meshes a call (default: %(default)s)",
+    )
+    sub.add_argument(
+        "--seeds",
+        type=arguments.positive,
+        default=1,
+        metavar="N",
+        help="runs, with seeds 0 to N - 1 (default: 1)",
+    )
+    sub.add_argument(
+        "--threads",
+        type=arguments.positive,
+        default=1,
+        metavar="N",
+        help="threads that the predictor may use (default: 1)",
+    )
+    sub.add_argument(
+        "--time-limit",
+        type=float,
+        default=3600.0,
+        metavar="S",
+        help="seconds allowed for a batch (default: %(default)g)",
+    )
+    sub.add_argument(
+        "--limit",
+        type=arguments.positive,
+        metavar="N",
+        help="predict only N meshes; the result is marked as partial",
     )
     sub.add_argument("--resume", action="store_true", help="go on with an interrupted run")
     sub.add_argument(
         "--no-reference",
         dest="reference",
         action="store_false",
-        help="do not time LaPy on some of the same meshes; a board wants it timed",
+        help="do not time LaPy on some of the same meshes; a leaderboard requires that time",
     )
 
 
@@ -99,12 +133,14 @@ def _add_split(sub: argparse.ArgumentParser) -> None:
         metavar="SEAL.json",
         help="the sealed set of this seal, where it is built (see docs/sealed.md)",
     )
-    sub.add_argument("--split", default="test", choices=SPLITS)
+    sub.add_argument(
+        "--split", default="test", choices=SPLITS, help="split to predict (default: %(default)s)"
+    )
     sub.add_argument(
         "--protocol",
         default="grouped",
         metavar="P",
-        help=f"{', '.join(PROTOCOLS)}, or one of the version's own: of 2.0 family, "
+        help=f"{', '.join(PROTOCOLS)}, or one that the version defines, in 2.0 family, "
         "resolution, genus, boundary, imported/NAME (default: grouped)",
     )
 

@@ -32,7 +32,8 @@ def add_commands(command: Command) -> None:
             nargs="+",
             choices=surfaces.SIZES,
             metavar="N",
-            help=f"vertices: {', '.join(map(str, surfaces.SIZES))} (default: all that are pinned)",
+            help=f"numbers of vertices: {', '.join(map(str, surfaces.SIZES))} "
+            "(default: all that are pinned)",
         )
 
     sub = command(
@@ -43,20 +44,36 @@ def add_commands(command: Command) -> None:
     )
     arguments.predictor(sub)
     sizes_option(sub)
-    sub.add_argument("--out", type=Path, default=Path("scaling.json"), metavar="FILE")
-    sub.add_argument("--device", default="cpu", help="handed to the predictor (default: cpu)")
     sub.add_argument(
-        "--threads", type=arguments.positive, default=1, metavar="N", help="default: 1"
+        "--out",
+        type=Path,
+        default=Path("scaling.json"),
+        metavar="FILE",
+        help="the result (default: %(default)s)",
     )
     sub.add_argument(
-        "--time-limit", type=arguments.above_zero, default=600.0, metavar="S", help="for a mesh"
+        "--device", default="cpu", help="PyTorch device passed to the predictor (default: cpu)"
+    )
+    sub.add_argument(
+        "--threads",
+        type=arguments.positive,
+        default=1,
+        metavar="N",
+        help="threads that the predictor may use (default: 1)",
+    )
+    sub.add_argument(
+        "--time-limit",
+        type=arguments.above_zero,
+        default=600.0,
+        metavar="S",
+        help="seconds allowed for a mesh (default: %(default)g)",
     )
     sub.add_argument(
         "--memory-limit",
         type=arguments.above_zero,
         default=16.0,
         metavar="GIB",
-        help="of the predictor's process (default: 16; watched on Linux only)",
+        help="memory that the predictor's process may use (default: 16; checked on Linux only)",
     )
     sub.add_argument("--resume", action="store_true", help="add what the result at --out lacks")
 

@@ -705,7 +705,9 @@ def real(tmp_path_factory):
     place = tmp_path_factory.mktemp("real")
     for name in (leaderboard.PAGE, leaderboard.README):
         shutil.copy(CHECKOUT / name, place)
-    shutil.copytree(CHECKOUT / "benchmark", place / "benchmark")
+    ignored = shutil.ignore_patterns("__pycache__", "node_modules", "dist")
+    for name in ("benchmark", "baselines"):  # rows are marked if their sources are others by now
+        shutil.copytree(CHECKOUT / name, place / name, ignore=ignored)
     return place
 
 
