@@ -29,7 +29,8 @@ def checkout(tmp_path, monkeypatch):
         commands.append(arguments)
         if arguments[0] == "evaluate":
             out = Path(arguments[arguments.index("--out") + 1])
-            out.write_text('{"model": {"code": "mean.py", "sources": {}}}')
+            model = {"name": "Mean training spectrum", "code": "mean.py", "sources": {}}
+            out.write_text(json.dumps({"model": model}))
         return 0
 
     monkeypatch.setattr(rows, "eigbench", run)
@@ -86,8 +87,8 @@ def test_what_is_finished_is_kept_until_the_code_changes(checkout):
     assert rows.main(options) == 0
     assert [command[0] for command in commands].count("evaluate") == 1
     out = root / "runs" / "1.0-grouped" / "mean.json"
-    older = {"model": {"code": "mean.py", "sources": {"mean.py": "0" * 64}}}
-    out.write_text(json.dumps(older))
+    older = {"name": "Mean training spectrum", "code": "mean.py", "sources": {"mean.py": "0" * 64}}
+    out.write_text(json.dumps({"model": older}))
     assert rows.main(options) == 0
     assert [command[0] for command in commands].count("evaluate") == 2
 

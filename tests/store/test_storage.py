@@ -40,6 +40,7 @@ def bucket(server: str, monkeypatch: pytest.MonkeyPatch, request: pytest.Fixture
     return f"s3://data/{request.node.name}"
 
 
+@pytest.mark.slow
 def test_build_at_a_url_has_the_bytes_of_a_local_one(
     bucket: str, tiny: Recipe, tmp_path: Path
 ) -> None:

@@ -171,6 +171,7 @@ def test_the_row_of_the_board_answers_for_each_training(protocol: str, meshes: l
     assert row.parameters == 199_306
 
 
+@pytest.mark.slow
 def test_the_row_of_the_board_can_be_checked(capsys: pytest.CaptureFixture[str]) -> None:
     # The check asks for the training of 1.0, as it does of every predictor. The network's
     # eigenvalues do not all ascend, as the board says too: that is a finding, so the code is 1.

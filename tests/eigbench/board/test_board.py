@@ -780,12 +780,12 @@ def test_row_whose_code_has_changed_is_marked_until_it_is_run_again(
     assert mark not in page()  # the code is not there
     (root / "baselines").mkdir()
     code = root / "baselines" / "weyl.py"
-    code.write_text(weyl.code.read_text() + "\n# a comment\n")
+    code.write_text(weyl.code.read_text() + "\n# One percent\n")
     assert mark not in page()
     assert eigbench("leaderboard", "--check", "--board", root)[0] == 0
-    code.write_text(weyl.code.read_text() + "\nCHANGED = True\n")
+    code.write_text(weyl.code.read_text() + "\nCHANGED = 'One percent'\n")
     assert f"**One percent**: {mark}" in page()
-    (root / "baselines" / "a.py").write_text("no longer the code that was slow")
+    (root / "baselines" / "a.py").write_text("Slow, but no longer the same code")
     assert f"**Slow**: {mark}" in page()
     assert eigbench("leaderboard", "--check", "--board", root)[0] == 0
 

@@ -90,6 +90,7 @@ def folded(wanted):
     return replace(wanted, trainings=names)
 
 
+@pytest.mark.slow
 def test_every_instance_is_predicted_by_the_training_it_asks_for(
     predictor_file, mini_truth, source, tmp_path
 ):

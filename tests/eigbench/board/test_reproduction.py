@@ -96,6 +96,7 @@ def test_page_says_how_far_the_papers_schedule_went(directory, monkeypatch, step
     assert bool(found) == bool(told)
 
 
+@pytest.mark.slow
 def test_row_is_trained_and_scored_once_and_stands_on_the_page(
     directory, mini_home, tmp_path, monkeypatch
 ):
@@ -137,6 +138,7 @@ def test_row_is_trained_and_scored_once_and_stands_on_the_page(
     assert reproduction.main(["--check"]) == 1
 
 
+@pytest.mark.slow
 def test_training_that_fails_is_told_and_writes_no_row(directory, tmp_path, capfd):
     options = ["--minutes", "1", "--runs", str(tmp_path / "runs"), "--configs", "table1-rpd"]
     assert train_reproduction.main([*options, "--protocols", "paper", "--version", "none"]) == 1

@@ -180,6 +180,7 @@ def test_what_goes_wrong_at_one_size_loses_only_that(
     assert (cell.answered, cell.total, cell.failures) == (0, 1, (said,))
 
 
+@pytest.mark.slow
 def test_resume_adds_what_is_missing_and_tries_again_what_a_higher_limit_allows(
     predictor_file, tmp_path, only, monkeypatch
 ):
