@@ -311,7 +311,7 @@ def made(make_scaled):
 
 
 NOWHERE = (
-    "solver**: nowhere. No prediction is faster than the fastest exact solver, also on a coarser "
+    "solver.** Nowhere: no prediction is faster than the fastest exact solver, also on a coarser "
     "mesh that is as good, and nearer to the label than the label is to the surface's spectrum."
 )
 TIMES = {1_000: 0.01, 10_000: 1.0}  # of an exact solver, in seconds
@@ -335,7 +335,7 @@ def test_a_prediction_wins_where_it_is_faster_and_below_the_discretisation_error
     assert small.faster == {"far-off": (6, 0), "near": (6, 6)}
     assert large.faster == {"near": (6, 0)}  # 0.5 % is more than the error of such meshes
     text = "\n".join(scaling_page.section(rows)[0])
-    told = "surfaces): at 1,000 vertices Near (classical, 6 of 6). At no other size."
+    told = "spectrum: at 1,000 vertices Near (classical, 6 of 6). None at another size."
     assert told in text
     assert (
         "- 10,000 vertices, discretisation error 0.122 %: the fastest exact solver (mostly Exact)"
