@@ -6,7 +6,7 @@ import hashlib
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from typing import overload
 
 from synthnet.errors import RecipeError
@@ -72,6 +72,18 @@ def plan_shards(recipe: Recipe) -> Sequence[ShardPlan]:
             chunk = tuple(shapes[start : start + recipe.shard_size])
             plans.append(ShardPlan(_file(family, number), family, chunk))
     return plans
+
+
+@lru_cache(maxsize=4)
+def planned(version: str) -> Sequence[ShardPlan]:
+    """Return the plan of a version; it is kept, because drawing the shapes takes seconds.
+
+    Raises
+    ------
+    RecipeError
+        If the version is unknown.
+    """
+    return plan_shards(load(version))
 
 
 def _file(family: str, number: int) -> str:

@@ -8,15 +8,15 @@ values. Deviations are relative, the largest of the ten eigenvalues of a shape.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet import recipe
 from synthnet.families import FAMILIES
 from synthnet.mesh import isometries
 from synthnet.mesh.open3d import subdivide
-from synthnet.recipe.plan import plan_shards
+from synthnet.recipe.plan import planned
 from synthnet.types import Mesh
 
 PER_FAMILY = 2
@@ -29,7 +29,7 @@ def probes() -> dict[str, Mesh]:
     They are generated here: no built dataset is needed, and no test shape is shown.
     """
     by_family: dict[str, dict[str, Mesh]] = {}
-    for plan in plan_shards(recipe.load("1.0-mini")):
+    for plan in planned("1.0-mini"):
         for shape in plan.shapes:
             if shape.split == "validation":
                 mesh = FAMILIES[plan.family].generate(shape.spec.parameters)
@@ -81,6 +81,7 @@ TITLES = {
 }
 
 
+@cache
 def questions() -> tuple[tuple[str, ...], tuple[Mesh, ...]]:
     """Return ids and meshes: the probes, then the probes under each change."""
     rng = np.random.default_rng(SEED)

@@ -6,9 +6,8 @@ The labels are those the repository pins, so scoring needs no built dataset.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from eigbench.errors import EigbenchError
 from eigbench.scoring.training import DEFAULT, IMPORTED, training_set
 from synthnet import recipe, store
 from synthnet.recipe import Recipe, splits
-from synthnet.recipe.plan import ShardPlan, plan_shards
+from synthnet.recipe.plan import planned
 from synthnet.store import pins
 from synthnet.types import PROTOCOLS, SPLITS
 
@@ -152,7 +151,7 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
             shape.paper_splits,
             pinned[shape.spec.id].eigenvalues,
         )
-        for plan in _plan(version)
+        for plan in planned(version)
         for shape in plan.shapes
         if shape.spec.id in pinned  # or it was rejected by a filter, and has no label
     )
@@ -161,12 +160,6 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
     if not chosen:
         raise EigbenchError(f"{version} has nothing in the split {split} of protocol {protocol}")
     return _truth(chosen, version, split, protocol, resolved.digest)
-
-
-@lru_cache(maxsize=4)
-def _plan(version: str) -> Sequence[ShardPlan]:
-    """Draw a version's shapes; kept, as it takes seconds and each protocol asks for it."""
-    return plan_shards(recipe.load(version))
 
 
 def of_dataset(

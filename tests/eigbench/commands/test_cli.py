@@ -143,7 +143,7 @@ def test_result_of_a_whole_split_says_what_was_done(weyl):
     assert result["model"]["kind"] == "trivial"
     assert result["model"]["parameters"] is None
     assert result["predictions"]["seeds"] == 1
-    assert result["cost"]["batch_size"] == 200
+    assert result["cost"]["batch_size"] == 10
     beside = result["cost"]["reference"]
     assert beside["meshes"] == 306  # both batches: each holds some of the first or last 100
     assert beside["ratio"] > 5  # LaPy factorises, this adds areas up
