@@ -216,6 +216,25 @@ def test_uncertainty_is_that_of_the_absolute_factors() -> None:
     assert factor.uncertainty == pytest.approx(4 * np.finfo(float).eps * largest)
 
 
+def test_uncertainty_of_a_mesh_is_that_of_the_dense_factors() -> None:
+    mesh = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 10})
+    matrices = matrices_of(mesh)
+    ordering = find_ordering(matrices.indptr, matrices.indices)
+    a, b = dense(matrices)
+    left = (a - 30.0 * b)[np.ix_(ordering.order, ordering.order)]
+    n = len(left)
+    lower, pivots = np.eye(n), np.zeros(n)
+    for j in range(n):
+        pivots[j] = left[j, j]
+        lower[j:, j] = left[j:, j] / pivots[j]
+        left[j:, j:] -= np.outer(lower[j:, j], left[j, j:])
+    assert (pivots < 0).any()
+    diagonal = np.square(lower) @ abs(pivots)  # of |L||D||L'|
+    largest = (diagonal / matrices.lumped[ordering.order]).max()
+    factor = ldl.factorise(matrices, ordering, 30.0)
+    assert factor.uncertainty == pytest.approx(4 * np.finfo(float).eps * largest, rel=1e-6)
+
+
 def test_zero_pivot_is_not_finite() -> None:
     indptr, indices = np.array([0, 2, 4], np.int32), np.array([0, 1, 0, 1], np.int32)
     matrices = fem.Matrices(

@@ -318,6 +318,23 @@ def test_lanczos_that_does_not_converge_is_a_spectrum_error(
         spectrum.compute(sphere(10))
 
 
+def test_a_residual_that_rounding_keeps_from_falling_is_accepted_up_to_a_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    expected = spectrum.compute(sphere(10))
+    for excused in (1e-12, 2e-14):  # rounding ends at some 5e-14
+        setting = dataclasses.replace(solve.NORMAL, residual=1e-14, excused=excused)
+        monkeypatch.setattr(solve, "NORMAL", setting)
+        monkeypatch.setattr(solve, "STRONGER", setting)
+        if excused == 1e-12:
+            accepted = spectrum.compute(sphere(10))
+            assert 1e-14 < accepted.certificate.residual <= 1e-12
+            np.testing.assert_allclose(accepted.eigenvalues, expected.eigenvalues, rtol=1e-12)
+        else:
+            with pytest.raises(SpectrumError, match=r"^no convergence in \d+ Lanczos vectors$"):
+                spectrum.compute(sphere(10))
+
+
 def test_a_broken_factorisation_is_a_spectrum_error(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*arguments: Any, **options: Any) -> Factor:
         return Factor(np.array([1.0, np.inf]), np.zeros(0), np.nan)
@@ -500,9 +517,9 @@ def test_many_eigenvalues_of_a_small_mesh(columns: int, rows: int, k: int) -> No
 
 def test_a_residual_that_does_not_prove_the_count_is_refused() -> None:
     values = np.array([1.0, 2.0])
-    pairs = certificate.Candidate(values, np.eye(2), 0.4, (2.0, 3.0))
+    pairs = certificate.Candidate(values, np.eye(2), 0.2, (2.0, 3.0))  # 2 (1 + 0.2 √2) > 2.5
     counted = Factor(np.array([-1.0, -1, -1, 1]), np.zeros(0), 0.0)
-    with pytest.raises(CertificateError, match=r"^an eigenvalue of residual 0.4 may be above 2.5$"):
+    with pytest.raises(CertificateError, match=r"^an eigenvalue of residual 0.2 may be above 2.5$"):
         certificate.certify(pairs, counted)
     fine = dataclasses.replace(pairs, residual=0.1)
     assert certificate.certify(fine, counted).count == 3
