@@ -643,13 +643,12 @@ def test_predictor_is_evaluated_on_an_import(
 
 
 def test_reasons_are_those_of_the_documentation() -> None:
-    root = Path(importing.__file__).parent
-    page = (root.parent / "docs" / "import.md").read_text()
-    reasons = set(re.findall(r'Refused\(\s*"(\w+)"', (root / "repair.py").read_text()))
+    code = Path(repair.__file__).read_text()
+    reasons = set(re.findall(r'Refused\(\s*"(\w+)"', code))
     reasons |= {sources.UNREADABLE, sources.TOO_LARGE, surfaces.CHANGED, surfaces.MEMORY}
     reasons |= {filters.SOLVER, filters.CERTIFICATE, *filters.SPECTRUM_CHECKS}
     assert len(reasons) == 18
-    assert reasons <= set(re.findall(r"`(\w+)`", page))
+    assert reasons <= set(re.findall(r"`(\w+)`", PAGE))
 
 
 def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
