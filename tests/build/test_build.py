@@ -311,6 +311,7 @@ def test_missing_shard_is_built_again(mini_home: Path, mini_copy: Path, command:
     finish(mini_copy, mini_home, command)
 
 
+@pytest.mark.slow
 def test_damaged_shards_are_built_again_and_leftovers_removed(
     mini_home: Path, mini_copy: Path, command: Command
 ) -> None:
@@ -376,6 +377,7 @@ def test_finished_dataset_is_opened_without_a_word(
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_unfinished_dataset_is_built_on_first_use_and_says_so(
     mini_home: Path,
     mini_copy: Path,

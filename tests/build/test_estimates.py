@@ -125,6 +125,7 @@ def test_command_makes_what_is_missing_and_keeps_the_rest(
     assert contents(home) == after
 
 
+@pytest.mark.slow
 def test_the_same_shard_gives_the_same_bytes(dataset: StoredDataset) -> None:
     record = record_of(dataset)
     path = estimates.path_of(dataset.directory, record)

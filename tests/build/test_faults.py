@@ -60,6 +60,7 @@ def test_harness_notices_what_is_wrong() -> None:
     assert faults.difference({"b": b"2"}, expected) == "differ: a"
 
 
+@pytest.mark.slow
 def test_altered_shard_is_mended_by_a_build_though_its_size_is_right(
     mini_home: Path, mini_copy: Path
 ) -> None:

@@ -625,6 +625,7 @@ def test_import_without_a_list_of_files_cannot_be_verified(
         verify("mine", root=tmp_path / "root")
 
 
+@pytest.mark.slow
 def test_predictor_is_evaluated_on_an_import(
     folder: Path,
     run: Callable[..., BuildReport],

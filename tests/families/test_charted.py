@@ -309,8 +309,8 @@ def refined(family: str, parameters: Parameters, label: np.ndarray) -> Estimate:
 
 
 @pytest.mark.parametrize(
-    "family", [slow("pretzel") if name == "pretzel" else name for name in SOME]
-)  # of a pretzel the finest mesh takes minutes
+    "family", [slow(name) if name in ("pretzel", "extruded_star") else name for name in SOME]
+)  # the finest meshes of these take seconds to minutes
 def test_the_error_estimate_meets_what_is_known(family: str) -> None:
     """A limit where one is known, or a mesh finer than those of the estimate."""
     parameters = drawn(family, 1)
@@ -393,8 +393,9 @@ def test_the_dented_cone_is_isometric_to_the_cone() -> None:
     assert geometry.volume(dented) < 0.9 * geometry.volume(cone)
 
 
-@pytest.mark.parametrize("family", ["conforming_split_cone", slow("conforming_split_sphere")])
-@pytest.mark.parametrize("kind", [slow("adaptive"), slow("irregular"), "uniform"])
+@pytest.mark.slow
+@pytest.mark.parametrize("family", ["conforming_split_cone", "conforming_split_sphere"])
+@pytest.mark.parametrize("kind", ["adaptive", "irregular", "uniform"])
 def test_split_shapes_have_the_smooth_spectrum_within_their_estimate(
     family: str, kind: str
 ) -> None:

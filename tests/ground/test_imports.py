@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from fnmatch import fnmatch
 from pathlib import Path
 
 import eigbench
@@ -195,3 +196,15 @@ def test_nothing_past_a_result_can_run_a_predictor() -> None:
     assert reached("commands.predictor") >= running
     assert reached("commands.scaling") >= running - {"running.evaluate"}
     assert not reached("commands.board") & running
+
+
+def test_tests_of_every_room_are_collected(pytestconfig: pytest.Config) -> None:
+    """Pytest goes into no directory named build, unless it is told otherwise."""
+    folders = {
+        folder.name
+        for root in (*ROOTS.values(), Path(__file__).parents[1])
+        for folder in root.rglob("*/")
+    }
+    skipped = pytestconfig.getini("norecursedirs")
+    assert {"build", "spectrum", "board"} <= folders
+    assert not {name for name in folders for pattern in skipped if fnmatch(name, pattern)}

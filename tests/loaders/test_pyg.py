@@ -113,7 +113,7 @@ def test_it_is_an_in_memory_dataset_that_loads_in_batches(open_split):
     assert batch.edge_index.shape[1] == batch.face.shape[1] * 3  # closed: each edge twice
 
 
-@pytest.mark.parametrize("start", ["fork", "spawn"])
+@pytest.mark.parametrize("start", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])
 def test_worker_processes_read_the_same_items(open_split, start):
     if start not in multiprocessing.get_all_start_methods():
         pytest.skip(f"this platform cannot {start} processes")

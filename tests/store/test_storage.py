@@ -59,6 +59,7 @@ def test_build_at_a_url_has_the_bytes_of_a_local_one(
     assert storage.names(location(f"{bucket}/nowhere")) == []
 
 
+@pytest.mark.slow
 def test_interrupted_build_at_a_url_goes_on(bucket: str, tiny: Recipe) -> None:
     first = build(tiny, root=bucket, workers=1).dataset
     whole = [path.read_bytes() for path in first.paths()]
