@@ -20,6 +20,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib import resources
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeAlias
 
 import threadpoolctl
@@ -86,7 +87,7 @@ def local_processes(workers: int | None = None, preload: str | None = None) -> I
     # Spawned, not forked: Open3D and BLAS have threads of their own.
     pool = ProcessPoolExecutor(
         count,
-        mp_context=multiprocessing.get_context("spawn"),
+        mp_context=_Spawn(),
         initializer=_start_worker,
         initargs=(preload,),
     )
@@ -105,9 +106,26 @@ def local_processes(workers: int | None = None, preload: str | None = None) -> I
         pool.shutdown(wait=True, cancel_futures=True)
 
 
+class _SpawnedProcess(SpawnProcess):
+    """A process in which Ctrl-C waits until :func:`_start_worker` leaves it to the parent."""
+
+    def start(self) -> None:
+        """Start with SIGINT blocked: while it imports its modules, it would print a traceback."""
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+class _Spawn(SpawnContext):
+    Process = _SpawnedProcess
+
+
 def _start_worker(preload: str | None) -> None:
     """Leave Ctrl-C to the parent, end when the parent is gone, and load what the work needs."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     follow_parent()
     try:
         if preload is not None:
