@@ -25,6 +25,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.families import surface_limits
+from synthnet.families.atlas import Atlas
+from synthnet.families.limits import KNOWN, Limit
 from synthnet.types import Mesh, Parameters, Topology
 
 POSITIVE = math.ulp(0.0)  # least value of a length: any positive number
@@ -68,6 +71,9 @@ class Family:
     limit : callable, optional
         From k and the parameters to the spectrum of the smooth surface, where it is known;
         see :meth:`limit_eigenvalues`.
+    atlas : callable, optional
+        From the parameters to the surface in patches that are smooth within, for the limit by
+        finite elements where no other is known.
     least_levels : int
         Least number of levels from which the discretisation error is estimated: two where
         triangles may reach from the centre of an end to its rim, or from tip to base, so
@@ -88,6 +94,7 @@ class Family:
     least: Mapping[str, float | Choice]
     euler_characteristic: Euler
     limit: Callable[..., NDArray[np.float64]] | None = None
+    atlas: Callable[..., Atlas] | None = None
     least_levels: int = 1
     settled: float = 0.1
     exact: bool = False
@@ -173,6 +180,27 @@ class Family:
             As :meth:`generate`.
         """
         return None if self.limit is None else self.limit(k, **self._arguments(parameters))
+
+    def limit_spectrum(self, parameters: Parameters, k: int = 10) -> Limit:
+        """Return the first k non-zero eigenvalues of the smooth or polyhedral surface.
+
+        From a closed form or an equation in one variable where ``limit`` is given, by finite
+        elements of high degree on ``atlas`` elsewhere: see
+        :mod:`synthnet.families.surface_limits`.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`generate`, or if the family has neither ``limit`` nor ``atlas``.
+        SpectrumError
+            If the eigenvalues of the elements cannot be found and counted.
+        """
+        known = self.limit_eigenvalues(parameters, k)
+        if known is not None:
+            return Limit(known, KNOWN * known)
+        if self.atlas is None:
+            raise ValueError(f"{self.name} has neither a limit nor an atlas")
+        return surface_limits.limit(self.atlas(**self._arguments(parameters)), k)
 
     def group(self, parameters: Parameters) -> str:
         """Hash of family and parameters: equal for shapes that are the same shape."""
