@@ -26,7 +26,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy import sparse, special
 
-from synthnet.families.atlas import SAME, Atlas, Charted, Floats, Integers, lattice
+from synthnet.families.atlas import SAME, Atlas, Charted, Floats, lattice
 from synthnet.spectrum.fem import Matrices
 
 
@@ -76,7 +76,9 @@ def assemble(atlas: Atlas, mesh: Charted, degree: int) -> Matrices:
     points = _images(atlas, mesh, degree + 1, reference.nodes)
     centred = points - points[:, :1]
     first, second = (directions @ centred for directions in reference.tangents)
-    g11, g12, g22 = ((a * b).sum(axis=2) for a, b in ((first, first), (first, second), (second,) * 2))
+    g11, g12, g22 = (
+        (a * b).sum(axis=2) for a, b in ((first, first), (first, second), (second,) * 2)
+    )
     squares = g11 * g22 - g12**2
     if not (squares > 0).all():
         raise ValueError("a triangle of the surface has no area")
@@ -181,7 +183,9 @@ def quadrature(n: int) -> tuple[Floats, Floats]:
     x, y = (x + 1) / 2, (y + 1) / 2
     third = np.repeat(y, n)
     second = np.tile(x, n) * (1 - third)
-    return np.stack([1 - second - third, second, third], axis=1), np.outer(across, along).ravel() / 8
+    return np.stack([1 - second - third, second, third], axis=1), np.outer(
+        across, along
+    ).ravel() / 8
 
 
 @cache
@@ -191,7 +195,9 @@ def interpolation_nodes(degree: int) -> Floats:
     On an edge they are Lobatto's points; inside, Isaac's weighted means of those.
     """
     i, j = lattice(degree)
-    return np.array([_node((degree - a - b, a, b)) for a, b in zip(i.tolist(), j.tolist())])
+    return np.array(
+        [_node((degree - a - b, a, b)) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
+    )
 
 
 def _node(numbers: tuple[int, ...]) -> Floats:

@@ -228,7 +228,11 @@ def _bands(profile: Sequence[Arc]) -> Bands:
         start, stop = np.array(_elements(arc, largest)).T
         length = (stop - start)[:, None]
         radius = arc.radius(start[:, None] + length * points)
-        integrands = (weights * radius / length, weights * length / radius, weights * length * radius)
+        integrands = (
+            weights * radius / length,
+            weights * length / radius,
+            weights * length * radius,
+        )
         for block, integrand, product in zip(blocks, integrands, products, strict=True):
             block.append(integrand @ product)
     first, last = profile[0], profile[-1]
