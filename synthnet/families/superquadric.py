@@ -10,7 +10,7 @@ from synthnet.families.family import POSITIVE
 from synthnet.families.radial import radial
 
 SHRINK = 0.2  # ratio of widths of neighbouring patches at a crease
-CREASE = 1e-4  # relative
+CREASE = 1e-3
 
 
 def atlas(*, a: float, b: float, c: float, east: float, north: float) -> Atlas:

@@ -37,13 +37,13 @@ from synthnet.spectrum.search import Setting, search
 
 SHRINK = 0.2  # ratio of one layer of elements towards a corner to the last
 LEFT = 1e-5  # of a singularity in the smallest element
-LAYERS = 8
+LAYERS = 8  # at most
+KINKED = 2  # layers where the chart has a kink in a point, at least
 ELEMENTS = 100  # about, before layers
 DEGREES = (6, 8)
-SAFETY = 2
-TARGET = 1e-5  # relative, of a bar
+TARGET = 2e-5  # relative, of a bar
 MOST = 150_000  # coefficients
-ROUNDING = 1e-8  # relative error that no bar is below
+ROUNDING = 1e-7  # relative error that no bar is below
 # As of synthnet.spectrum.solve: the second where rounding keeps the first from an answer.
 SETTINGS = (
     Setting(shift=0.7, residual=1e-6, excused=1e-5, gap=1e-3, vectors=161, strict=False, seed=0),
@@ -72,18 +72,15 @@ def limit(atlas: Atlas, k: int) -> Limit:
         If the eigenvalues of a triangulation cannot be found and counted.
     """
     layers = layers_at(atlas)
-    n = max(1, round(math.sqrt(ELEMENTS / len(atlas.charts))), 2 if layers.any() else 1)
-    mesh = triangulation(atlas, n, layers)
-    coarse, fine = (spectrum(atlas, mesh, degree, k) for degree in DEGREES)
-    bar = SAFETY * np.abs(fine - coarse)
-    while (bar > TARGET * fine).any():
-        n += 1
+    least = 1 if (np.count_nonzero(layers[atlas.glued()], axis=1) <= 1).all() else 2
+    n = max(least, round(math.sqrt(ELEMENTS / len(atlas.charts))))
+    while True:
         mesh = triangulation(atlas, n, layers)
-        if len(mesh.faces) * DEGREES[1] ** 2 / 2 > MOST:
-            break
-        coarse, fine = fine, spectrum(atlas, mesh, DEGREES[1], k)
-        bar = np.minimum(SAFETY * np.abs(fine - coarse), bar)
-    return Limit(fine, bar + ROUNDING * fine)
+        coarse, fine = (spectrum(atlas, mesh, degree, k) for degree in DEGREES)
+        bar = np.abs(fine - coarse) + ROUNDING * fine
+        n += 1
+        if (bar <= TARGET * fine).all() or len(atlas.charts) * (n * DEGREES[1]) ** 2 / 2 > MOST:
+            return Limit(fine, bar)
 
 
 def layers_at(atlas: Atlas) -> Integers:
@@ -99,10 +96,10 @@ def layers_at(atlas: Atlas) -> Integers:
     whole[outside.ravel()] = np.pi
     exponent = whole / total
     smooth = np.abs(exponent - np.round(exponent)) < 1e-3
-    layers = np.log(LEFT) / (2 * exponent * np.log(SHRINK))
+    layers = np.minimum(np.ceil(np.log(LEFT) / (2 * exponent * np.log(SHRINK))), LAYERS)
     layers[smooth] = 0
-    layers[kinked] = np.maximum(layers, np.log(LEFT) / (2 * np.log(SHRINK)))[kinked]
-    return np.minimum(np.ceil(layers), LAYERS).astype(np.int64)
+    layers[kinked] = np.maximum(layers, KINKED)[kinked]
+    return layers.astype(np.int64)
 
 
 def _corners(atlas: Atlas, near: float = 1e-4, rays: int = 9) -> tuple[Floats, NDArray[np.bool_]]:
