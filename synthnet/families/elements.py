@@ -209,7 +209,7 @@ def _node(numbers: tuple[int, ...]) -> Floats:
     for left_out, weight in enumerate(weights):
         others = [c for c in range(len(numbers)) if c != left_out]
         node[others] += weight * _node(tuple(numbers[c] for c in others))
-    return node / sum(weights)
+    return np.asarray(node / sum(weights))
 
 
 @cache

@@ -6,6 +6,8 @@ charts, which :func:`synthnet.families.charted.charted` triangulates. The file n
 
 - ``surface``, a pure function of the parameters to a mesh (charted: ``atlas``, to an atlas);
 - ``at_level``, the refined mesh of the same parameters (charted families have it already);
+- ``atlas``, the surface itself in patches that are smooth within, from which its limit comes
+  (charted families have it already, if their creases are borders of patches);
 - ``limit``, if the smooth spectrum is known, from :mod:`synthnet.families.limits`;
 - ``FAMILY``, which names them with the parameters' least values and the Euler characteristic.
 
@@ -56,6 +58,9 @@ class Family:
     at_level : callable
         Function of a level and then of the parameters, by keyword, to the mesh of
         :meth:`refine`.
+    atlas : callable
+        From the parameters to the surface itself in patches that are smooth within, for its limit
+        by finite elements; see :meth:`limit_spectrum`.
     least : mapping of str to number or Choice
         The names of the parameters, and the least value of each, or its choices.
     euler_characteristic : int or callable
@@ -71,9 +76,6 @@ class Family:
     limit : callable, optional
         From k and the parameters to the spectrum of the smooth surface, where it is known;
         see :meth:`limit_eigenvalues`.
-    atlas : callable, optional
-        From the parameters to the surface in patches that are smooth within, for the limit by
-        finite elements where no other is known.
     least_levels : int
         Least number of levels from which the discretisation error is estimated: two where
         triangles may reach from the centre of an end to its rim, or from tip to base, so
@@ -91,10 +93,10 @@ class Family:
     title: str
     surface: Callable[..., Mesh]
     at_level: Callable[..., Mesh]
+    atlas: Callable[..., Atlas]
     least: Mapping[str, float | Choice]
     euler_characteristic: Euler
     limit: Callable[..., NDArray[np.float64]] | None = None
-    atlas: Callable[..., Atlas] | None = None
     least_levels: int = 1
     settled: float = 0.1
     exact: bool = False
@@ -186,20 +188,24 @@ class Family:
 
         From a closed form or an equation in one variable where ``limit`` is given, by finite
         elements of high degree on ``atlas`` elsewhere: see
-        :mod:`synthnet.families.surface_limits`.
+        :mod:`synthnet.families.surface_limits`. Triangulations of one surface share it.
+
+        Returns
+        -------
+        Limit
+            The eigenvalues, ascending, and how far each may be from the truth, both of shape (k,),
+            float64, in 1/length².
 
         Raises
         ------
         ValueError
-            As :meth:`generate`, or if the family has neither ``limit`` nor ``atlas``.
+            As :meth:`generate`.
         SpectrumError
             If the eigenvalues of the elements cannot be found and counted.
         """
         known = self.limit_eigenvalues(parameters, k)
         if known is not None:
             return Limit(known, KNOWN * known)
-        if self.atlas is None:
-            raise ValueError(f"{self.name} has neither a limit nor an atlas")
         return surface_limits.limit(self.atlas(**self._arguments(parameters)), k)
 
     def group(self, parameters: Parameters) -> str:

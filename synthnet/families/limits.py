@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -236,8 +236,11 @@ def _bands(profile: Sequence[Arc]) -> Bands:
         for block, integrand, product in zip(blocks, integrands, products, strict=True):
             block.append(integrand @ product)
     first, last = profile[0], profile[-1]
+    stiffness, around, mass = (_banded(np.concatenate(block)) for block in blocks)
     return Bands(
-        *(_banded(np.concatenate(block)) for block in blocks),
+        stiffness,
+        around,
+        mass,
         shift=1 / sum(arc.length for arc in profile) ** 2,
         on_axis=(
             bool(first.radius(np.zeros(1))[0] <= ON_AXIS * first.length),
@@ -289,12 +292,13 @@ def _open(bands: Bands, m: int, count: int) -> Array:
         return solved
 
     size = mass.shape[1]
+    operator: LinearOperator[Any] = LinearOperator((size, size), matvec=inverse, dtype=np.float64)
     found = eigsh(
         weighted,  # not used: ARPACK takes A from the factorisation alone
         count,
         weighted,
         sigma=-bands.shift,
-        OPinv=LinearOperator((size, size), matvec=inverse, dtype=np.float64),
+        OPinv=operator,
         v0=np.random.default_rng(0).random(size) - 0.5,
         ncv=min(size, max(2 * count + 1, 16)),
         tol=TOLERANCE,

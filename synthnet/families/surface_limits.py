@@ -101,7 +101,7 @@ def layers_at(atlas: Atlas) -> Integers:
     layers = np.minimum(np.ceil(np.log(LEFT) / (2 * exponent * np.log(SHRINK))), LAYERS)
     layers[smooth] = 0
     layers[kinked] = np.maximum(layers, KINKED)[kinked]
-    return layers.astype(np.int64)
+    return np.asarray(layers, dtype=np.int64)
 
 
 def _corners(atlas: Atlas, near: float = 1e-4, rays: int = 9) -> tuple[Floats, NDArray[np.bool_]]:
