@@ -66,7 +66,7 @@ def pin_limits(version: str, target: Path | None = None, workers: int = 1) -> No
     if locked is None:
         raise ValueError(f"no shapes of {version} are pinned: python -m evidence pin version")
     target = target or VERSIONS / f"{version}.limits.parquet"
-    surfaces = _surfaces(version, locked)
+    surfaces = surfaces_of(version, locked)
     partial = target.with_suffix(".partial")
     known = _read_partial(partial) if partial.exists() else {}
     missing = [key for key in dict.fromkeys(surfaces.values()) if key not in known]
@@ -88,7 +88,7 @@ def pin_limits(version: str, target: Path | None = None, workers: int = 1) -> No
     print(f"{target}: {target.stat().st_size / 1e6:.2f} MB, {len(surfaces):,} shapes")
 
 
-def _surfaces(version: str, ids: Iterable[str]) -> dict[str, str]:
+def surfaces_of(version: str, ids: Iterable[str]) -> dict[str, str]:
     """Return the family and the surface's parameters of each shape, as a text."""
     resolved = recipe.load(version)
     surfaces = {}

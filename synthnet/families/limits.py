@@ -299,7 +299,7 @@ def _open(bands: Bands, m: int, count: int) -> Array:
         weighted,
         sigma=-bands.shift,
         OPinv=operator,
-        v0=np.random.default_rng(0).random(size) - 0.5,
+        v0=np.random.default_rng(0).random((size,)) - 0.5,
         ncv=min(size, max(2 * count + 1, 16)),
         tol=TOLERANCE,
         return_eigenvectors=False,

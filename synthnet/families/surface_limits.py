@@ -1,16 +1,16 @@
 r"""Laplace-Beltrami eigenvalues of any surface given by charts, each with an error bar.
 
 Finite elements of high degree on the atlas itself: on smooth patches their error falls
-exponentially with the degree. At a corner with the angle ω around it (2π on a smooth surface),
-or ω/2 on a boundary, eigenfunctions behave like :math:`r^{2\pi/\omega}`, so elements shrink
-geometrically towards it, in more layers the smaller that exponent is; likewise where the chart has
-a kink in a point, as at the centre of polar coordinates.
+exponentially with the degree. At a corner with the angle ω around it, eigenfunctions behave like
+:math:`r^\alpha`, :math:`\alpha = 2\pi/\omega`, or :math:`\pi/\omega` on a boundary, so elements
+shrink geometrically towards it, in more layers the smaller α is, unless α is an integer; two layers
+are enough where the chart alone has a kink in a point, as at the centre of polar coordinates.
 
-Two degrees on one triangulation give the bar: the difference of their eigenvalues, by index in the
-complete ascending spectra. Where functions are smooth, the error of the higher degree is a small
-part of that difference. Where a singularity is left in the smallest element, errors fall like
-:math:`p^{-4\pi/\omega \cdot 2}`, and the difference from p to p + 2 is still more than what is left
-for all exponents of the families.
+Two degrees on one triangulation, 6 and 8, give the bar: the difference of their eigenvalues, by
+index in the complete ascending spectra. Where functions are smooth, the error of the higher degree
+is a small part of that difference. What a singularity leaves in the smallest element falls like
+:math:`p^{-4\alpha}`: it is below the difference for :math:`\alpha \ge 2/3`, which all corners of the
+families have. Measured against spectra that are known, true errors are below a tenth of the bars.
 
 References
 ----------
@@ -42,7 +42,7 @@ KINKED = 2  # layers where the chart has a kink in a point, at least
 ELEMENTS = 60  # about, before layers
 DEGREES = (6, 8)
 TARGET = 2e-5  # relative, of a bar
-SHARE = 0.1
+SHARE = 0.1  # of the largest relative bar of a spectrum: no other bar is smaller
 MOST = 150_000  # coefficients
 ROUNDING = 1e-7  # relative error that no bar is below
 # As of synthnet.spectrum.solve: the second where rounding keeps the first from an answer.
@@ -81,7 +81,7 @@ def limit(atlas: Atlas, k: int) -> Limit:
         apart = np.abs(coarse / fine - 1)
         n += 1
         if apart.max() <= TARGET or len(atlas.charts) * (n * DEGREES[1]) ** 2 / 2 > MOST:
-            # One difference may be small by chance: none counts for less than a share of the most.
+            # One difference may be small by chance.
             return Limit(fine, fine * (np.maximum(apart, SHARE * apart.max()) + ROUNDING))
 
 
