@@ -26,7 +26,7 @@ from synthnet.families.surface_limits import limit
 from synthnet.store import pins
 
 COMPARED = 25
-LEVELS = (1, 2)  # of the meshes of linear elements: 4,000 and 16,000 vertices
+LEVELS = (2, 3)  # of the meshes of linear elements: 16,000 and 64,000 vertices
 MESHED_AS = {"rectangular_prism": "cuboid", "tetrahedron": "simplex"}
 ADDED = {"triangulation": "uniform", "vertices": 50, "seed": 0, "lean": 0.0}
 

@@ -56,7 +56,8 @@ def limit(atlas: Atlas, k: int) -> Limit:
     """Return the first k eigenvalues of a surface after zero, each with its bar.
 
     The triangulation gets finer until every bar is below :data:`TARGET`, or a finer one would have
-    more than :data:`MOST` coefficients: the bars say what was reached.
+    more than :data:`MOST` coefficients, or too small elements for the solver: the bars say what was
+    reached.
 
     Parameters
     ----------
@@ -70,19 +71,26 @@ def limit(atlas: Atlas, k: int) -> Limit:
     ValueError
         If images of patches do not meet, or a patch has no area.
     SpectrumError
-        If the eigenvalues of a triangulation cannot be found and counted.
+        If the eigenvalues of the first triangulation cannot be found and counted.
     """
     layers = layers_at(atlas)
     least = 1 if (np.count_nonzero(layers[atlas.glued()], axis=1) <= 1).all() else 2
     n = max(least, round(math.sqrt(ELEMENTS / len(atlas.charts))))
+    best: Limit | None = None
     while True:
         mesh = triangulation(atlas, n, layers)
-        coarse, fine = (spectrum(atlas, mesh, degree, k) for degree in DEGREES)
+        try:
+            coarse, fine = (spectrum(atlas, mesh, degree, k) for degree in DEGREES)
+        except SpectrumError:
+            if best is None:
+                raise
+            return best  # elements so fine that rounding has the say: its bar must do
         apart = np.abs(coarse / fine - 1)
+        # One difference may be small by chance.
+        best = Limit(fine, fine * (np.maximum(apart, SHARE * apart.max()) + ROUNDING))
         n += 1
         if apart.max() <= TARGET or len(atlas.charts) * (n * DEGREES[1]) ** 2 / 2 > MOST:
-            # One difference may be small by chance.
-            return Limit(fine, fine * (np.maximum(apart, SHARE * apart.max()) + ROUNDING))
+            return best
 
 
 def layers_at(atlas: Atlas) -> Integers:

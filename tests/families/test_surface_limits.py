@@ -8,8 +8,9 @@ import pytest
 
 from synthnet import recipe, spectrum
 from synthnet.build.discretisation import extrapolate
+from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES, PRIMITIVES, drum, elements, limits, surface_limits
-from synthnet.families.atlas import Atlas, lattice, rectangle
+from synthnet.families.atlas import Atlas, Charted, lattice, rectangle
 from synthnet.families.polyhedra import flat, polyhedron
 from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Parameters
@@ -285,3 +286,25 @@ def test_the_target_is_given_up_where_it_would_take_too_much(
     known = limits.of_rectangle(1.0, 30.0, 10)
     assert found.bar.max() > surface_limits.TARGET * known[-1]
     assert (np.abs(found.eigenvalues - known) <= found.bar).all()
+
+
+def test_what_the_solver_fails_on_leaves_the_bar_that_was_reached(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    atlas = polyhedron(flat(rectangle(np.array([0.0, 1.0]), np.array([0.0, 30.0]))))
+    computed = surface_limits.spectrum
+
+    def failing(atlas: Atlas, mesh: Charted, degree: int, k: int) -> np.ndarray:
+        if len(mesh.faces) > most:
+            raise SpectrumError("no convergence")
+        return computed(atlas, mesh, degree, k)
+
+    monkeypatch.setattr(surface_limits, "spectrum", failing)
+    most = 60
+    found = surface_limits.limit(atlas, 10)
+    known = limits.of_rectangle(1.0, 30.0, 10)
+    assert found.bar.max() > surface_limits.TARGET * known[-1]
+    assert (np.abs(found.eigenvalues - known) <= found.bar).all()
+    most = 0
+    with pytest.raises(SpectrumError, match="no convergence"):
+        surface_limits.limit(atlas, 10)
