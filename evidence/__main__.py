@@ -18,6 +18,7 @@ PICTURES = ("growth", "1.0", "2.0", "readme")
 PINS = {
     "version": "the shapes of a built version",
     "errors": "the error estimates of a version built with --error-estimates",
+    "limits": "the spectra of the surfaces of a version's shapes, with error bars",
     "scaling": "meshes, labels and limits of the scaling track",
     "voronoi": "libigl's mass matrices for the tests (pip install libigl)",
 }
@@ -80,6 +81,8 @@ def add_pins(pin: argparse.ArgumentParser) -> None:
         elif what != "voronoi":
             command.add_argument("version")
             command.add_argument("--out", type=Path, metavar="FILE", help="another file to write")
+        if what == "limits":
+            command.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
         command.set_defaults(run=run_pin, what=what)
 
 
@@ -154,6 +157,8 @@ def run_pin(options: argparse.Namespace) -> int:
         pin_voronoi()
     elif options.what == "scaling":
         pins.pin_scaling(options.sizes)
+    elif options.what == "limits":
+        pins.pin_limits(options.version, options.out, options.workers)
     else:
         pin = {"version": pins.pin_version, "errors": pins.pin_errors}[options.what]
         pin(options.version, options.out)

@@ -5,18 +5,32 @@ Run once, when a version is frozen: an edit that changes a label is a new versio
 
 from __future__ import annotations
 
+import json
+import multiprocessing
 import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import partial as partial_of
 from pathlib import Path
 
+import numpy as np
+import threadpoolctl
 from eigbench.scaling import surfaces
 
 from evidence import ROOT
 from evidence.timing import progress
-from synthnet import store
+from synthnet import recipe, store
 from synthnet.build import estimates
+from synthnet.errors import SpectrumError
+from synthnet.families import FAMILIES
+from synthnet.families.limits import Limit
+from synthnet.recipe.drawing import draw_shape
 from synthnet.store import pins
 
 VERSIONS = ROOT / "synthnet" / "recipe" / "versions"
+EVERY = 50  # limits: how often progress is written
+ANY = {"triangulation": "uniform", "vertices": 50, "seed": 0}
 
 
 def pin_version(version: str, target: Path | None = None) -> None:
@@ -39,6 +53,82 @@ def pin_errors(version: str, target: Path | None = None) -> None:
     rows = zip(estimates.read(dataset), labels, strict=True)
     pins.write_errors(target, {row.id: row.error / label for row, label in rows})
     print(f"{target}: {target.stat().st_size / 1e6:.2f} MB, {dataset.manifest.rows} shapes")
+
+
+def pin_limits(version: str, target: Path | None = None, workers: int = 1) -> None:
+    """Write ``<version>.limits.parquet``: the spectra of the shapes' surfaces, with their bars.
+
+    Shapes are those of ``<version>.lock.parquet``; triangulations of one surface share its limit.
+    Each limit goes into a file beside the target as soon as it is known, so an interrupted run
+    goes on where it stopped.
+    """
+    locked = pins.read(version)
+    if locked is None:
+        raise ValueError(f"no shapes of {version} are pinned: python -m evidence pin version")
+    target = target or VERSIONS / f"{version}.limits.parquet"
+    surfaces = surfaces_of(version, locked)
+    partial = target.with_suffix(".partial")
+    known = _read_partial(partial) if partial.exists() else {}
+    missing = [key for key in dict.fromkeys(surfaces.values()) if key not in known]
+    print(f"{len(missing):,} limits to compute, {len(known):,} are there", flush=True)
+    started = time.perf_counter()
+    with partial.open("a") as file, _mapped(workers) as mapped:
+        for number, (key, limit) in enumerate(
+            zip(missing, mapped(_limit, missing), strict=True), 1
+        ):
+            known[key] = limit
+            row = {"key": key, "eigenvalues": list(limit.eigenvalues), "bar": list(limit.bar)}
+            file.write(json.dumps(row) + "\n")
+            if number % EVERY == 0 or number == len(missing):
+                file.flush()
+                left = (time.perf_counter() - started) * (len(missing) / number - 1)
+                print(f"{number:,} of {len(missing):,}, {left / 60:.0f} minutes left", flush=True)
+    pins.write_limits(target, {id: known[key] for id, key in surfaces.items()})
+    partial.unlink()
+    print(f"{target}: {target.stat().st_size / 1e6:.2f} MB, {len(surfaces):,} shapes")
+
+
+def surfaces_of(version: str, ids: Iterable[str]) -> dict[str, str]:
+    """Return the family and the surface's parameters of each shape, as a text."""
+    resolved = recipe.load(version)
+    surfaces = {}
+    for id in ids:
+        name, _, index = id.rpartition("-")
+        family = FAMILIES[name]
+        kept = draw_shape(resolved, name, int(index)).parameters
+        surface = dict(kept if family.shared is None else family.shared(kept))
+        # A limit takes all parameters of a family; any triangulation of a surface will do.
+        surfaces[id] = json.dumps([name, {**ANY, **surface} if family.shared else surface])
+    return surfaces
+
+
+def _limit(key: str) -> Limit:
+    name, parameters = json.loads(key)
+    try:
+        return FAMILIES[name].limit_spectrum(parameters)
+    except SpectrumError as error:
+        raise SpectrumError(f"{key}: {error}") from error
+
+
+def _read_partial(path: Path) -> dict[str, Limit]:
+    """Read what an interrupted run wrote; a line that it did not end is cut off."""
+    text = path.read_text()
+    whole = text[: text.rfind("\n") + 1]
+    path.write_text(whole)
+    rows = map(json.loads, whole.splitlines())
+    return {row["key"]: Limit(np.array(row["eigenvalues"]), np.array(row["bar"])) for row in rows}
+
+
+@contextmanager
+def _mapped(workers: int) -> Iterator[Callable[..., Iterable[Limit]]]:
+    """Give a ``map`` by so many processes."""
+    with threadpoolctl.threadpool_limits(1):
+        if workers == 1:
+            yield map
+            return
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(workers, mp_context=context) as pool:
+            yield partial_of(pool.map, chunksize=8)
 
 
 def pin_scaling(sizes: list[int]) -> None:

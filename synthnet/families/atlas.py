@@ -70,6 +70,37 @@ class Charted:
         edges = np.stack(np.divmod(unique, self.n_vertices), axis=1)
         return edges, of_side.reshape(-1, 3)
 
+    def numbered(self, n: int) -> Integers:
+        """Number the points of a lattice in every face, those on a common edge once.
+
+        Corners come first, then the points on edges, then inner ones.
+
+        Parameters
+        ----------
+        n : int
+            How often each edge is cut.
+
+        Returns
+        -------
+        ndarray of shape (m, (n + 1)(n + 2) / 2), int64
+            In the order of :func:`lattice`.
+        """
+        edges, of_side = self.edges()
+        i, j = lattice(n)
+        first_inner = self.n_vertices + len(edges) * (n - 1)
+        numbers = np.zeros((len(self.faces), len(i)), dtype=np.int64)
+        inner = (i > 0) & (j > 0) & (i + j < n)
+        numbers[:, inner] = first_inner + np.arange(len(self.faces) * inner.sum()).reshape(
+            len(self.faces), -1
+        )
+        for side, on, along in ((0, j == 0, i), (1, i + j == n, j), (2, i == 0, n - j)):
+            tails, heads = self.faces[:, side], self.faces[:, (side + 1) % 3]
+            forth = np.where((tails < heads)[:, None], along[on], n - along[on])
+            numbers[:, on] = self.n_vertices + of_side[:, [side]] * (n - 1) + forth - 1
+        for corner, at in enumerate((n - i - j, i, j)):
+            numbers[:, at == n] = self.faces[:, [corner]]
+        return numbers
+
 
 @dataclass(frozen=True, slots=True)
 class Atlas:
@@ -142,22 +173,9 @@ class Atlas:
         if n < 1:
             raise ValueError(f"n must be at least 1, got {n}")
         macro = Charted(self.glued(), self.corners, self.charts)
-        edges, of_side = macro.edges()
-        i, j = _lattice(n)
+        i, j = lattice(n)
         weights = np.stack([n - i - j, i, j], axis=1) / n  # of a patch's corners, (l, 3)
-
-        first_inner = macro.n_vertices + len(edges) * (n - 1)
-        numbers = np.zeros((len(macro.faces), len(i)), dtype=np.int64)
-        inner = (i > 0) & (j > 0) & (i + j < n)
-        numbers[:, inner] = first_inner + np.arange(len(macro.faces) * inner.sum()).reshape(
-            len(macro.faces), -1
-        )
-        for side, on, along in ((0, j == 0, i), (1, i + j == n, j), (2, i == 0, n - j)):
-            tails, heads = macro.faces[:, side], macro.faces[:, (side + 1) % 3]
-            forth = np.where((tails < heads)[:, None], along[on], n - along[on])
-            numbers[:, on] = macro.n_vertices + of_side[:, [side]] * (n - 1) + forth - 1
-        for corner in range(3):
-            numbers[:, weights[:, corner] == 1] = macro.faces[:, [corner]]
+        numbers = macro.numbered(n)
 
         number = np.full((n + 2, n + 2), -1)
         number[i, j] = np.arange(len(i))
@@ -206,8 +224,8 @@ def _flat(corners: Floats) -> Floats:
     return corners.reshape(-1, corners.shape[2])
 
 
-def _lattice(n: int) -> tuple[Integers, Integers]:
-    """Return the numbers i, j ≥ 0 with i + j ≤ n."""
+def lattice(n: int) -> tuple[Integers, Integers]:
+    """Return the numbers i, j ≥ 0 with i + j ≤ n, those of corners 2 and 3 in a face's lattice."""
     i, j = np.indices((n + 1, n + 1), dtype=np.int64)
     return i[i + j <= n], j[i + j <= n]
 

@@ -83,6 +83,7 @@ def charted(
     limit: Callable[..., NDArray[np.float64]] | None = None,
     halves: bool = False,
     settled: float = SETTLED,
+    pieces: Callable[..., Atlas] | None = None,
 ) -> Family:
     """Return the family of an atlas, with the parameters of its triangulations.
 
@@ -96,7 +97,11 @@ def charted(
         From the surface's parameters, by keyword, to its atlas.
     least : mapping
         The surface's parameters; :data:`TRIANGULATION` comes on top.
+    pieces : callable, optional
+        From the surface's parameters to another atlas of it, smooth on each patch, where
+        ``atlas`` is not.
     """
+    smooth = pieces or atlas
 
     def surface(*, triangulation: str, vertices: int, seed: int, **shape: float) -> Mesh:
         charts = atlas(**shape)
@@ -123,6 +128,7 @@ def charted(
         boundaries=boundaries,
         orientable=orientable,
         limit=limit,
+        atlas=lambda **parameters: smooth(**one_shape(parameters)),
         least_levels=2,
         settled=settled,
         exact=limit is not None,

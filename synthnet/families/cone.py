@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families import limits, primitives
+from synthnet.families import circular_cone, limits, primitives
+from synthnet.families.atlas import Atlas
 from synthnet.families.family import POSITIVE, Family
 from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
@@ -31,6 +32,11 @@ def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.flo
     return limits.of_revolution([limits.line(0, radius), limits.line(radius, 0, height)], k)
 
 
+def atlas(*, radius: float, height: float, **_: float) -> Atlas:
+    """Return the smooth cone in patches."""
+    return circular_cone.atlas(radius=radius, height=height)
+
+
 FAMILY = Family(
     name="cone",
     title="Cone",
@@ -45,5 +51,6 @@ FAMILY = Family(
     },
     euler_characteristic=2,
     limit=limit,
+    atlas=atlas,
     least_levels=2,
 )

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families import limits, primitives
+from synthnet.families import limits, primitives, truncated_cone
+from synthnet.families.atlas import Atlas
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh
 
@@ -39,6 +40,11 @@ def limit(
     )
 
 
+def atlas(*, radius: float, height: float, scaling: float, **_: float) -> Atlas:
+    """Return the smooth frustum in patches."""
+    return truncated_cone.atlas(radius=radius, height=height, scaling=scaling)
+
+
 FAMILY = Family(
     name="conical_frustum",
     title="Conical frustum",
@@ -53,5 +59,6 @@ FAMILY = Family(
     },
     euler_characteristic=2,
     limit=limit,
+    atlas=atlas,
     least_levels=2,
 )

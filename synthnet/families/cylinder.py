@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families import limits, primitives
+from synthnet.families import capped_cylinder, limits, primitives
+from synthnet.families.atlas import Atlas
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh
 
@@ -25,6 +26,11 @@ def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.flo
     return limits.of_revolution(profile, k)
 
 
+def atlas(*, radius: float, height: float, **_: float) -> Atlas:
+    """Return the smooth cylinder in patches."""
+    return capped_cylinder.atlas(radius=radius, height=height)
+
+
 FAMILY = Family(
     name="cylinder",
     title="Cylinder",
@@ -33,5 +39,6 @@ FAMILY = Family(
     least={"radius": POSITIVE, "height": POSITIVE, "resolution": 3, "split": 1},
     euler_characteristic=2,
     limit=limit,
+    atlas=atlas,
     least_levels=2,
 )

@@ -6,6 +6,8 @@ charts, which :func:`synthnet.families.charted.charted` triangulates. The file n
 
 - ``surface``, a pure function of the parameters to a mesh (charted: ``atlas``, to an atlas);
 - ``at_level``, the refined mesh of the same parameters (charted families have it already);
+- ``atlas``, the surface itself in patches that are smooth within, from which its limit comes
+  (charted families have it already, if their creases are borders of patches);
 - ``limit``, if the smooth spectrum is known, from :mod:`synthnet.families.limits`;
 - ``FAMILY``, which names them with the parameters' least values and the Euler characteristic.
 
@@ -25,6 +27,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.families import surface_limits
+from synthnet.families.atlas import Atlas
+from synthnet.families.limits import KNOWN, Limit
 from synthnet.types import Mesh, Parameters, Topology
 
 POSITIVE = math.ulp(0.0)  # least value of a length: any positive number
@@ -53,6 +58,9 @@ class Family:
     at_level : callable
         Function of a level and then of the parameters, by keyword, to the mesh of
         :meth:`refine`.
+    atlas : callable
+        From the parameters to the surface itself in patches that are smooth within, for its limit
+        by finite elements; see :meth:`limit_spectrum`.
     least : mapping of str to number or Choice
         The names of the parameters, and the least value of each, or its choices.
     euler_characteristic : int or callable
@@ -85,6 +93,7 @@ class Family:
     title: str
     surface: Callable[..., Mesh]
     at_level: Callable[..., Mesh]
+    atlas: Callable[..., Atlas]
     least: Mapping[str, float | Choice]
     euler_characteristic: Euler
     limit: Callable[..., NDArray[np.float64]] | None = None
@@ -173,6 +182,31 @@ class Family:
             As :meth:`generate`.
         """
         return None if self.limit is None else self.limit(k, **self._arguments(parameters))
+
+    def limit_spectrum(self, parameters: Parameters, k: int = 10) -> Limit:
+        """Return the first k non-zero eigenvalues of the smooth or polyhedral surface.
+
+        From a closed form or an equation in one variable where ``limit`` is given, by finite
+        elements of high degree on ``atlas`` elsewhere: see
+        :mod:`synthnet.families.surface_limits`. Triangulations of one surface share it.
+
+        Returns
+        -------
+        Limit
+            The eigenvalues, ascending, and how far each may be from the truth, both of shape (k,),
+            float64, in 1/length².
+
+        Raises
+        ------
+        ValueError
+            As :meth:`generate`.
+        SpectrumError
+            If the eigenvalues of the elements cannot be found and counted.
+        """
+        known = self.limit_eigenvalues(parameters, k)
+        if known is not None:
+            return Limit(known, KNOWN * known)
+        return surface_limits.limit(self.atlas(**self._arguments(parameters)), k)
 
     def group(self, parameters: Parameters) -> str:
         """Hash of family and parameters: equal for shapes that are the same shape."""

@@ -5,7 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families import cone
+from synthnet.families import circular_cone, cone
+from synthnet.families.atlas import Atlas
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh
 
@@ -62,6 +63,11 @@ def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.flo
     return cone.limit(k, radius=radius, height=height)
 
 
+def atlas(*, radius: float, height: float, **_: float) -> Atlas:
+    """Return the smooth cone, to which the inverted one is isometric, in patches."""
+    return circular_cone.atlas(radius=radius, height=height)
+
+
 FAMILY = Family(
     name="inverted_cone",
     title="Inverted cone",
@@ -77,4 +83,5 @@ FAMILY = Family(
     },
     euler_characteristic=2,
     limit=limit,
+    atlas=atlas,
 )

@@ -17,11 +17,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
-from scipy import linalg
+from scipy import linalg, sparse
+from scipy.sparse.linalg import LinearOperator, eigsh
 
 Array = NDArray[np.float64]
 
@@ -30,6 +32,24 @@ PIECES = 8  # elements of an arc before grading
 RATIO = 3.0  # most that the radius may grow over an element that does not touch the axis
 ON_AXIS = 1e-12  # of an arc's length: an end so near to the axis is on it
 LAYERS = 12  # halvings of an element towards the axis
+TOLERANCE = 1e-13  # relative, of an eigenvalue of the inverse
+KNOWN = 1e-8  # relative error of every limit of this file, at most
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """The spectrum of a smooth or polyhedral surface.
+
+    Parameters
+    ----------
+    eigenvalues : ndarray of shape (k,), float64
+        The first after zero, in 1/length², ascending, with multiplicity.
+    bar : ndarray of shape (k,), float64
+        How far each may be from the true one, in 1/length².
+    """
+
+    eigenvalues: Array
+    bar: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +86,9 @@ def of_revolution(profile: Sequence[Arc], k: int, *, closed: bool = False) -> Ar
     r"""Return the first k non-zero eigenvalues of a surface of revolution.
 
     Polynomials of degree 10 on elements that are halved towards the axis, where a cone's
-    eigenfunctions behave like :math:`s^{m/\sin\beta}`, β the half angle. A dense solver
+    eigenfunctions behave like :math:`s^{m/\sin\beta}`, β the half angle. Lanczos's method
     finds the largest :math:`1/(\lambda + \sigma)`, since grading makes the largest λ too
-    large to compute with.
+    large to compute with, by a factorisation as narrow as an element.
 
     Parameters
     ----------
@@ -97,19 +117,17 @@ def of_revolution(profile: Sequence[Arc], k: int, *, closed: bool = False) -> Ar
     >>> of_revolution([line(0, 1)], 2).round(6)  # a disc: the square of J1's first maximum
     array([3.389958, 3.389958])
     """
-    elements = [
-        (arc, start, stop) for arc in profile for start, stop in _elements(arc, _largest(profile))
-    ]
+    bands = _bands(profile)
     smallest = np.zeros(0)
-    m = 0
-    while True:
-        values = _separated(elements, m, k, closed)
+    m, wanted = 0, k + 1
+    while wanted:
+        values = _closed(bands, m, wanted) if closed else _open(bands, m, wanted)
         copies = values[1:] if m == 0 else np.repeat(values, 2)
-        smallest = np.sort(np.concatenate([smallest, copies]))
-        if len(smallest) >= k and m > 0 and values[0] > smallest[k - 1]:
-            return smallest[:k]
-        smallest = smallest[:k]
+        smallest = np.sort(np.concatenate([smallest, copies]))[:k]
+        # The j-th eigenvalue grows with m: the next m has no more below the k-th of all.
+        wanted = int(np.count_nonzero(values <= smallest[-1])) if len(smallest) == k else k
         m += 1
+    return smallest
 
 
 def of_sphere(radius: float, k: int) -> Array:
@@ -180,6 +198,71 @@ def _elements(arc: Arc, largest: float) -> list[tuple[float, float]]:
     return [piece for i in range(PIECES) for piece in cut(ends[i], ends[i + 1], LAYERS)]
 
 
+class Bands(NamedTuple):
+    """The matrices of a profile, of every m: A = stiffness + m² around, and B = mass.
+
+    Attributes
+    ----------
+    stiffness, around, mass : ndarray of shape (DEGREE + 1, n), float64
+        Entry (i + d, i) of a symmetric matrix at [d, i].
+    shift : float
+        σ > 0, in 1/length²: A + σB is factorised.
+    on_axis : tuple of bool
+        Whether the first, and the last, of the n points is on the axis.
+    """
+
+    stiffness: Array
+    around: Array
+    mass: Array
+    shift: float
+    on_axis: tuple[bool, bool]
+
+
+def _bands(profile: Sequence[Arc]) -> Bands:
+    """Assemble the matrices on the elements of all arcs."""
+    points, weights, values, slopes = _basis()
+    products = (_products(slopes), _products(values), _products(values))
+    largest = _largest(profile)
+    blocks: list[list[Array]] = [[], [], []]
+    for arc in profile:
+        start, stop = np.array(_elements(arc, largest)).T
+        length = (stop - start)[:, None]
+        radius = arc.radius(start[:, None] + length * points)
+        integrands = (
+            weights * radius / length,
+            weights * length / radius,
+            weights * length * radius,
+        )
+        for block, integrand, product in zip(blocks, integrands, products, strict=True):
+            block.append(integrand @ product)
+    first, last = profile[0], profile[-1]
+    stiffness, around, mass = (_banded(np.concatenate(block)) for block in blocks)
+    return Bands(
+        stiffness,
+        around,
+        mass,
+        shift=1 / sum(arc.length for arc in profile) ** 2,
+        on_axis=(
+            bool(first.radius(np.zeros(1))[0] <= ON_AXIS * first.length),
+            bool(last.radius(np.array([last.length]))[0] <= ON_AXIS * last.length),
+        ),
+    )
+
+
+def _products(functions: Array) -> Array:
+    return (functions[:, :, None] * functions[:, None, :]).reshape(len(functions), -1)
+
+
+def _banded(blocks: Array) -> Array:
+    """Add up the elements' matrices, shape (e, (DEGREE + 1)²); neighbours share a point."""
+    blocks = blocks.reshape(-1, DEGREE + 1, DEGREE + 1)
+    bands = np.zeros((DEGREE + 1, len(blocks) * DEGREE + 1))
+    for i in range(DEGREE + 1):
+        for j in range(i + 1):
+            bands[i - j, j : j + (len(blocks) - 1) * DEGREE + 1 : DEGREE] += blocks[:, i, j]
+    return bands
+
+
 @cache
 def _basis() -> tuple[Array, Array, Array, Array]:
     """Gauss points and weights on [0, 1]; Lagrange polynomials of the Lobatto points there."""
@@ -192,37 +275,64 @@ def _basis() -> tuple[Array, Array, Array, Array]:
     return (points + 1) / 2, weights / 2, values, np.asarray(2 * slopes, dtype=np.float64)
 
 
-def _separated(elements: Sequence[tuple[Arc, float, float]], m: int, k: int, closed: bool) -> Array:
-    """Return the first k + 1 eigenvalues of the one-dimensional problem of an m."""
-    points, weights, values, slopes = _basis()
-    size = len(elements) * DEGREE + 1
-    stiffness, mass = np.zeros((size, size)), np.zeros((size, size))
-    for number, (arc, start, stop) in enumerate(elements):
-        length = stop - start
-        radius = arc.radius(start + length * points)
-        here = slice(number * DEGREE, (number + 1) * DEGREE + 1)
-        stiffness[here, here] += slopes.T * (weights * radius / length) @ slopes
-        stiffness[here, here] += values.T * (weights * length * m**2 / radius) @ values
-        mass[here, here] += values.T * (weights * length * radius) @ values
-    stiffness, mass = (_joined(matrix, elements, m, closed) for matrix in (stiffness, mass))
-    shift = 1 / sum(stop - start for _, start, stop in elements) ** 2
+def _open(bands: Bands, m: int, count: int) -> Array:
+    """Return the first eigenvalues of an m; u = 0 on the axis if m > 0."""
+    size = bands.mass.shape[1]
+    kept = slice(int(m > 0 and bands.on_axis[0]), size - int(m > 0 and bands.on_axis[1]))
+    mass = bands.mass[:, kept]
+    factor = linalg.cholesky_banded(
+        bands.stiffness[:, kept] + m**2 * bands.around[:, kept] + bands.shift * mass,
+        lower=True,
+        check_finite=False,
+    )
+    weighted = _symmetric(mass).tocsr()
+
+    def inverse(vector: Array) -> Array:
+        solved: Array = linalg.cho_solve_banded((factor, True), vector, check_finite=False)
+        return solved
+
+    size = mass.shape[1]
+    operator: LinearOperator[Any] = LinearOperator((size, size), matvec=inverse, dtype=np.float64)
+    found = eigsh(
+        weighted,  # not used: ARPACK takes A from the factorisation alone
+        count,
+        weighted,
+        sigma=-bands.shift,
+        OPinv=operator,
+        v0=np.random.default_rng(0).random((size,)) - 0.5,
+        ncv=min(size, max(2 * count + 1, 16)),
+        tol=TOLERANCE,
+        return_eigenvectors=False,
+    )
+    return np.sort(found)
+
+
+def _closed(bands: Bands, m: int, count: int) -> Array:
+    """Return the first eigenvalues of an m on a closed profile.
+
+    Dense: pairs next to each other, which a symmetric profile has, are not told apart by Lanczos.
+    """
+    matrices = bands.stiffness + m**2 * bands.around, bands.mass
+    stiffness, mass = (_joined(_symmetric(matrix).toarray()) for matrix in matrices)
     size = len(mass)
     inverse = linalg.eigh(
-        mass, stiffness + shift * mass, eigvals_only=True, subset_by_index=[size - k - 1, size - 1]
+        mass,
+        stiffness + bands.shift * mass,
+        eigvals_only=True,
+        subset_by_index=[size - count, size - 1],
     )
-    return 1 / inverse[::-1] - shift
+    return np.asarray(1 / inverse[::-1] - bands.shift)
 
 
-def _joined(
-    matrix: Array, elements: Sequence[tuple[Arc, float, float]], m: int, closed: bool
-) -> Array:
-    """Join the ends of a closed profile; take u = 0 on the axis where m > 0."""
-    if closed:
-        matrix[0] += matrix[-1]
-        matrix[:, 0] += matrix[:, -1]
-        return matrix[:-1, :-1]
-    (first, start, _), (last, _, stop) = elements[0], elements[-1]
-    starts_on_axis = m > 0 and first.radius(np.array([start]))[0] <= ON_AXIS * first.length
-    ends_on_axis = m > 0 and last.radius(np.array([stop]))[0] <= ON_AXIS * last.length
-    kept = slice(int(starts_on_axis), len(matrix) - int(ends_on_axis))
-    return matrix[kept, kept]
+def _symmetric(bands: Array) -> sparse.dia_array:
+    size = bands.shape[1]
+    above = [np.concatenate([np.zeros(d), bands[d, : size - d]]) for d in range(1, DEGREE + 1)]
+    offsets = [*range(0, -DEGREE - 1, -1), *range(1, DEGREE + 1)]
+    return sparse.dia_array((np.concatenate([bands, above]), offsets), shape=(size, size))
+
+
+def _joined(matrix: Array) -> Array:
+    """Make the last point of a closed profile the first."""
+    matrix[0] += matrix[-1]
+    matrix[:, 0] += matrix[:, -1]
+    return matrix[:-1, :-1]

@@ -1,6 +1,7 @@
 """Rectangular prisms (paper §C: width 1, log-normal height and depth)."""
 
-from synthnet.families import primitives
+from synthnet.families import cuboid, primitives
+from synthnet.families.atlas import Atlas
 from synthnet.families.family import POSITIVE, Family
 from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
@@ -16,6 +17,11 @@ def at_level(level: int, *, width: float, height: float, depth: float, subdivisi
     return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + level)
 
 
+def atlas(*, width: float, height: float, depth: float, **_: float) -> Atlas:
+    """Return the faces in patches."""
+    return cuboid.atlas(width=width, height=height, depth=depth)
+
+
 FAMILY = Family(
     name="rectangular_prism",
     title="Rectangular prism",
@@ -23,4 +29,5 @@ FAMILY = Family(
     at_level=at_level,
     least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
     euler_characteristic=2,
+    atlas=atlas,
 )

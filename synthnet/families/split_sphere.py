@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families import limits, primitives
+from synthnet.families import conforming_split_sphere, limits, primitives
+from synthnet.families.atlas import Atlas
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh, Parameters
 
@@ -33,6 +34,11 @@ def limit(k: int, *, radius: float, **_: float) -> NDArray[np.float64]:
     return limits.of_sphere(radius, k)
 
 
+def atlas(*, radius: float, **_: float) -> Atlas:
+    """Return the smooth sphere in patches."""
+    return conforming_split_sphere.atlas(radius=radius)
+
+
 FAMILY = Family(
     name="split_sphere",
     title="Split sphere",
@@ -41,5 +47,6 @@ FAMILY = Family(
     least={"radius": POSITIVE, "resolution_a": 2, "resolution_b": 2},
     euler_characteristic=2,
     limit=limit,
+    atlas=atlas,
     congruent=congruent,
 )

@@ -1,11 +1,16 @@
 """Superquadrics: between box, ball and octahedron."""
 
+import math
+
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats
+from synthnet.families.atlas import Atlas, Floats, rectangle
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.radial import radial
+
+SHRINK = 0.2  # ratio of widths of neighbouring patches at a crease
+CREASE = 1e-3
 
 
 def atlas(*, a: float, b: float, c: float, east: float, north: float) -> Atlas:
@@ -24,10 +29,38 @@ def atlas(*, a: float, b: float, c: float, east: float, north: float) -> Atlas:
     return radial(distance, lambda points: points * [a, b, c])
 
 
+def pieces(*, a: float, b: float, c: float, east: float, north: float) -> Atlas:
+    """Return the surface in patches that are smooth within.
+
+    It has creases where a coordinate is 0, so patches of directions end there, and are the
+    smaller the nearer: what a crease is to a polynomial falls with the power 4 / e − 1 of the
+    width of the last one.
+    """
+    bent = (max(east, north), max(east, north), north)
+    lines = []
+    for exponent in bent:
+        width = CREASE ** (1 / (4 / exponent - 1))
+        count = max(1, math.ceil(math.log(width) / math.log(SHRINK)))
+        positive = SHRINK ** np.arange(count, -1, -1.0)
+        lines.append(np.concatenate([-positive[::-1], [0.0], positive]))
+    sides = []
+    for axis in range(3):
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        flat = rectangle(lines[first], lines[second])
+        for sign in (-1.0, 1.0):
+            side = np.full((*flat.shape[:2], 3), sign)
+            side[:, :, first], side[:, :, second] = np.moveaxis(flat, 2, 0)
+            sides.append(side)
+    corners = np.concatenate(sides)
+    whole = atlas(a=a, b=b, c=c, east=east, north=north)
+    return Atlas(corners, np.zeros(len(corners), dtype=np.int64), whole.chart)
+
+
 FAMILY = charted(
     "superquadric",
     "Superquadric",
     atlas,
     {"a": POSITIVE, "b": POSITIVE, "c": POSITIVE, "east": 0.2, "north": 0.2},
     most={"east": 2.0, "north": 2.0},
+    pieces=pieces,
 )

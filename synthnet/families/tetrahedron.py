@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from synthnet.families.atlas import Atlas
 from synthnet.families.family import POSITIVE, Family
+from synthnet.families.polyhedra import polyhedron
 from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
 
@@ -20,6 +22,12 @@ def at_level(level: int, *, width: float, height: float, depth: float, subdivisi
     return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + level)
 
 
+def atlas(*, width: float, height: float, depth: float, **_: float) -> Atlas:
+    """Return the four faces as patches."""
+    corners = np.vstack([np.zeros(3), np.diag([width, height, depth])])
+    return polyhedron(*(corners[face][None] for face in FACES))
+
+
 FAMILY = Family(
     name="tetrahedron",
     title="Tetrahedron",
@@ -27,4 +35,5 @@ FAMILY = Family(
     at_level=at_level,
     least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
     euler_characteristic=2,
+    atlas=atlas,
 )

@@ -1,11 +1,13 @@
 """Tori of revolution (paper §C: torus radius 1, log-normal tube radius)."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families import limits, primitives
+from synthnet.families import limits, primitives, twisted_torus
+from synthnet.families.atlas import Atlas
 from synthnet.families.family import POSITIVE, Family
 from synthnet.families.limits import Arc
 from synthnet.types import Mesh
@@ -59,6 +61,12 @@ def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> NDA
     return limits.of_revolution([outer, inner], k, closed=True)
 
 
+def atlas(*, torus_radius: float, tube_radius: float, **_: float) -> Atlas:
+    """Return the smooth torus in patches."""
+    unit = twisted_torus.atlas(tube_radius=tube_radius / torus_radius, flatness=1.0, half_turns=0)
+    return replace(unit, chart=lambda charts, u: torus_radius * unit.chart(charts, u))
+
+
 FAMILY = Family(
     name="torus",
     title="Torus",
@@ -72,4 +80,5 @@ FAMILY = Family(
     },
     euler_characteristic=0,
     limit=limit,
+    atlas=atlas,
 )

@@ -20,6 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from synthnet.families.limits import Limit
 from synthnet.store.files import write_atomically
 from synthnet.types import Sample
 
@@ -148,6 +149,36 @@ def write_errors(path: Path, errors: Mapping[str, NDArray[np.floating[Any]]]) ->
     rows = [np.asarray(row, dtype=np.float32) for row in errors.values()]
     table = pa.table({"id": list(errors), "error": pa.array(rows, pa.list_(pa.float32()))})
     _store(path, table, ("error",))
+
+
+def read_limits(version: str) -> dict[str, Limit] | None:
+    """Return the pinned spectra of the surfaces of a full version by id, or ``None``.
+
+    Examples
+    --------
+    >>> read_limits("1.0")["sphere-00000"].eigenvalues[:4]  # doctest: +SKIP
+    array([2., 2., 2., 6.])
+    """
+    table = shipped_table("synthnet.recipe.versions", f"{version}.limits.parquet")
+    if table is None:
+        return None
+    rows = zip(*(table[name].to_numpy() for name in ("id", "eigenvalues", "bar")), strict=True)
+    return {row[0]: Limit(row[1], row[2].astype(np.float64)) for row in rows}
+
+
+def write_limits(path: Path, limits: Mapping[str, Limit]) -> None:
+    """Write the pinned spectra of the surfaces of a version, their bars as float32."""
+    bars = [limit.bar.astype(np.float32) for limit in limits.values()]
+    table = pa.table(
+        {
+            "id": list(limits),
+            "eigenvalues": pa.array(
+                [limit.eigenvalues for limit in limits.values()], pa.list_(pa.float64())
+            ),
+            "bar": pa.array(bars, pa.list_(pa.float32())),
+        }
+    )
+    _store(path, table, ("eigenvalues", "bar"))
 
 
 def shipped_table(package: str, name: str) -> pa.Table | None:

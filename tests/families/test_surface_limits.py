@@ -1,0 +1,310 @@
+"""Spectra of surfaces by elements of high degree: closed forms, other methods, and their bars."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from synthnet import recipe, spectrum
+from synthnet.build.discretisation import extrapolate
+from synthnet.errors import SpectrumError
+from synthnet.families import FAMILIES, PRIMITIVES, drum, elements, limits, surface_limits
+from synthnet.families.atlas import Atlas, Charted, lattice, rectangle
+from synthnet.families.polyhedra import flat, polyhedron
+from synthnet.recipe.drawing import draw_shape
+from synthnet.types import Parameters
+
+SECOND = {"rectangular_prism": "cuboid", "tetrahedron": "simplex"}  # 1.0's in meshes of 2.0
+UNKNOWN = [name for name, family in FAMILIES.items() if family.limit is None]
+KNOWN = [name for name in FAMILIES if name not in UNKNOWN]
+
+
+def slow(name: str) -> object:
+    return pytest.param(name, marks=pytest.mark.slow)
+
+
+def drawn(family: str, count: int) -> Iterator[Parameters]:
+    """Evenly spaced draws of the version that the family is of."""
+    resolved = recipe.load("1.0" if family in PRIMITIVES else "2.0")
+    total = resolved.families[family].count
+    for index in np.linspace(0, total - 1, count).astype(int).tolist():
+        yield draw_shape(resolved, family, index).parameters
+
+
+def of_atlas(family: str, parameters: Parameters, k: int = 10) -> limits.Limit:
+    atlas = FAMILIES[family].atlas
+    return surface_limits.limit(atlas(**parameters), k)
+
+
+def extrapolated(family: str, parameters: Parameters, levels: tuple[int, int]) -> np.ndarray:
+    """The spectrum by linear elements on two meshes: another method from mesh to solver."""
+    name = SECOND.get(family, family)
+    size = {key: parameters[key] for key in FAMILIES[name].least if key in parameters}
+    if family == "tetrahedron":
+        size["lean"] = 0.0
+    size |= {"triangulation": "uniform", "vertices": 50, "seed": 0}
+    meshes = (FAMILIES[name].refine(size, level) for level in levels)
+    return extrapolate(*(spectrum.compute(mesh).eigenvalues for mesh in meshes))
+
+
+# --- elements --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("degree", [1, 2, 5, 8])
+def test_bernsteins_polynomials_are_a_partition_of_unity(degree: int) -> None:
+    points, weights = elements.quadrature(degree + 1)
+    values, slopes = elements.bernstein(degree, points)
+    np.testing.assert_allclose(values.sum(axis=1), 1, rtol=1e-13)
+    np.testing.assert_allclose(slopes.sum(axis=2), 0, atol=1e-11)
+    # Each has the same integral, by which every row of a mass matrix has a positive sum.
+    expected = 1 / ((degree + 1) * (degree + 2))
+    np.testing.assert_allclose(weights @ values, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("degree", [2, 5, 9])
+def test_slopes_are_derivatives(degree: int) -> None:
+    points = np.array([[0.2, 0.5, 0.3], [0.7, 0.1, 0.2]])
+    _, slopes = elements.bernstein(degree, points)
+    step = 1e-6
+    for direction, slope in zip(([-1, 1, 0], [-1, 0, 1]), slopes, strict=True):
+        ends = (
+            elements.bernstein(degree, points + s * step * np.array(direction))[0] for s in (1, -1)
+        )
+        np.testing.assert_allclose(np.subtract(*ends) / (2 * step), slope, atol=1e-7)
+
+
+@pytest.mark.parametrize("degree", [3, 6, 9])
+def test_interpolation_nodes_lie_evenly_and_are_symmetric(degree: int) -> None:
+    nodes = elements.interpolation_nodes(degree)
+    np.testing.assert_allclose(nodes.sum(axis=1), 1, rtol=1e-14)
+    assert (nodes >= -1e-15).all()
+    known = {tuple(row) for row in (nodes + 0.0).round(12).tolist()}
+    for turn in ([1, 2, 0], [1, 0, 2]):
+        assert {tuple(row) for row in (nodes[:, turn] + 0.0).round(12).tolist()} == known
+    i, j = lattice(degree)
+    assert np.abs(nodes[:, 1] - i / degree).max() < 1.1 / degree  # in the lattice's order
+    assert np.abs(nodes[:, 2] - j / degree).max() < 1.1 / degree
+
+
+def test_a_mass_matrix_has_the_area_and_constants_have_no_energy() -> None:
+    atlas = FAMILIES["conforming_split_sphere"].atlas(radius=2.0)
+    matrices = elements.assemble(atlas, atlas.uniform(2), 6)
+    assert matrices.mass.sum() == pytest.approx(16 * math.pi, rel=1e-7)
+    assert (matrices.lumped > 0).all()
+    sums = np.add.reduceat(matrices.stiffness, matrices.indptr[:-1])
+    assert np.abs(sums).max() < 1e-11
+
+
+def test_a_triangle_without_area_is_refused() -> None:
+    atlas = polyhedron(np.array([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]]))
+    with pytest.raises(ValueError, match="a triangle of the surface has no area"):
+        elements.assemble(atlas, atlas.uniform(1), 2)
+
+
+def test_patches_that_meet_in_their_corners_only_are_refused() -> None:
+    patches = rectangle(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
+
+    def chart(charts: np.ndarray, u: np.ndarray) -> np.ndarray:
+        bulge = np.where(charts == 0, u[:, 0] * (1 - u[:, 0]), 0)
+        return np.column_stack([u, bulge])
+
+    atlas = Atlas(patches, np.arange(2), chart)
+    with pytest.raises(ValueError, match=r"in their common edge are 0\.25 apart"):
+        elements.assemble(atlas, atlas.uniform(1), 3)
+
+
+# --- triangulations --------------------------------------------------------------------
+
+
+def test_corners_have_layers_by_their_angle() -> None:
+    cube = FAMILIES["rectangular_prism"].atlas(width=1.0, height=1.0, depth=1.0)
+    # 3π/2 around a corner: exponent 4/3, and 0.2^(8/3 · 3) is below 1e-5 first.
+    assert surface_limits.layers_at(cube).tolist() == [3] * 8
+    plane = FAMILIES["flat_rectangle"].atlas(width=1.0, height=3.0)
+    assert not surface_limits.layers_at(plane).any()  # corners of π/2: functions are smooth
+    ball = FAMILIES["conforming_split_sphere"].atlas(radius=1.0)
+    assert not surface_limits.layers_at(ball).any()
+    disc = FAMILIES["elliptic_disc"].atlas(flatness=0.7)
+    layers = surface_limits.layers_at(disc)
+    assert sorted(layers.tolist()) == [0] * 6 + [2]  # polar coordinates have a kink
+    outline = FAMILIES["drum"].atlas(form=0, size=1.0, lean=0.0)
+    assert surface_limits.layers_at(outline).max() == 6  # 3π/2 on a boundary: exponent 2/3
+
+
+@pytest.mark.parametrize("family", ["rectangular_prism", "drum", "extruded_star", "elliptic_disc"])
+def test_layers_leave_the_surface_as_it_is(family: str) -> None:
+    parameters = next(drawn(family, 1))
+    atlas = FAMILIES[family].atlas(**parameters)
+    layers = surface_limits.layers_at(atlas)
+    mesh = surface_limits.triangulation(atlas, 2, layers)
+    assert len(mesh.faces) == 4 * len(atlas.charts) + 2 * layers[atlas.glued()].sum()
+    plain, cut = (elements.assemble(atlas, m, 3).mass.sum() for m in (atlas.uniform(2), mesh))
+    assert cut == pytest.approx(plain, rel=1e-4)
+    edges, of_side = mesh.edges()
+    euler = mesh.n_vertices - len(edges) + len(mesh.faces)
+    assert euler == FAMILIES[family].topology(parameters).euler_characteristic
+    assert np.bincount(of_side.ravel()).max() == 2
+
+
+# --- theorems, and other methods -------------------------------------------------------
+
+
+@pytest.mark.parametrize("family", ["sphere", "flat_rectangle", "open_cylinder"])
+def test_closed_forms_are_met_within_the_bars(family: str) -> None:
+    for parameters in drawn(family, 3):
+        found = of_atlas(family, parameters)
+        known = FAMILIES[family].limit_eigenvalues(parameters)
+        assert (np.abs(found.eigenvalues - known) <= found.bar).all()
+        assert (np.abs(found.eigenvalues / known - 1) < 1e-6).all()
+
+
+@pytest.mark.parametrize(
+    "family", ["torus", "cone", "cylinder", "conical_frustum", "annulus", "spherical_cap"]
+)
+def test_surfaces_of_revolution_agree_with_the_one_dimensional_solver(family: str) -> None:
+    for parameters in drawn(family, 3):
+        found = of_atlas(family, parameters)
+        known = FAMILIES[family].limit_eigenvalues(parameters)
+        assert (np.abs(found.eigenvalues - known) <= found.bar).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", KNOWN)
+def test_twenty_five_of_a_family_agree_with_what_is_known_of_them(family: str) -> None:
+    for parameters in drawn(family, 25):
+        found = of_atlas(family, parameters)
+        known = FAMILIES[family].limit_spectrum(parameters)
+        assert (np.abs(found.eigenvalues - known.eigenvalues) <= found.bar + known.bar).all()
+
+
+QUICK = ("simplex", "mobius_band", "ellipsoid", "drum")
+
+
+@pytest.mark.parametrize("family", [n if n in QUICK else slow(n) for n in UNKNOWN])
+def test_linear_elements_extrapolate_to_the_same_spectrum(family: str) -> None:
+    """Extrapolated from 4,000 and 16,000 vertices: to h⁴, or what is left of h² at corners."""
+    for parameters in drawn(family, 1 if family in QUICK else 2):
+        found = FAMILIES[family].limit_spectrum(parameters)
+        other = extrapolated(family, parameters, (1, 2))
+        np.testing.assert_allclose(found.eigenvalues, other, rtol=5e-3)
+        np.testing.assert_allclose(found.eigenvalues[:3], other[:3], rtol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", UNKNOWN)
+def test_twenty_five_of_a_family_agree_with_extrapolated_linear_elements(family: str) -> None:
+    apart = []
+    for parameters in drawn(family, 25):
+        found = FAMILIES[family].limit_spectrum(parameters)
+        other = extrapolated(family, parameters, (2, 3))
+        apart.append(np.abs(other / found.eigenvalues - 1).max())
+        assert (found.bar <= 1e-3 * found.eigenvalues).all()
+    assert np.median(apart) < 2e-4
+    assert np.max(apart) < 5e-3
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.17])
+def test_the_two_drums_sound_alike(lean: float) -> None:
+    """Gordon, Webb, Wolpert: two polygons that are not congruent, of one spectrum."""
+    first, second = (
+        surface_limits.limit(drum.atlas(form=form, size=1.0, lean=lean), 10) for form in (0, 1)
+    )
+    apart = np.abs(first.eigenvalues - second.eigenvalues)
+    assert (apart <= first.bar + second.bar).all()
+    assert (apart < 1e-5 * first.eigenvalues).all()
+
+
+def test_a_box_as_thin_as_a_sheet_is_a_sheet_twice() -> None:
+    """Even functions obey Neumann's condition on the edges, odd ones Dirichlet's nearly."""
+    thin = {"width": 1.0, "height": 1e-4, "depth": 0.7}
+    found = of_atlas("rectangular_prism", thin).eigenvalues
+    i, j = np.indices((6, 6))
+    even = ((i / 1.0) ** 2 + (j / 0.7) ** 2).ravel()[1:]
+    odd = ((i[1:, 1:] / 1.0) ** 2 + (j[1:, 1:] / 0.7) ** 2).ravel()
+    expected = np.pi**2 * np.sort(np.concatenate([even, odd]))[:10]
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+def test_a_regular_tetrahedron_is_a_flat_torus_under_a_half_turn() -> None:
+    r"""Functions on it are the even ones on :math:`\mathbb{R}^2 / 2\Lambda`, with edges 1.
+
+    So its eigenvalues are :math:`4\pi^2 |w|^2 / 4` over the dual lattice, each pair ±w once:
+    :math:`\pi^2 \cdot \frac{4}{3} (a^2 + ab + b^2)`.
+    """
+    corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(8)
+    faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+    found = surface_limits.limit(polyhedron(*(corners[face][None] for face in faces)), 10)
+    a, b = np.indices((9, 9)) - 4
+    norms = np.sort((a * a + a * b + b * b).ravel())[1::2]
+    expected = 4 / 3 * np.pi**2 * norms[:10]
+    assert (np.abs(found.eigenvalues - expected) <= found.bar).all()
+
+
+def test_a_surface_twice_the_size_has_a_quarter_of_the_eigenvalues() -> None:
+    size = {"width": 1.0, "height": 0.4, "depth": 2.0}
+    one = of_atlas("rectangular_prism", size)
+    two = of_atlas("rectangular_prism", {name: 2 * value for name, value in size.items()})
+    np.testing.assert_allclose(one.eigenvalues, 4 * two.eigenvalues, rtol=1e-9)
+
+
+def test_bars_cover_what_more_elements_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    parameters = [
+        {"width": 1.0, "height": 0.7, "depth": 1.6},
+        {"width": 1.0, "height": 0.01, "depth": 100.0},
+        {"width": 1.0, "height": 100.0, "depth": 90.0},
+    ]
+    found = [of_atlas("tetrahedron", each) for each in parameters]
+    monkeypatch.setattr(surface_limits, "ELEMENTS", 4 * surface_limits.ELEMENTS)
+    monkeypatch.setattr(surface_limits, "LEFT", 1e-7)
+    for limit, each in zip(found, parameters, strict=True):
+        finer = of_atlas("tetrahedron", each).eigenvalues
+        assert (limit.eigenvalues != finer).any()
+        assert (np.abs(limit.eigenvalues - finer) <= limit.bar).all()
+        assert (np.diff(limit.eigenvalues) >= 0).all()
+        assert (limit.bar <= 1e-4 * limit.eigenvalues).all()
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_has_a_limit(family: str) -> None:
+    parameters = next(drawn(family, 1))
+    found = FAMILIES[family].limit_spectrum(parameters, 4)
+    assert found.eigenvalues.shape == found.bar.shape == (4,)
+    assert (found.eigenvalues > 0).all()
+    assert (np.diff(found.eigenvalues) >= 0).all()
+    relative = found.bar / found.eigenvalues
+    assert (relative <= (1e-4 if family in UNKNOWN else limits.KNOWN * (1 + 1e-9))).all()
+    assert (relative > 0).all()
+
+
+def test_the_target_is_given_up_where_it_would_take_too_much(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(surface_limits, "MOST", 0)
+    plate = polyhedron(flat(rectangle(np.array([0.0, 1.0]), np.array([0.0, 30.0]))))
+    found = surface_limits.limit(plate, 10)
+    known = limits.of_rectangle(1.0, 30.0, 10)
+    assert found.bar.max() > surface_limits.TARGET * known[-1]
+    assert (np.abs(found.eigenvalues - known) <= found.bar).all()
+
+
+def test_what_the_solver_fails_on_leaves_the_bar_that_was_reached(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    atlas = polyhedron(flat(rectangle(np.array([0.0, 1.0]), np.array([0.0, 30.0]))))
+    computed = surface_limits.spectrum
+
+    def failing(atlas: Atlas, mesh: Charted, degree: int, k: int) -> np.ndarray:
+        if len(mesh.faces) > most:
+            raise SpectrumError("no convergence")
+        return computed(atlas, mesh, degree, k)
+
+    monkeypatch.setattr(surface_limits, "spectrum", failing)
+    most = 60
+    found = surface_limits.limit(atlas, 10)
+    known = limits.of_rectangle(1.0, 30.0, 10)
+    assert found.bar.max() > surface_limits.TARGET * known[-1]
+    assert (np.abs(found.eigenvalues - known) <= found.bar).all()
+    most = 0
+    with pytest.raises(SpectrumError, match="no convergence"):
+        surface_limits.limit(atlas, 10)
