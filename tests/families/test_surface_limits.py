@@ -183,25 +183,19 @@ QUICK = ("simplex", "mobius_band", "ellipsoid", "drum")
 
 @pytest.mark.parametrize("family", [n if n in QUICK else slow(n) for n in UNKNOWN])
 def test_linear_elements_extrapolate_to_the_same_spectrum(family: str) -> None:
-    """Extrapolated from 4,000 and 16,000 vertices: to h⁴, or what is left of h² at corners."""
+    """From 4,000, 16,000 and 64,000 vertices: the rest is theirs, for it falls with each level.
+
+    Of 25 surfaces a family: ``python -m evidence measure limits``.
+    """
     for parameters in drawn(family, 1 if family in QUICK else 2):
         found = FAMILIES[family].limit_spectrum(parameters)
-        other = extrapolated(family, parameters, (1, 2))
-        np.testing.assert_allclose(found.eigenvalues, other, rtol=5e-3)
-        np.testing.assert_allclose(found.eigenvalues[:3], other[:3], rtol=1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("family", UNKNOWN)
-def test_twenty_five_of_a_family_agree_with_extrapolated_linear_elements(family: str) -> None:
-    apart = []
-    for parameters in drawn(family, 25):
-        found = FAMILIES[family].limit_spectrum(parameters)
-        other = extrapolated(family, parameters, (2, 3))
-        apart.append(np.abs(other / found.eigenvalues - 1).max())
+        coarse, fine = (
+            np.abs(extrapolated(family, parameters, levels) / found.eigenvalues - 1)
+            for levels in ((1, 2), (2, 3))
+        )
+        assert (fine <= np.maximum(coarse / 2, 2e-4)).all()
+        assert fine.max() < 5e-3
         assert (found.bar <= 1e-3 * found.eigenvalues).all()
-    assert np.median(apart) < 2e-4
-    assert np.max(apart) < 5e-3
 
 
 @pytest.mark.parametrize("lean", [0.0, 0.17])
