@@ -9,7 +9,7 @@ are enough where the chart alone has a kink in a point, as at the centre of pola
 Two degrees on one triangulation, 6 and 8, give the bar: the difference of their eigenvalues, by
 index in the complete ascending spectra. Where functions are smooth, the error of the higher degree
 is a small part of that difference. What a singularity leaves in the smallest element falls like
-:math:`p^{-4\alpha}`: it is below the difference for :math:`\alpha \ge 2/3`, and all corners of the
+:math:`p^{-4\alpha}`: it is below the difference for :math:`\alpha \geq 2/3`, and all corners of the
 families have such an α. Measured against finer spectra, errors are below a quarter of the bars.
 
 References

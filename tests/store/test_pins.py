@@ -68,7 +68,8 @@ def test_pinning_gives_each_shape_the_limit_of_its_surface(
         family, index = id.rsplit("-", 1)
         parameters = draw_shape(recipe.load("1.0"), family, int(index)).parameters
         expected = FAMILIES[family].limit_spectrum(parameters)
-        np.testing.assert_array_equal(limit.eigenvalues, expected.eigenvalues)
+        # A tenth of the bar: the last digits of LAPACK depend on its threads.
+        np.testing.assert_allclose(limit.eigenvalues, expected.eigenvalues, rtol=1e-9)
         np.testing.assert_allclose(limit.bar, expected.bar, rtol=1e-7)
     assert list(tmp_path.iterdir()) == [path]
 
