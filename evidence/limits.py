@@ -16,7 +16,7 @@ import threadpoolctl
 from eigbench.scoring import metrics
 
 from evidence import markdown
-from evidence.pins import surfaces_of
+from evidence.pins import ANY, surfaces_of
 from evidence.timing import progress
 from synthnet import recipe, spectrum
 from synthnet.build.discretisation import extrapolate
@@ -28,7 +28,7 @@ from synthnet.store import pins
 COMPARED = 25
 LEVELS = (2, 3)  # of the meshes of linear elements: 16,000 and 64,000 vertices
 MESHED_AS = {"rectangular_prism": "cuboid", "tetrahedron": "simplex"}
-ADDED = {"triangulation": "uniform", "vertices": 50, "seed": 0, "lean": 0.0}
+ADDED = {**ANY, "lean": 0.0}
 
 
 def measure(*, version: str) -> dict:
@@ -83,11 +83,16 @@ def second(name: str, parameters: dict) -> Limit:
     chosen = FAMILIES[name]
     if chosen.limit is not None:
         return limit(chosen.atlas(**parameters), 10)
+    coarse, fine = linear(name, parameters, LEVELS)
+    last = extrapolate(coarse, fine)
+    return Limit(last, np.abs(last - fine))
+
+
+def linear(name: str, parameters: dict, levels: tuple[int, int]) -> list[np.ndarray]:
+    """Return a surface's spectra by linear elements on its meshes of two levels of refinement."""
     meshed = FAMILIES[MESHED_AS.get(name, name)]
     size = {key: parameters.get(key, ADDED.get(key)) for key in meshed.least}
-    spectra = [spectrum.compute(meshed.refine(size, level)).eigenvalues for level in LEVELS]
-    last = extrapolate(*spectra)
-    return Limit(last, np.abs(last - spectra[1]))
+    return [spectrum.compute(meshed.refine(size, level)).eigenvalues for level in levels]
 
 
 def of_labels(labels: np.ndarray, ids: list[str], limits: dict[str, Limit]) -> dict:

@@ -6,22 +6,20 @@ Run once, when a version is frozen: an edit that changes a label is a new versio
 from __future__ import annotations
 
 import json
-import multiprocessing
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial as partial_of
 from pathlib import Path
 
 import numpy as np
-import threadpoolctl
 from eigbench.scaling import surfaces
 
 from evidence import ROOT
 from evidence.timing import progress
 from synthnet import recipe, store
 from synthnet.build import estimates
+from synthnet.build.workers import local_processes, one_thread
 from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES
 from synthnet.families.limits import Limit
@@ -105,7 +103,8 @@ def surfaces_of(version: str, ids: Iterable[str]) -> dict[str, str]:
 def _limit(key: str) -> Limit:
     name, parameters = json.loads(key)
     try:
-        return FAMILIES[name].limit_spectrum(parameters)
+        with one_thread:
+            return FAMILIES[name].limit_spectrum(parameters)
     except SpectrumError as error:
         raise SpectrumError(f"{key}: {error}") from error
 
@@ -122,13 +121,11 @@ def _read_partial(path: Path) -> dict[str, Limit]:
 @contextmanager
 def _mapped(workers: int) -> Iterator[Callable[..., Iterable[Limit]]]:
     """Give a ``map`` by so many processes."""
-    with threadpoolctl.threadpool_limits(1):
-        if workers == 1:
-            yield map
-            return
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=context) as pool:
-            yield partial_of(pool.map, chunksize=8)
+    if workers == 1:
+        yield map
+        return
+    with local_processes(workers) as pool:
+        yield partial_of(pool.executor.map, chunksize=8)
 
 
 def pin_scaling(sizes: list[int]) -> None:

@@ -27,6 +27,7 @@ from numpy.polynomial import legendre
 from scipy import sparse, special
 
 from synthnet.families.atlas import SAME, Atlas, Charted, Floats, lattice
+from synthnet.families.limits import lobatto, products
 from synthnet.spectrum.fem import Matrices
 
 
@@ -133,12 +134,8 @@ def of_degree(degree: int) -> Reference:
     _, slopes = bernstein(geometry, points)
     tangents = slopes @ to_coefficients
     values, (d1, d2) = bernstein(degree, points)
-    products = [_products(d1, d1), _products(d1, d2) + _products(d2, d1), _products(d2, d2)]
-    return Reference(nodes, tangents, np.stack(products), _products(values, values), weights)
-
-
-def _products(first: Floats, second: Floats) -> Floats:
-    return (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
+    pairs = [products(d1, d1), products(d1, d2) + products(d2, d1), products(d2, d2)]
+    return Reference(nodes, tangents, np.stack(pairs), products(values, values), weights)
 
 
 def bernstein(degree: int, points: Floats) -> tuple[Floats, Floats]:
@@ -215,7 +212,4 @@ def _node(numbers: tuple[int, ...]) -> Floats:
 @cache
 def _lobatto(degree: int) -> Floats:
     """Return Lobatto's points of [0, 1]."""
-    if degree == 0:
-        return np.array([0.5])
-    inner = legendre.legroots(legendre.legder([0] * degree + [1]))
-    return (np.concatenate([[-1.0], inner, [1.0]]) + 1) / 2
+    return (lobatto(degree) + 1) / 2 if degree else np.array([0.5])

@@ -3,10 +3,8 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from synthnet.families import circular_cone, cone
-from synthnet.families.atlas import Atlas
+from synthnet.families import cone
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh
 
@@ -58,16 +56,6 @@ def at_level(
     )
 
 
-def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
-    """Spectrum of the smooth cone, to which the inverted one is isometric."""
-    return cone.limit(k, radius=radius, height=height)
-
-
-def atlas(*, radius: float, height: float, **_: float) -> Atlas:
-    """Return the smooth cone, to which the inverted one is isometric, in patches."""
-    return circular_cone.atlas(radius=radius, height=height)
-
-
 FAMILY = Family(
     name="inverted_cone",
     title="Inverted cone",
@@ -82,6 +70,6 @@ FAMILY = Family(
         "flip": POSITIVE,
     },
     euler_characteristic=2,
-    limit=limit,
-    atlas=atlas,
+    limit=cone.limit,  # isometric to it
+    atlas=cone.atlas,
 )

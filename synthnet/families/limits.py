@@ -221,7 +221,7 @@ class Bands(NamedTuple):
 def _bands(profile: Sequence[Arc]) -> Bands:
     """Assemble the matrices on the elements of all arcs."""
     points, weights, values, slopes = _basis()
-    products = (_products(slopes), _products(values), _products(values))
+    pairs = (products(slopes, slopes), products(values, values), products(values, values))
     largest = _largest(profile)
     blocks: list[list[Array]] = [[], [], []]
     for arc in profile:
@@ -233,7 +233,7 @@ def _bands(profile: Sequence[Arc]) -> Bands:
             weights * length / radius,
             weights * length * radius,
         )
-        for block, integrand, product in zip(blocks, integrands, products, strict=True):
+        for block, integrand, product in zip(blocks, integrands, pairs, strict=True):
             block.append(integrand @ product)
     first, last = profile[0], profile[-1]
     stiffness, around, mass = (_banded(np.concatenate(block)) for block in blocks)
@@ -249,8 +249,9 @@ def _bands(profile: Sequence[Arc]) -> Bands:
     )
 
 
-def _products(functions: Array) -> Array:
-    return (functions[:, :, None] * functions[:, None, :]).reshape(len(functions), -1)
+def products(first: Array, second: Array) -> Array:
+    """Return the products of two functions at q points, shape (q, b²), from (q, b) of each."""
+    return (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
 
 
 def _banded(blocks: Array) -> Array:
@@ -264,10 +265,16 @@ def _banded(blocks: Array) -> Array:
 
 
 @cache
+def lobatto(degree: int) -> Array:
+    """Return Lobatto's points of [-1, 1], one more than the degree, which is at least 1."""
+    inner = legendre.legroots(legendre.legder([0] * degree + [1]))
+    return np.concatenate([[-1.0], inner, [1.0]])
+
+
+@cache
 def _basis() -> tuple[Array, Array, Array, Array]:
     """Gauss points and weights on [0, 1]; Lagrange polynomials of the Lobatto points there."""
-    inner = legendre.legroots(legendre.legder([0] * DEGREE + [1]))
-    nodes = np.concatenate([[-1], inner, [1]])
+    nodes = lobatto(DEGREE)
     points, weights = legendre.leggauss(DEGREE + 4)
     to_legendre = np.linalg.inv(legendre.legvander(nodes, DEGREE))
     values = legendre.legvander(points, DEGREE) @ to_legendre

@@ -1,10 +1,6 @@
 """Split cones: two halves of different resolution (paper §C)."""
 
-import numpy as np
-from numpy.typing import NDArray
-
-from synthnet.families import circular_cone, limits, primitives
-from synthnet.families.atlas import Atlas
+from synthnet.families import cone, primitives
 from synthnet.families.family import POSITIVE, Family
 from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
@@ -57,16 +53,6 @@ def at_level(
     return subdivide(fine, subdivisions)
 
 
-def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
-    """Spectrum of the smooth cone with its base."""
-    return limits.of_revolution([limits.line(0, radius), limits.line(radius, 0, height)], k)
-
-
-def atlas(*, radius: float, height: float, **_: float) -> Atlas:
-    """Return the smooth cone in patches."""
-    return circular_cone.atlas(radius=radius, height=height)
-
-
 FAMILY = Family(
     name="split_cone",
     title="Split cone",
@@ -82,7 +68,7 @@ FAMILY = Family(
         "subdivisions": 0,
     },
     euler_characteristic=2,
-    limit=limit,
-    atlas=atlas,
+    limit=cone.limit,
+    atlas=cone.atlas,
     least_levels=2,
 )

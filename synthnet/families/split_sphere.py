@@ -1,10 +1,6 @@
 """Split spheres: two halves of different resolution (paper §C)."""
 
-import numpy as np
-from numpy.typing import NDArray
-
-from synthnet.families import conforming_split_sphere, limits, primitives
-from synthnet.families.atlas import Atlas
+from synthnet.families import primitives, sphere
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh, Parameters
 
@@ -29,16 +25,6 @@ def at_level(level: int, *, radius: float, resolution_a: int, resolution_b: int)
     return primitives.refine_sphere(mesh, level, radius)
 
 
-def limit(k: int, *, radius: float, **_: float) -> NDArray[np.float64]:
-    """Spectrum of the smooth sphere."""
-    return limits.of_sphere(radius, k)
-
-
-def atlas(*, radius: float, **_: float) -> Atlas:
-    """Return the smooth sphere in patches."""
-    return conforming_split_sphere.atlas(radius=radius)
-
-
 FAMILY = Family(
     name="split_sphere",
     title="Split sphere",
@@ -46,7 +32,7 @@ FAMILY = Family(
     at_level=at_level,
     least={"radius": POSITIVE, "resolution_a": 2, "resolution_b": 2},
     euler_characteristic=2,
-    limit=limit,
-    atlas=atlas,
+    limit=sphere.limit,
+    atlas=sphere.atlas,
     congruent=congruent,
 )

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from synthnet import recipe, spectrum
+from evidence.limits import linear
+from synthnet import recipe
 from synthnet.build.discretisation import extrapolate
 from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES, PRIMITIVES, drum, elements, limits, surface_limits
@@ -15,7 +16,6 @@ from synthnet.families.polyhedra import flat, polyhedron
 from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Parameters
 
-SECOND = {"rectangular_prism": "cuboid", "tetrahedron": "simplex"}  # 1.0's in meshes of 2.0
 UNKNOWN = [name for name, family in FAMILIES.items() if family.limit is None]
 KNOWN = [name for name in FAMILIES if name not in UNKNOWN]
 
@@ -39,13 +39,7 @@ def of_atlas(family: str, parameters: Parameters, k: int = 10) -> limits.Limit:
 
 def extrapolated(family: str, parameters: Parameters, levels: tuple[int, int]) -> np.ndarray:
     """The spectrum by linear elements on two meshes: another method from mesh to solver."""
-    name = SECOND.get(family, family)
-    size = {key: parameters[key] for key in FAMILIES[name].least if key in parameters}
-    if family == "tetrahedron":
-        size["lean"] = 0.0
-    size |= {"triangulation": "uniform", "vertices": 50, "seed": 0}
-    meshes = (FAMILIES[name].refine(size, level) for level in levels)
-    return extrapolate(*(spectrum.compute(mesh).eigenvalues for mesh in meshes))
+    return extrapolate(*linear(family, dict(parameters), levels))
 
 
 # --- elements --------------------------------------------------------------------------

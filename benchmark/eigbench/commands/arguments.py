@@ -17,6 +17,31 @@ def predictor(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("predictor", type=Path, metavar="FILE", help="the predictor's Python file")
 
 
+def out(sub: argparse.ArgumentParser, default: str) -> None:
+    """Add the file that the result is written to."""
+    sub.add_argument(
+        "--out",
+        type=Path,
+        default=Path(default),
+        metavar="FILE",
+        help="the result (default: %(default)s)",
+    )
+
+
+def process(sub: argparse.ArgumentParser) -> None:
+    """Add what the predictor's process computes with: device and threads."""
+    sub.add_argument(
+        "--device", default="cpu", help="PyTorch device passed to the predictor (default: cpu)"
+    )
+    sub.add_argument(
+        "--threads",
+        type=positive,
+        default=1,
+        metavar="N",
+        help="threads that the predictor may use (default: 1)",
+    )
+
+
 def dataset_directory(sub: argparse.ArgumentParser) -> None:
     """Add the directory of a dataset whose labels are not pinned; read by :func:`dataset`."""
     sub.add_argument(

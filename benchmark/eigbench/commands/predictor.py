@@ -59,22 +59,14 @@ def _add_evaluate(command: Command) -> None:
     arguments.predictor(sub)
     _add_split(sub)
     sub.add_argument("--root", type=Path, metavar="DIR", help="directory that holds the versions")
-    sub.add_argument(
-        "--out",
-        type=Path,
-        default=Path("results.json"),
-        metavar="FILE",
-        help="the result (default: %(default)s)",
-    )
+    arguments.out(sub, "results.json")
     sub.add_argument(
         "--predictions",
         type=Path,
         metavar="FILE",
         help="the predictions (default: beside --out, ending in .parquet)",
     )
-    sub.add_argument(
-        "--device", default="cpu", help="PyTorch device passed to the predictor (default: cpu)"
-    )
+    arguments.process(sub)
     sub.add_argument(
         "--batch-size",
         type=arguments.positive,
@@ -88,13 +80,6 @@ def _add_evaluate(command: Command) -> None:
         default=1,
         metavar="N",
         help="runs, with seeds 0 to N - 1 (default: 1)",
-    )
-    sub.add_argument(
-        "--threads",
-        type=arguments.positive,
-        default=1,
-        metavar="N",
-        help="threads that the predictor may use (default: 1)",
     )
     sub.add_argument(
         "--time-limit",

@@ -44,23 +44,8 @@ def add_commands(command: Command) -> None:
     )
     arguments.predictor(sub)
     sizes_option(sub)
-    sub.add_argument(
-        "--out",
-        type=Path,
-        default=Path("scaling.json"),
-        metavar="FILE",
-        help="the result (default: %(default)s)",
-    )
-    sub.add_argument(
-        "--device", default="cpu", help="PyTorch device passed to the predictor (default: cpu)"
-    )
-    sub.add_argument(
-        "--threads",
-        type=arguments.positive,
-        default=1,
-        metavar="N",
-        help="threads that the predictor may use (default: 1)",
-    )
+    arguments.out(sub, "scaling.json")
+    arguments.process(sub)
     sub.add_argument(
         "--time-limit",
         type=arguments.above_zero,
