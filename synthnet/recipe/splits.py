@@ -11,10 +11,13 @@ from synthnet.errors import RecipeError
 from synthnet.recipe import Fold, Recipe, SplitSettings
 from synthnet.types import PROTOCOLS, SPLITS, ShapeSpec
 
-# Families with the same surfaces but for how they lie in space: no eigenvalue tells them apart.
-ISOMETRIC = (
+# Families that share surfaces, all of them up to an isometry or the special ones of the other: an
+# ellipsoid with equal axes is a sphere, a truncated cone with equal radii a cylinder.
+SAME_SURFACES = (
     ("circular_cone", "dented_cone", "conforming_split_cone"),
     ("flat_rectangle", "rolled_sheet"),
+    ("ellipsoid", "conforming_split_sphere"),
+    ("truncated_cone", "capped_cylinder"),
 )
 
 
@@ -141,7 +144,7 @@ def takes(fold: Fold, recipe: Recipe, split: str, id: str) -> bool:
     """Return whether a shape of a split is used in a fold.
 
     Of the split ``test`` it is what the fold holds out that is tested. Of ``train`` and
-    ``validation`` that is left out, and with a family those that are isometric to it. So no
+    ``validation`` that is left out, and with a family those of the same surfaces. So no
     training sees a test shape of another protocol, and the same shapes can be compared between
     protocols.
 
@@ -160,7 +163,7 @@ def takes(fold: Fold, recipe: Recipe, split: str, id: str) -> bool:
     index = int(number)
     if split == "test":
         return _held_out(fold, recipe, family, index)
-    alike = next((group for group in ISOMETRIC if family in group), (family,))
+    alike = next((group for group in SAME_SURFACES if family in group), (family,))
     return not any(_held_out(fold, recipe, name, index) for name in alike)
 
 

@@ -125,7 +125,7 @@ def make_submission(
         result["model"].update({"name": name, **model})
         result["dataset"] = results.dataset_facts(wanted)
         result["predictions"] = {"sha256": sha256(kept), "seeds": len(values)}
-        result["scores"] = scores.score(wanted, values)
+        result["scores"] = scores.of_targets(wanted, values)
         results.write(out, result)
         return out
 

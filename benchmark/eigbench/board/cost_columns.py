@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from eigbench import results
 from eigbench.board.columns import DECLARED, Cell, Column, Group, six_digits, words
 from eigbench.board.ranking import Ranked
-from eigbench.board.tables import SPEED, beside_lapy, number
+from eigbench.board.tables import SPEED, beside_lapy, number, times_faster
 
 
-def table() -> Group[Ranked]:
+def table(rows: Sequence[Ranked]) -> Group[Ranked]:
     """Return the table of times and memory, which are compared within one hardware only."""
 
     def quartiles(facts: dict[str, Any]) -> Cell:
@@ -31,6 +31,7 @@ def table() -> Group[Ranked]:
         _fact("ms-mean", "mean", mean, _number("ms_per_mesh_mean")),
         _fact("lapy-ms", "LaPy's ms", "LaPy's ms a mesh in the same run.", _lapys_own),
         ratio,
+        *peers(rows),
         _fact("batch", "batch", "Number of meshes in a call.", _number("batch_size", 0)),
         _fact("cores", "cores used", "CPU time divided by wall time.", _number("cores_used")),
         _fact("memory", "peak MB", memory, _number("peak_memory_mb", 0)),
@@ -61,6 +62,30 @@ def speed(protocol: str | None = None) -> list[Column[Ranked]]:
         _fact("ms", "ms a mesh", ms_note, _number("ms_per_mesh")),
         _fact("lapy", SPEED, ratio_note, ratio, higher=True),
     ]
+
+
+def peers(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
+    """Return a column for each other peer that the rows were timed against."""
+    names = dict.fromkeys(
+        name for row in rows for name in row.submission.result["cost"].get("peers", {})
+    )
+
+    def column(name: str) -> Column[Ranked]:
+        def ratio(facts: dict[str, Any]) -> Cell:
+            beside = facts.get("peers", {}).get(name)
+            return (
+                ("not timed", None)
+                if beside is None
+                else (
+                    times_faster(beside),
+                    six_digits(beside["ratio"]),
+                )
+            )
+
+        note = f"How many times faster than {name}, on one thread, in the same run."
+        return _fact(f"against-{name}", f"against {name}", note, ratio, higher=True)
+
+    return [column(name) for name in names]
 
 
 def _fact(

@@ -68,7 +68,7 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
     Results of several hardware labels get a panel each, with one scale of errors: times are not
     compared across.
     """
-    means = (submission.result["scores"]["overall"][key]["mean"] for submission in submissions)
+    means = (submission.scores["overall"][key]["mean"] for submission in submissions)
     errors = [max(mean, FLOOR) for mean in means if mean is not None] or [1.0]
     limits = min(errors) / 1.8, max(errors) * 2.5
     by_label: dict[str, list[Submission]] = {}
@@ -132,7 +132,7 @@ def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -
     """Draw error against time of one hardware label, a named mark for each model."""
     points, notes = [], []
     for submission in sorted(submissions, key=lambda s: s.slug):
-        mean = submission.result["scores"]["overall"][key]["mean"]
+        mean = submission.scores["overall"][key]["mean"]
         time = submission.result["cost"]["ms_per_mesh"]
         if mean is None:
             continue
@@ -212,7 +212,7 @@ def generalisation(board: Board, key: str = RANKED_BY) -> str:
         ]
         for line, row in enumerate(board.rows):
             model = row.submission
-            means = [model.result["scores"]["overall"][key]["mean"]]
+            means = [model.scores["overall"][key]["mean"]]
             means += [board.scored(model, name, key).score for name in board.protocols]
             known = [max(value, FLOOR) for value in means if value is not None]
             axes.plot([min(known), max(known)], [line, line], color="#cccccc", lw=1, zorder=1)

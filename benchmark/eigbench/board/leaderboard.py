@@ -2,11 +2,13 @@
 
 A board is all results of one dataset, split and protocol. In a checkout::
 
-    LEADERBOARD.md                              generated
+    LEADERBOARD.md                              generated, one table a board
     README.md                                   generated between its marks of the leaderboard
+    benchmark/boards/BOARD-TARGET.md, .json     generated, all that is known of a board
     benchmark/results/BOARD/MODEL.json          added by `eigbench submit`
     benchmark/predictions/BOARD/MODEL.parquet   added by `eigbench submit`
-    benchmark/figures/BOARD.svg                 generated
+    benchmark/timing/VERSION.json               of `eigbench time`: the cost of rows in one run
+    benchmark/figures/BOARD-TARGET.svg          generated
     benchmark/reported/*.json                   numbers of papers, as printed
     benchmark/scaling/MODEL.json                added by `eigbench submit`, see scaling.results
 """
@@ -15,17 +17,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from eigbench import results
-from eigbench.board import figures, generalisation, page, ranking, scaling_page
+from eigbench.board import export, figures, generalisation, page, ranking, scaling_page
 from eigbench.board.marks import marked
 from eigbench.board.ranking import Ranked
 from eigbench.errors import ResultError
-from eigbench.results import predictions, submission
+from eigbench.results import predictions, submission, timing
 from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
+from eigbench.scoring.targets import TARGETS
 from eigbench.scoring.training import IMPORTED
 from synthnet import recipe
 from synthnet.types import PROTOCOLS
@@ -36,6 +40,8 @@ MARK = "<!-- begin leaderboard -->"  # a README without it stays as it is
 RESULTS = Path("benchmark", "results")
 PREDICTIONS = Path("benchmark", "predictions")
 FIGURES = Path("benchmark", "figures")
+BOARDS = Path("benchmark", "boards")
+GENERATED = (f"{FIGURES}/*.svg", f"{BOARDS}/*")  # nothing else belongs there
 REPORTED = Path("benchmark", "reported")
 
 
@@ -47,7 +53,7 @@ def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submis
     ResultError
         If one is partial, misplaced, without predictions, or does not bear its scores out.
     """
-    rows = []
+    rows, times = [], timing.read(root)
     for path in sorted((root / RESULTS).glob("*/*.json")):
         if on_row is not None:
             on_row(f"{path.parent.name}/{path.stem}")
@@ -55,7 +61,8 @@ def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submis
         check_fit(row)
         if (row.board, row.slug) != (path.parent.name, path.stem):
             raise ResultError(f"{path} belongs at {RESULTS / row.board / row.slug}.json")
-        rows.append(row)
+        cost = timing.cost_of(row.result, times.get(row.truth.version, []))
+        rows.append(row if cost is None else replace(row, result={**row.result, "cost": cost}))
     _check_protocols(rows)
     _check_strays(root, rows)
     return rows
@@ -141,26 +148,40 @@ def generate(
     ValueError
         If the README has the marks more than once, or not both of them.
     """
-    submissions = list(submissions)
-    parts, tops, generated = [page.BANNER], [], {}
-    for rows, protocols in boards(submissions):
-        path = FIGURES / f"{rows[0].submission.board}.svg"
-        generated[path] = figures.error_against_time([row.submission for row in rows])
-        parts += page.board(rows, path)
-        tops.append(page.top(rows))
+    every, begun = list(boards(submissions)), set[str]()
+    opening, parts, tops, generated = [], [], [], {}
+    for rows, protocols in every:
+        submission = rows[0].submission
+        name = f"{submission.board}-{submission.target}"
+        first = submission.board not in begun  # of its targets
+        begun.add(submission.board)
+        files = {
+            "page": BOARDS / f"{name}.md",
+            "json": BOARDS / f"{name}.json",
+            "figure": FIGURES / f"{name}.svg",
+        }
+        generated[files["page"]] = page.details(rows)
+        generated[files["json"]] = export.as_json(rows)
+        generated[files["figure"]] = figures.error_against_time([row.submission for row in rows])
+        parts += page.board(rows, files)
         if protocols is not None:
-            path = FIGURES / f"{protocols.version}-generalisation.svg"
+            path = FIGURES / f"{protocols.version}-generalisation-{protocols.target}.svg"
             generated[path] = figures.generalisation(protocols)
-            parts += page.generalised(protocols, path.as_posix())
-            tops.append(page.generalised_top(protocols, page.TOP))
-    if not submissions:
+            opening += page.generalised(protocols, path.as_posix())
+            if first:
+                tops.append(page.generalised_top(protocols, page.TOP))
+        if first:
+            tops.append(page.top(rows))
+    for protocols in {b.version: b for _, b in every if b is not None}.values():
+        opening += page.distances(protocols)
+    if not every:
         parts.append("No result has been submitted yet.\n")
     section, drawn = scaling_page.section(scaled)
     parts += section
     generated.update(drawn)
     for paper in sorted(reported, key=lambda paper: str(paper["source"])):
         parts += page.reported(paper)
-    generated[Path(PAGE)] = "\n".join(parts)
+    generated[Path(PAGE)] = "\n".join([page.BANNER, *opening, *parts])
     if MARK in readme:
         generated[Path(README)] = _with_tops(readme, tops)
     return generated
@@ -176,28 +197,38 @@ def _with_tops(readme: str, tops: Sequence[str]) -> str:
 def boards(
     submissions: Iterable[Submission],
 ) -> Iterator[tuple[list[Ranked], generalisation.Board | None]]:
-    """Yield the rows of each board, best first, by version and protocol.
+    """Yield the rows of each board, best first: the newest version first, the surface first.
 
     The rows of a version's protocol ``grouped`` come with its own protocols, if it has any: a row
     of these stands beside the same model's under ``grouped``, on no board of its own.
     """
-    by_board: dict[str, list[Submission]] = {}
+    by_board: dict[tuple[str, str], list[Submission]] = {}
     for row in submissions:
-        by_board.setdefault(row.board, []).append(row)
-    for board in sorted(by_board):
-        version, protocol = by_board[board][0].truth.version, by_board[board][0].truth.protocol
-        if protocol not in PROTOCOLS:
-            continue
-        rows = ranking.ranked(by_board[board])
-        if protocol != "grouped" or not recipe.load(version).protocols:
-            yield rows, None
-            continue
-        held_out = {
-            mine[0].truth.protocol: mine
-            for mine in by_board.values()
-            if mine[0].truth.version == version and mine[0].truth.protocol not in PROTOCOLS
-        }
-        yield rows, generalisation.Board(rows, held_out)
+        by_board.setdefault((row.truth.version, row.truth.protocol), []).append(row)
+    for version, protocol in sorted(by_board, key=_newest_first):
+        for target in TARGETS:
+            rows = _at(by_board[version, protocol], target)
+            if protocol not in PROTOCOLS or not rows:
+                continue
+            if protocol != "grouped" or not recipe.load(version).protocols:
+                yield ranking.ranked(rows), None
+                continue
+            others = {p: _at(mine, target) for (v, p), mine in by_board.items() if v == version}
+            held_out = {p: mine for p, mine in others.items() if mine and p not in PROTOCOLS}
+            ordered = ranking.ranked(rows)
+            yield ordered, generalisation.Board(ordered, held_out)
+
+
+def _newest_first(board: tuple[str, str]) -> tuple[list[int], str, str]:
+    """Return what boards are sorted by: the numbers of the version, falling, then the names."""
+    version, protocol = board
+    numbers = recipe.load(version).base.split(".")
+    return [-int(number) for number in numbers], version, protocol
+
+
+def _at(submissions: Iterable[Submission], target: str) -> list[Submission]:
+    """Return the submissions beside a target, where it is known."""
+    return [there for row in submissions if (there := row.at(target)) is not None]
 
 
 def read_reported(root: Path) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from eigbench.board import cost_columns, generalisation
-from eigbench.board.columns import DECLARED, Cell, Column, Group, of_run, six_digits, words
+from eigbench.board.columns import DECLARED, Cell, Column, Group, of_run, six_digits
 from eigbench.board.generalisation import Board
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.board.tables import (
@@ -19,13 +19,11 @@ from eigbench.board.tables import (
 )
 from eigbench.scoring.metrics import MAIN, METRICS
 from eigbench.scoring.physics import SHARES, TITLES
-from synthnet.store.files import sha256
 
 METRIC_NOTES = {
-    "invlap": "Inverse Laplacian: √ Σ (g/p − 1)² of prediction p and label g. It has no upper "
+    "invlap": "Inverse Laplacian: √ Σ (g/p − 1)² of prediction p and target g. It has no upper "
     "bound: one prediction that is too small can dominate the mean.",
-    "rpd": "Relative percent difference: Σ |p − g| / (|p| + |g|), from 0 to 10. It decides the "
-    "ranks.",
+    "rpd": "Relative percent difference: Σ |p − g| / (|p| + |g|), from 0 to 10. Ranks go by it.",
     "polar": "1 − cosine of the angle between the spectra + ‖p − g‖ / (‖p‖ + ‖g‖), from 0 to 3. "
     "The largest eigenvalues dominate it.",
     "psnr": "Peak signal-to-noise ratio of a spectrum in dB, infinite for an exact one.",
@@ -54,18 +52,25 @@ def _result(row: Ranked) -> dict[str, Any]:
 RANK: Column[Ranked] = Column(
     "rank",
     "rank",
-    f"By mean {METRICS[RANKED_BY].title}. Rows marked = are statistically tied with the first of "
-    "their group: the shapes are too few, or the labels too coarse, to tell them apart.",
-    lambda row: (row.shown_rank, row.rank),
+    f"By mean {METRICS[RANKED_BY].title}: the ranks that the row may have, at 95 %, from paired "
+    "differences to every other row. Exact: nothing but rounding sets it apart from the target.",
+    lambda row: (row.shown_rank, row.best),
     numeric=False,
 )
 MODEL, KIND, HARDWARE, TRAINING = of_run(_result)
 
 
 def main() -> Group[Ranked]:
-    """Return the main table of LEADERBOARD.md."""
+    """Return all metrics, for a board's own page."""
     columns = [*map(_mean, MAIN), cost_columns.parameters(), *cost_columns.speed(), *_declared()]
-    return Group("main", "Main table", columns)
+    return Group("main", "Scores", columns)
+
+
+def short() -> Group[Ranked]:
+    """Return the table of LEADERBOARD.md: what decides, on one screen."""
+    ratio = cost_columns.speed()[1]
+    columns = [_mean(RANKED_BY), _by_family(), _mean("psnr20"), ratio, TRAINING, _seeds()]
+    return Group("short", "Board", columns)
 
 
 def top() -> Group[Ranked]:
@@ -77,7 +82,7 @@ def top() -> Group[Ranked]:
 def overview(board: Board | None, protocol: str | None) -> Group[Ranked]:
     """Return what the page shows first: fewer columns, and the drop where something is held out."""
     drops = [] if board is None or protocol is None else generalisation.drops(board, protocol)
-    metrics = [_mean(RANKED_BY), *drops, _mean("invlap"), _mean("psnr20")]
+    metrics = [_mean(RANKED_BY), _by_family(), *drops, _mean("invlap"), _mean("psnr20")]
     columns = [*metrics, *cost_columns.speed(protocol), cost_columns.parameters(), *_declared()]
     return Group("overview", "Overview", columns)
 
@@ -108,20 +113,7 @@ def groups(rows: Sequence[Ranked], protocol: str | None = None) -> list[Group[Ra
         *(_families(rows, key) for key in FAMILIES_BY),
         Group("indices", "Relative error by eigenvalue", _indices(rows), "Mean of |p − g| / g."),
     ]
-    return scored if protocol is not None else [*scored, cost_columns.table(), _physics()]
-
-
-def digests() -> Group[Ranked]:
-    """Return the table of the files' SHA-256."""
-
-    def column(name: str) -> Column[Ranked]:
-        def cell(row: Ranked) -> Cell:
-            return words(sha256(getattr(row.submission, f"{name}_path")))
-
-        return Column(name, name, f"SHA-256 of the file of the {name}.", cell, numeric=False)
-
-    columns = [column("result"), column("predictions")]
-    return Group("digests", "Digests", columns, "SHA-256 of the files")
+    return scored if protocol is not None else [*scored, cost_columns.table(rows), _physics()]
 
 
 def _of_metric(
@@ -133,19 +125,31 @@ def _of_metric(
         key + suffix,
         metric.heading,
         note,
-        lambda row: cell(row.submission.result["scores"]["overall"][key]),
+        lambda row: cell(row.scores["overall"][key]),
         higher=metric.higher_is_better,
     )
 
 
 def _mean(key: str) -> Column[Ranked]:
     note = (
-        f"{METRIC_NOTES[key]} Mean over instances ± half the 95 % interval over shapes; in "
-        "brackets the standard deviation over seeds."
+        f"{METRIC_NOTES[key]} Mean over instances ± half the 95 % interval over shapes and seeds; "
+        "in brackets the standard deviation over seeds."
     )
     return _of_metric(
         key, "", note, lambda cell: (with_uncertainty(cell, key), six_digits(cell["mean"]))
     )
+
+
+def _by_family() -> Column[Ranked]:
+    """Return the mean over families of the metric that ranks go by."""
+    metric = METRICS[RANKED_BY]
+    note = f"{METRIC_NOTES[RANKED_BY]} Mean over families of their means: all weigh the same."
+
+    def cell(row: Ranked) -> Cell:
+        value = row.scores["overall"][RANKED_BY]["by_family"]
+        return score(value, RANKED_BY), six_digits(value)
+
+    return Column(f"{RANKED_BY}-by-family", f"{metric.heading}, families alike", note, cell)
 
 
 def _plain(key: str) -> Column[Ranked]:
@@ -173,11 +177,11 @@ def _interval(key: str) -> Column[Ranked]:
 
 def _families(rows: Sequence[Ranked], key: str) -> Group[Ranked]:
     metric = METRICS[key]
-    counts = rows[0].submission.result["scores"]["families"]
+    counts = rows[0].scores["families"]
 
     def column(name: str) -> Column[Ranked]:
         def cell(row: Ranked) -> Cell:
-            value = row.submission.result["scores"]["families"][name][key]["mean"]
+            value = row.scores["families"][name][key]["mean"]
             return score(value, key), six_digits(value)
 
         count = f"{counts[name]['count']:,}"
@@ -198,22 +202,25 @@ def _families(rows: Sequence[Ranked], key: str) -> Group[Ranked]:
 def _indices(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
     def column(i: int) -> Column[Ranked]:
         def cell(row: Ranked) -> Cell:
-            value = row.submission.result["scores"]["per_index"][i]["mean"]
-            return number(value), six_digits(value)
+            value = row.scores["per_index"][i]["mean"]
+            return "exact" if value == 0 else number(value), six_digits(value)
 
         note = f"Mean relative error |p − g| / g of the non-zero eigenvalue number {i + 1}."
         return Column(f"index-{i + 1}", f"λ{i + 1}", note, cell)
 
-    return [column(i) for i in range(len(rows[0].submission.result["scores"]["per_index"]))]
+    return [column(i) for i in range(len(rows[0].scores["per_index"]))]
 
 
 def _declared() -> list[Column[Ranked]]:
+    return [HARDWARE, TRAINING, _seeds()]
+
+
+def _seeds() -> Column[Ranked]:
     def seeds(row: Ranked) -> Cell:
         count = row.submission.result["predictions"]["seeds"]
         return str(count), count
 
-    note = "Runs with other random numbers; the row shows their mean."
-    return [HARDWARE, TRAINING, Column("seeds", "seeds", note, seeds)]
+    return Column("seeds", "seeds", "Runs with other random numbers; their mean is shown.", seeds)
 
 
 def _physics() -> Group[Ranked]:

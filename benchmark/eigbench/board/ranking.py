@@ -1,21 +1,36 @@
-"""Which of several predictors is better, and which are statistically tied.
+"""Which of several predictors is better, and between which ranks each of them is.
 
-Two predictors tie in a metric if the 95 % paired bootstrap interval of their difference
-includes zero (too few shapes), or if their difference is below the noise floor of the metric
-(labels too coarse), see :mod:`eigbench.scoring.noise`.
+Two predictors differ in a metric if the 95 % bootstrap interval of their paired difference, by
+shapes within families and by seeds, excludes zero by more than the bars of the target could make
+(:mod:`eigbench.scoring.targets`). On a board each row is compared with every other row, with Holm's
+correction for their number: its rank is at least 1 + the number of rows that are surely better, and
+at most the number of rows that are not surely worse. So the true rank of a row is in its interval
+with a chance of 95 %, and a row that is surely better or worse moves the others by one place and
+changes nothing else.
+
+Rows all of whose answers are right within the bars are exact. Nothing but rounding tells them
+apart: they share the first ranks, and the faster stands first.
+
+References
+----------
+M. Mogstad, J. P. Romano, A. M. Shaikh, D. Wilhelm, "Inference for Ranks with Applications to
+Mobility across Neighbourhoods and Academic Achievement across Countries", Review of Economic
+Studies 91 (2024).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
-from eigbench.scoring import noise, scores
+from eigbench.scoring import bootstrap, scores, targets
+from eigbench.scoring.bootstrap import FEWEST
 from eigbench.scoring.metrics import METRICS
 
 RANKED_BY = "rpd"  # bounded, free of scale, and no share that saturates
@@ -30,15 +45,15 @@ class Difference:
     a, b : float
         Their means.
     low, high : float
-        95 % percentile-bootstrap interval over shapes of the mean of a − b; NaN where a
+        95 % percentile-bootstrap interval over shapes and seeds of the mean of a − b; NaN where a
         value is not finite.
     floor : float or None
-        Noise floor of the metric; None where there is none.
+        What the bars of the target could make of a difference; None where it is not known (PSNR).
     verdict : str
         ``a``, ``b`` or ``tie``: which is better.
     why : str
-        What makes a tie, else empty: ``equal`` values, the ``interval``, the ``floor``, or ``not
-        finite`` where both have such values.
+        What makes a tie, else empty: ``equal`` values, ``few shapes`` (fewer than five), the
+        ``interval``, the ``floor``, or ``not finite`` where both have such values.
     """
 
     a: float
@@ -52,16 +67,34 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Ranked:
-    """A submission and its rank: one in a group of 2 shares its rank with another."""
+    """A submission at a target, and between which ranks it is.
+
+    Parameters
+    ----------
+    submission : Submission
+        With the truth of the target.
+    best, worst : int
+        Its interval of ranks, from 1.
+    exact : bool
+        Whether every answer is right within the bars of the target.
+    """
 
     submission: Submission
-    rank: int
-    group: int
+    best: int
+    worst: int
+    exact: bool = False
+
+    @property
+    def scores(self) -> dict[str, Any]:
+        """Its scores at the target."""
+        return self.submission.scores
 
     @property
     def shown_rank(self) -> str:
-        """The rank as it is shown: ``3``, or ``3=`` where it is shared."""
-        return f"{self.rank}{'=' if self.group > 1 else ''}"
+        """The rank as it is shown: ``exact``, ``3``, or ``3–5``."""
+        if self.exact:
+            return "exact"
+        return str(self.best) if self.best == self.worst else f"{self.best}–{self.worst}"
 
 
 def per_mesh(submission: Submission, key: str) -> NDArray[np.float64]:
@@ -88,7 +121,7 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
     Raises
     ------
     EigbenchError
-        If the two do not predict the same instances.
+        If the two do not predict the same instances at the same target.
     """
     if a.truth.digest != b.truth.digest:
         raise EigbenchError(
@@ -97,54 +130,86 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
         )
     truth = a.truth if family is None else a.truth.take(a.truth.families == family)
     chosen = slice(None) if family is None else a.truth.families == family
-    x, y = per_mesh(a, key)[chosen], per_mesh(b, key)[chosen]
-    low, high = scores.paired_interval(x, y, truth, scores.bootstrap_weights(truth))
-    floor = noise.floor(truth, key)
-    verdict, why = _verdict(x, y, (low, high), floor, key)
-    return Difference(float(x.mean()), float(y.mean()), low, high, floor, verdict, why)
-
-
-def _verdict(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    interval: tuple[float, float],
-    floor: float | None,
-    key: str,
-) -> tuple[str, str]:
-    """Return which is better, and what makes a tie."""
-    bad_x, bad_y = not np.isfinite(x).all(), not np.isfinite(y).all()
-    if bad_x or bad_y:  # what is not finite is worse than what is
-        return ("tie", "not finite") if bad_x and bad_y else ("b" if bad_x else "a", "")
-    if np.array_equal(x, y):
-        return "tie", "equal"
-    low, high = interval
-    if low <= 0 <= high:
-        return "tie", "interval"
-    if abs(x.mean() - y.mean()) < (floor or 0):
-        return "tie", "floor"
-    return ("a" if (low > 0) == METRICS[key].higher_is_better else "b"), ""
+    x, y = (scores.of_metric(one.truth, one.predictions, key)[:, chosen] for one in (a, b))
+    floor = targets.floor(truth, key)
+    means = float(x.mean()), float(y.mean())
+    worse_a, worse_b = not np.isfinite(x).all(), not np.isfinite(y).all()
+    if worse_a or worse_b:  # what is not finite is worse than what is
+        verdict, why = ("tie", "not finite") if worse_a and worse_b else ("ba"[worse_b], "")
+        return Difference(*means, np.nan, np.nan, floor, verdict, why)
+    drawn = bootstrap.resamples(truth)
+    low, high = bootstrap.interval(drawn.means(x, a.slug) - drawn.means(y, b.slug))
+    why = ""
+    if x.shape == y.shape and np.array_equal(x, y):
+        why, low, high = "equal", 0.0, 0.0
+    elif drawn.shapes < FEWEST:
+        why = "few shapes"
+    elif low <= 0 <= high:
+        why = "interval"
+    elif max(low, -high) <= 2 * (floor or 0):  # each of the two may be off by the floor
+        why = "floor"
+    better = "a" if (low > 0) == METRICS[key].higher_is_better else "b"
+    return Difference(*means, low, high, floor, "tie" if why else better, why)
 
 
 def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Ranked]:
-    """Return the submissions best first, in tie groups.
+    """Return the submissions with their ranks: the exact ones by cost, then the best mean first.
 
-    Each group runs, in order of the mean, until a row differs from its best. The order of the
-    input does not matter.
+    The order of the input does not matter.
     """
     sign = -1 if METRICS[key].higher_is_better else 1
+    exact = {s.result_path for s in submissions if s.scores["exact"] == 1}
 
-    def order(submission: Submission) -> tuple[float, str]:
-        mean = submission.result["scores"]["overall"][key]["mean"]
-        return (np.inf if mean is None else sign * mean), submission.slug
+    def order(submission: Submission) -> tuple[bool, float, str]:
+        if submission.result_path in exact:
+            return False, float(submission.result["cost"]["ms_per_mesh"]), submission.slug
+        mean = submission.scores["overall"][key]["mean"]
+        return True, (np.inf if mean is None else sign * mean), submission.slug
 
-    left = sorted(submissions, key=order)
-    rows: list[Ranked] = []
-    while left:
-        first = left[0]
-        size = 1
-        while size < len(left) and difference(first, left[size], key).verdict == "tie":
-            size += 1
-        rank = len(rows) + 1
-        rows += [Ranked(submission, rank, size) for submission in left[:size]]
-        left = left[size:]
-    return rows
+    rows = sorted(submissions, key=order)
+    means, resampled = _resampled(rows, key)
+    floor = 2 * (targets.floor(rows[0].truth, key) or 0) if rows else 0.0
+    return [
+        Ranked(row, *_interval(i, sign * means, sign * resampled, floor), row.result_path in exact)
+        for i, row in enumerate(rows)
+    ]
+
+
+def _resampled(
+    rows: Sequence[Submission], key: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return each row's mean, (rows,), and its resampled means, (rows, RESAMPLES).
+
+    Both are infinite, on the worse side, for a row with a value that is not finite.
+    """
+    worst = -np.inf if METRICS[key].higher_is_better else np.inf
+    means = np.full(len(rows), worst)
+    resampled = np.full((len(rows), bootstrap.RESAMPLES), worst)
+    drawn = bootstrap.resamples(rows[0].truth) if rows else None
+    for i, row in enumerate(rows):
+        values = scores.of_metric(row.truth, row.predictions, key)
+        if drawn is not None and np.isfinite(values).all():
+            means[i], resampled[i] = values.mean(), drawn.means(values, row.slug)
+    return means, resampled
+
+
+def _interval(
+    i: int, means: NDArray[np.float64], resampled: NDArray[np.float64], floor: float
+) -> tuple[int, int]:
+    """Return the best and the worst rank of a row, where less is better."""
+    others = [j for j in range(len(means)) if j != i]
+    with np.errstate(invalid="ignore"):
+        apart = means - means[i]
+        p = [_p_value(apart[j], resampled[j] - resampled[i], floor) for j in others]
+    sure = [j for j, is_sure in zip(others, bootstrap.holm(p), strict=True) if is_sure]
+    better = sum(bool(apart[j] < 0) for j in sure)
+    return 1 + better, len(means) - (len(sure) - better)
+
+
+def _p_value(apart: float, resampled: NDArray[np.float64], floor: float) -> float:
+    """Return the p-value of a difference that must be larger than the floor."""
+    if np.isnan(apart) or abs(apart) <= floor:  # NaN: both are infinite
+        return 1.0
+    if np.isinf(apart):
+        return 0.0
+    return bootstrap.two_sided(resampled - np.sign(apart) * floor)

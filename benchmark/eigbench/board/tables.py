@@ -54,10 +54,16 @@ def score(value: float | None, key: str) -> str:
 
     Examples
     --------
-    >>> score(0.04567, "rpd"), score(0.9606, "psnr20"), score(None, "psnr20")
-    ('0.0457', '96.06 %', '∞/NaN %')
+    >>> score(0.04567, "rpd"), score(0.9606, "psnr20"), score(None, "psnr20"), score(0.0, "l2")
+    ('0.0457', '96.06 %', '∞/NaN %', 'exact')
     """
-    if key == "psnr20":
+    if value == 0 and not METRICS[key].higher_is_better:
+        return "exact"
+    return _plain(value, key)
+
+
+def _plain(value: float | None, key: str) -> str:
+    if METRICS[key].unit == "share":
         return number(None if value is None else 100 * value, 2) + " %"
     return number(value, METRICS[key].decimals)
 
@@ -65,19 +71,30 @@ def score(value: float | None, key: str) -> str:
 def with_uncertainty(cell: dict[str, float | None], key: str) -> str:
     """Return a mean ± half its interval, and in brackets the deviation over seeds.
 
+    Where all succeed, or none, the bound of the rule of three stands in brackets instead.
+
     Examples
     --------
     >>> with_uncertainty({"mean": 0.5, "low": 0.4, "high": 0.7, "seed_std": None}, "rpd")
     '0.5000 ± 0.1500'
     >>> with_uncertainty({"mean": 0.9, "low": None, "high": None, "seed_std": 1e-16}, "psnr20")
     '90.00 % (0.00)'
+    >>> with_uncertainty({"mean": 1.0, "low": 0.997, "high": 1.0, "seed_std": None}, "psnr20")
+    '100 % (≥ 99.70 %)'
+    >>> with_uncertainty({"mean": 0.0, "low": 0.0, "high": 0.0, "seed_std": None}, "rpd")
+    'exact'
     """
-    text = score(cell["mean"], key)
-    if cell["low"] is not None and cell["high"] is not None:
-        text += f" ± {score((cell['high'] - cell['low']) / 2, key).removesuffix(' %')}"
+    mean, low, high = cell["mean"], cell["low"], cell["high"]
+    if METRICS[key].unit == "share" and low is not None and high is not None and mean in (0, 1):
+        return f"100 % (≥ {score(low, key)})" if mean else f"0 % (≤ {score(high, key)})"
+    text = score(mean, key)
+    if text == "exact":
+        return text
+    if low is not None and high is not None:
+        text += f" ± {_plain((high - low) / 2, key).removesuffix(' %')}"
     if (deviation := cell["seed_std"]) is not None:
-        known = 0.0 if deviation <= ROUNDING * abs(cell["mean"] or 0) else deviation
-        text += f" ({score(known, key).removesuffix(' %')})"
+        known = 0.0 if deviation <= ROUNDING * abs(mean or 0) else deviation
+        text += f" ({_plain(known, key).removesuffix(' %')})"
     return text
 
 
@@ -92,12 +109,12 @@ def in_order(names: Iterable[str]) -> list[str]:
     return sorted(set(names), key=lambda name: (known.get(name, len(known)), name))
 
 
-def overall(result: dict[str, Any]) -> Table:
+def overall(scored: dict[str, Any]) -> Table:
     """Return the table of the six metrics with their uncertainty."""
-    one_seed = all(cell["seed_std"] is None for cell in result["scores"]["overall"].values())
+    one_seed = all(cell["seed_std"] is None for cell in scored["overall"].values())
     rows = []
     for key, metric in METRICS.items():
-        cell = result["scores"]["overall"][key]
+        cell = scored["overall"][key]
         d = metric.decimals
         deviation = "" if cell["seed_std"] is None else f"{cell['seed_std']:.{d}f}"
         between = f"{number(cell['low'], d)} to {number(cell['high'], d)}"
@@ -113,14 +130,14 @@ def overall(result: dict[str, Any]) -> Table:
             ]
         )
     spread = [] if one_seed else ["sd over seeds"]
-    headers = ["metric", "mean", "95 % interval over shapes", *spread, "median", "unit"]
+    headers = ["metric", "mean", "95 % interval", *spread, "median", "unit"]
     return Table(headers, rows)
 
 
-def families(result: dict[str, Any]) -> Table:
+def families(scored: dict[str, Any]) -> Table:
     """Return the table by family, as the paper's Table 4, with all six metrics."""
     rows = []
-    for name, family in result["scores"]["families"].items():
+    for name, family in scored["families"].items():
         cells = [
             number(family[key]["mean"], m.decimals) for key, m in METRICS.items() if key in MAIN
         ]
@@ -129,9 +146,9 @@ def families(result: dict[str, Any]) -> Table:
     return Table(headers, rows)
 
 
-def per_index(result: dict[str, Any]) -> Table:
+def per_index(scored: dict[str, Any]) -> Table:
     """Return the relative error of each eigenvalue."""
-    cells = result["scores"]["per_index"]
+    cells = scored["per_index"]
     rows = [
         ["mean relative error", *(number(cell["mean"]) for cell in cells)],
         ["median relative error", *(number(cell["median"]) for cell in cells)],
@@ -179,10 +196,20 @@ def beside_lapy(facts: dict[str, Any]) -> str:
     'not timed'
     """
     beside = facts.get("reference")
-    if beside is None:
-        return "not timed"
-    two_digits = float(f"{beside['ratio']:.2g}")
-    return f"{two_digits:,g} ×"
+    return "not timed" if beside is None else times_faster(beside)
+
+
+def times_faster(ratio: dict[str, Any]) -> str:
+    """Return a ratio of times as text, with its interval where it has one.
+
+    Examples
+    --------
+    >>> times_faster({"ratio": 14.04, "low": 13.1, "high": 14.9})
+    '14 × (13–15)'
+    """
+    two_digits = [f"{float(f'{ratio[k]:.2g}'):,g}" for k in ("ratio", "low", "high") if k in ratio]
+    middle, *ends = two_digits
+    return f"{middle} × ({'–'.join(ends)})" if ends else f"{middle} ×"
 
 
 def deviation(key: str, value: float | None) -> str:

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from eigbench.errors import EigbenchError
+from eigbench.results.submission import Submission
+from eigbench.scoring.targets import TARGETS
 from synthnet import store
 
 Command = Callable[..., argparse.ArgumentParser]  # of a name, a function, a text and an example
@@ -40,6 +42,34 @@ def process(sub: argparse.ArgumentParser) -> None:
         metavar="N",
         help="threads that the predictor may use (default: 1)",
     )
+
+
+def target(sub: argparse.ArgumentParser, default: str | None) -> None:
+    """Add what predictions are compared with."""
+    sub.add_argument(
+        "--target",
+        choices=TARGETS,
+        default=default,
+        help="the surface's spectrum, or the label of the mesh (default: "
+        f"{default or 'both, where the surface is known'})",
+    )
+
+
+def beside(row: Submission, target: str) -> Submission:
+    """Return a submission beside a target.
+
+    Raises
+    ------
+    EigbenchError
+        If the target is not known.
+    """
+    there = row.at(target)
+    if there is None:
+        raise EigbenchError(
+            f"the surfaces' spectra of {row.truth.version}, {row.truth.protocol}, are not known: "
+            "give --target mesh"
+        )
+    return there
 
 
 def dataset_directory(sub: argparse.ArgumentParser) -> None:

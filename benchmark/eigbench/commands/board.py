@@ -1,4 +1,4 @@
-"""The commands submit, leaderboard and site. None of them runs a predictor."""
+"""The commands submit, leaderboard, export and site. None of them runs a predictor."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from eigbench.board import leaderboard, scaling_page
+from eigbench.board import export, leaderboard, scaling_page
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import submission
+from eigbench.results.submission import Submission
 from eigbench.scaling import results as scaling_results
 from eigbench.site import bundle, write
 from eigbench.site.write import DOCS
@@ -24,7 +25,7 @@ SHOWN = 40  # lines of a difference
 
 
 def add_commands(command: Command) -> None:
-    """Add submit, leaderboard and site to the command line."""
+    """Add submit, leaderboard, export and site to the command line."""
     sub = command(
         "submit",
         submit,
@@ -49,6 +50,21 @@ def add_commands(command: Command) -> None:
     )
     sub.add_argument(
         "--check", action="store_true", help="write nothing; exit 1 if a file is not up to date"
+    )
+    _add_board(sub)
+
+    sub = command(
+        "export",
+        write_tables,
+        "write every prediction on the boards as tidy tables, beside both targets",
+        "--out tables",
+    )
+    sub.add_argument(
+        "--out",
+        type=Path,
+        default=Path("tables"),
+        metavar="DIR",
+        help="directory that receives BOARD.parquet and BOARD.csv (default: %(default)s)",
     )
     _add_board(sub)
 
@@ -128,7 +144,8 @@ def regenerate(options: argparse.Namespace) -> int:
         generated = leaderboard.generate(rows, reported, scaled, readme)
     stale = [p for p, text in generated.items() if _text(root / p) != text]
     known = {root / path for path in generated}
-    orphans = [p for p in sorted((root / leaderboard.FIGURES).glob("*.svg")) if p not in known]
+    there = (path for pattern in leaderboard.GENERATED for path in root.glob(pattern))
+    orphans = sorted(path for path in there if path not in known)
     if options.json:
         print(json.dumps({"rows": len(rows), "stale": list(map(str, [*stale, *orphans]))}))
     if options.check:
@@ -150,6 +167,25 @@ def regenerate(options: argparse.Namespace) -> int:
         print(f"rows: {len(rows)}; written: {written}")
         for path in orphans:
             print(f"removed: {path}, which belongs to no board")
+    return 0
+
+
+def write_tables(options: argparse.Namespace) -> int:
+    """Write the predictions of every board as one tidy table."""
+    root = _root(options)
+    with Console(stderr=True).status("scoring") as status:
+        by_board: dict[str, list[Submission]] = {}
+        for row in leaderboard.read(root, lambda row: status.update(f"scoring {row}")):
+            by_board.setdefault(row.board, []).append(row)
+        written = []
+        for path in export.write(options.out, [by_board[name] for name in sorted(by_board)]):
+            status.update(f"wrote {path}")
+            written.append(path)
+    if options.json:
+        print(json.dumps({"files": list(map(str, written))}))
+    else:
+        print("\n".join(f"{path}  {path.stat().st_size / 1e6:.1f} MB" for path in written))
+        print(f"columns: {', '.join(export.COLUMNS)}")
     return 0
 
 

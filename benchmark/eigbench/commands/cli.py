@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from eigbench.commands import board, check, compare, predictor, scaling
+from eigbench.commands import board, check, compare, predictor, scaling, timing
 from eigbench.errors import EigbenchError
 from synthnet.errors import SynthNetError
 from synthnet.processes import EXIT_CODE
@@ -54,6 +54,6 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--json", action="store_true", help="print JSON for a program")
         return sub
 
-    for group in (check, predictor, compare, board, scaling):
+    for group in (check, predictor, compare, timing, board, scaling):
         group.add_commands(command)
     return parser

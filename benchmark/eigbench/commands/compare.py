@@ -18,13 +18,14 @@ from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import submission
 from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.truth import MESH
 from synthnet.store.files import make_directory, write_text
 
 VERDICTS = {"a": "A is better", "b": "B is better"}
 TIES = (
-    "(interval): the shapes are too few to tell. (floor): the labels are too coarse to tell, see "
-    "docs/metrics.md; PSNR has no floor, nor have labels without estimates of their error. "
-    "(equal): the same on every instance. (not finite): both have such values."
+    "(interval): the shapes are too few to tell. (few shapes): fewer than five. (floor): the "
+    "target is known too coarsely to tell, see docs/metrics.md; PSNR has no floor. (equal): the "
+    "same on every instance. (not finite): both have such values."
 )
 
 
@@ -46,6 +47,7 @@ def add_commands(command: Command) -> None:
         default=(None, None),
         help="their files of predictions (default: beside the results)",
     )
+    arguments.target(sub, MESH)
     arguments.dataset_directory(sub)
 
     sub = command(
@@ -74,6 +76,7 @@ def add_commands(command: Command) -> None:
         choices=METRICS,
         help="metric of the errors (default: %(default)s)",
     )
+    arguments.target(sub, MESH)
     arguments.dataset_directory(sub)
 
 
@@ -81,7 +84,7 @@ def compare(options: argparse.Namespace) -> int:
     """Print the paired differences of two results."""
     dataset = arguments.dataset(options)
     a, b = (
-        submission.read(path, predictions, dataset)
+        arguments.beside(submission.read(path, predictions, dataset), options.target)
         for path, predictions in zip((options.a, options.b), options.predictions, strict=True)
     )
     overall = {key: ranking.difference(a, b, key) for key in METRICS}
@@ -93,12 +96,14 @@ def compare(options: argparse.Namespace) -> int:
         differences = {
             "a": a.name,
             "b": b.name,
+            "target": options.target,
             "overall": {key: _plain(d) for key, d in overall.items()},
             "families": {"metric": RANKED_BY, **{f: _plain(d) for f, d in families.items()}},
         }
         print(json.dumps(differences, indent=1))
         return 0
-    print(f"A: {a.name} ({options.a})\nB: {b.name} ({options.b})\n")
+    print(f"A: {a.name} ({options.a})\nB: {b.name} ({options.b})")
+    print(f"both against the {options.target}\n")
     _print_table("metric", [_line(METRICS[key].title, d, key) for key, d in overall.items()])
     print()
     lines = [_line(family_title(family), d, RANKED_BY) for family, d in families.items()]
@@ -115,13 +120,13 @@ def _line(title: str, difference: Difference, key: str) -> list[str]:
         number(d.b, decimals),
         number(d.a - d.b, decimals),
         f"{number(d.low, decimals)} to {number(d.high, decimals)}",
-        "none" if d.floor is None else number(d.floor, decimals),
+        "none" if d.floor is None else f"{d.floor:.0e}",
         VERDICTS.get(d.verdict) or f"tie ({d.why})",
     ]
 
 
 def _print_table(title: str, lines: list[list[str]]) -> None:
-    headers = ["A", "B", "A − B", "95 % interval over shapes", "noise floor", "verdict"]
+    headers = ["A", "B", "A − B", "95 % interval", "floor", "verdict"]
     print(tabulate(lines, headers=[title, *headers], disable_numparse=True))
 
 
@@ -136,7 +141,8 @@ def _plain(difference: Difference) -> dict[str, object]:
 def plot(options: argparse.Namespace) -> int:
     """Draw the pictures of one or several results."""
     dataset = arguments.dataset(options)
-    unordered = [submission.read(path, None, dataset) for path in options.results]
+    read = (submission.read(path, None, dataset) for path in options.results)
+    unordered = [arguments.beside(row, options.target) for row in read]
     if len({row.truth.digest for row in unordered}) > 1:
         raise EigbenchError("the results are of different datasets, splits or protocols")
     make_directory(options.out)

@@ -6,6 +6,7 @@ import argparse
 import json
 import shutil
 import sys
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,7 @@ def add_commands(command: Command) -> None:
     )
     sub.add_argument("file", type=Path, metavar="FILE", help="predictions: .parquet, .npz or .csv")
     _add_split(sub)
+    arguments.target(sub, None)
     sub.add_argument(
         "--root", type=Path, metavar="DIR", help="directory that holds a sealed set or import"
     )
@@ -211,8 +213,8 @@ def run_evaluate(options: argparse.Namespace) -> int:
         print(json.dumps(result, indent=1))
     else:
         print(f"{result['model']['name']} on {_described(result)}\n")
-        for table in (tables.overall, tables.families, tables.per_index, tables.cost):
-            print(f"{table(result)}\n")
+        _print_scores(result["scores"])
+        print(f"{tables.cost(result)}\n")
         print(tables.physics(result["physics"]))
         print(f"\nresult {out}, predictions {kept}")
     return _exit_code(predictions.unphysical(labels, evaluation.predictions))
@@ -283,14 +285,32 @@ def score(options: argparse.Namespace) -> int:
     """Score a file of predictions."""
     labels = _truth(options, _directory(options))
     values = predictions.read(options.file, labels)
-    result = {"dataset": results.dataset_facts(labels), "scores": scores.score(labels, values)}
+    scored = scores.of_targets(labels, values)
+    if options.target is not None:
+        if scored[options.target] is None:
+            raise EigbenchError(
+                f"the surfaces' spectra of {labels.version}, {labels.protocol}, are not known: "
+                "give --target mesh"
+            )
+        scored = {options.target: scored[options.target]}
+    result = {"dataset": results.dataset_facts(labels), "scores": scored}
     if options.json:
         print(json.dumps(result, indent=1))
     else:
         print(f"{options.file} on {_described(result)}\n")
-        for table in (tables.overall, tables.families, tables.per_index):
-            print(f"{table(result)}\n")
+        _print_scores(scored)
     return _exit_code(predictions.unphysical(labels, values))
+
+
+def _print_scores(scored: Mapping[str, dict[str, Any] | None]) -> None:
+    """Print the tables of each target that is known."""
+    for target, numbers in scored.items():
+        if numbers is None:
+            print(f"Against the {target}: not known for this dataset\n")
+            continue
+        print(f"Against the {target}, {100 * numbers['exact']:.4g} % of the spectra exact\n")
+        for table in (tables.overall, tables.families, tables.per_index):
+            print(f"{table(numbers)}\n")
 
 
 def _described(result: dict[str, Any]) -> str:

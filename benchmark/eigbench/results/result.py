@@ -18,7 +18,7 @@ from eigbench.scoring.truth import Truth
 from synthnet import recipe
 from synthnet.store.files import make_directory, one_line, sha256, write_atomically, write_text
 
-SCHEMA_VERSION = 2  # 2: sources by their statements, the commit
+SCHEMA_VERSION = 3  # 2: sources by their statements, the commit; 3: scores of both targets
 
 
 def dataset_facts(truth: Truth) -> dict[str, Any]:
@@ -135,7 +135,9 @@ def validate(result: Any, path: Path) -> None:
         With the keys of the first thing that is wrong.
     """
     check_schema(result, schema(), path)
-    _check_means(result, path)
+    for target, scored in result["scores"].items():
+        if scored is not None:
+            _check_means(result["dataset"]["instances"], scored, f"{path}, {target}")
     low, high = result["cost"]["ms_per_mesh_quartiles"]
     if not low <= result["cost"]["ms_per_mesh"] <= high:
         raise ResultError(f"{path}: the median time is not between the quartiles")
@@ -167,16 +169,13 @@ def _check_version(result: Any, required: dict[str, Any], path: Path) -> None:
             raise ResultError(f"{path} was made by {age} eigbench: evaluate its predictor again")
 
 
-def _check_means(result: dict[str, Any], path: Path) -> None:
-    families = result["scores"]["families"].values()
+def _check_means(instances: int, scored: dict[str, Any], where: str) -> None:
+    families = scored["families"].values()
     count = sum(family["count"] for family in families)
-    if count != result["dataset"]["instances"]:
-        raise ResultError(
-            f"{path}: the families have {count} instances, "
-            f"the dataset {result['dataset']['instances']}"
-        )
+    if count != instances:
+        raise ResultError(f"{where}: the families have {count} instances, the dataset {instances}")
     for key in METRICS:
-        overall = result["scores"]["overall"][key]["mean"]
+        overall = scored["overall"][key]["mean"]
         means = [(family["count"], family[key]["mean"]) for family in families]
         if overall is None or any(mean is None for _, mean in means):
             consistent = overall is None and any(mean is None for _, mean in means)
@@ -184,4 +183,4 @@ def _check_means(result: dict[str, Any], path: Path) -> None:
             weighted = sum(n * mean for n, mean in means) / count
             consistent = math.isclose(weighted, overall, rel_tol=1e-9, abs_tol=1e-12)
         if not consistent:
-            raise ResultError(f"{path}: the families' means of {key} do not give the overall mean")
+            raise ResultError(f"{where}: the families' means of {key} do not give the overall mean")

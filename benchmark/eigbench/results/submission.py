@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from eigbench import results
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import predictions, sources
-from eigbench.scoring import scores, truth
+from eigbench.scoring import scores, targets, truth
 from eigbench.scoring.metrics import METRIC_VERSION
 from eigbench.scoring.truth import Truth
 from synthnet import recipe, store
@@ -37,7 +37,7 @@ class Submission:
     result : dict
         As :mod:`eigbench.results` made it.
     truth : Truth
-        What was predicted.
+        What was predicted, with the eigenvalues of one target: as it is read, the meshes' labels.
     predictions : ndarray of shape (seeds, n, k), float64
         In the order of the truth's ids, in 1/length².
     result_path, predictions_path : Path
@@ -65,8 +65,24 @@ class Submission:
         return slug(self.name)
 
     @property
+    def target(self) -> str:
+        """The target of its truth: ``mesh``, or ``surface``."""
+        return self.truth.target
+
+    @property
+    def scores(self) -> dict[str, Any]:
+        """The scores at its target, as :func:`eigbench.scoring.scores.score` makes them."""
+        scored: dict[str, Any] = self.result["scores"][self.target]
+        return scored
+
+    def at(self, target: str) -> Submission | None:
+        """Return the same predictions beside another target; None where it is not known."""
+        labels = targets.at(self.truth, target)
+        return None if labels is None else replace(self, truth=labels)
+
+    @property
     def board(self) -> str:
-        """Which board it belongs on: ``1.0-test-grouped``, ``2.0-test-imported-scans``."""
+        """Where its files are: ``1.0-test-grouped``, ``2.0-test-imported-scans``."""
         facts = self.result["dataset"]
         protocol = facts["protocol"].replace("/", "-")
         return f"{facts['version']}-{facts['split']}-{protocol}"
@@ -137,7 +153,7 @@ def read(
         raise ResultError(
             f"{kept} has {len(answers)} seeds, {path} names {result['predictions']['seeds']}"
         )
-    _check_same(result["scores"], scores.score(labels, answers), "scores", path)
+    _check_same(result["scores"], scores.of_targets(labels, answers), "scores", path)
     remark = " ".join(filter(None, [sources.remark(result, path), _remark(remark_path(path))]))
     return Submission(result, labels, answers, path, kept, remark)
 

@@ -60,7 +60,7 @@ def make(
         },
         "dataset": dataset_facts(truth),
         "predictions": {"sha256": sha256(predictions), "seeds": len(evaluation.predictions)},
-        "scores": scores.score(truth, evaluation.predictions),
+        "scores": scores.of_targets(truth, evaluation.predictions),
         "cost": cost(evaluation, options),
         "physics": contract,
         "environment": environment(),

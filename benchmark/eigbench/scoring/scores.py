@@ -1,20 +1,17 @@
-"""From predictions and labels to the numbers of a result: means, medians, intervals."""
+"""From predictions to the numbers of a result: means, medians and intervals, for each target."""
 
 from __future__ import annotations
 
-import random
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eigbench.scoring import bootstrap, targets
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.truth import Truth
 
-RESAMPLES = 1000
-COVERAGE = 0.95
-BOOTSTRAP_SEED = 0
+CERTAIN = 3.0  # rule of three: where n of n succeed, the failing share is below 3/n, at 95 %
 
 
 def per_mesh(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
@@ -23,21 +20,33 @@ def per_mesh(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, NDArra
 
 
 def of_metric(truth: Truth, predictions: NDArray[np.float64], key: str) -> NDArray[np.float64]:
-    """Return one metric of every prediction, shape (seeds, n)."""
-    return np.stack([METRICS[key].function(p, truth.eigenvalues) for p in predictions])
+    """Return one metric of every prediction, shape (seeds, n); those within the bar are exact."""
+    settled = targets.settled(truth, predictions)
+    return np.stack([METRICS[key].function(p, truth.eigenvalues) for p in settled])
+
+
+def of_targets(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, dict[str, Any] | None]:
+    """Score predictions against every target; None where the surfaces' spectra are not known."""
+    known = {target: targets.at(truth, target) for target in targets.TARGETS}
+    return {
+        target: None if labels is None else score(labels, predictions)
+        for target, labels in known.items()
+    }
 
 
 def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
-    """Score predictions of shape (seeds, n, k) against the labels.
+    """Score predictions of shape (seeds, n, k) against one target.
 
     Returns
     -------
     dict
         ``overall``: for each metric the mean over meshes and seeds, the median, a 95 %
-        percentile-bootstrap interval of the mean over shapes, and the standard deviation
-        of the mean over seeds. ``families``: count, mean and median for each family.
-        ``per_index``: mean and median relative error of each eigenvalue. Numbers that are
-        not finite are ``None``; nothing is left out of a mean.
+        percentile-bootstrap interval of the mean over shapes and seeds, the standard deviation
+        of the mean over seeds, and the mean over families of the families' means. ``families``:
+        count, shapes, mean and median for each family. ``per_index``: mean and median relative
+        error of each eigenvalue. ``exact``: the share of spectra, over seeds, that are right
+        within the bars of the target. Numbers that are not finite are ``None``; nothing is left
+        out of a mean.
 
     Examples
     --------
@@ -47,80 +56,65 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
     >>> round(scores["overall"]["rpd"]["mean"], 4), round(scores["per_index"][0]["mean"], 4)
     (0.4762, 0.1)
     """
+    settled = targets.settled(truth, predictions)
     values = per_mesh(truth, predictions)
-    weights = bootstrap_weights(truth)
-    overall = {}
-    for key, table in values.items():
-        low, high = interval(table.mean(axis=0), truth, weights)
-        means = table.mean(axis=1)
-        overall[key] = {
-            "mean": _number(means.mean()),
-            "median": _number(np.median(table)),
-            "low": _number(low),
-            "high": _number(high),
-            "seed_std": _spread(means),
-        }
-    families = {}
-    for family in sorted(set(truth.families.tolist())):
-        mine = truth.families == family
-        families[family] = {
-            "count": int(mine.sum()),
-            **{
-                key: {
-                    "mean": _number(table[:, mine].mean()),
-                    "median": _number(np.median(table[:, mine])),
-                }
-                for key, table in values.items()
-            },
-        }
+    families = {
+        family: _family(truth, values, family) for family in sorted(set(truth.families.tolist()))
+    }
+    drawn = bootstrap.resamples(truth)
+    overall = {
+        key: _overall(table, drawn, METRICS[key].unit == "share")
+        | {"by_family": _mean_of([family[key]["mean"] for family in families.values()])}
+        for key, table in values.items()
+    }
     with np.errstate(invalid="ignore", over="ignore"):
-        relative = np.abs(predictions - truth.eigenvalues) / truth.eigenvalues
+        relative = np.abs(settled - truth.eigenvalues) / truth.eigenvalues
     per_index = [
         {"mean": _number(relative[..., i].mean()), "median": _number(np.median(relative[..., i]))}
         for i in range(relative.shape[-1])
     ]
-    return {"overall": overall, "families": families, "per_index": per_index}
+    exact = float((relative == 0).all(axis=-1).mean())
+    return {"overall": overall, "families": families, "per_index": per_index, "exact": exact}
 
 
-def bootstrap_weights(truth: Truth) -> NDArray[np.float64]:
-    """Draw how often each shape is taken in each resample, shape (resamples, shapes).
-
-    Shapes are resampled, not instances: the copies of a shape are not independent. Two draws
-    of one shape (a group) count as one.
-    """
-    return _weights(len(np.unique(truth.groups)))
-
-
-@lru_cache(maxsize=32)
-def _weights(count: int) -> NDArray[np.float64]:
-    # Python's own generator: its stream is the same in every version, NumPy's need not be
-    draw = random.Random(BOOTSTRAP_SEED).random
-    drawn = np.array([draw() for _ in range(RESAMPLES * count)]).reshape(RESAMPLES, count)
-    taken = (drawn * count).astype(np.int64)
-    return np.array([np.bincount(row, minlength=count) for row in taken], dtype=np.float64)
-
-
-def interval(
-    values: NDArray[np.float64], truth: Truth, weights: NDArray[np.float64]
-) -> tuple[float, float]:
-    """Return the percentile-bootstrap interval of the mean of ``values``, shape (n,)."""
-    if not np.isfinite(values).all():
-        return float("nan"), float("nan")
-    _, shape = np.unique(truth.groups, return_inverse=True)
-    sums = np.bincount(shape, weights=values)
-    counts = np.bincount(shape).astype(np.float64)
-    means = (weights @ sums) / (weights @ counts)
-    tail = 50 * (1 - COVERAGE)
-    low, high = np.percentile(means, [tail, 100 - tail])
-    return float(low), float(high)
+def _overall(
+    table: NDArray[np.float64], drawn: bootstrap.Resamples, share: bool
+) -> dict[str, float | None]:
+    """Return the numbers of one metric over all instances, of values of shape (seeds, n)."""
+    means = table.mean(axis=1)
+    low = high = float("nan")
+    if np.isfinite(table).all():
+        low, high = bootstrap.interval(drawn.means(table))
+    if share and means.min() == means.max() and means[0] in (0, 1):
+        bound = min(1.0, CERTAIN / drawn.shapes)
+        low, high = (1 - bound, 1.0) if means[0] else (0.0, bound)
+    return {
+        "mean": _number(means.mean()),
+        "median": _number(np.median(table)),
+        "low": _number(low),
+        "high": _number(high),
+        "seed_std": _spread(means),
+    }
 
 
-def paired_interval(
-    a: NDArray[np.float64], b: NDArray[np.float64], truth: Truth, weights: NDArray[np.float64]
-) -> tuple[float, float]:
-    """Return the interval of the mean difference a − b; a tie if it includes zero."""
-    with np.errstate(invalid="ignore"):
-        return interval(a - b, truth, weights)
+def _family(truth: Truth, values: dict[str, NDArray[np.float64]], family: str) -> dict[str, Any]:
+    mine = truth.families == family
+    return {
+        "count": int(mine.sum()),
+        "shapes": len(set(truth.groups[mine].tolist())),
+        **{
+            key: {
+                "mean": _number(table[:, mine].mean()),
+                "median": _number(np.median(table[:, mine])),
+            }
+            for key, table in values.items()
+        },
+    }
+
+
+def _mean_of(means: list[float | None]) -> float | None:
+    known = [mean for mean in means if mean is not None]
+    return None if len(known) < len(means) else float(np.mean(known))
 
 
 def _spread(means: NDArray[np.float64]) -> float | None:

@@ -21,6 +21,9 @@ from synthnet.recipe.plan import planned
 from synthnet.store import pins
 from synthnet.types import PROTOCOLS, SPLITS
 
+SURFACE, MESH = "surface", "mesh"  # what eigenvalues are of, see :mod:`eigbench.scoring.targets`
+EXACT = 1e-9  # relative: a prediction that differs by less differs by rounding
+
 
 @dataclass(frozen=True, slots=True)
 class Truth:
@@ -39,9 +42,13 @@ class Truth:
         What a predictor of each instance may be trained on, ``VERSION/PROTOCOL``: more than one
         where a protocol holds out several things in turn.
     eigenvalues : ndarray of shape (n, k), float64
-        The label of each instance, in 1/length².
+        The label of each instance, in 1/length²; or its surface's spectrum, by ``target``.
     recipe_digest : str
         Of the dataset.
+    target : str
+        What the eigenvalues are of: ``mesh``, or ``surface``.
+    bars : ndarray of shape (n, k), float64, or None
+        How far each eigenvalue may be from the true one, in 1/length²; None for rounding alone.
     """
 
     version: str
@@ -54,6 +61,14 @@ class Truth:
     trainings: NDArray[np.str_]
     eigenvalues: NDArray[np.float64]
     recipe_digest: str
+    target: str = MESH
+    bars: NDArray[np.float64] | None = None
+
+    @property
+    def tolerance(self) -> NDArray[np.float64]:
+        """How near a prediction must be to count as exact, shape (n, k), in 1/length²."""
+        rounding = EXACT * self.eigenvalues
+        return rounding if self.bars is None else np.maximum(self.bars, rounding)
 
     @property
     def digest(self) -> str:
@@ -86,6 +101,7 @@ class Truth:
             families=self.families[chosen],
             trainings=self.trainings[chosen],
             eigenvalues=self.eigenvalues[chosen],
+            bars=None if self.bars is None else self.bars[chosen],
         )
 
 

@@ -13,9 +13,8 @@ from eigbench.board.columns import Group, six_digits
 from eigbench.board.generalisation import Board
 from eigbench.board.ranked_columns import KIND, MODEL, RANK
 from eigbench.board.ranking import RANKED_BY, Ranked
-from eigbench.board.tables import score
 from eigbench.results.submission import Submission
-from eigbench.scoring import noise, scores
+from eigbench.scoring import scores
 from eigbench.scoring.metrics import MAIN
 from eigbench.scoring.training import untrained
 from eigbench.scoring.truth import Truth
@@ -53,14 +52,16 @@ class Shown:
 
     @property
     def key(self) -> str:
-        """Name in files and fragments: ``1.0-test-grouped``."""
-        return self.rows[0].submission.board
+        """Name in files and fragments: ``1.0-test-grouped-surface``."""
+        submission = self.rows[0].submission
+        return f"{submission.board}-{submission.target}"
 
     @property
     def title(self) -> str:
         """Name of the protocol for readers."""
         protocol = self.truth.protocol
-        return OF_ALL.get(protocol) or generalisation.title(protocol)
+        name = OF_ALL.get(protocol) or generalisation.title(protocol)
+        return f"{page.NAMES[self.truth.target]}; {name}"
 
 
 def shown(submissions: Sequence[Submission]) -> list[Shown]:
@@ -83,7 +84,7 @@ def _under(board: Board, protocol: str) -> Iterator[Submission]:
             result = {**own.result, "cost": model.result["cost"]}
             yield dataclasses.replace(own, result=result)
         elif untrained(model.result["model"]) and _is_known(board, model, protocol):
-            yield restricted(model, generalisation.tested(board.version, protocol))
+            yield restricted(model, generalisation.tested(board.version, protocol, model.target))
 
 
 def _is_known(board: Board, model: Submission, protocol: str) -> bool:
@@ -96,7 +97,7 @@ def restricted(model: Submission, labels: Truth) -> Submission:
     result = {
         **model.result,
         "dataset": results.dataset_facts(labels),
-        "scores": scores.score(labels, values),
+        "scores": {labels.target: scores.score(labels, values)},
     }
     return dataclasses.replace(model, result=result, truth=labels, predictions=values)
 
@@ -107,9 +108,8 @@ def content(board: Shown) -> dict[str, Any]:
     return {
         "key": board.key,
         "kind": "board",
-        "title": results.title(board.rows[0].submission.result),
+        "title": page.title(board.rows),
         "notes": _notes(board),
-        "floors": _floors(board.truth),
         **columns.heads(groups, fixed),
         "rows": [
             {
@@ -148,13 +148,3 @@ def _notes(board: Shown) -> list[str]:
         marks = generalisation.remark_marks(board.protocols, board.rows)
         notes += [line for _, line in marks.values()]
     return notes
-
-
-def _floors(truth: Truth) -> dict[str, Any]:
-    """Return the noise floor of each metric, as number and text."""
-    floors = {key: noise.floor(truth, key) for key in MAIN}
-    return {
-        key: [six_digits(value), score(value, key)]
-        for key, value in floors.items()
-        if value is not None
-    }

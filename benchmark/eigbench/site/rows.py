@@ -43,9 +43,9 @@ def content(submission: Submission, own: str | None = None) -> dict[str, Any]:
     return {
         "facts": _facts(submission),
         "tables": [
-            _table("Metrics", tables.overall(result)),
-            _table("By family, means", tables.families(result)),
-            _table("By eigenvalue", _indices(result)),
+            _table("Metrics", tables.overall(submission.scores)),
+            _table("By family, means", tables.families(submission.scores)),
+            _table("By eigenvalue", _indices(submission.scores)),
             _table("Physics", tables.physics(result["physics"])),
             _table(cost, tables.cost(result)),
             _table("Files and versions", _files(submission)),
@@ -64,9 +64,9 @@ def _table(title: str, table: Table) -> dict[str, Any]:
     return {"title": title, "headers": table.headers, "rows": table.rows}
 
 
-def _indices(result: dict[str, Any]) -> Table:
+def _indices(scored: dict[str, Any]) -> Table:
     """Return the errors by eigenvalue, a line each: for a narrow screen."""
-    cells = result["scores"]["per_index"]
+    cells = scored["per_index"]
     lines = [
         [f"λ{i}", number(cell["mean"]), number(cell["median"])] for i, cell in enumerate(cells, 1)
     ]

@@ -52,12 +52,11 @@ function errorTime(container, { board, rows, key, index, open }) {
     return { box, points, best, setting };
   });
   for (const { box, points, best, setting } of made) {
-    const floor = board.floors[key];
     box.append(
-      scatter(box, { points, best, title, share, higher, floor, setting, kinds: index.kinds, edge: index.edge, open }),
+      scatter(box, { points, best, title, share, setting, kinds: index.kinds, edge: index.edge, open }),
       element("p", { class: "small" }, element("strong", {}, "Pareto front: "), best.map((one) => one.row.name).join(", ") || "no row", "."));
   }
-  container.append(legend(made.flatMap(({ points }) => points), index.kinds, board.floors[key]));
+  container.append(legend(made.flatMap(({ points }) => points), index.kinds));
 }
 
 function point(row, key, edge, share) {
@@ -70,18 +69,16 @@ function point(row, key, edge, share) {
   return { row, name, shown, value, time: row.ms, x: Math.max(row.ms, edge.ms), y };
 }
 
-function scatter(box, { points, best, title, share, higher, floor, setting, kinds, open }) {
+function scatter(box, { points, best, title, share, setting, kinds, open }) {
   const width = widthOf(box);
   const height = 300;
   const xs = points.map((one) => one.x);
   const ys = points.map((one) => one.y);
   const [shown, faint] = [points.filter((one) => !one.faint), points.filter((one) => one.faint)];
-  const limit = floor ? (share ? 100 - 100 * floor[0] : floor[0]) : null;
-  const known = limit === null ? ys : [...ys, limit];
   const x = { type: "log", domain: [Math.min(...xs) / 1.8, Math.max(...xs) * 2.5], label: "ms a mesh, median" };
   const y = share
     ? { domain: [0, 104], label: title }
-    : { type: "log", domain: [Math.min(...known) / 1.8, Math.max(...known) * 2], label: `mean ${title}` };
+    : { type: "log", domain: [Math.min(...ys) / 1.8, Math.max(...ys) * 2], label: `mean ${title}` };
   const said = `Mean ${title} against milliseconds a mesh on ${setting}, both logarithmic, ${points.length} rows${faint.length ? `, ${faint.length} of them faint: the filters leave them out` : ""}. On the Pareto front: ${best.map((one) => `${one.row.name} (${one.shown}, ${powers(one.time)} ms)`).join("; ")}. The table has all numbers.`;
   const marks = { x: "x", y: "y", r: 5, symbol: (one) => SYMBOLS[one.row.kind], fill: (one) => kinds[one.row.kind], stroke: "var(--background)", strokeWidth: 0.75 };
   const svg = plot({
@@ -90,8 +87,6 @@ function scatter(box, { points, best, title, share, higher, floor, setting, kind
     marks: [
       gridX({ ticks: 5, strokeOpacity: 0.12 }), gridY({ ticks: 5, strokeOpacity: 0.12 }),
       axisX({ ticks: 5, tickFormat: powers, tickSize: 3 }), axisY({ ticks: 5, tickFormat: share ? (v) => `${v} %` : powers, tickSize: 3 }),
-      limit === null ? null : ruleY([limit], { stroke: "currentColor", strokeOpacity: 0.55, strokeDasharray: "2 3" }),
-      limit === null ? null : text([limit], { text: () => "noise floor", y: (v) => v, frameAnchor: "right", dy: higher ? 8 : -7, fill: "currentColor", fillOpacity: 0.8 }),
       line(best, { x: "x", y: "y", curve: "step-after", stroke: "var(--front)", strokeWidth: 1.5 }),
       dot(faint, { ...marks, fillOpacity: 0.25 }),
       dot(shown, marks),
@@ -102,28 +97,26 @@ function scatter(box, { points, best, title, share, higher, floor, setting, kind
   label(svg, said);
   svg.classList.add("clickable");
   svg.addEventListener("click", () => svg.value && open(svg.value.row.slug));
-  name(svg, { points, best, floor: limit, width, height });
+  name(svg, { points, best, width, height });
   return svg;
 }
 
 /** Write names beside points where there is room, below the tip: first those on the front. */
-function name(svg, { points, best, floor, width, height }) {
+function name(svg, { points, best, width, height }) {
   const [x, y] = ["x", "y"].map((axis) => svg.scale(axis));
   const ordered = [...best, ...points.filter((one) => !one.faint && !best.includes(one))];
   const at = ordered.map((one) => ({ x: x.apply(one.x), y: y.apply(one.y), text: one.name, above: best.includes(one) }));
-  const line = floor === null ? [] : [[width - 76, y.apply(floor) - 14, width, y.apply(floor) + 2]];
-  for (const { x: left, y: middle, anchor, text: title } of labels(at, line, { left: 48, right: width - 4, top: 4, bottom: height - 38 }))
+  for (const { x: left, y: middle, anchor, text: title } of labels(at, [], { left: 48, right: width - 4, top: 4, bottom: height - 38 }))
     svg.lastElementChild.before(drawn("text", { x: left, y: middle, "text-anchor": anchor, dy: "0.32em", fill: "currentColor", class: "name" }, title));
 }
 
-function legend(points, kinds, floor) {
+function legend(points, kinds) {
   const present = Object.keys(kinds).filter((kind) => points.some(({ row }) => row.kind === kind));
   const sample = (attributes) => drawn("svg", { width: 22, height: 10, "aria-hidden": "true" }, drawn("line", { x1: 0, x2: 22, y1: 5, y2: 5, ...attributes }));
   return element("p", { class: "legend" },
     present.map((kind) => element("span", {}, mark(kind, kinds), kind)),
     element("span", {}, sample({ stroke: "var(--front)", "stroke-width": 1.5 }), "Pareto front of all rows"),
-    points.some((one) => one.faint) ? element("span", {}, "faint: left out by the filters") : null,
-    floor ? element("span", {}, sample({ stroke: "currentColor", "stroke-dasharray": "2 3" }), `noise floor ${floor[1]}: smaller differences are ties`) : null);
+    points.some((one) => one.faint) ? element("span", {}, "faint: left out by the filters") : null);
 }
 
 /** Each model's error i.i.d. and under each protocol, a line a model. */

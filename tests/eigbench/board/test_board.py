@@ -10,12 +10,15 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 import pytest
 from eigbench import results
 from eigbench.board import error_figures, figures, leaderboard, ranking
+from eigbench.board.tables import family_title
 from eigbench.errors import EigbenchError, PredictionsError, ResultError
 from eigbench.results import submission
 from eigbench.scaling import results as scaling_results
+from eigbench.scoring import targets
 from eigbench.scoring.metrics import METRICS
 
 from synthnet.store.files import sha256
@@ -84,12 +87,12 @@ def test_evaluated_result_is_borne_out_by_its_predictions(weyl, mini_truth):
         (lambda r: r["predictions"].update(sha256="0" * 64), r"is not the file that .* made with"),
         (lambda r: r["predictions"].update(seeds=2), r"has 1 seeds, .* names 2"),
         (
-            lambda r: r["scores"]["overall"]["rpd"].update(low=0.5),
-            r"scores/overall/rpd/low is 0.5, its predictions give",
+            lambda r: r["scores"]["mesh"]["overall"]["rpd"].update(low=0.5),
+            r"scores/mesh/overall/rpd/low is 0.5, its predictions give",
         ),
         (
-            lambda r: r["scores"]["per_index"][3].update(median=None),
-            r"scores/per_index/3/median is None, its predictions give",
+            lambda r: r["scores"]["surface"]["per_index"][3].update(median=None),
+            r"scores/surface/per_index/3/median is None, its predictions give",
         ),
     ],
 )
@@ -129,16 +132,55 @@ def test_slug_is_a_file_name(name, expected):
 # --- ranks -------------------------------------------------------------------------------
 
 
-def test_ranks_are_tie_groups(read):
-    found = ranking.ranked(list(read.values()))
-    assert [(r.submission.name, r.rank, r.group) for r in found][2:] == [
-        ("Twenty | <percent>", 3, 1),
-        ("Far", 4, 1),
-    ]
-    assert {(r.submission.name, r.rank, r.group) for r in found[:2]} == {
-        ("One percent", 1, 2),
-        ("Other percent", 1, 2),
+def ranks(rows):
+    return {row.submission.name: (row.best, row.worst) for row in ranking.ranked(rows)}
+
+
+def test_ranks_are_intervals(read):
+    assert ranks(list(read.values())) == {
+        "One percent": (1, 2),
+        "Other percent": (1, 2),
+        "Twenty | <percent>": (3, 3),
+        "Far": (4, 4),
     }
+
+
+def test_a_row_that_differs_surely_moves_the_others_by_its_place_alone(
+    read, make_submission, mini_truth
+):
+    before = ranks(list(read.values()))
+    g = mini_truth.eigenvalues
+    best = submission.read(make_submission("Best", g * 1.001))
+    last = submission.read(make_submission("Last", g * 9))
+    assert ranks([*read.values(), last]) == {**before, "Last": (5, 5)}
+    moved = {name: (low + 1, high + 1) for name, (low, high) in before.items()}
+    assert ranks([*read.values(), best]) == {**moved, "Best": (1, 1)}
+
+
+def test_exact_rows_are_first_and_ordered_by_cost(read, make_submission, mini_truth):
+    g = mini_truth.eigenvalues
+    slow, fast, nearly = (
+        submission.read(make_submission(name, values))
+        for name, values in (("A slow", g), ("Fast", g * (1 + 5e-10)), ("Nearly", g * (1 + 1e-7)))
+    )
+    slow.result["cost"]["ms_per_mesh"] = 9.0
+    fast.result["cost"]["ms_per_mesh"] = 1.0
+    rows = ranking.ranked([nearly, slow, fast, read["one"]])
+    assert [(r.submission.name, r.shown_rank) for r in rows] == [
+        ("Fast", "exact"),
+        ("A slow", "exact"),
+        ("Nearly", "3"),
+        ("One percent", "4"),
+    ]
+
+
+def test_seeds_that_differ_widen_the_ranks(make_submission, mini_truth):
+    g = mini_truth.eigenvalues
+    steady = submission.read(make_submission("Steady", np.stack([g * 1.05] * 3)))
+    spread = submission.read(make_submission("Spread", np.stack([g * f for f in (1.0, 1.06, 1.1)])))
+    near = submission.read(make_submission("Near", np.stack([g * 1.0533] * 3)))
+    assert ranks([steady, near]) == {"Steady": (1, 1), "Near": (2, 2)}
+    assert ranks([steady, spread]) == {"Steady": (1, 2), "Spread": (1, 2)}
 
 
 def test_ranks_do_not_depend_on_the_order_of_the_input(read):
@@ -162,8 +204,11 @@ def test_difference_is_that_of_the_means(read):
     a = np.sqrt(10) * (0.2 / 1.2 + 0.21 / 1.21) / 2
     assert d.a == pytest.approx(a, rel=1e-12)
     assert d.b == pytest.approx(np.sqrt(10) * 0.75, rel=1e-12)
-    assert d.low == pytest.approx(d.a - d.b)  # the same for every mesh, so for every resample
-    assert d.high == pytest.approx(d.a - d.b)
+    seeds = np.sqrt(10) * (0.21 / 1.21 - 0.2 / 1.2)  # the same for every mesh: only seeds differ
+    assert d.high - d.low == pytest.approx(np.sqrt(2) * seeds, rel=1e-6)
+    assert d.low < d.a - d.b < d.high
+    one = ranking.difference(read["far"], read["far"], "invlap")
+    assert (one.low, one.high) == (0, 0)
 
 
 def test_difference_in_a_family_is_of_its_meshes(read, mini_truth):
@@ -177,12 +222,12 @@ def test_what_is_not_finite_is_last(make_submission, read, mini_truth):
     values[7, 3] = np.nan
     bad = submission.read(make_submission("Bad", values))
     found = ranking.ranked([bad, *read.values()])
-    assert (found[-1].submission.name, found[-1].rank, found[-1].group) == ("Bad", 5, 1)
+    assert (found[-1].submission.name, found[-1].best, found[-1].worst) == ("Bad", 5, 5)
     assert ranking.difference(bad, read["far"], "rpd").verdict == "b"
     assert ranking.difference(read["far"], bad, "rpd").verdict == "a"
     assert ranking.difference(bad, bad, "rpd").verdict == "tie"
     page = leaderboard.generate([bad, read["far"]], [])[Path(leaderboard.PAGE)]
-    assert "| 2 | Bad | trivial | ∞/NaN | ∞/NaN |" in page
+    assert page.count("| 2 | Bad | trivial | ∞/NaN | ∞/NaN |") == 2  # at both targets
 
 
 def test_results_of_two_splits_are_not_compared(read):
@@ -211,17 +256,59 @@ def test_page_and_figure_do_not_depend_on_the_style_of_the_user(board):
 def test_page_says_what_every_row_is(board):
     page = (board / "LEADERBOARD.md").read_text()
     assert page.startswith("<!-- Generated by `eigbench leaderboard`. Do not edit")
-    (row,) = re.findall(r"^\| 3 \|.*$", page, flags=re.M)
+    assert re.findall(r"^## synthNet.*$", page, flags=re.M) == [
+        "## synthNet 1.0-mini, test split, protocol grouped, against the surface",
+        "## synthNet 1.0-mini, test split, protocol grouped, against the mesh",
+    ]
+    mesh = page.partition("against the mesh\n")[2]
+    (row,) = re.findall(r"^\| 3 \|.*$", mesh, flags=re.M)
     assert row.startswith("| 3 | Twenty \\| &lt;percent> | trivial | ")
     assert row.endswith("| 2 |")
-    assert re.search(r"^\| 1= \| Other percent \| learned \|.*\| 12 \|", page, flags=re.M)
-    assert "a day" in page
+    assert re.search(r"^\| 1–2 \| Other percent \| learned \|", mesh, flags=re.M)
+    links = re.findall(r"\]\((benchmark/.+?)\)", page)
+    assert len(links) == 6
+    assert all((board / link).is_file() for link in links)
+
+
+def test_a_boards_own_page_has_every_metric_and_its_cost(board):
+    page = (board / "benchmark" / "boards" / f"{BOARD}-mesh.md").read_text()
     for metric in METRICS.values():
         assert f"{metric.title} {'↑' if metric.higher_is_better else '↓'}" in page
-    for path in [*board.glob("benchmark/results/*/*"), *board.glob("benchmark/predictions/*/*")]:
-        assert sha256(path) in page
-    (link,) = re.findall(r"!\[.*\]\((.+)\)", page)
-    assert (board / link).is_file()
+    assert re.search(r"^\| 1–2 \| Other percent \| learned \|.*\| 12 \|", page, flags=re.M)
+    assert "a day" in page
+    assert "**Floor**" in page
+
+
+def test_json_of_a_board_has_its_scores_ranks_and_digests(board):
+    for target in ("surface", "mesh"):
+        told = json.loads((board / "benchmark" / "boards" / f"{BOARD}-{target}.json").read_text())
+        assert (told["board"], told["target"]) == (BOARD, target)
+        assert [row["name"] for row in told["rows"]][-1] == "Far"
+        assert len(told["rows"]) == 4
+        for row in told["rows"]:
+            result = board / "benchmark" / "results" / BOARD / f"{row['slug']}.json"
+            answers = board / "benchmark" / "predictions" / BOARD / f"{row['slug']}.parquet"
+            assert row["sha256"] == {"result": sha256(result), "predictions": sha256(answers)}
+            assert row["scores"] == json.loads(result.read_text())["scores"][target]
+
+
+def test_export_writes_a_line_an_eigenvalue_with_both_targets(eigbench, board, mini_truth):
+    out = board / "tables"
+    code, said, _ = eigbench("export", "--board", board, "--out", out)
+    assert code == 0
+    assert f"{BOARD}.parquet" in said
+    table = pd.read_parquet(out / f"{BOARD}.parquet")
+    assert len(table) == 306 * 10 * 5  # four rows, one of them of two seeds
+    one = table[(table["row"] == "one-percent") & (table["index"] == 4)]
+    np.testing.assert_array_equal(one["mesh"], mini_truth.eigenvalues[:, 3])
+    surface = targets.at(mini_truth, "surface").eigenvalues
+    np.testing.assert_array_equal(one["surface"], surface[:, 3])
+    ids = [f"{s}/{i}" for s, i in zip(one["shape"], one["instance"], strict=True)]
+    assert ids == list(mini_truth.ids)
+    assert one["prediction"].between(1.009 * one["mesh"], 1.031 * one["mesh"]).all()
+    as_text = pd.read_csv(out / f"{BOARD}.csv")
+    assert len(as_text) == len(table)
+    assert list(as_text) == list(table)
 
 
 def test_page_shows_the_papers_numbers_as_reported_and_not_run():
@@ -242,15 +329,16 @@ def test_every_reported_row_has_a_cell_for_each_column():
 
 
 def test_every_row_of_every_table_has_the_cells_of_its_head(board):
-    page = (board / "LEADERBOARD.md").read_text().replace("\\|", "")
+    pages = [board / "LEADERBOARD.md", *sorted(board.glob("benchmark/boards/*.md"))]
+    page = "\n".join(path.read_text() for path in pages).replace("\\|", "")
     tables = re.findall(r"(?:^\|.*\n)+", page, flags=re.M)
-    assert len(tables) == 10
+    assert len(tables) == 2 + 2 * 9
     for table in tables:
         assert len({line.count("|") for line in table.splitlines()}) == 1, table
 
 
 def test_figure_names_every_row_and_has_no_date(board):
-    (path,) = board.glob("benchmark/figures/*.svg")
+    path, _ = board.glob("benchmark/figures/*.svg")
     text = path.read_text()
     ET.fromstring(text)
     assert "<dc:date>" not in text
@@ -305,7 +393,7 @@ def test_one_changed_byte_of_a_result_fails_the_check(eigbench, board, what):
     flip(path, len(text[: text.rindex(what) + len(what) + 4].encode()) if what[0] == '"' else -1)
     code, _, err = eigbench("leaderboard", "--check", "--board", board)
     assert code in (1, 2)
-    assert "one-percent" in err or "LEADERBOARD.md" in err
+    assert "one-percent" in err or "not up to date: run eigbench leaderboard" in err
 
 
 @pytest.mark.parametrize("shape", [0, slow(1000), slow(-1)])
@@ -349,11 +437,13 @@ def test_first_rows_stand_between_the_marks_of_the_readme(eigbench, board):
     assert eigbench("leaderboard", "--check", "--board", board)[0] == 0
     lines = readme.read_text().splitlines()
     assert lines[:2] == ["Mine", "<!-- begin leaderboard -->"]
-    assert lines[2] == "synthNet 1.0-mini, test split, protocol grouped, 4 rows:"
+    assert lines[2] == (
+        "synthNet 1.0-mini, test split, protocol grouped, against the surface, 4 rows:"
+    )
     assert lines[-2:] == ["<!-- end leaderboard -->", "end"]
     assert [line.split(" | ")[0:2] for line in lines if re.match(r"\| \d", line)] == [
-        ["| 1=", "One percent"],
-        ["| 1=", "Other percent"],
+        ["| 1–2", "One percent"],
+        ["| 1–2", "Other percent"],
         ["| 3", r"Twenty \| &lt;percent>"],
         ["| 4", "Far"],
     ]
@@ -497,7 +587,8 @@ def test_ratio_to_lapy_is_on_the_page(read):
     lines = [line for line in text.splitlines() if line.startswith("|")]
     assert any("| Far |" in line and "| 12 × |" in line for line in lines)
     assert any("| One percent |" in line and "| not timed |" in line for line in lines)
-    assert any("| 70.00 | 12 × |" in line for line in lines)
+    details = leaderboard.generate(rows, [])[leaderboard.BOARDS / f"{BOARD}-mesh.md"]
+    assert "| 70.00 | 12 × |" in details
 
 
 def test_submit_refuses_another_split(made, tmp_path):
@@ -542,24 +633,27 @@ def test_any_name_can_stand_on_the_page(make_submission, mini_truth, name):
     page = generated[Path("LEADERBOARD.md")]
     assert "<img" not in page
     for row in re.findall(r"^\| 1 \|.*$", page, flags=re.M):
-        assert len(re.findall(r"(?<!\\)(?:\\\\)*\|", row)) == 16
-    ET.fromstring(generated[leaderboard.FIGURES / f"{BOARD}.svg"])
+        assert len(re.findall(r"(?<!\\)(?:\\\\)*\|", row)) == 10
+    ET.fromstring(generated[leaderboard.FIGURES / f"{BOARD}-mesh.svg"])
 
 
 # --- compare and plot --------------------------------------------------------------------
 
 
-def test_compare_tells_ties_from_differences(eigbench, made):
+def test_compare_tells_ties_from_differences(eigbench, made, mini_truth):
     code, out, _ = eigbench("compare", made["one"], made["twenty"])
     assert code == 0
-    # In every metric and in every family but two, whose labels are too coarse to tell
-    assert re.findall(r"^(.+?)  .*tie \((.+)\)$", out, flags=re.M) == [
-        ("Cylinder", "floor"),
-        ("Split cone", "floor"),
-    ]
-    assert out.count("A is better") == len(METRICS) + 8
+    shapes = {name: set() for name in mini_truth.families}
+    for name, shape in zip(mini_truth.families, mini_truth.groups, strict=True):
+        shapes[name].add(shape)
+    few = [family_title(name) for name in sorted(shapes) if len(shapes[name]) < 5]
+    assert 0 < len(few) < len(shapes)
+    ties = re.findall(r"^(.+?)  .*tie \((.+)\)$", out, flags=re.M)
+    assert ties == [(title, "few shapes") for title in few]
+    better = len(METRICS) + len(shapes) - len(few)
+    assert out.count("A is better") == better
     _, out, _ = eigbench("compare", made["twenty"], made["one"])
-    assert out.count("B is better") == len(METRICS) + 8
+    assert out.count("B is better") == better
     code, out, _ = eigbench("compare", made["one"], made["one"], "--json")
     found = json.loads(out)
     assert {d["verdict"] for d in found["overall"].values()} == {"tie"}

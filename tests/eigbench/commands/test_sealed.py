@@ -47,8 +47,8 @@ def test_score_is_that_of_the_labels(score, sealed_truth, sealed_set, answers):
     assert (code, err) == (0, "")
     said = json.loads(out)
     values = predictions.read(answers, sealed_truth)
-    assert said["scores"] == json.loads(json.dumps(scores.score(sealed_truth, values)))
-    assert said["scores"]["overall"][RANKED_BY]["mean"] > 0.01
+    assert said["scores"] == json.loads(json.dumps(scores.of_targets(sealed_truth, values)))
+    assert said["scores"]["mesh"]["overall"][RANKED_BY]["mean"] > 0.01
     assert said["dataset"]["version"] == sealed_set.seal.dataset
     assert said["dataset"]["recipe_digest"] == sealed_set.seal.recipe_digest
     assert said["dataset"]["shapes"] == sum(sealed_set.seal.kept.values())

@@ -9,6 +9,7 @@ import pytest
 from eigbench import results
 from eigbench.errors import ResultError
 from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.targets import TARGETS
 
 HERE = Path("result.json")
 
@@ -33,8 +34,10 @@ def test_schema_is_a_schema():
 
 
 def test_schema_names_every_metric():
-    overall = results.schema()["properties"]["scores"]["properties"]["overall"]
-    assert overall["required"] == list(METRICS)
+    scored = results.schema()["$defs"]["scored"]["properties"]
+    assert scored["overall"]["required"] == list(METRICS)
+    assert set(scored["families"]["additionalProperties"]["required"]) > set(METRICS)
+    assert results.schema()["properties"]["scores"]["required"] == list(TARGETS)
 
 
 def test_real_result_is_accepted(result):
@@ -54,11 +57,13 @@ LEVELS = [
     "dataset",
     "predictions",
     "scores",
-    "scores/overall",
-    "scores/overall/rpd",
-    "scores/families/*",
-    "scores/families/*/rpd",
-    "scores/per_index/*",
+    "scores/mesh",
+    "scores/surface",
+    "scores/mesh/overall",
+    "scores/mesh/overall/rpd",
+    "scores/mesh/families/*",
+    "scores/mesh/families/*/rpd",
+    "scores/mesh/per_index/*",
     "cost",
     "physics",
 ]
@@ -90,7 +95,7 @@ def test_missing_key_is_refused(result, place):
 @pytest.mark.parametrize(
     ("place", "key", "value"),
     [
-        ("", "schema_version", "2"),
+        ("", "schema_version", "3"),
         ("", "metric_version", "1"),
         ("", "checkout", {"commit": "0" * 40}),
         ("", "checkout", {"commit": "main", "dirty": False, "branch": "main"}),
@@ -107,11 +112,13 @@ def test_missing_key_is_refused(result, place):
         ("dataset", "instances", 0),
         ("predictions", "seeds", 0),
         ("predictions", "seeds", True),
-        ("scores", "families", {}),
-        ("scores", "per_index", []),
-        ("scores/overall/rpd", "mean", "0.1"),
-        ("scores/families/*", "count", 1.5),
-        ("scores/per_index/*", "median", [0.1]),
+        ("scores", "mesh", None),
+        ("scores/mesh", "families", {}),
+        ("scores/surface", "per_index", []),
+        ("scores/surface", "exact", 1.5),
+        ("scores/mesh/overall/rpd", "mean", "0.1"),
+        ("scores/mesh/families/*", "count", 1.5),
+        ("scores/mesh/per_index/*", "median", [0.1]),
         ("cost", "ms_per_mesh", -1),
         ("cost", "ms_per_mesh_quartiles", [1.0]),
         ("cost", "batch_size", 0),
@@ -125,7 +132,7 @@ def test_wrong_value_is_refused_and_its_place_named(result, place, key, value):
         results.validate(result, HERE)
 
 
-@pytest.mark.parametrize(("version", "age"), [(1, "an earlier"), (3, "a later")])
+@pytest.mark.parametrize(("version", "age"), [(2, "an earlier"), (4, "a later")])
 def test_result_of_another_schema_says_by_which_eigbench_it_was_made(result, version, age):
     result["schema_version"] = version
     with pytest.raises(ResultError, match=rf"made by {age} eigbench: evaluate its predictor again"):
@@ -141,26 +148,26 @@ def test_json_that_is_no_result_is_refused(tmp_path, broken):
 
 @pytest.mark.parametrize("key", METRICS)
 def test_overall_mean_that_is_not_the_families_is_refused(result, key):
-    result["scores"]["overall"][key]["mean"] += 1e-6
+    result["scores"]["mesh"]["overall"][key]["mean"] += 1e-6
     with pytest.raises(ResultError, match=f"means of {key} do not give the overall mean"):
         results.validate(result, HERE)
 
 
 @pytest.mark.parametrize("key", METRICS)
 def test_family_mean_that_is_not_in_the_overall_one_is_refused(result, key):
-    at(result, "scores/families/*")[key]["mean"] += 1e-3
+    at(result, "scores/mesh/families/*")[key]["mean"] += 1e-3
     with pytest.raises(ResultError, match=f"means of {key} do not give the overall mean"):
         results.validate(result, HERE)
 
 
 def test_count_of_a_family_that_does_not_add_up_is_refused(result):
-    at(result, "scores/families/*")["count"] += 9
+    at(result, "scores/mesh/families/*")["count"] += 9
     with pytest.raises(ResultError, match="the families have 315 instances, the dataset 306"):
         results.validate(result, HERE)
 
 
 def test_counts_that_add_up_and_do_not_give_the_mean_are_refused(result):
-    first, second = list(result["scores"]["families"].values())[:2]
+    first, second = list(result["scores"]["mesh"]["families"].values())[:2]
     first["count"] += 1
     second["count"] -= 1
     with pytest.raises(ResultError, match="do not give the overall mean"):
@@ -168,12 +175,12 @@ def test_counts_that_add_up_and_do_not_give_the_mean_are_refused(result):
 
 
 def test_mean_that_is_not_finite_must_be_so_in_a_family_too(result):
-    result["scores"]["overall"]["rpd"]["mean"] = None
+    result["scores"]["mesh"]["overall"]["rpd"]["mean"] = None
     with pytest.raises(ResultError, match="means of rpd"):
         results.validate(result, HERE)
-    at(result, "scores/families/*")["rpd"]["mean"] = None
+    at(result, "scores/mesh/families/*")["rpd"]["mean"] = None
     results.validate(result, HERE)
-    result["scores"]["overall"]["rpd"]["mean"] = 0.1
+    result["scores"]["mesh"]["overall"]["rpd"]["mean"] = 0.1
     with pytest.raises(ResultError, match="means of rpd"):
         results.validate(result, HERE)
 

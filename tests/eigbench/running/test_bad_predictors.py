@@ -246,7 +246,7 @@ def load(device, seed): return Shaken(seed)
     assert evaluate(code, "--seeds", "2")[0] == 0
     result = json.loads((tmp_path / "out.json").read_text())
     assert result["predictions"]["seeds"] == 2
-    assert result["scores"]["overall"]["l1"]["seed_std"] > 0
+    assert result["scores"]["mesh"]["overall"]["l1"]["seed_std"] > 0
 
 
 # --- scored as it is -------------------------------------------------------------------
@@ -263,12 +263,12 @@ def test_one_answer_that_is_not_finite_is_scored_and_makes_every_mean_none(
     assert "Warning" not in err
     assert "the predictions of 3 of 30 instances are not finite, first ids: " in err
     for key in ("invlap", "rpd", "polar", "l1", "l2"):
-        assert result["scores"]["overall"][key]["mean"] is None
-        assert result["scores"]["overall"][key]["low"] is None
-        assert result["scores"]["overall"][key]["median"] is None
-    assert result["scores"]["per_index"][3]["mean"] is None
-    assert result["scores"]["per_index"][2]["mean"] is not None
-    assert sum(f["count"] for f in result["scores"]["families"].values()) == LIMIT
+        assert result["scores"]["mesh"]["overall"][key]["mean"] is None
+        assert result["scores"]["mesh"]["overall"][key]["low"] is None
+        assert result["scores"]["mesh"]["overall"][key]["median"] is None
+    assert result["scores"]["mesh"]["per_index"][3]["mean"] is None
+    assert result["scores"]["mesh"]["per_index"][2]["mean"] is not None
+    assert sum(f["count"] for f in result["scores"]["mesh"]["families"].values()) == LIMIT
     kept = predictions.read(tmp_path / "out.parquet", mini_truth.head(LIMIT))[0]
     assert np.isnan(kept).sum() == LIMIT // BATCH
 
@@ -287,7 +287,7 @@ def test_negative_answers_are_scored_and_counted(evaluate):
     result = json.loads(out)
     assert code == 2
     assert "the predictions of 30 of 30 instances are not positive, first ids: " in err
-    assert result["scores"]["overall"]["rpd"]["mean"] == pytest.approx(10)
+    assert result["scores"]["mesh"]["overall"]["rpd"]["mean"] == pytest.approx(10)
     assert result["physics"]["positive"] == 0
     assert result["physics"]["ascending"] == 0
 

@@ -97,59 +97,33 @@ def test_interval_holds_the_mean(random_case):
         assert cell["low"] <= cell["mean"] <= cell["high"]
 
 
-def test_interval_of_identical_values_is_that_value(random_case):
-    truth, _ = random_case
-    weights = scores.bootstrap_weights(truth)
-    assert scores.interval(np.full(120, 0.25), truth, weights) == (0.25, 0.25)
-
-
-def test_interval_is_the_same_for_every_call(random_case):
+def test_scores_are_the_same_for_every_call(random_case):
     assert scores.score(*random_case) == scores.score(*random_case)
 
 
-def test_weights_resample_shapes(random_case):
+def test_families_weigh_alike_in_the_mean_over_families(by_hand):
+    scored = scores.score(by_hand, np.array([ANSWERS]))
+    assert scored["overall"]["l1"]["by_family"] == pytest.approx((11 / 3 + 0) / 2)
+    assert scored["overall"]["psnr20"]["by_family"] == 0.5
+    assert [family["shapes"] for family in scored["families"].values()] == [2, 1]
+
+
+def test_where_all_succeed_the_bound_is_that_of_the_rule_of_three(random_case):
     truth, _ = random_case
-    weights = scores.bootstrap_weights(truth)
-    assert weights.shape == (scores.RESAMPLES, 40)
-    assert (weights.sum(axis=1) == 40).all()
-    assert weights.mean(axis=0) == pytest.approx(1, abs=0.15)
+    all_right = scores.score(truth, 1.001 * truth.eigenvalues[None])["overall"]["psnr20"]
+    assert (all_right["low"], all_right["high"]) == (pytest.approx(1 - 3 / 40), 1)
+    none_right = scores.score(truth, 9 * truth.eigenvalues[None])["overall"]["psnr20"]
+    assert (none_right["low"], none_right["high"]) == (0, pytest.approx(3 / 40))
 
 
-def test_copies_of_the_shapes_do_not_narrow_the_interval(made_truth):
-    rng = np.random.default_rng(1)
-    labels = rng.uniform(1, 10, (30, 2))
-    values = rng.uniform(0, 1, 30)
-    shapes = [f"s-{i}" for i in range(30)]
-    once = made_truth(shapes, ["a"] * 30, labels)
-    nine = made_truth(np.repeat(shapes, 9).tolist(), ["a"] * 270, np.repeat(labels, 9, axis=0))
-    narrow = scores.interval(values, once, scores.bootstrap_weights(once))
-    copied = scores.interval(np.repeat(values, 9), nine, scores.bootstrap_weights(nine))
-    assert copied == pytest.approx(narrow, rel=1e-12)
-
-
-def test_interval_covers_two_standard_errors_of_the_mean(made_truth):
-    values = np.random.default_rng(2).normal(5, 2, 400)
-    truth = made_truth([f"s-{i}" for i in range(400)], ["a"] * 400, np.ones((400, 1)))
-    low, high = scores.interval(values, truth, scores.bootstrap_weights(truth))
-    error = values.std(ddof=1) / math.sqrt(400)
-    assert (high - low) / (2 * 1.96 * error) == pytest.approx(1, abs=0.1)
-    assert (low + high) / 2 == pytest.approx(values.mean(), abs=0.2 * error)
-
-
-def test_shapes_with_more_instances_weigh_more_in_the_mean_and_its_interval(made_truth):
-    truth = made_truth(["s-0"] * 3 + ["s-1"], ["a"] * 4, np.ones((4, 1)))
-    values = np.array([1.0, 1.0, 1.0, 0.0])
-    # resamples of two shapes: both s-0, both s-1, or one each with the mean 3/4
-    assert scores.interval(values, truth, scores.bootstrap_weights(truth)) == (0, 1)
-    assert scores.interval(values, truth, np.array([[1.0, 1.0]])) == (0.75, 0.75)
-
-
-def test_paired_interval_of_equal_models_is_zero_and_of_a_shift_is_the_shift(random_case):
-    truth, predictions = random_case
-    weights = scores.bootstrap_weights(truth)
-    a = scores.per_mesh(truth, predictions)["rpd"][0]
-    assert scores.paired_interval(a, a, truth, weights) == (0, 0)
-    assert scores.paired_interval(a + 0.5, a, truth, weights) == pytest.approx((0.5, 0.5))
+def test_seeds_that_disagree_widen_the_interval(random_case):
+    truth, _ = random_case
+    alike = truth.eigenvalues * np.array([1.1, 1.1, 1.1])[:, None, None]
+    apart = truth.eigenvalues * np.array([1.0, 1.1, 1.2])[:, None, None]
+    a, b = (scores.score(truth, p)["overall"]["rpd"] for p in (alike, apart))
+    assert a["high"] - a["low"] < 1e-9
+    assert b["high"] - b["low"] > 0.3
+    assert b["low"] < b["mean"] < b["high"]
 
 
 @pytest.mark.parametrize("broken", [np.nan, np.inf, -np.inf])
@@ -176,10 +150,3 @@ def test_prediction_of_zeros_is_scored_without_a_warning(random_case):
     assert overall["polar"]["mean"] is None
     assert overall["rpd"]["mean"] == pytest.approx(10)
     assert overall["psnr20"]["mean"] == 0
-
-
-def test_difference_of_two_infinite_values_has_no_interval_and_no_warning(random_case):
-    truth, _ = random_case
-    infinite = np.full(120, np.inf)
-    found = scores.paired_interval(infinite, infinite, truth, scores.bootstrap_weights(truth))
-    assert all(map(math.isnan, found))

@@ -11,12 +11,13 @@ from urllib.parse import unquote
 
 import numpy as np
 import pytest
-from eigbench.board import generalisation, leaderboard, ranking
+from eigbench.board import generalisation, leaderboard, page, ranking
 from eigbench.board.markdown import cell
 from eigbench.errors import EigbenchError
 from eigbench.running import meshes
 from eigbench.scoring import truth
 from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.targets import TARGETS
 from eigbench.scoring.training import IMPORTED
 from eigbench.site import boards, bundle, rows, shapes, write
 from eigbench.site.shapes import FACES, STEPS
@@ -81,6 +82,12 @@ def test_licence_of_every_bundled_package_is_there(made_content):
     assert text.count("ermission") >= len(titles)  # the texts, not the names alone
 
 
+def both_targets(found):
+    """The submissions beside every target that is known for them."""
+    there = [one.at(target) for target in TARGETS for one in found]
+    return [one for one in there if one is not None]
+
+
 def titled(page, title):
     """Return the section of LEADERBOARD.md with a title; there must be one."""
     (found,) = (text for text in page.split("\n## ") if text.startswith(f"{title}\n"))
@@ -114,15 +121,16 @@ ON_THE_BOARD = {
 def test_every_row_is_there_with_the_numbers_of_the_leaderboard(request, name):
     found, reported, scaled = request.getfixturevalue(f"{name}_board")
     content = request.getfixturevalue(f"{name}_content")
-    page = leaderboard.generate(found, reported, scaled)[Path(leaderboard.PAGE)]
+    pages = leaderboard.generate(found, reported, scaled)
     assert found
     assert reported
-    for one in found:
-        board = read(content, f"boards/{one.board}.js")
+    for one in both_targets(found):
+        key = f"{one.board}-{one.target}"
+        board = read(content, f"boards/{key}.js")
         assert one.slug in [row["slug"] for row in board["rows"]]
         if one.truth.protocol not in boards.OF_ALL:
             continue  # below, with the rows that were not run anew
-        main = table(titled(page, board["title"]), "rank")
+        main = table(pages[leaderboard.BOARDS / f"{key}.md"], "rank")
         assert set(main) == {cell(row["name"]) for row in board["rows"]}
         for row in board["rows"]:
             line = main[cell(row["name"])]
@@ -138,15 +146,19 @@ def test_every_row_is_there_with_the_numbers_of_the_leaderboard(request, name):
 def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, name):
     found, reported, scaled = request.getfixturevalue(f"{name}_board")
     content = request.getfixturevalue(f"{name}_content")
-    page = leaderboard.generate(found, reported, scaled)[Path(leaderboard.PAGE)]
-    held_out = [one for one in found if one.truth.protocol not in boards.OF_ALL]
+    text = leaderboard.generate(found, reported, scaled)[Path(leaderboard.PAGE)]
+    held_out = [one for one in both_targets(found) if one.truth.protocol not in boards.OF_ALL]
     assert held_out
     for one in held_out:
-        section = titled(page, f"synthNet {one.truth.version}: generalisation")
+        section = titled(
+            text,
+            f"synthNet {one.truth.version}: shapes unlike those of training, "
+            f"{page.NAMES[one.target]}",
+        )
         title = generalisation.title(one.truth.protocol)
         for key in generalisation.SHOWN:
             lines = table(section, f"{METRICS[key].heading} of")
-            for row in read(content, f"boards/{one.board}.js")["rows"]:
+            for row in read(content, f"boards/{one.board}-{one.target}.js")["rows"]:
                 line = lines[cell(row["name"])]
                 shown = line[title].rstrip(" ¹²³")  # marks of remarks, which the page has as notes
                 mean, _, drop = shown.partition(" (")
@@ -156,12 +168,13 @@ def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, n
 
 
 def test_every_table_of_a_board_is_a_view_of_the_page(made_board, made_content):
-    page = leaderboard.generate(*made_board)[Path(leaderboard.PAGE)]
-    board = read(made_content, "boards/1.0-mini-test-grouped.js")
-    section = titled(page, board["title"])
+    key = "1.0-mini-test-grouped-mesh"
+    details = leaderboard.generate(*made_board)[leaderboard.BOARDS / f"{key}.md"]
+    board = read(made_content, f"boards/{key}.js")
+    assert f"# {board['title']}\n" in details
     compared = []
     for group in board["groups"]:
-        _, heading, part = section.partition(f"### {group['title']}\n")
+        _, heading, part = details.partition(f"## {group['title']}\n")
         if not heading:
             continue  # a choice of the main table's columns, compared above
         lines = table(part, "model")
@@ -181,11 +194,12 @@ def test_every_row_opens_to_its_shapes_and_their_meshes(request, name):
     content = request.getfixturevalue(f"{name}_content")
     found = request.getfixturevalue(f"{name}_board")[0]
     assert found
-    for one in found:
-        board = read(content, f"boards/{one.board}.js")
+    for one in both_targets(found):
+        key = f"{one.board}-{one.target}"
+        board = read(content, f"boards/{key}.js")
         (row,) = (row for row in board["rows"] if row["slug"] == one.slug)
         assert set(row["cells"]) == set(board["columns"])
-        opened = read(content, f"rows/{one.board}/{one.slug}.js")
+        opened = read(content, f"rows/{key}/{one.slug}.js")
         assert [shape["name"] for shape in opened["shapes"]] == ["worst", "median"]
         for shape in opened["shapes"]:
             if one.truth.protocol.startswith(IMPORTED):
@@ -210,12 +224,13 @@ def test_every_column_explains_itself(made_content):
 def test_protocols_stand_under_their_dataset(made_content):
     index = read(made_content, "data.js")
     found = {one["title"]: [key for key, _ in one["boards"]] for one in index["datasets"]}
+    own = ("grouped", "family", "resolution", "genus", "boundary")
     assert found == {
-        "synthNet 1.0-mini": ["1.0-mini-test-grouped"],
+        "synthNet 1.0-mini": [f"1.0-mini-test-grouped-{target}" for target in TARGETS],
         "synthNet 2.0-mini": [
-            "2.0-mini-test-grouped",
-            *(f"2.0-mini-test-{name}" for name in ("family", "resolution", "genus", "boundary")),
-            "2.0-mini-test-imported-real-28",
+            *(f"2.0-mini-test-{name}-surface" for name in own),
+            *(f"2.0-mini-test-{name}-mesh" for name in own),
+            "2.0-mini-test-imported-real-28-mesh",
         ],
         "Scaling track": ["scaling"],
         "Reported, not run here": ["reported"],
@@ -223,7 +238,7 @@ def test_protocols_stand_under_their_dataset(made_content):
 
 
 def test_what_is_held_out_stands_beside_the_same_model_trained_on_everything(made_content):
-    board = read(made_content, "boards/2.0-mini-test-genus.js")
+    board = read(made_content, "boards/2.0-mini-test-genus-mesh.js")
     cells = {row["name"]: row["cells"] for row in board["rows"]}
     assert set(cells) == {"Solver", "Model"}  # Lazy was not run
     rpd, drop = 10 * 0.05 / 2.05, 10 * (0.05 / 2.05 - 0.01 / 2.01)
@@ -233,7 +248,7 @@ def test_what_is_held_out_stands_beside_the_same_model_trained_on_everything(mad
     assert cells["Solver"]["rpd"][1] == pytest.approx(10 * 0.001 / 2.001, rel=1e-5)
     assert cells["Solver"]["iid"] == ["none", None]
     assert cells["Solver"]["drop"] == ["none", None]
-    whole = read(made_content, "boards/2.0-mini-test-grouped.js")
+    whole = read(made_content, "boards/2.0-mini-test-grouped-mesh.js")
     groups = {group["key"]: group["columns"] for group in whole["groups"]}
     assert groups["protocols-rpd"][:2] == ["rpd-iid", "rpd-family"]
     lazy = next(row for row in whole["rows"] if row["name"] == "Lazy")
@@ -253,7 +268,7 @@ def test_what_is_not_trained_is_scored_on_the_part_that_a_protocol_tests(made_bo
 
 
 def test_an_imported_mesh_is_not_shown_and_that_is_said(made_content):
-    opened = read(made_content, "rows/2.0-mini-test-imported-real-28/model.js")
+    opened = read(made_content, "rows/2.0-mini-test-imported-real-28-mesh/model.js")
     for shape in opened["shapes"]:
         assert shape["mesh"] is None
         assert "its file is not part of this project" in shape["why"]

@@ -1,0 +1,102 @@
+"""Boards for programs: the scores of a board as JSON, and every prediction as one tidy table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet as pq
+
+from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.results.submission import Submission
+from eigbench.scoring import targets
+from eigbench.scoring.truth import SURFACE
+from synthnet.store.files import make_directory, sha256, write_atomically
+
+COLUMNS = ("row", "seed", "shape", "instance", "family", "index", "mesh", "surface", "prediction")
+
+
+def as_json(rows: Sequence[Ranked]) -> str:
+    """Return the scores of a board, best first, with the digests of the files they follow from."""
+    submission = rows[0].submission
+    board = {
+        "board": submission.board,
+        "target": submission.target,
+        "ranked_by": RANKED_BY,
+        "dataset": submission.result["dataset"],
+        "floor": targets.floor(submission.truth, RANKED_BY),
+        "rows": [_row(row) for row in rows],
+    }
+    return json.dumps(board, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _row(row: Ranked) -> dict[str, object]:
+    submission = row.submission
+    model, cost = submission.result["model"], submission.result["cost"]
+    return {
+        "slug": submission.slug,
+        "name": submission.name,
+        "kind": model["kind"],
+        "rank": [row.best, row.worst],
+        "exact": row.exact,
+        "scores": row.scores,
+        "cost": {key: cost[key] for key in ("ms_per_mesh", "threads", "device", "hardware")},
+        "speed_against_lapy": (cost.get("reference") or {}).get("ratio"),
+        "parameters": model["parameters"],
+        "training_data": model.get("training_data"),
+        "seeds": len(submission.predictions),
+        "remark": submission.remark,
+        "sha256": {
+            "result": sha256(submission.result_path),
+            "predictions": sha256(submission.predictions_path),
+        },
+    }
+
+
+def tidy(submission: Submission) -> pa.Table:
+    """Return a submission's predictions, a line an eigenvalue, in the columns :data:`COLUMNS`.
+
+    ``shape`` and ``instance`` name a mesh, ``index`` counts eigenvalues from 1; ``mesh`` and
+    ``surface`` are the two targets in 1/length², the latter null where it is not known.
+    """
+    truth = submission.truth
+    seeds, n, k = submission.predictions.shape
+    surface = targets.at(truth, SURFACE)
+    instances = [int(id.rpartition("/")[2]) for id in truth.ids]
+    missing = np.full((n, k), np.nan)
+    limits = missing if surface is None else surface.eigenvalues
+    values = {
+        "row": pa.array([submission.slug]).dictionary_encode().take(pa.array([0] * seeds * n * k)),
+        "seed": pa.array(np.repeat(np.arange(seeds, dtype=np.int32), n * k)),
+        "shape": pa.array(np.tile(np.repeat(truth.shapes, k), seeds)).dictionary_encode(),
+        "instance": pa.array(np.tile(np.repeat(np.array(instances, np.int32), k), seeds)),
+        "family": pa.array(np.tile(np.repeat(truth.families, k), seeds)).dictionary_encode(),
+        "index": pa.array(np.tile(np.arange(1, k + 1, dtype=np.int32), seeds * n)),
+        "mesh": pa.array(np.tile(truth.eigenvalues.ravel(), seeds)),
+        "surface": pa.array(np.tile(limits.ravel(), seeds), from_pandas=True),
+        "prediction": pa.array(submission.predictions.ravel()),
+    }
+    return pa.table(values)
+
+
+def write(out: Path, boards: Sequence[Sequence[Submission]]) -> Iterator[Path]:
+    """Write every board's predictions as ``BOARD.parquet`` and ``BOARD.csv``; yield the paths."""
+    make_directory(out)
+    for submissions in boards:
+        whole = pa.concat_tables([tidy(s) for s in submissions], promote_options="permissive")
+        whole = whole.unify_dictionaries()
+        name = submissions[0].board
+
+        def parquet(to: Path, table: pa.Table = whole) -> None:
+            pq.write_table(table, to, compression="zstd")
+
+        def csv(to: Path, table: pa.Table = whole) -> None:
+            pyarrow.csv.write_csv(table, to)
+
+        for suffix, store in ((".parquet", parquet), (".csv", csv)):
+            write_atomically(out / f"{name}{suffix}", store)
+            yield out / f"{name}{suffix}"

@@ -1,0 +1,189 @@
+"""The command time: all rows of a board on one machine, by one clock."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from tabulate import tabulate
+
+from eigbench.board.tables import number
+from eigbench.commands import arguments
+from eigbench.commands.arguments import Command
+from eigbench.errors import EigbenchError
+from eigbench.results import timing
+from eigbench.running import clock, meshes, record
+from eigbench.running.clock import Timed
+from eigbench.running.predictor import check_file, split
+from eigbench.running.process import REFERENCE_FILE
+from eigbench.scoring import truth
+from synthnet import store
+from synthnet.store.files import make_directory, write_text
+
+
+def add_commands(command: Command) -> None:
+    """Add time to the command line."""
+    sub = command(
+        "time",
+        run_time,
+        "time several predictors and LaPy on the same meshes in turn; this runs the files' code",
+        "a.py b.py --dataset 2.0-mini --meshes 20 --out times.json",
+    )
+    sub.add_argument(
+        "predictors", type=Path, nargs="+", metavar="FILE", help="the predictors' Python files"
+    )
+    sub.add_argument(
+        "--against",
+        type=Path,
+        nargs="*",
+        default=[],
+        metavar="FILE",
+        help="of these files, the peers that ratios are given to, besides LaPy as it comes",
+    )
+    sub.add_argument("--dataset", default="1.0", metavar="V", help="a version (default: 1.0)")
+    sub.add_argument("--root", type=Path, metavar="DIR", help="directory that holds the versions")
+    sub.add_argument(
+        "--meshes",
+        type=arguments.positive,
+        default=100,
+        metavar="N",
+        help="of the test split, always the same (default: %(default)s)",
+    )
+    sub.add_argument(
+        "--batch-size",
+        type=arguments.positive,
+        default=10,
+        metavar="B",
+        help="meshes a call (default: %(default)s)",
+    )
+    sub.add_argument(
+        "--repeats",
+        type=arguments.positive,
+        default=3,
+        metavar="R",
+        help="times that each batch is timed; the median counts (default: %(default)s)",
+    )
+    sub.add_argument(
+        "--time-limit",
+        type=arguments.above_zero,
+        default=600.0,
+        metavar="S",
+        help="seconds allowed for a batch (default: %(default)g)",
+    )
+    arguments.out(sub, "times.json")
+
+
+def run_time(options: argparse.Namespace) -> int:
+    """Time the predictors, write the file and print its table."""
+    paths: list[Path] = options.predictors
+    for path in paths:
+        check_file(path)
+    if unknown := [path for path in options.against if path not in paths]:
+        raise EigbenchError(f"--against {unknown[0]}: name it among the predictors too")
+    labels = truth.load(options.dataset).head(options.meshes)
+    console = Console(stderr=True)
+    with console.status("reading the meshes") as status:
+        instances = meshes.read(store.open_dataset(options.dataset, options.root), labels.ids)
+        timed = clock.together(
+            [REFERENCE_FILE, *paths],
+            labels,
+            instances,
+            batch_size=options.batch_size,
+            repeats=options.repeats,
+            time_limit=options.time_limit,
+            on_step=status.update,
+        )
+    found = described(timed, len(labels.ids), options)
+    make_directory(options.out.resolve().parent)
+    write_text(options.out, json.dumps(found, indent=1, ensure_ascii=False) + "\n")
+    if options.json:
+        print(json.dumps(found, indent=1, ensure_ascii=False))
+    else:
+        print(table(found["rows"]))
+        print(f"\n{len(labels.ids)} meshes of {options.dataset}, one thread each: {options.out}")
+    return 0
+
+
+def described(timed: Sequence[Timed], count: int, options: argparse.Namespace) -> dict[str, Any]:
+    """Return what the file holds: a row for every predictor but LaPy as the reference."""
+    lapy, *others = timed
+    left = count - options.batch_size * np.arange(len(lapy.seconds))
+    sizes = np.minimum(options.batch_size, left)
+    peers = {"LaPy": lapy.seconds}
+    peers |= {t.loaded.meta["name"]: t.seconds for t in others if t.path in options.against}
+    return {
+        "timing_version": timing.VERSION,
+        "dataset": options.dataset,
+        "meshes": count,
+        "repeats": options.repeats,
+        "hardware": record.hardware(),
+        "environment": record.environment(),
+        "rows": [_row(one, sizes, peers, options) for one in others],
+    }
+
+
+def _row(
+    one: Timed, sizes: np.ndarray, peers: dict[str, np.ndarray], options: argparse.Namespace
+) -> dict[str, Any]:
+    file, variant = split(one.path)
+    each = 1e3 * one.seconds / sizes
+    low, middle, high = np.percentile(each, [25, 50, 75])
+    lapy = peers["LaPy"]
+    return {
+        "name": one.loaded.meta["name"],
+        "code": f"{file.name}:{variant}" if variant else file.name,
+        "sources": one.status.sources,
+        "loading_seconds": one.loading,
+        "cost": {
+            "ms_per_mesh": float(middle),
+            "ms_per_mesh_quartiles": [float(low), float(high)],
+            "ms_per_mesh_mean": float(1e3 * one.seconds.sum() / sizes.sum()),
+            "batch_size": options.batch_size,
+            "threads": 1,
+            "cores_used": float(one.cpu_seconds.sum() / one.seconds.sum()),
+            "device": "cpu",
+            "peak_memory_mb": one.status.peak_bytes / 2**20,
+            "hardware": record.hardware(),
+            "reference": {
+                "solver": "LaPy",
+                "meshes": int(sizes.sum()),
+                "ms_per_mesh": float(1e3 * lapy.sum() / sizes.sum()),
+                **timing.ratio(lapy, one.seconds),
+            },
+            "peers": {
+                name: timing.ratio(seconds, one.seconds)
+                for name, seconds in peers.items()
+                if name != "LaPy"
+            },
+        },
+    }
+
+
+def table(rows: Sequence[dict[str, Any]]) -> str:
+    """Return the times as text, the fastest first."""
+    lines = []
+    for row in sorted(rows, key=lambda row: row["cost"]["ms_per_mesh_mean"]):
+        cost = row["cost"]
+        ratios = [cost["reference"], *cost["peers"].values()]
+        cells = [f"{r['ratio']:.3g} ({r['low']:.3g} to {r['high']:.3g})" for r in ratios]
+        lines.append(
+            [
+                row["name"],
+                number(cost["ms_per_mesh_mean"], 2),
+                *cells,
+                number(cost["cores_used"], 2),
+            ]
+        )
+    peers = list(rows[0]["cost"]["peers"]) if rows else []
+    headers = [
+        "model",
+        "ms a mesh",
+        *(f"× faster than {name}" for name in ["LaPy", *peers]),
+        "cores",
+    ]
+    return str(tabulate(lines, headers=headers, disable_numparse=True))

@@ -1,0 +1,60 @@
+"""How near the shapes of a test are to those of training: what a test measures."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from eigbench.scoring import targets, truth
+from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.truth import SURFACE, Truth
+
+
+@lru_cache(maxsize=16)
+def distances(version: str, protocol: str) -> NDArray[np.float64]:
+    """Return the distance of each tested shape to the nearest that may be trained on.
+
+    Parameters
+    ----------
+    version, protocol : str
+        As of :func:`eigbench.scoring.truth.load`.
+
+    Returns
+    -------
+    ndarray of shape (shapes,), float64
+        The largest difference of the logarithms of two spectra, each divided by its geometric
+        mean: the largest relative difference, scale apart. Of surfaces where they are known, else
+        of the meshes' labels.
+
+    Examples
+    --------
+    >>> apart = distances("1.0-mini", "grouped")
+    >>> len(apart), bool((apart >= 0).all())
+    (34, True)
+    """
+    tested = _shapes(truth.load(version, "test", protocol))
+    apart = np.empty(len(tested.ids))
+    for training in np.unique(tested.trainings).tolist():
+        _, _, name = training.partition("/")
+        trained = _shapes(truth.load(version, "train", name))
+        mine = tested.trainings == training
+        tree = cKDTree(_form(trained))
+        apart[mine] = tree.query(_form(tested.take(mine)), p=np.inf)[0]
+    return apart
+
+
+def _shapes(labels: Truth) -> Truth:
+    """Return one instance of each shape, with the spectra of the surfaces where they are known."""
+    _, first = np.unique(labels.shapes, return_index=True)
+    one = labels.take(np.sort(first))
+    known = None if labels.protocol.startswith(IMPORTED) else targets.at(one, SURFACE)
+    return one if known is None else known
+
+
+def _form(labels: Truth) -> NDArray[np.float64]:
+    """Return the logarithms of spectra without their scale, shape (n, k)."""
+    logs = np.log(labels.eigenvalues)
+    return np.asarray(logs - logs.mean(axis=1, keepdims=True))
