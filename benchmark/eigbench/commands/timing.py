@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from tabulate import tabulate
 
@@ -98,7 +99,7 @@ def run_time(options: argparse.Namespace) -> int:
             time_limit=options.time_limit,
             on_step=status.update,
         )
-    found = described(timed, len(labels.ids), options)
+    found = described(timed, np.sort(instances.vertices(labels.ids)), options)
     make_directory(options.out.resolve().parent)
     write_text(options.out, json.dumps(found, indent=1, ensure_ascii=False) + "\n")
     if options.json:
@@ -109,17 +110,23 @@ def run_time(options: argparse.Namespace) -> int:
     return 0
 
 
-def described(timed: Sequence[Timed], count: int, options: argparse.Namespace) -> dict[str, Any]:
-    """Return what the file holds: a row for every predictor but LaPy as the reference."""
+def described(
+    timed: Sequence[Timed], vertices: NDArray[np.int64], options: argparse.Namespace
+) -> dict[str, Any]:
+    """Return what the file holds: a row for every predictor but LaPy as the reference.
+
+    ``vertices`` are those of the meshes, ascending as they were timed.
+    """
     lapy, *others = timed
-    left = count - options.batch_size * np.arange(len(lapy.seconds))
-    sizes = np.minimum(options.batch_size, left)
+    parts = np.split(vertices, range(options.batch_size, len(vertices), options.batch_size))
+    sizes = np.array([len(part) for part in parts])
     peers = {"LaPy": lapy.seconds}
     peers |= {t.loaded.meta["name"]: t.seconds for t in others if t.path in options.against}
     return {
         "timing_version": timing.VERSION,
         "dataset": options.dataset,
-        "meshes": count,
+        "meshes": len(vertices),
+        "vertices": [round(float(part.mean()), 1) for part in parts],  # mean of each batch
         "repeats": options.repeats,
         "hardware": record.hardware(),
         "environment": record.environment(),
@@ -139,6 +146,7 @@ def _row(
         "code": f"{file.name}:{variant}" if variant else file.name,
         "sources": one.status.sources,
         "loading_seconds": one.loading,
+        "ms_by_batch": [float(f"{value:.5g}") for value in each],
         "cost": {
             "ms_per_mesh": float(middle),
             "ms_per_mesh_quartiles": [float(low), float(high)],

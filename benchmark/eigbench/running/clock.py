@@ -60,15 +60,17 @@ def together(
 ) -> list[Timed]:
     """Time predictors on all instances of a truth, one thread each.
 
-    The batches are in the order of :attr:`Truth.order`; each goes ``repeats`` times to every
-    predictor, and who is first changes from one time to the next.
+    A batch holds meshes of about one size, so that its time tells what a mesh of that size costs.
+    Each goes ``repeats`` times to every predictor, and who is first changes from one time to the
+    next.
 
     Raises
     ------
     PredictorError
         If one fails, answers with the wrong shape or type, hangs or dies.
     """
-    ids = [truth.ids[i] for i in truth.order]
+    vertices = instances.vertices(truth.ids)
+    ids = [truth.ids[i] for i in np.argsort(vertices, kind="stable")]
     k = truth.eigenvalues.shape[1]
     training = str(truth.trainings[0])
     batches = [ids[first : first + batch_size] for first in range(0, len(ids), batch_size)]

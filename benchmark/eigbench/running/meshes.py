@@ -29,6 +29,10 @@ class Instances:
     shapes: Mapping[str, Mesh]
     isometries: Mapping[str, NDArray[np.float64]]
 
+    def vertices(self, ids: Sequence[str]) -> NDArray[np.int64]:
+        """Return the number of vertices of instances, shape (n,)."""
+        return np.array([len(self.shapes[id.rpartition("/")[0]].vertices) for id in ids])
+
     def mesh(self, id: str) -> Mesh:
         """Return the mesh of an instance, such as ``cone-00042/3``, as :func:`view` does."""
         shape, _, number = id.rpartition("/")

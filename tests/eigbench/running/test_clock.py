@@ -1,0 +1,101 @@
+"""One clock for all rows: what is timed, what the file holds, and where the board shows it."""
+
+import json
+
+import numpy as np
+import pytest
+from eigbench.board import leaderboard
+from eigbench.results import submission, timing
+from eigbench.running import clock, meshes
+
+from synthnet import store
+
+SLOW = "import time\nimport numpy as np\nMETA = {'name': 'NAME', 'kind': 'classical'}\n" + (
+    "def predict(meshes):\n"
+    "    time.sleep(SECONDS * len(meshes))\n"
+    "    return np.ones((len(meshes), 10))\n"
+)
+
+
+@pytest.fixture
+def two(predictor_file):
+    return [
+        predictor_file(SLOW.replace("NAME", name).replace("SECONDS", seconds), f"{name}.py")
+        for name, seconds in (("fast", "0.002"), ("slow", "0.02"))
+    ]
+
+
+def test_every_predictor_gets_every_batch_and_batches_go_by_size(two, mini_truth, mini_home):
+    labels = mini_truth.head(7)
+    instances = meshes.read(store.open_dataset("1.0-mini", mini_home), labels.ids)
+    steps = []
+    timed = clock.together(
+        two,
+        labels,
+        instances,
+        batch_size=3,
+        repeats=2,
+        time_limit=60,
+        on_step=steps.append,
+    )
+    assert [one.loaded.meta["name"] for one in timed] == ["fast", "slow"]
+    assert steps.count("batch 3 of 3: slow.py") == 2
+    first = [step for step in steps if step.startswith("batch 1 of 3")]
+    assert first == [f"batch 1 of 3: {name}.py" for name in ("fast", "slow", "slow", "fast")]
+    for one, seconds in zip(timed, (0.002, 0.02), strict=True):
+        assert (one.seconds >= seconds * np.array([3, 3, 1])).all()
+    assert timed[1].seconds.sum() > 2 * timed[0].seconds.sum()
+
+
+def test_ratio_is_that_of_the_whole_times_with_an_interval_over_batches():
+    own, theirs = np.array([1.0, 1.0, 2.0]), np.array([2.0, 3.0, 4.0])
+    found = timing.ratio(theirs, own)
+    assert found["ratio"] == 9 / 4
+    assert found["low"] == 2.0
+    assert found["high"] == 3.0
+    assert timing.ratio(own, own) == {"ratio": 1.0, "low": 1.0, "high": 1.0}
+
+
+@pytest.mark.slow
+def test_command_writes_times_that_the_board_shows(
+    eigbench, two, mini_home, mini_truth, make_submission, tmp_path
+):
+    board = tmp_path / "board"
+    out = board / "benchmark" / "timing" / "1.0-mini.json"
+    wanted = [*two, "--against", two[1], "--dataset", "1.0-mini", "--root", mini_home]
+    code, said, err = eigbench("time", *wanted, "--meshes", 12, "--repeats", 1, "--out", out)
+    assert code == 0, err
+    assert "× faster than slow" in said
+    told = json.loads(out.read_text())
+    fast, slow = told["rows"]
+    assert told["meshes"] == 12
+    assert told["vertices"] == sorted(told["vertices"])
+    assert slow["cost"]["peers"]["slow"] == {"ratio": 1.0, "low": 1.0, "high": 1.0}
+    assert fast["cost"]["peers"]["slow"]["ratio"] > 2
+    known = make_submission(
+        "fast", mini_truth.eigenvalues * 1.01, code=fast["code"], sources=fast["sources"]
+    )
+    changed = make_submission(
+        "slow", mini_truth.eigenvalues * 1.02, code="slow.py", sources={"slow.py": "0" * 64}
+    )
+    for path in (known, changed):
+        leaderboard.add(submission.read(path), board)
+    rows = {row.name: row for row in leaderboard.read(board)}
+    assert rows["fast"].result["cost"]["ms_per_mesh"] == fast["cost"]["ms_per_mesh"]
+    assert rows["slow"].result["cost"]["ms_per_mesh"] != slow["cost"]["ms_per_mesh"]
+    text = leaderboard.generate(rows.values(), [])
+    assert "| against slow |" in text[leaderboard.BOARDS / "1.0-mini-test-grouped-mesh.md"]
+
+
+def test_a_peer_that_is_not_timed_is_one_line(eigbench, two, tmp_path):
+    code, _, err = eigbench("time", two[0], "--against", two[1])
+    assert code == 2
+    assert "slow.py: name it among the predictors too" in err
+
+
+def test_a_file_that_holds_no_times_is_one_line(tmp_path):
+    path = tmp_path / timing.FOLDER / "1.0.json"
+    path.parent.mkdir(parents=True)
+    path.write_text("[]")
+    with pytest.raises(timing.ResultError, match="holds no times of `eigbench time`"):
+        timing.read(tmp_path)
