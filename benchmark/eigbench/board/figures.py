@@ -152,7 +152,7 @@ def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -
         return
     x = np.array(points)[:, 0]
     axes.set_xlim(x.min() / 1.8, x.max() * 4)
-    offsets = _label_offsets(axes, points, notes)
+    offsets = label_offsets(axes, points, notes)
     for note, (dx, dy, side), point in zip(notes, offsets, points, strict=True):
         axes.annotate(
             note, point, (dx, dy), textcoords="offset points", ha=side, va="center", fontsize=8
@@ -164,7 +164,7 @@ def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -
     axes.legend(handles=handles, loc="lower left", fancybox=False, edgecolor="0.8", fontsize=8)
 
 
-def _label_offsets(
+def label_offsets(
     axes: mpl.axes.Axes, points: Sequence[tuple[float, float]], notes: Sequence[str]
 ) -> list[tuple[float, float, str]]:
     """Return for each note an offset in points and a side, so that few notes overlap.

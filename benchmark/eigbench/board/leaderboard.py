@@ -22,7 +22,15 @@ from pathlib import Path
 from typing import Any
 
 from eigbench import results
-from eigbench.board import export, figures, generalisation, page, ranking, scaling_page
+from eigbench.board import (
+    answer_figure,
+    export,
+    figures,
+    generalisation,
+    page,
+    ranking,
+    scaling_page,
+)
 from eigbench.board.marks import marked
 from eigbench.board.ranking import Ranked
 from eigbench.errors import ResultError
@@ -31,6 +39,7 @@ from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
 from eigbench.scoring.targets import TARGETS
 from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.truth import SURFACE
 from synthnet import recipe
 from synthnet.types import PROTOCOLS
 
@@ -167,7 +176,11 @@ def generate(
         if protocols is not None:
             path = FIGURES / f"{protocols.version}-generalisation-{protocols.target}.svg"
             generated[path] = figures.generalisation(protocols)
-            opening += page.generalised(protocols, path.as_posix())
+            pictures = [path]
+            if submission.target == SURFACE:
+                pictures.insert(0, FIGURES / f"{protocols.version}-answer.svg")
+                generated[pictures[0]] = answer_figure.draw(protocols)
+            opening += page.generalised(protocols, [picture.as_posix() for picture in pictures])
             if first:
                 tops.append(page.generalised_top(protocols, page.TOP))
         if first:

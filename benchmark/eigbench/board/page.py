@@ -175,15 +175,15 @@ def _cost(group: Group[Ranked], rows: Sequence[Ranked]) -> str:
     )
 
 
-def generalised(board: Board, figure: str) -> list[str]:
-    """Return the section of a version's protocols at a target, with the path of its figure."""
+def generalised(board: Board, drawn: Sequence[str]) -> list[str]:
+    """Return the section of a version's protocols at a target, with the paths of its figures."""
     marks = generalisation.remark_marks(board, board.rows)
     return [
         f"## synthNet {board.version}: shapes unlike those of training, {NAMES[board.target]}\n",
         f"{generalisation.EXPLAINED}\n",
         *(_protocols(board, board.rows, key, marks) for key in generalisation.SHOWN),
         *(f"{line}\n" for _, line in marks.values()),
-        f"![Error under each protocol]({figure})\n",
+        *(f"![Error to the target, by model]({figure})\n" for figure in drawn),
     ]
 
 

@@ -1,0 +1,113 @@
+"""The figure that answers when a prediction beats the solver: error to the surface against time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eigbench.board.figures import KINDS, as_svg, escaped, label_offsets, style
+from eigbench.board.generalisation import Board
+from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.results.submission import Submission
+from eigbench.scoring import scores
+from eigbench.scoring.metrics import METRICS
+from synthnet import recipe
+
+if TYPE_CHECKING:
+    import matplotlib as mpl
+
+UNSEEN = "family"  # the protocol whose scores stand beside those on familiar shapes
+SLOWEST_ERROR = 2.0  # rows with larger errors, which look at next to nothing, are left out
+
+
+def draw(board: Board, solver: str = "synthnet-certified") -> str:
+    """Return an SVG of mean error to the surface against ms a mesh, both logarithmic.
+
+    A filled mark is a model's error on shapes like those of its training, an open one that on
+    families it has not seen. The line is an exact solver of the meshes, on the coarse, medium and
+    fine ones of the same surfaces: what a user has who refines.
+
+    Parameters
+    ----------
+    board : Board
+        A version's rows and protocols against the surface.
+    solver : str
+        The row that the line is of.
+    """
+    rows = [row for row in board.rows if _error(row) <= SLOWEST_ERROR]
+    with style() as new_figure:
+        figure = new_figure(figsize=(7.2, 5.0))
+        axes = figure.subplots()
+        figure.subplots_adjust(0.09, 0.1, 0.98, 0.97)
+        points, notes = [], []
+        for row in rows:
+            time = float(row.submission.result["cost"]["ms_per_mesh_mean"])
+            colour, marker = KINDS[row.submission.result["model"]["kind"]]
+            known, unseen = _error(row), board.scored(row.submission, UNSEEN, RANKED_BY).score
+            if unseen is not None and unseen > 1.02 * known:
+                axes.plot([time, time], [known, unseen], color=colour, lw=0.8, zorder=1)
+                axes.plot(time, unseen, marker, color=colour, mfc="white", ms=6, zorder=3)
+            axes.plot(time, known, marker, color=colour, ms=6, zorder=3)
+            points.append((time, known))
+            notes.append(escaped(row.submission.name))
+        _solver_line(axes, board, solver)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        x = np.array(points)[:, 0]
+        axes.set_xlim(x.min() / 2, x.max() * 3)
+        axes.set_xlabel("ms a mesh, from raw vertices and faces, one thread")
+        axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the spectrum of the surface")
+        axes.grid(alpha=0.25)
+        offsets = label_offsets(axes, points, notes)
+        for note, (dx, dy, side), point in zip(notes, offsets, points, strict=True):
+            axes.annotate(
+                note, point, (dx, dy), textcoords="offset points", ha=side, va="center", fontsize=7
+            )
+        _legend(axes)
+        return as_svg(figure)
+
+
+def _error(row: Ranked) -> float:
+    mean = row.scores["overall"][RANKED_BY]["mean"]
+    return np.inf if mean is None else float(mean)
+
+
+def _solver_line(axes: mpl.axes.Axes, board: Board, slug: str) -> None:
+    """Draw the errors and times of a solver by the size of the meshes, where it was timed so."""
+    for row in board.rows:
+        times = row.submission.result["cost"].get("ms_by_batch")
+        if row.submission.slug != slug or times is None:
+            continue
+        errors = by_size(row.submission)
+        means = [float(np.mean(part)) for part in np.array_split(np.array(times), len(errors))]
+        axes.plot(means, list(errors.values()), "-", color=KINDS["classical"][0], lw=1.6, zorder=2)
+        for time, (name, error) in zip(means, errors.items(), strict=True):
+            axes.plot(time, error, ".", color=KINDS["classical"][0], ms=5, zorder=2)
+            axes.annotate(
+                f"{name} meshes", (time, error), (4, 6), textcoords="offset points", fontsize=7
+            )
+
+
+def by_size(submission: Submission) -> dict[str, float]:
+    """Return the mean error over the instances of each size of mesh that a version makes."""
+    wanted = recipe.load(submission.truth.version)
+    values = scores.of_metric(submission.truth, submission.predictions, RANKED_BY).mean(axis=0)
+    numbers = np.array([int(shape.rpartition("-")[2]) for shape in submission.truth.shapes])
+    return {
+        size.name: float(values[numbers % wanted.copies == i].mean())
+        for i, size in enumerate(wanted.sizes or ())
+    }
+
+
+def _legend(axes: mpl.axes.Axes) -> None:
+    handles = [
+        axes.plot([], [], marker, color=colour, ls="", label=kind)[0]
+        for kind, (colour, marker) in KINDS.items()
+    ]
+    blue = KINDS["classical"][0]
+    handles += [
+        axes.plot([], [], "o", color="0.4", mfc="white", ls="", label="on families unseen")[0],
+        axes.plot([], [], "-", color=blue, lw=1.6, label="exact solver, by size of mesh")[0],
+    ]
+    axes.legend(handles=handles, loc="lower left", fancybox=False, edgecolor="0.8", fontsize=7.5)
