@@ -39,13 +39,28 @@ SEEDS = {  # of each row's predictor
     "decimate1000": 1,
     "lumped": 1,
     "exact": 1,
+    "lapy_cholmod": 1,
     "certified": 1,
     "multilevel": 1,
+    "two_masses": 1,
+    "quadratic": 1,
+    "richardson": 1,
     "ritz_mlp": 3,
+    "kriging": 1,
+    "ritz_mlp_surface": 3,
+    "spectrum_mlp": 3,
     "reproduction:modern": 1,
     "gcn_scale_free": 1,
 }
-TRAINED = ("mean", "boosted_trees", "ritz_mlp", "gcn_scale_free")  # on the set they are asked for
+TRAINED = (  # on the set they are asked for
+    "mean",
+    "boosted_trees",
+    "ritz_mlp",
+    "gcn_scale_free",
+    "kriging",
+    "ritz_mlp_surface",
+    "spectrum_mlp",
+)
 ONLY = {"gcn_scale_free": "2.0"}  # trained on that alone
 BATCH = {"1.0": 200, "2.0": 50}  # meshes: 2.0's are six times as large
 PROTOCOLS = ("grouped", "family", "resolution", "genus", "boundary", "imported/real-28")

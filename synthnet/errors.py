@@ -10,6 +10,7 @@ from contextlib import contextmanager
 # Packages that an installation may lack, by the name that is imported: the package's own
 # name, and the extra of this project that brings it.
 OPTIONAL = {
+    "cholespy": ("cholespy", "cholmod"),
     "datasets": ("datasets", "datasets"),
     "distributed": ("distributed", "dask"),
     "lapy": ("LaPy", "verify"),

@@ -11,6 +11,13 @@ solver, in the order of use: :mod:`~synthnet.spectrum.fem` assembles the matrice
 first use and cached on disk.
 """
 
-from synthnet.spectrum.solve import compile_solver, compute, count_below, fem_matrices
+from synthnet.spectrum.solve import (
+    assemble,
+    compile_solver,
+    compute,
+    count_below,
+    fem_matrices,
+    of_matrices,
+)
 
-__all__ = ["compile_solver", "compute", "count_below", "fem_matrices"]
+__all__ = ["assemble", "compile_solver", "compute", "count_below", "fem_matrices", "of_matrices"]

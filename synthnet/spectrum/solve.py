@@ -67,7 +67,7 @@ def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     >>> bool(abs(stiffness.sum(axis=0)).max() < 1e-15)  # constants are in its kernel
     True
     """
-    return _sparse(_assemble(mesh))
+    return _sparse(assemble(mesh))
 
 
 def _sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
@@ -79,7 +79,14 @@ def _sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     return stiffness, mass
 
 
-def _assemble(mesh: Mesh) -> Matrices:
+def assemble(mesh: Mesh) -> Matrices:
+    """Return the matrices of :func:`fem_matrices` in the form that the solver takes.
+
+    Raises
+    ------
+    ValueError
+        If a triangle has no area, or a vertex no triangle.
+    """
     unused = len(mesh.vertices) - np.count_nonzero(np.bincount(mesh.faces.ravel()))
     if unused:
         raise ValueError(f"{unused} vertices belong to no triangle: remove them first")
@@ -147,7 +154,29 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
     n = len(mesh.vertices)
     if not 1 <= k <= n - 1:
         raise ValueError(f"k must be between 1 and {n - 1} for {n} vertices, got {k}")
-    matrices = _assemble(mesh)
+    return of_matrices(assemble(mesh), k)
+
+
+def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
+    """Compute the first k eigenvalues after the trivial zero of other elements, or another mass.
+
+    As :func:`compute`, but that M is at most 15 B for quadratic elements, in Bernstein's form, so
+    that there an eigenvalue is within twice a pair's residual of λ.
+
+    Parameters
+    ----------
+    matrices : Matrices
+        The constant 1 is the vector of ones.
+    k : int
+        Number of eigenvalues, below the number of unknowns.
+
+    Raises
+    ------
+    CertificateError
+        If the stronger setting's answer cannot be certified either.
+    SpectrumError
+        If the iteration does not converge or a factorisation breaks down.
+    """
     ordering = find_ordering(matrices.indptr, matrices.indices)
     try:
         return _certified(matrices, ordering, k, NORMAL)
@@ -184,7 +213,7 @@ def count_below(mesh: Mesh, *shifts: float) -> list[int]:
     >>> count_below(sphere, 1.0, 4.0, 9.0)  # of 0, then 2 three times, then 6 five times
     [1, 4, 9]
     """
-    matrices = _assemble(mesh)
+    matrices = assemble(mesh)
     ordering = find_ordering(matrices.indptr, matrices.indices)
     return [inertia(matrices, ordering, shift).negative for shift in shifts]
 

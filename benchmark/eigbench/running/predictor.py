@@ -50,6 +50,7 @@ META_KEYS = (
     "training_data",
     "training_cost",
     "hardware",
+    "target",
 )
 META_LENGTH = 300
 KINDS = ("trivial", "classical", "learned")
