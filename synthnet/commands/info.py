@@ -8,6 +8,7 @@ from collections import Counter
 from synthnet import store
 from synthnet.commands.options import Commands, add_command, print_json
 from synthnet.commands.report import family_table, summary
+from synthnet.recipe import Kind
 from synthnet.store import limits, storage
 from synthnet.types import SPLITS
 
@@ -44,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     print(f"\nversion    {manifest.version}  (recipe {manifest.recipe_digest[:12]})")
     print(f"directory  {dataset.directory}")
     print(f"size       {size / 1e6:,.1f} MB in {len(manifest.shards)} shards")
-    print(f"limits     {_say_limits(surfaces)}")
+    print(f"limits     {_say_limits(surfaces, dataset.kind)}")
     print("splits     " + ", ".join(f"{name} {splits[name]:,}" for name in SPLITS))
     print("made with  " + ", ".join(f"{k} {v}" for k, v in manifest.packages.items()))
     for rejection in manifest.rejections:
@@ -64,10 +65,10 @@ def _count_limits(dataset: store.StoredDataset) -> dict[str, int]:
     return {"labels": len(above), "failing": above.count(False)}
 
 
-def _say_limits(counts: dict[str, int]) -> str:
+def _say_limits(counts: dict[str, int], kind: Kind) -> str:
     labels, failing = counts["labels"], counts["failing"]
     if not labels:
-        return "none (--limits)"
+        return "none (meshes alone)" if kind is Kind.IMPORTED else "none (--limits)"
     return (
         f"of {labels:,} labels; {failing:,} ({failing / labels:.1%}) are 20 dB or less from theirs"
     )

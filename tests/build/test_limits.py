@@ -21,7 +21,7 @@ from synthnet.build import versions
 from synthnet.build.jobs import BuildReport, exclusive
 from synthnet.build.versions import build
 from synthnet.build.workers import Engine, given
-from synthnet.commands import cli
+from synthnet.commands import cli, info
 from synthnet.errors import BuildError, DamagedError, SpectrumError, StoreError
 from synthnet.families import FAMILIES
 from synthnet.families.family import Family
@@ -333,6 +333,8 @@ def test_show_and_info_say_what_is_there(
     assert json.loads(capsys.readouterr().out)["limit"] is None
     cli.main(["show", row.id, *place])
     assert "limits" not in capsys.readouterr().out
+    said = info._say_limits({"labels": 0, "failing": 0}, recipe.Kind.IMPORTED)
+    assert said == "none (meshes alone)"
 
 
 # Verified
