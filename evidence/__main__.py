@@ -17,7 +17,6 @@ from synthnet.errors import SynthNetError
 PICTURES = ("growth", "1.0", "2.0", "readme")
 PINS = {
     "version": "the shapes of a built version",
-    "errors": "the error estimates of a version built with --error-estimates",
     "limits": "the spectra of the surfaces of a version's shapes, with error bars",
     "scaling": "meshes, labels and limits of the scaling track",
     "voronoi": "libigl's mass matrices for the tests (pip install libigl)",
@@ -160,8 +159,7 @@ def run_pin(options: argparse.Namespace) -> int:
     elif options.what == "limits":
         pins.pin_limits(options.version, options.out, options.workers)
     else:
-        pin = {"version": pins.pin_version, "errors": pins.pin_errors}[options.what]
-        pin(options.version, options.out)
+        pins.pin_version(options.version, options.out)
     return 0
 
 

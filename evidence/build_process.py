@@ -89,19 +89,18 @@ def group(leader: int) -> Iterator[tuple[int, str]]:
                 yield int(entry.name), (entry / "cmdline").read_text().replace("\0", " ")
 
 
-def contents(home: Path, *, estimates: bool = True) -> Files:
-    """Return all files of a dataset but the lock, with or without the error estimates."""
+def contents(home: Path) -> Files:
+    """Return all files of a dataset but the lock."""
     directory = home / VERSION
-    files = {
+    return {
         str(path.relative_to(directory)): path.read_bytes()
         for path in sorted(directory.rglob("*"))
         if path.is_file() and path.name != ".lock"
     }
-    return {name: c for name, c in files.items() if estimates or not name.startswith("errors/")}
 
 
 def shards_written(home: Path) -> int:
-    """Return how many shards and files of estimates are complete."""
+    """Return how many shards and files of limits are complete."""
     return sum(1 for _ in (home / VERSION).glob("*/[!.]*.parquet"))
 
 
@@ -129,13 +128,13 @@ def everything(name: str) -> bool:
 
 
 def small_ones(name: str) -> bool:
-    """Leave out the manifest, and the shards and estimates that take little time."""
+    """Leave out the manifest, and the shards that take little time, with their limits."""
     return not Path(name).name.startswith(LARGE)
 
 
-def finish(home: Path, expected: Files, *options: str) -> str | None:
+def finish(home: Path, expected: Files) -> str | None:
     """Run the build again; return how its files differ from the expected ones."""
-    build = Build(home, *options)
+    build = Build(home)
     return build.failure() if build.wait() else difference(contents(home), expected)
 
 

@@ -82,8 +82,8 @@ def measure(*, kills: int = 50, flips: int = 200, seed: int = 0, only: Sequence[
         faults = all_faults(reference, folder, kills, flips)
         if unknown := {*only} - {*faults}:
             raise ValueError(f"no fault {min(unknown)!r}: there are {', '.join(faults)}")
-        sys.stderr.write("an undisturbed build, with error estimates, to compare with\n")
-        build = Build(reference, "--error-estimates")
+        sys.stderr.write("an undisturbed build to compare with\n")
+        build = Build(reference)
         if build.wait():
             raise RuntimeError(f"an undisturbed build fails: {build.failure()}")
         shards = [name for name in contents(reference) if name.startswith("shards/")]
@@ -105,12 +105,9 @@ def all_faults(
     reference: Path, folder: Path, kills: int, flips: int
 ) -> dict[str, Callable[[random.Random], Outcome]]:
     """Return the faults by name, in the order of the page."""
-    with_estimates, few = kills // 5, max(1, kills // 10)
+    few = max(1, kills // 10)
     return {
-        "killed": lambda rng: kill_builds(reference, folder, kills - with_estimates, rng),
-        "killed with --error-estimates": lambda rng: kill_builds(
-            reference, folder, with_estimates, rng, "--error-estimates", missing=small_ones
-        ),
+        "killed": lambda rng: kill_builds(reference, folder, kills, rng),
         "disk full": lambda rng: fill_disks(reference, folder, few, rng),
         "byte altered": lambda rng: flip_bytes(reference, folder, flips, rng),
         "out of memory": lambda rng: starve_workers(reference, folder, few, rng),
@@ -127,44 +124,42 @@ def kill_builds(
     folder: Path,
     kills: int,
     rng: random.Random,
-    *options: str,
+    *,
     missing: Missing = everything,
     seconds: float | None = None,
 ) -> Outcome:
     """Kill builds at random times, and what resumes them, and let the last one finish."""
-    outcome = Outcome(" with ".join(["killed", *options]))
-    expected = contents(reference, estimates="--error-estimates" in options)
-    seconds = seconds or undisturbed_seconds(expected, folder, missing, *options)
+    outcome = Outcome("killed")
+    expected = contents(reference)
+    seconds = seconds or undisturbed_seconds(expected, folder, missing)
     while outcome.cases < kills:
         with begun(folder, expected, missing) as home:
             done = 0
             for _ in range(rng.randint(1, 3)):
-                killed = kill_once(home, seconds, len(expected), rng, outcome, *options)
+                killed = kill_once(home, seconds, len(expected), rng, outcome)
                 done += killed
                 if not killed or outcome.cases + done == kills:
                     break
-            problem = finish(home, expected, *options)
+            problem = finish(home, expected)
             for _ in range(done):
                 outcome.judge(problem)
     return outcome
 
 
-def undisturbed_seconds(expected: Files, folder: Path, missing: Missing, *options: str) -> float:
+def undisturbed_seconds(expected: Files, folder: Path, missing: Missing) -> float:
     """Return how long the build takes that is to be killed."""
     with begun(folder, expected, missing) as home:
         started = time.monotonic()
-        build = Build(home, *options)
+        build = Build(home)
         if build.wait():
             raise RuntimeError(f"an undisturbed build fails: {build.failure()}")
         return time.monotonic() - started
 
 
-def kill_once(
-    home: Path, seconds: float, files: int, rng: random.Random, outcome: Outcome, *options: str
-) -> bool:
+def kill_once(home: Path, seconds: float, files: int, rng: random.Random, outcome: Outcome) -> bool:
     """Start a build and kill it; return whether it was not too late."""
     at_the_end, victim = rng.random() < AT_THE_END, rng.choice(VICTIMS)
-    build = Build(home, *options)
+    build = Build(home)
     if at_the_end:
         while build.process.poll() is None and shards_written(home) < files - 1:
             time.sleep(0.002)
@@ -196,7 +191,7 @@ def fill_disks(
 ) -> Outcome:
     """Build on disks too small, then give them room."""
     outcome = Outcome("disk full")
-    expected = contents(reference, estimates=False)
+    expected = contents(reference)
     given = sum(len(content) for name, content in expected.items() if not missing(name))
     rest = sum(map(len, expected.values())) - given
     for number in range(cases):
@@ -234,7 +229,7 @@ def starve_workers(
 ) -> Outcome:
     """Take the memory from a worker at work, by the kernel's limit of its data."""
     outcome = Outcome("out of memory")
-    expected = contents(reference, estimates=False)
+    expected = contents(reference)
     for _ in range(cases):
         with begun(folder, expected, missing) as home:
             outcome.judge(starve(home, expected, rng, outcome))
@@ -276,11 +271,10 @@ def data_bytes(process: int) -> int:
 def build_twice(reference: Path, folder: Path, cases: int, rng: random.Random) -> Outcome:
     """Start two builds in one directory at once, with --wait and without."""
     outcome = Outcome("two at once")
+    expected = contents(reference)
     pairs = [((), ()), (("--wait",), ("--wait",)), ((), ("--wait",))]
-    pairs += [(("--wait",), ("--wait", "--error-estimates"))]
     for number in range(cases):
         options = pairs[number % len(pairs)]
-        expected = contents(reference, estimates="--error-estimates" in options[1])
         with begun(folder, expected, small_ones) as home:
             outcome.judge(twice(home, expected, options, rng, outcome))
     return outcome
@@ -323,7 +317,7 @@ def build_twice_at_a_url(reference: Path, cases: int, rng: random.Random) -> Out
     os.environ |= {"AWS_ENDPOINT_URL": endpoint, "AWS_DEFAULT_REGION": "us-east-1"}
     os.environ |= {"AWS_ACCESS_KEY_ID": "a", "AWS_SECRET_ACCESS_KEY": "b"}
     system = s3fs.S3FileSystem(endpoint_url=endpoint)
-    expected = contents(reference, estimates=False)
+    expected = contents(reference)
     for number in range(cases):
         system.mkdir(f"data-{number}")
         outcome.judge(twice_at(f"s3://data-{number}", expected, system, rng))
@@ -359,8 +353,8 @@ def flip_bytes(
     """Alter one byte of one file at a time: verify must name it, a build mend or refuse."""
     outcome = Outcome("byte altered")
     expected = contents(reference)
-    shards, errors = ([n for n in expected if n.startswith(d)] for d in ("shards/", "errors/"))
-    kinds = [kind for kind in (shards, shards, errors, [store.MANIFEST]) if kind]
+    shards, limits = ([n for n in expected if n.startswith(d)] for d in ("shards/", "limits/"))
+    kinds = [shards, shards, limits, [store.MANIFEST]]
     if report := verify_files(VERSION, root=reference).problems:
         raise RuntimeError(f"the reference is not in order: {report[0]}")
     with begun(folder, expected, lambda name: False) as home:
@@ -371,8 +365,7 @@ def flip_bytes(
             (home / VERSION / name).write_bytes(content)
             problem = unnoticed(home, name, outcome)
             if problem is None and number % build_every == 0:
-                options = ("--error-estimates",) if errors else ()
-                problem = unmended(home, name, expected, options, outcome)
+                problem = unmended(home, name, expected, outcome)
             outcome.judge(problem and f"{name}, byte {at} is {content[at]}: {problem}")
             (home / VERSION / name).write_bytes(expected[name])
     return outcome
@@ -392,11 +385,9 @@ def unnoticed(home: Path, name: str, outcome: Outcome) -> str | None:
     return "verify does not name it"
 
 
-def unmended(
-    home: Path, name: str, expected: Files, options: tuple[str, ...], outcome: Outcome
-) -> str | None:
+def unmended(home: Path, name: str, expected: Files, outcome: Outcome) -> str | None:
     """Return how a build over an altered file neither mends it nor refuses it by its name."""
-    build = Build(home, *options)
+    build = Build(home)
     if build.wait() == 0:
         outcome.seen["build: mended"] += 1
         return difference(contents(home), expected)
@@ -405,7 +396,7 @@ def unmended(
     outcome.refused += 1
     outcome.seen["build: refused"] += 1
     (home / VERSION / name).unlink()  # as the line says
-    return finish(home, expected, *options)
+    return finish(home, expected)
 
 
 def table(data: dict) -> str:

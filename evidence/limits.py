@@ -16,19 +16,16 @@ import threadpoolctl
 from eigbench.scoring import metrics
 
 from evidence import markdown
-from evidence.pins import ANY, surfaces_of
+from evidence.pins import surfaces_of
 from evidence.timing import progress
 from synthnet import recipe, spectrum
-from synthnet.build.discretisation import extrapolate
 from synthnet.families import FAMILIES
-from synthnet.families.limits import Limit
+from synthnet.families.limits import Limit, extrapolate
 from synthnet.families.surface_limits import limit
 from synthnet.store import pins
 
 COMPARED = 25
 LEVELS = (2, 3)  # of the meshes of linear elements: 16,000 and 64,000 vertices
-MESHED_AS = {"rectangular_prism": "cuboid", "tetrahedron": "simplex"}
-ADDED = {**ANY, "lean": 0.0}
 
 
 def measure(*, version: str) -> dict:
@@ -90,9 +87,8 @@ def second(name: str, parameters: dict) -> Limit:
 
 def linear(name: str, parameters: dict, levels: tuple[int, int]) -> list[np.ndarray]:
     """Return a surface's spectra by linear elements on its meshes of two levels of refinement."""
-    meshed = FAMILIES[MESHED_AS.get(name, name)]
-    size = {key: parameters.get(key, ADDED.get(key)) for key in meshed.least}
-    return [spectrum.compute(meshed.refine(size, level)).eigenvalues for level in levels]
+    meshes = (FAMILIES[name].refine(parameters, level) for level in levels)
+    return [spectrum.compute(mesh).eigenvalues for mesh in meshes]
 
 
 def of_labels(labels: np.ndarray, ids: list[str], limits: dict[str, Limit]) -> dict:

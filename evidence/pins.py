@@ -18,7 +18,6 @@ from eigbench.scaling import surfaces
 from evidence import ROOT
 from evidence.timing import progress
 from synthnet import recipe, store
-from synthnet.build import estimates
 from synthnet.build.workers import local_processes, one_thread
 from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES
@@ -37,19 +36,6 @@ def pin_version(version: str, target: Path | None = None) -> None:
     target = target or VERSIONS / f"{version}.lock.parquet"
     samples = progress(dataset.samples(), "pinning", dataset.manifest.rows)
     pins.write(target, (pins.pin(sample) for sample in samples))
-    print(f"{target}: {target.stat().st_size / 1e6:.2f} MB, {dataset.manifest.rows} shapes")
-
-
-def pin_errors(version: str, target: Path | None = None) -> None:
-    """Write ``<version>.errors.parquet``: error estimates as shares of the labels.
-
-    The version was built with ``--error-estimates``, which is several times the work of a build.
-    """
-    dataset = store.open_dataset(version)
-    target = target or VERSIONS / f"{version}.errors.parquet"
-    labels = (label for path in dataset.paths() for _, label in estimates.labels(path))
-    rows = zip(estimates.read(dataset), labels, strict=True)
-    pins.write_errors(target, {row.id: row.error / label for row, label in rows})
     print(f"{target}: {target.stat().st_size / 1e6:.2f} MB, {dataset.manifest.rows} shapes")
 
 

@@ -25,7 +25,7 @@ from synthnet.build.workers import Engine
 from synthnet.errors import BuildError, MeshImportError, StoreError
 from synthnet.mesh.reading import Reader
 from synthnet.recipe import Kind
-from synthnet.store import ImportDescription, StoredDataset, files
+from synthnet.store import ImportDescription, StoredDataset, files, limits
 from synthnet.store.storage import Location
 from synthnet.types import Manifest, ShardRecord
 
@@ -178,7 +178,7 @@ def _check_directory(directory: Location) -> None:
         return
     if not directory.is_dir():
         raise MeshImportError(f"{directory} is no directory: choose another --out or --name")
-    known = {SHARDS, ".lock", store.MANIFEST, "processed"}
+    known = {SHARDS, ".lock", store.MANIFEST, limits.DIRECTORY, "processed"}
     strange = sorted(p.name for p in directory.iterdir() if p.name not in known)
     strange = [name for name in strange if not re.fullmatch(r"\..*\.partial|\.writable", name)]
     if strange:

@@ -3,7 +3,7 @@
 A :class:`Job` says how one file of a dataset is read and how it is made, a :class:`Task` which
 files there are and what makes the dataset complete. The engine knows nothing of what is in the
 files: :mod:`synthnet.build.versions`, :mod:`synthnet.build.importing` and
-:mod:`synthnet.build.estimates` each describe a task, and :func:`run` does it with the workers of
+:mod:`synthnet.build.limits` each describe a task, and :func:`run` does it with the workers of
 any executor.
 """
 

@@ -1,24 +1,26 @@
-"""Build a version: its shards from its recipe, and the manifest that makes them a dataset."""
+"""Build a version: shards from its recipe, pinned limits, and the manifest that completes it."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 from synthnet import recipe, store
-from synthnet.build import jobs
+from synthnet.build import jobs, limits
 from synthnet.build.jobs import BuildReport, Job, Options, Task, Watcher
 from synthnet.build.label import make_sample
 from synthnet.build.terms import SHARDS, Terms, made_with, terms_of
 from synthnet.build.workers import Engine
 from synthnet.errors import BuildError, StoreError
+from synthnet.families.limits import Limit
 from synthnet.mesh.open3d import load_open3d
 from synthnet.recipe import Recipe
 from synthnet.recipe.plan import ShardPlan, plan_shards
 from synthnet.store import StoredDataset, storage
+from synthnet.store.limits import DIRECTORY as LIMITS
 from synthnet.store.storage import Location
 from synthnet.types import Manifest, ShardRecord
 
@@ -35,6 +37,8 @@ def build(
     wait_for_lock: bool = False,
 ) -> BuildReport:
     """Build a version of the dataset, or finish a build that was interrupted.
+
+    Where the repository pins the limits of its surfaces, they are written beside the shards.
 
     Parameters
     ----------
@@ -72,20 +76,23 @@ def build(
     resolved = version if isinstance(version, Recipe) else recipe.load(version)
     options = Options(workers, engine, watcher, wait_for_lock)
     directory = store.dataset_directory(resolved.version, root)
+    known = limits.pinned(resolved)
 
     def finished() -> StoredDataset | None:
         dataset = _finished(directory, resolved, jobs.is_whole)
         if dataset is None:
             load_open3d()  # if it cannot be imported, say so here and once
+        elif known is not None:
+            limits.add_pinned(directory, dataset.manifest.shards, known)
         return dataset
 
     task = Task(
         directory=directory,
-        folders=(directory, directory / SHARDS),
+        folders=(directory, directory / SHARDS, *([] if known is None else [directory / LIMITS])),
         drawn=_drawn(resolved),
         jobs=partial(_jobs, resolved, directory),
         finished=finished,
-        complete=partial(_complete, resolved, directory),
+        complete=partial(_complete, resolved, directory, known),
     )
     return jobs.run(task, options, preload=__name__)
 
@@ -117,8 +124,15 @@ def make_shard(plan: ShardPlan, recipe: Recipe, path: Location) -> ShardRecord:
     return jobs.write_shapes(path, made, plan.family, recipe.digest)
 
 
-def _complete(recipe: Recipe, directory: Location, records: Sequence[ShardRecord]) -> StoredDataset:
-    """Write the manifest."""
+def _complete(
+    recipe: Recipe,
+    directory: Location,
+    known: Mapping[str, Limit] | None,
+    records: Sequence[ShardRecord],
+) -> StoredDataset:
+    """Write the limits, if they are pinned, and last of all the manifest."""
+    if known is not None:
+        limits.add_pinned(directory, records, known)
     manifest = Manifest(
         version=recipe.version,
         recipe_digest=recipe.digest,

@@ -1,16 +1,17 @@
-"""``synthnet build``: build a version, and estimate the errors of its labels."""
+"""``synthnet build``: build a version, and the limits of its surfaces."""
 
 from __future__ import annotations
 
 import argparse
 from typing import Any
 
-from synthnet import recipe
-from synthnet.build import estimates, versions
+from synthnet import recipe, store
+from synthnet.build import limits, versions
 from synthnet.build.jobs import BuildReport
 from synthnet.build.workers import Engine, dask_cluster, mpi_processes
 from synthnet.commands.options import Commands, add_command, print_json, workers_options
 from synthnet.commands.report import FamilyBars, family_table, summary
+from synthnet.store.limits import DIRECTORY
 
 EXAMPLES = """example: synthnet build --version 1.0-small --workers 2
 
@@ -50,42 +51,39 @@ def add(commands: Commands) -> None:
         "the data do not depend on it",
     )
     sub.add_argument(
-        "--error-estimates",
+        "--limits",
         action="store_true",
-        help="then estimate how far each label is from the smooth surface's spectrum "
-        "(several times the work of the build)",
+        help="then compute the spectra of the surfaces themselves, where the repository does not "
+        "pin them: of scaled versions and sealed sets (several times the work of the build)",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Build a version, or finish it; then estimate its errors if asked to."""
+    """Build a version, or finish it; then its limits if asked to."""
     report = _run(versions.build, options)
-    estimated = None
-    if options.error_estimates:
-        estimated = _run(estimates.build_estimates, options, "errors of ")
+    limited = _run(limits.build_limits, options, "limits of ") if options.limits else None
     if options.json:
         described = summary(report.dataset.manifest, report)
-        if estimated is not None:
-            described["error_estimates"] = {
-                "core_seconds": {k: round(v, 3) for k, v in estimated.seconds.items()},
-                "wall_seconds": round(estimated.wall_seconds, 3),
-                "nothing_to_do": estimated.nothing_to_do,
-                "reused_shards": estimated.reused,
+        if limited is not None:
+            described["limits"] = {
+                "core_seconds": {k: round(v, 3) for k, v in limited.seconds.items()},
+                "wall_seconds": round(limited.wall_seconds, 3),
+                "nothing_to_do": limited.nothing_to_do,
+                "reused_shards": limited.reused,
             }
         print_json(described)
         return 0
-    _print_build(report, estimated)
-    if estimated is not None:
-        _print_estimates(estimated)
+    _print_build(report, limited)
+    if limited is not None:
+        _print_limits(limited)
     return 0
 
 
 def _run(make: Any, options: argparse.Namespace, of: str = "") -> BuildReport:
-    version = recipe.load(options.version)
     bars = FamilyBars(of)
     with bars.progress:
         report: BuildReport = make(
-            version if options.scale is None else recipe.scaled(version, options.scale),
+            _recipe_of(options),
             root=options.out,
             workers=options.workers,
             engine=_engine(options),
@@ -93,6 +91,16 @@ def _run(make: Any, options: argparse.Namespace, of: str = "") -> BuildReport:
             wait_for_lock=options.wait,
         )
     return report
+
+
+def _recipe_of(options: argparse.Namespace) -> recipe.Recipe:
+    """Return the recipe to build; of a sealed set that is there, for its limits, its own."""
+    if options.limits and recipe.parse_name(options.version).kind is recipe.Kind.SEALED:
+        from synthnet.verify import seal
+
+        return seal.recipe_of(store.open_dataset(options.version, options.out))
+    version = recipe.load(options.version)
+    return version if options.scale is None else recipe.scaled(version, options.scale)
 
 
 def _engine(options: argparse.Namespace) -> Engine | None:
@@ -109,10 +117,10 @@ def _engine(options: argparse.Namespace) -> Engine | None:
     return None
 
 
-def _print_build(report: BuildReport, estimated: BuildReport | None) -> None:
+def _print_build(report: BuildReport, limited: BuildReport | None) -> None:
     directory, version = report.dataset.directory, report.dataset.manifest.version
     if report.nothing_to_do:
-        rest = ": nothing to do" if estimated is None else ""
+        rest = ": nothing to do" if limited is None else ""
         print(f"{version} is built already in {directory}{rest}")
         print("(every file is as it was written; `synthnet verify` checks what is in them)")
         return
@@ -122,14 +130,14 @@ def _print_build(report: BuildReport, estimated: BuildReport | None) -> None:
     print(f"\n{version} built in {report.wall_seconds:.0f} s{_kept(report)}: {directory}")
 
 
-def _print_estimates(estimated: BuildReport) -> None:
-    if estimated.nothing_to_do:
-        print("its error estimates are there already: nothing to do")
+def _print_limits(limited: BuildReport) -> None:
+    if limited.nothing_to_do:
+        print("its limits are there already: nothing to do")
         return
-    core = sum(estimated.seconds.values())
-    directory = estimated.dataset.directory / estimates.DIRECTORY
-    print(f"error estimates made in {estimated.wall_seconds:.0f} s ", end="")
-    print(f"({core:,.0f} core-seconds){_kept(estimated)}: {directory}")
+    core = sum(limited.seconds.values())
+    directory = limited.dataset.directory / DIRECTORY
+    print(f"limits computed in {limited.wall_seconds:.0f} s ", end="")
+    print(f"({core:,.0f} core-seconds){_kept(limited)}: {directory}")
 
 
 def _kept(report: BuildReport) -> str:

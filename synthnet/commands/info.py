@@ -6,9 +6,10 @@ import argparse
 from collections import Counter
 
 from synthnet import store
-from synthnet.build import estimates
 from synthnet.commands.options import Commands, add_command, print_json
 from synthnet.commands.report import family_table, summary
+from synthnet.recipe import Kind
+from synthnet.store import limits, storage
 from synthnet.types import SPLITS
 
 
@@ -31,8 +32,10 @@ def run(options: argparse.Namespace) -> int:
         else:
             print("\n".join(ids))
         return 0
+    surfaces = _count_limits(dataset)
     if options.json:
-        print_json({**summary(manifest), "directory": str(dataset.directory)})
+        more = {"directory": str(dataset.directory), "limits": surfaces}
+        print_json({**summary(manifest), **more})
         return 0
     print(family_table(manifest))
     size = sum(shard.size for shard in manifest.shards)
@@ -42,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     print(f"\nversion    {manifest.version}  (recipe {manifest.recipe_digest[:12]})")
     print(f"directory  {dataset.directory}")
     print(f"size       {size / 1e6:,.1f} MB in {len(manifest.shards)} shards")
-    print(f"estimates  {_estimates(dataset)}")
+    print(f"limits     {_say_limits(surfaces, dataset.kind)}")
     print("splits     " + ", ".join(f"{name} {splits[name]:,}" for name in SPLITS))
     print("made with  " + ", ".join(f"{k} {v}" for k, v in manifest.packages.items()))
     for rejection in manifest.rejections:
@@ -50,8 +53,22 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _estimates(dataset: store.StoredDataset) -> str:
-    """Say which labels have error estimates."""
-    if estimates.is_complete(dataset):
-        return "of every label"
-    return f"{'of a part' if estimates.any_made(dataset) else 'none'} (--error-estimates)"
+def _count_limits(dataset: store.StoredDataset) -> dict[str, int]:
+    """Count the labels that have a limit, and those with a PSNR of 20 dB or less against it."""
+    directory = dataset.directory
+    there = [
+        record
+        for record in dataset.manifest.shards
+        if storage.size(limits.path_of(directory, record)) is not None
+    ]
+    above = [row.above_20_db for shard in there for row in limits.read_shard(directory, shard)]
+    return {"labels": len(above), "failing": above.count(False)}
+
+
+def _say_limits(counts: dict[str, int], kind: Kind) -> str:
+    labels, failing = counts["labels"], counts["failing"]
+    if not labels:
+        return "none (meshes alone)" if kind is Kind.IMPORTED else "none (--limits)"
+    return (
+        f"of {labels:,} labels; {failing:,} ({failing / labels:.1%}) are 20 dB or less from theirs"
+    )

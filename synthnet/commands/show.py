@@ -10,9 +10,10 @@ from typing import Any
 from tabulate import tabulate
 
 from synthnet import store
-from synthnet.build import estimates
 from synthnet.commands.options import Commands, add_command, at_least, print_json
 from synthnet.mesh.geometry import MeshFacts
+from synthnet.store import limits
+from synthnet.store.limits import StoredLimit
 
 EIGENFUNCTIONS = 5  # that are drawn by default
 
@@ -38,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     """Say what one shape is, and draw it if asked to."""
     dataset = store.open_dataset(options.version, options.out)
     sample = dataset.find(options.id)
-    estimate = estimates.find(dataset, options.id)
+    limit = limits.find(dataset, options.id)
     facts = MeshFacts(sample.mesh)
     if options.png is not None:
         from synthnet.pictures.draw import draw_sample
@@ -59,12 +60,12 @@ def run(options: argparse.Namespace) -> int:
         "eigenvalues": sample.eigenvalues.tolist(),
         "trivial": sample.trivial,
         "certificate": asdict(sample.certificate),
-        "error_estimate": None if estimate is None else estimate.error.tolist(),
+        "limit": None if limit is None else _of_limit(limit),
     }
     if options.json:
         print_json(described)
         return 0
-    eigenvalues, errors = described.pop("eigenvalues"), described.pop("error_estimate")
+    del described["eigenvalues"], described["limit"]
     proof = sample.certificate
     described["certificate"] = (
         f"{proof.count} eigenvalues below {proof.shift:.6g}, zero included, as many as were "
@@ -76,13 +77,24 @@ def run(options: argparse.Namespace) -> int:
         tabulate([(k.replace("_", " "), _short(v)) for k, v in described.items()], tablefmt="plain")
     )
     print("eigenvalues (1/length²)")
-    print("  " + "  ".join(f"{value:.6g}" for value in eigenvalues))
-    if errors is not None:
-        print("their estimated errors, label − limit (1/length²)")
-        print("  " + "  ".join(f"{value:.2g}" for value in errors))
+    print("  " + "  ".join(f"{value:.6g}" for value in sample.eigenvalues))
+    if limit is not None:
+        print("limits, the eigenvalues of the surface (1/length²)")
+        print("  " + "  ".join(f"{value:.6g}" for value in limit.eigenvalues))
+        print("bars: how far each limit may be from the truth (1/length²)")
+        print("  " + "  ".join(f"{value:.1g}" for value in limit.bar))
+        verdict = "above 20 dB" if limit.above_20_db else "20 dB or less"
+        print(f"errors, eigenvalue / limit - 1 (PSNR {verdict})")
+        print("  " + "  ".join(f"{value:.2%}" for value in limit.error))
     if options.png is not None:
         print(f"picture: {options.png}")
     return 0
+
+
+def _of_limit(limit: StoredLimit) -> dict[str, Any]:
+    """Return a limit as JSON-ready data."""
+    numbers = {name: getattr(limit, name).tolist() for name in ("eigenvalues", "bar", "error")}
+    return {**numbers, "above_20_db": limit.above_20_db}
 
 
 def _short(value: Any) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +20,6 @@ TRIANGULATION: Mapping[str, float | Choice] = {
 }
 NEAREST = (1 / 4, 1 / 16)  # shares of the vertices around the focus of an adaptive mesh
 GROWTH = 1 + 3 * sum(4**i * share for i, share in enumerate(NEAREST))  # of its vertices
-SETTLED = 0.005  # relative change from the last level but one to the last
-REFERENCE = 4000  # vertices of the coarsest mesh of those that estimate an error
 
 
 def triangulate(
@@ -60,11 +57,6 @@ def triangulate(
     return mesh
 
 
-def reference(atlas: Atlas, level: int) -> Charted:
-    """Return the mesh that estimates of errors depend on, its step halved with each level."""
-    return atlas.uniform(atlas.steps(REFERENCE) * 2 ** (level - 1), graded=True)
-
-
 def one_shape(parameters: Parameters) -> Parameters:
     """Drop the parameters of the triangulation: two triangulations of a surface are one shape."""
     return {name: value for name, value in parameters.items() if name not in TRIANGULATION}
@@ -82,14 +74,13 @@ def charted(
     most: Mapping[str, float] | None = None,
     limit: Callable[..., NDArray[np.float64]] | None = None,
     halves: bool = False,
-    settled: float = SETTLED,
     pieces: Callable[..., Atlas] | None = None,
 ) -> Family:
     """Return the family of an atlas, with the parameters of its triangulations.
 
     Parameters
     ----------
-    name, title, euler_characteristic, boundaries, orientable, most, limit, settled
+    name, title, euler_characteristic, boundaries, orientable, most, limit
         As of :class:`~synthnet.families.family.Family`.
     halves : bool
         As of :func:`triangulate`.
@@ -111,17 +102,10 @@ def charted(
             )
         )
 
-    def at_level(level: int, **parameters: Any) -> Mesh:
-        if level == 0:
-            return surface(**parameters)
-        charts = atlas(**one_shape(parameters))
-        return charts.mesh(reference(charts, level))
-
     return Family(
         name=name,
         title=title,
         surface=surface,
-        at_level=at_level,
         least={**least, **TRIANGULATION},
         most=most or {},
         euler_characteristic=euler_characteristic,
@@ -129,9 +113,6 @@ def charted(
         orientable=orientable,
         limit=limit,
         atlas=lambda **parameters: smooth(**one_shape(parameters)),
-        least_levels=2,
-        settled=settled,
-        exact=limit is not None,
         congruent=one_shape,
         shared=one_shape,
     )

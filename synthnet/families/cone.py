@@ -18,15 +18,6 @@ def surface(
     return subdivide(cone, subdivisions)
 
 
-def at_level(
-    level: int, *, radius: float, height: float, resolution: int, split: int, subdivisions: int
-) -> Mesh:
-    """Open3D's cone refined onto the smooth cone, then subdivided as :func:`surface`."""
-    cone = primitives.cone(radius=radius, height=height, resolution=resolution, split=split)
-    fine = primitives.refine_lateral(cone, level, lambda z: radius * (1 - z / height))
-    return subdivide(fine, subdivisions)
-
-
 def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
     """Spectrum of the smooth cone with its base."""
     return limits.of_revolution([limits.line(0, radius), limits.line(radius, 0, height)], k)
@@ -41,7 +32,6 @@ FAMILY = Family(
     name="cone",
     title="Cone",
     surface=surface,
-    at_level=at_level,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -52,5 +42,4 @@ FAMILY = Family(
     euler_characteristic=2,
     limit=limit,
     atlas=atlas,
-    least_levels=2,
 )

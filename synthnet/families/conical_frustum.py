@@ -18,18 +18,6 @@ def surface(*, radius: float, height: float, resolution: int, split: int, scalin
     return Mesh(vertices, mesh.faces)
 
 
-def at_level(
-    level: int, *, radius: float, height: float, resolution: int, split: int, scaling: float
-) -> Mesh:
-    """Frustum's mesh with the new vertices of side and rims moved out to the surface."""
-    mesh = surface(
-        radius=radius, height=height, resolution=resolution, split=split, scaling=scaling
-    )
-    return primitives.refine_lateral(
-        mesh, level, lambda z: radius * (1 + (scaling - 1) * (z / height + 0.5))
-    )
-
-
 def limit(
     k: int, *, radius: float, height: float, scaling: float, **_: float
 ) -> NDArray[np.float64]:
@@ -49,7 +37,6 @@ FAMILY = Family(
     name="conical_frustum",
     title="Conical frustum",
     surface=surface,
-    at_level=at_level,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -60,5 +47,4 @@ FAMILY = Family(
     euler_characteristic=2,
     limit=limit,
     atlas=atlas,
-    least_levels=2,
 )

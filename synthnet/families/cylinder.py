@@ -14,12 +14,6 @@ def surface(*, radius: float, height: float, resolution: int, split: int) -> Mes
     return primitives.cylinder(radius=radius, height=height, resolution=resolution, split=split)
 
 
-def at_level(level: int, *, radius: float, height: float, resolution: int, split: int) -> Mesh:
-    """Cylinder's mesh with the new vertices of side and rims moved out to the radius."""
-    mesh = surface(radius=radius, height=height, resolution=resolution, split=split)
-    return primitives.refine_lateral(mesh, level, lambda z: np.full_like(z, radius))
-
-
 def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
     """Spectrum of the smooth cylinder with its two discs."""
     profile = [limits.line(0, radius), limits.line(radius, radius, height), limits.line(radius, 0)]
@@ -35,10 +29,8 @@ FAMILY = Family(
     name="cylinder",
     title="Cylinder",
     surface=surface,
-    at_level=at_level,
     least={"radius": POSITIVE, "height": POSITIVE, "resolution": 3, "split": 1},
     euler_characteristic=2,
     limit=limit,
     atlas=atlas,
-    least_levels=2,
 )

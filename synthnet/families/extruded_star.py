@@ -33,6 +33,5 @@ FAMILY = charted(
     "Extruded star",
     atlas,
     {"corners": 3, "depth": 0.0, "height": POSITIVE, "form": 0},
-    settled=0.003,
     most={"corners": 12, "depth": 0.8},
 )

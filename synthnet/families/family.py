@@ -5,7 +5,6 @@ it: ``sphere.py`` for meshes that Open3D or a formula gives, ``annulus.py`` for 
 charts, which :func:`synthnet.families.charted.charted` triangulates. The file needs
 
 - ``surface``, a pure function of the parameters to a mesh (charted: ``atlas``, to an atlas);
-- ``at_level``, the refined mesh of the same parameters (charted families have it already);
 - ``atlas``, the surface itself in patches that are smooth within, from which its limit comes
   (charted families have it already, if their creases are borders of patches);
 - ``limit``, if the smooth spectrum is known, from :mod:`synthnet.families.limits`;
@@ -33,6 +32,7 @@ from synthnet.families.limits import KNOWN, Limit
 from synthnet.types import Mesh, Parameters, Topology
 
 POSITIVE = math.ulp(0.0)  # least value of a length: any positive number
+COARSEST = 4000  # vertices of the first level of :meth:`Family.refine`
 Euler: TypeAlias = int | Callable[[Parameters], int]
 
 
@@ -55,9 +55,6 @@ class Family:
         Name for people.
     surface : callable
         Pure function of the parameters, by keyword, to a float64 :class:`Mesh`.
-    at_level : callable
-        Function of a level and then of the parameters, by keyword, to the mesh of
-        :meth:`refine`.
     atlas : callable
         From the parameters to the surface itself in patches that are smooth within, for its limit
         by finite elements; see :meth:`limit_spectrum`.
@@ -66,7 +63,7 @@ class Family:
     euler_characteristic : int or callable
         V − E + F of every mesh of the family, or that from the parameters.
     shared : callable, optional
-        Maps parameters to those that refined meshes depend on, where these are fewer.
+        Maps parameters to those that the surface depends on, where these are fewer.
     most : mapping of str to number
         The largest value of parameters that have one.
     boundaries : int
@@ -76,14 +73,6 @@ class Family:
     limit : callable, optional
         From k and the parameters to the spectrum of the smooth surface, where it is known;
         see :meth:`limit_eigenvalues`.
-    least_levels : int
-        Least number of levels from which the discretisation error is estimated: two where
-        triangles may reach from the centre of an end to its rim, or from tip to base, so
-        that the meshes as they are do not converge yet.
-    settled : float
-        Relative change of an eigenvalue from one level to the next at which an estimate ends.
-    exact : bool
-        Whether the error of a label is computed from ``limit`` instead of refined meshes.
     congruent : callable, optional
         Maps parameters to a representative of all parameters that give a congruent
         shape, so that mirror images count as one shape in the splits.
@@ -92,14 +81,10 @@ class Family:
     name: str
     title: str
     surface: Callable[..., Mesh]
-    at_level: Callable[..., Mesh]
     atlas: Callable[..., Atlas]
     least: Mapping[str, float | Choice]
     euler_characteristic: Euler
     limit: Callable[..., NDArray[np.float64]] | None = None
-    least_levels: int = 1
-    settled: float = 0.1
-    exact: bool = False
     congruent: Callable[[Parameters], Parameters] | None = None
     shared: Callable[[Parameters], Parameters] | None = None
     most: Mapping[str, float] = field(default_factory=dict)
@@ -128,45 +113,39 @@ class Family:
         """
         return self.surface(**self._arguments(parameters))
 
-    def refine(self, parameters: Parameters, level: int = 1) -> Mesh:
-        """Make the mesh of the given parameters with every triangle split into four at each level.
+    def refine(self, parameters: Parameters, level: int) -> Mesh:
+        """Triangulate the smooth or polyhedral surface, the step halved with each level.
 
-        Where the parameters say how to triangulate a surface (2.0), it is another mesh instead, of
-        the surface alone: uniform, or graded towards its singular corners, of about 4,000 vertices
-        at level 1 and four times as many at each further level.
-
-        A new vertex on an edge of a curved part is moved onto the smooth surface, so that
-        the step halves. Where the generator itself subdivides a mesh (cones, split cones),
-        that mesh is refined first and then subdivided: the vertices that the generator leaves
-        inside the smooth surface would otherwise stay there. An inverted cone is refined as the
-        cone it is isometric to.
+        The mesh depends on the surface alone, not on how the parameters triangulate it, and is
+        graded towards singular corners: its eigenvalues approach their limits like h².
 
         Parameters
         ----------
         parameters : mapping of str to number
             As for :meth:`generate`.
         level : int
-            How often to refine; 0 gives the mesh of :meth:`generate`, an inverted cone as a cone.
+            1 gives about 4,000 vertices, each further one four times as many.
 
         Returns
         -------
         Mesh
-            float64 vertices, int64 faces, closed and oriented outwards; 4^level the
-            triangles of :meth:`generate`.
+            float64 vertices, int64 faces.
 
         Raises
         ------
         ValueError
-            As :meth:`generate`, or if ``level`` is negative.
+            As :meth:`generate`, or if ``level`` is below 1.
         """
-        if level < 0:
-            raise ValueError(f"level must be at least 0, got {level}")
-        return self.at_level(level, **self._arguments(parameters))
+        if level < 1:
+            raise ValueError(f"level must be at least 1, got {level}")
+        atlas = self.atlas(**self._arguments(parameters))
+        steps = atlas.steps(COARSEST) * 2 ** (level - 1)
+        return atlas.mesh(atlas.uniform(steps, graded=True))
 
-    def level_key(self, parameters: Parameters, level: int) -> str:
-        """Return a key of a refined mesh: :meth:`refine` gives equal meshes for equal keys."""
+    def surface_key(self, parameters: Parameters) -> str:
+        """Return a text that is equal for triangulations of one surface."""
         kept = dict(parameters if self.shared is None else self.shared(parameters))
-        return json.dumps([self.name, level, kept], sort_keys=True)
+        return json.dumps([self.name, kept], sort_keys=True)
 
     def limit_eigenvalues(self, parameters: Parameters, k: int = 10) -> NDArray[np.float64] | None:
         """Return the first k non-zero eigenvalues of the smooth surface, or None if not known.

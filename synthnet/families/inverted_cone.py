@@ -35,32 +35,10 @@ def surface(
     return Mesh(np.column_stack([mesh.vertices[:, :2], reflected]), mesh.faces)
 
 
-def at_level(
-    level: int,
-    *,
-    radius: float,
-    height: float,
-    resolution: int,
-    split: int,
-    subdivisions: int,
-    flip: float,
-) -> Mesh:
-    """Refined mesh of the cone, to which the inverted one is isometric."""
-    return cone.at_level(
-        level,
-        radius=radius,
-        height=height,
-        resolution=resolution,
-        split=split,
-        subdivisions=subdivisions,
-    )
-
-
 FAMILY = Family(
     name="inverted_cone",
     title="Inverted cone",
     surface=surface,
-    at_level=at_level,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,

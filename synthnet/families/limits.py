@@ -69,6 +69,27 @@ class Arc:
     radius: Callable[[Array], Array]
 
 
+def extrapolate(coarse: Array, fine: Array) -> Array:
+    r"""Return the limits of eigenvalues of linear elements, which approach them like h².
+
+    .. math::
+        \lambda \approx \lambda_{h/2} + (\lambda_{h/2} - \lambda_h) / 3
+
+    By index, so it is wrong where eigenvalues cross from one mesh to the other.
+
+    Parameters
+    ----------
+    coarse, fine : ndarray of shape (k,), float64
+        The eigenvalues of meshes of step h and h/2.
+
+    Examples
+    --------
+    >>> extrapolate(np.array([2.4]), np.array([2.1])).round(12)
+    array([2.])
+    """
+    return fine + (fine - coarse) / 3
+
+
 def line(start: float, stop: float, rise: float = 0.0) -> Arc:
     """Return the straight arc from one radius to another, ``rise`` up the axis meanwhile.
 

@@ -87,6 +87,5 @@ FAMILY = charted(
     atlas,
     {"genus": 2, "hole": POSITIVE, "thickness": POSITIVE, "stretch": POSITIVE, "bend": 0.0},
     euler_characteristic=euler,
-    settled=0.003,
     most={"genus": 8, "hole": 0.9, "thickness": 1.0, "bend": 1.5},
 )

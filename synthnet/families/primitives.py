@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeAlias
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
@@ -13,79 +10,9 @@ from scipy.sparse.csgraph import connected_components
 from synthnet.mesh.open3d import from_open3d, load_open3d
 from synthnet.types import Mesh
 
-Points: TypeAlias = NDArray[np.float64]
-
 PLANE = 1e-9  # distance under which a point lies on a plane, or two points are one
 CLEAR = 1e-6  # angle by which a cap keeps off a plane to be on one side of it
 FLAT = 1e-9  # difference of unit normals under which neighbours form one flat facet
-
-
-def refine(
-    mesh: Mesh,
-    times: int,
-    onto: Callable[[Points], Points],
-    curved: Callable[[Mesh], NDArray[np.bool_]] | None = None,
-) -> Mesh:
-    """Split every triangle into four, ``times`` times, the new vertices on a smooth surface.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Its n vertices lie on the surface and stay where they are.
-    times : int
-        How often.
-    onto : callable
-        Moves points of shape (e, 3), midpoints of edges, onto the surface.
-    curved : callable, optional
-        Which triangles of a mesh are of the curved part, shape (m,), bool; all by default.
-        An edge of none of them keeps its midpoint; that of a rim, an edge of one, is moved.
-
-    Returns
-    -------
-    Mesh
-        The n vertices, then one for each edge; the four of a triangle one after the other.
-    """
-    for _ in range(times):
-        corners = mesh.faces.astype(np.int64)
-        sides = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2), axis=2)
-        edges, of_side = np.unique(sides.reshape(-1, 2), axis=0, return_inverse=True)
-        of_side = of_side.reshape(-1, 3)  # the edge from corner i to corner i + 1
-        moved = np.zeros(len(edges), dtype=bool)
-        moved[of_side if curved is None else of_side[curved(mesh)]] = True
-        middles = mesh.vertices[edges].mean(axis=1)
-        middles[moved] = onto(middles[moved])
-        (a, b, c), (ab, bc, ca) = corners.T, of_side.T + len(mesh.vertices)
-        four = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-        faces = np.stack([np.stack(child, axis=1) for child in four], axis=1).reshape(-1, 3)
-        mesh = Mesh(np.concatenate([mesh.vertices, middles]), faces)
-    return mesh
-
-
-def refine_sphere(mesh: Mesh, times: int, radius: float) -> Mesh:
-    """Refine a mesh of a sphere about the origin."""
-    return refine(
-        mesh, times, lambda points: points * (radius / np.linalg.norm(points, axis=1))[:, None]
-    )
-
-
-def refine_lateral(mesh: Mesh, times: int, radius: Callable[[Points], Points]) -> Mesh:
-    """Refine a mesh of a cylinder or cone about the z axis with flat ends.
-
-    New vertices of the lateral surface and of the rims keep their height z and go out to
-    ``radius(z)``; those inside an end stay where they are, in its plane. The
-    triangles at an edge decide: an end may have chords between two vertices of its rim.
-    """
-
-    def onto(points: Points) -> Points:
-        scale = radius(points[:, 2]) / np.hypot(points[:, 0], points[:, 1])
-        return np.column_stack([points[:, :2] * scale[:, None], points[:, 2]])
-
-    def lateral(mesh: Mesh) -> NDArray[np.bool_]:
-        heights = mesh.vertices[:, 2]
-        rise = np.ptp(heights[mesh.faces], axis=1)
-        return np.asarray(rise > PLANE * np.ptp(heights), dtype=np.bool_)
-
-    return refine(mesh, times, onto, lateral)
 
 
 def box(*, width: float, height: float, depth: float) -> Mesh:

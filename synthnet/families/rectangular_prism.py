@@ -12,11 +12,6 @@ def surface(*, width: float, height: float, depth: float, subdivisions: int) -> 
     return subdivide(primitives.box(width=width, height=height, depth=depth), subdivisions)
 
 
-def at_level(level: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
-    """Box subdivided ``level`` times more: a polyhedron is its own limit."""
-    return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + level)
-
-
 def atlas(*, width: float, height: float, depth: float, **_: float) -> Atlas:
     """Return the faces in patches."""
     return cuboid.atlas(width=width, height=height, depth=depth)
@@ -26,7 +21,6 @@ FAMILY = Family(
     name="rectangular_prism",
     title="Rectangular prism",
     surface=surface,
-    at_level=at_level,
     least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
     euler_characteristic=2,
     atlas=atlas,

@@ -14,11 +14,6 @@ def surface(*, radius: float, resolution: int) -> Mesh:
     return primitives.sphere(radius=radius, resolution=resolution)
 
 
-def at_level(level: int, *, radius: float, resolution: int) -> Mesh:
-    """Sphere's mesh with the midpoints of its edges moved out to the radius."""
-    return primitives.refine_sphere(surface(radius=radius, resolution=resolution), level, radius)
-
-
 def limit(k: int, *, radius: float, **_: float) -> NDArray[np.float64]:
     """Spectrum of the smooth sphere."""
     return limits.of_sphere(radius, k)
@@ -33,7 +28,6 @@ FAMILY = Family(
     name="sphere",
     title="Sphere",
     surface=surface,
-    at_level=at_level,
     least={"radius": POSITIVE, "resolution": 2},
     euler_characteristic=2,
     limit=limit,

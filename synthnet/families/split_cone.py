@@ -28,36 +28,10 @@ def surface(
     return subdivide(hull, subdivisions)
 
 
-def at_level(
-    level: int,
-    *,
-    radius: float,
-    height: float,
-    resolution_a: int,
-    resolution_b: int,
-    split_a: int,
-    split_b: int,
-    subdivisions: int,
-) -> Mesh:
-    """Hull refined onto the smooth cone, then subdivided as :func:`surface`."""
-    hull = surface(
-        radius=radius,
-        height=height,
-        resolution_a=resolution_a,
-        resolution_b=resolution_b,
-        split_a=split_a,
-        split_b=split_b,
-        subdivisions=0,
-    )
-    fine = primitives.refine_lateral(hull, level, lambda z: radius * (1 - z / height))
-    return subdivide(fine, subdivisions)
-
-
 FAMILY = Family(
     name="split_cone",
     title="Split cone",
     surface=surface,
-    at_level=at_level,
     least={
         "radius": POSITIVE,
         "height": POSITIVE,
@@ -70,5 +44,4 @@ FAMILY = Family(
     euler_characteristic=2,
     limit=cone.limit,
     atlas=cone.atlas,
-    least_levels=2,
 )

@@ -19,17 +19,10 @@ def congruent(parameters: Parameters) -> Parameters:
     return {**parameters, "resolution_a": a, "resolution_b": b}
 
 
-def at_level(level: int, *, radius: float, resolution_a: int, resolution_b: int) -> Mesh:
-    """Hull with the midpoints of its edges moved out to the radius."""
-    mesh = surface(radius=radius, resolution_a=resolution_a, resolution_b=resolution_b)
-    return primitives.refine_sphere(mesh, level, radius)
-
-
 FAMILY = Family(
     name="split_sphere",
     title="Split sphere",
     surface=surface,
-    at_level=at_level,
     least={"radius": POSITIVE, "resolution_a": 2, "resolution_b": 2},
     euler_characteristic=2,
     limit=sphere.limit,

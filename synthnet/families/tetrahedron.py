@@ -17,11 +17,6 @@ def surface(*, width: float, height: float, depth: float, subdivisions: int) -> 
     return subdivide(Mesh(vertices, FACES.copy()), subdivisions)
 
 
-def at_level(level: int, *, width: float, height: float, depth: float, subdivisions: int) -> Mesh:
-    """Tetrahedron subdivided ``level`` times more: a polyhedron is its own limit."""
-    return surface(width=width, height=height, depth=depth, subdivisions=subdivisions + level)
-
-
 def atlas(*, width: float, height: float, depth: float, **_: float) -> Atlas:
     """Return the four faces as patches."""
     corners = np.vstack([np.zeros(3), np.diag([width, height, depth])])
@@ -32,7 +27,6 @@ FAMILY = Family(
     name="tetrahedron",
     title="Tetrahedron",
     surface=surface,
-    at_level=at_level,
     least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
     euler_characteristic=2,
     atlas=atlas,

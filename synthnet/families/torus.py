@@ -25,34 +25,6 @@ def surface(
     )
 
 
-def at_level(
-    level: int,
-    *,
-    torus_radius: float,
-    tube_radius: float,
-    radial_resolution: int,
-    tubular_resolution: int,
-) -> Mesh:
-    """Torus's mesh with the midpoints of its edges moved onto the tube."""
-    mesh = surface(
-        torus_radius=torus_radius,
-        tube_radius=tube_radius,
-        radial_resolution=radial_resolution,
-        tubular_resolution=tubular_resolution,
-    )
-
-    def onto(points: primitives.Points) -> primitives.Points:
-        around = points * [1, 1, 0]
-        centres = around * (torus_radius / np.linalg.norm(around, axis=1, keepdims=True))
-        away = points - centres
-        moved: primitives.Points = centres + away * (
-            tube_radius / np.linalg.norm(away, axis=1, keepdims=True)
-        )
-        return moved
-
-    return primitives.refine(mesh, level, onto)
-
-
 def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> NDArray[np.float64]:
     """Spectrum of the smooth torus, as a surface of revolution."""
     half = math.pi * tube_radius
@@ -71,7 +43,6 @@ FAMILY = Family(
     name="torus",
     title="Torus",
     surface=surface,
-    at_level=at_level,
     least={
         "torus_radius": POSITIVE,
         "tube_radius": POSITIVE,

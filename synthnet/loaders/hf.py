@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from synthnet import store
 from synthnet.errors import StoreError, needed_by
+from synthnet.store import limits
 from synthnet.types import SPLITS
 
 if TYPE_CHECKING:
@@ -20,7 +21,9 @@ def load_dataset(
 
     The rows are those of the Parquet shards: ``vertices`` (n, 3), ``faces`` (m, 3),
     ``eigenvalues`` (10,), ``isometries`` (9, 9) as flattened matrices, ids, splits.
-    A version that is not there is built first, and this says so on standard error.
+    Where the dataset has the limits of its surfaces, there are ``surface_eigenvalues`` (10,) and
+    ``surface_bar`` (10,) too. A version that is not there is built first, and this says so on
+    standard error.
 
     Parameters
     ----------
@@ -51,9 +54,16 @@ def load_dataset(
         split in store.read_table(p, ["split"])["split"].to_pylist() for p in stored.paths()
     ):
         raise StoreError(f"{version} has no shape in the split {split}: choose another")
-    return datasets.Dataset.from_parquet(
+    rows = datasets.Dataset.from_parquet(
         [str(path) for path in stored.paths()],
         split=datasets.NamedSplit(split),
         cache_dir=str(stored.directory / "datasets-cache"),
         filters=[("split", "==", split)],
     )
+    if not limits.any_there(stored):
+        return rows
+    known = {row.id: row for row in limits.read(stored)}
+    found = [known[id] for id in rows["id"]]
+    for column, name in (("surface_eigenvalues", "eigenvalues"), ("surface_bar", "bar")):
+        rows = rows.add_column(column, [getattr(row, name).tolist() for row in found])
+    return rows

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from synthnet import recipe, store
 from synthnet.build.versions import ensure_built
-from synthnet.errors import RecipeError, needed_by
+from synthnet.errors import RecipeError, StoreError, needed_by
 from synthnet.loaders import mapped
 from synthnet.loaders.mapped import MappedShapes
 from synthnet.loaders.transformed import INDEX, fingerprint, read_data, write_data
 from synthnet.mesh import isometries as isometry
 from synthnet.recipe import splits
-from synthnet.store import files
+from synthnet.store import StoredDataset, files, limits
 from synthnet.types import PROTOCOLS, SPLITS, Mesh
 
 with needed_by("synthnet.pyg"):
@@ -31,6 +31,7 @@ with needed_by("synthnet.pyg"):
 
 Augment = bool | Literal["random"]
 Transform = Callable[[Data], Data]
+TARGETS = ("mesh", "surface")
 
 
 class SynthNet(InMemoryDataset):  # type: ignore[misc]
@@ -57,6 +58,9 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         ``True``: the stored isometric instances of each shape, 1.0's nine. ``False``: the shape
         itself. ``"random"``: the shape under a fresh isometry, drawn uniformly from O(3)
         by torch's generator, at every access.
+    target : str
+        ``mesh``: ``y`` is the label, the spectrum of the mesh. ``surface``: ``y`` is the limit, the
+        spectrum of the smooth or polyhedral surface, the same for all its triangulations.
     transform : callable, optional
         Applied at every access, for example ``FaceToEdge``.
     pre_transform : callable, optional
@@ -74,6 +78,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         If an option is unknown, or ``pre_transform`` is used with ``augment="random"``.
     RecipeError
         If the version is unknown, or has no such protocol.
+    StoreError
+        If the target is ``surface`` and the dataset has no limits.
 
     Notes
     -----
@@ -95,9 +101,11 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         transform: Transform | None = None,
         pre_transform: Transform | None = None,
         pre_filter: Callable[[Data], bool] | None = None,
+        target: str = "mesh",
     ) -> None:
         for name, value, known in (
             ("split", split, SPLITS),
+            ("target", target, TARGETS),
             ("augment", augment, (True, False, "random")),
         ):
             if type(value) not in (bool, str) or value not in known:
@@ -118,11 +126,13 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
                 raise RecipeError(f"{version} has no protocol {protocol}: grouped or paper")
             splits.folds(recipe.load(version), protocol, split)
         self.version, self.split, self.protocol, self.augment = version, split, protocol, augment
+        self.target = target
         self._stored = ensure_built(version, root)
+        self._limits = surface_spectra(self._stored) if target == "surface" else None
         self._shapes: MappedShapes | None = None
         super().__init__(str(store.home(root)), transform, pre_transform, pre_filter)
         if pre_transform is None:
-            self._shapes = MappedShapes(self._base_directory)
+            self._shapes = self._map()
             self._indices = self._select(self._shapes, pre_filter)
             self._data, self.slices = as_data(self._shapes)
         else:
@@ -132,12 +142,21 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     def _base_directory(self) -> Path:
         return mapped.directory(self._stored)
 
+    def _map(self) -> MappedShapes:
+        """Map the arrays, which hold the labels; limits are never written among them."""
+        shapes = MappedShapes(self._base_directory)
+        if self._limits is not None:
+            shapes.y = self._limits
+        return shapes
+
     @property
     def processed_dir(self) -> str:
         """Directory of this dataset's files; its name holds all that they depend on."""
         if self.pre_transform is None:
             return str(self._base_directory)
         options = [self.split, self.protocol, str(self.augment)]
+        if self._limits is not None:
+            options.append(hashlib.sha256(self._limits.tobytes()).hexdigest())
         code = [fingerprint(self.pre_transform), fingerprint(self.pre_filter)]
         key = hashlib.sha256(json.dumps(options + code).encode()).hexdigest()[:12]
         return f"{self._base_directory}-{key}"
@@ -164,7 +183,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
             )
         if self.pre_transform is None:
             return
-        shapes = MappedShapes(self._base_directory)
+        shapes = self._map()
         indices = self._select(shapes, self.pre_filter)
         items = (self.pre_transform(item(shapes, i)) for i in indices)
         files.make_in_place(Path(self.processed_dir), INDEX, lambda to: write_data(to, items))
@@ -219,7 +238,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     def __repr__(self) -> str:
         """Say which dataset this is."""
         kind = f"version={self.version!r}, split={self.split!r}, protocol={self.protocol!r}"
-        return f"SynthNet({len(self)}, {kind}, augment={self.augment!r})"
+        target = "" if self.target == "mesh" else f", target={self.target!r}"
+        return f"SynthNet({len(self)}, {kind}, augment={self.augment!r}{target})"
 
     def copy(self, idx: Any = None) -> SynthNet:
         """Copy the dataset, or a subset of it, into memory."""
@@ -248,16 +268,35 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         """Leave mapped arrays out: another process maps them itself."""
         state = dict(self.__dict__)
         if self._shapes is not None:
-            state.update(_data=None, slices=None, _shapes=None, mapped=self._base_directory)
+            state.update(_data=None, slices=None, _shapes=None, mapped=True)
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Map the arrays again."""
-        base = state.pop("mapped", None)
+        was_mapped = state.pop("mapped", False)
         self.__dict__.update(state)
-        if base is not None:
-            self._shapes = MappedShapes(base)
+        if was_mapped:
+            self._shapes = self._map()
             self._data, self.slices = as_data(self._shapes)
+
+
+def surface_spectra(dataset: StoredDataset) -> NDArray[np.float32]:
+    """Return the limits of a dataset's shapes, shape (count, k), in 1/length².
+
+    Raises
+    ------
+    StoreError
+        If it has none, or they are damaged.
+    """
+    if not limits.any_there(dataset):
+        version = dataset.manifest.version
+        remedy = (
+            "imported meshes have no known surface, take target='mesh'"
+            if dataset.kind is recipe.Kind.IMPORTED
+            else f"run `synthnet build --version {version} --limits`"
+        )
+        raise StoreError(f"{dataset.directory} has no limits of its surfaces: {remedy}")
+    return np.array([row.eigenvalues for row in limits.read(dataset)], np.float32)
 
 
 def item(shapes: MappedShapes, number: int, fresh: NDArray[np.float32] | None = None) -> Data:

@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -128,27 +127,6 @@ def write(path: Path, pins: Iterable[Pin]) -> None:
         }
     )
     _store(path, table, ("moments", "eigenvalues"))
-
-
-def read_errors(version: str) -> dict[str, NDArray[np.float32]] | None:
-    """Return the pinned error estimates of a full version, or ``None`` if it has none.
-
-    Returns
-    -------
-    dict of str to ndarray of shape (k,), float32, or None
-        By id: (label − limit) / label, see :mod:`synthnet.build.discretisation`.
-    """
-    table = shipped_table("synthnet.recipe.versions", f"{version}.errors.parquet")
-    if table is None:
-        return None
-    return dict(zip(table["id"].to_pylist(), table["error"].to_numpy(), strict=True))
-
-
-def write_errors(path: Path, errors: Mapping[str, NDArray[np.floating[Any]]]) -> None:
-    """Write the pinned error estimates of a version, relative and as float32."""
-    rows = [np.asarray(row, dtype=np.float32) for row in errors.values()]
-    table = pa.table({"id": list(errors), "error": pa.array(rows, pa.list_(pa.float32()))})
-    _store(path, table, ("error",))
 
 
 def read_limits(version: str) -> dict[str, Limit] | None:

@@ -10,17 +10,18 @@ from typing import TypeAlias
 import numpy as np
 
 from synthnet import recipe, store
-from synthnet.build import estimates
+from synthnet.build.limits import pinned as pinned_limits
+from synthnet.families import FAMILIES
 from synthnet.recipe import Kind, Recipe
 from synthnet.recipe.plan import PlannedShape, plan_shards
-from synthnet.store import StoredDataset, pins
+from synthnet.store import StoredDataset, limits, pins
 from synthnet.types import Manifest, Sample, ShardRecord
 from synthnet.verify import files, seal, shapes
 from synthnet.verify.report import Check, Findings, VerifyReport
 
 __all__ = ["CHECKS", "Check", "VerifyReport", "verify", "verify_files"]
 
-ERRORS_MADE_ANEW = 5  # estimates of the sample: a refined mesh costs several labels
+LIMITS_MADE_ANEW = 5  # of the sample
 
 CHECKS = {  # in order, with what each holds
     "manifest": "the recipe's digest and the counts by family",
@@ -31,7 +32,7 @@ CHECKS = {  # in order, with what each holds
     "certificates": "residuals, and the eigenvalues counted anew below two shifts",
     "pins": "digests of the pinned build; its vertex moments and eigenvalues to 1e-6",
     "labels": "against LaPy's own solver, to 1e-8",
-    "errors": "estimates, where there are any: whole, from their label, some made anew, pins",
+    "limits": "where there are any: whole, equal to the pins, some computed anew",
 }
 
 
@@ -53,8 +54,9 @@ def verify(
     every mesh against one generated anew; every certificate, its eigenvalues counted anew;
     digests, vertex moments and labels against the pins of the repository (a scaled version
     and a sealed set have none); labels of a random sample against
-    ``lapy.Solver(...).eigs``; the error estimates, where they have been made, against their
-    labels, the pins, and some of the sample's made anew.
+    ``lapy.Solver(...).eigs``; the limits of the surfaces, where there are any, against their
+    labels, the pins, and some of the sample's computed anew where a closed form or an equation of
+    one variable gives them.
 
     Parameters
     ----------
@@ -89,7 +91,7 @@ def verify_files(version: str, *, root: str | os.PathLike[str] | None = None) ->
 
     It finds every byte that has changed since the build, in seconds: the manifest's own
     digest and its recipe's; SHA-256, schema, page checksums and rows of every shard; and
-    that the error estimates, where they have been made, are whole and of their shard.
+    that the limits of the surfaces, where there are any, are whole and of their shard.
 
     Raises
     ------
@@ -98,14 +100,14 @@ def verify_files(version: str, *, root: str | os.PathLike[str] | None = None) ->
     """
     dataset = store.open_dataset(version, root)
     drawn = None if dataset.kind is Kind.IMPORTED else _recipe_of(dataset)
-    estimates_made = estimates.any_made(dataset)
-    findings = Findings(("manifest", "digests", "shards", "errors"))
+    any_limits = limits.any_there(dataset)
+    findings = Findings(("manifest", "digests", "shards", "limits"))
     findings.add("manifest", files.check_manifest(dataset.manifest, drawn))
     for record in dataset.manifest.shards:
         files.read_checked(dataset, record, findings)
-        if estimates_made:
-            findings.examined["errors"] += 1
-            files.read_estimates(dataset, record, findings)
+        if any_limits:
+            findings.examined["limits"] += 1
+            files.read_limits(dataset, record, findings)
     return findings.report(dataset.directory)
 
 
@@ -124,10 +126,11 @@ def _verify_drawn(
     manifest = dataset.manifest
     planned = {shape.spec.id: shape for plan in plan_shards(drawn) for shape in plan.shapes}
     pinned = pins.read(drawn.base)
-    pinned_errors = pins.read_errors(drawn.base) or {}
     chosen = _choose(manifest, planned, sample, seed)
-    anew = set(sorted(chosen)[:: max(1, len(chosen) // ERRORS_MADE_ANEW)][:ERRORS_MADE_ANEW])
-    estimates_made = estimates.any_made(dataset)
+    known = sorted(id for id in chosen if FAMILIES[planned[id].spec.family].limit is not None)
+    anew = set(known[:: max(1, len(known) // LIMITS_MADE_ANEW)][:LIMITS_MADE_ANEW])
+    any_limits = limits.any_there(dataset)
+    known_limits = (pinned_limits(drawn) if any_limits else None) or {}
     findings = Findings(CHECKS)
     findings.add("manifest", files.check_manifest(manifest, drawn))
     seen: set[str] = set()
@@ -142,10 +145,10 @@ def _verify_drawn(
                 findings.add("pins", shapes.check_pin(stored, pinned), examined=id in pinned)
             if id in chosen:
                 findings.add("labels", shapes.check_label(stored))
-        rows = files.read_estimates(dataset, record, findings) if estimates_made else None
+        rows = files.read_limits(dataset, record, findings) if any_limits else None
         if rows is not None:
-            problems = shapes.check_errors(record.file, samples, rows, pinned_errors, anew)
-            findings.add("errors", problems, examined=len(rows))
+            problems = shapes.check_limits(record.file, samples, rows, known_limits, anew)
+            findings.add("limits", problems, examined=len(rows))
     findings.add("recipe", _check_complete(seen, manifest, planned), examined=len(planned))
     if pinned is not None:
         findings.add("pins", _check_kept(seen, manifest, set(planned) & set(pinned)), examined=0)

@@ -1,15 +1,14 @@
-"""Checks of a dataset's files: manifest, digests, shards and error estimates as they were built."""
+"""Checks of a dataset's files: manifest, digests, shards and limits as they were built."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from synthnet import store
-from synthnet.build import estimates
-from synthnet.build.discretisation import Estimate
 from synthnet.errors import StoreError
 from synthnet.recipe import Recipe
-from synthnet.store import StoredDataset, storage
+from synthnet.store import StoredDataset, limits, storage
+from synthnet.store.limits import StoredLimit
 from synthnet.types import Manifest, Sample, ShardRecord
 from synthnet.verify.report import Findings
 
@@ -51,14 +50,14 @@ def read_checked(
     return samples
 
 
-def read_estimates(
+def read_limits(
     dataset: StoredDataset, record: ShardRecord, findings: Findings
-) -> list[Estimate] | None:
-    """Return a shard's error estimates, or ``None``; note what is wrong with their file."""
+) -> list[StoredLimit] | None:
+    """Return the limits of a shard, or ``None``; note what is wrong with their file."""
     try:
-        return estimates.read_shard(dataset.directory, record)
+        return limits.read_shard(dataset.directory, record)
     except StoreError as error:
-        findings.add("errors", [str(error)], examined=0)
+        findings.add("limits", [str(error)], examined=0)
         return None
 
 

@@ -8,28 +8,27 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 import threadpoolctl
-from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet import spectrum
 from synthnet.build import sources
-from synthnet.build.discretisation import Estimate, estimate, extrapolate
 from synthnet.errors import SpectrumError, needed_by
 from synthnet.families import FAMILIES
+from synthnet.families.limits import Limit
 from synthnet.mesh import isometries
 from synthnet.mesh.geometry import area
 from synthnet.recipe import Recipe
 from synthnet.recipe.distributions import ISOMETRIES, generator
 from synthnet.recipe.plan import PlannedShape
 from synthnet.spectrum import certificate, solve
-from synthnet.store import ImportDescription, pins
+from synthnet.store import ImportDescription, limits, pins
 from synthnet.store.files import one_line
+from synthnet.store.limits import StoredLimit
 from synthnet.types import Mesh, Sample, ShapeSpec
 
 VERTEX_TOLERANCE = 1e-6  # of the largest coordinate: float32 keeps 6e-8
 ISOMETRY_TOLERANCE = 1e-12  # of entries: sines differ in their last bits
 LAPY_TOLERANCE = 1e-8  # relative, stored label against LaPy's own solver
-ERROR_TOLERANCE = 1e-5  # of an error, as a share of its label; that is good to 1e-6
 
 
 def check_plan(
@@ -182,35 +181,46 @@ def lapy_eigenvalues(mesh: Mesh, k: int) -> np.ndarray[tuple[int], np.dtype[np.f
     return np.asarray(values[1:], dtype=np.float64) / size
 
 
-def check_errors(
+def check_limits(
     file: str,
     samples: list[Sample],
-    rows: list[Estimate],
-    pinned: Mapping[str, NDArray[np.float32]],
+    rows: list[StoredLimit],
+    pinned: Mapping[str, Limit],
     anew: set[str],
 ) -> Iterator[str]:
-    """Compare a shard's error estimates with their labels, the pins, and some made anew."""
+    """Compare a shard's limits with their labels, the pins, and some computed anew."""
     if [row.id for row in rows] != [sample.spec.id for sample in samples]:
-        yield f"{file}: the error estimates beside it are of other shapes"
+        yield f"{file}: the limits beside it are of other shapes"
         return
     for sample, row in zip(samples, rows, strict=True):
-        label = sample.eigenvalues
-        if row.error.shape != label.shape or row.refined.shape[1:] != label.shape:
-            yield f"{row.id}: {len(row.error)} error estimates of {len(label)} eigenvalues"
+        label, limit = sample.eigenvalues, Limit(row.eigenvalues, row.bar)
+        if not label.shape == row.eigenvalues.shape == row.bar.shape == row.error.shape:
+            yield f"{row.id}: {len(row.eigenvalues)} limits of {len(label)} eigenvalues"
             continue
-        meshes = [label, *row.refined]
-        expectations = [("its own refined eigenvalues", label - extrapolate(*meshes[-2:]))]
-        if row.id in pinned:
-            expectations.append(("the pinned one", pinned[row.id] * label))
+        expected = limits.compare(row.id, label, limit)
+        if not (
+            np.allclose(row.error, expected.error, rtol=1e-12, atol=1e-14)
+            and row.above_20_db == expected.above_20_db
+        ):
+            yield f"{row.id}: error or PSNR are not those of its label and its limit"
+        if row.id in pinned and not _equal(limit, pinned[row.id]):
+            yield f"{row.id}: limit or bar are not the pinned ones"
         if row.id in anew:
-            try:
-                expectations.append(("one made anew", estimate(sample.spec, label).error))
-            except (SpectrumError, ValueError, KeyError) as error:
-                yield f"{row.id}: no error estimate can be made anew: {one_line(error)}"
-        for name, expected in expectations:
-            apart = float(np.max(np.abs((row.error - expected) / label)))
-            if not apart <= ERROR_TOLERANCE:
-                yield (
-                    f"{row.id}: error estimate is {apart:.2g} of the label off {name}, "
-                    f"more than {ERROR_TOLERANCE:g}"
-                )
+            yield from _check_anew(sample.spec, limit)
+
+
+def _equal(one: Limit, other: Limit) -> bool:
+    return np.array_equal(one.eigenvalues, other.eigenvalues) and np.array_equal(one.bar, other.bar)
+
+
+def _check_anew(spec: ShapeSpec, stored: Limit) -> Iterator[str]:
+    """Compare a limit with one computed anew: they must agree within their bars."""
+    try:
+        found = FAMILIES[spec.family].limit_spectrum(spec.parameters, len(stored.eigenvalues))
+    except (SpectrumError, ValueError, KeyError) as error:
+        yield f"{spec.id}: its limit cannot be computed anew: {one_line(error)}"
+        return
+    apart = np.abs(stored.eigenvalues - found.eigenvalues)
+    if not (apart <= stored.bar + found.bar).all():
+        off = float((apart / found.eigenvalues).max())
+        yield f"{spec.id}: limit is {off:.2g} off one computed anew, more than the bars say"

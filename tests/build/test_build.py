@@ -71,7 +71,8 @@ def one_line(text: str) -> str:
 
 def test_mini_has_the_files_it_should(mini_home: Path) -> None:
     names = [plan.file for plan in plan_shards(recipe.load(VERSION))]
-    assert sorted(contents(mini_home)) == sorted(["manifest.json", *names])
+    limits = [name.replace("shards/", "limits/") for name in names]
+    assert sorted(contents(mini_home)) == sorted(["manifest.json", *names, *limits])
     manifest = store.open_dataset(VERSION, mini_home).manifest
     assert [shard.file for shard in manifest.shards] == names
     assert manifest.rows + len(manifest.rejections) == 335

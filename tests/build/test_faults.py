@@ -81,7 +81,7 @@ def test_files_alone_are_verified_on_request(
     (mini_copy / VERSION / SHARD).write_bytes(b"no Parquet")
     assert cli.main([*arguments, "--json"]) == 1
     found = {c["check"]: c["problems"] for c in json.loads(capsys.readouterr().out)["checks"]}
-    assert list(found) == ["manifest", "digests", "shards", "errors"]
+    assert list(found) == ["manifest", "digests", "shards", "limits"]
     assert SHARD in found["digests"][0]
     assert SHARD in found["shards"][0]
 

@@ -206,7 +206,7 @@ def test_info_has_a_table_of_the_families(run: Run, mini_home: Path) -> None:
     planned = [s.split for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes]
     numbers = ", ".join(f"{n} {planned.count(n)}" for n in ("train", "validation", "test"))
     assert f"splits     {numbers}" in lines
-    assert "estimates  none (--error-estimates)" in lines
+    assert "limits     of 335 labels; 57 (17.0%) are 20 dB or less from theirs" in lines
 
 
 def test_info_lists_the_ids(run: Run, mini_home: Path) -> None:
@@ -227,7 +227,8 @@ def test_show_says_what_a_shape_is(run: Run, mini_home: Path) -> None:
     assert lines["closed"][-1] == "yes"
     assert "tubular_resolution 20" in out
     sample = store.open_dataset(VERSION, mini_home).find("torus-00000")
-    values = out.splitlines()[-1].split()
+    rows = out.splitlines()
+    values = rows[rows.index("eigenvalues (1/length²)") + 1].split()
     assert [float(v) for v in values] == pytest.approx(sample.eigenvalues.tolist(), rel=1e-5)
 
 
@@ -356,7 +357,7 @@ def test_json_of_info(run: Run, mini_home: Path) -> None:
     assert (code, err) == (0, "")
     said = json.loads(out)
     manifest = store.open_dataset(VERSION, mini_home).manifest
-    assert set(said) == SUMMARY
+    assert set(said) == SUMMARY | {"limits"}
     assert said["version"] == VERSION
     assert said["recipe_digest"] == recipe.load(VERSION).digest
     assert said["directory"] == str(mini_home / VERSION)
@@ -386,7 +387,7 @@ def test_json_of_verify(run: Run, mini_home: Path) -> None:
     assert [check["check"] for check in said["checks"]] == list(CHECKS)
     assert [set(check) for check in said["checks"]] == [{"check", "examined", "problems"}] * 9
     assert said["checks"][-2] == {"check": "labels", "examined": 2, "problems": []}
-    assert said["checks"][-1] == {"check": "errors", "examined": 0, "problems": []}
+    assert said["checks"][-1] == {"check": "limits", "examined": 335, "problems": []}
 
 
 def test_json_of_show(run: Run, mini_home: Path) -> None:

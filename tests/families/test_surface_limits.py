@@ -8,7 +8,6 @@ import pytest
 
 from evidence.limits import linear
 from synthnet import recipe
-from synthnet.build.discretisation import extrapolate
 from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES, PRIMITIVES, drum, elements, limits, surface_limits
 from synthnet.families.atlas import Atlas, Charted, lattice, rectangle
@@ -39,7 +38,7 @@ def of_atlas(family: str, parameters: Parameters, k: int = 10) -> limits.Limit:
 
 def extrapolated(family: str, parameters: Parameters, levels: tuple[int, int]) -> np.ndarray:
     """The spectrum by linear elements on two meshes: another method from mesh to solver."""
-    return extrapolate(*linear(family, dict(parameters), levels))
+    return limits.extrapolate(*linear(family, dict(parameters), levels))
 
 
 # --- elements --------------------------------------------------------------------------

@@ -14,6 +14,7 @@ import pytest
 import synthnet
 from synthnet import recipe, store
 from synthnet.recipe.plan import plan_shards
+from synthnet.store import limits
 from synthnet.types import SPLITS
 
 VERSION = "1.0-mini"
@@ -52,7 +53,7 @@ def test_split_holds_its_shapes(split: str, home: Path) -> None:
     assert found["id"][:] == [s.spec.id for s in planned if s.split == split]
     assert set(found["split"][:]) == {split}
     assert str(found.split) == split
-    assert found.column_names == store.SCHEMA.names
+    assert found.column_names == [*store.SCHEMA.names, "surface_eigenvalues", "surface_bar"]
 
 
 def test_splits_are_all_there_is(home: Path) -> None:
@@ -79,6 +80,23 @@ def test_rows_are_those_of_the_store(home: Path) -> None:
             assert np.array_equal(array, expected), (sample.spec.id, name)
         assert str(row["family"]) == sample.spec.family
     assert len(found) > 0
+
+
+def test_limits_are_those_of_the_shapes(home: Path, tmp_path: Path) -> None:
+    pytest.importorskip("datasets")
+    found = synthnet.load_dataset(VERSION, split="test", root=home)
+    known = {row.id: row for row in limits.read(store.open_dataset(VERSION, home))}
+    assert len(found) == 34
+    for row in found:
+        limit = known[str(row["id"])]
+        assert (row["surface_eigenvalues"], row["surface_bar"]) == (
+            limit.eigenvalues.tolist(),
+            limit.bar.tolist(),
+        )
+    shutil.copytree(home / VERSION, tmp_path / VERSION)
+    shutil.rmtree(tmp_path / VERSION / limits.DIRECTORY)
+    plain = synthnet.load_dataset(VERSION, split="test", root=tmp_path)
+    assert plain.column_names == store.SCHEMA.names
 
 
 def test_split_is_train_unless_said(home: Path) -> None:

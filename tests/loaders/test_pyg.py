@@ -2,6 +2,7 @@ import copy
 import functools
 import multiprocessing
 import pickle
+import shutil
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ from torch_geometric.loader import DataLoader
 from torch_geometric.transforms import Compose, FaceToEdge, NormalizeScale
 
 from synthnet import spectrum, store
-from synthnet.errors import RecipeError
+from synthnet.errors import RecipeError, StoreError
 from synthnet.loaders import mapped
-from synthnet.loaders.pyg import SynthNet
+from synthnet.loaders.pyg import SynthNet, surface_spectra
 from synthnet.mesh.geometry import volume
+from synthnet.recipe import Kind
+from synthnet.store import limits
 from synthnet.types import SPLITS, Mesh
 
 MINI = "1.0-mini"
@@ -47,6 +50,49 @@ def test_items_are_what_the_shards_hold(open_split, samples):
         np.testing.assert_array_equal(data.pos, sample.mesh.vertices)
         np.testing.assert_array_equal(data.face.t(), sample.mesh.faces)
         np.testing.assert_array_equal(data.y[0], sample.eigenvalues.astype(np.float32))
+
+
+def test_the_target_is_the_mesh_or_its_surface(open_split, samples, unpacking_home):
+    known = {row.id: row for row in limits.read(store.open_dataset(MINI, unpacking_home))}
+    mesh, surface = (open_split("test", augment=False, target=t) for t in ("mesh", "surface"))
+    assert mesh.processed_dir == surface.processed_dir  # only the labels are unpacked
+    again = pickle.loads(pickle.dumps(surface))
+    assert len(mesh) == len(surface) == len(again) == 34
+    for label, limit, copied in zip(mesh, surface, again, strict=True):
+        expected = known[limit.shape_id].eigenvalues.astype(np.float32)
+        assert limit.y.dtype == torch.float32
+        np.testing.assert_array_equal(limit.y[0], expected)
+        np.testing.assert_array_equal(copied.y[0], expected)
+        np.testing.assert_array_equal(label.y[0], samples[label.shape_id].eigenvalues.astype("f4"))
+        assert not torch.equal(label.y, limit.y)
+        assert torch.equal(label.pos, limit.pos)
+    assert torch.equal(surface.y, torch.cat([data.y for data in surface]))
+    assert "target='surface'" in repr(surface)
+
+
+def test_a_pre_transform_is_kept_by_its_target(open_split):
+    kept = [
+        open_split("test", augment=False, target=target, pre_transform=NormalizeScale())
+        for target in ("surface", "mesh", "surface")
+    ]
+    assert kept[0].processed_dir == kept[2].processed_dir != kept[1].processed_dir
+    plain = [open_split("test", augment=False, target=target) for target in ("surface", "mesh")]
+    for done, source in zip(kept, plain, strict=False):
+        assert torch.equal(torch.cat([data.y for data in done]), source.y)
+
+
+def test_a_surface_needs_limits(unpacking_home, tmp_path, monkeypatch):
+    shutil.copytree(unpacking_home / MINI, tmp_path / MINI)
+    shutil.rmtree(tmp_path / MINI / limits.DIRECTORY)
+    remedy = "has no limits of its surfaces: run `synthnet build --version 1.0-mini --limits`$"
+    with pytest.raises(StoreError, match=remedy):
+        SynthNet(tmp_path, MINI, target="surface")
+    plain = store.open_dataset(MINI, tmp_path)
+    monkeypatch.setattr(store.StoredDataset, "kind", Kind.IMPORTED)
+    with pytest.raises(StoreError, match=r"have no known surface, take target='mesh'$"):
+        surface_spectra(plain)
+    with pytest.raises(ValueError, match="target must be one of mesh, surface, got 'limit'"):
+        SynthNet(tmp_path, MINI, target="limit")
 
 
 def test_grouped_splits_are_the_shards_splits(open_split, samples):

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
 from synthnet import spectrum
-from synthnet.build.discretisation import extrapolate
 from synthnet.families import FAMILIES
+from synthnet.families.limits import extrapolate
 from synthnet.store import pins
 from synthnet.store.files import write_atomically
 from synthnet.types import Certificate, Mesh, Parameters, Sample, ShapeSpec
