@@ -10,7 +10,7 @@ import numpy as np
 from refined import quartered
 
 from synthnet import Mesh, spectrum
-from synthnet.build.discretisation import extrapolate
+from synthnet.families.limits import extrapolate
 
 META = {
     "name": "Linear elements, extrapolated",

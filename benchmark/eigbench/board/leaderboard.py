@@ -158,7 +158,8 @@ def generate(
         If the README has the marks more than once, or not both of them.
     """
     every, begun = list(boards(submissions)), set[str]()
-    opening, parts, tops, generated = [], [], [], {}
+    opening, parts, generated = [], [], {}
+    held_out, tops = [], []
     for rows, protocols in every:
         submission = rows[0].submission
         name = f"{submission.board}-{submission.target}"
@@ -181,8 +182,7 @@ def generate(
                 pictures.insert(0, FIGURES / f"{protocols.version}-answer.svg")
                 generated[pictures[0]] = answer_figure.draw(protocols)
             opening += page.generalised(protocols, [picture.as_posix() for picture in pictures])
-            if first:
-                tops.append(page.generalised_top(protocols, page.TOP))
+            held_out.append(page.generalised_top(protocols, page.TOP))
         if first:
             tops.append(page.top(rows))
     for protocols in {b.version: b for _, b in every if b is not None}.values():
@@ -196,7 +196,7 @@ def generate(
         parts += page.reported(paper)
     generated[Path(PAGE)] = "\n".join([page.BANNER, *opening, *parts])
     if MARK in readme:
-        generated[Path(README)] = _with_tops(readme, tops)
+        generated[Path(README)] = _with_tops(readme, [*held_out, *tops])
     return generated
 
 
