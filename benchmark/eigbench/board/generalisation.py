@@ -30,6 +30,7 @@ from synthnet import recipe
 
 SHOWN = ("rpd", "psnr20")
 NOT_RUN = "not run"
+LEAD = "meshes (with one of training within 1 %)"
 TITLES = {
     "family": "each family unseen",
     "resolution": "fine meshes unseen",
@@ -45,7 +46,7 @@ EXPLAINED = (
     "shapes. There is no drop where nothing is trained, or the model is trained on another "
     "version; nor on imported meshes, which no training has. A family is held out together with "
     "those that have the same surfaces. Not run: nobody has run it, or the model is trained on one "
-    "set alone. [What is held out](docs/dataset-card-2.0.md#protocols)."
+    "set alone."
 )
 NEAR = (
     "The nearest shape that a model may be trained on, by the largest relative difference of two "
@@ -152,6 +153,11 @@ def tested(version: str, protocol: str, target: str) -> Truth:
     return labels
 
 
+def _near(version: str, protocol: str) -> str:
+    """Return the share of the tested shapes that have one of training within 1 %."""
+    return f"{100 * np.mean(near.distances(version, protocol) <= 0.01):.0f} %"
+
+
 def neighbours(board: Board) -> list[list[str]]:
     """Return a line a protocol: its name, how many shapes it tests, and how near training comes."""
     lines = []
@@ -255,14 +261,16 @@ def table(board: Board, key: str, marks: Marks) -> Group[Ranked]:
             "training held them and their like out; in brackets the drop against the same model "
             "trained on everything."
         )
-        key_ = f"{key}-{protocol}"
-        return Column(key_, title(protocol), note, cell, higher=metric.higher_is_better, lead=count)
+        key_, lead = f"{key}-{protocol}", f"{count} ({_near(board.version, protocol)})"
+        return Column(key_, title(protocol), note, cell, higher=metric.higher_is_better, lead=lead)
 
     note = f"Mean {metric.title} on the whole test split, trained on everything."
-    first = Column(f"{key}-iid", "i.i.d.", note, iid, higher=metric.higher_is_better)
+    tested_ = board.rows[0].submission.result["dataset"]["shapes"]
+    lead = f"{tested_:,} ({_near(board.version, 'grouped')})"
+    first = Column(f"{key}-iid", "i.i.d.", note, iid, higher=metric.higher_is_better, lead=lead)
     columns = [first, *map(column, board.protocols)]
     heading = f"Generalisation, {metric.heading}"
-    return Group(f"protocols-{key}", heading, columns, lead="meshes")
+    return Group(f"protocols-{key}", heading, columns, lead=LEAD)
 
 
 def drops(board: Board, protocol: str) -> list[Column[Ranked]]:

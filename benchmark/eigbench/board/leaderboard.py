@@ -175,18 +175,21 @@ def generate(
         generated[files["figure"]] = figures.error_against_time([row.submission for row in rows])
         parts += page.board(rows, files)
         if protocols is not None:
-            path = FIGURES / f"{protocols.version}-generalisation-{protocols.target}.svg"
-            generated[path] = figures.generalisation(protocols)
-            pictures = [path]
+            name = f"{protocols.version}-generalisation-{protocols.target}"
+            shown = {
+                "page": BOARDS / f"{name}.md",
+                "Error under each protocol": FIGURES / f"{name}.svg",
+            }
+            generated[shown["page"]] = page.generalised_details(protocols)
+            generated[FIGURES / f"{name}.svg"] = figures.generalisation(protocols)
             if submission.target == SURFACE:
-                pictures.insert(0, FIGURES / f"{protocols.version}-answer.svg")
-                generated[pictures[0]] = answer_figure.draw(protocols)
-            opening += page.generalised(protocols, [picture.as_posix() for picture in pictures])
+                path = FIGURES / f"{protocols.version}-answer.svg"
+                generated[path] = answer_figure.draw(protocols)
+                shown["Error to the surface against time"] = path
+            opening += page.generalised(protocols, shown)
             held_out.append(page.generalised_top(protocols, page.TOP))
         if first:
             tops.append(page.top(rows))
-    for protocols in {b.version: b for _, b in every if b is not None}.values():
-        opening += page.distances(protocols)
     if not every:
         parts.append("No result has been submitted yet.\n")
     section, drawn = scaling_page.section(scaled)

@@ -154,21 +154,24 @@ def test_section_shows_scores_beside_the_iid_column_with_the_drop(held_out, tmp_
     whole, model = held_out
     for one in [*whole, model]:
         leaderboard.add(one, tmp_path)
-    text = leaderboard.generate(leaderboard.read(tmp_path), [])[leaderboard.Path("LEADERBOARD.md")]
-    assert (
-        text == leaderboard.generate([model, *whole[::-1]], [])[leaderboard.Path(leaderboard.PAGE)]
-    )
+    pages = leaderboard.generate(leaderboard.read(tmp_path), [])
+    assert pages == leaderboard.generate([model, *whole[::-1]], [])
+    text = pages[leaderboard.Path(leaderboard.PAGE)]
     assert "protocol genus" not in text  # no section of its own
     assert text.index("unlike those of training, against the surface") < text.index(MESH)
     text = text.partition(MESH)[2]
     heads, _, counts = text.partition("| RPD ↓ of |")[2].splitlines()[:3]
     assert heads.split(" | ")[3] == "genus 1 and more unseen"
-    assert counts.split(" | ")[4] == "9"
-    assert counts.startswith("| meshes |")
+    assert re.fullmatch(r"9 \(\d+ %\)", counts.split(" | ")[4])
+    assert counts.startswith("| meshes (with one of training within 1 %) |")
     assert "| Model | 0.0498 | not run | not run | 0.2439 (+0.1942) | not run |" in text
     assert "| Lazy | 0.0990 | not run | not run | not run | not run |" in text
     assert "| Solver | 0.0050 | 0.0050 | 0.0050 | 0.0050 | 0.0050 |" in text
-    assert "| Model | 100.00 % | not run | not run | 100.00 % (+0.00) | not run |" in text
+    details = pages[leaderboard.BOARDS / "2.0-mini-generalisation-mesh.md"]
+    assert "| Model | 100.00 % | not run | not run | 100.00 % (+0.00) | not run |" in details
+    lines = details.partition("## How near training comes")[2].splitlines()
+    near = {line.split(" | ")[0][2:]: line.split(" | ")[1] for line in lines if "%" in line}
+    assert (near["genus 1 and more unseen"], near["i.i.d."]) == ("9", "36")
 
 
 def test_readme_shows_what_the_first_rows_lose(held_out):
@@ -176,7 +179,7 @@ def test_readme_shows_what_the_first_rows_lose(held_out):
     readme = "<!-- begin leaderboard --><!-- end leaderboard -->"
     text = leaderboard.generate([*whole, model], [], (), readme)[leaderboard.Path("README.md")]
     assert "held out of training, synthNet 2.0-mini, against the surface" in text
-    (line,) = re.findall(r"^\| Model \| 0\.\d+ \| not run .*$", text, flags=re.M)
+    line, _ = re.findall(r"^\| Model \| 0\.\d+ \| not run .*$", text, flags=re.M)
     assert re.search(r"\| not run \| not run \| 0\.\d+ \(\+0\.\d+\) \| not run \|", line)
     best = page.generalised_top(generalisation.Board(ranking.ranked(whole), {"genus": [model]}), 1)
     assert [line.split(" | ")[0] for line in best.splitlines()[2:]] == [
