@@ -24,6 +24,7 @@ from evidence import (
     limits,
     multilevel_variants,
     numbers,
+    ratios,
     ritz_mlp_variants,
     shapes,
     solver,
@@ -82,6 +83,7 @@ BLOCKS = {
     "learned/left-out": Block(("ritz-mlp",), ritz_mlp_variants.left_out_table),
     "real-shapes/ablation": Block(("multilevel",), multilevel_variants.variants),
     "real-shapes/large": Block(("multilevel",), multilevel_variants.large_meshes),
+    "submit/ratios": Block(("ratios",), ratios.table),
     "submit/overhead": Block(("harness-overhead",), harness_overhead.table),
 }
 # Blocks that another command writes.

@@ -21,11 +21,12 @@ from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.truth import MESH
 from synthnet.store.files import make_directory, write_text
 
+FEW = "few shapes"  # makes no verdict, which is not a tie
 VERDICTS = {"a": "A is better", "b": "B is better"}
 TIES = (
-    "(interval): the shapes are too few to tell. (few shapes): fewer than five. (floor): the "
-    "target is known too coarsely to tell, see docs/metrics.md; PSNR has no floor. (equal): the "
-    "same on every instance. (not finite): both have such values."
+    "(interval): the shapes are too few to tell. (few shapes): fewer than five say nothing. "
+    "(floor): the target is known too coarsely to tell, see docs/metrics.md; PSNR has no floor. "
+    "(equal): the same on every instance. (not finite): both have such values."
 )
 
 
@@ -120,8 +121,8 @@ def _line(title: str, difference: Difference, key: str) -> list[str]:
         number(d.b, decimals),
         number(d.a - d.b, decimals),
         f"{number(d.low, decimals)} to {number(d.high, decimals)}",
-        "none" if d.floor is None else f"{d.floor:.0e}",
-        VERDICTS.get(d.verdict) or f"tie ({d.why})",
+        "none" if d.floor is None else f"{d.floor:.0e}" if d.floor else "0",
+        VERDICTS.get(d.verdict) or f"{'none' if d.why == FEW else 'tie'} ({d.why})",
     ]
 
 

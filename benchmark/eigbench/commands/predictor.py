@@ -308,7 +308,8 @@ def _print_scores(scored: Mapping[str, dict[str, Any] | None]) -> None:
         if numbers is None:
             print(f"Against the {target}: not known for this dataset\n")
             continue
-        print(f"Against the {target}, {100 * numbers['exact']:.4g} % of the spectra exact\n")
+        exact = f", {100 * numbers['exact']:.4g} % of the spectra exact" if numbers["exact"] else ""
+        print(f"Against the {target}{exact}\n")
         for table in (tables.overall, tables.families, tables.per_index):
             print(f"{table(numbers)}\n")
 

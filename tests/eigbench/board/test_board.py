@@ -648,7 +648,7 @@ def test_compare_tells_ties_from_differences(eigbench, made, mini_truth):
         shapes[name].add(shape)
     few = [family_title(name) for name in sorted(shapes) if len(shapes[name]) < 5]
     assert 0 < len(few) < len(shapes)
-    ties = re.findall(r"^(.+?)  .*tie \((.+)\)$", out, flags=re.M)
+    ties = re.findall(r"^(.+?)  .*none \((.+)\)$", out, flags=re.M)
     assert ties == [(title, "few shapes") for title in few]
     better = len(METRICS) + len(shapes) - len(few)
     assert out.count("A is better") == better
