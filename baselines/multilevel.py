@@ -18,7 +18,7 @@ A. V. Knyazev, "Toward the optimal preconditioned eigensolver", SIAM J. Sci. Com
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import multilevel_kernels as kernels
@@ -143,7 +143,15 @@ def coarsened(fine: Level, setting: Setting) -> tuple[Level, Level]:
 
 
 def hierarchy(mesh: Mesh, setting: Setting = SETTING) -> list[Level]:
-    """Return the levels, the finest first."""
+    """Return the levels, the finest first.
+
+    Raises
+    ------
+    ValueError
+        If the mesh has fewer than eleven vertices, a triangle no area, or a vertex no triangle.
+    """
+    if len(mesh.vertices) <= COUNT:
+        raise ValueError(f"{COUNT} eigenvalues after zero need more than {COUNT} vertices")
     levels = [finest(mesh)]
     while len(levels[-1]) > setting.coarsest:
         fine, coarse = coarsened(levels[-1], setting)
@@ -238,17 +246,14 @@ def improved(
     return values, basis, turn
 
 
-def ritz_values(mesh: Mesh, setting: Setting = SETTING) -> np.ndarray:
-    """Return upper bounds of the first ten eigenvalues after zero, in 1/length².
+def ascent(
+    levels: list[Level], setting: Setting = SETTING
+) -> Iterator[tuple[np.ndarray, list[np.ndarray], np.ndarray]]:
+    """Yield, level by level up to the finest, Ritz values, a basis, and weights of the vectors.
 
-    Raises
-    ------
-    ValueError
-        If the mesh has fewer than eleven vertices, a triangle no area, or a vertex no triangle.
+    Values are upper bounds of those after zero, in 1/length²; the vectors are the combinations of
+    the basis.
     """
-    if len(mesh.vertices) <= COUNT:
-        raise ValueError(f"{COUNT} eigenvalues after zero need more than {COUNT} vertices")
-    levels = hierarchy(mesh, setting)
     every, vectors = linalg.eigh(*levels[-1].dense(), check_finite=False)
     good = every > ZERO * every[-1]
     frame = vectors[:, good]
@@ -261,11 +266,25 @@ def ritz_values(mesh: Mesh, setting: Setting = SETTING) -> np.ndarray:
         cuts = np.arange(setting.vectors - 2, setting.vectors + 3)
         m = cuts[np.argmax(values[cuts] / values[cuts - 1])]
     values, basis, turn = values[:m], [np.ascontiguousarray(vectors[:, 1 : m + 1])], np.eye(m)
+    least = ZERO * every[-1]  # components make more zeros
+    yield np.maximum(values, least), basis, turn
     for k in range(len(levels) - 2, -1, -1):
         x = np.zeros((len(levels[k]), m))
         kernels.prolong(*levels[k].prolongation, combined(basis, turn), x)
         values, basis, turn = improved(levels[k:], values, x, inverse, setting)
-    return np.maximum(values[:COUNT], ZERO * every[-1])  # components make more zeros
+        yield np.maximum(values, least), basis, turn
+
+
+def ritz_values(mesh: Mesh, setting: Setting = SETTING) -> np.ndarray:
+    """Return upper bounds of the first ten eigenvalues after zero, in 1/length².
+
+    Raises
+    ------
+    ValueError
+        If the mesh has fewer than eleven vertices, a triangle no area, or a vertex no triangle.
+    """
+    *_, (values, _, _) = ascent(hierarchy(mesh, setting), setting)
+    return values[:COUNT]
 
 
 def predict(meshes: Sequence[Mesh]) -> np.ndarray:

@@ -49,6 +49,7 @@ SEEDS = {  # of each row's predictor
     "kriging": 1,
     "ritz_mlp_surface": 3,
     "spectrum_mlp": 3,
+    "multilevel_masses": 1,
     "reproduction:modern": 1,
     "gcn_scale_free": 1,
 }
@@ -60,6 +61,7 @@ TRAINED = (  # on the set they are asked for
     "kriging",
     "ritz_mlp_surface",
     "spectrum_mlp",
+    "multilevel_masses",
 )
 ONLY = {"gcn_scale_free": "2.0"}  # trained on that alone
 BATCH = {"1.0": 200, "2.0": 50}  # meshes: 2.0's are six times as large

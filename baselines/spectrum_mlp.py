@@ -25,7 +25,7 @@ META = {
 COUNT = ritz_features.CORRECTED
 SPECTRA = tuple(f"log_{mass}_{i + 1}" for mass in ("consistent", "lumped") for i in range(COUNT))
 NAMES = (*SPECTRA, *ritz_features.NAMES)
-EPOCHS = 100
+EPOCHS = 200
 
 
 def features(mesh: Mesh) -> tuple[float, np.ndarray]:

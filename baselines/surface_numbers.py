@@ -2,8 +2,9 @@
 
     python baselines/surface_numbers.py
 
-makes `surface_numbers.parquet` from a built 1.0 and 2.0. The targets are the limits that the
-repository pins.
+makes `surface_numbers.parquet` from a built 1.0 and 2.0: the numbers of `ritz_features.py`,
+`two_masses.py` and `multilevel_masses.py` of each training shape. The targets are the limits that
+the repository pins.
 """
 
 import time
@@ -26,7 +27,10 @@ VERSIONS = ("1.0", "2.0")
 
 
 def kept(training: str, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Return some numbers of a training set's shapes, and log(limit · area) of each, (n, 10)."""
+    """Return some numbers of a training set's shapes, and log(limit · area) of each, (n, 10).
+
+    Shapes of which the table lacks one of these numbers are left out.
+    """
     version, _, protocol = training.partition("/")
     limits = pins.read_limits(version)
     if limits is None:
@@ -36,16 +40,24 @@ def kept(training: str, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     row_of = {id: row for row, id in enumerate(table["id"].to_pylist())}
     if missing := [id for id in shapes if id not in row_of]:
         raise ValueError(f"{NUMBERS.name} lacks {missing[0]} of {training}: make it anew")
-    chosen = table.take([row_of[id] for id in shapes])
+    chosen = table.take([row_of[id] for id in shapes]).drop_null()
     numbers = np.stack([chosen[name].to_numpy() for name in names], axis=1)
-    areas = chosen["area"].to_numpy()
-    eigenvalues = np.array([limits[id].eigenvalues for id in shapes])
-    return numbers.astype(np.float64), np.log(eigenvalues * areas[:, None])
+    eigenvalues = np.array([limits[id].eigenvalues for id in chosen["id"].to_pylist()])
+    logs = np.log(eigenvalues * chosen["area"].to_numpy()[:, None])
+    return numbers.astype(np.float64), logs
+
+
+def write(ids: Sequence[str], rows: np.ndarray, names: Sequence[str]) -> None:
+    """Write the table: rows of the area and the named numbers; one that is NaN is left open."""
+    columns = [pa.array(column, from_pandas=True) for column in rows.astype(np.float32).T]
+    table = pa.table([pa.array(ids), *columns], names=["id", "area", *names])
+    write_atomically(NUMBERS, lambda to: pq.write_table(table, to, compression="zstd"))
 
 
 def main() -> None:
     """Write the numbers of every shape of the training splits of the built versions."""
-    from spectrum_mlp import NAMES, features
+    import multilevel_masses
+    import spectrum_mlp
 
     started = time.perf_counter()
     ids, rows = [], []
@@ -54,12 +66,10 @@ def main() -> None:
         for path in track(paths, "numbers"):
             for sample in store.read_samples(path):
                 if sample.split == "train":
-                    area, numbers = features(sample.mesh)
+                    area, numbers = spectrum_mlp.features(sample.mesh)
                     ids.append(sample.spec.id)
-                    rows.append([area, *numbers])
-    columns = np.array(rows, dtype=np.float32).T
-    table = pa.table([pa.array(ids), *columns], names=["id", "area", *NAMES])
-    write_atomically(NUMBERS, lambda to: pq.write_table(table, to, compression="zstd"))
+                    rows.append([area, *numbers, *multilevel_masses.features(sample.mesh)])
+    write(ids, np.array(rows), [*spectrum_mlp.NAMES, *multilevel_masses.NAMES])
     print(f"numbers of {len(rows):,} shapes: {time.perf_counter() - started:.0f} s on one core")
 
 

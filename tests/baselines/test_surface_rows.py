@@ -100,15 +100,52 @@ def test_cholmod_changes_no_digit_that_counts() -> None:
     np.testing.assert_allclose(found, spectrum.compute(mesh).eigenvalues, rtol=1e-8)
 
 
-def test_kriging_is_exact_for_linear_functions_and_near_its_own_points() -> None:
+def test_kriging_goes_through_its_points_and_follows_a_trend() -> None:
     kriging = sibling("kriging")
     rng = np.random.default_rng(0)
-    numbers = rng.normal(size=(300, len(kriging.NAMES)))
-    logs = numbers @ rng.normal(size=(len(kriging.NAMES), 10))
-    model = kriging.Kriging(numbers, logs)
-    other = rng.normal(size=(5, len(kriging.NAMES))) / 2
-    wanted = other @ np.linalg.lstsq(numbers, logs, rcond=None)[0]
-    np.testing.assert_allclose(model.logs(other), wanted, atol=1e-6)
-    waves = np.sin(logs)
-    own = kriging.Kriging(numbers, waves).logs(numbers[:20])
-    np.testing.assert_allclose(own, waves[:20], atol=0.01)
+    numbers = rng.normal(size=(400, len(kriging.NAMES)))
+    slopes = rng.normal(size=(len(kriging.NAMES), 10)) / 10
+    model = kriging.Kriging(numbers, np.sin(numbers @ slopes))
+    np.testing.assert_allclose(model.logs(numbers[:20]), model.targets[:20], atol=1e-3)
+    linear = kriging.Kriging(numbers, 3 + numbers @ slopes)
+    other = rng.normal(size=(20, len(kriging.NAMES))) / 2
+    np.testing.assert_allclose(linear.logs(other), 3 + other @ slopes, atol=0.01)
+
+
+def test_multilevel_values_are_bounds_and_their_errors_are_seen_beside_them() -> None:
+    masses = sibling("multilevel_masses")
+    mesh = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 40})
+    area = sibling("ritz_features").features(mesh)[0]
+    logs, ratio, residual = masses.features(mesh).reshape(3, 10)
+    exact, lumped = np.log(area * sibling("two_masses").spectra(mesh))
+    assert (logs >= exact - 1e-9).all()
+    assert np.abs(logs - exact).max() < 0.01
+    np.testing.assert_allclose(ratio, exact - lumped, rtol=0.1, atol=1e-4)
+    assert ((residual >= 0) & (residual < 1e-3)).all()
+    grown = masses.features(Mesh(3 * mesh.vertices, mesh.faces))
+    np.testing.assert_allclose(grown, masses.features(mesh), atol=1e-9)
+
+
+def test_two_numbers_are_found_again() -> None:
+    masses = sibling("multilevel_masses")
+    numbers = np.abs(np.random.default_rng(0).normal(size=(50, 30)))
+    fitted = masses.fit(numbers, masses.TwoNumbers(0.6, 7.0).logs(numbers))
+    assert (fitted.a, fitted.b) == pytest.approx((0.6, 7.0), abs=1e-3)
+
+
+def test_shapes_without_a_number_are_left_out(tmp_path, monkeypatch) -> None:
+    kept = sibling("surface_numbers")
+    limits = kept.pins.read_limits("1.0")
+    ids = np.unique(kept.truth.load("1.0", "train").shapes)
+    rows = np.ones((len(ids), 3))
+    rows[5:, 2] = np.nan
+    rows[:, 0] = 2.0
+    monkeypatch.setattr(kept, "NUMBERS", tmp_path / "numbers.parquet")
+    kept.write(ids.tolist(), rows, ["a", "b"])
+    numbers, logs = kept.kept("1.0/grouped", ["b"])
+    assert numbers.shape == (5, 1)
+    np.testing.assert_allclose(logs[0], np.log(2 * limits[ids[0]].eigenvalues))
+    assert len(kept.kept("1.0/grouped", ["a"])[0]) == len(ids)
+    kept.write(ids[1:].tolist(), rows[1:], ["a", "b"])
+    with pytest.raises(ValueError, match=r"lacks .* of 1\.0/grouped: make it anew"):
+        kept.kept("1.0/grouped", ["a"])
