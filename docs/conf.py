@@ -28,7 +28,7 @@ extensions = [
     "sphinx_copybutton",
 ]
 root_doc = "README"
-include_patterns = ["*.md", "baselines/*.md", "docs/**.md"]
+include_patterns = ["*.md", "baselines/*.md", "benchmark/boards/*.md", "docs/**.md"]
 exclude_patterns = ["**/node_modules", "**/_build", "site", ".venv"]
 nitpicky = False
 
