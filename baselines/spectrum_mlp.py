@@ -19,7 +19,7 @@ META = {
     "name": "The mesh's spectrum, corrected by an MLP",
     "kind": "learned",
     "target": "surface",
-    "training_data": "the training split, one instance a shape",
+    "training_data": "shapes of the training split, one instance a shape",
     "training_cost": "half a minute on one core at loading, after the numbers of the shapes",
 }
 COUNT = ritz_features.CORRECTED
