@@ -236,3 +236,15 @@ def test_unit_area() -> None:
     assert area(mesh) == pytest.approx(1)
     assert scale == pytest.approx(1 / np.sqrt(54))
     np.testing.assert_allclose(mesh.vertices.mean(axis=0), 0, atol=1e-12)
+
+
+def test_an_open_surface_is_not_turned_by_its_volume() -> None:
+    inwards = FACES[2:, ::-1]  # a box without its bottom
+    assert volume(repair.centred(Mesh(CUBE, inwards))) < 0
+    found = done(CUBE, inwards)
+    assert found.repairs == {}
+    np.testing.assert_array_equal(found.mesh.faces, inwards)
+
+
+def test_the_least_number_of_vertices_is_enough() -> None:
+    assert len(done(CUBE[:4], [[0, 1, 3], [0, 3, 2]]).mesh.vertices) == 4

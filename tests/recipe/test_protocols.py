@@ -144,3 +144,14 @@ def test_dataset_of_a_protocol_has_the_shapes_of_its_split(
         dataset = SimpleNamespace(version=VERSION, protocol=protocol, split=split)
         mine = SynthNet._held_out_or_not(dataset, stored)
         assert {stored.ids[i] for i in np.flatnonzero(mine)} == taken(shapes, protocol, split)
+
+
+def test_meshes_of_a_surface_have_the_sizes_in_the_order_of_the_recipe() -> None:
+    version = recipe.load("2.0")
+    sizes = version.sizes or ()
+    assert len(sizes) == 3
+    drawn = [draw_shape(version, "blob", i).parameters["vertices"] for i in range(60)]
+    means = [float(np.mean(np.log10(drawn[i::3]))) for i in range(3)]
+    for size, mean in zip(sizes, means, strict=True):
+        expected, deviation = size.vertices["log10_normal"]
+        assert abs(mean - expected) <= deviation

@@ -532,3 +532,12 @@ def test_a_count_that_rounding_decides_is_refused(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(certificate, "factorise", vague)
     with pytest.raises(CertificateError, match=r"^rounding moves the shift \S+ of the count by 1,"):
         spectrum.compute(sphere(10))
+
+
+@pytest.mark.parametrize("negative", [2, 4])
+def test_a_count_that_is_not_that_of_the_pairs_is_refused(negative: int) -> None:
+    pairs = certificate.Candidate(np.array([1.0, 2.0]), np.eye(2), 1e-9, (2.0, 3.0))
+    counted = Factor(np.array([-1.0] * negative + [1.0]), np.zeros(0), 0.0)
+    message = rf"^{negative} eigenvalues are below 2.5, but 3 were found$"
+    with pytest.raises(CertificateError, match=message):
+        certificate.certify(pairs, counted)
