@@ -51,10 +51,10 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
             axes.plot(time, known, marker, color=colour, ms=6, zorder=3)
             points.append((time, known))
             notes.append(escaped(row.submission.name))
-        _solver_line(axes, board, solver)
+        line = _solver_line(axes, board, solver)
         axes.set_xscale("log")
         axes.set_yscale("log")
-        x = np.array(points)[:, 0]
+        x = np.array([time for time, _ in points] + line)
         axes.set_xlim(x.min() / 2, x.max() * 3)
         axes.set_xlabel("ms a mesh, from raw vertices and faces, one thread")
         axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the spectrum of the surface")
@@ -73,8 +73,8 @@ def _error(row: Ranked) -> float:
     return np.inf if mean is None else float(mean)
 
 
-def _solver_line(axes: mpl.axes.Axes, board: Board, slug: str) -> None:
-    """Draw the errors and times of a solver by the size of the meshes, where it was timed so."""
+def _solver_line(axes: mpl.axes.Axes, board: Board, slug: str) -> list[float]:
+    """Draw errors and times of a solver by the size of the meshes; return the times, if known."""
     for row in board.rows:
         times = row.submission.result["cost"].get("ms_by_batch")
         if row.submission.slug != slug or times is None:
@@ -87,6 +87,8 @@ def _solver_line(axes: mpl.axes.Axes, board: Board, slug: str) -> None:
             axes.annotate(
                 f"{name} meshes", (time, error), (4, 6), textcoords="offset points", fontsize=7
             )
+        return means
+    return []
 
 
 def by_size(submission: Submission) -> dict[str, float]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from eigbench.board import generalisation, leaderboard, page, ranking
+from eigbench.board import answer_figure, generalisation, leaderboard, page, ranking
 from eigbench.errors import EigbenchError, PredictorError, ResultError
 from eigbench.results import submission
 from eigbench.running import meshes
@@ -294,3 +294,26 @@ def test_a_drop_between_two_codes_is_refused(held_out, parts, make_submission, t
         leaderboard.add(one, tmp_path)
     with pytest.raises(ResultError, match="are of other code, or other weights"):
         leaderboard.read(tmp_path)
+
+
+def test_the_answer_has_every_row_and_the_solver_by_size(held_out, parts, make_submission):
+    whole, model = held_out
+    genus = model.at("surface")
+    rows = [one.at("surface") for one in whole]
+    rows[0].result["cost"]["ms_by_batch"] = [1.0, 2.0, 3.0, 4.0, 50.0, 60.0]
+    board = generalisation.Board(ranking.ranked(rows), {"genus": [genus]})
+    text = answer_figure.draw(board, solver="solver")
+    del rows[0].result["cost"]["ms_by_batch"]
+    for word in ("Solver", "Model", "Lazy", "coarse meshes", "medium meshes", "fine meshes"):
+        assert f">{word}<" in text
+    assert "coarse meshes" not in answer_figure.draw(board, solver="solver")
+
+
+def test_errors_by_size_are_those_of_the_shapes_of_that_size(parts, make_submission):
+    wanted = parts["grouped"]
+    number = np.array([int(shape[-5:]) % 3 for shape in wanted.shapes])
+    values = wanted.eigenvalues * (1.1 + 0.1 * number)[:, None]
+    one = submission.read(make_submission("Sizes", values, wanted))
+    expected = [10 * share / (2 + share) for share in (0.1, 0.2, 0.3)]
+    assert list(answer_figure.by_size(one)) == ["coarse", "medium", "fine"]
+    np.testing.assert_allclose(list(answer_figure.by_size(one).values()), expected)
