@@ -129,4 +129,7 @@ def test_every_row_is_a_file_and_every_board_has_its_rows():
     for name in rows.SEEDS:
         assert (ROOT / "baselines" / rows.code(name).partition(":")[0]).is_file()
     there = {(row.name, row.board) for row in rows.rows(rows.BOARDS) if row.result is not None}
-    assert there == {(name, board) for board in rows.BOARDS for name in rows.usual(board)}
+    usual = {(name, board) for board in rows.BOARDS for name in rows.usual(board)}
+    not_run = {(name, board) for board, names in rows.NOT_RUN.items() for name in names}
+    assert there <= usual
+    assert usual - there == not_run  # what has been run leaves the list

@@ -252,7 +252,7 @@ def test_small_meshes_go_to_the_dense_solver(
 @pytest.mark.parametrize("mesh", [rectangle(8, 5), box(3), sphere(20), drawn("torus", 3)])
 def test_both_settings_and_the_dense_solver_agree(mesh: Mesh) -> None:
     expected = reference_eigenvalues(mesh)[1:11]
-    matrices = solve._assemble(mesh)
+    matrices = solve.assemble(mesh)
     ordering = find_ordering(matrices.indptr, matrices.indices)
     for setting in (solve.NORMAL, solve.STRONGER):
         found = solve._certified(matrices, ordering, 10, setting)
@@ -383,7 +383,7 @@ def test_a_certificate_holds_against_all_eigenvalues(family: str) -> None:
 
 def test_the_residual_bounds_the_error_of_a_vector_that_is_no_eigenvector() -> None:
     mesh = drawn("cylinder", 3)
-    matrices = solve._assemble(mesh)
+    matrices = solve.assemble(mesh)
     stiffness, mass = (matrix.toarray() for matrix in spectrum.fem_matrices(mesh))
     values, vectors = linalg.eigh(stiffness, mass)
     rng = np.random.default_rng(0)
