@@ -22,9 +22,10 @@ ARGUMENTS = [
     "--enable-unsafe-swiftshader",
     *(["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []),
 ]
+FIRST = "1.0-mini-test-grouped-mesh"  # the board of most tests
 WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 800}
 HELD_OUT = "2.0-mini-test-genus"
-IMPORTED = "2.0-mini-test-imported-real-28"
+IMPORTED = "2.0-mini-test-imported-real-28-mesh"
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +89,8 @@ def visit(browser, folders) -> Iterator:
         page.route("**/*", check)
         page.on("console", lambda told: problems.append(f"{told.type}: {told.text}"))
         page.on("pageerror", lambda error: problems.append(f"error: {error}"))
+        if name == "made" and "board=" not in fragment:
+            fragment = f"#board={FIRST}" + (f"&{fragment[1:]}" if fragment else "")
         page.goto(f"{(folders / name / 'index.html').as_uri()}{fragment}")
         expect(page.locator("#status")).not_to_be_empty()
         return page
@@ -355,7 +358,7 @@ def test_a_large_mesh_says_that_it_is_simplified(visit, folders):
     places = sorted((folders / "real").rglob("*.js"))
     large = next(p for p in places if "meshes" in p.parts and has(p, r'"face_count":[2-9]\d{4}'))
     row = next(p for p in places if "rows" in p.parts and has(p, f"meshes/1.0/{large.stem}"))
-    page = visit(f"#board={row.parent.name}&open={row.stem}", name="real")
+    page = visit(f"#board={row.parent.name}-mesh&open={row.stem}", name="real")
     expect(page.locator(".detail")).to_contain_text("simplified for display to", timeout=60_000)
 
 
@@ -485,7 +488,7 @@ def altered(browser, folders, tmp_path) -> Iterator:
         alter(place)
         contexts.append(browser.new_context(viewport=WIDE))
         page = contexts[-1].new_page()
-        page.goto((place / "index.html").as_uri())
+        page.goto(f"{(place / 'index.html').as_uri()}#board={FIRST}")
         return page
 
     yield opened
@@ -579,7 +582,7 @@ def test_an_imported_shape_says_that_one_of_several_seeds_is_shown(visit, real_b
         for one in real_board[0]
         if one.truth.protocol.startswith("imported/") and len(one.predictions) > 1
     )
-    page = visit(f"#board={one.board}&open={one.slug}", name="real")
+    page = visit(f"#board={one.board}-mesh&open={one.slug}", name="real")
     expect(page.locator(".shape").first).to_contain_text("Predicted by the first seed.")
 
 
