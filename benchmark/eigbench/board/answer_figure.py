@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import matplotlib as mpl
 
 UNSEEN = "family"  # the protocol whose scores stand beside those on familiar shapes
-SLOWEST_ERROR = 2.0  # rows with larger errors, which look at next to nothing, are left out
+LARGEST = 2.0  # rows with larger errors, which look at next to nothing, are left out
 
 
 def draw(board: Board, solver: str = "synthnet-certified") -> str:
@@ -35,7 +35,7 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
     solver : str
         The row that the line is of.
     """
-    rows = [row for row in board.rows if _error(row) <= SLOWEST_ERROR]
+    rows = [row for row in board.rows if _error(row) <= LARGEST]
     with style() as new_figure:
         figure = new_figure(figsize=(7.2, 5.0))
         axes = figure.subplots()

@@ -153,17 +153,12 @@ def tested(version: str, protocol: str, target: str) -> Truth:
     return labels
 
 
-def _near(version: str, protocol: str) -> str:
-    """Return the share of the tested shapes that have one of training within 1 %."""
-    return f"{100 * np.mean(near.distances(version, protocol) <= 0.01):.0f} %"
-
-
 def neighbours(board: Board) -> list[list[str]]:
     """Return a line a protocol: its name, how many shapes it tests, and how near training comes."""
     lines = []
     for protocol in ["grouped", *board.protocols]:
         apart = near.distances(board.version, protocol)
-        shares = [f"{100 * np.mean(apart <= bound):.0f} %" for bound in (0.01, 0.05)]
+        shares = [near.share(board.version, protocol, bound) for bound in (near.NEAR, 0.05)]
         name = "i.i.d." if protocol == "grouped" else title(protocol)
         lines.append([name, f"{len(apart):,}", f"{100 * np.median(apart):.1f} %", *shares])
     return lines
@@ -261,12 +256,12 @@ def table(board: Board, key: str, marks: Marks) -> Group[Ranked]:
             "training held them and their like out; in brackets the drop against the same model "
             "trained on everything."
         )
-        key_, lead = f"{key}-{protocol}", f"{count} ({_near(board.version, protocol)})"
+        key_, lead = f"{key}-{protocol}", f"{count} ({near.share(board.version, protocol)})"
         return Column(key_, title(protocol), note, cell, higher=metric.higher_is_better, lead=lead)
 
     note = f"Mean {metric.title} on the whole test split, trained on everything."
     tested_ = board.rows[0].submission.result["dataset"]["shapes"]
-    lead = f"{tested_:,} ({_near(board.version, 'grouped')})"
+    lead = f"{tested_:,} ({near.share(board.version, 'grouped')})"
     first = Column(f"{key}-iid", "i.i.d.", note, iid, higher=metric.higher_is_better, lead=lead)
     columns = [first, *map(column, board.protocols)]
     heading = f"Generalisation, {metric.heading}"

@@ -226,12 +226,12 @@ def boards(
             rows = _at(by_board[version, protocol], target)
             if protocol not in PROTOCOLS or not rows:
                 continue
+            ordered = ranking.ranked(rows)
             if protocol != "grouped" or not recipe.load(version).protocols:
-                yield ranking.ranked(rows), None
+                yield ordered, None
                 continue
             others = {p: _at(mine, target) for (v, p), mine in by_board.items() if v == version}
             held_out = {p: mine for p, mine in others.items() if mine and p not in PROTOCOLS}
-            ordered = ranking.ranked(rows)
             yield ordered, generalisation.Board(ordered, held_out)
 
 

@@ -19,10 +19,10 @@ from eigbench.board.ranked_columns import KIND, MODEL, RANK
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.scoring import neighbours, targets
 from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.neighbours import NEAR
 from eigbench.scoring.truth import MESH, SURFACE
 
 TOP = 5  # rows of a board on the README
-NEAR = 0.01  # a shape of training within it makes a test one of interpolation
 BY_COST = "cost"  # the group that has a table for each hardware
 NAMES = {SURFACE: "against the surface", MESH: "against the mesh"}
 EXPLAINED = {
@@ -125,9 +125,10 @@ def introduction(rows: Sequence[Ranked]) -> list[str]:
 
 def _counts(rows: Sequence[Ranked]) -> str:
     facts = rows[0].submission.result["dataset"]
-    apart = neighbours.distances(facts["version"], facts["protocol"])
-    share = f"{100 * np.mean(apart <= NEAR):.0f} %"
-    what = ": a test of interpolation" if np.median(apart) <= NEAR else ""
+    board = facts["version"], facts["protocol"]
+    share = neighbours.share(*board)
+    mostly = np.median(neighbours.distances(*board)) <= NEAR
+    what = ": a test of interpolation" if mostly else ""
     return (
         f"{facts['shapes']:,} shapes, {facts['instances']:,} instances; {share} of the shapes have "
         f"one of training within {100 * NEAR:.0f} %{what}."

@@ -9,6 +9,7 @@ from pathlib import Path
 from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
 from eigbench.scoring.targets import TARGETS
+from eigbench.scoring.truth import Truth
 from synthnet import store
 
 Command = Callable[..., argparse.ArgumentParser]  # of a name, a function, a text and an example
@@ -27,6 +28,17 @@ def out(sub: argparse.ArgumentParser, default: str) -> None:
         default=Path(default),
         metavar="FILE",
         help="the result (default: %(default)s)",
+    )
+
+
+def out_folder(sub: argparse.ArgumentParser, default: str, receives: str) -> None:
+    """Add the directory that files are written into."""
+    sub.add_argument(
+        "--out",
+        type=Path,
+        default=Path(default),
+        metavar="DIR",
+        help=f"directory that receives {receives} (default: %(default)s)",
     )
 
 
@@ -65,11 +77,16 @@ def beside(row: Submission, target: str) -> Submission:
     """
     there = row.at(target)
     if there is None:
-        raise EigbenchError(
-            f"the surfaces' spectra of {row.truth.version}, {row.truth.protocol}, are not known: "
-            "give --target mesh"
-        )
+        raise unknown_surfaces(row.truth)
     return there
+
+
+def unknown_surfaces(labels: Truth) -> EigbenchError:
+    """Return the error of a dataset whose surfaces' spectra are asked for and not known."""
+    return EigbenchError(
+        f"the surfaces' spectra of {labels.version}, {labels.protocol}, are not known: "
+        "give --target mesh"
+    )
 
 
 def dataset_directory(sub: argparse.ArgumentParser) -> None:

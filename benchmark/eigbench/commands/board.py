@@ -12,6 +12,7 @@ from pathlib import Path
 from rich.console import Console
 
 from eigbench.board import export, leaderboard, scaling_page
+from eigbench.commands import arguments
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import submission
@@ -59,13 +60,7 @@ def add_commands(command: Command) -> None:
         "write every prediction on the boards as tidy tables, beside both targets",
         "--out tables",
     )
-    sub.add_argument(
-        "--out",
-        type=Path,
-        default=Path("tables"),
-        metavar="DIR",
-        help="directory that receives BOARD.parquet and BOARD.csv (default: %(default)s)",
-    )
+    arguments.out_folder(sub, "tables", "BOARD.parquet and BOARD.csv")
     _add_board(sub)
 
     sub = command(
@@ -74,13 +69,7 @@ def add_commands(command: Command) -> None:
         "write the leaderboard as a page to sort, filter and open, which needs no server",
         "--out page",
     )
-    sub.add_argument(
-        "--out",
-        type=Path,
-        default=Path("page"),
-        metavar="DIR",
-        help="directory that receives the page (default: %(default)s)",
-    )
+    arguments.out_folder(sub, "page", "the page")
     sub.add_argument(
         "--docs",
         metavar="URL",

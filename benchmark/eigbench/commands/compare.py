@@ -64,13 +64,7 @@ def add_commands(command: Command) -> None:
         metavar="RESULT.json",
         help="results of `eigbench evaluate`",
     )
-    sub.add_argument(
-        "--out",
-        type=Path,
-        default=Path("figures"),
-        metavar="DIR",
-        help="directory that receives the figures (default: %(default)s)",
-    )
+    arguments.out_folder(sub, "figures", "the figures")
     sub.add_argument(
         "--metric",
         default=RANKED_BY,

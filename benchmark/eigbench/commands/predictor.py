@@ -288,10 +288,7 @@ def score(options: argparse.Namespace) -> int:
     scored = scores.of_targets(labels, values)
     if options.target is not None:
         if scored[options.target] is None:
-            raise EigbenchError(
-                f"the surfaces' spectra of {labels.version}, {labels.protocol}, are not known: "
-                "give --target mesh"
-            )
+            raise arguments.unknown_surfaces(labels)
         scored = {options.target: scored[options.target]}
     result = {"dataset": results.dataset_facts(labels), "scores": scored}
     if options.json:

@@ -139,7 +139,6 @@ def _row(
 ) -> dict[str, Any]:
     file, variant = split(one.path)
     each = 1e3 * one.seconds / sizes
-    low, middle, high = np.percentile(each, [25, 50, 75])
     lapy = peers["LaPy"]
     return {
         "name": one.loaded.meta["name"],
@@ -147,13 +146,10 @@ def _row(
         "sources": one.status.sources,
         "loading_seconds": one.loading,
         "cost": {
-            "ms_per_mesh": float(middle),
-            "ms_per_mesh_quartiles": [float(low), float(high)],
+            **record.times(one.seconds, one.cpu_seconds, sizes),
             "ms_by_batch": [float(f"{value:.5g}") for value in each],  # by size, ascending
-            "ms_per_mesh_mean": float(1e3 * one.seconds.sum() / sizes.sum()),
             "batch_size": options.batch_size,
             "threads": 1,
-            "cores_used": float(one.cpu_seconds.sum() / one.seconds.sum()),
             "device": "cpu",
             "peak_memory_mb": one.status.peak_bytes / 2**20,
             "hardware": record.hardware(),

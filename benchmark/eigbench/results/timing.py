@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from eigbench import results
 from eigbench.errors import ResultError
+from eigbench.scoring import bootstrap
 
 FOLDER = Path("benchmark", "timing")
 VERSION = 1
@@ -35,13 +36,8 @@ def ratio(theirs: NDArray[np.float64], own: NDArray[np.float64]) -> dict[str, fl
     count = len(own)
     raw = np.random.PCG64(0).random_raw(RESAMPLES * count)
     taken = (raw % np.uint64(count)).astype(np.int64).reshape(RESAMPLES, count)
-    resampled = theirs[taken].sum(axis=1) / own[taken].sum(axis=1)
-    low, high = np.percentile(resampled, [2.5, 97.5])
-    return {
-        "ratio": float(theirs.sum() / own.sum()),
-        "low": float(low),
-        "high": float(high),
-    }
+    low, high = bootstrap.interval(theirs[taken].sum(axis=1) / own[taken].sum(axis=1))
+    return {"ratio": float(theirs.sum() / own.sum()), "low": low, "high": high}
 
 
 def read(root: Path) -> dict[str, list[dict[str, Any]]]:

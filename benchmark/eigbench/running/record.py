@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eigbench.results import SCHEMA_VERSION, dataset_facts
 from eigbench.running import predictor
@@ -76,19 +77,27 @@ def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
     says. ``reference`` is LaPy on some of the same batches: ``ratio`` is its time by the
     predictor's, so more than 1 is faster than LaPy.
     """
-    each = 1e3 * evaluation.seconds / evaluation.sizes
-    low, middle, high = np.percentile(each, [25, 50, 75])
     return {
-        "ms_per_mesh": float(middle),
-        "ms_per_mesh_quartiles": [float(low), float(high)],
-        "ms_per_mesh_mean": float(1e3 * evaluation.seconds.sum() / evaluation.sizes.sum()),
+        **times(evaluation.seconds, evaluation.cpu_seconds, evaluation.sizes),
         "batch_size": options.batch_size,
         "threads": options.threads,
-        "cores_used": float(evaluation.cpu_seconds.sum() / evaluation.seconds.sum()),
         "device": options.device,
         "peak_memory_mb": evaluation.status.peak_bytes / 2**20,
         "hardware": ", ".join(filter(None, [evaluation.loaded.accelerator, hardware()])),
         "reference": beside_reference(evaluation),
+    }
+
+
+def times(
+    seconds: NDArray[np.float64], cpu_seconds: NDArray[np.float64], sizes: NDArray[np.int64]
+) -> dict[str, Any]:
+    """Return milliseconds a mesh and cores used, of batches: arrays of shape (batches,)."""
+    low, middle, high = np.percentile(1e3 * seconds / sizes, [25, 50, 75])
+    return {
+        "ms_per_mesh": float(middle),
+        "ms_per_mesh_quartiles": [float(low), float(high)],
+        "ms_per_mesh_mean": float(1e3 * seconds.sum() / sizes.sum()),
+        "cores_used": float(cpu_seconds.sum() / seconds.sum()),
     }
 
 

@@ -12,6 +12,8 @@ from eigbench.scoring import targets, truth
 from eigbench.scoring.training import IMPORTED
 from eigbench.scoring.truth import SURFACE, Truth
 
+NEAR = 0.01  # a shape of training within it makes a test one of interpolation
+
 
 @lru_cache(maxsize=16)
 def distances(version: str, protocol: str) -> NDArray[np.float64]:
@@ -44,6 +46,11 @@ def distances(version: str, protocol: str) -> NDArray[np.float64]:
         tree = cKDTree(_form(trained))
         apart[mine] = tree.query(_form(tested.take(mine)), p=np.inf)[0]
     return apart
+
+
+def share(version: str, protocol: str, within: float = NEAR) -> str:
+    """Return the share of the tested shapes that have one of training within a distance."""
+    return f"{100 * np.mean(distances(version, protocol) <= within):.0f} %"
 
 
 def _shapes(labels: Truth) -> Truth:

@@ -16,12 +16,16 @@ CERTAIN = 3.0  # rule of three: where n of n succeed, the failing share is below
 
 def per_mesh(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
     """Return every metric of every prediction, shape (seeds, n), by the metric's key."""
-    return {key: of_metric(truth, predictions, key) for key in METRICS}
+    settled = targets.settled(truth, predictions)
+    return {key: _values(truth, settled, key) for key in METRICS}
 
 
 def of_metric(truth: Truth, predictions: NDArray[np.float64], key: str) -> NDArray[np.float64]:
     """Return one metric of every prediction, shape (seeds, n); those within the bar are exact."""
-    settled = targets.settled(truth, predictions)
+    return _values(truth, targets.settled(truth, predictions), key)
+
+
+def _values(truth: Truth, settled: NDArray[np.float64], key: str) -> NDArray[np.float64]:
     return np.stack([METRICS[key].function(p, truth.eigenvalues) for p in settled])
 
 
