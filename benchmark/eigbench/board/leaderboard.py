@@ -38,7 +38,7 @@ from eigbench.results import predictions, submission, timing
 from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
 from eigbench.scoring.targets import TARGETS
-from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.training import IMPORTED, untrained
 from eigbench.scoring.truth import SURFACE
 from synthnet import recipe
 from synthnet.types import PROTOCOLS
@@ -95,7 +95,10 @@ def _check_strays(root: Path, rows: Sequence[Submission]) -> None:
 
 
 def _check_protocols(rows: Sequence[Submission]) -> None:
-    """Check that a row of a version's own protocol has one of the same code under ``grouped``."""
+    """Check that a row of a version's own protocol has one under ``grouped``.
+
+    That of a trained model must be of the same code, because the drop between the two is shown.
+    """
     grouped = {
         (row.truth.version, row.slug): row for row in rows if row.truth.protocol == "grouped"
     }
@@ -108,7 +111,8 @@ def _check_protocols(rows: Sequence[Submission]) -> None:
                 f"{row.result_path}: {row.name} has a result under {row.truth.protocol} and none "
                 f"under grouped of {row.truth.version} to compare it with: submit that too"
             )
-        if row.result["model"]["sources"] != base.result["model"]["sources"]:
+        model = row.result["model"]
+        if not untrained(model) and model["sources"] != base.result["model"]["sources"]:
             raise ResultError(
                 f"{row.result_path} and {base.result_path} are of other code, or other weights: "
                 "the drop between them would say nothing; evaluate both anew"

@@ -296,6 +296,16 @@ def test_a_drop_between_two_codes_is_refused(held_out, parts, make_submission, t
         leaderboard.read(tmp_path)
 
 
+def test_a_solver_of_two_codes_is_shown_because_no_drop_is(parts, make_submission, tmp_path):
+    other = {"solver.py": "0" * 64}
+    for wanted, more in ((parts["grouped"], {}), (parts["genus"], {"sources": other})):
+        path = make_submission(
+            "Solver", wanted.eigenvalues, wanted, kind="classical", training_data="none", **more
+        )
+        leaderboard.add(submission.read(path), tmp_path)
+    assert len(leaderboard.read(tmp_path)) == 2
+
+
 def test_the_answer_has_every_row_and_the_solver_by_size(held_out, parts, make_submission):
     whole, model = held_out
     genus = model.at("surface")
