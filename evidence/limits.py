@@ -25,7 +25,7 @@ from synthnet.families.surface_limits import limit
 from synthnet.store import pins
 
 COMPARED = 25
-LEVELS = (2, 3)  # of the meshes of linear elements: 16,000 and 64,000 vertices
+LEVELS = (3, 4)  # of the meshes of linear elements: 64,000 and 256,000 vertices
 
 
 def measure(*, version: str) -> dict:

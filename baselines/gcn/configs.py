@@ -10,7 +10,7 @@ from .objective import LOSSES
 KNOWN = {
     "loss": tuple(LOSSES),
     "optimiser": ("sgd", "adamw"),
-    "schedule": ("constant", "one-cycle"),
+    "schedule": ("constant", "one-cycle", "inverse-root"),
     "isometries": ("stored", "random"),
 }
 
@@ -30,7 +30,15 @@ class TrainConfig:
     learning_rate, momentum, weight_decay : float
         Its settings.
     schedule : str
-        ``constant``, or ``one-cycle``: a rise over a tenth of the steps, then a cosine to zero.
+        ``constant``; ``one-cycle``: a rise over a tenth of the steps, then a cosine to zero; or
+        ``inverse-root``: a rise over 300 steps, a plateau to step 3,000, then a fall like one over
+        the root of the step, which needs no end.
+    average : bool
+        Whether the weights that are validated and kept are the mean of those of about the last
+        tenth of the steps.
+    converged : float
+        Training ends before its epochs once the last quarter of its steps has improved the RPD on
+        the validation split by less than this share; 0 for never.
     epochs, batch_size : int
         An epoch is every instance of the training split once (``stored``), or every shape
         once (``random``), but for what does not fill a last batch.
@@ -47,6 +55,8 @@ class TrainConfig:
     momentum: float = 0.9
     weight_decay: float = 1e-5
     schedule: str = "constant"
+    average: bool = False
+    converged: float = 0.0
     epochs: int = 200
     batch_size: int = 32
     isometries: str = "stored"
@@ -101,8 +111,21 @@ def modern(config: TrainConfig) -> TrainConfig:
     )
 
 
+def scale_free(config: TrainConfig) -> TrainConfig:
+    """Return the same network and loss in the form that learns: area 1, factors to Weyl's law."""
+    return replace(
+        modern(config),
+        model=replace(config.model, scale_free=True),
+        schedule="inverse-root",
+        average=True,
+        converged=0.02,
+        epochs=200,
+    )
+
+
+SCALE_FREE = {f"{name}-scale-free": scale_free(config) for name, config in PAPER.items()}
 MODERN: dict[str, TrainConfig] = {
     **{f"{name}-modern": modern(config) for name, config in PAPER.items()},
     "modern": modern(TrainConfig(model=GCNConfig("ALG", False, 3, scale_free=True))),
 }
-CONFIGS = {**PAPER, **MODERN}
+CONFIGS = {**PAPER, **SCALE_FREE, **MODERN}

@@ -35,7 +35,7 @@ def title(config: TrainConfig) -> str:
         f"{model.blocks} blocks" if model.blocks != 3 else "",
         LOSS_NAMES[config.loss],
         "scale-free" if model.scale_free else "",
-        "" if config.optimiser == "sgd" else "modern",
+        "" if config.optimiser == "sgd" or config.average else "modern",
     ]
     return ", ".join(part for part in parts if part)
 
@@ -52,6 +52,7 @@ def meta(file: str) -> dict[str, str]:
         "training_cost": (
             f"{record['minutes']:.0f} min: {record['steps']:,} steps of {config.batch_size} "
             f"meshes, {record['epochs']:g} of {config.epochs} epochs"
+            f"{', when it had converged' if record.get('converged') else ''}"
         ),
         "hardware": "; ".join(dict.fromkeys(map(told, record["sessions"]))),
     }

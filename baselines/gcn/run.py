@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import io
 import math
@@ -29,6 +30,10 @@ EVERY = 100  # steps, or an epoch if that is less, after which the network is va
 VALIDATED = 200  # shapes of the validation split, always the same
 ROWS = 2000  # of a log; when it has more, every second one is dropped
 WARM = 0.1  # of the steps, in which a one-cycle schedule rises
+RISE, PLATEAU = 300, 3000  # steps of an inverse root: the end of its rise, and of its plateau
+RECENT = 9  # of an average: a ninth, or a tenth, of the steps count most
+QUARTER = 0.75  # of the steps: what comes after is the last quarter
+FEWEST = 2000  # steps before a run may count as converged
 
 
 class TrainingError(Exception):
@@ -93,6 +98,7 @@ class Run:
         self.threads, self.rank, self.world = threads, rank, world
         torch.manual_seed(seed)
         self.model = GCN(config.model).to(device)
+        self.averaged = copy.deepcopy(self.model) if config.average else self.model
         objective = Objective(self.model, config.loss, dtype, threads)
         self.objective: nn.Module = DistributedDataParallel(objective) if world > 1 else objective
         self.optimiser = optimiser(config, self.model)
@@ -105,6 +111,7 @@ class Run:
         areas = torch.cat([shapes.graphs[i].areas for i in trained])
         with torch.no_grad():
             self.model.head[-1].bias.copy_(mean_outputs(shapes.y[trained], areas, config.model))
+        self.averaged.load_state_dict(self.model.state_dict())
         validation = torch.unique(shapes.instances("validation", protocol)[:, 0])
         chosen = torch.randperm(len(validation), generator=generator(0))[:VALIDATED]
         self.validation = validation[chosen].tolist()
@@ -123,6 +130,10 @@ class Run:
         """Return the learning rate of a step."""
         if self.config.schedule == "constant":
             return self.config.learning_rate
+        if self.config.schedule == "inverse-root":
+            return self.config.learning_rate * min(
+                (step + 1) / RISE, 1, (PLATEAU / (step + 1)) ** 0.5
+            )
         rise = max(1, round(WARM * self.total))
         if step < rise:
             return self.config.learning_rate * (step + 1) / rise
@@ -164,11 +175,36 @@ class Run:
             nn.utils.clip_grad_norm_(self.model.parameters(), self.config.clip)
         self.optimiser.step()
         self.progressed.steps += 1
+        self.take_into_average()
         self.progressed.losses.append(loss.item())
         steps = self.progressed.steps
         validated = steps % self.every == 0 or steps == self.total
         if validated or steps % LOGGED == 0:
             self.add_to_log(validated)
+
+    def take_into_average(self) -> None:
+        """Move the averaged weights a little towards those of the last step."""
+        if self.averaged is self.model:
+            return
+        share = (RECENT + 1) / (RECENT + self.progressed.steps)
+        with torch.no_grad():
+            now = self.model.state_dict()
+            for name, mean in self.averaged.state_dict().items():
+                mean.lerp_(now[name], share) if mean.is_floating_point() else mean.copy_(now[name])
+
+    def converged(self) -> bool:
+        """Return whether the last quarter of the steps has gained too little in validation RPD."""
+        rows = [row for row in self.progressed.log if "validation_rpd" in row]
+        if not self.config.converged or not rows or rows[-1]["steps"] < FEWEST:
+            return False
+        quarter = QUARTER * rows[-1]["steps"]
+        before = [row["validation_rpd"] for row in rows if row["steps"] <= quarter]
+        least = min(row["validation_rpd"] for row in rows)
+        return bool(before) and least > (1 - self.config.converged) * min(before)
+
+    def ended(self) -> bool:
+        """Return whether all steps are taken, or no more are needed."""
+        return self.progressed.steps >= self.total or self.converged()
 
     def add_to_log(self, validated: bool) -> None:
         """Add a row to the log, with scores on the validation split or without."""
@@ -197,7 +233,9 @@ class Run:
 
     def validate(self) -> dict[str, float]:
         """Return PSNR>20 and RPD over some shapes of the validation split."""
-        found = predict(self.model, [self.shapes.graphs[i] for i in self.validation], self.threads)
+        found = predict(
+            self.averaged, [self.shapes.graphs[i] for i in self.validation], self.threads
+        )
         p, g = found.double().numpy(), self.shapes.y[self.validation].cpu().double().numpy()
         return {
             f"validation_{key}": float(METRICS[key].function(p, g).mean())
@@ -219,6 +257,7 @@ class Run:
             "steps": self.progressed.steps,
             "of": self.total,
             "epochs": round(self.progressed.steps / self.per_epoch, 2),
+            "converged": self.converged(),
             "minutes": round(self.minutes(), 2),
             "dtype": str(self.dtype).removeprefix("torch."),
             "sessions": [*self.progressed.sessions, self.session()],
@@ -240,6 +279,8 @@ class Run:
         if self.rank:
             return
         tensors = {f"model.{name}": tensor for name, tensor in self.model.state_dict().items()}
+        if self.averaged is not self.model:
+            tensors |= {f"mean.{name}": t for name, t in self.averaged.state_dict().items()}
         for number, state in self.optimiser.state_dict()["state"].items():
             for name, tensor in state.items():
                 tensors[f"optimiser.{number}.{name}"] = tensor
@@ -262,16 +303,20 @@ class Run:
         """
         path = self.out / CHECKPOINT
         tensors, record = weights.read(path)
-        mine = self.record()
+        own = self.record()
         for key in ("config", "version", "recipe", "protocol", "seed", "dtype"):
-            if record.get(key) != mine[key]:
-                apart = difference(record.get(key), mine[key])
+            if record.get(key) != own[key]:
+                apart = difference(record.get(key), own[key])
                 raise TrainingError(
                     f"{path} is of another run: its {key} is {apart}; "
                     "choose another --out, or the same options"
                 )
-        model = {n.removeprefix("model."): t for n, t in tensors.items() if n.startswith("model.")}
-        weights.fill(self.model, model, path)
+        networks = {"model.": self.model}
+        if self.averaged is not self.model:
+            networks["mean."] = self.averaged
+        for prefix, network in networks.items():
+            mine = {n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)}
+            weights.fill(network, mine, path)
         state: dict[int, dict[str, Tensor]] = {}
         for name, tensor in tensors.items():
             kind, number, *rest = name.split(".")
@@ -292,7 +337,7 @@ class Run:
     def finish(self) -> None:
         """Write the weights of a row."""
         if not self.rank:
-            weights.save_model(self.out / WEIGHTS, self.model, self.record())
+            weights.save_model(self.out / WEIGHTS, self.averaged, self.record())
 
 
 def thinned(log: list[dict[str, float]]) -> list[dict[str, float]]:

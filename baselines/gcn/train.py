@@ -158,7 +158,7 @@ def loop(run: Run, minutes: float | None, console: Console) -> str:
     """Take steps until all are taken, the time is up or someone interrupts; return which."""
     began, saved = time.monotonic(), time.monotonic()
     with interruptions() as interrupted, bar(run, console) as show:
-        while run.progressed.steps < run.total:
+        while not run.ended():
             late = minutes is not None and time.monotonic() - began >= 60 * minutes
             reason = agreed(2 if interrupted else int(late), run)
             if reason:
@@ -224,7 +224,9 @@ def said(run: Run) -> str:
     text = f"{done.steps:,} of {run.total:,} steps, {run.minutes():.1f} min"
     if last := run.validated():
         text += f", validation PSNR>20 {last['validation_psnr20']:.1%}"
-    if done.steps < run.total:
+    if run.converged():
+        text += "; converged"
+    elif done.steps < run.total:
         text += "; --resume goes on"
     return f"{text}: {run.out}"
 

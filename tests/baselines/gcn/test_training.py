@@ -18,7 +18,7 @@ from rich.console import Console
 
 import baselines.gcn
 from baselines.gcn import train, weights
-from baselines.gcn.configs import CONFIGS, MODERN, PAPER, TrainConfig
+from baselines.gcn.configs import CONFIGS, MODERN, PAPER, SCALE_FREE, TrainConfig
 from baselines.gcn.data import Shapes, encoder
 from baselines.gcn.model import GCN, GCNConfig
 from baselines.gcn.objective import LOSSES, eigenvalues, predict
@@ -63,10 +63,12 @@ def make(shapes: Callable[[GCNConfig], Shapes], tmp_path: Path) -> Callable[...,
 SMALL = {"epochs": 2, "batch_size": 6}
 STORED = replace(PAPER["table2-alg-virtual"], **SMALL)
 RANDOM = replace(MODERN["modern"], epochs=9, batch_size=3)
+AVERAGED = replace(SCALE_FREE["table2-alg-virtual-scale-free"], epochs=9, batch_size=3)
 
 
 def flat(run: Run) -> torch.Tensor:
-    return torch.cat([p.detach().flatten() for p in run.model.parameters()])
+    networks = (run.model, run.averaged)
+    return torch.cat([p.detach().flatten() for one in networks for p in one.parameters()])
 
 
 # Configurations
@@ -111,7 +113,9 @@ def test_names_of_rows_differ() -> None:
 
 
 @pytest.mark.parametrize(
-    "config", [pytest.param(STORED, marks=pytest.mark.slow), RANDOM], ids=["stored", "random"]
+    "config",
+    [pytest.param(STORED, marks=pytest.mark.slow), RANDOM, AVERAGED],
+    ids=["stored", "random", "averaged"],
 )
 def test_a_resumed_run_ends_with_the_same_weights(
     config: TrainConfig, make: Callable[..., Run], tmp_path: Path
@@ -226,6 +230,45 @@ def test_one_cycle_rises_and_falls_to_nothing(make: Callable[..., Run]) -> None:
     assert rates[-1] < 0.01 * RANDOM.learning_rate
 
 
+def test_an_inverse_root_rises_stays_and_falls_slowly(make: Callable[..., Run]) -> None:
+    run = make(AVERAGED)
+    rates = [run.rate(step) for step in (0, 299, 2999, 11_999)]
+    assert rates == pytest.approx([1e-3 / 300, 1e-3, 1e-3, 5e-4])
+
+
+def test_the_average_is_of_the_last_steps(make: Callable[..., Run]) -> None:
+    run = make(AVERAGED)
+    weights = []
+    for _ in range(12):
+        run.step()
+        weights.append(next(run.model.parameters()).detach().clone())
+    share = np.array([10 / (9 + t) for t in range(1, 13)])
+    left = np.append(np.cumprod((1 - share)[::-1])[::-1][1:], 1.0)
+    expected = sum(w * float(s * rest) for w, s, rest in zip(weights, share, left, strict=True))
+    torch.testing.assert_close(next(run.averaged.parameters()).detach(), expected)
+
+
+@pytest.mark.parametrize(
+    ("rpd", "expected"),
+    [
+        ([0.5, 0.4, 0.3, 0.297], True),  # the last quarter gains 1 %
+        ([0.5, 0.4, 0.3, 0.29], False),  # 3 %
+        ([0.5, 0.4, 0.3, 0.35], True),  # or nothing
+    ],
+)
+def test_a_run_has_converged_when_its_last_quarter_gains_little(
+    make: Callable[..., Run], rpd: list[float], expected: bool
+) -> None:
+    run = make(AVERAGED)
+    run.progressed.log = [
+        {"steps": 1000 * (i + 1), "validation_rpd": value} for i, value in enumerate(rpd)
+    ]
+    assert run.converged() == expected
+    assert run.ended() == expected
+    run.progressed.log = [{**row, "steps": row["steps"] / 4} for row in run.progressed.log]
+    assert not run.converged()  # too short a run says nothing
+
+
 def test_random_isometries_are_orthogonal_and_of_both_kinds() -> None:
     drawn = random_isometries(64, torch.Generator().manual_seed(0))
     torch.testing.assert_close(drawn @ drawn.mT, torch.eye(3).expand(64, 3, 3), atol=1e-5, rtol=0)
@@ -250,18 +293,20 @@ def test_time_is_up(make: Callable[..., Run], tmp_path: Path) -> None:
 # Files
 
 
+@pytest.mark.parametrize("config", [RANDOM, AVERAGED], ids=["last", "averaged"])
 def test_weights_are_what_is_scored(
-    make: Callable[..., Run], meshes: list[Mesh], tmp_path: Path
+    config: TrainConfig, make: Callable[..., Run], meshes: list[Mesh], tmp_path: Path
 ) -> None:
-    run = make(RANDOM)
-    run.step()
+    run = make(config)
+    for _ in range(12):
+        run.step()
     run.finish()
     row = Row(tmp_path / "weights.safetensors")
-    assert row.record["steps"] == 1
-    assert row.model.config == RANDOM.model
+    assert row.record["steps"] == 12
+    assert row.model.config == config.model
     answers = row.predict(meshes)
     assert answers.shape == (len(meshes), 10)
-    halved = flat(run).half().float()
+    halved = torch.cat([p.detach().flatten() for p in run.averaged.parameters()]).half().float()
     assert torch.equal(torch.cat([p.flatten() for p in row.parameters()]), halved)
 
 
