@@ -1,7 +1,7 @@
-"""The rows of the paper's Tables 1 to 3, and the same networks under a schedule of today.
+"""The rows of the paper's Tables 1 to 3, and an earlier one, `modern`.
 
 A row is named as ``reproduction.py:table1_rpd``; under the paper's protocol it ends in ``_paper``.
-``python -m baselines.train_reproduction`` has trained them.
+``python -m baselines.gcn.queue`` trains them.
 """
 
 from pathlib import Path
@@ -17,5 +17,6 @@ def META(variant: str) -> dict[str, str]:
 
 
 def load(device: str, seed: int, variant: str) -> Row:
-    """Return the trained network of a row."""
-    return load_row(str(WEIGHTS / f"{variant}.safetensors"), device, seed)
+    """Return the trained network of a row and seed."""
+    number = f".{seed}" if seed else ""
+    return load_row(str(WEIGHTS / f"{variant}{number}.safetensors"), device, seed)

@@ -1,4 +1,4 @@
-"""Named configurations: every row of the paper's Tables 1 to 3, and what we would do today."""
+"""Named configurations: every row of the paper's Tables 1 to 3, as printed and as it learns."""
 
 from __future__ import annotations
 
@@ -96,36 +96,30 @@ PAPER: dict[str, TrainConfig] = {
 }
 
 
-def modern(config: TrainConfig) -> TrainConfig:
-    """Return the same network and loss with the optimiser and schedule of today."""
+def scale_free(config: TrainConfig) -> TrainConfig:
+    """Return the same network and loss in the form that learns: area 1, factors to Weyl's law."""
     return replace(
         config,
+        model=replace(config.model, scale_free=True),
         optimiser="adamw",
         learning_rate=1e-3,
         weight_decay=1e-2,
-        schedule="one-cycle",
-        epochs=30,
+        schedule="inverse-root",
+        average=True,
+        converged=0.02,
+        epochs=200,
         batch_size=16,
         isometries="random",
         clip=1.0,
     )
 
 
-def scale_free(config: TrainConfig) -> TrainConfig:
-    """Return the same network and loss in the form that learns: area 1, factors to Weyl's law."""
-    return replace(
-        modern(config),
-        model=replace(config.model, scale_free=True),
-        schedule="inverse-root",
-        average=True,
-        converged=0.02,
-        epochs=200,
-    )
-
-
 SCALE_FREE = {f"{name}-scale-free": scale_free(config) for name, config in PAPER.items()}
-MODERN: dict[str, TrainConfig] = {
-    **{f"{name}-modern": modern(config) for name, config in PAPER.items()},
-    "modern": modern(TrainConfig(model=GCNConfig("ALG", False, 3, scale_free=True))),
-}
-CONFIGS = {**PAPER, **SCALE_FREE, **MODERN}
+MODERN = replace(  # of an earlier row
+    scale_free(TrainConfig(model=GCNConfig("ALG", False, 3))),
+    schedule="one-cycle",
+    average=False,
+    converged=0.0,
+    epochs=30,
+)
+CONFIGS = {**PAPER, **SCALE_FREE, "modern": MODERN}

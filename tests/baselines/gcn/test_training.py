@@ -62,7 +62,7 @@ def make(shapes: Callable[[GCNConfig], Shapes], tmp_path: Path) -> Callable[...,
 
 SMALL = {"epochs": 2, "batch_size": 6}
 STORED = replace(PAPER["table2-alg-virtual"], **SMALL)
-RANDOM = replace(MODERN["modern"], epochs=9, batch_size=3)
+RANDOM = replace(MODERN, epochs=9, batch_size=3)
 AVERAGED = replace(SCALE_FREE["table2-alg-virtual-scale-free"], epochs=9, batch_size=3)
 
 
