@@ -42,7 +42,8 @@ def rows_of(page: str, first: str) -> list[list[str]]:
 def test_page_of_this_repository_is_up_to_date() -> None:
     assert reproduction.main(["--check"]) == 0
     text = reproduction.PAGE.read_text()
-    assert len(re.findall(r"!\[\w+\]\([\w.-]+\)", text)) == 3
+    shown = re.findall(r"!\[\w+\]\([\w.-]+\)", text)
+    assert len(shown) == len(reproduction.pictures()) > 0
 
 
 def test_what_was_not_run_says_so(directory: Path) -> None:
