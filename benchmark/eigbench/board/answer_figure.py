@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eigbench.board.figures import KINDS, as_svg, escaped, label_offsets, style
-from eigbench.board.generalisation import Board
+from eigbench.board.figures import KINDS, as_svg, escaped, style
+from eigbench.board.generalisation import Board, HeldOut
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.results.submission import Submission
 from eigbench.scoring import scores
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import matplotlib as mpl
 
 UNSEEN = "family"  # the protocol whose scores stand beside those on familiar shapes
+SIZES = {"o": 12, "s": 11, "^": 15}  # of marks, in points: a number is inside
 LARGEST = 2.0  # rows with larger errors, which look at next to nothing, are left out
 
 
@@ -25,7 +27,8 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
     """Return an SVG of mean error to the surface against ms a mesh, both logarithmic.
 
     A filled mark is a model's error on shapes like those of its training, an open one that on
-    families it has not seen. The line is an exact solver of the meshes, on the coarse, medium and
+    families it has not seen; the numbers in the marks are those of the names beside the axes, by
+    error. The line is an exact solver of the meshes, on the coarse, medium and
     fine ones of the same surfaces: what a user has who refines.
 
     Parameters
@@ -35,37 +38,53 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
     solver : str
         The row that the line is of.
     """
-    rows = [row for row in board.rows if _error(row) <= LARGEST]
+    rows = sorted((row for row in board.rows if _error(row) <= LARGEST), key=_error)
     with style() as new_figure:
-        figure = new_figure(figsize=(7.2, 5.0))
+        figure = new_figure(figsize=(9.0, 4.8))
         axes = figure.subplots()
-        figure.subplots_adjust(0.09, 0.1, 0.98, 0.97)
-        points, notes = [], []
-        for row in rows:
-            time = float(row.submission.result["cost"]["ms_per_mesh_mean"])
-            colour, marker = KINDS[row.submission.result["model"]["kind"]]
-            known, unseen = _error(row), board.scored(row.submission, UNSEEN, RANKED_BY).score
-            if unseen is not None and unseen > 1.02 * known:
-                axes.plot([time, time], [known, unseen], color=colour, lw=0.8, zorder=1)
-                axes.plot(time, unseen, marker, color=colour, mfc="white", ms=6, zorder=3)
-            axes.plot(time, known, marker, color=colour, ms=6, zorder=3)
-            points.append((time, known))
-            notes.append(escaped(row.submission.name))
-        line = _solver_line(axes, board, solver)
+        figure.subplots_adjust(0.075, 0.1, 0.6, 0.98)
+        times = _solver_line(axes, board, solver)
+        for number, row in enumerate(rows, start=1):
+            times.append(_mark(axes, number, row, board.scored(row.submission, UNSEEN, RANKED_BY)))
         axes.set_xscale("log")
         axes.set_yscale("log")
-        x = np.array([time for time, _ in points] + line)
-        axes.set_xlim(x.min() / 2, x.max() * 3)
+        axes.set_xlim(min(times) / 2, max(times) * 2)
         axes.set_xlabel("ms a mesh, from raw vertices and faces, one thread")
         axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the spectrum of the surface")
         axes.grid(alpha=0.25)
-        offsets = label_offsets(axes, points, notes)
-        for note, (dx, dy, side), point in zip(notes, offsets, points, strict=True):
-            axes.annotate(
-                note, point, (dx, dy), textcoords="offset points", ha=side, va="center", fontsize=7
-            )
+        _key(axes, rows)
         _legend(axes)
         return as_svg(figure)
+
+
+def _mark(axes: mpl.axes.Axes, number: int, row: Ranked, held_out: HeldOut) -> float:
+    """Draw a row's mark with its number inside, and one for families unseen; return its time."""
+    time = float(row.submission.result["cost"]["ms_per_mesh_mean"])
+    colour, marker = KINDS[row.submission.result["model"]["kind"]]
+    known, unseen = _error(row), held_out.score
+    if unseen is not None and unseen > 1.02 * known:
+        axes.plot([time, time], [known, unseen], color=colour, lw=0.8, zorder=1)
+        axes.plot(time, unseen, marker, color=colour, mfc="white", ms=6, zorder=3)
+    above = 4 - number / 1000  # the better of two that overlap
+    axes.plot(
+        time, known, marker, color=colour, mec="white", mew=0.7, ms=SIZES[marker], zorder=above
+    )
+    low = -1.8 if marker == "^" else -0.2  # where a triangle is wide
+    axes.annotate(
+        str(number), (time, known), (0, low), textcoords="offset points", ha="center",
+        va="center", fontsize=6, color="white", weight="bold", zorder=above,
+    )  # fmt: skip
+    return time
+
+
+def _key(axes: mpl.axes.Axes, rows: Sequence[Ranked]) -> None:
+    """Name the rows by their numbers, beside the axes."""
+    for number, row in enumerate(rows, start=1):
+        colour = KINDS[row.submission.result["model"]["kind"]][0]
+        height = 1 - (number - 0.5) / max(len(rows), 12)
+        place = {"transform": axes.transAxes, "va": "center", "fontsize": 7.5}
+        axes.text(1.06, height, str(number), ha="right", color=colour, weight="bold", **place)
+        axes.text(1.075, height, escaped(row.submission.name), **place)
 
 
 def _error(row: Ranked) -> float:

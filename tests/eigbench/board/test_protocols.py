@@ -316,6 +316,8 @@ def test_the_answer_has_every_row_and_the_solver_by_size(held_out, parts, make_s
     del rows[0].result["cost"]["ms_by_batch"]
     for word in ("Solver", "Model", "Lazy", "coarse meshes", "medium meshes", "fine meshes"):
         assert f">{word}<" in text
+    for number in ("1", "2", "3"):  # in its mark, and before its name
+        assert text.count(f">{number}</text>") == 2
     assert "coarse meshes" not in answer_figure.draw(board, solver="solver")
 
 
