@@ -4,7 +4,7 @@ The bars are those of all pinned shapes. On 25 surfaces of a family, evenly spac
 spectrum is compared with one of another method that has no code in common with the first but the
 shape's: finite elements of high degree where it comes from a closed form or an equation of one
 variable, else linear elements on two finer meshes, extrapolated, which are themselves good to
-about 1e-5 only, and to less where eigenvalues cross. A label's error is the label minus the limit.
+about 1e-6, and to less on pretzels. A label's error is the label minus the limit.
 """
 
 from __future__ import annotations

@@ -12,13 +12,15 @@ from synthnet.version import __version__
 if TYPE_CHECKING:
     from synthnet.errors import SynthNetError
     from synthnet.loaders.hf import load_dataset
+    from synthnet.loaders.pyg import SynthNet
     from synthnet.types import Mesh, Spectrum
 
-__all__ = ["Mesh", "Spectrum", "SynthNetError", "__version__", "load_dataset"]
+__all__ = ["Mesh", "Spectrum", "SynthNet", "SynthNetError", "__version__", "load_dataset"]
 
 _HOMES = {
     "Mesh": "synthnet.types",
     "Spectrum": "synthnet.types",
+    "SynthNet": "synthnet.loaders.pyg",
     "SynthNetError": "synthnet.errors",
     "load_dataset": "synthnet.loaders.hf",
 }

@@ -34,8 +34,8 @@ class TrainConfig:
         ``inverse-root``: a rise over 300 steps, a plateau to step 3,000, then a fall like one over
         the root of the step, which needs no end.
     average : bool
-        Whether the weights that are validated and kept are the mean of those of about the last
-        tenth of the steps.
+        Whether the weights that are validated and kept are a mean of those of all steps, in which
+        a step counts by the ninth power of its number: two thirds are of the last tenth.
     converged : float
         Training ends before its epochs once the last quarter of its steps has improved the RPD on
         the validation split by less than this share; 0 for never.
@@ -115,7 +115,7 @@ def scale_free(config: TrainConfig) -> TrainConfig:
 
 
 SCALE_FREE = {f"{name}-scale-free": scale_free(config) for name, config in PAPER.items()}
-MODERN = replace(  # of an earlier row
+MODERN = replace(  # the row `reproduction.py:modern` and the network of 2.0 are trained by it
     scale_free(TrainConfig(model=GCNConfig("ALG", False, 3))),
     schedule="one-cycle",
     average=False,

@@ -9,7 +9,7 @@ configuration; one under the paper's own schedule for three hours. What is finis
 An interrupted training goes on where it stopped: a kill loses a minute at most. Checkpoints lie in
 --runs, which is best kept from one machine to the next. The weights go to baselines/reproduction,
 where baselines/reproduction.py loads them; results and predictions on the test split go to
-benchmark/reproduction. Then `make tables`.
+benchmark/reproduction. Then `make tables`. Exit code 1: a training or a scoring has failed.
 """
 
 from __future__ import annotations
@@ -23,8 +23,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import filelock
+from eigbench import results
+from eigbench.errors import EigbenchError
 from tabulate import tabulate
 
+from synthnet.errors import SynthNetError
+from synthnet.processes import EXIT_CODE, notice_interrupts
 from synthnet.store.datasets import home
 from synthnet.store.files import make_directory, write_bytes
 
@@ -39,6 +44,10 @@ VERSION = "1.0"
 LONGEST = 180.0  # minutes of a training without a rule that ends it
 BEST = "table2-alg-virtual"  # the paper's best row
 TABLE_1 = tuple(name for name in PAPER if name.startswith("table1"))
+
+
+class QueueError(SynthNetError):
+    """A training or a scoring has ended without what it should leave."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +73,13 @@ class Training:
         return LOADER.with_suffix("") / f"{self.row}{seed}.safetensors"
 
     def result(self) -> Path:
-        """Return the file of the row's result."""
+        """Return the file of the row's result, which all its seeds share."""
         return RESULTS / self.protocol / f"{self.config}.json"
+
+    def scored(self) -> bool:
+        """Return whether the row's result holds this seed."""
+        path = self.result()
+        return path.exists() and results.load(path)["predictions"]["seeds"] > self.seed
 
 
 def trainings() -> list[Training]:
@@ -81,65 +95,86 @@ def trainings() -> list[Training]:
     ]
 
 
-def left(record: dict[str, Any]) -> float | None:
-    """Return the minutes that a training has left, 0 when it has ended, ``None`` for no limit."""
-    if record["converged"] or record["steps"] >= record["of"]:
-        return 0.0
-    if weights.config_of(record).converged:
-        return None
-    remaining = LONGEST - record["minutes"]
-    return remaining if remaining > 0.01 * LONGEST else 0.0
+def folder(one: Training, runs: Path) -> Path:
+    """Return the directory of a training's checkpoint and weights."""
+    return runs / one.protocol / f"{one.config}-{one.seed}"
 
 
-def train(one: Training, runs: Path, options: argparse.Namespace, minutes: float) -> bool:
-    """Train for at most so many minutes; return whether the training has ended."""
-    out = folder(one, runs)
-    remaining: float | None = None if CONFIGS[one.config].converged else LONGEST
-    begun = (out / CHECKPOINT).exists()
-    if begun:
-        remaining = left(weights.read(out / CHECKPOINT)[1])
-    if remaining != 0:
-        limit = minutes if remaining is None else min(minutes, remaining)
-        command = ["baselines.gcn.train", "--config", one.config, "--protocol", one.protocol]
-        command += ["--seed", str(one.seed), "--version", options.version, "--out", str(out)]
-        command += ["--threads", str(options.threads)]
-        command += ["--max-minutes", f"{limit:.3f}"] if limit < float("inf") else []
-        run([*command, "--resume"] if begun else command)
-    return left(weights.read(out / CHECKPOINT)[1]) == 0
-
-
-def score(one: Training, options: argparse.Namespace) -> None:
-    """Evaluate a row on the test split, by all seeds that are trained.
-
-    Exit code 2 may mean that predictions are not positive, which are scored all the same: the
-    paper's networks may answer anything.
-    """
-    make_directory(one.result().parent)
-    seeds = 1
-    while Training(one.config, one.protocol, seeds).weights().exists():
-        seeds += 1
-    command = ["eigbench", "evaluate", f"{LOADER}:{one.row}", "--dataset", options.version]
-    command += ["--protocol", one.protocol, "--seeds", str(seeds), "--out", str(one.result())]
-    run([*command, "--threads", str(options.threads), "--no-reference"], (0, 2))
-
-
-def run(command: Sequence[str], expected: Sequence[int] = (0,)) -> None:
-    """Run a Python module at low priority.
+def left(one: Training, out: Path) -> float:
+    """Return the minutes that a training has left; 0 when it has ended and its weights are there.
 
     Raises
     ------
-    subprocess.CalledProcessError
+    WeightsError
+        If a file is damaged.
+    """
+    longest = float("inf") if CONFIGS[one.config].converged else LONGEST
+    if not (out / CHECKPOINT).exists():
+        return longest
+    record = weights.read(out / CHECKPOINT)[1]
+    remaining = longest - record["minutes"]
+    if not (ended(record) or remaining <= 0):
+        return remaining
+    kept = weights.read(out / WEIGHTS)[1]["steps"] if (out / WEIGHTS).exists() else None
+    return 0.0 if kept == record["steps"] else 0.01  # it was killed before it wrote them
+
+
+def ended(record: dict[str, Any]) -> bool:
+    """Return whether a training has taken all its steps, or has converged."""
+    return bool(record["converged"]) or record["steps"] >= record["of"]
+
+
+def train(one: Training, out: Path, options: argparse.Namespace, minutes: float) -> None:
+    """Train for at most so many minutes, and keep the weights if the training has then ended."""
+    if remaining := left(one, out):
+        limit = min(minutes, remaining)
+        command = ["baselines.gcn.train", "--config", one.config, "--protocol", one.protocol]
+        command += ["--seed", str(one.seed), "--version", options.version, "--out", str(out)]
+        command += ["--threads", str(options.threads)]
+        command += ["--max-minutes", f"{limit:.4f}"] if limit < float("inf") else []
+        run([*command, "--resume"] if (out / CHECKPOINT).exists() else command)
+    if left(one, out) == 0:
+        write_bytes(one.weights(), (out / WEIGHTS).read_bytes())
+
+
+def score(one: Training, options: argparse.Namespace) -> None:
+    """Evaluate a row on the test split, by all seeds up to this one.
+
+    Exit code 2 may mean that predictions are not positive, which are scored all the same: the
+    paper's networks may answer anything.
+
+    Raises
+    ------
+    QueueError
+        If there is no result afterwards that holds this seed.
+    """
+    make_directory(one.result().parent)
+    command = ["eigbench", "evaluate", f"{LOADER}:{one.row}", "--dataset", options.version]
+    command += ["--protocol", one.protocol, "--seeds", str(one.seed + 1)]
+    command += ["--threads", str(options.threads), "--no-reference", "--out", str(one.result())]
+    run(command, (0, 2))
+    if not one.scored():
+        raise QueueError("eigbench has written no result of this seed")
+
+
+def run(command: Sequence[str], expected: Sequence[int] = (0,)) -> None:
+    """Run a Python module at low priority; an interrupt ends it, and waits until it has saved.
+
+    Raises
+    ------
+    QueueError
         If it ends with another exit code than expected.
     """
-    python = ["nice", "-n", "19", sys.executable]
-    done = subprocess.run([*python, "-m", *command], cwd=ROOT, check=False)
-    if done.returncode not in expected:
-        raise subprocess.CalledProcessError(done.returncode, command)
-
-
-def folder(one: Training, runs: Path) -> Path:
-    """Return the directory of a training's checkpoint."""
-    return runs / one.protocol / f"{one.config}-{one.seed}"
+    python = ["nice", "-n", "19", sys.executable, "-m"]
+    with subprocess.Popen([*python, *command], cwd=ROOT) as process:
+        try:
+            code = process.wait()
+        except KeyboardInterrupt:
+            process.terminate()
+            process.wait()
+            raise
+    if code not in expected:
+        raise QueueError(f"{command[0]} has ended with exit code {code}")
 
 
 def table(chosen: Sequence[Training], runs: Path) -> str:
@@ -151,14 +186,40 @@ def table(chosen: Sequence[Training], runs: Path) -> str:
         cells = ["waits", "", "", "", ""]
         if source.exists():
             record = weights.read(source)[1]
-            scored = [row for row in record["log"] if "validation_rpd" in row]
-            state = "is trained" if one.weights().exists() else "has begun"
+            state = "is scored" if one.scored() else "has begun"
+            scores = [
+                (f"{row['validation_rpd']:.3f}", f"{row['validation_psnr20']:.1%}")
+                for row in record["log"]
+                if "validation_rpd" in row
+            ]
             cells = [state, f"{record['steps']:,}", f"{record['minutes']:.0f}"]
-            shares = [f"{r['validation_rpd']:.3f} {r['validation_psnr20']:.1%}" for r in scored]
-            cells += shares[-1].split() if shares else ["", ""]
+            cells += scores[-1] if scores else ("", "")
         rows.append([one.config, one.protocol, one.seed, *cells])
     headers = ["configuration", "protocol", "seed", "state", "steps", "minutes"]
     return tabulate(rows, [*headers, "validation RPD", "PSNR>20"], disable_numparse=True)
+
+
+def go_on(chosen: Sequence[Training], runs: Path, options: argparse.Namespace) -> int:
+    """Do what is not done yet; return the exit code."""
+    ends = time.monotonic() + 60 * options.minutes
+    make_directory(LOADER.with_suffix(""))
+    failed = False
+    for one in chosen:
+        if one.scored():
+            continue
+        minutes = (ends - time.monotonic()) / 60
+        if minutes <= 0:
+            say("the time is up; --run goes on")
+            break
+        say(one)
+        try:
+            train(one, folder(one, runs), options, minutes)
+            if one.weights().exists():
+                score(one, options)
+        except (SynthNetError, EigbenchError, weights.WeightsError) as error:
+            sys.stderr.write(f"gcn.queue: {one}: {error}\n")
+            failed = True
+    return int(failed)
 
 
 def say(what: object) -> None:
@@ -167,26 +228,12 @@ def say(what: object) -> None:
     sys.stdout.flush()
 
 
-def go_on(chosen: Sequence[Training], runs: Path, options: argparse.Namespace) -> int:
-    """Do what is not done yet; return the exit code."""
-    ends = time.monotonic() + 60 * options.minutes
-    make_directory(LOADER.with_suffix(""))
-    for one in chosen:
-        if one.weights().exists():
-            continue
-        say(one)
-        try:
-            if not train(one, runs, options, (ends - time.monotonic()) / 60):
-                say("the time is up; --run goes on")
-                return 0
-            write_bytes(one.weights(), (folder(one, runs) / WEIGHTS).read_bytes())
-            score(one, options)
-        except subprocess.CalledProcessError as error:
-            sys.stderr.write(f"gcn.queue: {one}: {error.cmd[0]} ended with {error.returncode}\n")
-            return error.returncode
-        except KeyboardInterrupt:
-            return 130
-    return 0
+def above_zero(text: str) -> float:
+    """Return a number above zero."""
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"must be above 0, got {text}")
+    return value
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -196,17 +243,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--run", action="store_true", help="go on (default: show the queue)")
     parser.add_argument("--only", nargs="+", metavar="CONFIG", choices=[*PAPER, *SCALE_FREE])
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="stop after so many")
+    parser.add_argument(
+        "--minutes", type=above_zero, default=float("inf"), help="train for so many, then stop"
+    )
     parser.add_argument("--threads", type=int, default=1, help="(default: %(default)s)")
-    parser.add_argument("--version", default=VERSION, help="of synthNet (default: %(default)s)")
+    parser.add_argument(
+        "--version", default=VERSION, help="of synthNet; the page is of %(default)s, the default"
+    )
     parser.add_argument("--runs", type=Path, help="checkpoints (default: beside the datasets)")
     options = parser.parse_args(arguments)
     runs = options.runs or Path(str(home())) / "trainings" / options.version
     chosen = [one for one in trainings() if not options.only or one.config in options.only]
-    if options.run:
-        return go_on(chosen, runs, options)
-    sys.stdout.write(f"{table(chosen, runs)}\n")
-    return 0
+    if not options.run:
+        say(table(chosen, runs))
+        return 0
+    notice_interrupts()
+    make_directory(runs)
+    try:
+        with filelock.FileLock(runs / ".lock", timeout=0):
+            return go_on(chosen, runs, options)
+    except filelock.Timeout:
+        sys.stderr.write(f"gcn.queue: another queue is at work in {runs}: wait for it\n")
+        return 2
+    except KeyboardInterrupt:
+        sys.stderr.write("gcn.queue: interrupted; --run goes on\n")
+        return EXIT_CODE
 
 
 if __name__ == "__main__":

@@ -28,12 +28,12 @@ COLUMNS = ("epoch", "steps", "minutes", "loss", "validation_psnr20", "validation
 LOGGED = 10  # steps after which the log gets a row
 EVERY = 100  # steps, or an epoch if that is less, after which the network is validated
 VALIDATED = 200  # shapes of the validation split, always the same
-ROWS = 2000  # of a log; when it has more, every second one is dropped
+ROWS = 2000  # of a log without scores; when it has more, every second of these is dropped
 WARM = 0.1  # of the steps, in which a one-cycle schedule rises
 RISE, PLATEAU = 300, 3000  # steps of an inverse root: the end of its rise, and of its plateau
-RECENT = 9  # of an average: a ninth, or a tenth, of the steps count most
+RECENT = 9  # power of its number by which a step counts in an average of the weights
 QUARTER = 0.75  # of the steps: what comes after is the last quarter
-FEWEST = 2000  # steps before a run may count as converged
+FEWEST = 4000  # steps before a run may count as converged: its rate falls by then
 
 
 class TrainingError(Exception):
@@ -190,7 +190,7 @@ class Run:
         with torch.no_grad():
             now = self.model.state_dict()
             for name, mean in self.averaged.state_dict().items():
-                mean.lerp_(now[name], share) if mean.is_floating_point() else mean.copy_(now[name])
+                mean.lerp_(now[name], share)
 
     def converged(self) -> bool:
         """Return whether the last quarter of the steps has gained too little in validation RPD."""
@@ -201,10 +201,6 @@ class Run:
         before = [row["validation_rpd"] for row in rows if row["steps"] <= quarter]
         least = min(row["validation_rpd"] for row in rows)
         return bool(before) and least > (1 - self.config.converged) * min(before)
-
-    def ended(self) -> bool:
-        """Return whether all steps are taken, or no more are needed."""
-        return self.progressed.steps >= self.total or self.converged()
 
     def add_to_log(self, validated: bool) -> None:
         """Add a row to the log, with scores on the validation split or without."""
@@ -223,7 +219,7 @@ class Run:
             **(self.validate() if validated else {}),
         }
         self.progressed.log.append(row)
-        if len(self.progressed.log) > ROWS:
+        if sum("validation_rpd" not in row for row in self.progressed.log) > ROWS:
             self.progressed.log = thinned(self.progressed.log)
 
     def validated(self) -> dict[str, float] | None:
@@ -341,10 +337,10 @@ class Run:
 
 
 def thinned(log: list[dict[str, float]]) -> list[dict[str, float]]:
-    """Return every second row with scores, and every second without; the last ones are kept."""
-    scored = [row for row in log if "validation_rpd" in row]
-    others = [row for row in log if "validation_rpd" not in row]
-    return sorted(scored[::-2] + others[::-2], key=lambda row: row["steps"])
+    """Return every row with scores, and every second without; the last one is kept."""
+    others = [row["steps"] for row in log if "validation_rpd" not in row]
+    kept = set(others[::-2])
+    return [row for row in log if "validation_rpd" in row or row["steps"] in kept]
 
 
 def optimiser(config: TrainConfig, model: nn.Module) -> torch.optim.Optimizer:

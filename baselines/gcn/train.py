@@ -155,14 +155,18 @@ def train(options: argparse.Namespace, rank: int, world: int) -> int:
 
 
 def loop(run: Run, minutes: float | None, console: Console) -> str:
-    """Take steps until all are taken, the time is up or someone interrupts; return which."""
+    """Take steps until all are taken, the run has converged, the time is up or someone interrupts.
+
+    Return which of these it was. Only the first process keeps the log, and so can tell whether the
+    run has converged.
+    """
     began, saved = time.monotonic(), time.monotonic()
     with interruptions() as interrupted, bar(run, console) as show:
-        while not run.ended():
+        while run.progressed.steps < run.total:
             late = minutes is not None and time.monotonic() - began >= 60 * minutes
-            reason = agreed(2 if interrupted else int(late), run)
+            reason = agreed(3 if interrupted else 2 if late else int(run.converged()), run)
             if reason:
-                return ("", "time is up", "interrupted")[reason]
+                return ("", "converged", "time is up", "interrupted")[reason]
             run.step()
             show(began, minutes)
             if time.monotonic() - saved >= CHECKPOINT_SECONDS:

@@ -13,7 +13,7 @@ from synthnet.commands.options import Commands, add_command, print_json, workers
 from synthnet.commands.report import FamilyBars, family_table, summary
 from synthnet.store.limits import DIRECTORY
 
-EXAMPLES = """example: synthnet build --version 1.0-small --workers 2
+EXAMPLES = """example: synthnet build 1.0-small --workers 2
 
 many machines:
   synthnet build --engine dask --scheduler tcp://10.0.0.1:8786 --out /shared/synthnet

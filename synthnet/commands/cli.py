@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="synthnet",
         description="Build and inspect synthNet: triangle meshes labelled with the first "
         "ten eigenvalues of their Laplace-Beltrami operator.",
-        epilog="example: synthnet build --version 1.0-mini",
+        epilog="example: synthnet build 1.0-mini",
     )
     parser.add_argument("--version", action="version", version=f"synthnet {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")

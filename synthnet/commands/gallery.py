@@ -27,7 +27,8 @@ def add(commands: Commands) -> None:
         "gallery",
         run,
         "draw a contact sheet of a family, or one shape of each; no build is needed",
-        " torus --version 1.0",
+        " torus --dataset 1.0",
+        positional=False,
     )
     sub.add_argument(
         "family",

@@ -15,9 +15,7 @@ from synthnet.types import SPLITS
 
 def add(commands: Commands) -> None:
     """Add the command."""
-    sub = add_command(
-        commands, "info", run, "say what a built version holds", " --version 1.0-small"
-    )
+    sub = add_command(commands, "info", run, "say what a built version holds", " 1.0-small")
     sub.add_argument("--ids", action="store_true", help="list the ids of its shapes")
 
 

@@ -20,8 +20,9 @@ def add_command(
     example: str = "",
     *,
     version: bool = True,
+    positional: bool = True,
 ) -> argparse.ArgumentParser:
-    """Add a command with the options that every command has, and ``--version`` by default."""
+    """Add a command with the options that every command has, and its dataset by default."""
     command = commands.add_parser(
         name, help=text, description=text, epilog=f"example: synthnet {name}{example}"
     )
@@ -37,18 +38,41 @@ def add_command(
     )
     command.add_argument("--json", action="store_true", help="print JSON for a program")
     if version:
-        version_option(command)
+        dataset_argument(command, positional=positional)
     return command
 
 
-def version_option(command: argparse._ActionsContainer) -> None:
-    """Add the option that names a version."""
+class _Named(argparse.Action):
+    """Keep the dataset's name, and refuse a second one."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: Any = None) -> None:
+        first = getattr(namespace, "named", values)
+        if first != values:
+            parser.error(f"two datasets are named, {first} and {values}: name one")
+        namespace.version = namespace.named = values
+
+
+def dataset_argument(command: argparse._ActionsContainer, *, positional: bool = True) -> None:
+    """Add what names a dataset: a word of its own, or an option where that means another thing."""
+    known = f"one of {', '.join(recipe.available())}, or one of these scaled, as 1.0-x100"
+    if positional:
+        command.add_argument(
+            "version",
+            nargs="?",
+            action=_Named,
+            default=argparse.SUPPRESS,
+            metavar="DATASET",
+            help=f"{known} (default: 1.0)",
+        )
+        known = "the same as an option"
     command.add_argument(
+        "--dataset",
         "--version",
+        dest="version",
+        action=_Named,
         default="1.0",
-        metavar="V",
-        help=f"one of {', '.join(recipe.available())}, or one of these scaled, as 1.0-x100 "
-        "(default: %(default)s)",
+        metavar="NAME",
+        help=f"{known} (default: %(default)s)",
     )
 
 

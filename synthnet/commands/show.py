@@ -20,7 +20,8 @@ EIGENFUNCTIONS = 5  # that are drawn by default
 
 def add(commands: Commands) -> None:
     """Add the command."""
-    sub = add_command(commands, "show", run, "show one shape", " torus-00012 --png torus.png")
+    example = " torus-00012 --png torus.png"
+    sub = add_command(commands, "show", run, "show one shape", example, positional=False)
     sub.add_argument("id", metavar="ID", help="id of the shape, for example cone-00042")
     sub.add_argument(
         "--png", type=Path, metavar="FILE", help="also draw it, with spectrum and eigenfunctions"

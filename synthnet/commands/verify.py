@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tabulate import tabulate
 
 from synthnet import store
-from synthnet.commands.options import Commands, add_command, at_least, print_json, version_option
+from synthnet.commands.options import Commands, add_command, at_least, dataset_argument, print_json
 from synthnet.commands.report import FamilyBars
 from synthnet.commands.seal import salt_option
 from synthnet.recipe import Kind
@@ -25,10 +25,10 @@ DIFFERENT = 1  # exit code where something differs
 
 def add(commands: Commands) -> None:
     """Add the command."""
-    example = " --version 1.0 --sample 200"
+    example = " 1.0 --sample 200"
     sub = add_command(commands, "verify", run, "check a built version", example, version=False)
     which = sub.add_mutually_exclusive_group()
-    version_option(which)
+    dataset_argument(which)
     which.add_argument(
         "--sealed",
         type=Path,

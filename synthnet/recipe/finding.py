@@ -6,7 +6,7 @@ import tomllib
 from dataclasses import replace
 from importlib import resources
 
-from synthnet.errors import RecipeError
+from synthnet.errors import RecipeError, suggestion
 from synthnet.recipe import parsing
 from synthnet.recipe.names import Kind, available, parse_name
 from synthnet.recipe.recipe import Recipe
@@ -44,7 +44,7 @@ def load(version: str) -> Recipe:
         )
         raise RecipeError(
             f"unknown version {version!r}: choose one of {', '.join(available())} "
-            f"(`synthnet versions` lists them){imports}"
+            f"(`synthnet versions` lists them){imports}{suggestion(version, available())}"
         )
     file = resources.files("synthnet.recipe.versions").joinpath(f"{version}.toml")
     return parse(file.read_text())

@@ -15,7 +15,7 @@ from pathlib import Path
 import platformdirs
 
 from synthnet import recipe
-from synthnet.errors import StoreError
+from synthnet.errors import StoreError, suggestion
 from synthnet.recipe import Kind
 from synthnet.store.imports import is_import
 from synthnet.store.manifest import read_manifest
@@ -93,10 +93,13 @@ class StoredDataset:
         family = id.rpartition("-")[0]
         if family not in self.manifest.drawn:
             families = ", ".join(self.manifest.drawn)
-            raise StoreError(f"no shape {id!r}: an id is a family ({families}) and a number")
+            raise StoreError(
+                f"no shape {id!r}: an id is a family ({families}) and a number"
+                f"{suggestion(family, self.manifest.drawn)}"
+            )
         raise StoreError(
             f"no shape {id!r} in {self.manifest.version}: "
-            f"`synthnet info --version {self.manifest.version} --ids` lists them"
+            f"`synthnet info {self.manifest.version} --ids` lists them"
         )
 
 

@@ -120,6 +120,14 @@ def test_version_that_is_not_built(arguments: list[str], run: Run, tmp_path: Pat
     [
         ([], "the following arguments are required: COMMAND"),
         (["frobnicate"], "invalid choice: 'frobnicate'"),
+        (["bild"], "did you mean build? (`synthnet --help` shows how)"),
+        (["build", "1.0-mni"], "`synthnet versions` lists them); did you mean 1.0-mini?"),
+        (["info", "1.0", "--dataset", "2.0"], "two datasets are named, 1.0 and 2.0: name one"),
+        (
+            ["info", "--verison", "1.0"],
+            "--verison; did you mean --version? (`synthnet info --help`",
+        ),
+        (["show", "tours-00001", "--dataset", VERSION], "and a number; did you mean torus?"),
         (["build", "--workers", "two"], "argument --workers: invalid int value: 'two'"),
         (["build", "--workers", "0"], "workers must be at least 1, got 0"),
         (["build", "--workers", "999999"], f"workers must be at most {16 * cores()}, 16 a core"),
@@ -127,8 +135,20 @@ def test_version_that_is_not_built(arguments: list[str], run: Run, tmp_path: Pat
         (["show"], "the following arguments are required: ID"),
     ],
 )
-def test_wrong_arguments(arguments: list[str], wanted: str, run: Run) -> None:
+def test_wrong_arguments(
+    arguments: list[str], wanted: str, run: Run, mini_home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SYNTHNET_HOME", str(mini_home))
     assert wanted in only_line(*run(*arguments))
+
+
+@pytest.mark.parametrize("named", [[VERSION], ["--dataset", VERSION], ["--version", VERSION]])
+def test_a_dataset_is_named_by_a_word_or_an_option(
+    named: list[str], run: Run, mini_home: Path
+) -> None:
+    code, out, _ = run("info", *named, "--out", mini_home, "--json")
+    assert code == 0
+    assert json.loads(out)["version"] == VERSION
 
 
 @pytest.mark.parametrize("option", ["--sample", "--seed"])

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 UNSEEN = "family"  # the protocol whose scores stand beside those on familiar shapes
 SIZES = {"o": 12, "s": 11, "^": 15}  # of marks, in points: a number is inside
-LARGEST = 2.0  # rows with larger errors, which look at next to nothing, are left out
+LARGEST_ERROR = 2.0  # rows with larger errors, which look at next to nothing, are left out
 
 
 def draw(board: Board, solver: str = "synthnet-certified") -> str:
@@ -38,7 +38,7 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
     solver : str
         The row that the line is of.
     """
-    rows = sorted((row for row in board.rows if _error(row) <= LARGEST), key=_error)
+    rows = sorted((row for row in board.rows if _error(row) <= LARGEST_ERROR), key=_error)
     with style() as new_figure:
         figure = new_figure(figsize=(9.0, 4.8))
         axes = figure.subplots()
@@ -82,9 +82,20 @@ def _key(axes: mpl.axes.Axes, rows: Sequence[Ranked]) -> None:
     for number, row in enumerate(rows, start=1):
         colour = KINDS[row.submission.result["model"]["kind"]][0]
         height = 1 - (number - 0.5) / max(len(rows), 12)
-        place = {"transform": axes.transAxes, "va": "center", "fontsize": 7.5}
-        axes.text(1.06, height, str(number), ha="right", color=colour, weight="bold", **place)
-        axes.text(1.075, height, escaped(row.submission.name), **place)
+        name = escaped(row.submission.name)
+        where = axes.transAxes
+        axes.text(
+            1.06,
+            height,
+            str(number),
+            transform=where,
+            ha="right",
+            va="center",
+            fontsize=7.5,
+            color=colour,
+            weight="bold",
+        )
+        axes.text(1.075, height, name, transform=where, va="center", fontsize=7.5)
 
 
 def _error(row: Ranked) -> float:

@@ -176,14 +176,15 @@ def test_rpd_has_no_gradient_where_an_output_is_negative() -> None:
 
 
 def test_long_log_is_thinned(make: Callable[..., Run], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(baselines.gcn.run, "ROWS", 6)
+    monkeypatch.setattr(baselines.gcn.run, "ROWS", 3)
     run = make(replace(STORED, epochs=4))
     for _ in range(4 * run.per_epoch):
         run.step()
-    steps = [row["steps"] for row in run.progressed.log]
-    assert steps == sorted(steps)
-    assert len(steps) <= 6
-    assert steps[-1] == run.total
+    steps = {row["steps"]: "validation_rpd" in row for row in run.progressed.log}
+    assert list(steps) == sorted(steps)
+    scored = [step for step, has in steps.items() if has]
+    assert scored == [run.per_epoch * epoch for epoch in (1, 2, 3, 4)]
+    assert 1 <= len(steps) - len(scored) <= 3
     assert run.validated() == run.progressed.log[-1]
 
 
@@ -261,10 +262,9 @@ def test_a_run_has_converged_when_its_last_quarter_gains_little(
 ) -> None:
     run = make(AVERAGED)
     run.progressed.log = [
-        {"steps": 1000 * (i + 1), "validation_rpd": value} for i, value in enumerate(rpd)
+        {"steps": 2000 * (i + 1), "validation_rpd": value} for i, value in enumerate(rpd)
     ]
     assert run.converged() == expected
-    assert run.ended() == expected
     run.progressed.log = [{**row, "steps": row["steps"] / 4} for row in run.progressed.log]
     assert not run.converged()  # too short a run says nothing
 
@@ -288,6 +288,17 @@ def test_time_is_up(make: Callable[..., Run], tmp_path: Path) -> None:
     again.save()
     _, *rows = (tmp_path / LOG).read_text().splitlines()
     assert sum(not row.endswith(",") for row in rows) == STORED.epochs
+
+
+def test_training_ends_when_the_run_has_converged(make: Callable[..., Run]) -> None:
+    run = make(AVERAGED)
+    run.step()
+    run.progressed.log = [
+        {"steps": 4000, "validation_rpd": 0.3},
+        {"steps": 6000, "validation_rpd": 0.3},
+    ]
+    assert train.loop(run, None, QUIET) == "converged"
+    assert run.progressed.steps == 1
 
 
 # Files

@@ -7,7 +7,9 @@ import json
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
+import filelock
 import pytest
 from eigbench.results import submission
 
@@ -119,7 +121,7 @@ def test_a_training_of_the_queue_goes_on_and_stands_on_the_page(
     assert queue.main(short) == 0
     assert before == {path: path.stat().st_mtime_ns for path in before}
     assert queue.main(short[1:]) == 0
-    assert re.search(r"table1-rpd +grouped +0 +is trained", capsys.readouterr().out)
+    assert re.search(r"table1-rpd +grouped +0 +is scored", capsys.readouterr().out)
 
     assert reproduction.main([]) == 0
     assert reproduction.main(["--check"]) == 0
@@ -142,9 +144,76 @@ def test_a_training_of_the_queue_goes_on_and_stands_on_the_page(
 @pytest.mark.slow
 def test_a_training_that_fails_is_told_and_writes_no_row(directory, short, capfd):
     options = ["none" if option == "1.0-mini" else option for option in short]
-    assert queue.main(options) == 2
-    assert "gcn.queue: table1-rpd, grouped, seed 0: baselines.gcn.train" in capfd.readouterr().err
+    assert queue.main(options) == 1
+    told = "gcn.queue: table1-rpd, grouped, seed 0: baselines.gcn.train has ended with exit code 2"
+    assert told in capfd.readouterr().err
     assert not list((directory / "baselines" / "reproduction").iterdir())
+
+
+@pytest.fixture
+def ran(monkeypatch, tmp_path) -> list[list[str]]:
+    """The commands that a queue would run; what they would leave is as each test says."""
+    commands: list[list[str]] = []
+    monkeypatch.setattr(queue, "run", lambda command, expected=(0,): commands.append([*command]))
+    monkeypatch.setattr(queue, "LOADER", tmp_path / "reproduction.py")
+    monkeypatch.setattr(queue, "RESULTS", tmp_path / "results")
+    return commands
+
+
+def trained(path: Path, **record: Any) -> None:
+    """Write a file of a training's record."""
+    known = {"steps": 50, "of": 100, "minutes": 1.0, "converged": False, "log": []}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    weights.write(path, {}, {**known, **record})
+
+
+def test_weights_that_were_trained_and_never_scored_are_scored(ran, tmp_path, capsys):
+    one = queue.Training("table1-rpd-scale-free")
+    out = queue.folder(one, tmp_path / "runs")
+    for name in (queue.CHECKPOINT, queue.WEIGHTS):
+        trained(out / name, converged=True)
+    options = ["--run", "--runs", str(tmp_path / "runs"), "--only", one.config]
+    assert queue.main(options) == 1  # nothing is written here in eigbench's place
+    assert "grouped, seed 0: eigbench has written no result of this seed" in capsys.readouterr().err
+    assert "reproduction.py:table1_rpd_scale_free" in ran[0][2]
+    assert ran[0][ran[0].index("--seeds") + 1] == "1"
+    assert one.weights().read_bytes() == (out / queue.WEIGHTS).read_bytes()
+
+
+def test_a_training_killed_before_it_wrote_its_weights_goes_on_to_do_so(ran, tmp_path):
+    one = queue.Training("table1-rpd-scale-free")
+    out = queue.folder(one, tmp_path / "runs")
+    trained(out / queue.CHECKPOINT, converged=True)
+    assert queue.left(one, out) > 0
+    trained(out / queue.WEIGHTS, steps=40)  # of an earlier session
+    assert queue.left(one, out) > 0
+    trained(out / queue.WEIGHTS, steps=50)
+    assert queue.left(one, out) == 0
+
+
+def test_time_left_is_that_of_the_clock_or_of_the_rule(tmp_path):
+    by_rule, by_clock = queue.Training("table1-rpd-scale-free"), queue.Training("table1-rpd")
+    for one, expected in ((by_rule, float("inf")), (by_clock, 179.0)):
+        out = queue.folder(one, tmp_path)
+        assert queue.left(one, out) in (float("inf"), 180.0)
+        trained(out / queue.CHECKPOINT)
+        assert queue.left(one, out) == expected
+
+
+def test_a_second_queue_is_refused(ran, tmp_path, capsys):
+    with filelock.FileLock(tmp_path / ".lock"):
+        assert queue.main(["--run", "--runs", str(tmp_path)]) == 2
+    assert "another queue is at work" in capsys.readouterr().err
+    assert ran == []
+
+
+def test_a_queue_without_time_trains_nothing(ran, tmp_path, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        queue.main(["--run", "--minutes", "nan"])
+    assert "--minutes: must be above 0, got nan" in capsys.readouterr().err
+    assert queue.main(["--run", "--minutes", "1e-9", "--runs", str(tmp_path)]) == 0
+    assert "the time is up; --run goes on" in capsys.readouterr().out
+    assert ran == []
 
 
 def test_the_queue_begins_with_the_papers_best_row_and_ends_with_second_seeds() -> None:
