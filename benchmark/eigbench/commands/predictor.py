@@ -188,10 +188,9 @@ def run_evaluate(options: argparse.Namespace) -> int:
     directory = _directory(options)
     labels = _truth(options, directory)
     partial = options.limit is not None and options.limit < len(labels.ids)
+    _check_out(out, options.predictor, partial)
     if partial:
         labels = labels.head(options.limit)
-        if out.exists() and not results.read(out)["partial"]:
-            raise EigbenchError(f"{out} is a whole result: give --limit another --out")
     dataset = _meshes_of(labels, directory, options.root)
     settings = Options(**{f.name: getattr(options, f.name) for f in fields(Options)})
     settings = replace(settings, reference=settings.reference and not partial)
@@ -218,6 +217,18 @@ def run_evaluate(options: argparse.Namespace) -> int:
         print(tables.physics(result["physics"]))
         print(f"\nresult {out}, predictions {kept}")
     return _exit_code(predictions.unphysical(labels, evaluation.predictions))
+
+
+def _check_out(out: Path, predictor: Path, partial: bool) -> None:
+    """Check that a result may be written: over none but an earlier one of the same predictor."""
+    if not out.exists():
+        return
+    earlier = results.read(out)
+    code = earlier["model"]["code"]
+    if code != predictor.name:
+        raise EigbenchError(f"{out} is the result of {code}: give {predictor.name} another --out")
+    if partial and not earlier["partial"]:
+        raise EigbenchError(f"{out} is a whole result: give --limit another --out")
 
 
 def _predict(

@@ -287,6 +287,18 @@ def test_whole_result_is_not_replaced_by_a_partial_one(eigbench, weyl, mini_home
     assert out.read_bytes() == weyl.out.read_bytes()
 
 
+def test_another_models_result_is_not_replaced(eigbench, weyl, mini_home, predictor_file, tmp_path):
+    out = tmp_path / "r.json"
+    shutil.copy(weyl.out, out)
+    other = predictor_file(WEYL)
+    where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", out]
+    code, _, err = eigbench("evaluate", other, *where)
+    assert code == 2
+    name = weyl.code.name
+    assert f"{out} is the result of {name}: give {other.name} another --out" in err
+    assert out.read_bytes() == weyl.out.read_bytes()
+
+
 def test_check_of_a_bad_predictor_exits_with_2(eigbench, predictor_file):
     code, out, err = eigbench("check", predictor_file("def predict(meshes): return [[1.0]]"))
     assert (code, out) == (2, "")
