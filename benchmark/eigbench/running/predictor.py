@@ -173,16 +173,15 @@ def _asked(loader: Any, arguments: Mapping[str, str], path: Path) -> dict[str, s
 def sources(path: Path, roots: Sequence[Path]) -> dict[str, str]:
     """Return digests of the files a predictor is made of, by name relative to its directory.
 
-    These are its file, each module it has imported from ``roots``, and what lies beside it under
-    the same name: ``my_model.safetensors``; of a variant, ``my_models/NAME.safetensors``. Other
-    files that it reads are not seen.
+    These are its file, each module it has imported from ``roots``, and what lies beside one of
+    them under the same name: ``my_model.safetensors``; of a variant,
+    ``my_models/NAME.safetensors``. Other files that it reads are not seen.
     """
     path, variant = split(path)
     root = path.resolve().parent
-    beside = [*root.glob(f"{glob.escape(path.stem)}.*")]
+    found = _beside(root / path.name)
     if variant:
-        beside += (root / path.stem).glob(f"{glob.escape(variant)}.*")
-    digests = {file.relative_to(root).as_posix(): digest(file) for file in beside if file.is_file()}
+        found |= _beside(root / path.stem / variant)
     libraries = {Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")}
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
@@ -195,8 +194,15 @@ def sources(path: Path, roots: Sequence[Path]) -> dict[str, str]:
         installed = any(source.is_relative_to(library.resolve()) for library in libraries)
         inside = any(source.is_relative_to(folder) for folder in roots)
         if source.suffix == ".py" and inside and not installed:
-            digests[Path(os.path.relpath(source, root)).as_posix()] = digest(source)
-    return dict(sorted(digests.items()))
+            found |= _beside(source)
+    named = {Path(os.path.relpath(file, root)).as_posix(): digest(file) for file in found}
+    return dict(sorted(named.items()))
+
+
+def _beside(path: Path) -> set[Path]:
+    """Return the files of a path's name, whatever their suffix."""
+    name = glob.escape(path.name.removesuffix(".py"))
+    return {file for file in path.parent.glob(f"{name}.*") if file.is_file()}
 
 
 def as_array(answer: Any) -> NDArray[Any]:

@@ -433,11 +433,12 @@ def test_sources_are_the_files_beside_it_and_nothing_that_is_no_file(
     (tmp_path / "my_model.npz").write_bytes(b"weights")
     (tmp_path / "other.npz").write_bytes(b"no part of it")
     (tmp_path / "a_sibling.py").write_text("x = 1\n")
+    (tmp_path / "a_sibling.parquet").write_bytes(b"what it learns from")
     path = predictor_file("import a_sibling\n" + FUNCTION)
     loaded = predictor.load(path)
     monkeypatch.setitem(sys.modules, "no_file", types.SimpleNamespace(__file__="_ops.py"))
     found = predictor.sources(path, loaded.roots)
-    assert set(found) == {"my_model.py", "my_model.npz", "a_sibling.py"}
+    assert set(found) == {"my_model.py", "my_model.npz", "a_sibling.py", "a_sibling.parquet"}
 
 
 def test_sources_of_a_directory_that_the_file_puts_on_the_path(
