@@ -1,17 +1,28 @@
-"""The parser, exit code and progress column that both command lines share."""
+"""The parser, exit code, guesses and progress column that both command lines share."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import difflib
+from collections.abc import Iterable, Sequence
 from typing import Any, NoReturn
 
 from rich.progress import ProgressColumn, Task
 from rich.text import Text
 
-from synthnet.errors import suggestion
-
 WRONG_INPUT = 2  # exit code if the input, the directory or the machine is unsuitable
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return a question to add to a message on an unknown word: which known one was meant.
+
+    Examples
+    --------
+    >>> suggestion("1.0-mni", ["1.0", "1.0-mini"]), suggestion("frobnicate", ["build"])
+    ('; did you mean 1.0-mini?', '')
+    """
+    near = difflib.get_close_matches(word, list(known), n=1)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 class Parser(argparse.ArgumentParser):

@@ -85,6 +85,21 @@ def build_limits(
     return jobs.run(task, options, preload=__name__)
 
 
+def add_missing(dataset: StoredDataset) -> None:
+    """Write the pinned limits of a dataset that was built before there were any.
+
+    Raises
+    ------
+    BuildError
+        If the disk is full or cannot be written.
+    """
+    if dataset.kind is recipe.Kind.VERSION and not limits.any_there(dataset):
+        resolved = recipe.load(dataset.manifest.version)
+        known = pinned(resolved)
+        if known is not None and dataset.manifest.recipe_digest == resolved.digest:
+            add_pinned(dataset.directory, dataset.manifest.shards, known)
+
+
 def _jobs(resolved: Recipe, dataset: StoredDataset) -> Iterator[Job]:
     terms = terms_of(resolved, dataset.directory)
     for plan, record in zip(plan_shards(resolved), dataset.manifest.shards, strict=True):

@@ -132,7 +132,7 @@ def _print_build(report: BuildReport, limited: BuildReport | None) -> None:
 
 def _print_limits(limited: BuildReport) -> None:
     if limited.nothing_to_do:
-        print("its limits are there already: nothing to do")
+        print("its limits are there: nothing to compute")
         return
     core = sum(limited.seconds.values())
     directory = limited.dataset.directory / DIRECTORY

@@ -47,6 +47,7 @@ def load_dataset(
         raise ValueError(f"split must be one of {', '.join(SPLITS)}, got {split!r}")
     with needed_by("synthnet.load_dataset"):
         import datasets
+    from synthnet.build.limits import add_missing
     from synthnet.build.versions import ensure_built
 
     stored = ensure_built(version, root)
@@ -60,6 +61,7 @@ def load_dataset(
         cache_dir=str(stored.directory / "datasets-cache"),
         filters=[("split", "==", split)],
     )
+    add_missing(stored)
     if not limits.any_there(stored):
         return rows
     known = {row.id: row for row in limits.read(stored)}

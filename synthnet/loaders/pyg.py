@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet import recipe, store
+from synthnet.build.limits import add_missing
 from synthnet.build.versions import ensure_built
 from synthnet.errors import RecipeError, StoreError, needed_by
 from synthnet.loaders import mapped
@@ -288,6 +289,7 @@ def surface_spectra(dataset: StoredDataset) -> NDArray[np.float32]:
     StoreError
         If it has none, or they are damaged.
     """
+    add_missing(dataset)
     if not limits.any_there(dataset):
         version = dataset.manifest.version
         remedy = (

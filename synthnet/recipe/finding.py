@@ -6,7 +6,7 @@ import tomllib
 from dataclasses import replace
 from importlib import resources
 
-from synthnet.errors import RecipeError, suggestion
+from synthnet.errors import RecipeError
 from synthnet.recipe import parsing
 from synthnet.recipe.names import Kind, available, parse_name
 from synthnet.recipe.recipe import Recipe
@@ -39,6 +39,8 @@ def load(version: str) -> Recipe:
             "the salt is revealed, by `synthnet verify --sealed`"
         )
     if name.kind is Kind.IMPORTED:
+        from synthnet.terminal import suggestion  # which takes Rich along
+
         imports = (
             "" if version[:1].isdigit() else ", or make it of your own meshes by `synthnet import`"
         )

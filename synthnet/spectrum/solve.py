@@ -129,7 +129,8 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
     Raises
     ------
     ValueError
-        If k is not between 1 and n − 1, a triangle has no area, or a vertex no triangle.
+        If it is no mesh, k is not between 1 and n − 1, a triangle has no area, or a vertex has
+        no triangle.
     CertificateError
         If the stronger setting's answer cannot be certified either.
     SpectrumError
@@ -151,6 +152,10 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
     >>> spectrum.certificate.count  # zero and these three are all that is below the shift
     4
     """
+    if not hasattr(mesh, "faces"):
+        raise ValueError(
+            f"compute takes a mesh, as Mesh(vertices, faces) of synthnet, got {type(mesh).__name__}"
+        )
     n = len(mesh.vertices)
     if not 1 <= k <= n - 1:
         raise ValueError(f"k must be between 1 and {n - 1} for {n} vertices, got {k}")

@@ -15,7 +15,7 @@ from pathlib import Path
 import platformdirs
 
 from synthnet import recipe
-from synthnet.errors import StoreError, suggestion
+from synthnet.errors import StoreError
 from synthnet.recipe import Kind
 from synthnet.store.imports import is_import
 from synthnet.store.manifest import read_manifest
@@ -92,6 +92,8 @@ class StoredDataset:
                 return next(read_samples(path, slice(ids.index(id), ids.index(id) + 1)))
         family = id.rpartition("-")[0]
         if family not in self.manifest.drawn:
+            from synthnet.terminal import suggestion  # which takes Rich along
+
             families = ", ".join(self.manifest.drawn)
             raise StoreError(
                 f"no shape {id!r}: an id is a family ({families}) and a number"

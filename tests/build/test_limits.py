@@ -234,7 +234,7 @@ def test_the_command_finds_pinned_limits_there(
     said = capsys.readouterr().out
     assert "is built already" in said.splitlines()[0]
     assert "nothing to do" not in said.splitlines()[0]
-    assert "its limits are there already: nothing to do" in said
+    assert "its limits are there: nothing to compute" in said
     assert cli.main([*arguments, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["limits"]["nothing_to_do"] is True
 

@@ -159,7 +159,7 @@ def test_verify_needs_numbers_of_at_least_zero(option: str, run: Run, mini_home:
 
 def test_unknown_id(run: Run, mini_home: Path) -> None:
     line = only_line(*run("show", "torus-99999", "--version", VERSION, "--out", mini_home))
-    assert "no shape 'torus-99999' in 1.0-mini: `synthnet info --version 1.0-mini --ids`" in line
+    assert "no shape 'torus-99999' in 1.0-mini: `synthnet info 1.0-mini --ids`" in line
 
 
 @pytest.mark.parametrize(

@@ -81,13 +81,24 @@ def test_a_pre_transform_is_kept_by_its_target(open_split):
         assert torch.equal(torch.cat([data.y for data in done]), source.y)
 
 
+def test_pinned_limits_are_added_to_a_dataset_that_was_built_without(
+    open_split, unpacking_home, tmp_path
+):
+    shutil.copytree(unpacking_home / MINI, tmp_path / MINI)
+    shutil.rmtree(tmp_path / MINI / limits.DIRECTORY)
+    found = SynthNet(tmp_path, MINI, "test", augment=False, target="surface")
+    expected = open_split("test", augment=False, target="surface")
+    assert torch.equal(found.y, expected.y)
+
+
 def test_a_surface_needs_limits(unpacking_home, tmp_path, monkeypatch):
     shutil.copytree(unpacking_home / MINI, tmp_path / MINI)
     shutil.rmtree(tmp_path / MINI / limits.DIRECTORY)
+    plain = store.open_dataset(MINI, tmp_path)
+    monkeypatch.setattr(store.StoredDataset, "kind", Kind.SCALED)
     remedy = "has no limits of its surfaces: run `synthnet build --version 1.0-mini --limits`$"
     with pytest.raises(StoreError, match=remedy):
-        SynthNet(tmp_path, MINI, target="surface")
-    plain = store.open_dataset(MINI, tmp_path)
+        surface_spectra(plain)
     monkeypatch.setattr(store.StoredDataset, "kind", Kind.IMPORTED)
     with pytest.raises(StoreError, match=r"have no known surface, take target='mesh'$"):
         surface_spectra(plain)

@@ -273,6 +273,11 @@ def test_a_second_component_gives_a_second_zero() -> None:
     assert found.certificate.count >= 7
 
 
+def test_what_is_no_mesh_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"takes a mesh, as Mesh\(vertices, faces\).*got ndarray"):
+        spectrum.compute(np.zeros((4, 3)), np.zeros((4, 3)))  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_few_eigenvalues_are_the_first(k: int) -> None:
     mesh = rectangle(17, 13)

@@ -9,7 +9,7 @@ from pathlib import Path
 from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
 from eigbench.scoring.targets import TARGETS
-from eigbench.scoring.truth import Truth
+from eigbench.scoring.truth import SURFACE, Truth
 from synthnet import store
 
 Command = Callable[..., argparse.ArgumentParser]  # of a name, a function, a text and an example
@@ -56,26 +56,25 @@ def process(sub: argparse.ArgumentParser) -> None:
     )
 
 
-def target(sub: argparse.ArgumentParser, default: str | None) -> None:
-    """Add what predictions are compared with."""
+def target(sub: argparse.ArgumentParser, default: str) -> None:
+    """Add what predictions are compared with; ``default`` says it for where none is given."""
     sub.add_argument(
         "--target",
         choices=TARGETS,
-        default=default,
         help="the surface's spectrum, or the label of the mesh (default: "
-        f"{default or 'both, where the surface is known'})",
+        f"{default}, where the surface is known)",
     )
 
 
-def beside(row: Submission, target: str) -> Submission:
-    """Return a submission beside a target.
+def beside(row: Submission, target: str | None) -> Submission:
+    """Return a submission beside a target; by default the surface, where it is known.
 
     Raises
     ------
     EigbenchError
         If the target is not known.
     """
-    there = row.at(target)
+    there = row.at(target) if target is not None else row.at(SURFACE) or row
     if there is None:
         raise unknown_surfaces(row.truth)
     return there

@@ -18,7 +18,7 @@ from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import submission
 from eigbench.scoring.metrics import METRICS
-from eigbench.scoring.truth import MESH
+from eigbench.scoring.truth import SURFACE
 from synthnet.store.files import make_directory, write_text
 
 FEW = "few shapes"  # makes no verdict, which is not a tie
@@ -48,7 +48,7 @@ def add_commands(command: Command) -> None:
         default=(None, None),
         help="their files of predictions (default: beside the results)",
     )
-    arguments.target(sub, MESH)
+    arguments.target(sub, SURFACE)
     arguments.dataset_directory(sub)
 
     sub = command(
@@ -71,7 +71,7 @@ def add_commands(command: Command) -> None:
         choices=METRICS,
         help="metric of the errors (default: %(default)s)",
     )
-    arguments.target(sub, MESH)
+    arguments.target(sub, SURFACE)
     arguments.dataset_directory(sub)
 
 
@@ -91,14 +91,14 @@ def compare(options: argparse.Namespace) -> int:
         differences = {
             "a": a.name,
             "b": b.name,
-            "target": options.target,
+            "target": a.target,
             "overall": {key: _plain(d) for key, d in overall.items()},
             "families": {"metric": RANKED_BY, **{f: _plain(d) for f, d in families.items()}},
         }
         print(json.dumps(differences, indent=1))
         return 0
     print(f"A: {a.name} ({options.a})\nB: {b.name} ({options.b})")
-    print(f"both against the {options.target}\n")
+    print(f"both against the {a.target}\n")
     _print_table("metric", [_line(METRICS[key].title, d, key) for key, d in overall.items()])
     print()
     lines = [_line(family_title(family), d, RANKED_BY) for family, d in families.items()]

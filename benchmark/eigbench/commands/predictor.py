@@ -45,7 +45,7 @@ def add_commands(command: Command) -> None:
     )
     sub.add_argument("file", type=Path, metavar="FILE", help="predictions: .parquet, .npz or .csv")
     _add_split(sub)
-    arguments.target(sub, None)
+    arguments.target(sub, "both")
     sub.add_argument(
         "--root", type=Path, metavar="DIR", help="directory that holds a sealed set or import"
     )

@@ -127,7 +127,8 @@ def _join(
             more = f" and {len(which) - 3} more" if len(which) > 3 else ""
             raise PredictionsError(
                 f"{path} {what} {', '.join(which[:3])}{more} "
-                f"({truth.version}, {truth.split}, {truth.protocol})"
+                f"({truth.version}, {truth.split}, {truth.protocol}): --dataset, --split and "
+                "--protocol say what was predicted"
             )
     return values[[row_of[id] for id in truth.ids]]
 

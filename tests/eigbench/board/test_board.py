@@ -781,7 +781,8 @@ def test_plot_of_a_metric_that_is_infinite_on_finite_answers_says_so(
     answers[3] = 0
     two = make_submission("Exact on three", answers)
     for key, told in (("psnr", "PSNR is infinite on 3 of"), ("invlap", "is infinite on 1 of")):
-        code, _, err = eigbench("plot", two, "--out", tmp_path, "--metric", key)
+        options = ["--out", tmp_path, "--metric", key, "--target", "mesh"]
+        code, _, err = eigbench("plot", two, *options)
         assert code == 2
         assert f"{told} {len(answers)} instances, though the predictions are finite" in err
         one = submission.read(two)
