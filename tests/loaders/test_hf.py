@@ -95,8 +95,10 @@ def test_limits_are_those_of_the_shapes(home: Path, tmp_path: Path) -> None:
         )
     shutil.copytree(home / VERSION, tmp_path / VERSION)
     shutil.rmtree(tmp_path / VERSION / limits.DIRECTORY)
-    plain = synthnet.load_dataset(VERSION, split="test", root=tmp_path)
-    assert plain.column_names == store.SCHEMA.names
+    added = synthnet.load_dataset(VERSION, split="test", root=tmp_path)  # from the pins
+    assert added["surface_eigenvalues"][:] == found["surface_eigenvalues"][:]
+    names = ["surface_eigenvalues", "surface_bar"]
+    assert added.column_names == [*store.SCHEMA.names, *names]
 
 
 def test_split_is_train_unless_said(home: Path) -> None:

@@ -355,7 +355,7 @@ def test_find_in_an_unknown_family_names_the_families(
 
 
 def test_find_of_an_unknown_number_says_where_the_ids_are(dataset: store.StoredDataset) -> None:
-    wanted = "no shape 'torus-00099' in tiny: `synthnet info --version tiny --ids` lists them"
+    wanted = "no shape 'torus-00099' in tiny: `synthnet info tiny --ids` lists them"
     with pytest.raises(StoreError, match=wanted):
         dataset.find("torus-00099")
 

@@ -58,9 +58,14 @@ def read(root: Path) -> dict[str, list[dict[str, Any]]]:
 
 
 def cost_of(result: dict[str, Any], timed: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
-    """Return the cost of a result's predictor, if it was timed as it is; ``None`` if not."""
+    """Return the cost of a result's predictor, if it was timed as it is; ``None`` if not.
+
+    The timing may name files that the result does not: older results name none that lie beside
+    a module which the predictor imports.
+    """
+    sources = result["model"]["sources"].items()
     for row in timed:
-        if row["code"] == result["model"]["code"] and row["sources"] == result["model"]["sources"]:
+        if row["code"] == result["model"]["code"] and sources <= row["sources"].items():
             cost: dict[str, Any] = row["cost"]
             return cost
     return None

@@ -56,6 +56,21 @@ def test_ratio_is_that_of_the_whole_times_with_an_interval_over_batches():
     assert timing.ratio(own, own) == {"ratio": 1.0, "low": 1.0, "high": 1.0}
 
 
+@pytest.mark.parametrize(
+    ("sources", "counts"),
+    [
+        ({"a.py": "1", "b.py": "2"}, True),
+        ({"a.py": "1"}, True),  # a result from before the data of b.py were named
+        ({"a.py": "3", "b.py": "2"}, False),
+        ({"a.py": "1", "b.py": "2", "c.py": "4"}, False),
+    ],
+)
+def test_times_are_of_the_files_that_a_result_names(sources, counts):
+    timed = [{"code": "a.py", "sources": {"a.py": "1", "b.py": "2"}, "cost": {"ms_per_mesh": 5}}]
+    cost = timing.cost_of({"model": {"code": "a.py", "sources": sources}}, timed)
+    assert cost == ({"ms_per_mesh": 5} if counts else None)
+
+
 @pytest.mark.slow
 def test_command_writes_times_that_the_board_shows(
     eigbench, two, mini_home, mini_truth, make_submission, tmp_path

@@ -170,7 +170,8 @@ def test_compare_is_at_the_target_that_is_asked_for(eigbench, pin, make_submissi
     assert "both against the surface" in out
     line = next(line for line in out.splitlines() if line.startswith("RPD "))
     assert line.split()[1] == f"{10 * (1.02 / 0.9 - 1) / (1.02 / 0.9 + 1):.4f}"
-    told = json.loads(eigbench("compare", *paths, "--json")[1])
+    assert json.loads(eigbench("compare", *paths, "--json")[1])["target"] == "surface"
+    told = json.loads(eigbench("compare", *paths, "--target", "mesh", "--json")[1])
     assert told["target"] == "mesh"
     assert told["overall"]["rpd"]["a"] == pytest.approx(10 * 0.02 / 2.02)
     assert told["overall"]["psnr"]["floor"] is None
