@@ -124,8 +124,8 @@ def ended(record: dict[str, Any]) -> bool:
     return bool(record["converged"]) or record["steps"] >= record["of"]
 
 
-def train(one: Training, out: Path, options: argparse.Namespace, minutes: float) -> None:
-    """Train for at most so many minutes, and keep the weights if the training has then ended."""
+def train(one: Training, out: Path, options: argparse.Namespace, minutes: float) -> bool:
+    """Train for at most so many minutes; return whether it has ended, and its weights are kept."""
     if remaining := left(one, out):
         limit = min(minutes, remaining)
         command = ["baselines.gcn.train", "--config", one.config, "--protocol", one.protocol]
@@ -133,8 +133,10 @@ def train(one: Training, out: Path, options: argparse.Namespace, minutes: float)
         command += ["--threads", str(options.threads)]
         command += ["--max-minutes", f"{limit:.4f}"] if limit < float("inf") else []
         run([*command, "--resume"] if (out / CHECKPOINT).exists() else command)
-    if left(one, out) == 0:
-        write_bytes(one.weights(), (out / WEIGHTS).read_bytes())
+    if left(one, out):
+        return False
+    write_bytes(one.weights(), (out / WEIGHTS).read_bytes())
+    return True
 
 
 def score(one: Training, options: argparse.Namespace) -> None:
@@ -213,9 +215,10 @@ def go_on(chosen: Sequence[Training], runs: Path, options: argparse.Namespace) -
             break
         say(one)
         try:
-            train(one, folder(one, runs), options, minutes)
-            if one.weights().exists():
-                score(one, options)
+            if not train(one, folder(one, runs), options, minutes):
+                say("the time is up; --run goes on")
+                break
+            score(one, options)
         except (SynthNetError, EigbenchError, weights.WeightsError) as error:
             sys.stderr.write(f"gcn.queue: {one}: {error}\n")
             failed = True
