@@ -151,7 +151,7 @@ def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, n
             lines = table(section, f"{METRICS[key].heading} of")
             for row in read(content, f"boards/{one.board}-{one.target}.js")["rows"]:
                 line = lines[cell(row["name"])]
-                shown = line[title].rstrip(" ¹²³")  # marks of remarks, which the page has as notes
+                shown = line[title].rstrip(" ⁰¹²³⁴⁵⁶⁷⁸⁹")  # marks of remarks, which the page has as notes
                 mean, _, drop = shown.partition(" (")
                 shown = row["cells"][key][0].partition(" ± ")[0]
                 all_or_none = re.fullmatch(r"(100|0) % \(.+\)", shown)  # with its bound
