@@ -57,6 +57,17 @@ def test_on_a_sphere_all_beat_the_consistent_mass_whose_error_is_its_inscribed_t
         assert error(sibling(row).predict([mesh])[0], SPHERE) < share * consistent
 
 
+def test_richardson_keeps_the_finer_value_where_quartering_halves_an_eigenvalue() -> None:
+    parameters = {"width": 1.0, "height": 0.02, "depth": 0.02, "subdivisions": 1}
+    mesh = FAMILIES["rectangular_prism"].generate(parameters)
+    fine = spectrum.compute(sibling("refined").quartered(mesh)).eigenvalues
+    halved = spectrum.compute(mesh, k=6).eigenvalues >= 2 * fine[:6]
+    assert halved.any()
+    found = sibling("richardson").eigenvalues(mesh)
+    assert (found > 0).all()
+    assert np.isin(fine[:6][halved], found).all()
+
+
 def test_richardson_is_sorted() -> None:
     mesh = sphere(12)
     coarse = spectrum.compute(mesh).eigenvalues

@@ -66,6 +66,30 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
+class Apart:
+    """How far another row of the board is from a row.
+
+    Parameters
+    ----------
+    slug : str
+        Of the other row.
+    mean : float
+        The other's mean minus that of the row; NaN or infinite where a value is not finite.
+    low, high : float
+        95 % percentile-bootstrap interval of the mean over shapes and seeds; NaN where a value is
+        not finite.
+    sure : bool
+        Whether the two differ by Holm's correction for all other rows: what the rank goes by.
+    """
+
+    slug: str
+    mean: float
+    low: float
+    high: float
+    sure: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Ranked:
     """A submission at a target, and between which ranks it is.
 
@@ -75,6 +99,8 @@ class Ranked:
         With the truth of the target.
     best, worst : int
         Its interval of ranks, from 1.
+    apart : sequence of Apart
+        Every other row of the board, in the board's order.
     exact : bool
         Whether every answer is right within the bars of the target.
     """
@@ -82,6 +108,7 @@ class Ranked:
     submission: Submission
     best: int
     worst: int
+    apart: Sequence[Apart] = ()
     exact: bool = False
 
     @property
@@ -169,10 +196,14 @@ def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Rank
     rows = sorted(submissions, key=order)
     means, resampled = _resampled(rows, key)
     floor = 2 * (targets.floor(rows[0].truth, key) or 0) if rows else 0.0
-    return [
-        Ranked(row, *_interval(i, sign * means, sign * resampled, floor), row.result_path in exact)
-        for i, row in enumerate(rows)
-    ]
+    found = []
+    for i, row in enumerate(rows):
+        apart = _apart(i, rows, means, resampled, floor)
+        sure = [sign * one.mean for one in apart if one.sure]
+        best = 1 + sum(mean < 0 for mean in sure)
+        worst = len(rows) - sum(mean > 0 for mean in sure)
+        found.append(Ranked(row, best, worst, apart, row.result_path in exact))
+    return found
 
 
 def _resampled(
@@ -193,17 +224,25 @@ def _resampled(
     return means, resampled
 
 
-def _interval(
-    i: int, means: NDArray[np.float64], resampled: NDArray[np.float64], floor: float
-) -> tuple[int, int]:
-    """Return the best and the worst rank of a row, where less is better."""
-    others = [j for j in range(len(means)) if j != i]
+def _apart(
+    i: int,
+    rows: Sequence[Submission],
+    means: NDArray[np.float64],
+    resampled: NDArray[np.float64],
+    floor: float,
+) -> list[Apart]:
+    """Compare a row with every other one."""
+    others = [j for j in range(len(rows)) if j != i]
     with np.errstate(invalid="ignore"):
         apart = means - means[i]
-        p = [_p_value(apart[j], resampled[j] - resampled[i], floor) for j in others]
-    sure = [j for j, is_sure in zip(others, bootstrap.holm(p), strict=True) if is_sure]
-    better = sum(bool(apart[j] < 0) for j in sure)
-    return 1 + better, len(means) - (len(sure) - better)
+        drawn = {j: resampled[j] - resampled[i] for j in others}
+    sure = bootstrap.holm([_p_value(apart[j], drawn[j], floor) for j in others])
+    known = {j: np.isfinite(drawn[j]).all() for j in others}
+    intervals = {j: bootstrap.interval(drawn[j]) if known[j] else (np.nan, np.nan) for j in others}
+    return [
+        Apart(rows[j].slug, float(apart[j]), *intervals[j], is_sure)
+        for j, is_sure in zip(others, sure, strict=True)
+    ]
 
 
 def _p_value(apart: float, resampled: NDArray[np.float64], floor: float) -> float:

@@ -46,7 +46,6 @@ def content(submission: Submission, own: str | None = None) -> dict[str, Any]:
             _table("Metrics", tables.overall(submission.scores)),
             _table("By family, means", tables.families(submission.scores)),
             _table("By eigenvalue", _indices(submission.scores)),
-            _table("Physics", tables.physics(result["physics"])),
             _table(cost, tables.cost(result)),
             _table("Files and versions", _files(submission)),
         ],

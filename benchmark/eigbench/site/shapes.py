@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,13 @@ from eigbench.scoring.training import IMPORTED
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
 from synthnet.families import FAMILIES
-from synthnet.mesh.open3d import decimate
+from synthnet.mesh.open3d import decimate, from_open3d, to_open3d
 from synthnet.recipe.drawing import draw_shape
+from synthnet.recipe.recipe import Recipe
 from synthnet.types import Mesh, ShapeSpec
 
 FACES = 20_000  # more are simplified: a phone has to load and turn them
+COARSEST = 3  # more times that many: nearby vertices are merged first, which takes a tenth as long
 STEPS = 32_767  # of a coordinate, in int16: half the largest side of the bounding box
 
 
@@ -24,14 +27,19 @@ def spec_of(truth: Truth, shape: str) -> ShapeSpec | None:
     """Return what a shape is drawn from; ``None`` for an imported one, which has no recipe."""
     if truth.protocol.startswith(IMPORTED) or truth.version not in recipe.available():
         return None
-    whole = recipe.load(recipe.load(truth.version).base)
     family, _, index = shape.rpartition("-")
-    return draw_shape(whole, family, int(index))
+    return draw_shape(_whole(truth.version), family, int(index))
 
 
 def location(truth: Truth, shape: str) -> str:
     """Return the name of a shape's mesh on the page: the same for every subset of a version."""
-    return f"meshes/{recipe.load(truth.version).base}/{shape}"
+    return f"meshes/{_whole(truth.version).version}/{shape}"
+
+
+@cache
+def _whole(version: str) -> Recipe:
+    """Return the recipe of the version whose subset this one is."""
+    return recipe.load(recipe.load(version).base)
 
 
 def generated(spec: ShapeSpec) -> Mesh:
@@ -45,7 +53,7 @@ def packed(mesh: Mesh) -> dict[str, Any]:
     Vertices and faces are little-endian in base64: int16, and uint16 or uint32 as ``wide`` says.
     ``vertex_count`` and ``face_count`` are those of the mesh itself, ``shown`` the triangles.
     """
-    few = decimate(mesh, FACES)
+    few = decimate(_merged(mesh), FACES)
     return {
         "vertex_count": len(mesh.vertices),
         "face_count": len(mesh.faces),
@@ -54,6 +62,15 @@ def packed(mesh: Mesh) -> dict[str, Any]:
         "faces": _base64(few.faces.astype(_index_type(len(few.vertices)))),
         "wide": len(few.vertices) > np.iinfo(np.uint16).max,
     }
+
+
+def _merged(mesh: Mesh) -> Mesh:
+    """Merge nearby vertices of a mesh that has far more triangles than are shown."""
+    if len(mesh.faces) <= COARSEST * FACES:
+        return mesh
+    whole = to_open3d(mesh)
+    side = (2 * whole.get_surface_area() / (COARSEST * FACES)) ** 0.5
+    return from_open3d(whole.simplify_vertex_clustering(side))
 
 
 def _index_type(count: int) -> str:

@@ -1,6 +1,6 @@
-// The charts, drawn by Observable Plot: error against time, protocols, scaling, spectra.
+// The charts, drawn by Observable Plot: error against speed, differences, protocols, scaling, spectra.
 
-import { axisX, axisY, dot, gridX, gridY, line, plot, pointer, ruleY, text, tip } from "@observablehq/plot";
+import { axisX, axisY, dot, gridX, gridY, line, plot, pointer, ruleX, ruleY, tip } from "@observablehq/plot";
 import { drawn, element, mark } from "./dom.js";
 import { front, labels } from "./front.js";
 
@@ -36,78 +36,84 @@ function label(svg, said) {
   return svg;
 }
 
-/** Error against time, a chart for each hardware: times are not compared across. */
-function errorTime(container, { board, rows, key, index, open }) {
-  const settings = [...new Set(board.rows.map((row) => row.setting))].filter((setting) => rows.some((row) => row.setting === setting));
+/** Error against speed beside LaPy: the ratio may be compared between machines, so one chart has all rows. */
+function errorSpeed(container, { board, rows, key, index, open }) {
   const { title, higher, share } = index.metrics[key];
-  const grid = element("div", { class: "charts" });
-  container.replaceChildren(grid);
-  const made = settings.map((setting) => {
-    const points = board.rows
-      .filter((row) => row.setting === setting && row.cells[key][1] !== null)
-      .map((row) => ({ ...point(row, key, index.edge, share), faint: !rows.includes(row) }));
-    const best = front(points, higher); // of all rows: a filter makes nobody the best
-    const box = element("figure", {}, element("figcaption", {}, setting));
-    grid.append(box);
-    return { box, points, best, setting };
-  });
-  for (const { box, points, best, setting } of made) {
-    box.append(
-      scatter(box, { points, best, title, share, setting, kinds: index.kinds, edge: index.edge, open }),
-      element("p", { class: "small" }, element("strong", {}, "Pareto front: "), best.map((one) => one.row.name).join(", ") || "no row", "."));
-  }
-  container.append(legend(made.flatMap(({ points }) => points), index.kinds));
+  const known = board.rows.filter((row) => row.cells[key][1] !== null);
+  const points = known.filter((row) => row.cells.lapy[1] !== null).map((row) => ({ ...point(row, key, index.edge, share), faint: !rows.includes(row) }));
+  const best = front(points, higher); // of all rows: a filter makes nobody the best
+  const box = element("figure", {}, element("figcaption", {}, `Mean ${title} against speed: how many times faster than LaPy in the same run, from raw mesh to eigenvalues`));
+  container.replaceChildren(box);
+  const { svg, unnamed } = scatter(box, { points, best, title, share, kinds: index.kinds, open });
+  const list = (text, names) => (names.length ? element("p", { class: "small" }, element("strong", {}, text), names.join(", "), ".") : null);
+  const after = [
+    list("Pareto front: ", best.map((one) => one.row.name)),
+    list("Without a name in the picture: ", unnamed.map((one) => `${one.row.name} (${one.row.cells[key][0]}, ${one.row.cells.lapy[0]})`)),
+    list("Not timed beside LaPy: ", known.filter((row) => row.cells.lapy[1] === null).map((row) => row.name)),
+  ];
+  box.append(svg, ...after.filter(Boolean));
+  container.append(legend(points, index.kinds));
 }
 
 function point(row, key, edge, share) {
   const [shown, value] = row.cells[key];
+  const [times, speed] = row.cells.lapy;
   const y = share ? 100 * value : Math.max(value, edge.error);
   const notes = [];
-  if (!share && value < edge.error) notes.push(powers(value));
-  if (row.ms < edge.ms) notes.push(`${powers(row.ms)} ms`);
+  if (!share && value < edge.error) notes.push(shown);
+  if (speed > edge.speed) notes.push(times);
   const name = row.name + (notes.length ? ` (${notes.join(", ")})` : "");
-  return { row, name, shown, value, time: row.ms, x: Math.max(row.ms, edge.ms), y };
+  return { row, name, shown, times, value, time: 1 / speed, x: Math.min(speed, edge.speed), y };
 }
 
-function scatter(box, { points, best, title, share, setting, kinds, open }) {
+function scatter(box, { points, best, title, share, kinds, open }) {
   const width = widthOf(box);
-  const height = 300;
+  const height = 380;
   const xs = points.map((one) => one.x);
   const ys = points.map((one) => one.y);
   const [shown, faint] = [points.filter((one) => !one.faint), points.filter((one) => one.faint)];
-  const x = { type: "log", domain: [Math.min(...xs) / 1.8, Math.max(...xs) * 2.5], label: "ms a mesh, median" };
+  const x = { type: "log", domain: [Math.min(...xs) / 1.8, Math.max(...xs) * 1.8], label: "times faster than LaPy →" };
   const y = share
     ? { domain: [0, 104], label: title }
     : { type: "log", domain: [Math.min(...ys) / 1.8, Math.max(...ys) * 2], label: `mean ${title}` };
-  const said = `Mean ${title} against milliseconds a mesh on ${setting}, both logarithmic, ${points.length} rows${faint.length ? `, ${faint.length} of them faint: the filters leave them out` : ""}. On the Pareto front: ${best.map((one) => `${one.row.name} (${one.shown}, ${powers(one.time)} ms)`).join("; ")}. The table has all numbers.`;
+  const said = `Mean ${title} against speed beside LaPy, ${points.length} rows${faint.length ? `, ${faint.length} of them faint: the filters leave them out` : ""}. On the Pareto front: ${best.map((one) => `${one.row.name} (${one.shown}, ${one.times})`).join("; ")}. The table has all numbers.`;
   const marks = { x: "x", y: "y", r: 5, symbol: (one) => SYMBOLS[one.row.kind], fill: (one) => kinds[one.row.kind], stroke: "var(--background)", strokeWidth: 0.75 };
   const svg = plot({
     width, height, marginLeft: 46, marginBottom: 36, marginRight: 10, x, y,
     ariaLabel: said,
     marks: [
       gridX({ ticks: 5, strokeOpacity: 0.12 }), gridY({ ticks: 5, strokeOpacity: 0.12 }),
-      axisX({ ticks: 5, tickFormat: powers, tickSize: 3 }), axisY({ ticks: 5, tickFormat: share ? (v) => `${v} %` : powers, tickSize: 3 }),
-      line(best, { x: "x", y: "y", curve: "step-after", stroke: "var(--front)", strokeWidth: 1.5 }),
+      axisX({ ticks: 5, tickFormat: (v) => `${powers(v)} ×`, tickSize: 3 }), axisY({ ticks: 5, tickFormat: share ? (v) => `${v} %` : powers, tickSize: 3 }),
+      line([...best].reverse(), { x: "x", y: "y", curve: "step-before", stroke: "var(--front)", strokeWidth: 1.5 }),
       dot(faint, { ...marks, fillOpacity: 0.25 }),
       dot(shown, marks),
-      tip(shown, pointer({ x: "x", y: "y", title: (one) => `${one.row.name}, ${one.row.kind}\n${title}: ${one.shown}\n${powers(one.time)} ms a mesh\nclick to open its row`, ...TIP })),
+      tip(shown, pointer({ x: "x", y: "y", title: (one) => `${one.row.name}, ${one.row.kind}\n${title}: ${one.shown}\n${one.times} faster than LaPy\nclick to open its page`, ...TIP })),
     ],
     symbol: { type: "identity" }, color: { type: "identity" },
   });
   label(svg, said);
   svg.classList.add("clickable");
   svg.addEventListener("click", () => svg.value && open(svg.value.row.slug));
-  name(svg, { points, best, width, height });
-  return svg;
+  svg.addEventListener("input", () => pointedAt(svg.value?.row.slug));
+  svg.points = points.map((one) => ({ slug: one.row.slug, x: svg.scale("x").apply(one.x), y: svg.scale("y").apply(one.y) }));
+  return { svg, unnamed: name(svg, { points, best, width, height }) };
 }
 
-/** Write names beside points where there is room, below the tip: first those on the front. */
+/** Let the row of the point under the pointer stand out in the table. */
+function pointedAt(slug) {
+  for (const row of document.querySelectorAll("tr.pointed")) row.classList.remove("pointed");
+  if (slug) document.getElementById(`row-${slug}`)?.classList.add("pointed");
+}
+
+/** Write names beside points where there is room, below the tip, first those on the front; return the points without. */
 function name(svg, { points, best, width, height }) {
   const [x, y] = ["x", "y"].map((axis) => svg.scale(axis));
-  const ordered = [...best, ...points.filter((one) => !one.faint && !best.includes(one))];
-  const at = ordered.map((one) => ({ x: x.apply(one.x), y: y.apply(one.y), text: one.name, above: best.includes(one) }));
-  for (const { x: left, y: middle, anchor, text: title } of labels(at, [], { left: 48, right: width - 4, top: 4, bottom: height - 38 }))
-    svg.lastElementChild.before(drawn("text", { x: left, y: middle, "text-anchor": anchor, dy: "0.32em", fill: "currentColor", class: "name" }, title));
+  const ordered = [...best, ...points.filter((one) => !one.faint && !best.includes(one)), ...points.filter((one) => one.faint && !best.includes(one))];
+  const at = ordered.map((one) => ({ one, x: x.apply(one.x), y: y.apply(one.y), text: one.name, above: best.includes(one) }));
+  const written = labels(at, { left: 48, right: width - 4, top: 4, bottom: height - 38 }).filter(({ point }) => !point.one.faint || best.includes(point.one));
+  for (const { point, x: left, y: middle, anchor, text: title } of written)
+    svg.lastElementChild.before(drawn("text", { x: left, y: middle, "text-anchor": anchor, dy: "0.32em", fill: "currentColor", class: "name", "data-slug": point.one.row.slug }, title));
+  return ordered.filter((one) => !one.faint && !written.some(({ point }) => point.one === one));
 }
 
 function legend(points, kinds) {
@@ -215,4 +221,36 @@ function spectrum(container, shape, said) {
   container.replaceChildren(label(svg, said), key);
 }
 
-eigbench.charts = { errorTime, protocols, scaling, spectrum };
+/** How far each other row is from one: the paired difference and its interval, a line each. */
+function apart(container, others, name) {
+  const rows = others.filter((one) => one.mean !== null);
+  if (!rows.length) return container.replaceChildren("No other row has finite scores.");
+  const width = Math.min(820, widthOf(container));
+  const left = Math.min(280, Math.round(width * 0.42));
+  const most = Math.floor(left / 6.2);
+  const short = (text) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);
+  const sizes = rows.map((one) => Math.abs(one.mean)).sort((a, b) => a - b);
+  const least = Math.max(sizes.at(-1) / 1000, sizes[Math.floor(sizes.length / 4)], 1e-12); // what is smaller lies near zero, to scale
+  const decades = [-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1, 0, 1].map((power) => 10 ** power).filter((value) => value >= least / 2 && value <= 2 * sizes.at(-1));
+  const few = decades.filter((_, i) => (decades.length - 1 - i) % (width < 500 ? 2 : 1) === 0);
+  const ticks = [...few.map((value) => -value), 0, ...few];
+  const said = `Mean RPD of each other row minus that of ${name}, with 95 % intervals: ${rows.map((one) => `${one.name} ${signed(one.mean)}${one.sure ? "" : ", not decided"}`).join("; ")}.`;
+  const svg = plot({
+    width, height: 19 * rows.length + 56, marginLeft: left, marginTop: 6, marginBottom: 36, ariaLabel: said,
+    x: { type: "symlog", constant: least, label: "← nearer · RPD of the other − this row · further →", domain: [Math.min(0, ...rows.map((one) => one.low ?? one.mean)), Math.max(0, ...rows.map((one) => one.high ?? one.mean))] },
+    y: { type: "point", domain: rows.map((one) => one.name), label: null },
+    marks: [
+      gridX(ticks, { strokeOpacity: 0.12 }), axisX(ticks, { tickFormat: signed }), axisY({ tickSize: 0, tickFormat: short }),
+      ruleX([0], { stroke: "currentColor", strokeOpacity: 0.5 }),
+      ruleY(rows.filter((one) => one.low !== null), { y: "name", x1: "low", x2: "high", stroke: "var(--predicted)", strokeWidth: 2 }),
+      dot(rows, { x: "mean", y: "name", r: 4, stroke: "var(--predicted)", fill: (one) => (one.sure ? "var(--predicted)" : "var(--background)") }),
+      tip(rows, pointer({ x: "mean", y: "name", title: (one) => `${one.name}\n${signed(one.mean)}${one.low === null ? "" : ` (${signed(one.low)} to ${signed(one.high)})`}\n${one.sure ? (one.mean < 0 ? "surely better" : "surely worse") : "not decided"}`, ...TIP })),
+    ],
+    color: { type: "identity" },
+  });
+  container.replaceChildren(figure(label(svg, said)));
+}
+
+const signed = (value) => (value === 0 ? "0" : `${value > 0 ? "+" : "−"}${powers(Math.abs(value))}`);
+
+eigbench.charts = { apart, errorSpeed, protocols, scaling, spectrum };

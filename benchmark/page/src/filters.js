@@ -56,9 +56,9 @@ export function renderFilters(form, board, state, kinds, { narrow, metrics, chan
   keepFocus(form, () => form.replaceChildren(...fields));
 }
 
-/** On a narrow screen most columns are hidden: any of them can be sorted by, and is then shown. */
+/** On a narrow screen the rows are cards without heads to sort by. */
 function sorting(board, state, change) {
-  const keys = [...new Set([...columnsShown(board, state, false), sortKey(board, state)])].filter(Boolean);
+  const keys = [...new Set([...columnsShown(board, state), sortKey(board, state)])].filter(Boolean);
   const options = keys.map((key) => [key, column(board, key).title]);
   return [
     select("Sort by", options, sortKey(board, state), (sort) => change({ sort, down: column(board, sort).higher }), { name: "sort" }),

@@ -14,19 +14,24 @@ const CHARACTER = 5.6; // pixels, on average, at the size of the names
 const OFFSETS = [0, 11, -11, 18, -18];
 const ABOVE = [-9, 10, 0, -18, 18]; // a name on the front stands clear of its line
 
-/** Return where names stand beside points, clear of some boxes; a name that fits nowhere is left out. */
-export function labels(points, elsewhere, frame) {
-  const taken = [...elsewhere, ...points.map(({ x, y }) => [x - 5, y - 5, x + 5, y + 5])];
+/**
+ * Return where names stand beside points, clear of each other and of all marks, each nearer to its own
+ * point than to any other; a name that fits nowhere is left out.
+ */
+export function labels(points, frame) {
+  const taken = points.map(({ x, y }) => [x - 5, y - 5, x + 5, y + 5]);
   const written = [];
-  for (const { x, y, text, above } of points) {
+  for (const point of points) {
+    const { x, y, text, above } = point;
     const long = CHARACTER * text.length;
     for (const [dy, anchor] of (above ? ABOVE : OFFSETS).flatMap((dy) => [[dy, "start"], [dy, "end"]])) {
       const left = anchor === "start" ? x + 8 : x - 8 - long;
       const here = [left, y + dy - 5.5, left + long, y + dy + 5.5];
       const inside = here[0] >= frame.left && here[2] <= frame.right && here[1] >= frame.top && here[3] <= frame.bottom;
-      if (!inside || taken.some((other) => overlap(here, other))) continue;
+      const near = points.every((other) => other === point || distance(here, other) > distance(here, point));
+      if (!inside || !near || taken.some((other) => overlap(here, other))) continue;
       taken.push(here);
-      written.push({ x: anchor === "start" ? x + 8 : x - 8, y: y + dy, anchor, text });
+      written.push({ point, x: anchor === "start" ? x + 8 : x - 8, y: y + dy, anchor, text });
       break;
     }
   }
@@ -34,3 +39,8 @@ export function labels(points, elsewhere, frame) {
 }
 
 const overlap = (a, b) => Math.min(a[2], b[2]) > Math.max(a[0], b[0]) && Math.min(a[3], b[3]) > Math.max(a[1], b[1]);
+
+/** Return how far a point is from a box. */
+function distance([left, top, right, bottom], { x, y }) {
+  return Math.hypot(Math.max(left - x, 0, x - right), Math.max(top - y, 0, y - bottom));
+}

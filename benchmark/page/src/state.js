@@ -1,6 +1,6 @@
-// What is shown, as the fragment of the address: a view can be linked.
+// What is shown, as the fragment of the address: a view can be linked, and Back leads to the one before.
 
-const TEXTS = ["columns", "sort", "training", "setting", "find", "open", "metric"];
+const TEXTS = ["columns", "sort", "training", "setting", "find", "open", "metric", "model", "other"];
 
 /** Return the state of a fragment; what it does not name is empty. */
 export function decoded(hash) {
@@ -19,3 +19,6 @@ export function encoded(state) {
   if (state.kinds) fragment.set("kinds", state.kinds.join(","));
   return `#${fragment}`;
 }
+
+/** Return the fragment of a model's page, or of a part of it. */
+export const modelPage = (board, model, other = "") => encoded({ ...decoded(""), board, model, other });

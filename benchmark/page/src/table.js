@@ -1,9 +1,10 @@
-// The table of a board: which columns, in which order the rows, and the row that is open.
+// The table of a board: which columns, and in which order the rows.
 
 import { element, mark } from "./dom.js";
+import { modelPage } from "./state.js";
 import { hide, wireTip } from "./tip.js";
 
-const NAME = { title: "model", help: "Its name opens the row: errors by family and eigenvalue, physics, cost, and its worst and median shape.", numeric: false, higher: false };
+const NAME = { title: "model", help: "Its name leads to its page: where it stands on every board, errors by family and eigenvalue, physics, cost, and its worst and median shape.", numeric: false, higher: false };
 
 /** Return what a column is called and how it sorts. */
 export const column = (board, key) => (key === "name" ? NAME : board.columns[key]);
@@ -40,15 +41,9 @@ export function sortKey(board, state) {
   return "rank" in board.columns ? "rank" : "";
 }
 
-/** Return the columns to show; on a narrow screen the two that matter beside rank and model. */
-export function columnsShown(board, state, narrow) {
-  const first = "rank" in board.columns ? ["rank", "name"] : ["name"];
-  const { columns } = groupOf(board, state);
-  if (!narrow) return [...first, ...columns];
-  const at = Math.max(0, columns.indexOf(state.sort));
-  const second = columns.includes("ms") && columns[at] !== "ms" ? "ms" : columns[at + 1] ?? columns[at - 1];
-  return [...first, columns[at], ...(second ? [second] : [])];
-}
+/** Return the columns to show. */
+export const columnsShown = (board, state) =>
+  [...("rank" in board.columns ? ["rank"] : []), "name", ...groupOf(board, state).columns];
 
 /** Return the rows that the filters leave, in order. */
 export function rowsShown(board, state) {
@@ -75,61 +70,58 @@ export function sorted(board, state, key) {
   return { sort: key, down: same ? !state.down : column(board, key).higher };
 }
 
-/**
- * Fill a container with the table.
- *
- * `detail` is the element of the open row, which is moved, not made anew; `on` has what to call.
- */
-export function renderTable(container, board, state, { rows, narrow, kinds, detail, on }) {
-  const keys = columnsShown(board, state, narrow);
+/** Fill a container with the table; on a narrow screen its rows are cards. */
+export function renderTable(container, board, state, { rows, narrow, kinds, sort }) {
+  const keys = columnsShown(board, state);
   const key = sortKey(board, state);
   const focus = container.contains(document.activeElement) ? document.activeElement.id : "";
-  const head = keys.map((name) => headCell(board, state, name, name === key, on));
-  const body = rows.flatMap((row, i) => {
-    const open = row.slug === state.open;
-    const cells = keys.map((name) => (name === "name" ? nameCell(row, open, kinds, on) : cell(board, row, name)));
+  const head = keys.map((name) => headCell(board, state, name, name === key, sort));
+  const body = rows.map((row, i) => {
+    const cells = keys.map((name) => (name === "name" ? nameCell(board, row, kinds) : cell(board, row, name)));
     const begins = key === "rank" && i > 0 && row.cells.rank[1] !== rows[i - 1].cells.rank[1];
-    const line = element("tr", { class: [open && "open", begins && "begins"].filter(Boolean).join(" ") || null }, cells);
-    if (!open) return [line];
-    return [line, element("tr", { class: "opened", id: `row-${row.slug}` }, element("td", { colspan: keys.length }, detail))];
+    const is = [row.slug === state.open && "open", begins && "begins"].filter(Boolean).join(" ");
+    return element("tr", { id: `row-${row.slug}`, class: is || null }, cells);
   });
   if (!rows.length) body.push(element("tr", {}, element("td", { colspan: keys.length, class: "none" }, "No row passes the filters.")));
   hide();
-  container.replaceChildren(
-    element("div", { class: "scroll board", role: "region", "aria-label": board.title, tabindex: narrow ? null : "0" },
-      element("table", {},
-        element("caption", { class: "unseen" }, `${board.title}: ${groupOf(board, state).title}`),
-        element("thead", {}, element("tr", {}, head)),
-        element("tbody", {}, body))));
+  const table = element("table", {},
+    element("caption", { class: "unseen" }, `${board.title}: ${groupOf(board, state).title}`),
+    element("thead", {}, element("tr", {}, head)),
+    element("tbody", {}, body));
+  const frame = element("div", { class: "board", role: "region", "aria-label": board.title }, table);
+  container.replaceChildren(frame);
+  if (!narrow && table.scrollWidth > frame.clientWidth) { // it scrolls by itself; else its head sticks to the window
+    frame.classList.add("scroll", "wide");
+    frame.tabIndex = 0;
+  }
   if (focus) document.getElementById(focus)?.focus({ preventScroll: true });
 }
 
-function headCell(board, state, key, isSorted, on) {
+function headCell(board, state, key, isSorted, sort) {
   const { title, help, numeric } = column(board, key);
   const arrow = isSorted ? (state.down ? "▼" : "▲") : "";
   const made = element("th", {
     scope: "col",
-    class: numeric && key !== "rank" ? "number" : null,
+    class: key === "name" ? "name" : key === "rank" ? "rank" : numeric ? "number" : null,
     "aria-sort": isSorted ? (state.down ? "descending" : "ascending") : null,
-  }, element("button", { type: "button", id: `sort-${key}`, class: "sort", "aria-describedby": `help-${key}`, click: () => on.sort(key) },
+  }, element("button", { type: "button", id: `sort-${key}`, class: "sort", "aria-describedby": `help-${key}`, click: () => sort(key) },
     title, element("span", { class: "arrow", "aria-hidden": "true" }, arrow)));
   wireTip(made, help);
   return made;
 }
 
-function nameCell(row, open, kinds, on) {
+function nameCell(board, row, kinds) {
   return element("th", { scope: "row", class: "name" },
-    element("button", {
-      type: "button", id: `open-${row.slug}`, class: "expand",
-      "aria-expanded": String(open), "aria-controls": open ? `row-${row.slug}` : null,
-      click: () => on.open(open ? "" : row.slug),
-    }, mark(row.kind, kinds), element("span", {}, element("span", { class: "title" }, row.name), " ", element("span", { class: "kind" }, row.kind))));
+    mark(row.kind, kinds), " ",
+    element("a", { class: "title", href: modelPage(board.key, row.slug) }, row.name), " ",
+    element("span", { class: "kind" }, row.kind));
 }
 
 function cell(board, row, key) {
-  const { numeric } = board.columns[key];
+  const { numeric, title } = board.columns[key];
   const text = row.cells[key][0];
-  return element("td", { class: key === "rank" ? "rank" : numeric ? "number" : `words ${key}` }, numeric ? uncertain(text) : text);
+  const is = key === "rank" ? "rank" : numeric ? "number" : `words ${key}`;
+  return element("td", { class: is, "data-title": title }, numeric ? uncertain(text) : text);
 }
 
 /** Set the uncertainty of a number apart: 0.0119 ± 0.0019 (0.0001). */

@@ -151,7 +151,9 @@ def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, n
             lines = table(section, f"{METRICS[key].heading} of")
             for row in read(content, f"boards/{one.board}-{one.target}.js")["rows"]:
                 line = lines[cell(row["name"])]
-                shown = line[title].rstrip(" ⁰¹²³⁴⁵⁶⁷⁸⁹")  # marks of remarks, which the page has as notes
+                shown = line[title].rstrip(
+                    " ⁰¹²³⁴⁵⁶⁷⁸⁹"
+                )  # marks of remarks, which the page has as notes
                 mean, _, drop = shown.partition(" (")
                 shown = row["cells"][key][0].partition(" ± ")[0]
                 all_or_none = re.fullmatch(r"(100|0) % \(.+\)", shown)  # with its bound
@@ -200,6 +202,40 @@ def test_every_row_opens_to_its_shapes_and_their_meshes(request, name):
                 assert (shape["mesh"], shape["why"]) == (None, rows.NO_MESH)
             else:
                 assert f"{shape['mesh']}.js" in content
+
+
+@pytest.mark.parametrize("name", BOTH)
+def test_every_model_has_a_page_with_its_ranks_and_the_differences_behind_them(request, name):
+    content = request.getfixturevalue(f"{name}_content")
+    keys = [p[7:-3] for p in content if p.startswith("boards/") and "test" in p]
+    assert keys
+    for key in keys:
+        ranked = read(content, f"boards/{key}.js")["rows"]
+        for row in ranked:
+            model = read(content, f"models/{row['slug']}.js")
+            (here,) = (one for one in model["standings"] if one["board"] == key)
+            assert (model["name"], model["kind"]) == (row["name"], row["kind"])
+            assert (here["rank"], here["of"]) == (row["cells"]["rank"][0], len(ranked))
+            assert here["cells"][0] == row["cells"]["rpd"][0]
+            apart = {slug: facts for slug, *facts in model["apart"][key]}
+            assert set(apart) == {other["slug"] for other in ranked} - {row["slug"]}
+            sure = [mean for _, mean, _, _, is_sure in apart.values() if is_sure]
+            best = 1 + sum(mean is not None and mean < 0 for mean in sure)
+            assert row["cells"]["rank"][1] == best
+            for other, (_, mean, low, high, _) in apart.items():
+                if mean is not None:
+                    assert low <= high
+                    theirs = read(content, f"models/{other}.js")["apart"][key]
+                    back = next(facts for slug, *facts in theirs if slug == row["slug"])
+                    assert back[1:4] == pytest.approx([-mean, -high, -low], abs=1e-12)
+
+
+def test_command_of_a_page_names_the_run(made_content):
+    commands = read(made_content, "models/far.js")["command"]
+    made = commands["1.0-mini-test-grouped-mesh"]
+    assert re.fullmatch(
+        r"eigbench evaluate \S+ --dataset 1\.0-mini --protocol grouped --batch-size \d+", made
+    )
 
 
 def test_every_column_explains_itself(made_content):

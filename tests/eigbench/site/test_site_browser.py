@@ -1,5 +1,6 @@
 """The page of `eigbench site` in a browser: from files, without a server and without a network."""
 
+import csv
 import json
 import os
 import re
@@ -8,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from eigbench import results
 from eigbench.site import bundle, write
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
@@ -23,7 +23,7 @@ ARGUMENTS = [
     *(["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []),
 ]
 FIRST = "1.0-mini-test-grouped-mesh"  # the board of most tests
-WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 800}
+WIDE, PHONE = {"width": 1440, "height": 800}, {"width": 390, "height": 800}
 HELD_OUT = "2.0-mini-test-genus-mesh"
 IMPORTED = "2.0-mini-test-imported-real-28-mesh"
 
@@ -214,13 +214,11 @@ def test_a_fragment_is_a_view_that_can_be_linked(visit):
     page.get_by_label("trivial").uncheck()
     sort(page, "InvLap")
     sort(page, "InvLap")
-    page.get_by_role("button", name="Other percent").click()
     fragment = page.evaluate("location.hash")
     again = visit(fragment)
     assert names(again) == names(page)
     assert again.get_by_label("Columns").input_value() == "medians"
     expect(again.locator("th[aria-sort=descending]")).to_contain_text("InvLap")
-    expect(again.locator(".detail")).to_be_visible()
     again.evaluate("location.hash = '#board=scaling'")
     expect(again.locator("h2")).to_contain_text("Scaling")
     meant = visit("#board=none&sort=nothing&columns=none&open=nobody&metric=none")
@@ -242,23 +240,21 @@ def test_a_head_says_what_its_column_means_to_all(visit):
     expect(page.locator(".glossary")).to_contain_text("Relative percent difference")
 
 
-def test_chart_has_the_front_and_its_points_open_rows(visit, real_board):
+def test_chart_has_the_front_and_its_points_lead_to_models(visit, real_board):
     page = visit(name="real")
-    told = page.locator("#chart svg[role=img]").first.get_attribute("aria-label")
-    setting = page.locator("#chart figcaption").first.text_content()
+    told = page.locator("#chart svg[role=img]").get_attribute("aria-label")
     first = [one.at("surface") for one in real_board[0] if one.board == "2.0-test-grouped"]
-    mine = [one for one in first if results.setting(one.result) == setting]
     at = {
         one.name: (
-            one.result["cost"]["ms_per_mesh"],
+            -one.result["cost"]["reference"]["ratio"],
             one.scores["overall"]["rpd"]["mean"],
         )
-        for one in mine
+        for one in first
     }
     front = {  # by the definition: nobody is as fast and better, or as good and faster
         name
-        for name, (ms, rpd) in at.items()
-        if not any(x <= ms and y <= rpd and (x, y) != (ms, rpd) for x, y in at.values())
+        for name, (slow, rpd) in at.items()
+        if not any(x <= slow and y <= rpd and (x, y) != (slow, rpd) for x, y in at.values())
     }
     assert 1 < len(front) < len(at)
     shown = told.partition("Pareto front: ")[2]
@@ -266,51 +262,141 @@ def test_chart_has_the_front_and_its_points_open_rows(visit, real_board):
     chart = page.locator("#chart svg[role=img]").first
     mark = chart.locator("g path").filter(has_not=page.locator("title")).last
     mark.hover()
+    expect(page.locator("tr.pointed")).to_have_count(1)
+    pointed = page.locator("tr.pointed .title").text_content()
     page.mouse.down()
     page.mouse.up()
-    expect(page.locator("button[aria-expanded=true]")).to_have_count(1)
+    expect(page.locator("h2")).to_have_text(pointed)
+
+
+@pytest.mark.parametrize("width", [320, 390, 1024, 1440])
+@pytest.mark.parametrize("name", ["made", "real"])
+def test_every_point_is_named_or_listed_and_no_name_is_nearer_to_another(visit, name, width):
+    page = visit(name=name, size={"width": width, "height": 900})
+    links = page.locator("#table tbody .title")
+    rows = {
+        one.evaluate("link => link.closest('tr').id.slice(4)"): one.text_content()
+        for one in links.all()
+    }
+    assert rows
+    picture = page.locator("#chart svg[role=img]")
+    points = picture.evaluate("svg => svg.points")
+    at = {one["slug"]: (one["x"], one["y"]) for one in points}
+    assert set(at) == set(rows)
+    origin = picture.evaluate(
+        "svg => [svg.getBoundingClientRect().x, svg.getBoundingClientRect().y]"
+    )
+    listed = page.locator("#chart").inner_text()
+    named = {}
+    for one in picture.locator("text.name").all():
+        box = one.bounding_box()
+        left, top = box["x"] - origin[0], box["y"] - origin[1]
+        named[one.get_attribute("data-slug")] = (
+            left,
+            top,
+            left + box["width"],
+            top + box["height"],
+        )
+    for slug, title in rows.items():
+        assert slug in named or title in listed, slug
+    assert named
+
+    def distance(box, point):
+        dx = max(box[0] - point[0], 0, point[0] - box[2])
+        dy = max(box[1] - point[1], 0, point[1] - box[3])
+        return (dx * dx + dy * dy) ** 0.5
+
+    for slug, box in named.items():
+        own = distance(box, at[slug])
+        assert all(distance(box, point) >= own for other, point in at.items() if other != slug), (
+            slug
+        )
 
 
 # --- a row -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["made", "real"])
-def test_a_row_opens_by_keyboard_to_its_errors_and_shapes(visit, name):
+def test_a_name_leads_to_the_page_of_its_model_and_back(visit, name):
     page = visit(name=name)
-    button = page.locator("#table tbody button.expand").nth(1)
-    button.focus()
+    board = page.locator("h2").text_content()
+    title = page.locator("#table tbody .title").nth(1)
+    model = title.text_content()
+    title.focus()
     page.keyboard.press("Enter")
-    expect(button).to_have_attribute("aria-expanded", "true")
+    expect(page.locator("h2")).to_have_text(model)
     meshes(page)
-    detail = page.locator(".detail")
-    for title in (
+    for heading in (
+        "Where it stands",
+        "Why this rank",
+        "By family",
+        "The laws of every spectrum",
         "Worst shape",
         "Median shape",
         "Metrics",
-        "By family",
         "By eigenvalue",
-        "Physics",
+        "Cost",
+        "Run it again",
     ):
-        expect(detail.get_by_role("heading", name=re.compile(title))).to_be_visible()
-    expect(detail.locator(".spectrum svg[role=img]")).to_have_count(2)
-    detail.get_by_text("Numbers", exact=True).first.click()
-    expect(detail.get_by_role("table", name="Eigenvalues").first).to_contain_text("λ10")
-    page.keyboard.press("Shift+Tab")
-    button.press("Enter")
-    expect(detail).to_have_count(0)
+        expect(page.get_by_role("heading", name=re.compile(heading)).first).to_be_visible()
+    expect(page.locator(".spectrum svg[role=img]")).to_have_count(2)
+    page.get_by_text("Numbers", exact=True).first.click()
+    expect(page.get_by_role("table", name="Eigenvalues").first).to_contain_text("λ10")
+    expect(page.locator("#table")).to_be_hidden()
+    page.go_back()
+    expect(page.locator("h2")).to_have_text(board)
+    expect(page.locator("#table")).to_be_visible()
+    page.go_forward()
+    expect(page.locator("h2")).to_have_text(model)
+    page.get_by_role("link", name=f"← {board}").click()
+    expect(page.locator("tr.open .title")).to_have_text(model)
+    expect(page.locator("tr.open")).to_be_in_viewport()
 
 
-def test_an_open_row_stays_open_while_the_table_is_sorted(visit):
-    page = visit("#open=far")
-    meshes(page)
-    canvas = page.locator("canvas").first.element_handle()
-    sort(page, "model")
-    assert canvas.evaluate("canvas => canvas.isConnected")  # the very same
-    assert names(page)[0] == "Far"
+def test_another_board_is_one_step_of_back(visit):
+    page = visit()
+    page.get_by_label("Dataset").select_option("Scaling track")
+    expect(page.locator("h2")).to_contain_text("Scaling")
+    page.go_back()
+    expect(page.locator("h2")).to_contain_text("synthNet 1.0-mini")
+
+
+def test_why_a_rank_shows_the_paired_difference_to_every_other_row(visit, made_content):
+    page = visit("#model=one-percent")
+    told = page.get_by_role("img", name=re.compile("of each other row minus that of One percent"))
+    others = ("Other percent", "Twenty | <percent>", "Far")
+    expect(told).to_be_visible()
+    assert all(f"{name} " in told.get_attribute("aria-label") for name in others)
+    page.get_by_label("Compare with").select_option("Far")
+    table = page.get_by_role("table", name="Beside Far")
+    expect(table).to_contain_text("One percent")
+    expect(table.locator("tbody tr")).to_have_count(2)
+    assert "other=far" in page.evaluate("location.hash")
+    page.go_back()
+    expect(page.get_by_role("table", name="Beside Far")).to_have_count(0)
+
+
+def test_the_shown_rows_can_be_had_as_csv_and_json(visit):
+    page = visit()
+    page.get_by_label("trivial").uncheck()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="CSV").click()
+    text = Path(download.value.path()).read_bytes().decode()
+    lines = list(csv.reader(text.splitlines()))
+    assert download.value.suggested_filename == f"{FIRST}.csv"
+    assert [line[0] for line in lines[1:]] == names(page)
+    assert len({len(line) for line in lines}) == 1
+    place = lines[0].index("rpd")
+    assert float(lines[1][place]) == pytest.approx(10 * 0.01 / 2.01, rel=1e-4)
+    with page.expect_download() as download:
+        page.get_by_role("button", name="JSON").click()
+    rows = json.loads(Path(download.value.path()).read_text())["rows"]
+    assert [row["model"] for row in rows] == names(page)
+    assert rows[0]["rpd"]["value"] == float(lines[1][place])
 
 
 def test_a_mesh_turns_by_keys_by_a_drag_and_by_buttons(visit):
-    page = visit("#open=one-percent")
+    page = visit("#model=one-percent")
     meshes(page)
     canvas = page.locator("canvas").first
     canvas.scroll_into_view_if_needed()
@@ -348,7 +434,7 @@ def test_a_mesh_turns_by_keys_by_a_drag_and_by_buttons(visit):
 
 
 def test_an_imported_shape_has_its_spectrum_and_says_why_no_mesh(visit):
-    page = visit(f"#board={IMPORTED}&open=model")
+    page = visit(f"#board={IMPORTED}&model=model")
     expect(page.locator(".mesh").first).to_contain_text("its file is not part of this project")
     expect(page.locator(".spectrum svg[role=img]")).to_have_count(2)
     assert page.locator("canvas").count() == 0
@@ -361,12 +447,12 @@ def test_a_large_mesh_says_that_it_is_simplified(visit, folders):
     places = sorted((folders / "real").rglob("*.js"))
     large = next(p for p in places if "meshes" in p.parts and has(p, r'"face_count":[2-9]\d{4}'))
     row = next(p for p in places if "rows" in p.parts and has(p, f"meshes/1.0/{large.stem}"))
-    page = visit(f"#board={row.parent.name}&open={row.stem}", name="real")
+    page = visit(f"#board={row.parent.name}&model={row.stem}", name="real")
     expect(page.locator(".detail")).to_contain_text("simplified for display to", timeout=60_000)
 
 
 def test_without_webgl_all_but_the_mesh_is_there(visit, launch):
-    page = visit("#open=far", using=launch("--disable-3d-apis"))
+    page = visit("#model=far", using=launch("--disable-3d-apis"))
     expect(page.locator(".mesh").first).to_contain_text("This browser has no WebGL")
     expect(page.locator(".spectrum svg[role=img]")).to_have_count(2)
     assert page.locator("canvas").count() == 0
@@ -377,7 +463,7 @@ def test_a_file_that_is_missing_is_said(visit, folders, tmp_path, browser):
     shutil.rmtree(tmp_path / "made" / "rows")
     context = browser.new_context()
     page = context.new_page()
-    page.goto(f"{(tmp_path / 'made' / 'index.html').as_uri()}#board={FIRST}&open=far")
+    page.goto(f"{(tmp_path / 'made' / 'index.html').as_uri()}#board={FIRST}&model=far")
     expect(page.locator(".detail")).to_contain_text("cannot be loaded")
     context.close()
 
@@ -386,34 +472,50 @@ def test_a_file_that_is_missing_is_said(visit, folders, tmp_path, browser):
 
 VIEWS = (
     "",
-    "#open=far",
+    "#model=far",
     "#columns=families-rpd",
     f"#board={HELD_OUT}",
     "#board=2.0-mini-test-grouped-mesh&columns=protocols-rpd",
     "#board=scaling",
-    "#board=scaling&open=near",
+    "#board=scaling&model=near",
     "#board=reported",
 )
 
 
+@pytest.mark.parametrize("width", [320, 390])
 @pytest.mark.parametrize("view", VIEWS)
-def test_a_phone_does_not_scroll_sideways(visit, view):
-    page = visit(view, size=PHONE)
-    if "open=far" in view:
+def test_a_phone_does_not_scroll_sideways(visit, view, width):
+    page = visit(view, size={"width": width, "height": 800})
+    if "model=far" in view:
         meshes(page)
     page.wait_for_timeout(200)
     assert overflow(page) == 0
 
 
-def test_a_phone_sorts_by_any_column_and_shows_it(visit):
+def test_a_phone_has_a_card_a_row_and_sorts_by_any_column(visit):
     page = visit(size=PHONE, has_touch=True, is_mobile=True)
     page.get_by_text("Columns, filters, order").tap()
     page.get_by_label("Sort by").select_option("psnr20")
-    expect(page.locator("#table thead")).to_contain_text("PSNR>20")
-    assert page.locator("#table thead th").count() == 4
-    page.get_by_role("button", name="Far").tap()
+    expect(page.locator("#status")).to_contain_text("sorted by PSNR>20")
+    card = page.locator("#table tbody tr").first
+    shown = card.locator("td:visible").evaluate_all("cells => cells.map(one => one.dataset.title)")
+    assert {"RPD ↓", "PSNR>20 ↑", "ms a mesh", "training set"} <= set(shown)
+    page.get_by_role("link", name="Far").tap()
     meshes(page)
     assert overflow(page) == 0
+
+
+def test_head_and_names_stay_while_the_table_is_scrolled(visit):
+    page = visit("#columns=families-rpd", size={"width": 800, "height": 150})
+    head, name = page.locator("#sort-name"), page.locator("#table tbody .title").last
+    before = head.bounding_box()
+    table = page.locator("#table .wide")
+    table.evaluate("table => table.scrollTo(200, 30)")
+    after = head.bounding_box()
+    assert table.evaluate("table => [table.scrollLeft, table.scrollTop]") == [200, 30]
+    assert after["y"] == before["y"]
+    assert table.bounding_box()["x"] <= after["x"] < before["x"]  # the ranks make room
+    assert name.bounding_box()["x"] >= table.bounding_box()["x"]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -421,7 +523,7 @@ def test_a_phone_sorts_by_any_column_and_shows_it(visit):
 @pytest.mark.parametrize("view", VIEWS)
 def test_axe_finds_nothing(visit, view, size, scheme):
     page = visit(view, size=size, scheme=scheme)
-    if "open=far" in view:
+    if "model=far" in view:
         meshes(page)
     for summary in page.locator("summary:visible").all():
         summary.click()
@@ -432,7 +534,7 @@ def test_axe_finds_nothing(visit, view, size, scheme):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
 def test_axe_finds_nothing_on_the_real_board(visit, real_board, size, scheme):
-    page = visit(f"#open={real_board[0][0].slug}", name="real", size=size, scheme=scheme)
+    page = visit(f"#model={real_board[0][0].slug}", name="real", size=size, scheme=scheme)
     meshes(page)
     assert violations(page) == []
     assert overflow(page) == 0
@@ -585,7 +687,7 @@ def test_an_imported_shape_says_that_one_of_several_seeds_is_shown(visit, real_b
         for one in real_board[0]
         if one.truth.protocol.startswith("imported/") and len(one.predictions) > 1
     )
-    page = visit(f"#board={one.board}-mesh&open={one.slug}", name="real")
+    page = visit(f"#board={one.board}-mesh&model={one.slug}", name="real")
     expect(page.locator(".shape").first).to_contain_text("Predicted by the first seed.")
 
 

@@ -1,31 +1,21 @@
-// What a row opens to: facts, the worst and the median shape, tables.
+// What a row has on its board: facts, the worst and the median shape, tables.
 
 import { element, plainTable } from "./dom.js";
 import { get, script } from "./load.js";
 
-/** Return the element of an opened row, and what to call when it is closed or the theme changes. */
-export function makeDetail(board, row) {
-  const body = element("div", { class: "detail" }, element("p", {}, "Loading …"));
-  const parts = [];
-  let closed = false;
-  const ready = get(`rows/${board.key}/${row.slug}`).then(async (content) => {
-    if (closed) return;
-    const cards = content.shapes.map((shape) => card(row, shape));
-    body.replaceChildren(
+/** Return the elements of a row's content, and what to call when the page is left or the theme changes. */
+export function makeShapes(name, content) {
+  const cards = content.shapes.map((shape) => card(name, shape));
+  const tables = content.tables.map((table) => plainTable(table));
+  return {
+    elements: [
       facts(content.facts),
       ...(cards.length ? [element("div", { class: "shapes" }, cards.map((one) => one.element))] : []),
-      element("div", { class: "tables" }, content.tables.map((table) => plainTable(table))));
-    for (const one of cards) parts.push(one);
-    await Promise.all(cards.map((one) => one.start()));
-  }).catch((error) => body.append(element("p", { class: "error" }, error.message)));
-  return {
-    element: body,
-    ready,
-    redraw: () => parts.forEach((one) => one.redraw()),
-    close: () => {
-      closed = true;
-      parts.forEach((one) => one.close());
-    },
+      element("div", { class: "tables" }, tables),
+    ],
+    start: () => Promise.all(cards.map((one) => one.start())),
+    redraw: () => cards.forEach((one) => one.redraw()),
+    close: () => cards.forEach((one) => one.close()),
   };
 }
 
@@ -37,7 +27,7 @@ function facts(pairs) {
 }
 
 /** Return the card of a shape: the mesh, and predicted against true eigenvalues. */
-function card(row, shape) {
+function card(name, shape) {
   const title = `${shape.name[0].toUpperCase()}${shape.name.slice(1)} shape by RPD: ${shape.family}`;
   const scores = shape.scores.map(([name, text]) => `${name} ${text}`).join(", ");
   const parameters = Object.entries(shape.parameters).map(([name, text]) => `${name.replaceAll("_", " ")} ${text}`).join(", ");
@@ -54,21 +44,21 @@ function card(row, shape) {
   return {
     element: made,
     start: async () => {
-      drawSpectrum(chart, row, shape);
+      drawSpectrum(chart, name, shape);
       if (!shape.mesh) return;
       const [packed] = await Promise.all([get(shape.mesh), script("viewer.js")]);
       if (made.isConnected) view = eigbench.view(mesh, packed, label);
     },
     redraw: () => {
-      drawSpectrum(chart, row, shape);
+      drawSpectrum(chart, name, shape);
       view?.redraw();
     },
     close: () => view?.close(),
   };
 }
 
-function drawSpectrum(container, row, shape) {
-  eigbench.charts.spectrum(container, shape, `Eigenvalues 1 to ${shape.label.length} of ${shape.id}: true, and predicted by ${row.name}. The numbers are in the table below.`);
+function drawSpectrum(container, name, shape) {
+  eigbench.charts.spectrum(container, shape, `Eigenvalues 1 to ${shape.label.length} of ${shape.id}: true, and predicted by ${name}. The numbers are in the table below.`);
 }
 
 function numbers(shape) {

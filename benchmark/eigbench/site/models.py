@@ -1,0 +1,158 @@
+"""The page of a model: where it stands on every board, by how much, and how to run it again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from eigbench.board import generalisation, page
+from eigbench.board.columns import Cell, six_digits
+from eigbench.board.cost_columns import speed
+from eigbench.board.ranked_columns import KIND
+from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.board.tables import deviation, family_title, in_order, score, with_uncertainty
+from eigbench.results.submission import Submission
+from eigbench.scaling.results import Scaled
+from eigbench.scoring.physics import SHARES, TITLES
+from eigbench.site import scaling
+from eigbench.site.boards import OF_ALL, Shown
+from synthnet import recipe
+
+SMALLEST = 1e-6  # a deviation from a law that fills its ray of the radar; 1 leaves it empty
+
+
+def contents(shown: Sequence[Shown], scaled: Sequence[Scaled]) -> dict[str, dict[str, Any]]:
+    """Return what the page of each model shows, by its slug."""
+    rows: dict[str, list[tuple[Shown, Ranked]]] = {}
+    for board in shown:
+        for row in board.rows:
+            rows.setdefault(row.submission.slug, []).append((board, row))
+    names = {slug: mine[0][1].submission.name for slug, mine in rows.items()}
+    sizes = {row.slug: row for row in scaled}
+    found = {slug: _ranked(mine, names) for slug, mine in rows.items()}
+    for slug, row in sizes.items():
+        if slug not in found:
+            kind = row.result["model"]["kind"]
+            found[slug] = {"name": row.name, "kind": kind, "standings": [], "apart": {}}
+            found[slug] |= {"families": [], "physics": [], "command": {}}
+        where = {"board": scaling.KEY, "dataset": "Scaling track", "title": "one mesh a call"}
+        found[slug]["standings"].append({**where, "rank": "", "cells": ["", "", ""]})
+        found[slug]["command"][scaling.KEY] = f"eigbench scale {row.result['model']['code']}"
+    return found
+
+
+def _ranked(mine: Sequence[tuple[Shown, Ranked]], names: Mapping[str, str]) -> dict[str, Any]:
+    """Return what is known of a model that stands on boards."""
+    first = mine[0][1]
+    return {
+        "name": first.submission.name,
+        "kind": KIND.cell(first)[0],
+        "standings": [_standing(board, row) for board, row in mine],
+        "families": list(_families(mine)),
+        "physics": _physics(first.submission),
+        "command": {board.key: command(row.submission) for board, row in mine},
+        "apart": {
+            board.key: [
+                [
+                    other.slug,
+                    names[other.slug],
+                    *map(_finite, (other.mean, other.low, other.high)),
+                    other.sure,
+                ]
+                for other in row.apart
+            ]
+            for board, row in mine
+        },
+    }
+
+
+def _standing(board: Shown, row: Ranked) -> dict[str, Any]:
+    """Return a line of the card: a board, and the model's numbers there."""
+    overall = row.scores["overall"]
+    _, ratio = speed(board.own)
+    shown = [with_uncertainty(overall[key], key) for key in (RANKED_BY, "psnr20")]
+    return {
+        "board": board.key,
+        "dataset": recipe.title(board.truth.version),
+        "title": short(board),
+        "rank": row.shown_rank,
+        "of": len(board.rows),
+        "cells": [*shown, ratio.cell(row)[0]],
+    }
+
+
+def _families(mine: Sequence[tuple[Shown, Ranked]]) -> Iterator[dict[str, Any]]:
+    """Yield the heat strips: the mean of each family, a line a protocol, by version and target."""
+    strips: dict[tuple[str, str], list[tuple[Shown, Ranked]]] = {}
+    for board, row in mine:
+        strips.setdefault((board.truth.version, board.truth.target), []).append((board, row))
+    for (version, target), lines in strips.items():
+        families = in_order({name for _, row in lines for name in row.scores["families"]})
+        yield {
+            "title": f"{recipe.title(version)}, {page.NAMES[target]}",
+            "families": [family_title(name) for name in families],
+            "lines": [
+                {
+                    "board": board.key,
+                    "title": short(board).partition("; ")[2],
+                    "cells": [_family(row, name) for name in families],
+                }
+                for board, row in lines
+            ],
+        }
+
+
+def _family(row: Ranked, name: str) -> Cell:
+    """Return the mean of a family; one that a protocol does not test is empty."""
+    if name not in row.scores["families"]:
+        return "", None
+    value = row.scores["families"][name][RANKED_BY]["mean"]
+    return score(value, RANKED_BY), six_digits(value)
+
+
+def _physics(submission: Submission) -> list[dict[str, Any]]:
+    """Return how well the model keeps to each law: as text, and from 0 to 1."""
+    measured = submission.result["physics"]
+    return [
+        {"title": TITLES[key], "text": deviation(key, measured[key]), "kept": _kept(key, value)}
+        for key, value in measured.items()
+        if key in TITLES
+    ]
+
+
+def _kept(key: str, value: float | None) -> float:
+    """Return how well a law is kept: a share, or a deviation on a logarithmic scale.
+
+    Examples
+    --------
+    >>> _kept("rotation", 1e-3), _kept("rotation", 0.0), _kept("positive", 0.25)
+    (0.5, 1.0, 0.25)
+    """
+    if value is None:
+        return 0.0
+    if key in SHARES:
+        return value
+    kept = math.log(max(value, SMALLEST)) / math.log(SMALLEST)
+    return round(max(0.0, kept), 6)
+
+
+def short(board: Shown) -> str:
+    """Return the name of a board without what it says of itself: ``against the mesh; grouped``."""
+    protocol = board.truth.protocol
+    named = protocol if protocol in OF_ALL else generalisation.title(protocol)
+    return f"{page.NAMES[board.truth.target]}; {named}"
+
+
+def command(submission: Submission) -> str:
+    """Return the command that makes a row again."""
+    result = submission.result
+    facts, batch = result["dataset"], result["cost"]["batch_size"]
+    named = f"--dataset {facts['version']} --protocol {facts['protocol']}"
+    seeds = result["predictions"]["seeds"]
+    counts = f"--batch-size {batch}" + (f" --seeds {seeds}" if seeds > 1 else "")
+    return f"eigbench evaluate {result['model']['code']} {named} {counts}"
+
+
+def _finite(value: float) -> float | None:
+    return six_digits(value) if math.isfinite(value) else None
