@@ -8,7 +8,7 @@ PAGE ?= page
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help quickstart test test-all lint types docs bench tables page ci clean
+.PHONY: help quickstart test test-all lint types docs bench tables page bundle ci clean
 
 help: ## list the targets
 	@echo "Usage: make TARGET [VENV=$(VENV)] [PYTHON=$(PYTHON)] [VERSION=$(VERSION)]"
@@ -39,8 +39,9 @@ lint: $(STAMP) ## check style and formatting
 types: $(STAMP) ## check the types
 	$(VENV)/bin/python -m mypy
 
-docs: $(STAMP) ## build the documentation into site/; a broken link fails
+docs: $(STAMP) bundle ## build documentation and leaderboard into site/; a broken link fails
 	$(VENV)/bin/python -m sphinx --quiet --fail-on-warning --keep-going -j auto -c docs . site
+	$(VENV)/bin/eigbench site --out site/board --docs "../docs/{}.html"
 
 bench: $(STAMP) ## measure solver, building, harness and network, each against a peer
 	$(VENV)/bin/python -m evidence measure solver --out -
@@ -53,10 +54,12 @@ bench: $(STAMP) ## measure solver, building, harness and network, each against a
 tables: $(STAMP) ## write docs/reproduction.md: the paper's tables beside ours
 	$(VENV)/bin/python -m evidence.reproduction
 
-page: $(STAMP) ## write the leaderboard as a page into PAGE
+page: $(STAMP) bundle ## write the leaderboard alone, as a page, into PAGE
+	$(VENV)/bin/eigbench site --out $(PAGE)
+
+bundle: $(STAMP) # the page's scripts, from benchmark/page/src
 	cd benchmark/page && PATH="$(abspath $(VENV))/bin:$$PATH" npm ci
 	cd benchmark/page && PATH="$(abspath $(VENV))/bin:$$PATH" npm run build
-	$(VENV)/bin/eigbench site --out $(PAGE)
 
 ci: lint types docs test-all ## run all checks: lint, types, docs and every test
 

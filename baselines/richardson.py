@@ -1,8 +1,8 @@
 """Linear elements on the mesh and on its triangles' quarters, extrapolated: Richardson's way.
 
 The error of linear elements falls like h²: λ ≈ λ(h/2) + (λ(h/2) − λ(h)) / 3, eigenvalues paired by
-their index. Where quartering halves an eigenvalue or more, the mesh is too coarse for that law, which
-would soon make it negative: there the value of the quartered mesh stands.
+their index. Where quartering halves an eigenvalue or more, the mesh is too coarse for that law,
+which would soon make it negative: there the value of the quartered mesh stands.
 """
 
 from collections.abc import Sequence

@@ -4,6 +4,7 @@ The sources are the Markdown files of the whole repository, as GitHub shows them
 first page. Links are relative to the page's own file, wherever it lies.
 """
 
+import os
 import re
 import shutil
 import warnings
@@ -45,10 +46,22 @@ napoleon_use_rtype = False
 napoleon_use_ivar = True
 
 html_theme = "furo"
+templates_path = ["templates"]
+html_sidebars = {
+    "**": [
+        "sidebar/brand.html",
+        "sidebar/search.html",
+        "sidebar/scroll-start.html",
+        "sidebar/doors.html",  # ours: the board, which is no page of Sphinx
+        "sidebar/navigation.html",
+        "sidebar/scroll-end.html",
+    ]
+}
 html_title = "synthNet"
 html_static_path = ["site.css"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
+html_show_search_summary = False  # it is fetched, which a browser forbids pages from files
 html_show_copyright = False
 copybutton_exclude = ".linenos, .gp, .go"
 copybutton_selector = "div:not(.highlight-output) > div.highlight > pre"
@@ -63,9 +76,15 @@ def add_navigation(app: Sphinx, name: str, source: list[str]) -> None:
 
 
 def add_index(app: Sphinx, failed: Exception | None) -> None:
-    """Let the site open at its first page."""
+    """Let the site open at its first page, and say on a page of its own that one is not there.
+
+    A host serves 404.html at any depth, so its links begin at the site's root, ``SITE_ROOT``.
+    """
     if failed is None and app.builder.format == "html":
         shutil.copyfile(app.outdir / f"{root_doc}.html", app.outdir / "index.html")
+        lost = (ROOT / "docs" / "templates" / "404.html").read_text()
+        root = os.environ.get("SITE_ROOT", "/")
+        (app.outdir / "404.html").write_text(lost.replace("{root}", root))
 
 
 LOADED = re.compile(

@@ -10,9 +10,11 @@ import numpy as np
 from eigbench.board.figures import KINDS, as_svg, escaped, style
 from eigbench.board.generalisation import Board, HeldOut
 from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.board.tables import number as _digits
 from eigbench.results.submission import Submission
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.training import untrained
 from synthnet import recipe
 
 if TYPE_CHECKING:
@@ -55,6 +57,54 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
         _key(axes, rows)
         _legend(axes)
         return as_svg(figure)
+
+
+def sentences(board: Board, solver: str = "lapy") -> str:
+    """Return the figure in three sentences; empty where the solver or trained models are missing.
+
+    Parameters
+    ----------
+    board : Board
+        A version's rows and protocols against the surface.
+    solver : str
+        The row that predictions are compared with.
+    """
+    exact = [row for row in board.rows if row.submission.slug == solver]
+    trained = [row for row in board.rows if not untrained(row.submission.result["model"])]
+    if not exact or not trained:
+        return ""
+    least, name = _error(exact[0]), exact[0].submission.name
+    nearer = [row for row in trained if _surely_nearer(row, solver)]
+    told = [
+        f"On the test shapes of synthNet {board.version} {name}, an exact solver of the mesh, "
+        f"misses the spectrum of the surface by a mean RPD of {_digits(least)}: what the "
+        "triangles leave out."
+    ]
+    of = f"{len(nearer)} of {len(trained)} trained models are surely nearer"
+    if nearer:
+        best = min(nearer, key=_error)
+        ratio = best.submission.result["cost"]["reference"]["ratio"]
+        times = f"{least / _error(best):.2g} times as near"
+        of += f"; the best, *{best.submission.name}*, is {times}, at {ratio:.2g} times its speed"
+    told.append(f"On shapes like those of their training {of}.")
+    unseen = {row.submission.name: _unseen(board, row) for row in trained}
+    known = {model: error for model, error in unseen.items() if error is not None}
+    still = {model: error for model, error in known.items() if error < least}
+    names = ", ".join(f"*{model}* ({_digits(error)})" for model, error in still.items())
+    told.append(
+        f"On families that none of them has seen {len(still)} of {len(known)} still are"
+        f"{f', {names},' if still else ''} and the median model is off by an RPD of "
+        f"{_digits(float(np.median(list(known.values()))))}."
+    )
+    return "\n".join(told) if known else ""
+
+
+def _surely_nearer(row: Ranked, solver: str) -> bool:
+    return any(one.slug == solver and one.sure and one.mean > 0 for one in row.apart)
+
+
+def _unseen(board: Board, row: Ranked) -> float | None:
+    return board.scored(row.submission, UNSEEN, RANKED_BY).score
 
 
 def _mark(axes: mpl.axes.Axes, number: int, row: Ranked, held_out: HeldOut) -> float:

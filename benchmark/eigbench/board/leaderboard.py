@@ -46,6 +46,7 @@ from synthnet.types import PROTOCOLS
 PAGE = "LEADERBOARD.md"
 README = "README.md"
 MARK = "<!-- begin leaderboard -->"  # a README without it stays as it is
+FINDING = "<!-- begin finding -->"  # may be there too
 RESULTS = Path("benchmark", "results")
 PREDICTIONS = Path("benchmark", "predictions")
 FIGURES = Path("benchmark", "figures")
@@ -163,7 +164,7 @@ def generate(
     """
     every, begun = list(boards(submissions)), set[str]()
     opening, parts, generated = [], [], {}
-    held_out, tops = [], []
+    held_out, tops, finding = [], [], ""
     for rows, protocols in every:
         submission = rows[0].submission
         name = f"{submission.board}-{submission.target}"
@@ -189,6 +190,7 @@ def generate(
             if submission.target == SURFACE:
                 path = FIGURES / f"{protocols.version}-answer.svg"
                 generated[path] = answer_figure.draw(protocols)
+                finding = finding or answer_figure.sentences(protocols)  # of the newest version
                 shown["Error to the surface against time"] = path
             opening += page.generalised(protocols, shown)
             held_out.append(page.generalised_top(protocols, page.TOP))
@@ -203,12 +205,14 @@ def generate(
         parts += page.reported(paper)
     generated[Path(PAGE)] = "\n".join([page.BANNER, *opening, *parts])
     if MARK in readme:
-        generated[Path(README)] = _with_tops(readme, [*held_out, *tops])
+        generated[Path(README)] = _filled(readme, [*held_out, *tops], finding)
     return generated
 
 
-def _with_tops(readme: str, tops: Sequence[str]) -> str:
+def _filled(readme: str, tops: Sequence[str], finding: str) -> str:
     try:
+        if FINDING in readme:
+            readme = marked(readme, "finding", f"\n{finding}\n")
         return marked(readme, "leaderboard", "\n" + "\n".join(tops))
     except ValueError as error:
         raise ValueError(f"{README} has {error}") from error

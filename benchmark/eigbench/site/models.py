@@ -29,16 +29,13 @@ def contents(shown: Sequence[Shown], scaled: Sequence[Scaled]) -> dict[str, dict
         for row in board.rows:
             rows.setdefault(row.submission.slug, []).append((board, row))
     names = {slug: mine[0][1].submission.name for slug, mine in rows.items()}
-    sizes = {row.slug: row for row in scaled}
     found = {slug: _ranked(mine, names) for slug, mine in rows.items()}
-    for slug, row in sizes.items():
-        if slug not in found:
-            kind = row.result["model"]["kind"]
-            found[slug] = {"name": row.name, "kind": kind, "standings": [], "apart": {}}
-            found[slug] |= {"families": [], "physics": [], "command": {}}
+    for one in scaled:
+        if one.slug not in found:
+            found[one.slug] = _only_scaled(one)
         where = {"board": scaling.KEY, "dataset": "Scaling track", "title": "one mesh a call"}
-        found[slug]["standings"].append({**where, "rank": "", "cells": ["", "", ""]})
-        found[slug]["command"][scaling.KEY] = f"eigbench scale {row.result['model']['code']}"
+        found[one.slug]["standings"].append({**where, "rank": "", "cells": ["", "", ""]})
+        found[one.slug]["command"][scaling.KEY] = f"eigbench scale {one.result['model']['code']}"
     return found
 
 
@@ -64,6 +61,18 @@ def _ranked(mine: Sequence[tuple[Shown, Ranked]], names: Mapping[str, str]) -> d
             ]
             for board, row in mine
         },
+    }
+
+
+def _only_scaled(row: Scaled) -> dict[str, Any]:
+    """Return what is known of a model that only the scaling track has."""
+    empty: dict[str, Any] = {"standings": [], "families": [], "physics": []}
+    return {
+        "name": row.name,
+        "kind": row.result["model"]["kind"],
+        **empty,
+        "command": {},
+        "apart": {},
     }
 
 
