@@ -87,7 +87,7 @@ BLOCKS = {
     "submit/overhead": Block(("harness-overhead",), harness_overhead.table),
 }
 # Blocks that another command writes.
-ELSEWHERE = {"README/leaderboard": "eigbench leaderboard"}
+ELSEWHERE = dict.fromkeys(("README/finding", "README/leaderboard"), "eigbench leaderboard")
 
 
 def page_of(name: str) -> tuple[Path, str]:

@@ -6,7 +6,7 @@ import doctest
 import importlib.util
 import re
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -44,6 +44,25 @@ def test_navigation_goes_to_the_first_page_only(conf):
     conf.add_navigation(None, "docs/labels", other)
     assert ".. toctree::" in first[0]
     assert other == ["# b\n"]
+
+
+def test_the_first_page_and_the_lost_page_are_written_with_links_to_the_site(
+    conf, tmp_path, monkeypatch
+):
+    (tmp_path / f"{conf.root_doc}.html").write_text("first")
+    app = SimpleNamespace(builder=SimpleNamespace(format="html"), outdir=tmp_path)
+    monkeypatch.setenv("SITE_ROOT", "/synthnet/")
+    conf.add_index(app, None)
+    assert (tmp_path / "index.html").read_text() == "first"
+    links = re.findall(r"href=\"(.+?)\"", (tmp_path / "404.html").read_text())
+    assert links == [f"/synthnet/{page}.html" for page in ("index", "board/index", "search")]
+
+
+def test_the_board_is_in_the_side_bar_of_every_page(conf):
+    assert "sidebar/doors.html" in conf.html_sidebars["**"]
+    door = (ROOT / "docs" / conf.templates_path[0] / "sidebar" / "doors.html").read_text()
+    assert "pathto('board/index.html', 1)" in door
+    assert "--out site/board" in (ROOT / "Makefile").read_text()
 
 
 def test_every_module_named_in_the_reference_exists_and_is_named_once():

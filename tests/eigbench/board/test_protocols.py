@@ -321,6 +321,25 @@ def test_the_answer_has_every_row_and_the_solver_by_size(held_out, parts, make_s
     assert "coarse meshes" not in answer_figure.draw(board, solver="solver")
 
 
+def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, make_submission):
+    whole, model = held_out
+    rows = ranking.ranked([one.at("surface") for one in whole])
+    board = generalisation.Board(
+        rows, {"family": [model.at("surface")], "genus": [model.at("surface")]}
+    )
+    means = {row.submission.name: row.scores["overall"]["rpd"]["mean"] for row in rows}
+    trained = [row for row in rows if row.submission.name != "Solver"]
+    nearer = [row for row in trained if means[row.submission.name] < means["Solver"]]
+    first, second, third = answer_figure.sentences(board, solver="solver").splitlines()
+    assert f"a mean RPD of {means['Solver']:.4f}:" in first
+    assert f" {len(nearer)} of {len(trained)} trained models are surely nearer" in second
+    unseen = board.scored(model.at("surface"), "family", "rpd").score
+    still = int(unseen < means["Solver"])
+    assert f"{still} of 1 still are" in third
+    assert third.endswith(f"an RPD of {unseen:.4f}.")
+    assert answer_figure.sentences(board, solver="nobody") == ""
+
+
 def test_errors_by_size_are_those_of_the_shapes_of_that_size(parts, make_submission):
     wanted = parts["grouped"]
     number = np.array([int(shape[-5:]) % 3 for shape in wanted.shapes])
