@@ -71,7 +71,12 @@ def sentences(board: Board, solver: str = "lapy") -> str:
     """
     exact = [row for row in board.rows if row.submission.slug == solver]
     trained = [row for row in board.rows if not untrained(row.submission.result["model"])]
-    if not exact or not trained:
+    unseen = {
+        row.submission.name: error
+        for row in trained
+        if (error := board.scored(row.submission, UNSEEN, RANKED_BY).score) is not None
+    }
+    if not exact or not unseen:
         return ""
     least, name = _error(exact[0]), exact[0].submission.name
     nearer = [row for row in trained if _surely_nearer(row, solver)]
@@ -87,24 +92,18 @@ def sentences(board: Board, solver: str = "lapy") -> str:
         times = f"{least / _error(best):.2g} times as near"
         of += f"; the best, *{best.submission.name}*, is {times}, at {ratio:.2g} times its speed"
     told.append(f"On shapes like those of their training {of}.")
-    unseen = {row.submission.name: _unseen(board, row) for row in trained}
-    known = {model: error for model, error in unseen.items() if error is not None}
-    still = {model: error for model, error in known.items() if error < least}
+    still = {model: error for model, error in unseen.items() if error < least}
     names = ", ".join(f"*{model}* ({_digits(error)})" for model, error in still.items())
     told.append(
-        f"On families that none of them has seen {len(still)} of {len(known)} still are"
+        f"On families that none of them has seen {len(still)} of {len(unseen)} still are"
         f"{f', {names},' if still else ''} and the median model is off by an RPD of "
-        f"{_digits(float(np.median(list(known.values()))))}."
+        f"{_digits(float(np.median(list(unseen.values()))))}."
     )
-    return "\n".join(told) if known else ""
+    return "\n".join(told)
 
 
 def _surely_nearer(row: Ranked, solver: str) -> bool:
     return any(one.slug == solver and one.sure and one.mean > 0 for one in row.apart)
-
-
-def _unseen(board: Board, row: Ranked) -> float | None:
-    return board.scored(row.submission, UNSEEN, RANKED_BY).score
 
 
 def _mark(axes: mpl.axes.Axes, number: int, row: Ranked, held_out: HeldOut) -> float:

@@ -57,11 +57,21 @@ class Shown:
         return f"{submission.board}-{submission.target}"
 
     @property
+    def protocol(self) -> str:
+        """Name of the protocol in short: ``grouped``, or what is held out."""
+        protocol = self.truth.protocol
+        return protocol if protocol in OF_ALL else generalisation.title(protocol)
+
+    @property
+    def short(self) -> str:
+        """Name without what it says of itself: ``against the mesh; grouped``."""
+        return f"{page.NAMES[self.truth.target]}; {self.protocol}"
+
+    @property
     def title(self) -> str:
         """Name of the protocol for readers."""
-        protocol = self.truth.protocol
-        name = OF_ALL.get(protocol) or generalisation.title(protocol)
-        return f"{page.NAMES[self.truth.target]}; {name}"
+        told = OF_ALL.get(self.truth.protocol, self.protocol)
+        return f"{page.NAMES[self.truth.target]}; {told}"
 
 
 def shown(submissions: Sequence[Submission]) -> list[Shown]:

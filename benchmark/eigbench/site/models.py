@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from eigbench.board import generalisation, page
+from eigbench.board import page
 from eigbench.board.columns import Cell, six_digits
 from eigbench.board.cost_columns import speed
 from eigbench.board.ranked_columns import KIND
@@ -16,7 +16,7 @@ from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
 from eigbench.scoring.physics import SHARES, TITLES
 from eigbench.site import scaling
-from eigbench.site.boards import OF_ALL, Shown
+from eigbench.site.boards import Shown
 from synthnet import recipe
 
 SMALLEST = 1e-6  # a deviation from a law that fills its ray of the radar; 1 leaves it empty
@@ -54,7 +54,7 @@ def _ranked(mine: Sequence[tuple[Shown, Ranked]], names: Mapping[str, str]) -> d
                 [
                     other.slug,
                     names[other.slug],
-                    *map(_finite, (other.mean, other.low, other.high)),
+                    *map(six_digits, (other.mean, other.low, other.high)),
                     other.sure,
                 ]
                 for other in row.apart
@@ -66,11 +66,12 @@ def _ranked(mine: Sequence[tuple[Shown, Ranked]], names: Mapping[str, str]) -> d
 
 def _only_scaled(row: Scaled) -> dict[str, Any]:
     """Return what is known of a model that only the scaling track has."""
-    empty: dict[str, Any] = {"standings": [], "families": [], "physics": []}
     return {
         "name": row.name,
         "kind": row.result["model"]["kind"],
-        **empty,
+        "standings": [],
+        "families": [],
+        "physics": [],
         "command": {},
         "apart": {},
     }
@@ -84,7 +85,7 @@ def _standing(board: Shown, row: Ranked) -> dict[str, Any]:
     return {
         "board": board.key,
         "dataset": recipe.title(board.truth.version),
-        "title": short(board),
+        "title": board.short,
         "rank": row.shown_rank,
         "of": len(board.rows),
         "cells": [*shown, ratio.cell(row)[0]],
@@ -104,7 +105,7 @@ def _families(mine: Sequence[tuple[Shown, Ranked]]) -> Iterator[dict[str, Any]]:
             "lines": [
                 {
                     "board": board.key,
-                    "title": short(board).partition("; ")[2],
+                    "title": board.protocol,
                     "cells": [_family(row, name) for name in families],
                 }
                 for board, row in lines
@@ -124,9 +125,12 @@ def _physics(submission: Submission) -> list[dict[str, Any]]:
     """Return how well the model keeps to each law: as text, and from 0 to 1."""
     measured = submission.result["physics"]
     return [
-        {"title": TITLES[key], "text": deviation(key, measured[key]), "kept": _kept(key, value)}
-        for key, value in measured.items()
-        if key in TITLES
+        {
+            "title": title,
+            "text": deviation(key, measured[key]),
+            "kept": _kept(key, measured[key]),
+        }
+        for key, title in TITLES.items()
     ]
 
 
@@ -146,13 +150,6 @@ def _kept(key: str, value: float | None) -> float:
     return round(max(0.0, kept), 6)
 
 
-def short(board: Shown) -> str:
-    """Return the name of a board without what it says of itself: ``against the mesh; grouped``."""
-    protocol = board.truth.protocol
-    named = protocol if protocol in OF_ALL else generalisation.title(protocol)
-    return f"{page.NAMES[board.truth.target]}; {named}"
-
-
 def command(submission: Submission) -> str:
     """Return the command that makes a row again."""
     result = submission.result
@@ -161,7 +158,3 @@ def command(submission: Submission) -> str:
     seeds = result["predictions"]["seeds"]
     counts = f"--batch-size {batch}" + (f" --seeds {seeds}" if seeds > 1 else "")
     return f"eigbench evaluate {result['model']['code']} {named} {counts}"
-
-
-def _finite(value: float) -> float | None:
-    return six_digits(value) if math.isfinite(value) else None

@@ -19,7 +19,7 @@ from synthnet.recipe.recipe import Recipe
 from synthnet.types import Mesh, ShapeSpec
 
 FACES = 20_000  # more are simplified: a phone has to load and turn them
-COARSEST = 3  # more times that many: nearby vertices are merged first, which takes a tenth as long
+MERGED = 3 * FACES  # more are brought near that many first, which is faster than simplifying all
 STEPS = 32_767  # of a coordinate, in int16: half the largest side of the bounding box
 
 
@@ -66,10 +66,10 @@ def packed(mesh: Mesh) -> dict[str, Any]:
 
 def _merged(mesh: Mesh) -> Mesh:
     """Merge nearby vertices of a mesh that has far more triangles than are shown."""
-    if len(mesh.faces) <= COARSEST * FACES:
+    if len(mesh.faces) <= MERGED:
         return mesh
     whole = to_open3d(mesh)
-    side = (2 * whole.get_surface_area() / (COARSEST * FACES)) ** 0.5
+    side = (2 * whole.get_surface_area() / (MERGED)) ** 0.5
     return from_open3d(whole.simplify_vertex_clustering(side))
 
 

@@ -24,6 +24,13 @@ const unlabelled = (index, scales, values, dimensions, context, next) => {
 };
 const TIP = { fill: "var(--raised)", stroke: "var(--line)", render: unlabelled };
 
+/** Return the room for names beside an axis, and what shortens a name to it. */
+function besides(width, widest) {
+  const left = Math.min(widest, Math.round(width * 0.42));
+  const most = Math.floor(left / 6.2);
+  return { left, short: (text) => (text.length > most ? `${text.slice(0, most - 1)}…` : text) };
+}
+
 /** Put pictures into figures, each with its caption. */
 function figure(picture, caption) {
   return element("figure", {}, caption ? element("figcaption", {}, caption) : null, picture);
@@ -134,9 +141,7 @@ function protocols(container, { board, rows, group, index }) {
     .map((one) => ({ ...one, x: share ? 100 * one.value : Math.max(one.value, 1e-3) })));
   const spans = rows.flatMap((row) => points.filter((one) => one.name === row.name));
   const width = widthOf(container);
-  const left = Math.min(260, Math.round(width * 0.42));
-  const most = Math.floor(left / 6.2);
-  const short = (text) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);
+  const { left, short } = besides(width, 260);
   const said = `Mean ${metric} of each model i.i.d. and under each protocol. The table has all numbers.`;
   const svg = plot({
     width, height: 22 * rows.length + 60, marginLeft: left, marginTop: 10, marginBottom: 38, ariaLabel: said,
@@ -226,9 +231,7 @@ function apart(container, others, name) {
   const rows = others.filter((one) => one.mean !== null);
   if (!rows.length) return container.replaceChildren("No other row has finite scores.");
   const width = Math.min(820, widthOf(container));
-  const left = Math.min(280, Math.round(width * 0.42));
-  const most = Math.floor(left / 6.2);
-  const short = (text) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);
+  const { left, short } = besides(width, 280);
   const sizes = rows.map((one) => Math.abs(one.mean)).sort((a, b) => a - b);
   const least = Math.max(sizes.at(-1) / 1000, sizes[Math.floor(sizes.length / 4)], 1e-12); // what is smaller lies near zero, to scale
   const decades = [-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1, 0, 1].map((power) => 10 ** power).filter((value) => value >= least / 2 && value <= 2 * sizes.at(-1));

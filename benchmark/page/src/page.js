@@ -75,23 +75,22 @@ async function show() {
   const every = index.datasets.flatMap(({ boards }) => boards.map(([key]) => key));
   if (!every.includes(state.board)) state.board = every[0];
   const { board: key, model: slug } = state;
+  let page = null; // of the model, if one is shown
   try {
-    const [loaded] = await Promise.all([get(`boards/${key}`), slug ? get(`models/${slug}`) : null]);
+    const found = await Promise.all([get(`boards/${key}`), slug ? get(`models/${slug}`) : null]);
     if (key !== state.board || slug !== state.model) return; // another was chosen meanwhile
-    board = loaded;
+    [board, page] = found;
   } catch (error) {
     if (key === state.board) clear(error.message);
     return;
   }
   if (board.groups) state = known(board, state, index.metrics);
   closeModel();
-  if (state.model) await showModel();
+  if (page) await showModel(page);
   else showBoard();
 }
 
 function showBoard() {
-  const back = location.hash !== encoded(state);
-  if (back) location.replace(encoded(state));
   chooseFrom(board.key);
   part("title").textContent = board.title;
   document.title = `${board.title} - eigbench leaderboard`;
@@ -104,10 +103,8 @@ function showBoard() {
 }
 
 /** Show the page of a model in place of the board. */
-async function showModel() {
+async function showModel(page) {
   location.replace(encoded(state));
-  const page = await get(`models/${state.model}`);
-  const shown = state;
   document.querySelector("main").dataset.view = "model";
   part("title").textContent = page.name;
   document.title = `${page.name} - eigbench leaderboard`;
@@ -115,7 +112,7 @@ async function showModel() {
   model = makeModel({ page, board, state, index, choose: (other) => (location.hash = modelPage(state.board, state.model, other)) });
   part("model").replaceChildren(model.element);
   scrollTo(0, 0);
-  await model.start(() => shown === state);
+  await model.start();
 }
 
 function closeModel() {

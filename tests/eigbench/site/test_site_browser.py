@@ -361,7 +361,7 @@ def test_another_board_is_one_step_of_back(visit):
     expect(page.locator("h2")).to_contain_text("synthNet 1.0-mini")
 
 
-def test_why_a_rank_shows_the_paired_difference_to_every_other_row(visit, made_content):
+def test_why_a_rank_shows_the_paired_difference_to_every_other_row(visit):
     page = visit("#model=one-percent")
     told = page.get_by_role("img", name=re.compile("of each other row minus that of One percent"))
     others = ("Other percent", "Twenty | <percent>", "Far")
