@@ -14,7 +14,7 @@ from evidence.blocks import BLOCKS, ELSEWHERE, fill
 from evidence.measurements import MEASUREMENTS, REPORTS, add_options
 from synthnet.errors import SynthNetError
 
-PICTURES = ("growth", "1.0", "2.0", "readme")
+PICTURES = ("architecture", "growth", "1.0", "2.0", "readme")
 PINS = {
     "version": "the shapes of a built version",
     "limits": "the spectra of the surfaces of a version's shapes, with error bars",
@@ -125,7 +125,11 @@ def run_fill(options: argparse.Namespace) -> int:
 def run_draw(options: argparse.Namespace) -> int:
     """Draw pictures from the numbers of docs/data."""
     for name in options.names:
-        if name == "growth":
+        if name == "architecture":
+            from evidence.architecture import draw_architecture
+
+            draw_architecture()
+        elif name == "growth":
             from evidence.growth import draw
 
             draw(numbers.read("growth"))
