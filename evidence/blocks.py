@@ -83,6 +83,7 @@ BLOCKS = {
     "learned/left-out": Block(("ritz-mlp",), ritz_mlp_variants.left_out_table),
     "real-shapes/ablation": Block(("multilevel",), multilevel_variants.variants),
     "real-shapes/large": Block(("multilevel",), multilevel_variants.large_meshes),
+    "start/full-runs": Block(("build-1.0", "build-2.0"), card.full_runs),
     "submit/ratios": Block(("ratios",), ratios.table),
     "submit/overhead": Block(("harness-overhead",), harness_overhead.table),
 }

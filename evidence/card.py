@@ -1,9 +1,12 @@
-"""What the dataset cards and the page on clusters say of whole builds."""
+"""What the pages say of whole builds and of what a full evaluation costs."""
 
 from __future__ import annotations
 
+import json
+
 from tabulate import tabulate
 
+from evidence import ROOT, markdown
 from synthnet.families import FAMILIES
 
 
@@ -67,3 +70,30 @@ def many_meshes(report: dict, meshes: int = 1_000_000, cores: int = 64) -> str:
         f"{meshes:,} meshes: {hours * ratio:.1f} core-hours ({60 * hours * ratio / cores:.0f} "
         f"minutes on {cores} cores), {report['bytes'] * ratio / 1e9:.0f} GB."
     )
+
+
+def full_runs(*builds: dict) -> str:
+    """Return the table of what a full evaluation on each version costs, by the board's own runs."""
+    rows = []
+    for build in builds:
+        board = ROOT / "benchmark" / "results" / f"{build['version']}-test-grouped"
+        result = json.loads((board / "synthnet-certified.json").read_text())
+        cost, instances = result["cost"], result["dataset"]["instances"]
+        reference = cost["reference"]
+        rows.append(
+            [
+                f"`{build['version']}`",
+                f"{build['wall_seconds'] / 60:.0f} minutes, {build['bytes'] / 1e9:.1f} GB",
+                f"{instances:,}",
+                f"{reference['meshes'] * reference['ms_per_mesh'] / 60_000:.1f} minutes",
+                f"{instances * cost['ms_per_mesh_mean'] / 60_000:.1f} minutes",
+            ]
+        )
+    headers = [
+        "version",
+        "building it, 2 cores",
+        "test instances",
+        "LaPy on a part of them",
+        "a predictor as fast as the certified solver",
+    ]
+    return markdown.table(headers, rows, "lr")
