@@ -100,7 +100,7 @@ def run_list(_: argparse.Namespace) -> int:
     print("\nMeasurements (measure NAME):\n")
     for name in MEASUREMENTS:
         print(f"  {name:32} {first_line(name)}")
-    print("\nReports of builds:\n")
+    print("\nNumbers that another command writes:\n")
     for name, command in REPORTS.items():
         print(f"  {name:32} {command}")
     return 0

@@ -60,6 +60,7 @@ class Block:
 BLOCKS = {
     "clusters/million": Block(("build-1.0",), card.many_meshes),
     "clusters/memory": Block(("build-memory",), build_memory.table),
+    "concepts/surfaces": Block(("surfaces",), card.surfaces, inline=True),
     "dataset-card/composition": Block(("build-1.0",), card.composition),
     "dataset-card/parameters": Block(("shapes-1.0",), shapes.parameter_table),
     "dataset-card/sizes": Block(("shapes-1.0",), shapes.size_table),
@@ -74,6 +75,7 @@ BLOCKS = {
     "dataset-card-2.0/rejections": Block(("shapes-2.0",), shapes.rejections),
     "dataset-card-2.0/splits": Block(("shapes-2.0",), shapes.split_table),
     "dataset-card-2.0/folds": Block(("folds-2.0",), folds.table),
+    "faults/claim": Block(("faults",), faults.claim, inline=True),
     "faults/faults": Block(("faults",), faults.table),
     "labels/solver": Block(("solver",), solver.table),
     "labels/growth": Block(("growth",), growth.table),

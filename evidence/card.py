@@ -72,6 +72,14 @@ def many_meshes(report: dict, meshes: int = 1_000_000, cores: int = 64) -> str:
     )
 
 
+def surfaces(shown: dict) -> str:
+    """Return which eigenfunctions the picture of the README shows, from left to right."""
+    return "; ".join(
+        f"{FAMILIES[row['family']].title.lower()}, λ{row['number']} = {row['eigenvalue']:.3g}"
+        for row in shown["rows"]
+    )
+
+
 def full_runs(*builds: dict) -> str:
     """Return the table of what a full evaluation on each version costs, by the board's own runs."""
     rows = []

@@ -399,6 +399,15 @@ def unmended(home: Path, name: str, expected: Files, outcome: Outcome) -> str | 
     return finish(home, expected)
 
 
+def claim(data: dict) -> str:
+    """Return what came of all cases together."""
+    cases, wrong = (
+        sum(row["cases"] for row in data["rows"]),
+        sum(len(row["wrong"]) for row in data["rows"]),
+    )
+    return f"{cases} disturbed builds, {wrong or 'none'} of them with a wrong dataset at the end."
+
+
 def table(data: dict) -> str:
     """Return a row a fault."""
     rows = []

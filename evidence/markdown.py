@@ -56,3 +56,19 @@ def columns(rows: Iterable[Mapping], formats: Mapping[str, str], align: str = ""
     """
     cells = [[text.format_map(row) for text in formats.values()] for row in rows]
     return table(list(formats), cells, align)
+
+
+def folded(summary: str, text: str) -> str:
+    """Return Markdown that a click unfolds, on GitHub and on the site.
+
+    Examples
+    --------
+    >>> print(folded("The numbers", "| a |"))
+    <details>
+    <summary>The numbers</summary>
+    <BLANKLINE>
+    | a |
+    <BLANKLINE>
+    </details>
+    """
+    return f"<details>\n<summary>{summary}</summary>\n\n{text}\n\n</details>"

@@ -74,11 +74,11 @@ MEASUREMENTS = {
     "shapes": Measurement(shapes, "shapes-{version}"),
     "solver": Measurement(solver, "solver"),
 }
-# Reports of builds, which the command of the dataset writes itself.
+# Numbers that another command writes: reports of builds, and what a picture shows.
 REPORTS = {
     f"build-{v}": f"synthnet build --version {v} --json > docs/data/build-{v}.json"
     for v in ("1.0", "2.0")
-}
+} | {"surfaces": "python -m evidence draw readme"}
 
 
 def add_options(parser: argparse.ArgumentParser, measure: Callable[..., object]) -> None:
