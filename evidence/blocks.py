@@ -77,6 +77,7 @@ BLOCKS = {
     "dataset-card-2.0/folds": Block(("folds-2.0",), folds.table),
     "faults/claim": Block(("faults",), faults.claim, inline=True),
     "faults/faults": Block(("faults",), faults.table),
+    "labels/solver-claim": Block(("solver",), solver.claim, inline=True),
     "labels/solver": Block(("solver",), solver.table),
     "labels/growth": Block(("growth",), growth.table),
     "labels/limits": Block(("limits-1.0", "limits-2.0"), limits.table),
