@@ -8,6 +8,7 @@ from tabulate import tabulate
 
 from evidence import ROOT, markdown
 from synthnet.families import FAMILIES
+from synthnet.version import __version__
 
 
 def composition(report: dict) -> str:
@@ -77,6 +78,24 @@ def surfaces(shown: dict) -> str:
     return "; ".join(
         f"{FAMILIES[row['family']].title.lower()}, λ{row['number']} = {row['eigenvalue']:.3g}"
         for row in shown["rows"]
+    )
+
+
+def citations(*builds: dict) -> str:
+    """Return the entries for BibTeX: the software, and a version of the dataset each."""
+    entries = [bibtex("synthnet", "synthNet and eigbench", f"software, version {__version__}")]
+    for build in builds:
+        version, digest = build["version"], build["recipe_digest"]
+        key, note = f"synthnet-{version}", f"recipe digest {digest[:12]}"
+        entries.append(bibtex(key, f"synthNet {version}, a dataset of certified spectra", note))
+    return "```bibtex\n" + "\n\n".join(entries) + "\n```"
+
+
+def bibtex(key: str, title: str, note: str) -> str:
+    """Return an entry for BibTeX."""
+    return (
+        f"@misc{{{key},\n  title = {{{title}}},\n  author = {{{{The synthNet authors}}}},\n"
+        f"  year = {{2026}},\n  note = {{{note}}},\n}}"
     )
 
 
