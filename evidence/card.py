@@ -75,10 +75,11 @@ def many_meshes(report: dict, meshes: int = 1_000_000, cores: int = 64) -> str:
 
 def surfaces(shown: dict) -> str:
     """Return which eigenfunctions the picture of the README shows, from left to right."""
-    return "; ".join(
+    named = "; ".join(
         f"{FAMILIES[row['family']].title.lower()}, λ{row['number']} = {row['eigenvalue']:.3g}"
         for row in shown["rows"]
     )
+    return f"*From left to right, in 1/length²: {named}.*"
 
 
 def citations(*builds: dict) -> str:
