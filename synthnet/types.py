@@ -123,12 +123,17 @@ class Certificate:
         label and those that agree with it to rounding.
     residual : float
         Largest relative residual of the pairs below the shift: the relative distance
-        within which each has an exact eigenvalue.
+        within which each has an eigenvalue of the matrices.
+    error_bound : ndarray of shape (k,), float64, or None
+        How far each eigenvalue is at most from that of the mesh in exact arithmetic, in 1/length²:
+        rounding of the matrices, which the residual cannot see, is counted. None where it was not
+        computed: for other elements, and for labels that are read from a store.
     """
 
     count: int
     shift: float
     residual: float
+    error_bound: NDArray[np.float64] | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,19 +143,22 @@ class Spectrum:
     Parameters
     ----------
     eigenvalues : ndarray of shape (k,), float64
-        The k eigenvalues after the trivial zero, ascending, in 1/length².
+        The k eigenvalues after the zero of each component, ascending, in 1/length².
     trivial : float
         The computed value of the zero eigenvalue of the constant function.
     certificate : Certificate
         Proof that no eigenvalue was missed.
     eigenvectors : ndarray of shape (n, k), float64
         Eigenfunctions at the vertices, orthonormal in the mass matrix.
+    components : int
+        Connected components of the mesh: as many eigenvalues are zero.
     """
 
     eigenvalues: NDArray[np.float64]
     trivial: float
     certificate: Certificate
     eigenvectors: NDArray[np.float64] = field(repr=False)
+    components: int = 1
 
 
 @dataclass(frozen=True, slots=True)

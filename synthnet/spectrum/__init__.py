@@ -6,7 +6,9 @@ solver, in the order of use: :mod:`~synthnet.spectrum.fem` assembles the matrice
 :mod:`~synthnet.spectrum.ldl` factorises A − σB and counts eigenvalues below σ,
 :mod:`~synthnet.spectrum.lanczos` finds eigenpairs around σ,
 :mod:`~synthnet.spectrum.search` takes as many as there are below a gap,
-:mod:`~synthnet.spectrum.certificate` proves that none is missing, and
+:mod:`~synthnet.spectrum.certificate` proves that none is missing,
+:mod:`~synthnet.spectrum.components` does so for each component of a mesh,
+:mod:`~synthnet.spectrum.rounding` bounds what rounding did, and
 :mod:`~synthnet.spectrum.solve` puts them together. Plain arrays in and out, compiled by Numba on
 first use and cached on disk.
 """

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import linalg, sparse
 
 from synthnet.errors import SpectrumError
-from synthnet.spectrum import fem
+from synthnet.spectrum import components, fem
 from synthnet.spectrum.certificate import Candidate, certify, inertia, largest_residual
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering, find_ordering
+from synthnet.spectrum.rounding import sharpened
 from synthnet.spectrum.search import Setting, search
-from synthnet.types import Mesh, Spectrum
+from synthnet.types import Certificate, Mesh, Spectrum
 
 # Up to so many vertices, or vertices for each pair, a dense solver is as fast.
 DENSE, DENSE_FOR = 64, 6
@@ -116,10 +119,10 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
     Parameters
     ----------
     mesh : Mesh
-        Connected, without degenerate triangles. A mesh of several components has a zero
-        for each, and only the first is left out.
+        Without degenerate triangles. A mesh of several components has a zero for each; all of
+        them are left out, and each component is solved by itself.
     k : int
-        Number of eigenvalues.
+        Number of eigenvalues, at most the vertices less the components.
 
     Returns
     -------
@@ -129,8 +132,8 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
     Raises
     ------
     ValueError
-        If it is no mesh, k is not between 1 and n − 1, a triangle has no area, or a vertex has
-        no triangle.
+        If it is no mesh, k is not between 1 and the vertices less the components, a triangle has
+        no area, or a vertex has no triangle.
     CertificateError
         If the stronger setting's answer cannot be certified either.
     SpectrumError
@@ -156,10 +159,12 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
         raise ValueError(
             f"compute takes a mesh, as Mesh(vertices, faces) of synthnet, got {type(mesh).__name__}"
         )
-    n = len(mesh.vertices)
-    if not 1 <= k <= n - 1:
-        raise ValueError(f"k must be between 1 and {n - 1} for {n} vertices, got {k}")
-    return of_matrices(assemble(mesh), k)
+    matrices = assemble(mesh)
+    candidate, certificate, pieces = _solved(matrices, k)
+    values, bounds, _ = sharpened(mesh, matrices.lumped, candidate)
+    errors = np.abs(values - candidate.values[: len(values)]) + bounds
+    certificate = replace(certificate, error_bound=errors[:k])
+    return _spectrum(matrices, k, candidate, certificate, pieces)
 
 
 def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
@@ -182,11 +187,7 @@ def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
     SpectrumError
         If the iteration does not converge or a factorisation breaks down.
     """
-    ordering = find_ordering(matrices.indptr, matrices.indices)
-    try:
-        return _certified(matrices, ordering, k, NORMAL)
-    except SpectrumError:
-        return _certified(matrices, ordering, k, STRONGER)
+    return _spectrum(matrices, k, *_solved(matrices, k))
 
 
 def compile_solver() -> None:
@@ -223,18 +224,48 @@ def count_below(mesh: Mesh, *shifts: float) -> list[int]:
     return [inertia(matrices, ordering, shift).negative for shift in shifts]
 
 
-def _certified(matrices: Matrices, ordering: Ordering, k: int, setting: Setting) -> Spectrum:
+def _solved(matrices: Matrices, k: int) -> tuple[Candidate, Certificate, int]:
+    """Return at least k certified pairs, their certificate, and the number of components."""
+    pieces, numbers = components.components(matrices)
+    n = len(matrices.lumped)
+    if not 1 <= k <= n - pieces:
+        of = f"{n} vertices" if pieces == 1 else f"{n} vertices in {pieces} components"
+        raise ValueError(f"k must be between 1 and {n - pieces} for {of}, got {k}")
+    if pieces > 1:
+        return *components.solve(matrices, numbers, k, _connected), pieces
+    ordering = find_ordering(matrices.indptr, matrices.indices)
+    return *_connected(matrices, ordering, k), pieces
+
+
+def _connected(matrices: Matrices, ordering: Ordering, k: int) -> tuple[Candidate, Certificate]:
+    """Return at least k certified pairs of matrices of one component."""
+    try:
+        return _certified(matrices, ordering, k, NORMAL)
+    except SpectrumError:
+        return _certified(matrices, ordering, k, STRONGER)
+
+
+def _certified(
+    matrices: Matrices, ordering: Ordering, k: int, setting: Setting
+) -> tuple[Candidate, Certificate]:
     n = len(matrices.lumped)
     if n <= max(DENSE, DENSE_FOR * (k + 1)):
         candidate = _dense(matrices, k, setting)
         counted = inertia(matrices, ordering, candidate.middle)
     else:
         candidate, counted = search(matrices, ordering, k, setting)
+    return candidate, certify(candidate, counted)
+
+
+def _spectrum(
+    matrices: Matrices, k: int, candidate: Candidate, certificate: Certificate, pieces: int
+) -> Spectrum:
     return Spectrum(
         eigenvalues=candidate.values[:k],
         trivial=float(matrices.stiffness.sum()) / float(matrices.lumped.sum()),
-        certificate=certify(candidate, counted),
+        certificate=certificate,
         eigenvectors=candidate.vectors[:k].T,
+        components=pieces,
     )
 
 

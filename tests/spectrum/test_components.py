@@ -1,0 +1,94 @@
+"""Meshes of several components: the union of their spectra, each zero left out."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthnet import spectrum
+from synthnet.families import FAMILIES
+from synthnet.spectrum import reference
+from synthnet.types import Mesh
+
+
+def sphere(resolution: int, radius: float = 1.0) -> Mesh:
+    return FAMILIES["sphere"].generate({"radius": radius, "resolution": resolution})
+
+
+def tetrahedron(scale: float) -> Mesh:
+    corners = scale * np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    return Mesh(corners, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
+
+
+def together(meshes: Sequence[Mesh]) -> Mesh:
+    """Put meshes side by side, their vertices in a random order."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    vertices = np.concatenate([mesh.vertices + 3.0 * i for i, mesh in enumerate(meshes)])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)])
+    order = np.random.default_rng(0).permutation(len(vertices))
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order))
+    return Mesh(vertices[order], number[faces])
+
+
+def union(meshes: Sequence[Mesh], k: int) -> np.ndarray:
+    """The first k eigenvalues after all zeros, by the dense solver."""
+    every = [reference.all_eigenvalues(*reference.matrices(m.vertices, m.faces)) for m in meshes]
+    return np.sort(np.concatenate([values[1:] for values in every]))[:k]
+
+
+def test_two_components_have_the_union_of_their_spectra() -> None:
+    meshes = [sphere(20), sphere(16, radius=1.5)]
+    mesh = together(meshes)
+    found = spectrum.compute(mesh, k=12)
+    assert found.components == 2
+    np.testing.assert_allclose(found.eigenvalues, union(meshes, 12), rtol=1e-8)
+    stiffness, mass = spectrum.fem_matrices(mesh)
+    vectors = found.eigenvectors
+    np.testing.assert_allclose(vectors.T @ (mass @ vectors), np.eye(12), atol=1e-9)
+    defects = stiffness @ vectors - (mass @ vectors) * found.eigenvalues
+    assert np.abs(defects).max() < 1e-8
+
+
+def test_the_count_is_that_of_all_components() -> None:
+    meshes = [sphere(20), sphere(16, radius=1.5), tetrahedron(0.1)]
+    proof = spectrum.compute(together(meshes), k=7).certificate
+    stiffness, mass = spectrum.fem_matrices(together(meshes))
+    assert proof.count == reference.count_below(stiffness, mass, proof.shift)
+
+
+@pytest.mark.parametrize("copies", [2, 11, 60])
+def test_equal_components(copies: int) -> None:
+    mesh = sphere(8)
+    found = spectrum.compute(together([mesh] * copies))
+    assert found.components == copies
+    np.testing.assert_allclose(found.eigenvalues, union([mesh] * copies, 10), rtol=1e-8)
+
+
+@pytest.mark.parametrize("scale", [1e-2, 1e-5, 1e-8])
+def test_debris_changes_nothing(scale: float) -> None:
+    mesh = sphere(20)
+    found = spectrum.compute(together([mesh, *[tetrahedron(scale)] * 5]))
+    assert found.components == 6
+    np.testing.assert_allclose(found.eigenvalues, union([mesh], 10), rtol=1e-8)
+
+
+def test_k_is_at_most_the_vertices_less_the_components() -> None:
+    mesh = together([tetrahedron(1.0), tetrahedron(0.5)])
+    assert len(spectrum.compute(mesh, k=6).eigenvalues) == 6
+    with pytest.raises(ValueError, match="between 1 and 6 for 8 vertices in 2 components, got 7"):
+        spectrum.compute(mesh, k=7)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    sizes=st.lists(st.tuples(st.integers(4, 12), st.floats(0.05, 20.0)), min_size=2, max_size=6),
+    k=st.integers(1, 20),
+)
+def test_any_components(sizes: list[tuple[int, float]], k: int) -> None:
+    meshes = [sphere(*size) for size in sizes]
+    found = spectrum.compute(together(meshes), k=k)
+    np.testing.assert_allclose(found.eigenvalues, union(meshes, k), rtol=1e-8)
+    assert found.components == len(meshes)
