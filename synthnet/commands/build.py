@@ -32,7 +32,7 @@ def add(commands: Commands) -> None:
         type=int,
         metavar="N",
         help="draw N times as many shapes, all new, by the same distributions; "
-        "the version's name is then V-xN",
+        "the version's name is then V-xN (default: as many as the version has)",
     )
     sub.add_argument(
         "--engine",
@@ -42,14 +42,11 @@ def add(commands: Commands) -> None:
         "or by the other processes of an MPI job; the data do not depend on it",
     )
     sub.add_argument(
-        "--scheduler", metavar="ADDRESS", help="address of the Dask cluster's scheduler"
+        "--scheduler",
+        metavar="ADDRESS",
+        help="address of the Dask cluster's scheduler (no default: --engine dask needs it)",
     )
-    workers_options(
-        sub,
-        other="build",
-        workers="local processes of one thread each (default: the cores there are); "
-        "the data do not depend on it",
-    )
+    workers_options(sub, other="build")
     sub.add_argument(
         "--limits",
         action="store_true",

@@ -21,7 +21,7 @@ def add(commands: Commands) -> None:
         "import",
         run,
         "make a dataset of your own mesh files",
-        " scans --name scans --unit-area",
+        "scans --name scans --unit-area",
         version=False,
     )
     sub.add_argument(

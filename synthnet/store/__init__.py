@@ -6,6 +6,7 @@ from synthnet.store.datasets import (
     home,
     open_dataset,
     open_unversioned,
+    there,
 )
 from synthnet.store.imports import ImportDescription, description_of
 from synthnet.store.manifest import DIGEST, MANIFEST, read_manifest, with_digest, write_manifest
@@ -38,6 +39,7 @@ __all__ = [
     "read_samples",
     "read_table",
     "recipe_digest_of",
+    "there",
     "with_digest",
     "write_manifest",
     "write_shard",
