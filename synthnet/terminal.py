@@ -37,13 +37,13 @@ class Parser(argparse.ArgumentParser):
 
     def _check_options(self, words: Sequence[str]) -> None:
         """Refuse an unknown option first: else what it was to give would be said to be missing."""
+        known = self._option_string_actions
         for word in words:
             if word == "--" or (self._subparsers is not None and not word.startswith("-")):
                 return  # what follows are no options, or those of a command
             name = word.partition("=")[0]
-            if name.startswith("--") and " " not in name and name not in self._option_string_actions:
-                guess = suggestion(name, self._option_string_actions)
-                self.error(f"unrecognized arguments: {word}{guess}")
+            if name.startswith("--") and " " not in name and name not in known:
+                self.error(f"unrecognized arguments: {word}{suggestion(name, known)}")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Say which of the choices may have been meant."""

@@ -5,11 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from synthnet import recipe, store, terminal
-from synthnet.errors import SynthNetError
 from synthnet.terminal import Commands, complete_with
 
 
@@ -61,7 +59,7 @@ def dataset_argument(command: argparse._ActionsContainer, *, positional: bool = 
             metavar="DATASET",
             help=f"{known} (default: 1.0)",
         )
-        complete_with(word, known_datasets)
+        complete_with(word, _names)
         known = "the same as an option"
     option = command.add_argument(
         "--dataset",
@@ -72,20 +70,11 @@ def dataset_argument(command: argparse._ActionsContainer, *, positional: bool = 
         metavar="NAME",
         help=f"{known} (default: %(default)s)",
     )
-    complete_with(option, known_datasets)
+    complete_with(option, _names)
 
 
-def known_datasets(options: argparse.Namespace) -> list[str]:
-    """Return the names of datasets that a command line may go on with: versions, and what is there.
-
-    A location at a URL is not asked.
-    """
-    where = getattr(options, "out", None) or getattr(options, "root", None)
-    try:
-        local = isinstance(store.home(where), Path)
-        return sorted({*recipe.available(), *(store.there(where) if local else ())})
-    except SynthNetError:  # it cannot be listed: a completion prints no errors
-        return list(recipe.available())
+def _names(options: argparse.Namespace) -> list[str]:
+    return store.known_names(getattr(options, "out", None))
 
 
 def workers_options(command: argparse.ArgumentParser, *, other: str) -> None:

@@ -16,11 +16,11 @@ SCHEMA = 1
 MOST_SCALE = 100_000  # beyond it a family's numbers would not fit the store's int32
 
 
-def load(version: str, also: Iterable[str] = ()) -> Recipe:
+def load(version: str, known: Iterable[str] = ()) -> Recipe:
     """Read the recipe of a version that ships with the package, or scale it.
 
-    ``1.0-x100`` is 1.0 scaled by 100, see :func:`scaled`. An unknown version is compared with those
-    that there are, and with the names of ``also``, for the one that may have been meant.
+    ``1.0-x100`` is 1.0 scaled by 100, see :func:`scaled`. For an unknown version one of the names of
+    ``known`` is suggested, or of the versions that there are.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def load(version: str, also: Iterable[str] = ()) -> Recipe:
         )
         raise RecipeError(
             f"unknown version {version!r}: choose one of {', '.join(available())} "
-            f"(`synthnet versions` lists them){imports}{suggestion(version, [*available(), *also])}"
+            f"(`synthnet versions` lists them){imports}{suggestion(version, known or available())}"
         )
     file = resources.files("synthnet.recipe.versions").joinpath(f"{version}.toml")
     return parse(file.read_text())

@@ -141,6 +141,18 @@ def there(root: str | os.PathLike[str] | None = None) -> dict[str, Manifest]:
     return found
 
 
+def known_names(root: str | os.PathLike[str] | None = None) -> list[str]:
+    """Return the names that a user may mean: of all versions, and of what is in a directory.
+
+    What is at a URL, or cannot be listed, is left out.
+    """
+    local = isinstance(home(root), Path)
+    try:
+        return sorted({*recipe.available(), *(there(root) if local else ())})
+    except StoreError:
+        return list(recipe.available())
+
+
 def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> StoredDataset:
     """Open a finished dataset.
 
@@ -159,8 +171,7 @@ def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> St
             "make it with its salt, by `synthnet seal` or `synthnet verify --sealed`"
         )
     if manifest is None:
-        imported = recipe.parse_name(version).kind is Kind.IMPORTED  # or a version misspelt
-        recipe.load(version, also=there(root) if imported else ())
+        recipe.load(version, known=known_names(root))
         out = "" if root is None else f" --out {root}"
         raise StoreError(
             f"no finished dataset in {directory}: run `synthnet build --version {version}{out}`"

@@ -241,7 +241,7 @@ def test_file_that_is_not_python_is_refused(predictor_file):
     ("code", "message"),
     [
         ("def predict(:", r"failed to load: SyntaxError: .*line 1"),
-        ("1 / 0", r"load: ZeroDivisionError: division by zero \(my_model\.py, line 1\)"),
+        ("1 / 0", r"load: ZeroDivisionError: division by zero \(my_model\.py:1: 1 / 0\)"),
         ("raise SystemExit(3)", "failed to load: SystemExit: 3"),
         ("import sys; sys.exit()", "failed to load: SystemExit"),
         ("raise ValueError('a\\nb')", "failed to load: ValueError: a b"),
@@ -561,7 +561,7 @@ def test_variant_without_meta_is_named_after_file_and_variant(predictor_file):
     ("code", "name", "message"),
     [
         (FAMILY, "my_model.py", r"is a family of predictors: name one, my_model\.py:NAME"),
-        (FAMILY, "my_model.py:huge", r"failed to load: KeyError: 'huge' \(my_model.py, line 4"),
+        (FAMILY, "my_model.py:huge", r"failed to load: KeyError: 'huge' \(my_model.py:4"),
         (FAMILY, "other.py:large", r"there is no file .*other\.py$"),
         (FUNCTION, "my_model.py:large", r"has no variants: leave out :large"),
         (LOAD, "my_model.py:large", r"has no variants: leave out :large"),
