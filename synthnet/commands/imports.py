@@ -42,7 +42,8 @@ def add(commands: Commands) -> None:
         "--split",
         choices=("test", "hash"),
         default="test",
-        help="all files are test shapes (default), or 70, 20 and 10 %% by the hash of the file",
+        help="all files are test shapes, or 70, 20 and 10 %% by the hash of the file "
+        "(default: %(default)s)",
     )
     workers_options(sub, other="import")
 

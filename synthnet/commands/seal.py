@@ -55,7 +55,7 @@ def add(commands: Commands) -> None:
 
 def salt_option(sub: argparse.ArgumentParser, *, required: bool = True) -> None:
     """Add the option that names the salt."""
-    default = "" if required else " (no default: --sealed needs it)"
+    default = "" if required else " (default: none; --sealed needs it)"
     sub.add_argument(
         "--salt-file",
         type=Path,

@@ -40,8 +40,8 @@ def add(commands: Commands) -> None:
         "--sealed",
         type=Path,
         metavar="SEAL.json",
-        help="check a sealed set against its revealed salt, not a built version (the default); "
-        "it is built first if it is missing",
+        help="check a sealed set against its revealed salt instead; it is built first if it is "
+        "missing (default: none)",
     )
     salt_option(sub, required=False)
     workers_option(sub, "local processes of --sealed, which builds")

@@ -19,8 +19,8 @@ MOST_SCALE = 100_000  # beyond it a family's numbers would not fit the store's i
 def load(version: str, known: Iterable[str] = ()) -> Recipe:
     """Read the recipe of a version that ships with the package, or scale it.
 
-    ``1.0-x100`` is 1.0 scaled by 100, see :func:`scaled`. For an unknown version one of the names of
-    ``known`` is suggested, or of the versions that there are.
+    ``1.0-x100`` is 1.0 scaled by 100, see :func:`scaled`. For an unknown version, one of the names
+    of ``known`` is suggested; by default, of the versions that there are.
 
     Raises
     ------

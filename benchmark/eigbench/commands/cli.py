@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 
-from eigbench.commands import board, check, compare, predictor, scaling, timing
+from eigbench.commands import board, check, compare, evaluate, scaling, score, submit, timing
 from eigbench.errors import EigbenchError
 from synthnet import terminal
 from synthnet.errors import SynthNetError
@@ -39,6 +39,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"eigbench {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for group in (check, predictor, compare, timing, board, scaling):
+    for group in (check, evaluate, score, compare, timing, submit, board, scaling):
         group.add_commands(partial(add_command, commands))
     return parser

@@ -594,3 +594,15 @@ def test_file_whose_name_has_a_colon_is_a_file(predictor_file):
     path = predictor_file(FUNCTION, "my:model.py")
     assert predictor.split(path) == (path, "")
     assert predictor.load(path).predict([]) == "function"
+
+
+def test_an_error_names_the_innermost_line_of_its_authors_modules(predictor_file):
+    predictor_file(
+        "import numpy as np\n\ndef f():\n    return np.ones(2) @ np.ones(3)\n", "beside.py"
+    )
+    path = predictor_file("import beside\n\ndef predict(meshes):\n    return beside.f()\n")
+    loaded = predictor.load(path)
+    with pytest.raises(ValueError, match="matmul") as caught:
+        loaded.predict([])
+    line = predictor.described(caught.value, path)
+    assert line.endswith(" (beside.py:4: in f: return np.ones(2) @ np.ones(3))")
