@@ -59,6 +59,17 @@ class Parser(argparse.ArgumentParser):
         self.exit(WRONG_INPUT, f"{self.prog}: {message} (`{self.prog} --help` shows how)\n")
 
 
+class DatasetName(argparse.Action):
+    """Keep the dataset's name, given by a word or an option, and refuse a second one."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: Any = None) -> None:
+        """Keep the name."""
+        first = getattr(namespace, "named", values)
+        if first != values:
+            parser.error(f"two datasets are named, {first} and {values}: name one")
+        namespace.version = namespace.named = values
+
+
 def add_command(
     commands: Commands,
     name: str,
@@ -93,6 +104,7 @@ def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> a
     if "_ARGCOMPLETE" in os.environ:  # set by the function that the shell calls at a tab
         import argcomplete
 
+        argcomplete.safe_actions.add(DatasetName)  # so that completers see which is named
         argcomplete.autocomplete(parser)
     return parser.parse_args(arguments)
 

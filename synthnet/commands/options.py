@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from synthnet import recipe, store, terminal
-from synthnet.terminal import Commands, complete_with
+from synthnet.terminal import Commands, DatasetName, complete_with
 
 
 def add_command(
@@ -37,16 +37,6 @@ def add_command(
     return command
 
 
-class _Named(argparse.Action):
-    """Keep the dataset's name, and refuse a second one."""
-
-    def __call__(self, parser: Any, namespace: Any, values: Any, option: Any = None) -> None:
-        first = getattr(namespace, "named", values)
-        if first != values:
-            parser.error(f"two datasets are named, {first} and {values}: name one")
-        namespace.version = namespace.named = values
-
-
 def dataset_argument(command: argparse._ActionsContainer, *, positional: bool = True) -> None:
     """Add what names a dataset: a word of its own, or an option where that means another thing."""
     known = f"one of {', '.join(recipe.available())}, or one of these scaled, as 1.0-x100"
@@ -54,7 +44,7 @@ def dataset_argument(command: argparse._ActionsContainer, *, positional: bool = 
         word = command.add_argument(
             "version",
             nargs="?",
-            action=_Named,
+            action=DatasetName,
             default=argparse.SUPPRESS,
             metavar="DATASET",
             help=f"{known} (default: 1.0)",
@@ -65,7 +55,7 @@ def dataset_argument(command: argparse._ActionsContainer, *, positional: bool = 
         "--dataset",
         "--version",
         dest="version",
-        action=_Named,
+        action=DatasetName,
         default="1.0",
         metavar="NAME",
         help=f"{known} (default: %(default)s)",
