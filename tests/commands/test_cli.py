@@ -15,8 +15,8 @@ import pytest
 from synthnet import recipe, store
 from synthnet.build.versions import build
 from synthnet.build.workers import cores
-from synthnet.commands import cli
 from synthnet.recipe.plan import plan_shards
+from synthnet.terminal import WRONG_INPUT
 from synthnet.verify.checks import CHECKS
 
 VERSION = "1.0-mini"
@@ -58,7 +58,7 @@ def test_default_place_is_the_variable(
 
 def only_line(code: int, out: str, err: str) -> str:
     """The one line of standard error of a command that could not do it."""
-    assert code == cli.WRONG_INPUT
+    assert code == WRONG_INPUT
     assert out == ""
     lines = [line for line in err.splitlines() if line.strip()]
     assert len(lines) == 1, err
@@ -136,7 +136,7 @@ def test_a_dataset_that_is_there_is_guessed_too(
 def test_traceback_shows_where_an_error_was_raised(run: Run) -> None:
     line = only_line(*run("info", "1.0-mni"))
     code, out, err = run("info", "1.0-mni", "--traceback")
-    assert (code, out) == (cli.WRONG_INPUT, "")
+    assert (code, out) == (WRONG_INPUT, "")
     assert err.startswith("Traceback (most recent call last):\n")
     assert "finding.py" in err
     assert err.endswith(f"\n{line}\n")
