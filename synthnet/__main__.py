@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK
 """The entry of the command line: ``synthnet`` and ``python -m synthnet``."""
 
 import sys

@@ -4,7 +4,8 @@ Each message is one line that says what was wrong, where, and what to do next.
 The command line prints it and exits with code 2.
 """
 
-from collections.abc import Iterator
+import difflib
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 # Packages that an installation may lack, by the name that is imported: the package's own
@@ -55,6 +56,18 @@ class SealError(SynthNetError):
 
 class MissingPackageError(SynthNetError, ImportError):
     """An optional package is needed, and it is not installed or cannot be imported."""
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return a question to add to a message on an unknown word: which known one was meant.
+
+    Examples
+    --------
+    >>> suggestion("1.0-mni", ["1.0", "1.0-mini"]), suggestion("frobnicate", ["build"])
+    ('; did you mean 1.0-mini?', '')
+    """
+    near = difflib.get_close_matches(word, list(known), n=1)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 def install(module: str) -> str:

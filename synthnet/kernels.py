@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
+import os
+import sys
+import tempfile
+import uuid
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -10,6 +15,7 @@ from typing import Any, TypeVar
 
 from llvmlite import binding
 from numba import njit
+from numba.core import event as events
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -17,6 +23,12 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 # and NaN keep their meaning, and a division by zero gives them instead of an error.
 # Threads may run several at once.
 SETTINGS = {"nogil": True, "fastmath": {"reassoc", "contract"}, "error_model": "numpy"}
+
+# An environment variable: a program gives it a random value, the processes that it starts inherit
+# it, and of them all only the first to compile says so. If it is empty, none does.
+SAID = "SYNTHNET_COMPILING"
+COMPILING = "Compiling the numerical code for this machine, {how}: about 20 s for the solver"
+KEPT: dict[Callable[..., Any], str] = {}  # how often each kernel is compiled
 
 
 @cache
@@ -49,8 +61,10 @@ def kernel(function: Function) -> Function:
     function.__qualname__ += f"_{function.__module__.replace('.', '_')}_{stamp(folder)}"
     try:
         compiled: Function = njit(cache=True, **SETTINGS)(function)
+        KEPT[function] = "once"
     except RuntimeError:  # Numba can write its cache nowhere
         compiled = njit(**SETTINGS)(function)
+        KEPT[function] = "anew by every process, as Numba can write its cache nowhere"
     return compiled
 
 
@@ -61,3 +75,39 @@ def part(function: Function) -> Function:
     """
     inlined: Function = njit(inline="always", **SETTINGS)(function)
     return inlined
+
+
+class _Announcement(events.Listener):  # type: ignore[misc]  # numba has no types
+    """Says that kernels are compiled, the first time that one is; what is in the cache is not."""
+
+    def on_start(self, event: Any) -> None:
+        """Say so, unless the kernel is another program's or it has been said."""
+        how = KEPT.get(event.data["dispatcher"].py_func)
+        if how is None or not os.environ[SAID]:
+            return
+        try:
+            _flag().touch(exist_ok=False)
+        except OSError:  # it has been said, or that cannot be noted: no line is better than many
+            return
+        clear = "\r\033[K" if sys.stderr.isatty() else ""  # of what another process shows there
+        sys.stderr.write(f"{clear}{COMPILING.format(how=how)}\n")
+        sys.stderr.flush()
+
+    def on_end(self, event: Any) -> None:
+        """Nothing is said at the end."""
+
+
+def _announce() -> None:
+    """From now on say when kernels are compiled, in this process and those that it starts."""
+    if SAID not in os.environ:
+        os.environ[SAID] = uuid.uuid4().hex
+        atexit.register(lambda: _flag().unlink(missing_ok=True))
+    events.register("numba:compile", _Announcement())
+
+
+def _flag() -> Path:
+    """Return the file that the first process to compile makes."""
+    return Path(tempfile.gettempdir(), f"synthnet-compiling-{os.environ[SAID]}")
+
+
+_announce()

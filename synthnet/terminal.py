@@ -1,28 +1,22 @@
-"""The parser, exit code, guesses and progress column that both command lines share."""
+"""What both command lines share: parser, shell completion, errors, exit code, progress column."""
 
 from __future__ import annotations
 
 import argparse
-import difflib
-from collections.abc import Iterable, Sequence
-from typing import Any, NoReturn
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NoReturn, TypeAlias
 
 from rich.progress import ProgressColumn, Task
 from rich.text import Text
 
+from synthnet.errors import suggestion
+
 WRONG_INPUT = 2  # exit code if the input, the directory or the machine is unsuitable
 
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return a question to add to a message on an unknown word: which known one was meant.
-
-    Examples
-    --------
-    >>> suggestion("1.0-mni", ["1.0", "1.0-mini"]), suggestion("frobnicate", ["build"])
-    ('; did you mean 1.0-mini?', '')
-    """
-    near = difflib.get_close_matches(word, list(known), n=1)
-    return f"; did you mean {near[0]}?" if near else ""
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 class Parser(argparse.ArgumentParser):
@@ -35,12 +29,21 @@ class Parser(argparse.ArgumentParser):
         self, args: Sequence[str] | None = None, namespace: Any = None
     ) -> tuple[argparse.Namespace, list[str]]:
         """Parse the command line; what is not known is an error of this parser, a command's too."""
+        self._check_options(sys.argv[1:] if args is None else args)
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            known = [name for action in self._actions for name in action.option_strings]
-            guess = suggestion(unknown[0].partition("=")[0], known)
-            self.error(f"unrecognized arguments: {' '.join(unknown)}{guess}")
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
         return found, unknown
+
+    def _check_options(self, words: Sequence[str]) -> None:
+        """Refuse an unknown option first: else what it was to give would be said to be missing."""
+        known = self._option_string_actions
+        for word in words:
+            if word == "--" or (self._subparsers is not None and not word.startswith("-")):
+                return  # what follows are no options, or those of a command
+            name = word.partition("=")[0]
+            if name.startswith("--") and " " not in name and name not in known:
+                self.error(f"unrecognized arguments: {word}{suggestion(name, known)}")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Say which of the choices may have been meant."""
@@ -54,6 +57,82 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Print the error and how to get help, and exit."""
         self.exit(WRONG_INPUT, f"{self.prog}: {message} (`{self.prog} --help` shows how)\n")
+
+
+class DatasetName(argparse.Action):
+    """Keep the dataset's name, given by a word or an option, and refuse a second one."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: Any = None) -> None:
+        """Keep the name."""
+        first = getattr(namespace, "named", values)
+        if first != values:
+            parser.error(f"two datasets are named, {first} and {values}: name one")
+        namespace.version = namespace.named = values
+
+
+def add_command(
+    commands: Commands,
+    name: str,
+    run: Callable[[argparse.Namespace], int],
+    text: str,
+    example: str = "",
+) -> argparse.ArgumentParser:
+    """Add a command, with an example and the options that all commands of both programs have."""
+    command = commands.add_parser(name, help=text, description=text)
+    command.epilog = f"example: {command.prog} {example}".rstrip()
+    command.set_defaults(run=run)
+    command.add_argument("--json", action="store_true", help="print JSON for a program")
+    command.add_argument(
+        "--traceback", action="store_true", help="where it fails, show the lines of code as well"
+    )
+    return command
+
+
+def complete_with(
+    action: argparse.Action, names: Callable[[argparse.Namespace], Iterable[str]]
+) -> None:
+    """Let the shell complete an argument by names; they are looked up when it asks."""
+
+    def completer(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
+        return list(names(parsed_args))
+
+    action.completer = completer  # type: ignore[attr-defined]  # argcomplete's name for it
+
+
+def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Parse the command line, or answer the shell that asks how it may go on."""
+    if "_ARGCOMPLETE" in os.environ:  # set by the function that the shell calls at a tab
+        import argcomplete
+
+        argcomplete.safe_actions.add(DatasetName)  # so that completers see which is named
+        argcomplete.autocomplete(parser)
+    return parser.parse_args(arguments)
+
+
+def run(program: str, options: argparse.Namespace, *expected: type[Exception]) -> int:
+    """Run the command of parsed options and return its exit code.
+
+    An error that is expected, by a wrong value or of the system too, is one line; with
+    ``--traceback`` the lines of code come before it.
+    """
+    try:
+        code: int = options.run(options)
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say
+        return 0
+    except (ValueError, OSError, *expected) as error:
+        if options.traceback:
+            traceback.print_exception(error)
+        sys.stderr.write(f"{program}: {_line(error)}\n")
+        return WRONG_INPUT
+    return code
+
+
+def _line(error: Exception) -> str:
+    """Return an error on one line; of the system's, the file and what is wrong with it."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
 
 
 class Rate(ProgressColumn):

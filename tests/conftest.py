@@ -14,7 +14,7 @@ import hypothesis
 import pytest
 
 import synthnet
-from synthnet import recipe
+from synthnet import kernels, recipe
 from synthnet.build.label import make_sample
 from synthnet.commands import cli
 from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe, plan, splits
@@ -24,6 +24,9 @@ from synthnet.verify import seal
 
 hypothesis.settings.register_profile("synthnet", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("synthnet")
+
+
+os.environ[kernels.SAID] = ""  # tests compare what commands print, whatever the cache holds
 
 
 # --- the recipe and the draw of version 1.0 -------------------------------------------

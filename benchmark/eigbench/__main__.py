@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK
 """Run the command line: ``python -m eigbench``, and the script ``eigbench``.
 
 The process of a predictor imports this module anew, so it imports nothing by itself: the

@@ -98,9 +98,6 @@ class BuildReport:
 class Watcher:
     """Follows a build; override the methods for what you want to know."""
 
-    def preparing(self) -> None:
-        """The solver is about to be loaded; the first time on a machine it is compiled."""
-
     def planned(self, drawn: Mapping[str, int]) -> None:
         """The shards are about to be made, of so many shapes by family."""
 
@@ -163,7 +160,6 @@ def make_shards(task: Task, options: Options, preload: str) -> list[ShardResult]
     watcher = options.watcher or Watcher()
     results: dict[int, ShardResult] = {}
     with options.engine or local_processes(options.workers, preload) as workers:
-        watcher.preparing()
         spectrum.compile_solver()  # here, and not in every worker
         watcher.planned(task.drawn)
         for number, job, result in submit(workers, task.jobs(), watcher):

@@ -32,24 +32,21 @@ def add(commands: Commands) -> None:
         type=int,
         metavar="N",
         help="draw N times as many shapes, all new, by the same distributions; "
-        "the version's name is then V-xN",
+        "the version's name is then V-xN (default: the shapes of the version)",
     )
     sub.add_argument(
         "--engine",
         choices=("local", "dask", "mpi"),
         default="local",
-        help="where the work is done: by processes of this machine (default), by a Dask cluster, "
-        "or by the other processes of an MPI job; the data do not depend on it",
+        help="where the work is done: by processes of this machine, by a Dask cluster, or by the "
+        "other processes of an MPI job; the data do not depend on it (default: %(default)s)",
     )
     sub.add_argument(
-        "--scheduler", metavar="ADDRESS", help="address of the Dask cluster's scheduler"
+        "--scheduler",
+        metavar="ADDRESS",
+        help="address of the Dask cluster's scheduler (default: none; --engine dask needs it)",
     )
-    workers_options(
-        sub,
-        other="build",
-        workers="local processes of one thread each (default: the cores there are); "
-        "the data do not depend on it",
-    )
+    workers_options(sub, other="build")
     sub.add_argument(
         "--limits",
         action="store_true",

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 
+from synthnet import terminal
 from synthnet.commands import (
     build,
     croissant,
@@ -18,7 +18,7 @@ from synthnet.commands import (
     versions,
 )
 from synthnet.errors import SynthNetError
-from synthnet.terminal import WRONG_INPUT, Parser
+from synthnet.terminal import Parser
 from synthnet.version import __version__
 
 COMMANDS = (versions, build, imports, seal, info, verify, show, gallery, croissant)
@@ -30,19 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0: done. 1: ``verify`` found a difference. 2: the input, the directory or the machine
     is at fault; one line says what is wrong and what to do. An interrupt is left to the caller.
     """
-    options = _parser().parse_args(arguments)
-    try:
-        code: int = options.run(options)
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say
-        return 0
-    except (SynthNetError, ValueError) as error:
-        print(f"synthnet: {error}", file=sys.stderr)
-        return WRONG_INPUT
-    except OSError as error:
-        print(f"synthnet: {error.filename}: {error.strerror}", file=sys.stderr)
-        return WRONG_INPUT
-    return code
+    options = terminal.parse(_parser(), arguments)
+    return terminal.run("synthnet", options, SynthNetError)
 
 
 def _parser() -> argparse.ArgumentParser:

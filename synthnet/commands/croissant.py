@@ -15,7 +15,7 @@ def add(commands: Commands) -> None:
         "croissant",
         run,
         "describe a built version for other tools: Croissant 1.1 metadata beside its manifest",
-        " 1.0-mini",
+        "1.0-mini",
     )
 
 

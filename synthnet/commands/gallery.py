@@ -12,7 +12,8 @@ from rich.progress import track
 
 from synthnet import recipe
 from synthnet.commands.options import Commands, add_command, at_least, print_json
-from synthnet.store.files import write_bytes
+from synthnet.store.files import make_parent, write_bytes
+from synthnet.terminal import complete_with
 from synthnet.types import Mesh, ShapeSpec
 
 Thing = TypeVar("Thing")
@@ -27,15 +28,16 @@ def add(commands: Commands) -> None:
         "gallery",
         run,
         "draw a contact sheet of a family, or one shape of each; no build is needed",
-        " torus --dataset 1.0",
+        "torus --dataset 1.0",
         positional=False,
     )
-    sub.add_argument(
+    family = sub.add_argument(
         "family",
         nargs="?",
         metavar="FAMILY",
         help="family to draw, for example torus (default: one shape of each family)",
     )
+    complete_with(family, lambda options: recipe.load(options.version).families)
     sub.add_argument(
         "--png",
         type=Path,
@@ -59,6 +61,7 @@ def run(options: argparse.Namespace) -> int:
     name = "-".join(filter(None, ("gallery", options.version, options.family)))
     path: Path = options.png or Path(f"{name}.png")
     draw.check_name(path)
+    make_parent(path)
     families = galleries.candidates(options.version, options.family, options.out)
     one_each = options.family is None and len(families) != 1
     if one_each and options.count is not None:

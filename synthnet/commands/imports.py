@@ -21,7 +21,7 @@ def add(commands: Commands) -> None:
         "import",
         run,
         "make a dataset of your own mesh files",
-        " scans --name scans --unit-area",
+        "scans --name scans --unit-area",
         version=False,
     )
     sub.add_argument(
@@ -42,7 +42,8 @@ def add(commands: Commands) -> None:
         "--split",
         choices=("test", "hash"),
         default="test",
-        help="all files are test shapes (default), or 70, 20 and 10 %% by the hash of the file",
+        help="all files are test shapes, or 70, 20 and 10 %% by the hash of the file "
+        "(default: %(default)s)",
     )
     workers_options(sub, other="import")
 

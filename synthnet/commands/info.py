@@ -15,7 +15,7 @@ from synthnet.types import SPLITS
 
 def add(commands: Commands) -> None:
     """Add the command."""
-    sub = add_command(commands, "info", run, "say what a built version holds", " 1.0-small")
+    sub = add_command(commands, "info", run, "say what a built version holds", "1.0-small")
     sub.add_argument("--ids", action="store_true", help="list the ids of its shapes")
 
 
@@ -24,7 +24,7 @@ def run(options: argparse.Namespace) -> int:
     dataset = store.open_dataset(options.version, options.out)
     manifest = dataset.manifest
     if options.ids:
-        ids = [i.as_py() for p in dataset.paths() for i in store.read_table(p, ["id"])["id"]]
+        ids = dataset.ids()
         if options.json:
             print_json(ids)
         else:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any
 
-from synthnet import recipe, store
-
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+from synthnet import recipe, store, terminal
+from synthnet.terminal import Commands, DatasetName, complete_with
 
 
 def add_command(
@@ -23,10 +22,7 @@ def add_command(
     positional: bool = True,
 ) -> argparse.ArgumentParser:
     """Add a command with the options that every command has, and its dataset by default."""
-    command = commands.add_parser(
-        name, help=text, description=text, epilog=f"example: synthnet {name}{example}"
-    )
-    command.set_defaults(run=run)
+    command = terminal.add_command(commands, name, run, text, example)
     command.add_argument(
         "--out",
         "--root",
@@ -36,55 +32,55 @@ def add_command(
         + str(store.home()).replace("%", "%%")
         + ")",
     )
-    command.add_argument("--json", action="store_true", help="print JSON for a program")
     if version:
         dataset_argument(command, positional=positional)
     return command
-
-
-class _Named(argparse.Action):
-    """Keep the dataset's name, and refuse a second one."""
-
-    def __call__(self, parser: Any, namespace: Any, values: Any, option: Any = None) -> None:
-        first = getattr(namespace, "named", values)
-        if first != values:
-            parser.error(f"two datasets are named, {first} and {values}: name one")
-        namespace.version = namespace.named = values
 
 
 def dataset_argument(command: argparse._ActionsContainer, *, positional: bool = True) -> None:
     """Add what names a dataset: a word of its own, or an option where that means another thing."""
     known = f"one of {', '.join(recipe.available())}, or one of these scaled, as 1.0-x100"
     if positional:
-        command.add_argument(
+        word = command.add_argument(
             "version",
             nargs="?",
-            action=_Named,
+            action=DatasetName,
             default=argparse.SUPPRESS,
             metavar="DATASET",
             help=f"{known} (default: 1.0)",
         )
+        complete_with(word, _names)
         known = "the same as an option"
-    command.add_argument(
+    option = command.add_argument(
         "--dataset",
         "--version",
         dest="version",
-        action=_Named,
+        action=DatasetName,
         default="1.0",
         metavar="NAME",
         help=f"{known} (default: %(default)s)",
     )
+    complete_with(option, _names)
 
 
-def workers_options(
-    command: argparse.ArgumentParser, *, other: str, workers: str = "local processes"
-) -> None:
+def _names(options: argparse.Namespace) -> list[str]:
+    return store.known_names(getattr(options, "out", None))
+
+
+def workers_options(command: argparse.ArgumentParser, *, other: str) -> None:
     """Add the options of a command that makes shards; it may wait for an ``other`` command."""
-    command.add_argument("--workers", type=int, metavar="N", help=workers)
+    workers_option(command, "local processes of one thread each; the data do not depend on it")
     command.add_argument(
         "--wait",
         action="store_true",
         help=f"wait while another {other} is at work in the directory",
+    )
+
+
+def workers_option(command: argparse.ArgumentParser, text: str) -> None:
+    """Add the number of local processes."""
+    command.add_argument(
+        "--workers", type=int, metavar="N", help=f"{text} (default: the cores there are)"
     )
 
 

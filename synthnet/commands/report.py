@@ -77,9 +77,6 @@ def _reasons(rejected: dict[str, int] | Counter[str]) -> str:
     return ", ".join(f"{count} {reason}" for reason, count in rejected.items()) or "0"
 
 
-PREPARING = "solver, compiled once"
-
-
 class FamilyBars(Watcher):
     """A progress bar for each family, on standard error.
 
@@ -101,15 +98,8 @@ class FamilyBars(Watcher):
         )
         self.tasks: dict[str, TaskID] = {}
 
-    def preparing(self) -> None:
-        """Say so where it can be wiped out again: compiling takes a while, but only once."""
-        if self.progress.console.is_terminal:
-            self.tasks[PREPARING] = self.progress.add_task(PREPARING, total=None)
-
     def planned(self, drawn: Mapping[str, int]) -> None:
         """Show the families with the number of their shapes."""
-        if PREPARING in self.tasks:
-            self.progress.update(self.tasks[PREPARING], visible=False)  # known by its number
         for family, count in drawn.items():
             self.tasks[family] = self.progress.add_task(
                 f"{self.of}{family}", total=count, start=False

@@ -10,6 +10,7 @@ from pathlib import Path
 from synthnet import recipe
 from synthnet.commands.options import Commands, add_command, workers_options
 from synthnet.commands.report import FamilyBars, family_table
+from synthnet.store.files import make_parent
 
 
 def add(commands: Commands) -> None:
@@ -19,7 +20,7 @@ def add(commands: Commands) -> None:
         "seal",
         run,
         "draw a test set from a secret salt, and write the file that commits to it",
-        " --version 1.0-mini --salt-file salt.txt --new-salt",
+        "1.0-mini --salt-file salt.txt --new-salt",
     )
     salt_option(sub)
     sub.add_argument(
@@ -36,7 +37,7 @@ def add(commands: Commands) -> None:
         "--beacon",
         metavar="TEXT",
         help="public text that nobody could choose, drawn after the commitment was published: "
-        "it goes into the seed and into the seal",
+        "it goes into the seed and into the seal (default: none)",
     )
     sub.add_argument(
         "--commitment",
@@ -54,12 +55,13 @@ def add(commands: Commands) -> None:
 
 def salt_option(sub: argparse.ArgumentParser, *, required: bool = True) -> None:
     """Add the option that names the salt."""
+    default = "" if required else " (default: none; --sealed needs it)"
     sub.add_argument(
         "--salt-file",
         type=Path,
         required=required,
         metavar="FILE",
-        help="the salt: at least 32 random bytes as hexadecimal digits",
+        help=f"the salt: at least 32 random bytes as hexadecimal digits{default}",
     )
 
 
@@ -69,6 +71,7 @@ def run(options: argparse.Namespace) -> int:
 
     seals.check_terms(recipe.load(options.version), options.share, options.beacon)
     if options.new_salt:
+        make_parent(options.salt_file)
         seals.make_salt(options.salt_file)
     salt = seals.read_salt(options.salt_file)
     resolved = seals.sealed_recipe(
@@ -81,6 +84,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     path = options.publish or Path(f"{resolved.version}.json")
     seals.check_free(path, resolved)
+    make_parent(path)
     bars = FamilyBars()
     with bars.progress:
         published, report = seals.make(

@@ -13,18 +13,24 @@ from synthnet import store
 from synthnet.commands.options import Commands, add_command, at_least, print_json
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.store import limits
+from synthnet.store.files import make_parent
 from synthnet.store.limits import StoredLimit
+from synthnet.terminal import complete_with
 
 EIGENFUNCTIONS = 5  # that are drawn by default
 
 
 def add(commands: Commands) -> None:
     """Add the command."""
-    example = " torus-00012 --png torus.png"
+    example = "torus-00012 --png torus.png"
     sub = add_command(commands, "show", run, "show one shape", example, positional=False)
-    sub.add_argument("id", metavar="ID", help="id of the shape, for example cone-00042")
+    shape = sub.add_argument("id", metavar="ID", help="id of the shape, for example cone-00042")
+    complete_with(shape, lambda options: store.open_dataset(options.version, options.out).ids())
     sub.add_argument(
-        "--png", type=Path, metavar="FILE", help="also draw it, with spectrum and eigenfunctions"
+        "--png",
+        type=Path,
+        metavar="FILE",
+        help="also draw it into this file, with spectrum and eigenfunctions (default: no picture)",
     )
     sub.add_argument(
         "--eigenfunctions",
@@ -43,8 +49,10 @@ def run(options: argparse.Namespace) -> int:
     limit = limits.find(dataset, options.id)
     facts = MeshFacts(sample.mesh)
     if options.png is not None:
-        from synthnet.pictures.draw import draw_sample
+        from synthnet.pictures.draw import check_name, draw_sample
 
+        check_name(options.png)
+        make_parent(options.png)
         draw_sample(sample, options.png, eigenfunctions=options.eigenfunctions, edges=options.edges)
     described: dict[str, Any] = {
         "id": sample.spec.id,

@@ -12,7 +12,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tabulate import tabulate
 
 from synthnet import store
-from synthnet.commands.options import Commands, add_command, at_least, dataset_argument, print_json
+from synthnet.commands.options import (
+    Commands,
+    add_command,
+    at_least,
+    dataset_argument,
+    print_json,
+    workers_option,
+)
 from synthnet.commands.report import FamilyBars
 from synthnet.commands.seal import salt_option
 from synthnet.recipe import Kind
@@ -25,7 +32,7 @@ DIFFERENT = 1  # exit code where something differs
 
 def add(commands: Commands) -> None:
     """Add the command."""
-    example = " 1.0 --sample 200"
+    example = "1.0 --sample 200"
     sub = add_command(commands, "verify", run, "check a built version", example, version=False)
     which = sub.add_mutually_exclusive_group()
     dataset_argument(which)
@@ -33,10 +40,11 @@ def add(commands: Commands) -> None:
         "--sealed",
         type=Path,
         metavar="SEAL.json",
-        help="check a sealed set against its revealed salt; it is built first if it is missing",
+        help="check a sealed set against its revealed salt instead; it is built first if it is "
+        "missing (default: none)",
     )
     salt_option(sub, required=False)
-    sub.add_argument("--workers", type=int, metavar="N", help="local processes, for --sealed")
+    workers_option(sub, "local processes of --sealed, which builds")
     sub.add_argument(
         "--files",
         action="store_true",
@@ -54,14 +62,14 @@ def add(commands: Commands) -> None:
         type=at_least(0),
         default=0,
         metavar="N",
-        help="seed that draws this sample (default: 0)",
+        help="seed that draws this sample (default: %(default)s)",
     )
     sub.add_argument(
         "--limit",
         type=at_least(0),
         default=20,
         metavar="N",
-        help="number of problems to print (default: 20)",
+        help="number of problems to print (default: %(default)s)",
     )
 
 

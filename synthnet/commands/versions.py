@@ -8,8 +8,6 @@ from tabulate import tabulate
 
 from synthnet import recipe, store
 from synthnet.commands.options import Commands, add_command, print_json
-from synthnet.errors import StoreError
-from synthnet.store import storage
 
 
 def add(commands: Commands) -> None:
@@ -26,14 +24,8 @@ def run(options: argparse.Namespace) -> int:
         manifest = store.read_manifest(store.dataset_directory(name, options.out))
         built = manifest is not None and manifest.recipe_digest == version.digest
         rows.append({"version": name, "shapes": version.count, "built": built})
-    for name in storage.names(store.home(options.out)):
-        if name in known:
-            continue
-        try:
-            manifest = store.read_manifest(store.dataset_directory(name, options.out))
-        except (StoreError, PermissionError):
-            continue  # it belongs to another program, or is not for us to read
-        if manifest is not None and manifest.version == name:
+    for name, manifest in store.there(options.out).items():
+        if name not in known:
             rows.append({"version": name, "shapes": manifest.rows, "built": True})
     if options.json:
         print_json(rows)

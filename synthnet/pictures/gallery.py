@@ -14,6 +14,7 @@ from scipy.stats.qmc import Halton
 
 from synthnet import recipe, store
 from synthnet.build import filters
+from synthnet.errors import suggestion
 from synthnet.families import FAMILIES
 from synthnet.pictures import draw
 from synthnet.recipe.drawing import draw_shape
@@ -75,7 +76,10 @@ def candidates(
             {n: definition.drawn(n) for n in definition.families},
         )
     if family is not None and family not in totals:
-        raise ValueError(f"{version} has no family {family!r}: choose one of {', '.join(totals)}")
+        raise ValueError(
+            f"{version} has no family {family!r}: choose one of {', '.join(totals)}"
+            f"{suggestion(family, totals)}"
+        )
     return [
         Candidates(name, totals[name], tuple(specs), _varying(specs))
         for name, specs in shapes.items()

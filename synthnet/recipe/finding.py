@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterable
 from dataclasses import replace
 from importlib import resources
 
-from synthnet.errors import RecipeError
+from synthnet.errors import RecipeError, suggestion
 from synthnet.recipe import parsing
 from synthnet.recipe.names import Kind, available, parse_name
 from synthnet.recipe.recipe import Recipe
@@ -15,10 +16,11 @@ SCHEMA = 1
 MOST_SCALE = 100_000  # beyond it a family's numbers would not fit the store's int32
 
 
-def load(version: str) -> Recipe:
+def load(version: str, known: Iterable[str] = ()) -> Recipe:
     """Read the recipe of a version that ships with the package, or scale it.
 
-    ``1.0-x100`` is 1.0 scaled by 100, see :func:`scaled`.
+    ``1.0-x100`` is 1.0 scaled by 100, see :func:`scaled`. For an unknown version, one of the names
+    of ``known`` is suggested; by default, of the versions that there are.
 
     Raises
     ------
@@ -39,14 +41,12 @@ def load(version: str) -> Recipe:
             "the salt is revealed, by `synthnet verify --sealed`"
         )
     if name.kind is Kind.IMPORTED:
-        from synthnet.terminal import suggestion  # which takes Rich along
-
         imports = (
             "" if version[:1].isdigit() else ", or make it of your own meshes by `synthnet import`"
         )
         raise RecipeError(
             f"unknown version {version!r}: choose one of {', '.join(available())} "
-            f"(`synthnet versions` lists them){imports}{suggestion(version, available())}"
+            f"(`synthnet versions` lists them){imports}{suggestion(version, known or available())}"
         )
     file = resources.files("synthnet.recipe.versions").joinpath(f"{version}.toml")
     return parse(file.read_text())

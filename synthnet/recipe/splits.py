@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import astuple
 
-from synthnet.errors import RecipeError
+from synthnet.errors import RecipeError, suggestion
 from synthnet.recipe import Fold, Recipe, SplitSettings
 from synthnet.types import PROTOCOLS, SPLITS, ShapeSpec
 
@@ -131,7 +131,11 @@ def folds(recipe: Recipe, protocol: str, split: str = "test") -> tuple[Fold, ...
     if not trainings:
         several = (f"{name}/FAMILY" for name, parts in known.items() if len(parts) > 1)
         choices = ", ".join([*PROTOCOLS, *known, *several])
-        raise RecipeError(f"protocol of {recipe.version} must be one of {choices}: {protocol!r}")
+        names = [*PROTOCOLS, *known, *(fold.name for fold in every)]
+        raise RecipeError(
+            f"protocol of {recipe.version} must be one of {choices}: {protocol!r}"
+            f"{suggestion(protocol, names)}"
+        )
     if split != "test" and len(trainings) > 1:
         raise RecipeError(
             f"protocol {protocol} has {len(trainings)} trainings: say which, such as "

@@ -4,8 +4,10 @@ from synthnet.store.datasets import (
     StoredDataset,
     dataset_directory,
     home,
+    known_names,
     open_dataset,
     open_unversioned,
+    there,
 )
 from synthnet.store.imports import ImportDescription, description_of
 from synthnet.store.manifest import DIGEST, MANIFEST, read_manifest, with_digest, write_manifest
@@ -31,6 +33,7 @@ __all__ = [
     "dataset_directory",
     "description_of",
     "home",
+    "known_names",
     "open_dataset",
     "open_unversioned",
     "read_manifest",
@@ -38,6 +41,7 @@ __all__ = [
     "read_samples",
     "read_table",
     "recipe_digest_of",
+    "there",
     "with_digest",
     "write_manifest",
     "write_shard",

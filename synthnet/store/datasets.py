@@ -15,8 +15,9 @@ from pathlib import Path
 import platformdirs
 
 from synthnet import recipe
-from synthnet.errors import StoreError
+from synthnet.errors import StoreError, suggestion
 from synthnet.recipe import Kind
+from synthnet.store import storage
 from synthnet.store.imports import is_import
 from synthnet.store.manifest import read_manifest
 from synthnet.store.shards import read_samples, read_table
@@ -92,8 +93,6 @@ class StoredDataset:
                 return next(read_samples(path, slice(ids.index(id), ids.index(id) + 1)))
         family = id.rpartition("-")[0]
         if family not in self.manifest.drawn:
-            from synthnet.terminal import suggestion  # which takes Rich along
-
             families = ", ".join(self.manifest.drawn)
             raise StoreError(
                 f"no shape {id!r}: an id is a family ({families}) and a number"
@@ -101,8 +100,57 @@ class StoredDataset:
             )
         raise StoreError(
             f"no shape {id!r} in {self.manifest.version}: "
-            f"`synthnet info {self.manifest.version} --ids` lists them"
+            f"`synthnet info {self.manifest.version} --ids` lists them{self._meant(id)}"
         )
+
+    def ids(self, family: str | None = None) -> list[str]:
+        """Return the ids of all shapes, or of those of a family."""
+        shards = [shard for shard in self.manifest.shards if family in (None, shard.family)]
+        return [
+            id
+            for shard in shards
+            for id in read_table(self.directory / shard.file, ["id"])["id"].to_pylist()
+        ]
+
+    def _meant(self, id: str) -> str:
+        """Ask whether a shape of the same number was meant: of torus-5, or of torus-00005/3."""
+        family, _, number = id.rpartition("-")
+        digits = number.partition("/")[0]
+        meant = f"{family}-{int(digits):05d}" if digits.isdecimal() else ""
+        return f"; did you mean {meant}?" if meant in self.ids(family) else ""
+
+
+def there(root: str | os.PathLike[str] | None = None) -> dict[str, Manifest]:
+    """Return the manifests of the datasets that are in a directory or at a URL, by name.
+
+    What belongs to another program, or may not be read, is passed over.
+
+    Raises
+    ------
+    StoreError
+        If the directory cannot be listed.
+    """
+    found = {}
+    for name in storage.names(home(root)):
+        try:
+            manifest = read_manifest(dataset_directory(name, root))
+        except (StoreError, PermissionError):
+            continue
+        if manifest is not None and manifest.version == name:
+            found[name] = manifest
+    return found
+
+
+def known_names(root: str | os.PathLike[str] | None = None) -> list[str]:
+    """Return the names that a user may mean: of all versions, and of what is in a directory.
+
+    What is at a URL, or cannot be listed, is left out.
+    """
+    local = isinstance(home(root), Path)
+    try:
+        return sorted({*recipe.available(), *(there(root) if local else ())})
+    except StoreError:
+        return list(recipe.available())
 
 
 def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> StoredDataset:
@@ -123,7 +171,7 @@ def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> St
             "make it with its salt, by `synthnet seal` or `synthnet verify --sealed`"
         )
     if manifest is None:
-        recipe.load(version)
+        recipe.load(version, known=known_names(root))
         out = "" if root is None else f" --out {root}"
         raise StoreError(
             f"no finished dataset in {directory}: run `synthnet build --version {version}{out}`"

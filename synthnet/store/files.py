@@ -29,16 +29,28 @@ def make_directory(path: Path) -> None:
     BuildError
         If that cannot be done.
     """
+    _make(path, "choose another directory with --out or $SYNTHNET_HOME")
+
+
+def make_parent(path: Path) -> None:
+    """Create the directory of a file; a command does so before the work that fills the file.
+
+    Raises
+    ------
+    BuildError
+        If that cannot be done.
+    """
+    _make(path.absolute().parent, f"choose another place for {path.name}")
+
+
+def _make(path: Path, remedy: str) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
         probe = path / ".writable"
         probe.touch()
         probe.unlink(missing_ok=True)  # another build may probe at the same time
     except OSError as error:
-        raise BuildError(
-            f"cannot write to {path} ({error.strerror}): choose another directory with --out "
-            "or $SYNTHNET_HOME"
-        ) from error
+        raise BuildError(f"cannot write to {path} ({error.strerror}): {remedy}") from error
 
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:

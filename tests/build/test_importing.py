@@ -7,7 +7,7 @@ import os
 import re
 import shlex
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -432,7 +432,7 @@ def test_file_that_changes_or_goes_in_between_is_a_rejection(
     folder: Path, run: Callable[..., BuildReport]
 ) -> None:
     class Meddler(Watcher):
-        def preparing(self) -> None:
+        def planned(self, drawn: Mapping[str, int]) -> None:
             TORUS.export(folder / "a.ply")
             (folder / "b.STL").unlink()
 
@@ -446,7 +446,7 @@ def test_directory_that_goes_in_between_stops_the_import(
     folder: Path, run: Callable[..., BuildReport]
 ) -> None:
     class Unmounted(Watcher):
-        def preparing(self) -> None:
+        def planned(self, drawn: Mapping[str, int]) -> None:
             folder.rename(folder.with_name("elsewhere"))
 
     with pytest.raises(BuildError, match=r"the worker on .* does not see .*My Meshes: the meshes"):

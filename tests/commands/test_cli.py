@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -16,12 +15,11 @@ import pytest
 from synthnet import recipe, store
 from synthnet.build.versions import build
 from synthnet.build.workers import cores
-from synthnet.commands import cli
 from synthnet.recipe.plan import plan_shards
+from synthnet.terminal import WRONG_INPUT
 from synthnet.verify.checks import CHECKS
 
 VERSION = "1.0-mini"
-COMMANDS = ("versions", "build", "seal", "info", "verify", "show", "gallery", "croissant")
 READERS = (["info"], ["verify"], ["show", "torus-00000"], ["croissant"])  # of what is built
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -29,42 +27,11 @@ Command = Callable[..., subprocess.CompletedProcess[str]]
 Run = Callable[..., tuple[int, str, str]]
 
 
-def test_every_command_is_tested() -> None:
-    text = cli._parser().format_help()
-    assert "{" not in text
-    for name in COMMANDS:
-        assert re.search(rf"^    {name}\s+[a-z]", text, flags=re.MULTILINE)
-
-
-@pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)])
-def test_help_has_an_example(arguments: list[str], run: Run) -> None:
-    code, out, err = run(*arguments, "--help")
-    assert (code, err) == (0, "")
-    assert f"example: synthnet {' '.join(arguments)}" in " ".join(out.split())
-
-
 def test_help_survives_a_percent_sign(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SYNTHNET_HOME", "/disk at 100%full")
     code, out, _ = run("build", "--help")
     assert code == 0
     assert "100%full" in "".join(out.split("\n"))
-
-
-def test_example_of_every_command_is_understood() -> None:
-    parser = cli._parser()
-    examples = [  # the lines of the help
-        "build --version 1.0-mini",
-        "versions",
-        "build --version 1.0-small --workers 2",
-        "info --version 1.0-small",
-        "verify --version 1.0 --sample 200",
-        "show torus-00012 --png torus.png",
-        "gallery torus --version 1.0",
-        "croissant --version 1.0-mini",
-    ]
-    for example in examples:
-        words = example.split()
-        assert parser.parse_args(words).run.__module__ == f"synthnet.commands.{words[0]}"
 
 
 def test_module_is_the_command(
@@ -91,7 +58,7 @@ def test_default_place_is_the_variable(
 
 def only_line(code: int, out: str, err: str) -> str:
     """The one line of standard error of a command that could not do it."""
-    assert code == cli.WRONG_INPUT
+    assert code == WRONG_INPUT
     assert out == ""
     lines = [line for line in err.splitlines() if line.strip()]
     assert len(lines) == 1, err
@@ -128,6 +95,14 @@ def test_version_that_is_not_built(arguments: list[str], run: Run, tmp_path: Pat
             "--verison; did you mean --version? (`synthnet info --help`",
         ),
         (["show", "tours-00001", "--dataset", VERSION], "and a number; did you mean torus?"),
+        (["show", "torus-5", "--dataset", VERSION], "lists them; did you mean torus-00005?"),
+        (["show", "torus-00005/3", "--dataset", VERSION], "did you mean torus-00005?"),
+        (
+            ["show", "--datset", VERSION],
+            "--datset; did you mean --dataset? (`synthnet show --help`",
+        ),
+        (["--verison"], "--verison; did you mean --version? (`synthnet --help`"),
+        (["gallery", "tours", "--dataset", VERSION], "inverted_cone; did you mean torus?"),
         (["build", "--workers", "two"], "argument --workers: invalid int value: 'two'"),
         (["build", "--workers", "0"], "workers must be at least 1, got 0"),
         (["build", "--workers", "999999"], f"workers must be at most {16 * cores()}, 16 a core"),
@@ -149,6 +124,22 @@ def test_a_dataset_is_named_by_a_word_or_an_option(
     code, out, _ = run("info", *named, "--out", mini_home, "--json")
     assert code == 0
     assert json.loads(out)["version"] == VERSION
+
+
+def test_a_dataset_that_is_there_is_guessed_too(
+    run: Run, tmp_path: Path, tiny: recipe.Recipe
+) -> None:
+    build(dataclasses.replace(tiny, version="scans"), root=tmp_path, workers=1)
+    assert only_line(*run("info", "scnas", "--out", tmp_path)).endswith("; did you mean scans?")
+
+
+def test_traceback_shows_where_an_error_was_raised(run: Run) -> None:
+    line = only_line(*run("info", "1.0-mni"))
+    code, out, err = run("info", "1.0-mni", "--traceback")
+    assert (code, out) == (WRONG_INPUT, "")
+    assert err.startswith("Traceback (most recent call last):\n")
+    assert "finding.py" in err
+    assert err.endswith(f"\n{line}\n")
 
 
 @pytest.mark.parametrize("option", ["--sample", "--seed"])
@@ -326,11 +317,15 @@ def test_picture_of_another_kind_is_refused(run: Run, mini_home: Path, tmp_path:
     assert not path.exists()
 
 
-def test_picture_that_cannot_be_written(run: Run, mini_home: Path, tmp_path: Path) -> None:
-    path = tmp_path / "nowhere" / "a.png"
+def test_folder_of_a_picture_is_made(run: Run, mini_home: Path, tmp_path: Path) -> None:
+    path = tmp_path / "not" / "there" / "a.png"
     arguments = ["show", "torus-00000", "--version", VERSION, "--out", mini_home]
-    told = only_line(*run(*arguments, "--png", path))
-    assert told.endswith(f"{path}: there is no directory {path.parent}, make it first")
+    assert run(*arguments, "--png", path, "--eigenfunctions", 0)[0] == 0
+    assert path.is_file()
+    (tmp_path / "file").write_text("no directory")
+    line = only_line(*run(*arguments, "--png", tmp_path / "file" / "a.png"))
+    assert f"cannot write to {tmp_path / 'file'} (" in line
+    assert line.endswith("choose another place for a.png")
 
 
 # For programs

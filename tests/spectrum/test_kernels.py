@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from synthnet import kernels
+
 SOURCE = """
 from synthnet.kernels import kernel
 
@@ -36,3 +38,35 @@ def test_a_module_may_be_imported_by_two_names(order: tuple[str, str], tmp_path:
         )
         assert (done.returncode, done.stdout) == (0, "4.0\n"), done.stderr
     assert list((tmp_path / "cache").rglob("*.nbi"))
+
+
+COMPILES = """
+import subprocess
+import sys
+import part
+
+if sys.argv[1:]:
+    both = [subprocess.Popen([sys.executable, __file__]) for _ in range(2)]
+    assert not any(process.wait() for process in both)
+part._twice(2.0)
+part._twice(2)  # of whole numbers: compiled a second time
+"""
+
+
+def test_a_program_and_its_processes_say_once_that_they_compile(tmp_path: Path) -> None:
+    (tmp_path / "part.py").write_text(SOURCE)
+    (tmp_path / "program.py").write_text(COMPILES)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment["TMPDIR"] = str(tmp_path)
+    del environment[kernels.SAID]  # empty in tests
+
+    def stderr() -> str:
+        command = [sys.executable, "program.py", "with others"]
+        done = subprocess.run(
+            command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        return done.stderr
+
+    assert stderr() == f"{kernels.COMPILING.format(how='once')}\n"
+    assert stderr() == ""
+    assert not list(tmp_path.glob("*compiling*"))

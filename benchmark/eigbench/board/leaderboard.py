@@ -63,8 +63,16 @@ def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submis
     ResultError
         If one is partial, misplaced, without predictions, or does not bear its scores out.
     """
+    rows = _rows(root, "*", on_row)
+    _check_protocols(rows)
+    _check_strays(root, rows)
+    return rows
+
+
+def _rows(root: Path, board: str, on_row: Callable[[str], None] | None) -> list[Submission]:
+    """Read the submissions of a board, or with ``*`` of all, as they are."""
     rows, times = [], timing.read(root)
-    for path in sorted((root / RESULTS).glob("*/*.json")):
+    for path in sorted((root / RESULTS).glob(f"{board}/*.json")):
         if on_row is not None:
             on_row(f"{path.parent.name}/{path.stem}")
         row = submission.read(path, root / PREDICTIONS / path.parent.name / f"{path.stem}.parquet")
@@ -73,8 +81,6 @@ def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submis
             raise ResultError(f"{path} belongs at {RESULTS / row.board / row.slug}.json")
         cost = timing.cost_of(row.result, times.get(row.truth.version, []))
         rows.append(row if cost is None else replace(row, result={**row.result, "cost": cost}))
-    _check_protocols(rows)
-    _check_strays(root, rows)
     return rows
 
 
@@ -271,15 +277,38 @@ def add(row: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Pa
     EigbenchError
         If another of that name is there and ``replace`` is not given.
     """
-    check_fit(row)
-    if row.truth.protocol in PROTOCOLS and row.result["cost"].get("reference") is None:
-        raise ResultError(
-            f"{row.result_path} was not timed beside LaPy: evaluate without --no-reference"
-        )
-    generate([row], [])  # a row that cannot be drawn would break the page for all
+    _check_new(row)
     paths = (
         root / RESULTS / row.board / f"{row.slug}.json",
         root / PREDICTIONS / row.board / f"{row.slug}.parquet",
     )
     results.put((row.result_path, row.predictions_path), paths, replace=replace)
     return paths
+
+
+def placed(
+    row: Submission, root: Path, on_row: Callable[[str], None] | None = None
+) -> list[list[Ranked]]:
+    """Return a submission among the rows of its board, best first, beside each target it has.
+
+    An earlier result of the same model is left out, as :func:`add` would replace it.
+
+    Raises
+    ------
+    ResultError
+        If it does not fit, as :func:`add`.
+    """
+    _check_new(row)
+    others = [other for other in _rows(root, row.board, on_row) if other.slug != row.slug]
+    by_target = (_at([*others, row], target) for target in TARGETS)
+    return [ranking.ranked(rows) for rows in by_target if rows]
+
+
+def _check_new(row: Submission) -> None:
+    """Check that a submission may be added, and was timed beside LaPy if its times are shown."""
+    check_fit(row)
+    if row.truth.protocol in PROTOCOLS and row.result["cost"].get("reference") is None:
+        raise ResultError(
+            f"{row.result_path} was not timed beside LaPy: evaluate without --no-reference"
+        )
+    generate([row], [])  # a row that cannot be drawn would break the page for all

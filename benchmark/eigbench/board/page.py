@@ -156,9 +156,13 @@ def remarks(rows: Sequence[Ranked]) -> list[str]:
 
 def top(rows: Sequence[Ranked]) -> str:
     """Return the first rows of a board, in few columns, for the README."""
-    shown = as_markdown(ranked_columns.top(), rows[:TOP], (RANK, MODEL, KIND))
     below = "".join(f"\n{line}\n" for line in remarks(rows[:TOP]))
-    return f"{title(rows)}, {len(rows)} rows:\n\n{shown}{below}"
+    return f"{title(rows)}, {len(rows)} rows:\n\n{top_table(rows[:TOP])}{below}"
+
+
+def top_table(rows: Sequence[Ranked]) -> str:
+    """Return some rows of a board in few columns."""
+    return as_markdown(ranked_columns.top(), rows, (RANK, MODEL, KIND))
 
 
 def _cost(group: Group[Ranked], rows: Sequence[Ranked]) -> str:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable
 from pathlib import Path
 
+from eigbench.board import leaderboard
 from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
+from eigbench.scaling import results as scaling_results
 from eigbench.scoring.targets import TARGETS
 from eigbench.scoring.truth import SURFACE, Truth
-from synthnet import store
+from synthnet import recipe, store
+from synthnet.terminal import complete_with
 
 Command = Callable[..., argparse.ArgumentParser]  # of a name, a function, a text and an example
 
@@ -45,14 +49,16 @@ def out_folder(sub: argparse.ArgumentParser, default: str, receives: str) -> Non
 def process(sub: argparse.ArgumentParser) -> None:
     """Add what the predictor's process computes with: device and threads."""
     sub.add_argument(
-        "--device", default="cpu", help="PyTorch device passed to the predictor (default: cpu)"
+        "--device",
+        default="cpu",
+        help="PyTorch device passed to the predictor (default: %(default)s)",
     )
     sub.add_argument(
         "--threads",
         type=positive,
         default=1,
         metavar="N",
-        help="threads that the predictor may use (default: 1)",
+        help="threads that the predictor may use (default: %(default)s)",
     )
 
 
@@ -88,30 +94,82 @@ def unknown_surfaces(labels: Truth) -> EigbenchError:
     )
 
 
-def dataset_directory(sub: argparse.ArgumentParser) -> None:
-    """Add the directory of a dataset whose labels are not pinned; read by :func:`dataset`."""
+def dataset(sub: argparse._ActionsContainer, default: str | None, what: str) -> None:
+    """Add what names a dataset; :func:`unpinned` reads it."""
+    shown = "the pinned labels of the version in the results" if default is None else default
+    option = sub.add_argument(
+        "--dataset", default=default, metavar="NAME", help=f"{what} (default: {shown})"
+    )
+    complete_with(option, lambda options: store.known_names(getattr(options, "root", None)))
+
+
+def root(sub: argparse.ArgumentParser) -> None:
+    """Add the directory of the datasets that have no directory in their name."""
     sub.add_argument(
-        "--dataset",
+        "--root",
         type=Path,
         metavar="DIR",
-        help="directory of the dataset that was predicted, unless it is a pinned version",
+        help="directory that holds the datasets (default: $SYNTHNET_HOME, else the user's cache "
+        "directory)",
     )
 
 
-def dataset(options: argparse.Namespace) -> store.StoredDataset | None:
-    """Return the dataset of a directory, if one is given.
+def unpinned(name: str | None, root: Path | None) -> store.StoredDataset | None:
+    """Return the dataset of a directory, an import or a sealed set; None for a version.
 
     Raises
     ------
     EigbenchError
-        If there is none.
+        If it is a directory without a dataset.
+    SynthNetError
+        If there is nothing of that name.
     """
-    if options.dataset is None:
-        return None
-    manifest = store.read_manifest(options.dataset)
-    if manifest is None:
-        raise EigbenchError(f"{options.dataset} holds no dataset (no manifest)")
-    return store.StoredDataset(options.dataset, manifest)
+    if name is None or name in recipe.available():
+        return None  # a version, even where a directory has its name
+    manifest = store.read_manifest(Path(name))
+    if manifest is not None:
+        return store.StoredDataset(Path(name), manifest)
+    if os.sep in name:
+        raise EigbenchError(f"{name} holds no dataset (no manifest)")
+    found = store.open_unversioned(name, root)
+    if found is None:
+        recipe.load(name, known=store.known_names(root))
+    return found
+
+
+def board(sub: argparse.ArgumentParser) -> None:
+    """Add the directory of the board."""
+    sub.add_argument(
+        "--board",
+        type=Path,
+        default=Path(),
+        metavar="DIR",
+        help="a checkout of the project, or any directory of its layout (default: here)",
+    )
+
+
+def board_root(options: argparse.Namespace, *, make: bool = False) -> Path:
+    """Return the directory of the board; with ``make`` one that is named need not be there.
+
+    Raises
+    ------
+    EigbenchError
+        If there is no board.
+    """
+    root: Path = options.board
+    folders = (leaderboard.RESULTS, scaling_results.FOLDER)
+    exists = any((root / folder).is_dir() for folder in folders)
+    if not exists and not (make and root != Path()):
+        raise EigbenchError(
+            f"{root.resolve()} has no {leaderboard.RESULTS}: run this in a checkout of the "
+            "project, or give one with --board DIR"
+        )
+    return root
+
+
+def board_argument(options: argparse.Namespace) -> str:
+    """Return the option that names the board again, for the next command."""
+    return "" if options.board == Path() else f" --board {options.board}"
 
 
 def positive(text: str) -> int:

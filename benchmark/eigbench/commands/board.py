@@ -1,4 +1,4 @@
-"""The commands submit, leaderboard, export and site. None of them runs a predictor."""
+"""The commands leaderboard, export and site. None of them runs a predictor."""
 
 from __future__ import annotations
 
@@ -11,11 +11,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from eigbench.board import export, leaderboard, scaling_page
+from eigbench.board import export, leaderboard
 from eigbench.commands import arguments
 from eigbench.commands.arguments import Command
-from eigbench.errors import EigbenchError
-from eigbench.results import submission
 from eigbench.results.submission import Submission
 from eigbench.scaling import results as scaling_results
 from eigbench.site import bundle, write
@@ -26,23 +24,7 @@ SHOWN = 40  # lines of a difference
 
 
 def add_commands(command: Command) -> None:
-    """Add submit, leaderboard, export and site to the command line."""
-    sub = command(
-        "submit",
-        submit,
-        "check a result and its predictions, and put both on the board",
-        "results.json",
-    )
-    sub.add_argument("result", type=Path, metavar="RESULT.json", help="made by `eigbench evaluate`")
-    sub.add_argument(
-        "--predictions",
-        type=Path,
-        metavar="FILE",
-        help="its predictions (default: beside the result)",
-    )
-    sub.add_argument("--replace", action="store_true", help="replace the model's earlier result")
-    _add_board(sub)
-
+    """Add leaderboard, export and site to the command line."""
     sub = command(
         "leaderboard",
         regenerate,
@@ -52,7 +34,7 @@ def add_commands(command: Command) -> None:
     sub.add_argument(
         "--check", action="store_true", help="write nothing; exit 1 if a file is not up to date"
     )
-    _add_board(sub)
+    arguments.board(sub)
 
     sub = command(
         "export",
@@ -61,7 +43,7 @@ def add_commands(command: Command) -> None:
         "--out tables",
     )
     arguments.out_folder(sub, "tables", "BOARD.parquet and BOARD.csv")
-    _add_board(sub)
+    arguments.board(sub)
 
     sub = command(
         "site",
@@ -76,56 +58,12 @@ def add_commands(command: Command) -> None:
         help=f"address of the documentation, relative to DIR; {{}} is a page's name, as in {DOCS} "
         "(default: those of the checkout)",
     )
-    _add_board(sub)
-
-
-def _add_board(sub: argparse.ArgumentParser) -> None:
-    """Add the directory of the board."""
-    sub.add_argument(
-        "--board",
-        type=Path,
-        default=Path(),
-        metavar="DIR",
-        help="a checkout of the project, or any directory of its layout (default: here)",
-    )
-
-
-def submit(options: argparse.Namespace) -> int:
-    """Check a result with its predictions and put both on the board."""
-    root = _root(options, make=True)
-    if scaling_results.is_scaled(options.result):
-        return _submit_scaled(options, root)
-    row = submission.read(options.result, options.predictions)
-    paths = leaderboard.add(row, root, replace=options.replace)
-    if options.json:
-        print(json.dumps({"model": row.name, "board": row.board, "files": list(map(str, paths))}))
-        return 0
-    print(f"{row.name}: every score follows from its predictions; cost and physics as declared")
-    for path in paths:
-        print(f"  {path}")
-    remark = submission.remark_path(paths[0])
-    if remark.is_file():
-        print(f"the remark on the earlier result stays: {remark}")
-    print(f"now: eigbench leaderboard{_board_argument(options)}")
-    return 0
-
-
-def _submit_scaled(options: argparse.Namespace, root: Path) -> int:
-    """Put a result of the scaling track, which holds its predictions, on the board."""
-    row = scaling_results.read(options.result)
-    scaling_page.section([row])  # a row that cannot be drawn would break the page for all
-    path = scaling_results.add(row, root, replace=options.replace)
-    if options.json:
-        print(json.dumps({"model": row.name, "board": "scaling", "files": [str(path)]}))
-        return 0
-    print(f"{row.name}: the meshes are the pinned ones; times as declared\n  {path}")
-    print(f"now: eigbench leaderboard{_board_argument(options)}")
-    return 0
+    arguments.board(sub)
 
 
 def regenerate(options: argparse.Namespace) -> int:
     """Generate the leaderboard, or say what of it is not up to date."""
-    root = _root(options)
+    root = arguments.board_root(options)
     with Console(stderr=True).status("scoring") as status:
         rows = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
         scaled = scaling_results.read_board(root)
@@ -140,7 +78,7 @@ def regenerate(options: argparse.Namespace) -> int:
     if options.check:
         _print_changes(root, generated, stale, orphans)
         if stale or orphans:
-            again = f"eigbench leaderboard{_board_argument(options)}"
+            again = f"eigbench leaderboard{arguments.board_argument(options)}"
             print(f"eigbench: not up to date: run {again}", file=sys.stderr)
             return 1
         if not options.json:
@@ -161,7 +99,7 @@ def regenerate(options: argparse.Namespace) -> int:
 
 def write_tables(options: argparse.Namespace) -> int:
     """Write the predictions of every board as one tidy table."""
-    root = _root(options)
+    root = arguments.board_root(options)
     with Console(stderr=True).status("scoring") as status:
         by_board: dict[str, list[Submission]] = {}
         for row in leaderboard.read(root, lambda row: status.update(f"scoring {row}")):
@@ -194,7 +132,7 @@ def _print_changes(
 
 def site(options: argparse.Namespace) -> int:
     """Write the leaderboard as a static page."""
-    root = _root(options)
+    root = arguments.board_root(options)
     docs = write.docs_from(options.out) if options.docs is None else options.docs
     write.check_docs(docs)
     write.check_out(options.out)
@@ -217,22 +155,6 @@ def site(options: argparse.Namespace) -> int:
         index = options.out / "index.html"
         print(f"rows: {len(rows)}; {count} files, {size / 1e6:.1f} MB: open {index}")
     return 0
-
-
-def _root(options: argparse.Namespace, *, make: bool = False) -> Path:
-    root: Path = options.board
-    folders = (leaderboard.RESULTS, scaling_results.FOLDER)
-    exists = any((root / folder).is_dir() for folder in folders)
-    if not exists and not (make and root != Path()):
-        raise EigbenchError(
-            f"{root.resolve()} has no {leaderboard.RESULTS}: run this in a checkout of the "
-            "project, or give one with --board DIR"
-        )
-    return root
-
-
-def _board_argument(options: argparse.Namespace) -> str:
-    return "" if options.board == Path() else f" --board {options.board}"
 
 
 def _text(path: Path) -> str:

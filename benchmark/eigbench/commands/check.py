@@ -31,7 +31,7 @@ def add_commands(command: Command) -> None:
     arguments.predictor(sub)
     sub.add_argument(
         "--time-limit",
-        type=float,
+        type=arguments.above_zero,
         default=600.0,
         metavar="S",
         help="seconds allowed for a batch (default: %(default)g)",

@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from typing import Any
+from functools import partial
 
-from eigbench.commands import board, check, compare, predictor, scaling, timing
+from eigbench.commands import board, check, compare, evaluate, scaling, score, submit, timing
 from eigbench.errors import EigbenchError
+from synthnet import terminal
 from synthnet.errors import SynthNetError
 from synthnet.processes import EXIT_CODE
-from synthnet.terminal import WRONG_INPUT, Parser
+from synthnet.terminal import Parser, add_command
 from synthnet.version import __version__
 
 
@@ -21,20 +22,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0: done. 1: ``check`` or ``leaderboard --check`` has findings. 2: the input or the predictor is
     wrong; one line says what is wrong and what to do. 130: interrupted, by Ctrl-C or SIGTERM.
     """
-    options = _parser().parse_args(arguments)
+    options = terminal.parse(_parser(), arguments)
     try:
-        code: int = options.run(options)
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of the pipe has closed it
-        return 0
-    except (EigbenchError, SynthNetError, ValueError) as error:
-        print(f"eigbench: {error}", file=sys.stderr)
-        return WRONG_INPUT
+        return terminal.run("eigbench", options, EigbenchError, SynthNetError)
     except KeyboardInterrupt:
         kept = "; finished work is kept, --resume continues from it" if "resume" in options else ""
         print(f"eigbench: interrupted{kept}", file=sys.stderr)
         return EXIT_CODE
-    return code
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -45,15 +39,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"eigbench {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-
-    def command(name: str, run: Any, text: str, example: str) -> argparse.ArgumentParser:
-        sub = commands.add_parser(
-            name, help=text, description=text, epilog=f"example: eigbench {name} {example}"
-        )
-        sub.set_defaults(run=run)
-        sub.add_argument("--json", action="store_true", help="print JSON for a program")
-        return sub
-
-    for group in (check, predictor, compare, timing, board, scaling):
-        group.add_commands(command)
+    for group in (check, evaluate, score, compare, timing, submit, board, scaling):
+        group.add_commands(partial(add_command, commands))
     return parser

@@ -23,6 +23,7 @@ from synthnet.store.files import make_directory, write_text
 
 FEW = "few shapes"  # makes no verdict, which is not a tie
 VERDICTS = {"a": "A is better", "b": "B is better"}
+OF_RESULTS = "the import, sealed set or directory that was predicted"
 TIES = (
     "(interval): the shapes are too few to tell. (few shapes): fewer than five say nothing. "
     "(floor): the target is known too coarsely to tell, see docs/metrics.md; PSNR has no floor. "
@@ -49,7 +50,8 @@ def add_commands(command: Command) -> None:
         help="their files of predictions (default: beside the results)",
     )
     arguments.target(sub, SURFACE)
-    arguments.dataset_directory(sub)
+    arguments.dataset(sub, None, OF_RESULTS)
+    arguments.root(sub)
 
     sub = command(
         "plot",
@@ -72,12 +74,13 @@ def add_commands(command: Command) -> None:
         help="metric of the errors (default: %(default)s)",
     )
     arguments.target(sub, SURFACE)
-    arguments.dataset_directory(sub)
+    arguments.dataset(sub, None, OF_RESULTS)
+    arguments.root(sub)
 
 
 def compare(options: argparse.Namespace) -> int:
     """Print the paired differences of two results."""
-    dataset = arguments.dataset(options)
+    dataset = arguments.unpinned(options.dataset, options.root)
     a, b = (
         arguments.beside(submission.read(path, predictions, dataset), options.target)
         for path, predictions in zip((options.a, options.b), options.predictions, strict=True)
@@ -135,7 +138,7 @@ def _plain(difference: Difference) -> dict[str, object]:
 
 def plot(options: argparse.Namespace) -> int:
     """Draw the pictures of one or several results."""
-    dataset = arguments.dataset(options)
+    dataset = arguments.unpinned(options.dataset, options.root)
     read = (submission.read(path, None, dataset) for path in options.results)
     unordered = [arguments.beside(row, options.target) for row in read]
     if len({row.truth.digest for row in unordered}) > 1:

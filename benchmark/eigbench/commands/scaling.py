@@ -20,6 +20,7 @@ from eigbench.scaling import scores as scaling_scores
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import ANSWERED, Scaled
 from eigbench.scaling.run import Settings
+from synthnet.store.files import make_parent
 
 
 def add_commands(command: Command) -> None:
@@ -58,7 +59,8 @@ def add_commands(command: Command) -> None:
         type=arguments.above_zero,
         default=16.0,
         metavar="GIB",
-        help="memory that the predictor's process may use (default: 16; checked on Linux only)",
+        help="memory that the predictor's process may use, checked on Linux only "
+        "(default: %(default)g)",
     )
     sub.add_argument("--resume", action="store_true", help="add what the result at --out lacks")
 
@@ -78,6 +80,7 @@ def scale(options: argparse.Namespace) -> int:
     if out.suffix != ".json":
         raise EigbenchError(f"--out must end in .json, got {out}")
     check_file(options.predictor)
+    make_parent(out)
     settings = Settings(**{f.name: getattr(options, f.name) for f in fields(Settings)})
     with Console(stderr=True).status("loading the predictor") as status:
         result = scaling_run.run(

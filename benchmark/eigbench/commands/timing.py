@@ -24,7 +24,7 @@ from eigbench.running.predictor import check_file, split
 from eigbench.running.process import REFERENCE_FILE
 from eigbench.scoring import truth
 from synthnet import store
-from synthnet.store.files import make_directory, write_text
+from synthnet.store.files import make_parent, write_text
 
 
 def add_commands(command: Command) -> None:
@@ -44,10 +44,11 @@ def add_commands(command: Command) -> None:
         nargs="*",
         default=[],
         metavar="FILE",
-        help="of these files, the peers that ratios are given to, besides LaPy as it comes",
+        help="of these files, the peers that ratios are given to, besides LaPy as it comes "
+        "(default: none)",
     )
-    sub.add_argument("--dataset", default="1.0", metavar="V", help="a version (default: 1.0)")
-    sub.add_argument("--root", type=Path, metavar="DIR", help="directory that holds the versions")
+    arguments.dataset(sub, "1.0", "a version")
+    arguments.root(sub)
     sub.add_argument(
         "--meshes",
         type=arguments.positive,
@@ -86,6 +87,7 @@ def run_time(options: argparse.Namespace) -> int:
         check_file(path)
     if unknown := [path for path in options.against if path not in paths]:
         raise EigbenchError(f"--against {unknown[0]}: name it among the predictors too")
+    make_parent(options.out)
     labels = truth.load(options.dataset).head(options.meshes)
     console = Console(stderr=True)
     with console.status("reading the meshes") as status:
@@ -100,7 +102,6 @@ def run_time(options: argparse.Namespace) -> int:
             on_step=status.update,
         )
     found = described(timed, np.sort(instances.vertices(labels.ids)), options)
-    make_directory(options.out.resolve().parent)
     write_text(options.out, json.dumps(found, indent=1, ensure_ascii=False) + "\n")
     if options.json:
         print(json.dumps(found, indent=1, ensure_ascii=False))

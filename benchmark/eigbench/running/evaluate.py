@@ -94,8 +94,9 @@ def evaluate(
     instances: Instances,
     options: Options,
     parts: Path,
-    on_batch: Callable[[int], None] | None = None,
+    on_batch: Callable[[int, float], None] | None = None,
     on_restart: Callable[[], None] | None = None,
+    on_loaded: Callable[[Loaded], None] | None = None,
 ) -> Evaluation:
     """Run a predictor over the instances of a split, in the order of :attr:`Truth.order`.
 
@@ -112,9 +113,12 @@ def evaluate(
     parts : Path
         Directory that keeps each batch's answer until the whole is done.
     on_batch : callable, optional
-        Called with the number of meshes of each batch that is done.
+        Called with the number of meshes of each batch that is done, and the seconds it took,
+        LaPy's aside; once with those of an interrupted run.
     on_restart : callable, optional
         Called if answers were left to go on from, but not by this code and these options.
+    on_loaded : callable, optional
+        Called when the predictor is loaded, before it predicts; what it raises ends the run.
 
     Raises
     ------
@@ -137,7 +141,7 @@ def evaluate(
             if left and not same and on_restart is not None:
                 on_restart()
             try:
-                run = _run(task, instances, folder, on_batch)
+                run = _run(task, instances, folder, on_batch, on_loaded)
             finally:
                 if not any(parts.glob("*/*.npz")):  # nothing is lost
                     shutil.rmtree(parts, ignore_errors=True)
@@ -216,17 +220,23 @@ class _Run:
 
 
 def _run(
-    task: _Task, instances: Instances, folder: Path, on_batch: Callable[[int], None] | None
+    task: _Task,
+    instances: Instances,
+    folder: Path,
+    on_batch: Callable[[int, float], None] | None,
+    on_loaded: Callable[[Loaded], None] | None,
 ) -> _Run:
     truth, options = task.truth, task.options
     parts = _read_parts(folder)
     done = sum(len(part.answered.values) for part in parts)
     if on_batch is not None and done:
-        on_batch(done)
+        on_batch(done, sum(part.answered.seconds for part in parts))
     ids = [truth.ids[i] for i in truth.order]
     k = truth.eigenvalues.shape[1]
     with contextlib.ExitStack() as stack:
         process = stack.enter_context(_process(task.path, k, options, task.seed, task.training))
+        if on_loaded is not None:
+            on_loaded(process.loaded)
         if options.seeds > 1 and not process.loaded.seeded:
             raise PredictorError(
                 f"{task.path} takes no seed: define load(device, seed), or leave --seeds out"
@@ -254,7 +264,7 @@ def _run(
             _write_part(folder, len(parts), part)
             parts.append(part)
             if on_batch is not None:
-                on_batch(len(batch))
+                on_batch(len(batch), part.answered.seconds)
         return _Run(parts, process.loaded, process.status())
 
 

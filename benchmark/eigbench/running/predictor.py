@@ -21,10 +21,12 @@ from __future__ import annotations
 import glob
 import importlib.util
 import inspect
+import linecache
 import math
 import os
 import sys
 import sysconfig
+import textwrap
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -38,7 +40,7 @@ from numpy.typing import NDArray
 from eigbench.errors import PredictorError
 from eigbench.results.sources import digest
 from eigbench.scoring.training import DEFAULT
-from synthnet.errors import install
+from synthnet.errors import install, suggestion
 from synthnet.types import Mesh
 
 META_KEYS = (
@@ -54,6 +56,8 @@ META_KEYS = (
 )
 META_LENGTH = 300
 KINDS = ("trivial", "classical", "learned")
+NOT_THEIRS = ("__main__", "__mp_main__", "eigbench", "synthnet")  # modules of no predictor
+LONGEST_LINE = 80  # letters of a line of code in a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,21 +186,23 @@ def sources(path: Path, roots: Sequence[Path]) -> dict[str, str]:
     found = _beside(root / path.name)
     if variant:
         found |= _beside(root / path.stem / variant)
-    libraries = {Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")}
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
-        if name.split(".")[0] in ("__main__", "__mp_main__", "eigbench", "synthnet") or not file:
-            continue
-        source = Path(file)  # relative for modules that are no files: torch has some
-        if not source.is_absolute():
-            continue
-        source = source.resolve()
-        installed = any(source.is_relative_to(library.resolve()) for library in libraries)
-        inside = any(source.is_relative_to(folder) for folder in roots)
-        if source.suffix == ".py" and inside and not installed:
-            found |= _beside(source)
+        if file and _is_theirs(name, file, roots):
+            found |= _beside(Path(file).resolve())
     named = {Path(os.path.relpath(file, root)).as_posix(): digest(file) for file in found}
     return dict(sorted(named.items()))
+
+
+def _is_theirs(module: str, file: str, roots: Sequence[Path]) -> bool:
+    """Return whether a module was written with a predictor: it lies in a root, not in a library."""
+    source = Path(file)  # relative for modules that are no files: torch has some
+    if module.split(".")[0] in NOT_THEIRS or not source.is_absolute() or source.suffix != ".py":
+        return False
+    source = source.resolve()
+    libraries = (Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib"))
+    installed = any(source.is_relative_to(library.resolve()) for library in libraries)
+    return not installed and any(source.is_relative_to(folder) for folder in roots)
 
 
 def _beside(path: Path) -> set[Path]:
@@ -283,7 +289,7 @@ def _meta(module: ModuleType, path: Path, variant: str) -> dict[str, str]:
     if unknown:
         raise PredictorError(
             f"{path}: META has the unknown key {', '.join(unknown)}; "
-            f"it may have {', '.join(META_KEYS)}"
+            f"it may have {', '.join(META_KEYS)}{suggestion(unknown[0], META_KEYS)}"
         )
     meta = {key: str(value) for key, value in given.items()}
     name = " ".join(filter(None, [path.stem, variant]))
@@ -296,7 +302,10 @@ def _meta(module: ModuleType, path: Path, variant: str) -> dict[str, str]:
                 f"{path}: META {key} must be one line of at most {META_LENGTH} characters"
             )
     if meta["kind"] not in KINDS:
-        raise PredictorError(f"{path}: META kind must be one of {', '.join(KINDS)}")
+        raise PredictorError(
+            f"{path}: META kind must be one of {', '.join(KINDS)}, got {meta['kind']!r}"
+            f"{suggestion(meta['kind'], KINDS)}"
+        )
     return meta
 
 
@@ -337,14 +346,27 @@ def _count(thing: Any) -> int:
 
 
 def described(error: BaseException, path: Path | None = None) -> str:
-    """Return an error on one line, and if it came through a file, the last line there."""
+    """Return an error on one line; with a predictor's file, the innermost line of its author's."""
     message = " ".join(str(error).split())
     text = f"{type(error).__name__}: {message}" if message else type(error).__name__
-    if path is None:
-        return text
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if Path(frame.filename) == path.resolve()]
-    if not own:
-        return text
-    inside = "" if own[-1].name == "<module>" else f", in {own[-1].name}"
-    return f"{text} ({path.name}, line {own[-1].lineno}{inside})"
+    line = "" if path is None else _own_line(error, path.resolve())
+    return f"{text} ({line})" if line else text
+
+
+def _own_line(error: BaseException, path: Path) -> str:
+    """Return the innermost line that an error came through of a file, or of modules beside it.
+
+    As ``my_model.py:12: in predict: x = y / 0``, and empty if there is none.
+    """
+    for frame, number in reversed(list(traceback.walk_tb(error.__traceback__))):
+        code = frame.f_code
+        file = Path(code.co_filename)
+        if file != path and not _is_theirs(
+            frame.f_globals.get("__name__", ""), code.co_filename, [path.parent]
+        ):
+            continue
+        name = os.path.relpath(file.resolve(), path.parent)
+        inside = "" if code.co_name == "<module>" else f" in {code.co_name}:"
+        line = textwrap.shorten(linecache.getline(code.co_filename, number), LONGEST_LINE)
+        return f"{name}:{number}:{inside} {line}".rstrip(": ")
+    return ""

@@ -104,7 +104,9 @@ class PredictorProcess:
         except (EOFError, OSError):
             raise self._died(at) from None
         if isinstance(message, Failed):
-            raise PredictorError(f"{message.message}, {at}" if ids else message.message)
+            error = PredictorError(f"{message.message}, {at}" if ids else message.message)
+            error.add_note(f"In the predictor's process:\n{message.traceback}")
+            raise error
         return message
 
     def _wait(self, at: str) -> None:

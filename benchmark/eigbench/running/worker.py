@@ -10,6 +10,7 @@ import resource
 import signal
 import sys
 import time
+import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -68,9 +69,10 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """The predictor is at fault; the message is for its author."""
+    """The predictor is at fault; message and traceback are for its author."""
 
     message: str
+    traceback: str
 
 
 def work(channel: Connection, job: Job) -> None:
@@ -92,7 +94,7 @@ def work(channel: Connection, job: Job) -> None:
             else:
                 channel.send(_answer(loaded, meshes, job))
     except PredictorError as error:
-        channel.send(Failed(str(error)))
+        channel.send(Failed(str(error), "".join(traceback.format_exception(error))))
     except EOFError:
         pass  # the other side has what it wants
     finally:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from eigbench.errors import EigbenchError
 from eigbench.scoring.training import DEFAULT, IMPORTED, training_set
 from synthnet import recipe, store
+from synthnet.errors import suggestion
 from synthnet.recipe import Recipe, splits
 from synthnet.recipe.plan import planned
 from synthnet.store import pins
@@ -191,7 +192,10 @@ def of_dataset(
     _check(split)
     version = dataset.manifest.version
     if protocol not in PROTOCOLS and version not in recipe.available():
-        raise EigbenchError(f"{version} has no protocol {protocol}: {' or '.join(PROTOCOLS)}")
+        raise EigbenchError(
+            f"{version} has no protocol {protocol}: {' or '.join(PROTOCOLS)}"
+            f"{suggestion(protocol, PROTOCOLS)}"
+        )
     own = None if protocol in PROTOCOLS else recipe.load(version)
     chosen = list(_choose(_stored(dataset), _trained_on(version), own, split, protocol))
     if not chosen:

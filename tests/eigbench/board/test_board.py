@@ -555,6 +555,39 @@ def test_submit_replaces_only_when_told(eigbench, made, make_submission, mini_tr
     assert eigbench("submit", placed, "--board", tmp_path)[0] == 0  # onto itself
 
 
+def test_a_dry_run_says_where_a_result_would_stand_and_writes_nothing(
+    eigbench, make_submission, mini_truth, board
+):
+    between = make_submission("Between", 1.1 * mini_truth.eigenvalues)
+    before = {path: path.read_bytes() for path in board.rglob("*") if path.is_file()}
+    code, out, _ = eigbench("submit", between, "--dry-run", "--board", board, "--json")
+    assert code == 0
+    mesh = json.loads(out)["targets"]["mesh"]
+    assert (mesh["rows"], mesh["rank"], mesh["exact"]) == (5, [3, 3], False)
+    assert {*mesh["above"]} == {"One percent", "Other percent"}
+    assert mesh["below"] == ["Twenty | <percent>", "Far"]
+    code, out, _ = eigbench("submit", between, "--dry-run", "--board", board)
+    assert code == 0
+    assert "protocol grouped, against the mesh: Between would have rank 3 of 5\n" in out
+    assert "protocol grouped, against the surface: Between would have rank " in out
+    assert "| 3 | Between |" in out
+    assert {path: path.read_bytes() for path in board.rglob("*") if path.is_file()} == before
+
+
+def test_a_dry_run_leaves_out_an_earlier_result_of_the_model(
+    eigbench, make_submission, mini_truth, board
+):
+    better = make_submission("Far", 1.1 * mini_truth.eigenvalues)
+    _, out, _ = eigbench("submit", better, "--dry-run", "--board", board, "--json")
+    assert json.loads(out)["targets"]["mesh"]["rows"] == 4
+
+
+def test_a_dry_run_refuses_what_submit_refuses(eigbench, made, tmp_path):
+    code, out, err = eigbench("submit", made["far"], "--dry-run", "--board", tmp_path)
+    assert (code, out) == (2, "")
+    assert "has no benchmark/results" in err
+
+
 def test_submit_refuses_a_partial_result(eigbench, predictor_file, mini_home, tmp_path):
     code = predictor_file("import numpy as np\ndef predict(m): return np.ones((len(m), 10))\n")
     where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", tmp_path / "r.json"]

@@ -72,7 +72,8 @@ CASES = {
     ),
     "writes to an array": (
         "def predict(meshes):\n    meshes[0].vertices[:] -= 1\n    return weyl(meshes)",
-        "read-only (my_model.py, line 14, in predict); meshes are read-only: copy what you change",
+        "read-only (my_model.py:14: in predict: meshes[0].vertices[:] -= 1); meshes are read-only: "
+        "copy what you change",
     ),
     "makes arrays writable": (
         "def predict(meshes):\n    v = meshes[0].vertices\n    v.flags.writeable = True\n"
@@ -89,11 +90,11 @@ CASES = {
     "fails in a function of its own": (
         "def predict(meshes):\n    return [helper(m) for m in meshes]\n"
         "def helper(mesh):\n    return mesh.points",
-        "no attribute 'points' (my_model.py, line 16, in helper), on the batch of 10 that begins ",
+        "no attribute 'points' (my_model.py:16: in helper: return mesh.points), on the batch of 10",
     ),
     "fails in a library": (
         "def predict(meshes):\n    return np.linalg.inv(meshes[0].vertices)",
-        "square (my_model.py, line 14, in predict), on",
+        "square (my_model.py:14: in predict: return np.linalg.inv(meshes[0].vertices)), on",
     ),
     "out of memory": ("def predict(meshes): raise MemoryError", "MemoryError"),
     "dies": ("def predict(meshes): os._exit(1)", "exit code 1"),

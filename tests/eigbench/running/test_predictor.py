@@ -241,7 +241,7 @@ def test_file_that_is_not_python_is_refused(predictor_file):
     ("code", "message"),
     [
         ("def predict(:", r"failed to load: SyntaxError: .*line 1"),
-        ("1 / 0", r"load: ZeroDivisionError: division by zero \(my_model\.py, line 1\)"),
+        ("1 / 0", r"load: ZeroDivisionError: division by zero \(my_model\.py:1: 1 / 0\)"),
         ("raise SystemExit(3)", "failed to load: SystemExit: 3"),
         ("import sys; sys.exit()", "failed to load: SystemExit"),
         ("raise ValueError('a\\nb')", "failed to load: ValueError: a b"),
@@ -561,7 +561,7 @@ def test_variant_without_meta_is_named_after_file_and_variant(predictor_file):
     ("code", "name", "message"),
     [
         (FAMILY, "my_model.py", r"is a family of predictors: name one, my_model\.py:NAME"),
-        (FAMILY, "my_model.py:huge", r"failed to load: KeyError: 'huge' \(my_model.py, line 4"),
+        (FAMILY, "my_model.py:huge", r"failed to load: KeyError: 'huge' \(my_model.py:4"),
         (FAMILY, "other.py:large", r"there is no file .*other\.py$"),
         (FUNCTION, "my_model.py:large", r"has no variants: leave out :large"),
         (LOAD, "my_model.py:large", r"has no variants: leave out :large"),
@@ -594,3 +594,15 @@ def test_file_whose_name_has_a_colon_is_a_file(predictor_file):
     path = predictor_file(FUNCTION, "my:model.py")
     assert predictor.split(path) == (path, "")
     assert predictor.load(path).predict([]) == "function"
+
+
+def test_an_error_names_the_innermost_line_of_its_authors_modules(predictor_file):
+    predictor_file(
+        "import numpy as np\n\ndef f():\n    return np.ones(2) @ np.ones(3)\n", "beside.py"
+    )
+    path = predictor_file("import beside\n\ndef predict(meshes):\n    return beside.f()\n")
+    loaded = predictor.load(path)
+    with pytest.raises(ValueError, match="matmul") as caught:
+        loaded.predict([])
+    line = predictor.described(caught.value, path)
+    assert line.endswith(" (beside.py:4: in f: return np.ones(2) @ np.ones(3))")

@@ -138,7 +138,7 @@ def test_error_while_the_answer_is_read_is_the_predictors(predictor_file):
     ids, probes = physics.questions()
     with pytest.raises(
         PredictorError,
-        match=r"failed: RuntimeError: CUDA error \(my_model\.py, line \d+, in \w+\), on",
+        match=r"CUDA error \(my_model\.py:\d+: in __array__: raise RuntimeError.*\), on",
     ):
         predict_meshes(predictor_file(code), ids, probes, 10, Options())
 
