@@ -86,8 +86,9 @@ def drawn_package(package: str, left: float) -> tuple[list[str], float]:
 
 
 def says(package: str, room: str) -> str:
-    """Return the first line of a room's docstring."""
-    source = (house.ROOTS[package] / room / "__init__.py").read_text()
+    """Return the first line of the docstring of a room, which is a folder or a file."""
+    folder = house.ROOTS[package] / room
+    source = (folder / "__init__.py" if folder.is_dir() else folder.with_suffix(".py")).read_text()
     return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0]
 
 
