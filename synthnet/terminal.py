@@ -78,7 +78,7 @@ def add_command(
     example: str = "",
 ) -> argparse.ArgumentParser:
     """Add a command, with an example and the options that all commands of both programs have."""
-    command = commands.add_parser(name, help=text, description=text)
+    command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text)
     command.epilog = f"example: {command.prog} {example}".rstrip()
     command.set_defaults(run=run)
     command.add_argument("--json", action="store_true", help="print JSON for a program")
