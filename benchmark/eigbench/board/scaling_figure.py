@@ -16,10 +16,9 @@ from eigbench.board.figures import (
     scatter,
     style,
 )
-from eigbench.scaling import scores as scaling_scores
-from eigbench.scaling import surfaces
+from eigbench.scaling import panels, scores, surfaces
+from eigbench.scaling.panels import Panel
 from eigbench.scaling.results import Scaled
-from eigbench.scaling.scores import Panel
 from synthnet.pictures.palette import GREEN, PALE
 
 if TYPE_CHECKING:
@@ -49,14 +48,10 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
     The line is the fastest exact solver on the meshes of all sizes; right of it and of the solver
     on the meshes of the panel, down from twice their discretisation error, a prediction can win.
     """
-    panels = [
-        (label, mine, panel)
-        for label, mine in by_setting.items()
-        for panel in scaling_scores.panels(mine)
-    ]
+    charts = [chart for label, mine in by_setting.items() for chart in _charts(label, mine)]
     rows = sorted((row for mine in by_setting.values() for row in mine), key=_key)
     numbers = {_key(row): number for number, row in enumerate(rows, start=1)}
-    down, lines = -(-len(panels) // ACROSS), -(-(len(rows) + len(SIGNS)) // COLUMNS)
+    down, lines = -(-len(charts) // ACROSS), -(-(len(rows) + len(SIGNS)) // COLUMNS)
     below = ENTRY * lines + 0.55
     high = HEIGHT * down + below
     with style() as new_figure:
@@ -64,17 +59,17 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
         figure = new_figure(figsize=(WIDTH, high))
         grid = np.ravel(figure.subplots(down, ACROSS, sharex=True, sharey=True, squeeze=False))
         figure.subplots_adjust(0.08, below / high, 0.985, 1 - 0.25 / high, wspace=0.06, hspace=0.14)
-        for axes, (label, mine, panel) in zip(grid, panels, strict=False):
+        for axes, (label, mine, panel) in zip(grid, charts, strict=False):
             _models(axes, panel, [(numbers[_key(row)], row) for row in mine])
             hardware = f"; {label}" if len(by_setting) > 1 else ""
             title = escaped(f"{panel.size:,} vertices{hardware}")
             axes.set_title(title, fontsize=9, loc="left", pad=3)
-        low, _ = grid[0].get_ylim()  # of all panels
-        for axes, (_, _, panel) in zip(grid, panels, strict=False):
+        (left, _), (low, _) = grid[0].get_xlim(), grid[0].get_ylim()  # of the models of all panels
+        for axes, (_, _, panel) in zip(grid, charts, strict=False):
             _solver(axes, panel, low)
-        for axes in grid[len(panels) :]:
+        for axes in grid[len(charts) :]:
             axes.set_axis_off()
-        grid[0].set_xlim(0.2, FASTEST * 1.6)
+        grid[0].set_xlim(left, FASTEST * 1.6)
         grid[0].set_ylim(low, 1.0)
         figure.text(0.53, (below - 0.42) / high, SPEED, ha="center", fontsize=9)
         text = "mean relative error to the surface's spectrum"
@@ -83,11 +78,17 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
         return as_svg(figure)
 
 
+def _charts(label: str, rows: Sequence[Scaled]) -> list[tuple[str, Sequence[Scaled], Panel]]:
+    """Return the panels of a setting, one a size."""
+    verdicts = [scores.verdict(rows, size) for size in scores.sizes(rows)]
+    return [(label, rows, panels.panel(rows, verdicts, verdict.size)) for verdict in verdicts]
+
+
 def _models(axes: mpl.axes.Axes, panel: Panel, rows: Sequence[tuple[int, Scaled]]) -> None:
     """Draw the models of a size that were answered and can be compared with LaPy."""
     points = []
     for number, row in rows:
-        cell = scaling_scores.medians(row, panel.size)
+        cell = scores.medians(row, panel.size)
         if cell.answered and np.isfinite(panel.lapy_seconds):
             kind, speed = row.result["model"]["kind"], panel.lapy_seconds / cell.seconds
             whole = cell.answered == len(surfaces.SURFACES)

@@ -73,30 +73,6 @@ class Verdict:
     faster: Mapping[str, tuple[int, int]]
 
 
-@dataclass(frozen=True, slots=True)
-class Panel:
-    """What a chart of one size has beside the models: error to the surface against speed.
-
-    Parameters
-    ----------
-    size : int
-        Nominal number of vertices.
-    lapy_seconds : float
-        LaPy's time of a mesh, median over the surfaces: speeds are multiples of its; NaN where it
-        was not timed.
-    solver : sequence of tuple of float
-        Speed and error of the fastest exact solver on the meshes of each size, coarse to fine.
-    border : sequence of tuple of float
-        Speed and error along the left border of where a prediction wins, upwards; everything to
-        the right of it does, down to no error. Empty where no exact solver answered every surface.
-    """
-
-    size: int
-    lapy_seconds: float
-    solver: Sequence[tuple[float, float]]
-    border: Sequence[tuple[float, float]]
-
-
 def settings(rows: Sequence[Scaled]) -> dict[str, list[Scaled]]:
     """Return the results by hardware, device and threads: times are compared within one only."""
     by_setting: dict[str, list[Scaled]] = {}
@@ -209,30 +185,17 @@ def equal_seconds(surface: str, times: Mapping[int, float], distance: float) -> 
         Mean relative error against the surface's spectrum.
     """
     errors = {size: surfaces.pinned(surface, size).discretisation_error for size in times}
-    return _equal_seconds(errors, times, distance)
+    return interpolated_seconds(errors, times, distance)
 
 
-def _equal_seconds(
+def interpolated_seconds(
     errors: Mapping[int, float], times: Mapping[int, float], distance: float
 ) -> float:
-    """Return the time of an error, from those of each size."""
+    """Return the time of an error, from the errors and times of each size."""
     sizes = sorted(times, reverse=True)  # errors ascending
     known = np.array([errors[size] for size in sizes])
     log = np.interp(np.log(distance), np.log(known), np.log([times[size] for size in sizes]))
     return float(np.exp(log) * min(1.0, known[-1] / distance))
-
-
-def lapy_seconds(rows: Sequence[Scaled], size: int) -> float:
-    """Return LaPy's time of a mesh, median over the surfaces; NaN where it was not timed.
-
-    It is that of LaPy's own row, as for every other row. Where the rows of a setting have none, it
-    is that which was timed beside them.
-    """
-    for row in rows:
-        if row.slug == "lapy" and medians(row, size).answered:
-            return medians(row, size).seconds
-    beside = [time for row in rows if (time := beside_seconds(row, size)) is not None]
-    return float(np.median(beside)) if beside else np.nan
 
 
 def beside_seconds(row: Scaled, size: int) -> float | None:
@@ -243,33 +206,6 @@ def beside_seconds(row: Scaled, size: int) -> float | None:
         if at == size and mesh["reference_seconds"] is not None
     ]
     return float(np.median(times)) if times else None
-
-
-def panels(rows: Sequence[Scaled]) -> list[Panel]:
-    """Return the chart of each size; the rows are of one setting."""
-    every = sizes(rows)
-    verdicts = [verdict(rows, size) for size in every]
-    return [_panel(rows, verdicts, size) for size in every]
-
-
-def _panel(rows: Sequence[Scaled], verdicts: Sequence[Verdict], size: int) -> Panel:
-    """Return what a chart of one size has beside the models.
-
-    A prediction can win left of no exact solver: neither of the one on these meshes, nor, where
-    its own error is larger, of the one on meshes coarser by as much. Twice the discretisation error
-    is the most that an answer nearer to the label than the label is to the surface can be off.
-    """
-    lapy = lapy_seconds(rows, size)
-    whole = [v for v in verdicts if v.compared == len(surfaces.SURFACES)]
-    times = {v.size: v.seconds for v in whole}
-    errors = {v.size: floor(v.size) for v in whole}
-    solver = [(lapy / times[n], errors[n]) for n in sorted(times)]
-    border: list[tuple[float, float]] = []
-    if size in times:
-        own = errors[size]
-        slow = _equal_seconds(errors, times, 2 * own)
-        border = [(lapy / times[size], own), (lapy / slow, 2 * own)]
-    return Panel(size, lapy, solver, border)
 
 
 def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
