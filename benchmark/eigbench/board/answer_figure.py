@@ -9,6 +9,8 @@ import numpy as np
 from eigbench.board.figures import (
     FASTEST,
     KINDS,
+    LEGEND,
+    NAME_LINE,
     Point,
     as_svg,
     legend,
@@ -54,18 +56,19 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
         if row.submission.result["cost"].get("reference") is not None
     ]
     with style() as new_figure:
-        figure = new_figure(figsize=(9.0, 4.8))
+        high = max(4.8, NAME_LINE * len(points) + LEGEND + 1.0)
+        figure = new_figure(figsize=(9.0, high))
         axes = figure.subplots()
-        figure.subplots_adjust(0.075, 0.1, 0.6, 0.98)
+        figure.subplots_adjust(0.075, 0.48 / high, 0.6, 1 - 0.1 / high)
         scatter(axes, points, floor=0.0)
         _solver_line(axes, board, solver)
-        axes.set_xlim(min((p.speed for p in points), default=1.0) / 5, FASTEST * 1.6)
+        axes.set_xlim(right=FASTEST * 1.6)
         axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the spectrum of the surface")
         name_key(axes, [(str(p.number), p.name, KINDS[p.kind][0]) for p in points])
         line = {"color": KINDS["classical"][0], "lw": 1.6, "label": "exact solver, by size of mesh"}
         unseen = {"color": "0.4", "mfc": "white", "ls": "", "label": "on families unseen"}
         more = [axes.plot([], [], "o", **unseen)[0], axes.plot([], [], "-", **line)[0]]
-        legend(axes, KINDS, more, "lower left")
+        legend(axes, KINDS, more)
         return as_svg(figure)
 
 

@@ -44,7 +44,7 @@ FASTEST = 100.0  # times LaPy; faster models are drawn at the right edge
 LINE_MARKS = (("s", ORANGE), ("^", SKY), ("D", GREEN), ("v", VERMILION), ("P", PURPLE), ("X", BLUE))
 SIZES = {"o": 12, "s": 11, "^": 15}  # of marks, in points: a number is inside
 SPEED = "times as fast as LaPy →"
-NAME_LINE = 0.185  # inches of a name in the key
+NAME_LINE, LEGEND = 0.185, 0.7  # inches of a name in the key, and of the kinds below
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
     """
     points, absent = _points(submissions, key)
     with style() as new_figure:
-        high = max(4.4, NAME_LINE * (len(points) + len(absent) + 3) + 0.6)
+        high = max(4.4, NAME_LINE * (len(points) + len(absent)) + LEGEND + 0.6)
         figure = new_figure(figsize=(9.0, high))
         axes = figure.subplots()
         # Positions are fixed: those of an automatic layout depend on the version of FreeType
@@ -182,16 +182,17 @@ def name_key(axes: mpl.axes.Axes, entries: Sequence[tuple[str, str, str]]) -> No
         axes.text(1.075, y, escaped(name), **text)
 
 
-def legend(
-    axes: mpl.axes.Axes, kinds: Iterable[str], more: Sequence[Any] = (), loc: str = "upper left"
-) -> None:
-    """Say what the marks mean: the kinds, and more handles."""
+def legend(axes: mpl.axes.Axes, kinds: Iterable[str], more: Sequence[Any] = ()) -> None:
+    """Say beside the axes, at the bottom, what the marks mean: the kinds, and more handles."""
     handles = [
         axes.plot([], [], KINDS[kind][1], color=KINDS[kind][0], ls="", label=kind)[0]
         for kind in KINDS
         if kind in set(kinds)
     ]
-    axes.legend(handles=[*handles, *more], loc=loc, fancybox=False, edgecolor="0.8", fontsize=7.5)
+    axes.legend(
+        handles=[*handles, *more], loc="lower left", bbox_to_anchor=(1.0, -0.03), frameon=False,
+        fontsize=7.5,
+    )  # fmt: skip
 
 
 def as_svg(figure: Figure) -> str:

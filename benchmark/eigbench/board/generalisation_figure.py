@@ -27,7 +27,7 @@ def draw(board: Board, key: str = RANKED_BY) -> str:
         high = LINE * len(board.rows) + 1.25
         figure = new_figure(figsize=(WIDTH, high))
         panels = figure.subplots(1, len(board.protocols), sharex=True, sharey=True, squeeze=False)
-        figure.subplots_adjust(0.3, 0.5 / high, 0.985, 1 - 0.7 / high, wspace=0.08)
+        figure.subplots_adjust(0.355, 0.5 / high, 0.985, 1 - 0.7 / high, wspace=0.08)
         for axes, protocol in zip(panels[0], board.protocols, strict=True):
             for line, row in enumerate(board.rows):
                 held_out = board.scored(row.submission, protocol, key)
@@ -42,7 +42,7 @@ def draw(board: Board, key: str = RANKED_BY) -> str:
         panels[0][0].set_yticks(range(len(names)), names, fontsize=7.5)
         panels[0][0].set_ylim(len(names) - 0.5, -0.5)
         figure.text(
-            0.64, 0.1 / high, f"mean {METRICS[key].heading}; below {FLOOR:g} at the edge",
+            0.67, 0.1 / high, f"mean {METRICS[key].heading}; below {FLOOR:g} at the edge",
             ha="center", fontsize=8,
         )  # fmt: skip
         kinds = {row.submission.result["model"]["kind"] for row in board.rows}

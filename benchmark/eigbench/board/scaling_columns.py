@@ -133,8 +133,14 @@ def _median(
 
 
 def percent(share: float) -> str:
-    """Return a share in per cent."""
-    return f"{number(100 * share, 3)} %"
+    """Return a share in per cent; one that only rounding can make is exact.
+
+    Examples
+    --------
+    >>> percent(0.0123), percent(4e-13)
+    ('1.230 %', 'exact')
+    """
+    return "exact" if share <= scores.EXACT else f"{number(100 * share, 3)} %"
 
 
 def ms(seconds: float) -> str:

@@ -22,10 +22,11 @@ function errorSpeed(container, { board, rows, key, index, open }) {
   container.replaceChildren(box);
   const faint = every.filter((one) => one.faint).length;
   const said = `Mean ${title} against speed beside LaPy, ${every.length} rows${faint ? `, ${faint} of them faint: the filters leave them out` : ""}. On the Pareto front: ${best.map((one) => `${one.row.name} (${one.shown}, ${one.times})`).join("; ")}. The table has all numbers.`;
-  const steps = line([...best].reverse(), { x: "x", y: "y", curve: "step-before", stroke: "var(--front)", strokeWidth: 1.5 });
+  const steps = [...best].reverse();
+  const below = [line(steps, { x: "x", y: "y", curve: "step-before", stroke: "var(--front)", strokeWidth: 1.5 })];
   const [xs, ys] = [every.map((one) => one.x), every.map((one) => one.y)];
   const domain = { x: around(xs, 1.8), y: share ? [0, 104] : around(ys, 1.9) };
-  const unnamed = scatter(box, { points: every, below: [steps], domain, share, title: share ? title : `mean ${title}`, said, kinds: index.kinds, open });
+  const unnamed = scatter(box, { points: every, below, steps, domain, share, title: share ? title : `mean ${title}`, said, kinds: index.kinds, open });
   const after = [
     listed("Pareto front: ", best.map((one) => one.row.name)),
     listed("Without a name in the picture: ", unnamed.map((one) => `${one.row.name} (${one.shown}, ${one.times})`)),
@@ -45,7 +46,7 @@ function ofRow(row, { key, title, edge, share }) {
   const y = share ? 100 * value : Math.max(value, edge.error);
   const notes = [];
   if (!share && value < edge.error) notes.push(shown);
-  if (speed > edge.speed) notes.push(times);
+  if (speed > edge.speed) notes.push(faster(speed));
   const name = row.name + (notes.length ? ` (${notes.join(", ")})` : "");
   const tip = `${row.name}, ${row.kind}\n${title}: ${shown}\n${times} faster than LaPy`;
   return { row, slug: row.slug, kind: row.kind, name, shown, times, value, time: 1 / speed, x: Math.min(speed, edge.speed), y, title: tip };
@@ -54,12 +55,12 @@ function ofRow(row, { key, title, edge, share }) {
 /** The scaling track: a chart a hardware and size, all with the same axes. */
 function scaling(container, { board, rows, index, open }) {
   const grid = element("div", { class: "charts" });
-  container.replaceChildren(grid);
+  container.replaceChildren(element("p", { class: "small" }, "Error to the spectrum of the surface against speed: how many times faster than LaPy, one mesh a call; medians over the surfaces."), grid);
   const several = new Set(board.panels.map(({ setting }) => setting)).size > 1;
   const byName = new Map(rows.map((row) => [row.setting + row.slug, row]));
   const charts = board.panels.map((panel) => {
     const mine = panel.points.filter((one) => byName.has(panel.setting + one.slug)).map((one) => ofMesh(one, byName.get(panel.setting + one.slug), panel, board.fastest));
-    const box = element("figure", {}, element("figcaption", {}, `${thousands(panel.size)} vertices${several ? `; ${panel.setting}` : ""}: error to the spectrum of the surface against speed, medians over the surfaces`));
+    const box = element("figure", {}, element("figcaption", {}, element("strong", {}, `${thousands(panel.size)} vertices`), several ? `; ${panel.setting}` : ""));
     grid.append(box); // all of them before the first is measured
     return { box, panel, points: mine.filter((one) => one.x !== null), absent: mine.filter((one) => one.x === null) };
   });
@@ -132,11 +133,12 @@ function apart(container, others, name) {
   const least = Math.max(sizes.at(-1) / 1000, sizes[Math.floor(sizes.length / 4)], 1e-12); // what is smaller lies near zero, to scale
   const decades = [-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1, 0, 1].map((power) => 10 ** power).filter((value) => value >= least / 2 && value <= 2 * sizes.at(-1));
   const few = decades.filter((_, i) => (decades.length - 1 - i) % (width < 500 ? 2 : 1) === 0);
-  const ticks = [...few.map((value) => -value), 0, ...few];
+  const domain = [Math.min(0, ...rows.map((one) => one.low ?? one.mean)), Math.max(0, ...rows.map((one) => one.high ?? one.mean))];
+  const ticks = [...few.map((value) => -value), 0, ...few].filter((value) => domain[0] <= value && value <= domain[1]);
   const said = `Mean RPD of each other row minus that of ${name}, with 95 % intervals: ${rows.map((one) => `${one.name} ${signed(one.mean)}${one.sure ? "" : ", not decided"}`).join("; ")}.`;
   const svg = plot({
     width, height: 19 * rows.length + 56, marginLeft: left, marginTop: 6, marginBottom: 36, ariaLabel: said,
-    x: { type: "symlog", constant: least, label: "← nearer · RPD of the other − this row · further →", domain: [Math.min(0, ...rows.map((one) => one.low ?? one.mean)), Math.max(0, ...rows.map((one) => one.high ?? one.mean))] },
+    x: { type: "symlog", constant: least, label: "← nearer · RPD of the other − this row · further →", domain },
     y: { type: "point", domain: rows.map((one) => one.name), label: null },
     marks: [
       gridX(ticks, { strokeOpacity: 0.12 }), axisX(ticks, { tickFormat: signed }), axisY({ tickSize: 0, tickFormat: short }),

@@ -10,7 +10,7 @@ const FLOOR = 1e-3; // errors below it are drawn at the edge
 /** Return the room for names beside an axis, and what shortens a name to it. */
 export function besides(width, widest) {
   const left = Math.min(widest, Math.round(width * 0.42));
-  const most = Math.floor(left / 6.2);
+  const most = Math.floor(left / 5.8);
   return { left, short: (text) => (text.length > most ? `${text.slice(0, most - 1)}…` : text) };
 }
 

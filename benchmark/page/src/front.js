@@ -14,12 +14,19 @@ const CHARACTER = 5.6; // pixels, on average, at the size of the names
 const OFFSETS = [0, 11, -11, 18, -18];
 const ABOVE = [-9, 10, 0, -18, 18]; // a name on the front stands clear of its line
 
+/** Return the boxes of a line that goes up or down at each point, then on to the next. */
+export const stairs = (corners) =>
+  corners.slice(1).flatMap((to, i) => {
+    const from = corners[i];
+    return [[from.x, Math.min(from.y, to.y), from.x + 1, Math.max(from.y, to.y)], [from.x, to.y, to.x, to.y + 1]];
+  });
+
 /**
- * Return where names stand beside points, clear of each other and of all marks, each nearer to its own
- * point than to any other; a name that fits nowhere is left out.
+ * Return where names stand beside points, clear of each other, of all marks and of what else is taken,
+ * each nearer to its own point than to any other; a name that fits nowhere is left out.
  */
-export function labels(points, frame) {
-  const taken = points.map(({ x, y }) => [x - 5, y - 5, x + 5, y + 5]);
+export function labels(points, frame, lines) {
+  const taken = [...lines, ...points.map(({ x, y }) => [x - 5, y - 5, x + 5, y + 5])];
   const written = [];
   for (const point of points) {
     const { x, y, text, above } = point;

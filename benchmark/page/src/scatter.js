@@ -2,7 +2,7 @@
 
 import { axisX, axisY, dot, gridX, gridY, line, plot, pointer, tip } from "@observablehq/plot";
 import { drawn, element, mark } from "./dom.js";
-import { labels } from "./front.js";
+import { labels, stairs } from "./front.js";
 import { point as pointAt } from "./linked.js";
 import { powers } from "./numbers.js";
 
@@ -32,7 +32,7 @@ export function label(svg, said) {
  * Draw points into a figure; return those whose name has no room. A point has slug, name, kind, x, y
  * and title, and may be faint, open, a winner, or first, on the line of the best.
  */
-export function scatter(box, { points, below = [], domain, share = false, title, said, kinds, open }) {
+export function scatter(box, { points, below = [], steps = [], domain, share = false, title, said, kinds, open }) {
   const width = widthOf(box);
   const height = 380;
   const [shown, faint] = [points.filter((one) => !one.faint), points.filter((one) => one.faint)];
@@ -61,16 +61,17 @@ export function scatter(box, { points, below = [], domain, share = false, title,
   svg.addEventListener("pointerleave", () => pointAt(""));
   svg.points = points.map((one) => ({ slug: one.slug, x: svg.scale("x").apply(one.x), y: svg.scale("y").apply(one.y) }));
   box.append(svg);
-  return name(svg, points, { left: LEFT + 2, right: width - 4, top: 4, bottom: height - BOTTOM - 2 });
+  return name(svg, { points, steps }, { left: LEFT + 2, right: width - 4, top: 4, bottom: height - BOTTOM - 2 });
 }
 
 /** Write names beside points where there is room, below the tip, the first first; return the points without. */
-function name(svg, points, frame) {
+function name(svg, { points, steps }, frame) {
   const [x, y] = ["x", "y"].map((axis) => svg.scale(axis));
+  const corners = steps.map((one) => ({ x: x.apply(one.x), y: y.apply(one.y) }));
   const turn = (one) => (one.first ? 0 : one.faint ? 2 : 1);
   const ordered = [...points].sort((a, b) => turn(a) - turn(b));
   const at = ordered.map((one) => ({ one, x: x.apply(one.x), y: y.apply(one.y), text: one.name, above: one.first }));
-  const written = labels(at, frame).filter(({ point }) => !point.one.faint || point.one.first);
+  const written = labels(at, frame, stairs(corners)).filter(({ point }) => !point.one.faint || point.one.first);
   for (const { point, x: left, y: middle, anchor, text: title } of written)
     svg.lastElementChild.before(drawn("text", { x: left, y: middle, "text-anchor": anchor, dy: "0.32em", fill: "currentColor", class: "name", "data-slug": point.one.slug }, title));
   return ordered.filter((one) => !one.faint && !written.some(({ point }) => point.one === one));
