@@ -30,7 +30,8 @@ from synthnet.store.files import write_bytes, write_text
 from synthnet.types import Mesh, Sample
 
 THUMBNAIL = (160, 120)  # pixels
-OPAQUE, EDGES = 200, 56  # colours of a picture's palette: few bytes, and no difference to see
+SOLID, SOFT = 40, 24  # colours of a picture's palette: few bytes, and no difference to see
+SMOOTH = 200  # of one with eigenfunctions
 QUANTILES = {"low": 0.05, "middle": 0.5, "high": 0.95}
 STRIP = draw.Layout(across=3, width=1.5, height=1.1)
 PLAIN = {"triangulation": "uniform", "vertices": 3000, "seed": 0}  # 2.0, to see the surface
@@ -117,23 +118,23 @@ def examples(directory: Path) -> None:
     sample = make_sample(shape, version)
     assert isinstance(sample, Sample), sample
     shown = draw.picture_of_sample(sample, eigenfunctions=5, transparent=True)
-    write_bytes(directory / "show.png", in_few_colours(shown))
+    write_bytes(directory / "show.png", in_few_colours(shown, SMOOTH))
     shapes = sorted(gallery.chosen("2.0", family, 10), key=lambda chosen: chosen[0].id)
     title = f"synthNet 2.0, knotted_tube: 10 of {family.total}"
     sheet = gallery.sheet(shapes, family.varying, title, transparent=True)
     write_bytes(directory / "gallery.png", in_few_colours(sheet))
 
 
-def in_few_colours(png: bytes) -> bytes:
-    """Return a PNG with a palette: most of it for what is opaque, the rest for edges and text."""
+def in_few_colours(png: bytes, solid: int = SOLID) -> bytes:
+    """Return a PNG with a palette: ``solid`` colours for what is opaque, :data:`SOFT` for edges."""
     pixels = np.array(Image.open(io.BytesIO(png)).convert("RGBA"))
-    opaque = Image.fromarray(pixels[..., :3]).quantize(OPAQUE, dither=Image.Dither.NONE)
-    edges = Image.fromarray(pixels).quantize(EDGES, dither=Image.Dither.NONE)
-    colours, soft = (np.zeros((size, 4), dtype=np.uint8) for size in (OPAQUE, EDGES))
+    opaque = Image.fromarray(pixels[..., :3]).quantize(solid, dither=Image.Dither.NONE)
+    edges = Image.fromarray(pixels).quantize(SOFT, dither=Image.Dither.NONE)
+    colours, soft = (np.zeros((size, 4), dtype=np.uint8) for size in (solid, SOFT))
     for palette, image in ((colours, opaque), (soft, edges)):
         known = np.array(image.getpalette("RGBA"), dtype=np.uint8).reshape(-1, 4)
         palette[: len(known)] = known[: len(palette)]
-    index = np.where(pixels[..., 3] == 255, np.array(opaque), OPAQUE + np.array(edges))
+    index = np.where(pixels[..., 3] == 255, np.array(opaque), solid + np.array(edges))
     few = Image.fromarray(index.astype(np.uint8), mode="P")
     table = np.concatenate([colours, soft])
     few.putpalette(table[:, :3].tobytes())

@@ -6,7 +6,7 @@ No build is needed.
 from __future__ import annotations
 
 from evidence import DOCS
-from evidence.card_pictures import in_few_colours
+from evidence.card_pictures import SMOOTH, in_few_colours
 from evidence.timing import progress
 from synthnet import recipe
 from synthnet.families import CHARTED
@@ -55,7 +55,7 @@ def _draw(name: str, families: list[str], layout: draw.Layout) -> None:
     )
     target = DOCS / "pictures" / name
     make_directory(target.parent)
-    write_bytes(target, in_few_colours(png))
+    write_bytes(target, in_few_colours(png, SMOOTH))
 
 
 def surface(family: str) -> tuple[Mesh, Topology]:

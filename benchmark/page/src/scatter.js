@@ -7,6 +7,7 @@ import { point as pointAt } from "./linked.js";
 import { powers } from "./numbers.js";
 
 export const SYMBOLS = { trivial: "square", classical: "circle", learned: "triangle" };
+const NAME_SIZE = 10.5; // pixels
 const [LEFT, RIGHT, TOP, BOTTOM] = [46, 10, 14, 36]; // margins
 
 // Plot labels the group of a mark, which has no role and is drawn anew at each move
@@ -67,13 +68,15 @@ export function scatter(box, { points, below = [], steps = [], domain, share = f
 /** Write names beside points where there is room, below the tip, the first first; return the points without. */
 function name(svg, { points, steps }, frame) {
   const [x, y] = ["x", "y"].map((axis) => svg.scale(axis));
+  const measured = document.createElement("canvas").getContext("2d");
+  measured.font = `${NAME_SIZE}px ${getComputedStyle(svg).fontFamily}`;
   const corners = steps.map((one) => ({ x: x.apply(one.x), y: y.apply(one.y) }));
   const turn = (one) => (one.first ? 0 : one.faint ? 2 : 1);
   const ordered = [...points].sort((a, b) => turn(a) - turn(b));
-  const at = ordered.map((one) => ({ one, x: x.apply(one.x), y: y.apply(one.y), text: one.name, above: one.first }));
+  const at = ordered.map((one) => ({ one, x: x.apply(one.x), y: y.apply(one.y), text: one.name, long: measured.measureText(one.name).width, above: one.first }));
   const written = labels(at, frame, stairs(corners)).filter(({ point }) => !point.one.faint || point.one.first);
   for (const { point, x: left, y: middle, anchor, text: title } of written)
-    svg.lastElementChild.before(drawn("text", { x: left, y: middle, "text-anchor": anchor, dy: "0.32em", fill: "currentColor", class: "name", "data-slug": point.one.slug }, title));
+    svg.lastElementChild.before(drawn("text", { x: left, y: middle, "text-anchor": anchor, dy: "0.32em", "font-size": NAME_SIZE, fill: "currentColor", class: "name", "data-slug": point.one.slug }, title));
   return ordered.filter((one) => !one.faint && !written.some(({ point }) => point.one === one));
 }
 

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 import re
 import shutil
 import statistics
@@ -11,52 +10,15 @@ from pathlib import Path
 from urllib.parse import unquote, urlparse
 
 import pytest
-from eigbench.site import bundle, write
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from eigbench.site import write
+from playwright.sync_api import Page, expect
 
 pytestmark = pytest.mark.slow
 
-AXE = bundle.BUNDLE.parent / "node_modules" / "axe-core" / "axe.min.js"
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-ARGUMENTS = [
-    "--disable-background-networking",
-    "--use-angle=swiftshader",  # WebGL without a GPU
-    "--enable-unsafe-swiftshader",
-    *(["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []),
-]
 FIRST = "1.0-mini-test-grouped-mesh"  # the board of most tests
 WIDE, PHONE = {"width": 1440, "height": 800}, {"width": 390, "height": 800}
 HELD_OUT = "2.0-mini-test-genus-mesh"
 IMPORTED = "2.0-mini-test-imported-real-28-mesh"
-
-
-@pytest.fixture(scope="module")
-def launch(lacking) -> Iterator:
-    """Return a function that starts Chromium with more arguments."""
-    with sync_playwright() as playwright:
-        own = Path(playwright.chromium.executable_path)
-        found = [os.environ.get("CHROMIUM"), str(own) if own.exists() else None]
-        found += [shutil.which(name) for name in NAMES]
-        path = next(filter(None, found), None)
-        if path is None:
-            lacking(f"no browser: $CHROMIUM is not set and none of {', '.join(NAMES)} is there")
-        started = []
-
-        def start(*arguments: str) -> Browser:
-            browser = playwright.chromium.launch(
-                executable_path=path, args=[*ARGUMENTS, *arguments]
-            )
-            started.append(browser)
-            return browser
-
-        yield start
-        for browser in started:
-            browser.close()
-
-
-@pytest.fixture(scope="module")
-def browser(launch):
-    return launch()
 
 
 @pytest.fixture(scope="module")
@@ -112,19 +74,6 @@ def sort(page: Page, title: str) -> str | None:
     head = page.locator("#table thead th").filter(has_text=title).first
     head.get_by_role("button").click()
     return head.get_attribute("aria-sort")
-
-
-def overflow(page: Page) -> int:
-    return page.evaluate(
-        "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-    )
-
-
-def violations(page: Page) -> list[str]:
-    page.evaluate(AXE.read_text())
-    # Without preloading styles, which would be a request and which the page forbids
-    found = page.evaluate("axe.run({ preload: false })")["violations"]
-    return [f"{one['impact']} {one['id']}: {one['nodes'][0]['html']}" for one in found]
 
 
 def meshes(page: Page, count: int = 2) -> None:
@@ -555,7 +504,7 @@ VIEWS = (
 
 @pytest.mark.parametrize("width", [320, 390])
 @pytest.mark.parametrize("view", VIEWS)
-def test_a_phone_does_not_scroll_sideways(visit, view, width):
+def test_a_phone_does_not_scroll_sideways(visit, view, width, overflow):
     page = visit(view, size={"width": width, "height": 800})
     if "model=far" in view:
         meshes(page)
@@ -563,7 +512,7 @@ def test_a_phone_does_not_scroll_sideways(visit, view, width):
     assert overflow(page) == 0
 
 
-def test_a_phone_has_a_card_a_row_and_sorts_by_any_column(visit):
+def test_a_phone_has_a_card_a_row_and_sorts_by_any_column(visit, overflow):
     page = visit(size=PHONE, has_touch=True, is_mobile=True)
     page.get_by_text("Columns, filters, order").tap()
     page.get_by_label("Sort by").select_option("psnr20")
@@ -592,7 +541,7 @@ def test_head_and_names_stay_while_the_table_is_scrolled(visit):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
 @pytest.mark.parametrize("view", VIEWS)
-def test_axe_finds_nothing(visit, view, size, scheme):
+def test_axe_finds_nothing(visit, view, size, scheme, violations):
     page = visit(view, size=size, scheme=scheme)
     if "model=far" in view:
         meshes(page)
@@ -604,7 +553,7 @@ def test_axe_finds_nothing(visit, view, size, scheme):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
-def test_axe_finds_nothing_on_the_real_board(visit, real_board, size, scheme):
+def test_axe_finds_nothing_on_the_real_board(visit, real_board, size, scheme, overflow, violations):
     page = visit(f"#model={real_board[0][0].slug}", name="real", size=size, scheme=scheme)
     meshes(page)
     assert violations(page) == []
