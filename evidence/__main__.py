@@ -14,7 +14,7 @@ from evidence.blocks import BLOCKS, ELSEWHERE, fill
 from evidence.measurements import MEASUREMENTS, REPORTS, add_options
 from synthnet.errors import SynthNetError
 
-PICTURES = ("architecture", "growth", "1.0", "2.0", "readme")
+PICTURES = ("architecture", "growth", "1.0", "2.0", "readme", "poster")
 PINS = {
     "version": "the shapes of a built version",
     "limits": "the spectra of the surfaces of a version's shapes, with error bars",
@@ -134,9 +134,13 @@ def run_draw(options: argparse.Namespace) -> int:
 
             draw(numbers.read("growth"))
         elif name == "readme":
-            from evidence.readme_picture import draw_readme
+            from evidence.surface_pictures import draw_readme
 
             draw_readme()
+        elif name == "poster":
+            from evidence.surface_pictures import draw_poster
+
+            draw_poster()
         else:
             from evidence.card_pictures import draw_card
 

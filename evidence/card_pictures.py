@@ -22,6 +22,7 @@ from synthnet import recipe
 from synthnet.build.label import make_sample
 from synthnet.families import FAMILIES
 from synthnet.pictures import draw, gallery
+from synthnet.pictures.palette import BLUE
 from synthnet.pictures.raster import render
 from synthnet.recipe.distributions import DISTRIBUTIONS
 from synthnet.recipe.plan import plan_shards
@@ -29,7 +30,8 @@ from synthnet.store.files import write_bytes, write_text
 from synthnet.types import Mesh, Sample
 
 THUMBNAIL = (160, 120)  # pixels
-COLOURS = 48  # of a picture's palette: a quarter of the bytes, and no difference to see
+SOLID, SOFT = 40, 24  # colours of a picture's palette: few bytes, and no difference to see
+SMOOTH = 200  # of one with eigenfunctions
 QUANTILES = {"low": 0.05, "middle": 0.5, "high": 0.95}
 STRIP = draw.Layout(across=3, width=1.5, height=1.1)
 PLAIN = {"triangulation": "uniform", "vertices": 3000, "seed": 0}  # 2.0, to see the surface
@@ -57,7 +59,8 @@ def thumbnails(version: str, directory: Path) -> None:
     for family in progress(gallery.candidates(version), "thumbnails"):
         ((_, mesh),) = gallery.chosen(version, family, 1)
         png = io.BytesIO()
-        Image.fromarray(render(mesh, *THUMBNAIL, edges=True)).save(png, format="PNG")
+        pixels = render(mesh, *THUMBNAIL, edges=True, transparent=True)
+        Image.fromarray(pixels).save(png, format="PNG")
         write_bytes(directory / f"{family.family}.png", in_few_colours(png.getvalue()))
 
 
@@ -81,7 +84,7 @@ def parameters(version: str, directory: Path) -> None:
             meshes += gaps * [None]
             captions += gaps * [[""]]
         edges = drawn.sizes is None
-        png = draw.picture_of_sheet(meshes, captions, edges=edges, layout=STRIP)
+        png = draw.picture_of_sheet(meshes, captions, edges=edges, layout=STRIP, transparent=True)
         write_bytes(directory / f"{name}-parameters.png", in_few_colours(png))
 
 
@@ -103,7 +106,7 @@ def triangulations(directory: Path) -> None:
             meshes.append(FAMILIES["pretzel"].generate(given))
             captions.append([f"{kind}, {len(meshes[-1].vertices):,} vertices"])
     layout = draw.Layout(across=3, width=2.4, height=1.7)
-    png = draw.picture_of_sheet(meshes, captions, edges=True, layout=layout)
+    png = draw.picture_of_sheet(meshes, captions, edges=True, layout=layout, transparent=True)
     write_bytes(directory / "triangulations.png", in_few_colours(png))
 
 
@@ -114,19 +117,29 @@ def examples(directory: Path) -> None:
     shape = next(s for plan in plan_shards(version) for s in plan.shapes if s.spec.id == EXAMPLE)
     sample = make_sample(shape, version)
     assert isinstance(sample, Sample), sample
-    write_bytes(directory / "show.png", draw.picture_of_sample(sample, eigenfunctions=5))
+    shown = draw.picture_of_sample(sample, eigenfunctions=5, transparent=True)
+    write_bytes(directory / "show.png", in_few_colours(shown, SMOOTH))
     shapes = sorted(gallery.chosen("2.0", family, 10), key=lambda chosen: chosen[0].id)
     title = f"synthNet 2.0, knotted_tube: 10 of {family.total}"
-    sheet = gallery.sheet(shapes, family.varying, title)
+    sheet = gallery.sheet(shapes, family.varying, title, transparent=True)
     write_bytes(directory / "gallery.png", in_few_colours(sheet))
 
 
-def in_few_colours(png: bytes) -> bytes:
-    """Return a PNG with a palette."""
-    picture = Image.open(io.BytesIO(png)).convert("RGB")
-    few = picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+def in_few_colours(png: bytes, solid: int = SOLID) -> bytes:
+    """Return a PNG with a palette: ``solid`` colours for what is opaque, :data:`SOFT` for edges."""
+    pixels = np.array(Image.open(io.BytesIO(png)).convert("RGBA"))
+    opaque = Image.fromarray(pixels[..., :3]).quantize(solid, dither=Image.Dither.NONE)
+    edges = Image.fromarray(pixels).quantize(SOFT, dither=Image.Dither.NONE)
+    colours, soft = (np.zeros((size, 4), dtype=np.uint8) for size in (solid, SOFT))
+    for palette, image in ((colours, opaque), (soft, edges)):
+        known = np.array(image.getpalette("RGBA"), dtype=np.uint8).reshape(-1, 4)
+        palette[: len(known)] = known[: len(palette)]
+    index = np.where(pixels[..., 3] == 255, np.array(opaque), solid + np.array(edges))
+    few = Image.fromarray(index.astype(np.uint8), mode="P")
+    table = np.concatenate([colours, soft])
+    few.putpalette(table[:, :3].tobytes())
     written = io.BytesIO()
-    few.save(written, format="PNG", optimize=True)
+    few.save(written, format="PNG", optimize=True, transparency=table[:, 3].tobytes())
     return written.getvalue()
 
 
@@ -143,7 +156,7 @@ def distributions(facts: dict) -> str:
             for row, family in enumerate(families):
                 counts = np.array(family["counts"][name])
                 heights = 0.85 * counts / counts.max()
-                axes.stairs(row - heights, edges, baseline=row, fill=True, color="#0072B2")
+                axes.stairs(row - heights, edges, baseline=row, fill=True, color=BLUE)
                 axes.axhline(row, color="0.75", lw=0.4)
             axes.set_xscale("log")
             axes.set_xlabel(title)

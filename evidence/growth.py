@@ -18,12 +18,13 @@ from evidence import DOCS, markdown
 from evidence.timing import in_new_process, peak_mb, progress
 from synthnet import spectrum
 from synthnet.families import FAMILIES
+from synthnet.pictures.palette import BLUE, VERMILION
 from synthnet.types import Mesh
 
 STEPS = (1.3, 2.24, 4.08, 7.07, 12.9, 22.4, 40.83)  # of a mesh of 600 step² vertices
 TWICE = 100_000  # vertices up to which a solve is repeated
 NAMES = {"synthnet": "synthNet, certified", "lapy": "LaPy"}
-COLOURS = {"synthnet": "#0072b2", "lapy": "#d55e00"}
+COLOURS = {"synthnet": BLUE, "lapy": VERMILION}
 
 
 def measure(*, largest: int = 1_000_000) -> dict:

@@ -35,6 +35,7 @@ from baselines.gcn.model import GCN
 from baselines.gcn.predictor import told
 from baselines.gcn.queue import Training
 from evidence.markdown import folded
+from synthnet.pictures.palette import BLUE, GREEN, PALE, VERMILION
 from synthnet.store.files import write_text
 
 ROOT = Path(__file__).parent.parent
@@ -308,7 +309,7 @@ def time_bars() -> Figure | None:
         figure = Figure(figsize=(7.2, 0.32 * len(bars) + 0.6))
         figure.subplots_adjust(0.5, 0.5 / (0.32 * len(bars) + 0.6), 0.94, 0.99)
         axes = figure.subplots()
-        colours = ["#999999" if bar in theirs else "#0072B2" for bar in bars]
+        colours = [PALE if bar in theirs else BLUE for bar in bars]
         drawn = axes.barh([name for name, _ in bars], [s for _, s in bars], color=colours)
         axes.bar_label(drawn, [f"{seconds:.2g}" for _, seconds in bars], padding=3, fontsize=8)
         axes.set_xscale("log")
@@ -335,7 +336,7 @@ def loss_curves() -> Figure | None:
 def curves(panels: Sequence[mpl.axes.Axes], configs: Sequence[str]) -> None:
     """Draw the losses of some rows, and their scores on the validation split."""
     left, right = panels
-    for config, colour in zip(configs, ("#0072B2", "#D55E00", "#009E73"), strict=True):
+    for config, colour in zip(configs, (BLUE, VERMILION, GREEN), strict=True):
         log = record(config, "grouped")["log"]
         losses = [row["loss"] / log[0]["loss"] for row in log]
         left.plot([row["steps"] for row in log], losses, color=colour, label=config)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from synthnet import spectrum
 from synthnet.errors import needed_by
-from synthnet.pictures.raster import render
+from synthnet.pictures.palette import BLUE, GREY
+from synthnet.pictures.raster import View, render
 from synthnet.store.files import write_bytes
 from synthnet.types import Mesh, Sample
 
@@ -22,7 +23,6 @@ with needed_by("drawing"):
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-BLUE = "#0072b2"  # Okabe and Ito's, which colour-blind readers can tell apart
 DOTS = 150  # an inch
 ACROSS = 5  # eigenfunctions, or meshes of a sheet, in a row
 TOP, BELOW = 3.9, 2.15  # inches: height of the mesh and its spectrum, and of a row below
@@ -43,6 +43,15 @@ class Layout:
 
 
 SHEET = Layout()
+
+
+@dataclass(frozen=True, slots=True)
+class Colouring:
+    """What a mesh is coloured by: a function at its vertices, its name, and the view."""
+
+    values: NDArray[np.float64]
+    text: str
+    view: View | None = None
 
 
 def check_name(path: Path) -> None:
@@ -80,20 +89,22 @@ def draw_sample(
     write_bytes(path, picture_of_sample(sample, eigenfunctions=eigenfunctions, edges=edges))
 
 
-def picture_of_sample(sample: Sample, *, eigenfunctions: int = 0, edges: bool = False) -> bytes:
-    """Return the picture of :func:`draw_sample` as the bytes of a PNG."""
+def picture_of_sample(
+    sample: Sample, *, eigenfunctions: int = 0, edges: bool = False, transparent: bool = False
+) -> bytes:
+    """Return the picture of :func:`draw_sample` as the bytes of a PNG, on white or on nothing."""
     rows = -(-eigenfunctions // ACROSS)
     high = TOP + rows * BELOW + (KEY if rows else 0)
-    with plain_style():
+    with plain_style(transparent=transparent):
         figure = Figure(figsize=(WIDTH, high), dpi=DOTS)
         _picture(figure, (0.0, high - TOP, 4.9, TOP - 0.55), sample.mesh, edges=edges)
         facts = f"{len(sample.mesh.vertices):,} vertices, {len(sample.mesh.faces):,} triangles"
         _text(figure, 2.45, high - 0.2, sample.spec.id)
-        _text(figure, 2.45, high - 0.42, facts, size=8, color="0.35")
+        _text(figure, 2.45, high - 0.42, facts, size=8, quiet=True)
         _bars(figure, (5.55, high - TOP + 0.6, 3.2, TOP - 1.15), sample.eigenvalues)
         if rows:
             _eigenfunctions(figure, sample.mesh, eigenfunctions, high - TOP)
-            _text(figure, WIDTH / 2, KEY / 2, KEY_TEXT, size=8, color="0.35")
+            _text(figure, WIDTH / 2, KEY / 2, KEY_TEXT, size=8, quiet=True)
         return _png(figure)
 
 
@@ -101,11 +112,17 @@ def _eigenfunctions(figure: Figure, mesh: Mesh, count: int, top: float) -> None:
     computed = spectrum.compute(mesh, count)
     wide = WIDTH / ACROSS
     for number, function in enumerate(signed(computed.eigenvectors).T):
+        title = eigenvalue_text(number + 1, computed.eigenvalues[number])
         row, column = divmod(number, ACROSS)
         below = top - (row + 1) * BELOW
-        _picture(figure, (column * wide, below, wide, BELOW - 0.4), mesh, values=function)
-        title = f"$\\lambda_{{{number + 1}}}$ = {computed.eigenvalues[number]:.4g}"
+        box = (column * wide, below, wide, BELOW - 0.4)
+        _picture(figure, box, mesh, colouring=Colouring(function, title))
         _text(figure, (column + 0.5) * wide, below + BELOW - 0.2, title, formulas=True)
+
+
+def eigenvalue_text(index: int, value: float) -> str:
+    """Return the formula of an eigenvalue of an index, counted from 1 after zero."""
+    return f"$\\lambda_{{{index}}}$ = {value:.4g}"
 
 
 def picture_of_mesh(
@@ -125,6 +142,8 @@ def picture_of_sheet(
     *,
     edges: bool = False,
     layout: Layout = SHEET,
+    colourings: Sequence[Colouring] = (),
+    transparent: bool = False,
 ) -> bytes:
     """Return a contact sheet as the bytes of a PNG.
 
@@ -140,6 +159,10 @@ def picture_of_sheet(
         Whether to draw the edges of the meshes.
     layout : Layout
         How large, and how many in a row.
+    colourings : sequence of Colouring
+        An eigenfunction of each mesh, which names its eigenvalue as well; none if it is empty.
+    transparent : bool
+        Whether there is nothing behind the meshes, in place of white.
 
     Raises
     ------
@@ -150,23 +173,36 @@ def picture_of_sheet(
         raise ValueError("a contact sheet needs at least 1 mesh, got 0")
     across = min(layout.across, len(meshes))
     rows = -(-len(meshes) // across)
-    tall = layout.height + 0.1 + CAPTION_LINE * max(map(len, captions))
+    lines_below = max(map(len, captions)) + bool(colourings)
+    tall = layout.height + 0.1 + CAPTION_LINE * lines_below
     head = 0.42 if title else 0.0
     width = max(across * layout.width, LETTER * len(title))
     high = rows * tall + head
     margin = (width - across * layout.width) / 2
-    with plain_style():
+    with plain_style(transparent=transparent):
         figure = Figure(figsize=(width, high), dpi=DOTS)
         _text(figure, width / 2, high - 0.22, title, size=10)
         for number, (mesh, lines) in enumerate(zip(meshes, captions, strict=True)):
             row, column = divmod(number, across)
             left, under = margin + column * layout.width, high - head - row * tall - layout.height
+            box, x = (left, under, layout.width, layout.height), left + layout.width / 2
+            colouring = colourings[number] if colourings else None
             if mesh is not None:
-                _picture(figure, (left, under, layout.width, layout.height), mesh, edges=edges)
+                _picture(figure, box, mesh, colouring=colouring, edges=edges)
             for below, text in enumerate(lines):
-                x, y = left + layout.width / 2, under - (below + 0.6) * CAPTION_LINE
-                _text(figure, x, y, text, size=6.5, color="black" if below == 0 else "0.35")
+                y = under - (below + 0.6) * CAPTION_LINE
+                _text(figure, x, y, text, size=6.5, quiet=below > 0)
+            if colouring is not None:
+                y = under - (len(lines) + 0.6) * CAPTION_LINE
+                _text(figure, x, y, colouring.text, size=6.5, quiet=True, formulas=True)
         return _png(figure)
+
+
+def coloured_by(mesh: Mesh, index: int, view: View | None = None) -> Colouring:
+    """Return the eigenfunction of an index, counted from 1 after the constant, to colour a mesh."""
+    computed = spectrum.compute(mesh, index)
+    text = eigenvalue_text(index, computed.eigenvalues[index - 1])
+    return Colouring(signed(computed.eigenvectors)[:, index - 1], text, view)
 
 
 def signed(eigenvectors: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -185,11 +221,17 @@ def signed(eigenvectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @contextmanager
-def plain_style() -> Iterator[None]:
-    """Draw in plain settings; a user's own style would change the picture."""
+def plain_style(*, transparent: bool = False) -> Iterator[None]:
+    """Draw in plain settings; a user's own style would change the picture.
+
+    On nothing, all text and axes are of a grey that can be read on light and on dark pages.
+    """
+    inked = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color")
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9})
+        if transparent:
+            mpl.rcParams.update({"savefig.transparent": True} | dict.fromkeys(inked, GREY))
         yield
 
 
@@ -198,7 +240,7 @@ def _picture(
     box: tuple[float, float, float, float],
     mesh: Mesh,
     *,
-    values: NDArray[np.float64] | None = None,
+    colouring: Colouring | None = None,
     edges: bool = False,
 ) -> None:
     """Draw a mesh in a box of a figure: left, bottom, width and height in inches."""
@@ -206,7 +248,11 @@ def _picture(
     axes = figure.add_axes(tuple(np.array(box) / np.tile(inches, 2)))
     axes.set_axis_off()
     width, height = round(box[2] * DOTS), round(box[3] * DOTS)
-    pixels = render(mesh, width, height, values=values, edges=edges)
+    values, view = (colouring.values, colouring.view) if colouring else (None, None)
+    transparent = bool(mpl.rcParams["savefig.transparent"])
+    pixels = render(
+        mesh, width, height, view=view, values=values, edges=edges, transparent=transparent
+    )
     axes.imshow(pixels, interpolation="nearest", aspect="auto")
 
 
@@ -217,7 +263,7 @@ def _text(
     text: str,
     *,
     size: float = 9,
-    color: str = "black",
+    quiet: bool = False,
     formulas: bool = False,
 ) -> None:
     """Write text around a point of a figure, in inches from its lower left corner.
@@ -225,7 +271,9 @@ def _text(
     A dollar sign begins a formula only if ``formulas`` is set: imported names may contain some.
     """
     wide, high = figure.get_size_inches()
-    drawn = figure.text(x / wide, y / high, text, ha="center", va="center", size=size, color=color)
+    drawn = figure.text(x / wide, y / high, text, ha="center", va="center", size=size)
+    if quiet and not mpl.rcParams["savefig.transparent"]:
+        drawn.set_color("0.35")
     drawn.set_parse_math(formulas)
 
 

@@ -142,6 +142,7 @@ def sheet(
     title: str,
     *,
     edges: bool = False,
+    transparent: bool = False,
 ) -> bytes:
     """Return a contact sheet as the bytes of a PNG: under each shape its id and parameters.
 
@@ -155,9 +156,12 @@ def sheet(
         Of the sheet.
     edges : bool
         Whether to draw the edges of the meshes.
+    transparent : bool
+        Whether there is nothing behind the meshes, in place of white.
     """
     captions = [caption(spec, varying) for spec, _ in shapes]
-    return draw.picture_of_sheet([mesh for _, mesh in shapes], captions, title, edges=edges)
+    meshes = [mesh for _, mesh in shapes]
+    return draw.picture_of_sheet(meshes, captions, title, edges=edges, transparent=transparent)
 
 
 def caption(spec: ShapeSpec, varying: Sequence[str]) -> list[str]:

@@ -58,8 +58,9 @@ def render(
     view: View | None = None,
     values: NDArray[np.float64] | None = None,
     edges: bool = False,
+    transparent: bool = False,
 ) -> NDArray[np.uint8]:
-    """Draw a mesh on white, as large as there is room for.
+    """Draw a mesh on white or on nothing, as large as there is room for.
 
     Both sides of a triangle look the same, so a surface need not be oriented, nor have two
     sides. The same arguments give the same picture.
@@ -78,11 +79,13 @@ def render(
         of the colours.
     edges : bool
         Whether to draw the edges of the triangles; they fade where triangles get small.
+    transparent : bool
+        Whether there is nothing behind the mesh, in place of white.
 
     Returns
     -------
     ndarray of shape (height, width, 3), uint8
-        Red, green and blue.
+        Red, green and blue; and how opaque it is, if ``transparent``.
 
     Raises
     ------
@@ -124,7 +127,19 @@ def render(
     outline = _outline(depth, JUMP * scale * float(np.ptp(vertices, axis=0).max()))
     picture[outline] = _inked(picture[outline], np.full(int(outline.sum()), 0.65))
     blocks = picture.reshape(height, SAMPLES, width, SAMPLES, 3).mean(axis=(1, 3))
+    if transparent:
+        samples = (seen | outline).reshape(height, SAMPLES, width, SAMPLES)
+        blocks = _without_white(blocks, samples.mean(axis=(1, 3)))
     return np.asarray(np.round(255 * blocks), dtype=np.uint8)
+
+
+def _without_white(
+    picture: NDArray[np.float64], opaque: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return a picture on white as one on nothing, from how much of each pixel is covered."""
+    share = np.maximum(opaque, 1e-9)[..., None]
+    colours = np.clip(1 - (1 - picture) / share, 0, 1)
+    return np.concatenate([np.where(share > 1e-9, colours, 1.0), opaque[..., None]], axis=2)
 
 
 def _check(mesh: Mesh, width: int, height: int, values: NDArray[np.float64] | None) -> None:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from eigbench.board import ranking
 from eigbench.board.figures import (
     FLOOR,
+    LINE_MARKS,
     PREDICTED,
-    PROTOCOL_MARKS,
     TRUE,
     check_finite,
     dataset_of,
@@ -24,6 +24,7 @@ from eigbench.board.ranking import RANKED_BY
 from eigbench.board.tables import family_title, in_order
 from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS, psnr
+from synthnet.pictures.palette import VERMILION
 
 if TYPE_CHECKING:
     import matplotlib as mpl
@@ -105,7 +106,7 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
                 showfliers=False,
                 patch_artist=True,
                 manage_ticks=False,
-                medianprops={"color": "#D55E00"},
+                medianprops={"color": VERMILION},
                 label=escaped(submission.name),
             )
             for box in boxes["boxes"]:
@@ -135,8 +136,8 @@ def by_index(submissions: Sequence[Submission]) -> Figure:
     with style() as new_figure:
         figure = new_figure(figsize=(7.2, 3.6 + 0.09 * len(submissions)), layout="constrained")
         axes = figure.subplots()
-        marks = cycle(PROTOCOL_MARKS)
-        lines = np.repeat(LINES, len(PROTOCOL_MARKS))
+        marks = cycle(LINE_MARKS)
+        lines = np.repeat(LINES, len(LINE_MARKS))
         for submission, (marker, colour), line in zip(
             submissions, marks, cycle(lines), strict=False
         ):
@@ -190,7 +191,7 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
             axes.hist(
                 values, edges, weights=np.full(len(values), 100 / len(values)), color=PREDICTED
             )
-            axes.axvline(np.median(values), color="#D55E00", lw=1.2)
+            axes.axvline(np.median(values), color=VERMILION, lw=1.2)
             axes.set_title(f"{escaped(submission.name)}: median {median}", fontsize=8, loc="left")
             axes.set_ylabel("% of meshes", fontsize=7)
             axes.tick_params(labelsize=7)

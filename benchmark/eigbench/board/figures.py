@@ -1,44 +1,79 @@
-"""The figures of a board, error against time and by protocol, and what all figures share."""
+"""Error against speed beside LaPy, a numbered mark a model; and what all figures share."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import cycle
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench import results
-from eigbench.board.generalisation import Board, title
 from eigbench.board.ranking import RANKED_BY
+from eigbench.board.tables import times_faster
 from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS
 from synthnet import recipe
 from synthnet.errors import needed_by
+from synthnet.pictures.palette import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PALE,
+    PURPLE,
+    SKY,
+    VERMILION,
+)
 from synthnet.store.files import write_atomically
 
 if TYPE_CHECKING:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-# Okabe and Ito: colour-blind readers can distinguish them; in print the markers do.
-KINDS = {"trivial": ("#999999", "s"), "classical": ("#0072B2", "o"), "learned": ("#D55E00", "^")}
-TRUE, PREDICTED = "#000000", "#0072B2"
+# Of a model's kind, on every chart of every page; in print the markers tell them apart.
+KINDS = {"trivial": (GREY, "s"), "classical": (BLUE, "o"), "learned": (VERMILION, "^")}
+TRUE, PREDICTED = INK, BLUE
 FLOOR = 1e-3  # smaller errors are drawn at the lower edge: an exact solver's would be 1e-11
-FASTEST = 0.1  # ms; faster models are drawn at the left edge
-PROTOCOL_MARKS = (  # Okabe and Ito again, and a marker each
-    ("s", "#E69F00"),
-    ("^", "#56B4E9"),
-    ("D", "#009E73"),
-    ("v", "#D55E00"),
-    ("P", "#CC79A7"),
-    ("X", "#0072B2"),
-)
+FASTEST = 100.0  # times LaPy; faster models are drawn at the right edge
+LINE_MARKS = (("s", ORANGE), ("^", SKY), ("D", GREEN), ("v", VERMILION), ("P", PURPLE), ("X", BLUE))
+SIZES = {"o": 12, "s": 11, "^": 15}  # of marks, in points: a number is inside
+SPEED = "times as fast as LaPy →"
+NAME_LINE, LEGEND = 0.185, 0.7  # inches of a name in the key, and of the kinds below
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A model on a chart of error against speed.
+
+    Parameters
+    ----------
+    number : int
+        Stands in its mark, and before its name in the key.
+    name, kind : str
+        Of the model.
+    speed : float
+        How many times as fast as LaPy it is.
+    error : float
+        What the chart is of.
+    unseen : float or None
+        The same error on what the training held out: an open mark above.
+    whole : bool
+        Whether it answered every mesh; else its mark is open.
+    """
+
+    number: int
+    name: str
+    kind: str
+    speed: float
+    error: float
+    unseen: float | None = None
+    whole: bool = True
 
 
 @contextmanager
@@ -63,27 +98,101 @@ def style() -> Iterator[type[Figure]]:
 
 
 def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) -> str:
-    """Return an SVG of mean error against milliseconds a mesh, both logarithmic.
+    """Return an SVG of mean error against time, as the speed beside LaPy in the same run.
 
-    Results of several hardware labels get a panel each, with one scale of errors: times are not
-    compared across.
+    The ratio may be compared between machines, so all rows stand in one panel. Those that were not
+    timed beside LaPy are named in the key, without a number.
     """
-    means = (submission.scores["overall"][key]["mean"] for submission in submissions)
-    errors = [max(mean, FLOOR) for mean in means if mean is not None] or [1.0]
-    limits = min(errors) / 1.8, max(errors) * 2.5
-    by_label: dict[str, list[Submission]] = {}
-    for submission in submissions:
-        by_label.setdefault(results.setting(submission.result), []).append(submission)
+    points, absent = _points(submissions, key)
     with style() as new_figure:
+        high = max(4.4, NAME_LINE * (len(points) + len(absent)) + LEGEND + 0.6)
+        figure = new_figure(figsize=(9.0, high))
+        axes = figure.subplots()
         # Positions are fixed: those of an automatic layout depend on the version of FreeType
-        figure = new_figure(figsize=(7.2, 4.4 * len(by_label)))
-        panels = np.ravel(figure.subplots(len(by_label), squeeze=False))
-        figure.subplots_adjust(0.1, 0.5 / (4.4 * len(by_label)), 0.97, 0.93, hspace=0.35)
-        for axes, label in zip(panels, sorted(by_label), strict=True):
-            axes.set_ylim(limits)
-            _scatter(axes, by_label[label], key)
-            axes.set_title(escaped(label), fontsize=9, loc="left")
+        figure.subplots_adjust(0.075, 0.48 / high, 0.6, 1 - 0.1 / high)
+        scatter(axes, points, floor=FLOOR)
+        axes.set_ylabel(f"mean {METRICS[key].heading}; below {FLOOR:g} at the edge")
+        beside = [
+            (str(p.number), f"{p.name}{_beyond(p)}", KINDS[p.kind][0])
+            for p in sorted(points, key=lambda p: p.number)
+        ]
+        name_key(axes, [*beside, *(("–", name, PALE) for name in absent)])
+        legend(axes, dict.fromkeys(p.kind for p in points))
         return as_svg(figure)
+
+
+def _points(submissions: Sequence[Submission], key: str) -> tuple[list[Point], list[str]]:
+    """Return the models that have a mean and a speed, the best first; and why the others do not."""
+    found, absent = [], []
+    for submission in sorted(submissions, key=lambda s: s.slug):
+        mean = submission.scores["overall"][key]["mean"]
+        reference = submission.result["cost"].get("reference")
+        if mean is None or reference is None:
+            absent.append(f"{submission.name}: not {'finite' if mean is None else 'timed'}")
+        else:
+            kind = submission.result["model"]["kind"]
+            found.append((mean, submission.name, kind, reference["ratio"]))
+    sign = -1 if METRICS[key].higher_is_better else 1
+    found.sort(key=lambda one: sign * one[0])
+    return [Point(i, n, k, s, e) for i, (e, n, k, s) in enumerate(found, start=1)], absent
+
+
+def _beyond(point: Point) -> str:
+    """Return what the edges of the chart hide of a point."""
+    notes = ["exact"] if point.error < 1e-9 else []
+    notes += [times_faster({"ratio": point.speed})] if point.speed > FASTEST else []
+    return f" ({', '.join(notes)})" if notes else ""
+
+
+def scatter(
+    axes: mpl.axes.Axes, points: Sequence[Point], *, floor: float, fastest: float = FASTEST
+) -> None:
+    """Draw error against speed, both logarithmic: in each mark the number of its model."""
+    for point in sorted(points, key=lambda p: -p.number):  # the better of two that overlap is above
+        _mark(axes, point, min(point.speed, fastest), max(point.error, floor))
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel(SPEED)
+    axes.grid(alpha=0.25)
+
+
+def _mark(axes: mpl.axes.Axes, point: Point, x: float, y: float) -> None:
+    colour, marker = KINDS[point.kind]
+    if point.unseen is not None and point.unseen > 1.02 * y:
+        axes.plot([x, x], [y, point.unseen], color=colour, lw=0.8, zorder=1)
+        axes.plot(x, point.unseen, marker, color=colour, mfc="white", ms=6, zorder=3)
+    above = 4 - point.number / 1000
+    inside = "white" if not point.whole else colour
+    edge = {"mec": "white", "mew": 0.7} if point.whole else {"mec": colour, "mew": 1.2}
+    axes.plot(x, y, marker, mfc=inside, ms=SIZES[marker], zorder=above, **edge)
+    low = -1.8 if marker == "^" else -0.2  # where a triangle is wide
+    axes.annotate(
+        str(point.number), (x, y), (0, low), textcoords="offset points", ha="center", va="center",
+        fontsize=6, color="white" if point.whole else colour, weight="bold", zorder=above,
+    )  # fmt: skip
+
+
+def name_key(axes: mpl.axes.Axes, entries: Sequence[tuple[str, str, str]]) -> None:
+    """Write numbers, names and colours beside the axes, a line each, from the top."""
+    high = axes.get_position().height * axes.figure.get_figheight()
+    for line, (number, name, colour) in enumerate(entries):
+        y = 1 - NAME_LINE * (line + 0.5) / high
+        text = {"transform": axes.transAxes, "va": "center", "fontsize": 7.5}
+        axes.text(1.06, y, number, ha="right", color=colour, weight="bold", **text)
+        axes.text(1.075, y, escaped(name), **text)
+
+
+def legend(axes: mpl.axes.Axes, kinds: Iterable[str], more: Sequence[Any] = ()) -> None:
+    """Say beside the axes, at the bottom, what the marks mean: the kinds, and more handles."""
+    handles = [
+        axes.plot([], [], KINDS[kind][1], color=KINDS[kind][0], ls="", label=kind)[0]
+        for kind in KINDS
+        if kind in set(kinds)
+    ]
+    axes.legend(
+        handles=[*handles, *more], loc="lower left", bbox_to_anchor=(1.0, -0.03), frameon=False,
+        fontsize=7.5,
+    )  # fmt: skip
 
 
 def as_svg(figure: Figure) -> str:
@@ -126,112 +235,6 @@ def check_finite(submission: Submission, values: NDArray[np.float64], title: str
         "though the predictions are finite (PSNR of an exact one, InvLap of a 0): choose another "
         "--metric"
     )
-
-
-def _scatter(axes: mpl.axes.Axes, submissions: Sequence[Submission], key: str) -> None:
-    """Draw error against time of one hardware label, a named mark for each model."""
-    points, notes = [], []
-    for submission in sorted(submissions, key=lambda s: s.slug):
-        mean = submission.scores["overall"][key]["mean"]
-        time = submission.result["cost"]["ms_per_mesh"]
-        if mean is None:
-            continue
-        note = escaped(submission.name)
-        note += f" ({mean:.0e})" if mean < FLOOR else ""
-        note += f" ({time:.0e} ms)" if time < FASTEST else ""
-        colour, marker = KINDS[submission.result["model"]["kind"]]
-        points.append((max(time, FASTEST), max(mean, FLOOR)))
-        notes.append(note)
-        axes.plot(*points[-1], marker, color=colour, ms=6)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel("ms a mesh, median")
-    axes.set_ylabel(f"mean {METRICS[key].heading}")
-    axes.grid(alpha=0.25)
-    if not points:
-        return
-    x = np.array(points)[:, 0]
-    axes.set_xlim(x.min() / 1.8, x.max() * 4)
-    offsets = label_offsets(axes, points, notes)
-    for note, (dx, dy, side), point in zip(notes, offsets, points, strict=True):
-        axes.annotate(
-            note, point, (dx, dy), textcoords="offset points", ha=side, va="center", fontsize=8
-        )
-    kinds = [kind for kind in KINDS if any(s.result["model"]["kind"] == kind for s in submissions)]
-    handles = [
-        axes.plot([], [], KINDS[kind][1], color=KINDS[kind][0], label=kind)[0] for kind in kinds
-    ]
-    axes.legend(handles=handles, loc="lower left", fancybox=False, edgecolor="0.8", fontsize=8)
-
-
-def label_offsets(
-    axes: mpl.axes.Axes, points: Sequence[tuple[float, float]], notes: Sequence[str]
-) -> list[tuple[float, float, str]]:
-    """Return for each note an offset in points and a side, so that few notes overlap.
-
-    By arithmetic on the lengths of the notes: a measured text would depend on the fonts.
-    """
-    width, height = np.array([axes.bbox.width, axes.bbox.height]) * 72 / axes.figure.dpi
-    limits = np.log10([axes.get_xlim(), axes.get_ylim()])
-    size = np.array([width, height])
-    at = (np.log10(points) - limits[:, 0]) / (limits[:, 1] - limits[:, 0]) * size
-    taken = [(x - 4, y - 4, x + 4, y + 4) for x, y in at]
-    offsets = []
-    for (x, y), note in zip(at, notes, strict=True):
-        long = 4.6 * len(note)
-        options = {}
-        for dy in (0.0, 9.0, -9.0, 14.0, -14.0):
-            for dx, side, left in ((7.0, "left", x + 7), (-7.0, "right", x - 7 - long)):
-                here = (left, y + dy - 5, left + long, y + dy + 5)
-                outside = max(0.0, -here[0]) + max(0.0, here[2] - width)
-                overlap = sum(_overlap(here, other) for other in taken)
-                options[(dx, dy, side)] = (overlap + 10 * outside, here)
-        best = min(options, key=lambda offset: options[offset][0])
-        taken.append(options[best][1])
-        offsets.append(best)
-    return offsets
-
-
-def _overlap(a: Sequence[float], b: Sequence[float]) -> float:
-    wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-    return max(0.0, wide) * max(0.0, high)
-
-
-def generalisation(board: Board, key: str = RANKED_BY) -> str:
-    """Return an SVG of each model's mean error i.i.d. and under each protocol, a line a model."""
-    metric = METRICS[key]
-    with style() as new_figure:
-        high = 0.3 * len(board.rows) + 1.3
-        figure = new_figure(figsize=(7.2, high))
-        axes = figure.subplots()
-        figure.subplots_adjust(0.36, 0.45 / high, 0.98, 1 - 0.75 / high)
-        columns = [("i.i.d.", "o", TRUE)]
-        columns += [
-            (title(name), marker, colour)
-            for name, (marker, colour) in zip(board.protocols, cycle(PROTOCOL_MARKS), strict=False)
-        ]
-        for line, row in enumerate(board.rows):
-            model = row.submission
-            means = [model.scores["overall"][key]["mean"]]
-            means += [board.scored(model, name, key).score for name in board.protocols]
-            known = [max(value, FLOOR) for value in means if value is not None]
-            axes.plot([min(known), max(known)], [line, line], color="#cccccc", lw=1, zorder=1)
-            for value, (_, marker, colour) in zip(means, columns, strict=True):
-                if value is not None:
-                    x = max(value, FLOOR)
-                    axes.plot(x, line, marker, color=colour, ms=5.5, alpha=0.85, zorder=2)
-        names = [escaped(row.submission.name) for row in board.rows]
-        axes.set_yticks(range(len(names)), names, fontsize=8)
-        axes.set_ylim(len(names) - 0.5, -0.5)
-        axes.set_xscale("log")
-        axes.set_xlabel(f"mean {metric.heading}; below {FLOOR:g} at the edge")
-        axes.grid(axis="x", alpha=0.25)
-        handles = [
-            axes.plot([], [], marker, color=colour, label=escaped(name))[0]
-            for name, marker, colour in columns
-        ]
-        figure.legend(handles=handles, loc="upper center", frameon=False, fontsize=7.5, ncols=3)
-        return as_svg(figure)
 
 
 def save(path: Path, figure: Figure) -> None:

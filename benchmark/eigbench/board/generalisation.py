@@ -72,6 +72,11 @@ class HeldOut:
     score: float | None
     drop: float | None = None
 
+    @property
+    def before(self) -> float | None:
+        """The mean, on the same shapes, of the same model trained on everything."""
+        return None if self.score is None or self.drop is None else self.score - self.drop
+
 
 @dataclass(frozen=True, slots=True)
 class Board:
@@ -276,11 +281,8 @@ def drops(board: Board, protocol: str) -> list[Column[Ranked]]:
         return board.scored(board.model(row.submission.slug), protocol, RANKED_BY)
 
     def iid(row: Ranked) -> Cell:
-        held_out = scored(row)
-        if held_out.score is None or held_out.drop is None:
-            return "none", None
-        value = held_out.score - held_out.drop
-        return score(value, RANKED_BY), six_digits(value)
+        before = scored(row).before
+        return ("none", None) if before is None else (score(before, RANKED_BY), six_digits(before))
 
     def drop(row: Ranked) -> Cell:
         lost = scored(row).drop

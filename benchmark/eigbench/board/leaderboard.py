@@ -27,6 +27,7 @@ from eigbench.board import (
     export,
     figures,
     generalisation,
+    generalisation_figure,
     page,
     ranking,
     scaling_page,
@@ -189,15 +190,15 @@ def generate(
             name = f"{protocols.version}-generalisation-{protocols.target}"
             shown = {
                 "page": BOARDS / f"{name}.md",
-                "Error under each protocol": FIGURES / f"{name}.svg",
+                "Drop under each protocol": FIGURES / f"{name}.svg",
             }
             generated[shown["page"]] = page.generalised_details(protocols)
-            generated[FIGURES / f"{name}.svg"] = figures.generalisation(protocols)
+            generated[FIGURES / f"{name}.svg"] = generalisation_figure.draw(protocols)
             if submission.target == SURFACE:
                 path = FIGURES / f"{protocols.version}-answer.svg"
                 generated[path] = answer_figure.draw(protocols)
                 finding = finding or answer_figure.sentences(protocols)  # of the newest version
-                shown["Error to the surface against time"] = path
+                shown["Error to the surface against speed"] = path
             opening += page.generalised(protocols, shown)
             held_out.append(page.generalised_top(protocols, page.TOP))
         if first:

@@ -76,7 +76,7 @@ def board(rows: Sequence[Ranked], files: dict[str, Path]) -> list[str]:
         f"{_counts(rows)} [All metrics, families, cost]({page}) · [JSON]({numbers})\n",
         as_markdown(ranked_columns.short(), rows, (RANK, MODEL, KIND)),
         *(f"{line}\n" for line in remarks(rows)),
-        f"![Error against time]({figure})\n",
+        f"![Error against speed]({figure})\n",
     ]
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-
 from eigbench.board.columns import Cell, Column, Group, of_run, six_digits
 from eigbench.board.tables import number
 from eigbench.scaling import scores, surfaces
@@ -102,7 +100,7 @@ def _memory(size: int) -> Column[Scaled]:
 
 def _lapy(size: int) -> Column[Scaled]:
     def cell(row: Scaled) -> Cell:
-        seconds = _lapys_seconds(row, size)
+        seconds = scores.beside_seconds(row, size)
         return ("not run", None) if seconds is None else (ms(seconds), six_digits(1e3 * seconds))
 
     note = "LaPy's ms a mesh in the same run, on the same meshes: how fast the machine was then."
@@ -134,19 +132,15 @@ def _median(
     return Column(f"{key}-{size}", f"{size:,}: {title}", note, with_failures, lead=own)
 
 
-def _lapys_seconds(row: Scaled, size: int) -> float | None:
-    """Return the median time of LaPy in a row's run at a size, in seconds."""
-    times = [
-        mesh["reference_seconds"]
-        for (_, at), mesh in row.meshes.items()
-        if at == size and mesh["reference_seconds"] is not None
-    ]
-    return float(np.median(times)) if times else None
-
-
 def percent(share: float) -> str:
-    """Return a share in per cent."""
-    return f"{number(100 * share, 3)} %"
+    """Return a share in per cent; one that only rounding can make is exact.
+
+    Examples
+    --------
+    >>> percent(0.0123), percent(4e-13)
+    ('1.230 %', 'exact')
+    """
+    return "exact" if share <= scores.EXACT else f"{number(100 * share, 3)} %"
 
 
 def ms(seconds: float) -> str:

@@ -1,112 +1,132 @@
-"""The picture of the scaling track: time and error against vertices, both logarithmic."""
+"""The picture of the scaling track: error to the surface against speed, a panel a size."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eigbench.board.figures import as_svg, style
-from eigbench.scaling import scores as scaling_scores
-from eigbench.scaling import surfaces
+from eigbench.board.figures import (
+    KINDS,
+    SPEED,
+    Point,
+    as_svg,
+    escaped,
+    scatter,
+    style,
+)
+from eigbench.scaling import panels, scores, surfaces
+from eigbench.scaling.panels import Panel
 from eigbench.scaling.results import Scaled
-from eigbench.scaling.scores import Medians
+from synthnet.pictures.palette import GREEN, PALE
 
 if TYPE_CHECKING:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-# Okabe and Ito without yellow; the next seven models have other lines and marks
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#666666")
-LINES, MARKS = ("-", "--", ":"), ("o", "^", "s")
-LEAST = 1e-6  # errors below are drawn at the lower edge: an exact solver's
-HEIGHT, ENTRY = 3.4, 0.19  # inches of a pair of panels, and of a line of the legend
-COLUMNS = 2
-OWN = "discretisation error of the meshes"
+FASTEST = 1000.0  # times LaPy; faster models are drawn at the right edge
+WIDTH, HEIGHT = 9.0, 3.1  # inches: of the figure, and of a row of panels
+ACROSS, COLUMNS = 2, 3  # panels in a row, and columns of the key
+ENTRY, LETTERS = 0.19, 46  # inches of a line of the key, and letters that it has room for
+SIGNS: dict[str, dict[str, Any]] = {
+    **{
+        kind: {"color": colour, "marker": marker, "markevery": [1], "ls": "", "ms": 5}
+        for kind, (colour, marker) in KINDS.items()
+    },
+    "not every surface was answered": {
+        "color": "0.4", "marker": "o", "mfc": "white", "markevery": [1], "ls": "", "ms": 5,
+    },
+    "fastest exact solver, coarser and finer meshes": {"color": PALE, "lw": 1.4},
+    "where a prediction can win": {"color": GREEN, "lw": 7, "alpha": 0.25},
+}  # fmt: skip
 
 
 def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
-    """Return an SVG with a pair of panels for each hardware label: time, and error.
+    """Return an SVG with a panel for each hardware label and size, all with the same axes.
 
-    The grey line is the discretisation error of the meshes; an empty mark says that not every
-    surface was answered.
+    The line is the fastest exact solver on the meshes of all sizes; right of it and of the solver
+    on the meshes of the panel, down from twice their discretisation error, a prediction can win.
     """
+    charts = [chart for label, mine in by_setting.items() for chart in _charts(label, mine)]
     rows = sorted((row for mine in by_setting.values() for row in mine), key=_key)
-    looks = {_key(row): _look(number) for number, row in enumerate(rows)}
-    entries = -(-(len(rows) + 1) // COLUMNS)
-    legend = ENTRY * entries + 0.2
-    height = HEIGHT * len(by_setting) + legend
+    numbers = {_key(row): number for number, row in enumerate(rows, start=1)}
+    down, lines = -(-len(charts) // ACROSS), -(-(len(rows) + len(SIGNS)) // COLUMNS)
+    below = ENTRY * lines + 0.55
+    high = HEIGHT * down + below
     with style() as new_figure:
         # Positions are fixed, as in figures.py
-        figure = new_figure(figsize=(7.2, height))
-        panels = figure.subplots(len(by_setting), 2, squeeze=False)
-        figure.subplots_adjust(
-            0.09, (legend + 0.5) / height, 0.98, 1 - 0.3 / height, wspace=0.25, hspace=0.45
-        )
-        for (time, error), (label, mine) in zip(panels, by_setting.items(), strict=True):
-            sizes = scaling_scores.sizes(mine)
-            for row in mine:
-                cells = [scaling_scores.medians(row, size) for size in sizes]
-                look = looks[_key(row)]
-                _line(time, sizes, cells, [cell.seconds for cell in cells], look)
-                errors = [np.nan if np.isnan(c.error) else max(c.error, LEAST) for c in cells]
-                _line(error, sizes, cells, errors, look)
-            floors = [scaling_scores.floor(size) for size in sizes]
-            error.plot(sizes, floors, color="#999999", lw=4, alpha=0.5)
-            time.set_title(label.replace("$", "\\$"), fontsize=8, loc="left")
-            time.set_ylabel("seconds a mesh")
-            error.set_ylabel(f"mean relative error, from {LEAST:.0e} up")
-            for axes in (time, error):
-                axes.set_xscale("log")
-                axes.set_yscale("log")
-                axes.set_xlabel("vertices")
-                axes.set_xlim(sizes[0] / 2, sizes[-1] * 2)
-                axes.grid(alpha=0.25)
-        names = [row.name.replace("$", "\\$") for row in rows]
-        own = ("#999999", "-", "")
-        for number, (name, look) in enumerate(
-            zip([*names, OWN], [*looks.values(), own], strict=True)
-        ):
-            column, line = divmod(number, entries)
-            _entry(
-                figure, 0.03 + column / COLUMNS, (legend - ENTRY * (line + 1)) / height, name, look
-            )
+        figure = new_figure(figsize=(WIDTH, high))
+        grid = np.ravel(figure.subplots(down, ACROSS, sharex=True, sharey=True, squeeze=False))
+        figure.subplots_adjust(0.08, below / high, 0.985, 1 - 0.25 / high, wspace=0.06, hspace=0.14)
+        for axes, (label, mine, panel) in zip(grid, charts, strict=False):
+            _models(axes, panel, [(numbers[_key(row)], row) for row in mine])
+            hardware = f"; {label}" if len(by_setting) > 1 else ""
+            title = escaped(f"{panel.size:,} vertices{hardware}")
+            axes.set_title(title, fontsize=9, loc="left", pad=3)
+        (left, _), (low, _) = grid[0].get_xlim(), grid[0].get_ylim()  # of the models of all panels
+        for axes, (_, _, panel) in zip(grid, charts, strict=False):
+            _solver(axes, panel, low)
+        for axes in grid[len(charts) :]:
+            axes.set_axis_off()
+        grid[0].set_xlim(left, FASTEST * 1.6)
+        grid[0].set_ylim(low, 1.0)
+        figure.text(0.53, (below - 0.42) / high, SPEED, ha="center", fontsize=9)
+        text = "mean relative error to the surface's spectrum"
+        figure.text(0.012, 0.5 + below / high / 2, text, rotation=90, va="center", fontsize=9)
+        _name_key(figure, rows, lines, high)
         return as_svg(figure)
 
 
-def _entry(figure: Figure, x: float, y: float, name: str, look: tuple[str, str, str]) -> None:
-    """Write a line of the legend by hand: where a legend puts it depends on measured text."""
+def _charts(label: str, rows: Sequence[Scaled]) -> list[tuple[str, Sequence[Scaled], Panel]]:
+    """Return the panels of a setting, one a size."""
+    verdicts = [scores.verdict(rows, size) for size in scores.sizes(rows)]
+    return [(label, rows, panels.panel(rows, verdicts, verdict.size)) for verdict in verdicts]
+
+
+def _models(axes: mpl.axes.Axes, panel: Panel, rows: Sequence[tuple[int, Scaled]]) -> None:
+    """Draw the models of a size that were answered and can be compared with LaPy."""
+    points = []
+    for number, row in rows:
+        cell = scores.medians(row, panel.size)
+        if cell.answered and np.isfinite(panel.lapy_seconds):
+            kind, speed = row.result["model"]["kind"], panel.lapy_seconds / cell.seconds
+            whole = cell.answered == len(surfaces.SURFACES)
+            points.append(Point(number, row.name, kind, speed, cell.distance, None, whole))
+    scatter(axes, points, floor=0.0, fastest=FASTEST)
+    axes.set_xlabel("")
+
+
+def _solver(axes: mpl.axes.Axes, panel: Panel, low: float) -> None:
+    """Draw the line of the exact solver, and where a prediction can win, down to the lower edge."""
+    if panel.solver:
+        axes.plot(*zip(*panel.solver, strict=True), "-", color=PALE, lw=1.4, zorder=1.5)
+    if panel.border:
+        x, y = zip(*panel.border, strict=True)
+        far = 2 * FASTEST
+        axes.fill([x[0], *x, far, far], [low, *y, y[-1], low], color=GREEN, alpha=0.14, lw=0)
+
+
+def _name_key(figure: Figure, rows: Sequence[Scaled], lines: int, high: float) -> None:
+    """Write the key by hand: where a legend puts it depends on measured text."""
     from matplotlib.lines import Line2D
 
-    colour, line, mark = look
-    width, alpha = (4.0, 0.5) if name == OWN else (1.2, 1.0)
-    figure.add_artist(Line2D([x, x + 0.04], [y, y], color=colour, ls=line, lw=width, alpha=alpha))
-    if mark:
-        figure.add_artist(Line2D([x + 0.02], [y], color=colour, marker=mark, ms=4))
-    figure.text(x + 0.05, y, name, fontsize=7.5, va="center_baseline")
+    entries: list[tuple[str, str | dict[str, Any]]] = list(SIGNS.items())
+    names = [(row.name, str(number)) for number, row in enumerate(rows, start=1)]
+    colours = [KINDS[row.result["model"]["kind"]][0] for row in rows]
+    for i, (text, sign) in enumerate([*names, *entries]):
+        column, line = divmod(i, lines)
+        x, y = 0.03 + column / COLUMNS, ENTRY * (lines - line - 0.4) / high
+        if isinstance(sign, str):
+            figure.text(
+                x, y, sign, color=colours[i], weight="bold", fontsize=7.5, ha="right",
+                va="center_baseline",
+            )  # fmt: skip
+        else:
+            figure.add_artist(Line2D([x - 0.018, x], [y, y], **sign))
+        short = text if len(text) <= LETTERS else f"{text[: LETTERS - 1]}…"
+        figure.text(x + 0.008, y, escaped(short), fontsize=7.5, va="center_baseline")
 
 
 def _key(row: Scaled) -> tuple[str, str]:
     return row.slug, str(row.path)
-
-
-def _look(number: int) -> tuple[str, str, str]:
-    turn, colour = divmod(number, len(COLOURS))
-    return COLOURS[colour], LINES[turn % len(LINES)], MARKS[turn % len(MARKS)]
-
-
-def _line(
-    axes: mpl.axes.Axes,
-    sizes: Sequence[int],
-    cells: Sequence[Medians],
-    values: Sequence[float],
-    look: tuple[str, str, str],
-) -> None:
-    """Draw a model; sizes at which not every surface was answered have an empty mark."""
-    colour, line, mark = look
-    axes.plot(sizes, values, ls=line, color=colour, lw=1.2)
-    for size, cell, value in zip(sizes, cells, values, strict=True):
-        if cell.answered:
-            fill = "full" if cell.answered == len(surfaces.SURFACES) else "none"
-            axes.plot([size], [value], mark, color=colour, ms=4, fillstyle=fill)

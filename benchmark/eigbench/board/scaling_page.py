@@ -41,7 +41,7 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
             f"{groups['distance'].note}\n",
             as_markdown(groups["distance"], mine, [MODEL]),
         ]
-    parts.append(f"![Time and error against vertices]({FIGURE.as_posix()})\n")
+    parts.append(f"![Error to the surface against speed, a panel a size]({FIGURE.as_posix()})\n")
     for key in ("memory", "lapy"):  # the same in every setting
         group = groups[key]
         parts += [

@@ -42,6 +42,8 @@ class Submission:
         In the order of the truth's ids, in 1/length².
     result_path, predictions_path : Path
         The two files.
+    batch_size : int
+        Meshes in a call of the run; the times that are shown may be of another run.
     remark : str
         What a reader should know of the result, on one line: that its code has changed since,
         and the text beside it. Empty if there is nothing to say.
@@ -52,6 +54,7 @@ class Submission:
     predictions: NDArray[np.float64]
     result_path: Path
     predictions_path: Path
+    batch_size: int
     remark: str = ""
 
     @property
@@ -155,7 +158,7 @@ def read(
         )
     _check_same(result["scores"], scores.of_targets(labels, answers), "scores", path)
     remark = " ".join(filter(None, [sources.remark(result, path), _remark(remark_path(path))]))
-    return Submission(result, labels, answers, path, kept, remark)
+    return Submission(result, labels, answers, path, kept, result["cost"]["batch_size"], remark)
 
 
 def _remark(path: Path) -> str:

@@ -184,10 +184,28 @@ def equal_seconds(surface: str, times: Mapping[int, float], distance: float) -> 
     distance : float
         Mean relative error against the surface's spectrum.
     """
+    errors = {size: surfaces.pinned(surface, size).discretisation_error for size in times}
+    return interpolated_seconds(errors, times, distance)
+
+
+def interpolated_seconds(
+    errors: Mapping[int, float], times: Mapping[int, float], distance: float
+) -> float:
+    """Return the time of an error, from the errors and times of each size."""
     sizes = sorted(times, reverse=True)  # errors ascending
-    errors = np.array([surfaces.pinned(surface, size).discretisation_error for size in sizes])
-    log = np.interp(np.log(distance), np.log(errors), np.log([times[size] for size in sizes]))
-    return float(np.exp(log) * min(1.0, errors[-1] / distance))
+    known = np.array([errors[size] for size in sizes])
+    log = np.interp(np.log(distance), np.log(known), np.log([times[size] for size in sizes]))
+    return float(np.exp(log) * min(1.0, known[-1] / distance))
+
+
+def beside_seconds(row: Scaled, size: int) -> float | None:
+    """Return the median time of LaPy in a row's run at a size, in seconds."""
+    times = [
+        mesh["reference_seconds"]
+        for (_, at), mesh in row.meshes.items()
+        if at == size and mesh["reference_seconds"] is not None
+    ]
+    return float(np.median(times)) if times else None
 
 
 def verdict(rows: Sequence[Scaled], size: int) -> Verdict:

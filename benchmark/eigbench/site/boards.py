@@ -20,6 +20,7 @@ from eigbench.scoring.training import untrained
 from eigbench.scoring.truth import Truth
 from eigbench.site import columns
 
+FIRST_VIEWS = 2  # of a board's table that the page has from the start; their columns chart it
 OF_ALL = {
     "grouped": "grouped: no copy of a test shape in training",
     "paper": "paper: copies of a shape on both sides",
@@ -112,27 +113,58 @@ def restricted(model: Submission, labels: Truth) -> Submission:
     return dataclasses.replace(model, result=result, truth=labels, predictions=values)
 
 
-def content(board: Shown) -> dict[str, Any]:
-    """Return what the page shows of a board."""
-    groups, fixed = _groups(board), [RANK]
+def contents(board: Shown) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what the page shows of a board at first, and what it asks for when that is wanted.
+
+    The second has the columns and cells of the other views, and the drops under each protocol.
+    """
+    groups = _groups(board)
+    first = columns.of(groups[:FIRST_VIEWS], [RANK])
+    shown = {column.key for column in first}
+    later = [column for column in columns.of(groups) if column.key not in shown]
+    rows = [
+        {
+            "slug": row.submission.slug,
+            "name": MODEL.cell(row)[0],
+            "kind": KIND.cell(row)[0],
+            "training": results.declared(row.submission.result, "training_data"),
+            "setting": results.setting(row.submission.result),
+            "cells": columns.cells(row, first),
+        }
+        for row in board.rows
+    ]
+    head = {"key": board.key, "kind": "board", "title": page.title(board.rows)}
+    views = {"columns": columns.heads(first), "groups": columns.views(groups)}
+    rest = {
+        "columns": columns.heads(later),
+        "cells": {row.submission.slug: columns.cells(row, later) for row in board.rows},
+        "drops": _drops(board),
+    }
+    return {**head, "notes": _notes(board), **views, "rest": True, "rows": rows}, rest
+
+
+def _drops(board: Shown) -> dict[str, list[dict[str, Any]]]:
+    """Return, by metric, each protocol with the models run under it: their score, and without it.
+
+    Empty for a board that does not compare protocols.
+    """
+    if board.protocols is None or board.own is not None:
+        return {}
     return {
-        "key": board.key,
-        "kind": "board",
-        "title": page.title(board.rows),
-        "notes": _notes(board),
-        **columns.heads(groups, fixed),
-        "rows": [
+        key: [
             {
-                "slug": row.submission.slug,
-                "name": MODEL.cell(row)[0],
-                "kind": KIND.cell(row)[0],
-                "training": results.declared(row.submission.result, "training_data"),
-                "setting": results.setting(row.submission.result),
-                "ms": six_digits(row.submission.result["cost"]["ms_per_mesh"]),
-                "cells": columns.cells(row, groups, fixed),
+                "title": generalisation.title(protocol),
+                "column": f"{key}-{protocol}",
+                "scores": {
+                    row.submission.slug: [six_digits(held.before), six_digits(held.score)]
+                    for row in board.rows
+                    if (held := board.protocols.scored(row.submission, protocol, key)).score
+                    is not None
+                },
             }
-            for row in board.rows
-        ],
+            for protocol in board.protocols.protocols
+        ]
+        for key in generalisation.SHOWN
     }
 
 

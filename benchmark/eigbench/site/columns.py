@@ -2,38 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from eigbench.board.columns import Cell, Column, Group, Row
 
 
-def heads(groups: Sequence[Group[Row]], fixed: Sequence[Column[Row]] = ()) -> dict[str, Any]:
-    """Return all columns by key, and the groups by the keys of their columns."""
+def heads(columns: Iterable[Column[Row]]) -> dict[str, Any]:
+    """Return what the page knows of columns, by key."""
     return {
-        "columns": {
-            column.key: {
-                "title": column.title,
-                "help": column.note,
-                "numeric": column.numeric,
-                "higher": column.higher,
-            }
-            for column in _columns(groups, fixed)
-        },
-        "groups": [
-            {"key": g.key, "title": g.title, "columns": [c.key for c in g.columns]} for g in groups
-        ],
+        column.key: {
+            "title": column.title,
+            "help": column.note,
+            "numeric": column.numeric,
+            "higher": column.higher,
+        }
+        for column in columns
     }
 
 
-def cells(
-    row: Row, groups: Sequence[Group[Row]], fixed: Sequence[Column[Row]] = ()
-) -> dict[str, Cell]:
+def views(groups: Iterable[Group[Row]]) -> list[dict[str, Any]]:
+    """Return groups by the keys of their columns."""
+    return [{"key": g.key, "title": g.title, "columns": [c.key for c in g.columns]} for g in groups]
+
+
+def cells(row: Row, columns: Iterable[Column[Row]]) -> dict[str, Cell]:
     """Return a row's cells by the keys of their columns."""
-    return {column.key: column.cell(row) for column in _columns(groups, fixed)}
+    return {column.key: column.cell(row) for column in columns}
 
 
-def _columns(groups: Sequence[Group[Row]], fixed: Sequence[Column[Row]]) -> Sequence[Column[Row]]:
-    """Return each column once, though several groups may have it."""
+def of(groups: Iterable[Group[Row]], fixed: Sequence[Column[Row]] = ()) -> list[Column[Row]]:
+    """Return the columns of groups, each once, though several may have it."""
     every = [*fixed, *(column for group in groups for column in group.columns)]
     return list({column.key: column for column in every}.values())

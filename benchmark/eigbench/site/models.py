@@ -153,8 +153,8 @@ def _kept(key: str, value: float | None) -> float:
 def command(submission: Submission) -> str:
     """Return the command that makes a row again."""
     result = submission.result
-    facts, batch = result["dataset"], result["cost"]["batch_size"]
+    facts = result["dataset"]
     named = f"--dataset {facts['version']} --protocol {facts['protocol']}"
     seeds = result["predictions"]["seeds"]
-    counts = f"--batch-size {batch}" + (f" --seeds {seeds}" if seeds > 1 else "")
+    counts = f"--batch-size {submission.batch_size}" + (f" --seeds {seeds}" if seeds > 1 else "")
     return f"eigbench evaluate {result['model']['code']} {named} {counts}"

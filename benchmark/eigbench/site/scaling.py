@@ -1,4 +1,4 @@
-"""The scaling track on the page: its board, what a row opens to, and the lines of its charts."""
+"""The scaling track on the page: its board, what a row opens to, and its charts."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from typing import Any
 
 from eigbench import results
 from eigbench.board import scaling_columns, scaling_page
-from eigbench.board.columns import Group, six_digits
+from eigbench.board.columns import Column, Group, six_digits
 from eigbench.board.scaling_columns import HARDWARE, KIND, MODEL, TRAINING, ms, percent
+from eigbench.board.scaling_figure import FASTEST
 from eigbench.board.tables import family_title
-from eigbench.scaling import scores, surfaces
+from eigbench.scaling import panels, scores, surfaces
+from eigbench.scaling.panels import Panel
 from eigbench.scaling.results import ANSWERED, Scaled
 from eigbench.scaling.scores import Verdict
 from eigbench.site import columns
@@ -23,21 +25,54 @@ KEY = "scaling"
 def content(rows: Sequence[Scaled]) -> dict[str, Any]:
     """Return what the page shows of the scaling track."""
     sizes = scores.sizes(rows)
-    notes, shown = [scaling_page.introduction(sizes)], []
+    notes, shown, charts = [scaling_page.introduction(sizes)], [], []
     for label, mine in scores.settings(rows).items():
         verdicts = [scores.verdict(mine, size) for size in sizes]
         groups = _groups(sizes, verdicts)
+        every = columns.of(groups)
         notes += [f"**{label}**", *(part.strip() for part in scaling_page.answers(verdicts, mine))]
-        shown += [_row(row, sizes, groups) for row in scaling_page.ordered(mine, sizes[0])]
+        shown += [_row(row, every) for row in scaling_page.ordered(mine, sizes[0])]
+        charts += [
+            _panel(label, mine, panels.panel(mine, verdicts, verdict.size), verdict)
+            for verdict in verdicts
+        ]
     return {
         "key": KEY,
         "kind": "scaling",
-        "title": "Scaling: error and time against vertices",
+        "title": "Scaling: error and speed at each number of vertices",
         "notes": notes,
-        "floors": {},
-        "own": [[size, six_digits(scores.floor(size))] for size in sizes],
-        **columns.heads(groups),
+        "fastest": FASTEST,
+        "panels": charts,
+        "columns": columns.heads(every),
+        "groups": columns.views(groups),
         "rows": shown,
+    }
+
+
+def _panel(label: str, rows: Sequence[Scaled], panel: Panel, verdict: Verdict) -> dict[str, Any]:
+    """Return a chart of one size: the models, the exact solver, and where a prediction can win."""
+    points = []
+    for row in rows:
+        middle = scores.medians(row, panel.size)
+        wins = verdict.faster.get(row.slug, (0, 0))[1]
+        if middle.answered:
+            points.append(
+                {
+                    "slug": row.slug,
+                    "speed": six_digits(panel.lapy_seconds / middle.seconds),
+                    "error": six_digits(middle.distance),
+                    "shown": percent(middle.distance),
+                    "answered": middle.answered,
+                    "wins": wins,
+                }
+            )
+    return {
+        "setting": label,
+        "size": panel.size,
+        "surfaces": len(surfaces.SURFACES),
+        "points": points,
+        "solver": [[six_digits(x), six_digits(y)] for x, y in panel.solver],
+        "border": [[six_digits(x), six_digits(y)] for x, y in panel.border],
     }
 
 
@@ -47,24 +82,14 @@ def _groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> list[Group[Sca
     return [replace(overview, columns=[*overview.columns, HARDWARE, TRAINING]), *others]
 
 
-def _row(row: Scaled, sizes: Sequence[int], groups: Sequence[Group[Scaled]]) -> dict[str, Any]:
-    medians = {size: scores.medians(row, size) for size in sizes}
+def _row(row: Scaled, every: Sequence[Column[Scaled]]) -> dict[str, Any]:
     return {
         "slug": row.slug,
         "name": MODEL.cell(row)[0],
         "kind": KIND.cell(row)[0],
         "training": results.declared(row.result, "training_data"),
         "setting": results.setting(row.result),
-        "cells": columns.cells(row, groups),
-        "points": [
-            {
-                "size": size,
-                "error": six_digits(middle.error),
-                "ms": six_digits(1e3 * middle.seconds),
-                "whole": middle.answered == len(surfaces.SURFACES),
-            }
-            for size, middle in medians.items()
-        ],
+        "cells": columns.cells(row, every),
     }
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from eigbench.board.figures import FLOOR, KINDS
+from eigbench.board.figures import FASTEST, FLOOR, KINDS
 from eigbench.board.ranking import RANKED_BY
 from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
@@ -24,8 +24,7 @@ from synthnet.store.files import make_directory
 from synthnet.version import __version__
 
 DATA = "data.js"
-FASTEST = 100  # times LaPy; faster rows are drawn at the right edge
-FOLDERS = ("boards", "meshes", "models", "rows")
+FOLDERS = ("boards", "columns", "meshes", "models", "rows")
 DOCS = "../docs/{}.md"  # seen from a folder that is directly in the checkout
 REPORTED = "reported"
 
@@ -54,7 +53,8 @@ def files(
     shown = boards.shown(submissions)
     for board in shown:
         on_step(f"board {board.key}")
-        values[f"boards/{board.key}"] = boards.content(board)
+        first, rest = boards.contents(board)
+        values |= {f"boards/{board.key}": first, f"columns/{board.key}": rest}
         for row in board.rows:
             submission = row.submission
             on_step(f"row {board.key}/{submission.slug}")

@@ -1,205 +1,102 @@
-// The charts, drawn by Observable Plot: error against speed, differences, protocols, scaling, spectra.
+// The charts, drawn by Observable Plot, which the page loads when its table is there.
 
 import { axisX, axisY, dot, gridX, gridY, line, plot, pointer, ruleX, ruleY, tip } from "@observablehq/plot";
-import { drawn, element, mark } from "./dom.js";
-import { front, labels } from "./front.js";
+import { drawn, element } from "./dom.js";
+import { besides, dumbbells } from "./dumbbells.js";
+import { front } from "./front.js";
+import { faster, powers, signed, thousands } from "./numbers.js";
+import { label, legend, listed, sample, scatter, through, TIP, widthOf } from "./scatter.js";
 
-const SYMBOLS = { trivial: "square", classical: "circle", learned: "triangle" };
 const TRUE = "currentColor";
 const PREDICTED = "var(--predicted)";
-// Okabe and Ito, as in figures.py
-const PROTOCOLS = [["circle", "currentColor"], ["square", "#E69F00"], ["triangle", "#56B4E9"], ["diamond", "#009E73"], ["star", "#D55E00"], ["plus", "#CC79A7"], ["times", "#0072B2"]];
-const LINES = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#808080"];
-const DASHES = ["", "6 3", "2 3"];
-
-const widthOf = (container, least = 280) => Math.max(least, Math.floor(container.getBoundingClientRect().width));
-const powers = (value) => (value === 0 || (value >= 1e-3 && value < 1e5) ? String(+value.toPrecision(2)) : value.toExponential(0));
-const thousands = (value) => value.toLocaleString("en");
-
-// Plot labels the group of a mark, which has no role and is drawn anew at each move
-const unlabelled = (index, scales, values, dimensions, context, next) => {
-  const group = next(index, scales, values, dimensions, context);
-  group?.removeAttribute("aria-label");
-  return group;
-};
-const TIP = { fill: "var(--raised)", stroke: "var(--line)", render: unlabelled };
-
-/** Return the room for names beside an axis, and what shortens a name to it. */
-function besides(width, widest) {
-  const left = Math.min(widest, Math.round(width * 0.42));
-  const most = Math.floor(left / 6.2);
-  return { left, short: (text) => (text.length > most ? `${text.slice(0, most - 1)}…` : text) };
-}
-
-/** Put pictures into figures, each with its caption. */
-function figure(picture, caption) {
-  return element("figure", {}, caption ? element("figcaption", {}, caption) : null, picture);
-}
-
-function label(svg, said) {
-  for (const part of svg.querySelectorAll("g[aria-label]")) part.removeAttribute("aria-label"); // of no role
-  svg.setAttribute("role", "img");
-  svg.setAttribute("aria-label", said);
-  return svg;
-}
 
 /** Error against speed beside LaPy: the ratio may be compared between machines, so one chart has all rows. */
 function errorSpeed(container, { board, rows, key, index, open }) {
   const { title, higher, share } = index.metrics[key];
   const known = board.rows.filter((row) => row.cells[key][1] !== null);
-  const points = known.filter((row) => row.cells.lapy[1] !== null).map((row) => ({ ...point(row, key, index.edge, share), faint: !rows.includes(row) }));
-  const best = front(points, higher); // of all rows: a filter makes nobody the best
+  const timed = known.filter((row) => row.cells.lapy[1] !== null);
+  const every = timed.map((row) => ({ ...ofRow(row, { key, title, edge: index.edge, share }), faint: !rows.includes(row) }));
+  const best = front(every, higher); // of all rows: a filter makes nobody the best
+  for (const one of best) one.first = true;
   const box = element("figure", {}, element("figcaption", {}, `Mean ${title} against speed: how many times faster than LaPy in the same run, from raw mesh to eigenvalues`));
   container.replaceChildren(box);
-  const { svg, unnamed } = scatter(box, { points, best, title, share, kinds: index.kinds, open });
-  const list = (text, names) => (names.length ? element("p", { class: "small" }, element("strong", {}, text), names.join(", "), ".") : null);
+  const faint = every.filter((one) => one.faint).length;
+  const said = `Mean ${title} against speed beside LaPy, ${every.length} rows${faint ? `, ${faint} of them faint: the filters leave them out` : ""}. On the Pareto front: ${best.map((one) => `${one.row.name} (${one.shown}, ${one.times})`).join("; ")}. The table has all numbers.`;
+  const steps = [...best].reverse();
+  const below = [line(steps, { x: "x", y: "y", curve: "step-before", stroke: "var(--front)", strokeWidth: 1.5 })];
+  const [xs, ys] = [every.map((one) => one.x), every.map((one) => one.y)];
+  const domain = { x: around(xs, 1.8), y: share ? [0, 104] : around(ys, 1.9) };
+  const unnamed = scatter(box, { points: every, below, steps, domain, share, title: share ? title : `mean ${title}`, said, kinds: index.kinds, open });
   const after = [
-    list("Pareto front: ", best.map((one) => one.row.name)),
-    list("Without a name in the picture: ", unnamed.map((one) => `${one.row.name} (${one.row.cells[key][0]}, ${one.row.cells.lapy[0]})`)),
-    list("Not timed beside LaPy: ", known.filter((row) => row.cells.lapy[1] === null).map((row) => row.name)),
+    listed("Pareto front: ", best.map((one) => one.row.name)),
+    listed("Without a name in the picture: ", unnamed.map((one) => `${one.row.name} (${one.shown}, ${one.times})`)),
+    listed("Not timed beside LaPy: ", known.filter((row) => row.cells.lapy[1] === null).map((row) => row.name)),
   ];
-  box.append(svg, ...after.filter(Boolean));
-  container.append(legend(points, index.kinds));
+  box.append(...after.filter(Boolean));
+  container.append(legend(every, index.kinds,
+    [sample({ stroke: "var(--front)", "stroke-width": 1.5 }), "Pareto front of all rows"],
+    faint ? ["faint: left out by the filters"] : null));
 }
 
-function point(row, key, edge, share) {
+const around = (values, factor) => [Math.min(...values) / factor, Math.max(...values) * factor];
+
+function ofRow(row, { key, title, edge, share }) {
   const [shown, value] = row.cells[key];
   const [times, speed] = row.cells.lapy;
   const y = share ? 100 * value : Math.max(value, edge.error);
   const notes = [];
   if (!share && value < edge.error) notes.push(shown);
-  if (speed > edge.speed) notes.push(times);
+  if (speed > edge.speed) notes.push(faster(speed));
   const name = row.name + (notes.length ? ` (${notes.join(", ")})` : "");
-  return { row, name, shown, times, value, time: 1 / speed, x: Math.min(speed, edge.speed), y };
+  const tip = `${row.name}, ${row.kind}\n${title}: ${shown}\n${times} faster than LaPy`;
+  return { row, slug: row.slug, kind: row.kind, name, shown, times, value, time: 1 / speed, x: Math.min(speed, edge.speed), y, title: tip };
 }
 
-function scatter(box, { points, best, title, share, kinds, open }) {
-  const width = widthOf(box);
-  const height = 380;
-  const xs = points.map((one) => one.x);
-  const ys = points.map((one) => one.y);
-  const [shown, faint] = [points.filter((one) => !one.faint), points.filter((one) => one.faint)];
-  const x = { type: "log", domain: [Math.min(...xs) / 1.8, Math.max(...xs) * 1.8], label: "times faster than LaPy →" };
-  const y = share
-    ? { domain: [0, 104], label: title }
-    : { type: "log", domain: [Math.min(...ys) / 1.8, Math.max(...ys) * 2], label: `mean ${title}` };
-  const said = `Mean ${title} against speed beside LaPy, ${points.length} rows${faint.length ? `, ${faint.length} of them faint: the filters leave them out` : ""}. On the Pareto front: ${best.map((one) => `${one.row.name} (${one.shown}, ${one.times})`).join("; ")}. The table has all numbers.`;
-  const marks = { x: "x", y: "y", r: 5, symbol: (one) => SYMBOLS[one.row.kind], fill: (one) => kinds[one.row.kind], stroke: "var(--background)", strokeWidth: 0.75 };
-  const svg = plot({
-    width, height, marginLeft: 46, marginBottom: 36, marginRight: 10, x, y,
-    ariaLabel: said,
-    marks: [
-      gridX({ ticks: 5, strokeOpacity: 0.12 }), gridY({ ticks: 5, strokeOpacity: 0.12 }),
-      axisX({ ticks: 5, tickFormat: (v) => `${powers(v)} ×`, tickSize: 3 }), axisY({ ticks: 5, tickFormat: share ? (v) => `${v} %` : powers, tickSize: 3 }),
-      line([...best].reverse(), { x: "x", y: "y", curve: "step-before", stroke: "var(--front)", strokeWidth: 1.5 }),
-      dot(faint, { ...marks, fillOpacity: 0.25 }),
-      dot(shown, marks),
-      tip(shown, pointer({ x: "x", y: "y", title: (one) => `${one.row.name}, ${one.row.kind}\n${title}: ${one.shown}\n${one.times} faster than LaPy\nclick to open its page`, ...TIP })),
-    ],
-    symbol: { type: "identity" }, color: { type: "identity" },
-  });
-  label(svg, said);
-  svg.classList.add("clickable");
-  svg.addEventListener("click", () => svg.value && open(svg.value.row.slug));
-  svg.addEventListener("input", () => pointedAt(svg.value?.row.slug));
-  svg.points = points.map((one) => ({ slug: one.row.slug, x: svg.scale("x").apply(one.x), y: svg.scale("y").apply(one.y) }));
-  return { svg, unnamed: name(svg, { points, best, width, height }) };
-}
-
-/** Let the row of the point under the pointer stand out in the table. */
-function pointedAt(slug) {
-  for (const row of document.querySelectorAll("tr.pointed")) row.classList.remove("pointed");
-  if (slug) document.getElementById(`row-${slug}`)?.classList.add("pointed");
-}
-
-/** Write names beside points where there is room, below the tip, first those on the front; return the points without. */
-function name(svg, { points, best, width, height }) {
-  const [x, y] = ["x", "y"].map((axis) => svg.scale(axis));
-  const ordered = [...best, ...points.filter((one) => !one.faint && !best.includes(one)), ...points.filter((one) => one.faint && !best.includes(one))];
-  const at = ordered.map((one) => ({ one, x: x.apply(one.x), y: y.apply(one.y), text: one.name, above: best.includes(one) }));
-  const written = labels(at, { left: 48, right: width - 4, top: 4, bottom: height - 38 }).filter(({ point }) => !point.one.faint || best.includes(point.one));
-  for (const { point, x: left, y: middle, anchor, text: title } of written)
-    svg.lastElementChild.before(drawn("text", { x: left, y: middle, "text-anchor": anchor, dy: "0.32em", fill: "currentColor", class: "name", "data-slug": point.one.row.slug }, title));
-  return ordered.filter((one) => !one.faint && !written.some(({ point }) => point.one === one));
-}
-
-function legend(points, kinds) {
-  const present = Object.keys(kinds).filter((kind) => points.some(({ row }) => row.kind === kind));
-  const sample = (attributes) => drawn("svg", { width: 22, height: 10, "aria-hidden": "true" }, drawn("line", { x1: 0, x2: 22, y1: 5, y2: 5, ...attributes }));
-  return element("p", { class: "legend" },
-    present.map((kind) => element("span", {}, mark(kind, kinds), kind)),
-    element("span", {}, sample({ stroke: "var(--front)", "stroke-width": 1.5 }), "Pareto front of all rows"),
-    points.some((one) => one.faint) ? element("span", {}, "faint: left out by the filters") : null);
-}
-
-/** Each model's error i.i.d. and under each protocol, a line a model. */
-function protocols(container, { board, rows, group, index }) {
-  const { title: metric, share } = index.metrics[group.key.replace("protocols-", "")];
-  const titles = group.columns.map((key) => board.columns[key].title);
-  const points = rows.flatMap((row) => group.columns.map((key, i) => ({ name: row.name, value: row.cells[key][1], shown: row.cells[key][0], column: titles[i], i }))
-    .filter((one) => one.value !== null)
-    .map((one) => ({ ...one, x: share ? 100 * one.value : Math.max(one.value, 1e-3) })));
-  const spans = rows.flatMap((row) => points.filter((one) => one.name === row.name));
-  const width = widthOf(container);
-  const { left, short } = besides(width, 260);
-  const said = `Mean ${metric} of each model i.i.d. and under each protocol. The table has all numbers.`;
-  const svg = plot({
-    width, height: 22 * rows.length + 60, marginLeft: left, marginTop: 10, marginBottom: 38, ariaLabel: said,
-    x: share ? { label: metric } : { type: "log", label: `mean ${metric}; below 0.001 at the edge` },
-    y: { type: "point", domain: rows.map((row) => row.name), label: null },
-    symbol: { type: "identity" }, color: { type: "identity" },
-    marks: [
-      gridX({ ticks: 5, strokeOpacity: 0.12 }), axisX({ ticks: 5, tickFormat: share ? (v) => `${v} %` : powers }), axisY({ tickSize: 0, tickFormat: short }),
-      line(spans, { x: "x", y: "name", z: "name", stroke: "currentColor", strokeOpacity: 0.3 }),
-      dot(points, { x: "x", y: "name", r: 4.5, symbol: (one) => PROTOCOLS[one.i % PROTOCOLS.length][0], stroke: (one) => PROTOCOLS[one.i % PROTOCOLS.length][1], fill: (one) => PROTOCOLS[one.i % PROTOCOLS.length][1] }),
-      tip(points, pointer({ x: "x", y: "name", title: (one) => `${one.name}\n${one.column}: ${one.shown}`, ...TIP })),
-    ],
-  });
-  const entries = titles.map((title, i) => {
-    const [symbol, colour] = PROTOCOLS[i % PROTOCOLS.length];
-    const key = plot({ width: 14, height: 14, margin: 0, axis: null, symbol: { type: "identity" }, color: { type: "identity" }, x: { domain: [0, 1] }, y: { domain: [0, 1] }, marks: [dot([[0.5, 0.5]], { r: 4.5, symbol, stroke: colour, fill: colour })] });
-    key.setAttribute("aria-hidden", "true");
-    return element("span", {}, key, title);
-  });
-  container.replaceChildren(figure(label(svg, said)), element("p", { class: "legend" }, entries));
-}
-
-/** Time and error against vertices, a pair of charts for each hardware. */
-function scaling(container, { board, rows }) {
+/** The scaling track: a chart a hardware and size, all with the same axes. */
+function scaling(container, { board, rows, index, open }) {
   const grid = element("div", { class: "charts" });
-  const looks = new Map(board.rows.map((row, i) => [row, [LINES[i % LINES.length], DASHES[Math.floor(i / LINES.length) % DASHES.length]]]));
-  container.replaceChildren(grid);
-  const charts = [...new Set(rows.map((row) => row.setting))].flatMap((setting) =>
-    [["ms", "ms a mesh", 0], ["error", "mean relative error", 1e-6]].map(([key, title, least]) => {
-      const box = element("figure", {}, element("figcaption", {}, `${title}; ${setting}`));
-      grid.append(box); // all of them before the first is measured
-      return { box, key, title, least, setting, mine: rows.filter((row) => row.setting === setting) };
-    }));
-  for (const chart of charts) chart.box.append(against(chart, board, looks));
-  const sample = (stroke, dash, width) => drawn("svg", { width: 22, height: 10, "aria-hidden": "true" }, drawn("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke, "stroke-dasharray": dash || "none", "stroke-width": width }));
-  container.append(element("p", { class: "legend" },
-    rows.map((row) => element("span", {}, sample(...looks.get(row), 1.6), row.name)),
-    element("span", {}, sample("color-mix(in srgb, currentColor 30%, transparent)", "", 4), "discretisation error of the meshes; an empty mark: not every surface was answered")));
+  container.replaceChildren(element("p", { class: "small" }, "Error to the spectrum of the surface against speed: how many times faster than LaPy, one mesh a call; medians over the surfaces."), grid);
+  const several = new Set(board.panels.map(({ setting }) => setting)).size > 1;
+  const byName = new Map(rows.map((row) => [row.setting + row.slug, row]));
+  const charts = board.panels.map((panel) => {
+    const mine = panel.points.filter((one) => byName.has(panel.setting + one.slug)).map((one) => ofMesh(one, byName.get(panel.setting + one.slug), panel, board.fastest));
+    const box = element("figure", {}, element("figcaption", {}, element("strong", {}, `${thousands(panel.size)} vertices`), several ? `; ${panel.setting}` : ""));
+    grid.append(box); // all of them before the first is measured
+    return { box, panel, points: mine.filter((one) => one.x !== null), absent: mine.filter((one) => one.x === null) };
+  });
+  const all = charts.flatMap(({ points }) => points);
+  if (all.length) {
+    const domain = { x: around(all.map((one) => one.x), 1.8), y: around(all.map((one) => one.y), 1.8) };
+    for (const chart of charts) oneSize(chart, { domain, kinds: index.kinds, open });
+  }
+  for (const { box, absent } of charts)
+    if (absent.length) box.append(listed("Not timed beside LaPy: ", absent.map((one) => one.row.name)));
+  container.append(legend(all, index.kinds,
+    [sample({ stroke: "var(--front)", "stroke-width": 8, "stroke-opacity": 0.2 }), "where a prediction can win"],
+    [sample({ stroke: "currentColor", "stroke-opacity": 0.5, "stroke-width": 1.5 }), "the fastest exact solver on coarser and finer meshes of the same surfaces"],
+    ["outlined: wins on most of the surfaces"], ["open: not every surface was answered"]));
 }
 
-/** One quantity of the scaling track against vertices. */
-function against({ box, key, title, least, setting, mine }, board, looks) {
-  const points = mine.flatMap((row) => row.points.filter((one) => one[key] !== null).map((one) => ({ ...one, row, y: Math.max(one[key], least || 1e-9) })));
-  const said = `${title} against vertices on ${setting}, both logarithmic, ${mine.length} models. The table has all numbers.`;
-  const svg = plot({
-    width: widthOf(box), height: 300, marginLeft: 52, marginBottom: 36, ariaLabel: said,
-    x: { type: "log", label: "vertices" }, y: { type: "log", label: least ? `${title}, from ${powers(least)} up` : title },
-    color: { type: "identity" },
-    marks: [
-      gridX({ ticks: 4, strokeOpacity: 0.12 }), gridY({ ticks: 5, strokeOpacity: 0.12 }),
-      axisX({ ticks: 4, tickFormat: thousands }), axisY({ ticks: 5, tickFormat: powers }),
-      key === "error" ? line(board.own, { x: "0", y: "1", stroke: "currentColor", strokeOpacity: 0.3, strokeWidth: 4 }) : null,
-      ...mine.map((row) => line(points.filter((one) => one.row === row), { x: "size", y: "y", stroke: looks.get(row)[0], strokeDasharray: looks.get(row)[1], strokeWidth: 1.4 })),
-      dot(points, { x: "size", y: "y", r: 3.5, stroke: (one) => looks.get(one.row)[0], fill: (one) => (one.whole ? looks.get(one.row)[0] : "var(--background)") }),
-      tip(points, pointer({ x: "size", y: "y", title: (one) => `${one.row.name}\n${thousands(one.size)} vertices: ${one.row.cells[`${key}-${one.size}`][0]}`, ...TIP })),
-    ],
-  });
-  return label(svg, said);
+function ofMesh(one, row, { surfaces }, fastest) {
+  const times = one.speed === null ? "" : faster(one.speed);
+  const notes = one.speed > fastest ? [times] : [];
+  const wins = one.wins > surfaces / 2;
+  const tip = `${row.name}, ${row.kind}\nerror to the surface: ${one.shown}\n${times} faster than LaPy\nwins on ${one.wins} of ${surfaces} surfaces`;
+  return { row, slug: row.slug, kind: row.kind, name: row.name + (notes.length ? ` (${notes})` : ""), shown: one.shown, times, x: one.speed === null ? null : Math.min(one.speed, fastest), y: one.error, open: one.answered < surfaces, wins, first: wins, title: tip };
+}
+
+function oneSize({ box, panel, points }, { domain, kinds, open }) {
+  if (!points.length) return;
+  const winners = points.filter((one) => one.wins).map((one) => one.row.name);
+  const said = `Error to the surface against speed beside LaPy at ${thousands(panel.size)} vertices, ${points.length} models. On most surfaces win: ${winners.join(", ") || "none"}. The table has all numbers.`;
+  const far = 10 * domain.x[1];
+  const low = domain.y[0] / 10;
+  const [from, to] = panel.border;
+  const region = from ? through([[from[0], low], from, to, [far, to[1]], [far, low]], { fill: "var(--front)", fillOpacity: 0.16, stroke: "none" }) : null;
+  const solver = through(panel.solver, { stroke: "currentColor", strokeOpacity: 0.5, strokeWidth: 1.5 });
+  const unnamed = scatter(box, { points, below: [region, solver].filter(Boolean), domain, title: "mean relative error to the surface", said, kinds, open });
+  const list = listed("Without a name in the picture: ", unnamed.map((one) => `${one.row.name} (${one.shown}, ${one.times})`));
+  if (list) box.append(list);
 }
 
 /** Predicted against true eigenvalues of a shape. */
@@ -236,11 +133,12 @@ function apart(container, others, name) {
   const least = Math.max(sizes.at(-1) / 1000, sizes[Math.floor(sizes.length / 4)], 1e-12); // what is smaller lies near zero, to scale
   const decades = [-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1, 0, 1].map((power) => 10 ** power).filter((value) => value >= least / 2 && value <= 2 * sizes.at(-1));
   const few = decades.filter((_, i) => (decades.length - 1 - i) % (width < 500 ? 2 : 1) === 0);
-  const ticks = [...few.map((value) => -value), 0, ...few];
+  const domain = [Math.min(0, ...rows.map((one) => one.low ?? one.mean)), Math.max(0, ...rows.map((one) => one.high ?? one.mean))];
+  const ticks = [...few.map((value) => -value), 0, ...few].filter((value) => domain[0] <= value && value <= domain[1]);
   const said = `Mean RPD of each other row minus that of ${name}, with 95 % intervals: ${rows.map((one) => `${one.name} ${signed(one.mean)}${one.sure ? "" : ", not decided"}`).join("; ")}.`;
   const svg = plot({
     width, height: 19 * rows.length + 56, marginLeft: left, marginTop: 6, marginBottom: 36, ariaLabel: said,
-    x: { type: "symlog", constant: least, label: "← nearer · RPD of the other − this row · further →", domain: [Math.min(0, ...rows.map((one) => one.low ?? one.mean)), Math.max(0, ...rows.map((one) => one.high ?? one.mean))] },
+    x: { type: "symlog", constant: least, label: "← nearer · RPD of the other − this row · further →", domain },
     y: { type: "point", domain: rows.map((one) => one.name), label: null },
     marks: [
       gridX(ticks, { strokeOpacity: 0.12 }), axisX(ticks, { tickFormat: signed }), axisY({ tickSize: 0, tickFormat: short }),
@@ -251,9 +149,7 @@ function apart(container, others, name) {
     ],
     color: { type: "identity" },
   });
-  container.replaceChildren(figure(label(svg, said)));
+  container.replaceChildren(element("figure", {}, label(svg, said)));
 }
 
-const signed = (value) => (value === 0 ? "0" : `${value > 0 ? "+" : "−"}${powers(Math.abs(value))}`);
-
-eigbench.charts = { apart, errorSpeed, protocols, scaling, spectrum };
+eigbench.charts = { apart, dumbbells, errorSpeed, scaling, spectrum };

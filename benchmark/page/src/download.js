@@ -2,9 +2,12 @@
 
 import { element } from "./dom.js";
 
-/** Fill a paragraph with links to the shown rows as CSV and JSON. */
-export function renderDownloads(container, board, rows) {
-  const link = (kind, type, make) => element("button", { type: "button", class: "link", click: () => save(`${board.key}.${kind}`, type, make()) }, kind.toUpperCase());
+/** Fill a paragraph with links to the shown rows as CSV and JSON; the board is completed before. */
+export function renderDownloads(container, board, { rows, complete }) {
+  const link = (kind, type, make) => element("button", { type: "button", class: "link", click: async () => {
+    await complete();
+    save(`${board.key}.${kind}`, type, make());
+  } }, kind.toUpperCase());
   container.replaceChildren("Download these rows, with all columns: ",
     link("csv", "text/csv", () => csv(board, rows)), " ",
     link("json", "application/json", () => `${JSON.stringify(json(board, rows), null, 1)}\n`));

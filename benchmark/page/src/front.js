@@ -10,25 +10,32 @@ export function front(points, higher) {
   return best;
 }
 
-const CHARACTER = 5.6; // pixels, on average, at the size of the names
-const OFFSETS = [0, 11, -11, 18, -18];
-const ABOVE = [-9, 10, 0, -18, 18]; // a name on the front stands clear of its line
+const HALF = 6.5; // of the height of a name, in pixels
+const OFFSETS = [0, 12, -12, 18, -18];
+const ABOVE = [-9, 11, 0, -18, 18]; // a name on the front stands clear of its line
+
+/** Return the boxes of a line that goes up or down at each point, then on to the next. */
+export const stairs = (corners) =>
+  corners.slice(1).flatMap((to, i) => {
+    const from = corners[i];
+    return [[from.x, Math.min(from.y, to.y), from.x + 1, Math.max(from.y, to.y)], [from.x, to.y, to.x, to.y + 1]];
+  });
 
 /**
- * Return where names stand beside points, clear of each other and of all marks, each nearer to its own
- * point than to any other; a name that fits nowhere is left out.
+ * Return where names stand beside points, clear of each other, of all marks and of what else is taken,
+ * each nearer to its own point than to any other; a name that fits nowhere is left out. A point has x,
+ * y, its text, how long that is in pixels, and whether it stands above.
  */
-export function labels(points, frame) {
-  const taken = points.map(({ x, y }) => [x - 5, y - 5, x + 5, y + 5]);
+export function labels(points, frame, lines) {
+  const taken = [...lines, ...points.map(({ x, y }) => [x - 5, y - 5, x + 5, y + 5])];
   const written = [];
   for (const point of points) {
-    const { x, y, text, above } = point;
-    const long = CHARACTER * text.length;
+    const { x, y, text, long, above } = point;
     for (const [dy, anchor] of (above ? ABOVE : OFFSETS).flatMap((dy) => [[dy, "start"], [dy, "end"]])) {
       const left = anchor === "start" ? x + 8 : x - 8 - long;
-      const here = [left, y + dy - 5.5, left + long, y + dy + 5.5];
+      const here = [left, y + dy - HALF, left + long, y + dy + HALF];
       const inside = here[0] >= frame.left && here[2] <= frame.right && here[1] >= frame.top && here[3] <= frame.bottom;
-      const near = points.every((other) => other === point || distance(here, other) > distance(here, point));
+      const near = points.every((other) => other === point || distance(here, other) > distance(here, point) + 0.5);
       if (!inside || !near || taken.some((other) => overlap(here, other))) continue;
       taken.push(here);
       written.push({ point, x: anchor === "start" ? x + 8 : x - 8, y: y + dy, anchor, text });

@@ -55,3 +55,6 @@ export function script(path) {
   }
   return scripts.get(path);
 }
+
+/** Return a promise of the charts, which the first table does without. */
+export const charts = () => script("chart.js").then(() => eigbench.charts);

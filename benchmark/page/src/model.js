@@ -1,11 +1,13 @@
 // The page of a model: where it stands, why, by families and laws, its shapes, and how to run it again.
 
 import { drawn, element, mark, plainTable } from "./dom.js";
-import { get } from "./load.js";
+import { charts, get } from "./load.js";
+import { signed } from "./numbers.js";
 import { makeShapes } from "./shapes.js";
 import { encoded, decoded, modelPage } from "./state.js";
 
 const GOOD = 1e-3; // an RPD without a shade; 10 is the largest there is
+const WHY = "why"; // the part that a rank's link leads to
 const RINGS = [0.25, 0.5, 0.75, 1];
 
 /** Return the page's element, what starts it, and what to call when it is left or the theme changes. */
@@ -21,7 +23,7 @@ export function makeModel({ page, board, state, index, choose }) {
     element("p", {}, mark(page.kind, index.kinds), ` ${page.kind}. `, element("span", { class: "badge" }, "scores recomputed by CI from its predictions")),
     standings(page, board.key, slug),
     picker(apart, state.other, choose), beside,
-    apart.length ? section("Why this rank", element("p", { class: "small" }, "Each other row’s RPD minus this one’s: the mean and its 95 % interval over shapes and seeds. Filled: it differs surely, by Holm’s correction, and moves the rank. Left is better."), why) : null,
+    apart.length ? part(WHY, "Why this rank", element("p", { class: "small" }, "Each other row’s RPD minus this one’s: the mean and its 95 % interval over shapes and seeds. Filled: it differs surely, by Holm’s correction, and moves the rank. Left is better."), why) : null,
     page.families.length ? section("By family", page.families.map((strip) => heat(strip, board.key, slug))) : null,
     page.physics.length ? section("The laws of every spectrum", radar(page.physics)) : null,
     section(`On this board: ${board.title}`, opened),
@@ -34,9 +36,12 @@ export function makeModel({ page, board, state, index, choose }) {
   return {
     element: made,
     start: async () => {
-      draw();
+      const ready = charts().then(() => {
+        draw();
+        if (state.part === WHY) document.getElementById(WHY)?.scrollIntoView();
+      });
       const other = state.other && apart.some(([one]) => one === state.other) ? state.other : "";
-      const [content, second] = await Promise.all([get(`rows/${board.key}/${slug}`), other ? get(`models/${other}`) : null]
+      const [content, second] = await Promise.all([get(`rows/${board.key}/${slug}`), other ? get(`models/${other}`) : null, ready]
       ).catch((error) => {
         opened.replaceChildren(element("p", { class: "error" }, error.message));
         return [null, null];
@@ -58,7 +63,8 @@ export function makeModel({ page, board, state, index, choose }) {
   };
 }
 
-const section = (title, ...children) => element("section", {}, element("h3", {}, title), ...children);
+const section = (title, ...children) => part(null, title, ...children);
+const part = (id, title, ...children) => element("section", { id }, element("h3", {}, title), ...children);
 
 /** The card of ranks: every board the model is on. */
 function standings(page, key, slug) {
@@ -100,8 +106,6 @@ function sideBySide(page, second, other) {
   const headers = ["board", `RPD, ${page.name}`, `RPD, ${second.name}`, "paired difference, 95 %", "better", `speed, ${page.name}`, `speed, ${second.name}`];
   return plainTable({ title: `Beside ${second.name}`, headers, rows });
 }
-
-const signed = (value) => (value === null ? "?" : `${value > 0 ? "+" : value < 0 ? "−" : ""}${Math.abs(value).toPrecision(2)}`);
 
 /** A heat strip: the mean RPD of each family, a line a protocol. */
 function heat({ title, families, lines }, key, slug) {

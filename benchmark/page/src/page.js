@@ -3,10 +3,10 @@
 import { element, linker, markdown, plainTable } from "./dom.js";
 import { renderDownloads } from "./download.js";
 import { renderFilters, renderWhich } from "./filters.js";
-import { get, has, lost, put } from "./load.js";
+import { charts, get, has, lost, put } from "./load.js";
 import { makeModel } from "./model.js";
 import { decoded, encoded, modelPage } from "./state.js";
-import { column, glossary, groupOf, known, renderTable, rowsShown, sorted, sortKey } from "./table.js";
+import { column, glossary, groupOf, isWhole, known, meanings, renderTable, rowsShown, sorted, sortKey } from "./table.js";
 import { wireTheme } from "./theme.js";
 import { wirePage } from "./tip.js";
 
@@ -28,7 +28,6 @@ addEventListener("DOMContentLoaded", () => {
 });
 
 async function start(loaded) {
-  if (!eigbench.charts) throw lost("chart.js");
   index = loaded;
   wirePage();
   wireTheme(part("theme"), redraw);
@@ -66,6 +65,7 @@ async function start(loaded) {
 
 /** Draw again what depends on colours and widths. */
 function redraw() {
+  if (!eigbench.charts) return; // they will be drawn as it is then
   if (model) model.redraw();
   else drawChart();
 }
@@ -78,6 +78,7 @@ async function show() {
   let page = null; // of the model, if one is shown
   try {
     const found = await Promise.all([get(`boards/${key}`), slug ? get(`models/${slug}`) : null]);
+    if (!page && !isWhole(found[0], state)) await complete(found[0]);
     if (key !== state.board || slug !== state.model) return; // another was chosen meanwhile
     [board, page] = found;
   } catch (error) {
@@ -90,6 +91,16 @@ async function show() {
   else showBoard();
 }
 
+/** Give a board the columns that the first view does without. */
+async function complete(of) {
+  if (!of.rest) return;
+  const { columns, cells, drops } = await get(`columns/${of.key}`);
+  if (!of.rest) return; // another call has
+  Object.assign(of, { rest: false, drops, columns: { ...of.columns, ...columns } });
+  for (const row of of.rows) Object.assign(row.cells, cells[row.slug]);
+  part("notes").querySelector(".glossary")?.replaceWith(meanings(of));
+}
+
 function showBoard() {
   chooseFrom(board.key);
   part("title").textContent = board.title;
@@ -97,7 +108,8 @@ function showBoard() {
   const notes = markdown(board.notes, linker(index.docs));
   const about = element("details", {}, element("summary", {}, "How to read this"), notes);
   const reported = [element("h3", {}, "Notes on the printed numbers"), ...notes];
-  part("notes").replaceChildren(...(board.groups ? [glossary(board), about] : reported));
+  const of = board;
+  part("notes").replaceChildren(...(board.groups ? [glossary(board, () => complete(of)), about] : reported));
   render();
   if (state.open) part(`row-${state.open}`)?.scrollIntoView({ block: "center" });
 }
@@ -109,7 +121,7 @@ async function showModel(page) {
   part("title").textContent = page.name;
   document.title = `${page.name} - eigbench leaderboard`;
   part("status").textContent = `On ${page.standings.length} boards.`;
-  model = makeModel({ page, board, state, index, choose: (other) => (location.hash = modelPage(state.board, state.model, other)) });
+  model = makeModel({ page, board, state, index, choose: (other) => (location.hash = modelPage(state.board, state.model, { other })) });
   part("model").replaceChildren(model.element);
   scrollTo(0, 0);
   await model.start();
@@ -143,9 +155,18 @@ function clear(why) {
 }
 
 /** Change the view of the board: not worth a step of Back. */
-function change(patch, form = true) {
+async function change(patch, form = true) {
   state = { ...state, ...patch };
-  render(form);
+  const of = board;
+  if (!isWhole(of, state)) {
+    try {
+      await complete(of);
+    } catch (error) {
+      if (of === board) part("status").textContent = error.message;
+      return;
+    }
+  }
+  if (of === board && !model) render(form);
 }
 
 /** Draw everything of the board that depends on the state. */
@@ -171,9 +192,11 @@ function render(form = true) {
     kinds: index.kinds,
     sort: (key) => change(sorted(board, state, key)),
   });
-  renderDownloads(part("downloads"), board, rows);
-  drawChart();
+  const of = board;
+  renderDownloads(part("downloads"), of, { rows, complete: () => complete(of) });
   tell(rows);
+  requestAnimationFrame(() => setTimeout(() => performance.mark("table"))); // when it has been painted
+  drawChart();
 }
 
 const metric = () => (Object.hasOwn(index.metrics, state.metric) ? state.metric : index.ranked_by);
@@ -184,12 +207,19 @@ function tell(rows) {
   part("status").textContent = `${rows.length} of ${board.rows.length} rows shown${order}.`;
 }
 
-function drawChart() {
+async function drawChart() {
   if (!board?.groups || model) return;
+  try {
+    await charts();
+  } catch (error) {
+    part("chart").replaceChildren(element("p", { class: "error" }, error.message));
+  }
+  if (!eigbench.charts || !board?.groups || model) return; // the view may be another by now
   const rows = rowsShown(board, state);
   const open = (slug) => (location.hash = modelPage(board.key, slug));
   const group = groupOf(board, state);
-  if (board.kind === "scaling") eigbench.charts.scaling(part("chart"), { board, rows });
-  else if (group.key.startsWith("protocols-")) eigbench.charts.protocols(part("chart"), { board, rows, group, index });
+  const [, compared] = group.key.split("protocols-");
+  if (board.kind === "scaling") eigbench.charts.scaling(part("chart"), { board, rows, index, open });
+  else if (compared) eigbench.charts.dumbbells(part("chart"), { board, rows, metric: compared, index });
   else eigbench.charts.errorSpeed(part("chart"), { board, rows, key: metric(), index, open });
 }

@@ -1,6 +1,6 @@
 // What is shown, as the fragment of the address: a view can be linked, and Back leads to the one before.
 
-const TEXTS = ["columns", "sort", "training", "setting", "find", "open", "metric", "model", "other"];
+const TEXTS = ["columns", "sort", "training", "setting", "find", "open", "metric", "model", "other", "part"];
 
 /** Return the state of a fragment; what it does not name is empty. */
 export function decoded(hash) {
@@ -20,5 +20,5 @@ export function encoded(state) {
   return `#${fragment}`;
 }
 
-/** Return the fragment of a model's page, or of a part of it. */
-export const modelPage = (board, model, other = "") => encoded({ ...decoded(""), board, model, other });
+/** Return the fragment of a model's page, beside another, or at a part of it. */
+export const modelPage = (board, model, { other = "", part = "" } = {}) => encoded({ ...decoded(""), board, model, other, part });

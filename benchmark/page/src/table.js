@@ -2,6 +2,7 @@
 
 import { element, mark } from "./dom.js";
 import { modelPage } from "./state.js";
+import { wirePointing } from "./linked.js";
 import { hide, wireTip } from "./tip.js";
 
 const NAME = { title: "model", help: "Its name leads to its page: where it stands on every board, errors by family and eigenvalue, physics, cost, and its worst and median shape.", numeric: false, higher: false };
@@ -14,6 +15,10 @@ export const groupOf = (board, state) =>
   board.groups.find((group) => group.key === state.columns) ?? board.groups[0];
 
 const isColumn = (board, key) => key === "name" || Object.hasOwn(board.columns, key);
+
+/** Return whether a board has the columns that a state needs; those of other views are loaded when asked for. */
+export const isWhole = (board, state) =>
+  !board.rest || ((!state.columns || groupOf(board, state).columns.every((key) => isColumn(board, key))) && (!state.sort || isColumn(board, state.sort)));
 
 /** Return a state without what its board does not have: a linked view may be older than the page. */
 export function known(board, state, metrics) {
@@ -80,7 +85,9 @@ export function renderTable(container, board, state, { rows, narrow, kinds, sort
     const cells = keys.map((name) => (name === "name" ? nameCell(board, row, kinds) : cell(board, row, name)));
     const begins = key === "rank" && i > 0 && row.cells.rank[1] !== rows[i - 1].cells.rank[1];
     const is = [row.slug === state.open && "open", begins && "begins"].filter(Boolean).join(" ");
-    return element("tr", { id: `row-${row.slug}`, class: is || null }, cells);
+    const made = element("tr", { id: `row-${row.slug}`, class: is || null }, cells);
+    wirePointing(made, row.slug);
+    return made;
   });
   if (!rows.length) body.push(element("tr", {}, element("td", { colspan: keys.length, class: "none" }, "No row passes the filters.")));
   hide();
@@ -120,7 +127,10 @@ function nameCell(board, row, kinds) {
 function cell(board, row, key) {
   const { numeric, title } = board.columns[key];
   const text = row.cells[key][0];
-  const is = key === "rank" ? "rank" : numeric ? "number" : `words ${key}`;
+  if (key === "rank")
+    return element("td", { class: "rank", "data-title": title }, text, " ",
+      element("a", { class: "why", href: modelPage(board.key, row.slug, { part: "why" }), "aria-label": `why ${text}: ${row.name} against every other row` }, "why"));
+  const is = numeric ? "number" : `words ${key}`;
   return element("td", { class: is, "data-title": title }, numeric ? uncertain(text) : text);
 }
 
@@ -131,11 +141,15 @@ function uncertain(text) {
   return [match[1], match[2] && element("span", { class: "spread" }, match[2]), match[3] && element("span", { class: "seeds" }, match[3])];
 }
 
-/** Return the list of what all columns of the table mean. */
-export function glossary(board) {
+/** Return the list of what the columns mean, which loads the rest of them when it is opened. */
+export const glossary = (board, complete) =>
+  element("details", { toggle: complete }, element("summary", {}, "What the columns mean"), meanings(board));
+
+/** Return what the columns of a board mean, as far as it has them. */
+export function meanings(board) {
   const entries = ["name", ...Object.keys(board.columns)].map((key) => {
     const { title, help } = column(board, key);
     return element("div", {}, element("dt", {}, title), element("dd", { id: `help-${key}` }, help));
   });
-  return element("details", {}, element("summary", {}, "What the columns mean"), element("dl", { class: "glossary" }, entries));
+  return element("dl", { class: "glossary" }, entries);
 }

@@ -7,7 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -22,9 +22,20 @@ from eigbench.scaling.results import Scaled
 from eigbench.scoring import truth
 from eigbench.scoring.truth import Truth
 from eigbench.site import bundle, write
+from playwright.sync_api import Browser, Page, sync_playwright
 
 CHECKOUT = Path(__file__).parents[3]
 Board = tuple[list[Submission], list[dict[str, Any]], list[Scaled]]
+
+AXE = bundle.BUNDLE.parent / "node_modules" / "axe-core" / "axe.min.js"
+FLAT = ".scroll, .board { background-image: none !important }"  # axe sees through no gradient
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+ARGUMENTS = [
+    "--disable-background-networking",
+    "--use-angle=swiftshader",  # WebGL without a GPU
+    "--enable-unsafe-swiftshader",
+    *(["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []),
+]
 
 # What npm says where it cannot reach its registry
 UNREACHABLE = re.compile(
@@ -73,6 +84,57 @@ def npm(lacking: Callable[[str], NoReturn]) -> Callable[..., None]:
     return run
 
 
+@pytest.fixture(scope="module")
+def launch(lacking: Callable[[str], NoReturn]) -> Iterator[Callable[..., Browser]]:
+    """Return a function that starts Chromium with more arguments."""
+    with sync_playwright() as playwright:
+        own = Path(playwright.chromium.executable_path)
+        found = [os.environ.get("CHROMIUM"), str(own) if own.exists() else None]
+        found += [shutil.which(name) for name in NAMES]
+        path = next(filter(None, found), None)
+        if path is None:
+            lacking(f"no browser: $CHROMIUM is not set and none of {', '.join(NAMES)} is there")
+        started = []
+
+        def start(*arguments: str) -> Browser:
+            browser = playwright.chromium.launch(
+                executable_path=path, args=[*ARGUMENTS, *arguments]
+            )
+            started.append(browser)
+            return browser
+
+        yield start
+        for browser in started:
+            browser.close()
+
+
+@pytest.fixture(scope="module")
+def browser(launch: Callable[..., Browser]) -> Browser:
+    """Chromium."""
+    return launch()
+
+
+@pytest.fixture(scope="session")
+def overflow() -> Callable[[Page], int]:
+    """Return a function: by how many pixels a page is wider than its window."""
+    wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    return lambda page: page.evaluate(wide)
+
+
+@pytest.fixture(scope="session")
+def violations() -> Callable[[Page], list[str]]:
+    """Return a function: what axe-core finds on a page, on flattened backgrounds."""
+
+    def found(page: Page) -> list[str]:
+        page.add_style_tag(content=FLAT)
+        page.evaluate(AXE.read_text())
+        # Without preloading styles, which would be a request and which the page forbids
+        told = page.evaluate("axe.run({ preload: false })")["violations"]
+        return [f"{one['impact']} {one['id']}: {one['nodes'][0]['html']}" for one in told]
+
+    return found
+
+
 @pytest.fixture(scope="session")
 def bundled(tmp_path_factory: pytest.TempPathFactory, npm: Callable[..., None]) -> Path:
     """Directory of the page's scripts, bundled from what is checked out."""
@@ -116,6 +178,7 @@ def made_board(
     ]
     scaled = [
         make_scaled("Exact", {1_000: (0.1, 1.0), 10_000: (1.0, 1.0)}),
+        make_scaled("LaPy", {1_000: (0.5, 1.0), 10_000: (5.0, 1.0)}),
         make_scaled("Near", {1_000: (0.01, 1.005), 10_000: (0.02, 1.005)}),
         make_scaled("Slow solver", {1_000: (0.2, 1 + 1e-9), 10_000: (9.0, None)}),
     ]

@@ -2,59 +2,23 @@
 
 import csv
 import json
-import os
 import re
 import shutil
+import statistics
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import unquote, urlparse
 
 import pytest
-from eigbench.site import bundle, write
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from eigbench.site import write
+from playwright.sync_api import Page, expect
 
 pytestmark = pytest.mark.slow
 
-AXE = bundle.BUNDLE.parent / "node_modules" / "axe-core" / "axe.min.js"
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-ARGUMENTS = [
-    "--disable-background-networking",
-    "--use-angle=swiftshader",  # WebGL without a GPU
-    "--enable-unsafe-swiftshader",
-    *(["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []),
-]
 FIRST = "1.0-mini-test-grouped-mesh"  # the board of most tests
 WIDE, PHONE = {"width": 1440, "height": 800}, {"width": 390, "height": 800}
 HELD_OUT = "2.0-mini-test-genus-mesh"
 IMPORTED = "2.0-mini-test-imported-real-28-mesh"
-
-
-@pytest.fixture(scope="module")
-def launch(lacking) -> Iterator:
-    """Return a function that starts Chromium with more arguments."""
-    with sync_playwright() as playwright:
-        own = Path(playwright.chromium.executable_path)
-        found = [os.environ.get("CHROMIUM"), str(own) if own.exists() else None]
-        found += [shutil.which(name) for name in NAMES]
-        path = next(filter(None, found), None)
-        if path is None:
-            lacking(f"no browser: $CHROMIUM is not set and none of {', '.join(NAMES)} is there")
-        started = []
-
-        def start(*arguments: str) -> Browser:
-            browser = playwright.chromium.launch(
-                executable_path=path, args=[*ARGUMENTS, *arguments]
-            )
-            started.append(browser)
-            return browser
-
-        yield start
-        for browser in started:
-            browser.close()
-
-
-@pytest.fixture(scope="module")
-def browser(launch):
-    return launch()
 
 
 @pytest.fixture(scope="module")
@@ -110,19 +74,6 @@ def sort(page: Page, title: str) -> str | None:
     head = page.locator("#table thead th").filter(has_text=title).first
     head.get_by_role("button").click()
     return head.get_attribute("aria-sort")
-
-
-def overflow(page: Page) -> int:
-    return page.evaluate(
-        "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-    )
-
-
-def violations(page: Page) -> list[str]:
-    page.evaluate(AXE.read_text())
-    # Without preloading styles, which would be a request and which the page forbids
-    found = page.evaluate("axe.run({ preload: false })")["violations"]
-    return [f"{one['impact']} {one['id']}: {one['nodes'][0]['html']}" for one in found]
 
 
 def meshes(page: Page, count: int = 2) -> None:
@@ -196,13 +147,13 @@ def test_dataset_and_protocol_choose_the_board(visit):
     expect(page.locator("h2")).to_contain_text("protocol grouped, against the mesh")
     page.get_by_label("Columns").select_option("protocols-rpd")
     expect(page.locator("#table")).to_contain_text("0.2439 (+0.1942)")
-    expect(page.locator("#chart svg[role=img]")).to_have_count(1)
+    expect(page.locator("#chart svg[role=img]")).to_have_count(5)  # a chart a protocol
     page.get_by_label("Protocol", exact=True).select_option(HELD_OUT)
     expect(page.locator("#table tbody")).to_contain_text("+0.1942")
     assert sorted(names(page)) == ["Model", "Solver"]
     page.get_by_label("Dataset").select_option("Scaling track")
     expect(page.locator("#table")).to_contain_text("over 600 s")
-    expect(page.locator("#chart svg[role=img]")).to_have_count(2)
+    expect(page.locator("#chart svg[role=img]")).to_have_count(2)  # a chart a size
     page.get_by_label("Dataset").select_option("Reported, not run here")
     expect(page.locator("#status")).to_contain_text("no row was run here")
     expect(page.locator("#table")).to_contain_text("GCN, RPDLoss")
@@ -269,48 +220,73 @@ def test_chart_has_the_front_and_its_points_lead_to_models(visit, real_board):
     expect(page.locator("h2")).to_have_text(pointed)
 
 
+NAMES_OF_A_CHART = """figure => {
+  const svg = figure.querySelector("svg[role=img]");
+  const origin = svg.getBoundingClientRect();
+  const names = [...svg.querySelectorAll("text.name")].map((one) => {
+    const box = one.getBoundingClientRect();
+    const [left, top] = [box.x - origin.x, box.y - origin.y];
+    return [one.dataset.slug, [left, top, left + box.width, top + box.height]];
+  });
+  return { points: svg.points, names, listed: figure.innerText };
+}"""
+
+
+def distance(box, point):
+    dx = max(box[0] - point[0], 0, point[0] - box[2])
+    dy = max(box[1] - point[1], 0, point[1] - box[3])
+    return (dx * dx + dy * dy) ** 0.5
+
+
 @pytest.mark.parametrize("width", [320, 390, 1024, 1440])
+@pytest.mark.parametrize("view", ["", "#board=scaling"])
 @pytest.mark.parametrize("name", ["made", "real"])
-def test_every_point_is_named_or_listed_and_no_name_is_nearer_to_another(visit, name, width):
-    page = visit(name=name, size={"width": width, "height": 900})
-    links = page.locator("#table tbody .title")
+def test_every_point_is_named_or_listed_and_no_name_is_nearer_to_another(visit, name, view, width):
+    page = visit(view, name=name, size={"width": width, "height": 900})
+    expect(page.locator("#chart svg[role=img]").first).to_be_visible()
     rows = {
         one.evaluate("link => link.closest('tr').id.slice(4)"): one.text_content()
-        for one in links.all()
+        for one in page.locator("#table tbody .title").all()
     }
     assert rows
-    picture = page.locator("#chart svg[role=img]")
-    points = picture.evaluate("svg => svg.points")
-    at = {one["slug"]: (one["x"], one["y"]) for one in points}
-    assert set(at) == set(rows)
-    origin = picture.evaluate(
-        "svg => [svg.getBoundingClientRect().x, svg.getBoundingClientRect().y]"
-    )
-    listed = page.locator("#chart").inner_text()
-    named = {}
-    for one in picture.locator("text.name").all():
-        box = one.bounding_box()
-        left, top = box["x"] - origin[0], box["y"] - origin[1]
-        named[one.get_attribute("data-slug")] = (
-            left,
-            top,
-            left + box["width"],
-            top + box["height"],
-        )
-    for slug, title in rows.items():
-        assert slug in named or title in listed, slug
-    assert named
+    drawn = set()
+    for figure in page.locator("#chart figure").all():
+        chart = figure.evaluate(NAMES_OF_A_CHART)
+        at = {one["slug"]: (one["x"], one["y"]) for one in chart["points"]}
+        named = dict(chart["names"])
+        assert named
+        drawn |= set(at)
+        for slug in at:
+            assert slug in named or rows[slug] in chart["listed"], slug
+        for slug, box in named.items():
+            own = distance(box, at[slug])
+            others = [distance(box, point) for other, point in at.items() if other != slug]
+            assert min(others, default=own) >= own, slug
+    assert drawn == set(rows)
 
-    def distance(box, point):
-        dx = max(box[0] - point[0], 0, point[0] - box[2])
-        dy = max(box[1] - point[1], 0, point[1] - box[3])
-        return (dx * dx + dy * dy) ** 0.5
 
-    for slug, box in named.items():
-        own = distance(box, at[slug])
-        assert all(distance(box, point) >= own for other, point in at.items() if other != slug), (
-            slug
-        )
+def test_a_point_or_a_row_under_the_pointer_stands_out_in_every_chart(visit):
+    page = visit("#board=scaling")
+    expect(page.locator("#chart svg.linked")).to_have_count(2)
+    page.locator("#row-near").hover()
+    expect(page.locator("#chart .halo")).to_have_count(2)
+    page.locator("h2").hover()
+    expect(page.locator("#chart .halo")).to_have_count(0)
+    chart = page.locator("#chart svg.linked").first
+    near = next(p for p in chart.evaluate("svg => svg.points") if p["slug"] == "near")
+    chart.hover(position={"x": near["x"], "y": near["y"]})
+    expect(page.locator("#chart .halo")).to_have_count(2)
+    expect(page.locator("tr.pointed .title")).to_have_text("Near")
+
+
+def test_where_a_prediction_can_win_is_shaded_and_who_wins_is_said(visit):
+    page = visit("#board=scaling")
+    charts = page.locator("#chart svg.linked")
+    expect(charts).to_have_count(2)
+    expect(charts.first).to_have_attribute("aria-label", re.compile("On most surfaces win: Near"))
+    expect(charts.last).to_have_attribute("aria-label", re.compile("On most surfaces win: none"))
+    for chart in charts.all():
+        assert chart.locator("[fill='var(--front)'] path").count() == 1
 
 
 # --- a row -------------------------------------------------------------------------------
@@ -367,6 +343,10 @@ def test_why_a_rank_shows_the_paired_difference_to_every_other_row(visit):
     others = ("Other percent", "Twenty | <percent>", "Far")
     expect(told).to_be_visible()
     assert all(f"{name} " in told.get_attribute("aria-label") for name in others)
+    page = visit()
+    page.get_by_role("link", name=re.compile("^why .*: One percent")).click()
+    expect(page.get_by_role("heading", name="Why this rank")).to_be_in_viewport()
+    expect(page.get_by_role("img", name=re.compile("minus that of One percent"))).to_be_visible()
     page.get_by_label("Compare with").select_option("Far")
     table = page.get_by_role("table", name="Beside Far")
     expect(table).to_contain_text("One percent")
@@ -386,6 +366,7 @@ def test_the_shown_rows_can_be_had_as_csv_and_json(visit):
     assert download.value.suggested_filename == f"{FIRST}.csv"
     assert [line[0] for line in lines[1:]] == names(page)
     assert len({len(line) for line in lines}) == 1
+    assert "rpd-median" in lines[0]  # of another view
     place = lines[0].index("rpd")
     assert float(lines[1][place]) == pytest.approx(10 * 0.01 / 2.01, rel=1e-4)
     with page.expect_download() as download:
@@ -468,6 +449,45 @@ def test_a_file_that_is_missing_is_said(visit, folders, tmp_path, browser):
     context.close()
 
 
+# --- what the first view costs ------------------------------------------------------------
+
+SECONDS, SLOWER = 1.5, 4  # until the table is there, on a processor so many times slower
+MARK = """() => new Promise((resolve) => {
+  const seen = () => performance.getEntriesByName("table")[0];
+  const ask = () => (seen() ? resolve(seen().startTime) : setTimeout(ask, 20));
+  ask();
+})"""
+
+
+@pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
+def test_the_first_view_loads_less_than_400_kb(browser, folders, size):
+    context = browser.new_context(viewport=size)
+    page = context.new_page()
+    loaded = []
+    page.on("request", lambda request: loaded.append(request.url))
+    page.goto((folders / "real" / "index.html").as_uri())
+    expect(page.locator("#chart svg[role=img]").first).to_be_visible()
+    page.wait_for_load_state("networkidle")
+    files = [Path(unquote(urlparse(url).path)) for url in loaded if url.startswith("file:")]
+    assert {"page.js", "chart.js", "data.js", "style.css"} <= {file.name for file in files}
+    assert sum(file.stat().st_size for file in files) < 400_000
+    context.close()
+
+
+def test_the_table_is_there_in_time_on_a_slow_processor(browser, folders):
+    took = []
+    for _ in range(3):
+        context = browser.new_context(viewport=PHONE)
+        page = context.new_page()
+        session = context.new_cdp_session(page)
+        session.send("Emulation.setCPUThrottlingRate", {"rate": SLOWER})
+        page.goto((folders / "real" / "index.html").as_uri())
+        took.append(page.evaluate(MARK) / 1000)  # since the navigation began
+        assert page.locator("#table tbody tr").count() > 10
+        context.close()
+    assert statistics.median(took) < SECONDS, took
+
+
 # --- widths, themes, accessibility ---------------------------------------------------------
 
 VIEWS = (
@@ -484,7 +504,7 @@ VIEWS = (
 
 @pytest.mark.parametrize("width", [320, 390])
 @pytest.mark.parametrize("view", VIEWS)
-def test_a_phone_does_not_scroll_sideways(visit, view, width):
+def test_a_phone_does_not_scroll_sideways(visit, view, width, overflow):
     page = visit(view, size={"width": width, "height": 800})
     if "model=far" in view:
         meshes(page)
@@ -492,7 +512,7 @@ def test_a_phone_does_not_scroll_sideways(visit, view, width):
     assert overflow(page) == 0
 
 
-def test_a_phone_has_a_card_a_row_and_sorts_by_any_column(visit):
+def test_a_phone_has_a_card_a_row_and_sorts_by_any_column(visit, overflow):
     page = visit(size=PHONE, has_touch=True, is_mobile=True)
     page.get_by_text("Columns, filters, order").tap()
     page.get_by_label("Sort by").select_option("psnr20")
@@ -521,7 +541,7 @@ def test_head_and_names_stay_while_the_table_is_scrolled(visit):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
 @pytest.mark.parametrize("view", VIEWS)
-def test_axe_finds_nothing(visit, view, size, scheme):
+def test_axe_finds_nothing(visit, view, size, scheme, violations):
     page = visit(view, size=size, scheme=scheme)
     if "model=far" in view:
         meshes(page)
@@ -533,7 +553,7 @@ def test_axe_finds_nothing(visit, view, size, scheme):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
-def test_axe_finds_nothing_on_the_real_board(visit, real_board, size, scheme):
+def test_axe_finds_nothing_on_the_real_board(visit, real_board, size, scheme, overflow, violations):
     page = visit(f"#model={real_board[0][0].slug}", name="real", size=size, scheme=scheme)
     meshes(page)
     assert violations(page) == []
@@ -601,10 +621,19 @@ def altered(browser, folders, tmp_path) -> Iterator:
         context.close()
 
 
-@pytest.mark.parametrize("name", ["data.js", "chart.js"])
-def test_a_file_of_the_first_view_that_is_missing_is_said(altered, name):
+@pytest.mark.parametrize(("name", "where"), [("data.js", "#status"), ("chart.js", "#chart")])
+def test_a_file_of_the_first_view_that_is_missing_is_said(altered, name, where):
     page = altered(lambda place: (place / name).unlink())
-    expect(page.locator("#status")).to_have_text(f"{name} of this page's folder cannot be loaded")
+    expect(page.locator(where)).to_have_text(f"{name} of this page's folder cannot be loaded")
+
+
+def test_columns_that_cannot_be_loaded_are_said(altered):
+    page = altered(lambda place: shutil.rmtree(place / "columns"))
+    expect(page.locator("#table")).to_contain_text("One percent")
+    page.get_by_label("Columns").select_option("medians")
+    expect(page.locator("#status")).to_have_text(
+        f"columns/{FIRST}.js of this page's folder cannot be loaded"
+    )
 
 
 def test_a_board_that_cannot_be_loaded_does_not_leave_the_one_before(altered):

@@ -1,0 +1,79 @@
+"""Charts of the scaling track: error to the surface against speed beside LaPy, one a size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eigbench.scaling import scores, surfaces
+from eigbench.scaling.results import Scaled
+from eigbench.scaling.scores import Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """What a chart of one size has beside the models: error to the surface against speed.
+
+    Parameters
+    ----------
+    size : int
+        Nominal number of vertices.
+    lapy_seconds : float
+        LaPy's time of a mesh, median over the surfaces: speeds are multiples of its; NaN where it
+        was not timed.
+    solver : sequence of tuple of float
+        Speed and error of the fastest exact solver on the meshes of each size, coarse to fine.
+    border : sequence of tuple of float
+        Speed and error along the left border of where a prediction can win, upwards; it reaches
+        right and down from there. Empty where no exact solver answered every surface.
+    """
+
+    size: int
+    lapy_seconds: float
+    solver: Sequence[tuple[float, float]]
+    border: Sequence[tuple[float, float]]
+
+
+def panel(rows: Sequence[Scaled], verdicts: Sequence[Verdict], size: int) -> Panel:
+    """Return what a chart of one size has beside the models.
+
+    To win, a prediction must be faster than the exact solver on these meshes and, where its own
+    error is larger than theirs, on meshes just as coarse. An answer that is nearer to the label
+    than the label is to the surface is off by at most twice the discretisation error.
+
+    Parameters
+    ----------
+    rows : sequence of Scaled
+        Of one setting.
+    verdicts : sequence of Verdict
+        Of these rows, one a size.
+    size : int
+        Nominal number of vertices.
+    """
+    lapy = lapy_seconds(rows, size)
+    known = np.isfinite(lapy)
+    whole = [v for v in verdicts if known and v.compared == len(surfaces.SURFACES)]
+    times = {v.size: v.seconds for v in whole}
+    errors = {v.size: scores.floor(v.size) for v in whole}
+    solver = [(lapy / times[n], errors[n]) for n in sorted(times)]
+    border: list[tuple[float, float]] = []
+    if size in times:
+        own = errors[size]
+        slow = scores.interpolated_seconds(errors, times, 2 * own)
+        border = [(lapy / times[size], own), (lapy / slow, 2 * own)]
+    return Panel(size, lapy, solver, border)
+
+
+def lapy_seconds(rows: Sequence[Scaled], size: int) -> float:
+    """Return LaPy's time of a mesh, median over the surfaces; NaN where it was not timed.
+
+    It is that of LaPy's own row, as for every other row. Where the rows of a setting have none, it
+    is that which was timed beside them.
+    """
+    for row in rows:
+        if row.slug == "lapy" and scores.medians(row, size).answered:
+            return scores.medians(row, size).seconds
+    beside = [time for row in rows if (time := scores.beside_seconds(row, size)) is not None]
+    return float(np.median(beside)) if beside else np.nan

@@ -1,0 +1,13 @@
+// Numbers as text, on all charts and pages alike.
+
+/** Return a number in two digits, a very small or large one by its power of ten. */
+export const powers = (value) => (value === 0 || (value >= 1e-3 && value < 1e5) ? String(+value.toPrecision(2)) : value.toExponential(0));
+
+/** Return a difference with its sign. */
+export const signed = (value) => (value === null ? "?" : value === 0 ? "0" : `${value > 0 ? "+" : "−"}${powers(Math.abs(value))}`);
+
+/** Return an integer with its thousands apart. */
+export const thousands = (value) => value.toLocaleString("en");
+
+/** Return how many times one is faster than another. */
+export const faster = (ratio) => `${thousands(+ratio.toPrecision(2))} ×`;
