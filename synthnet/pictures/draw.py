@@ -226,12 +226,14 @@ def plain_style(*, transparent: bool = False) -> Iterator[None]:
 
     On nothing, all text and axes are of a grey that can be read on light and on dark pages.
     """
-    inked = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color")
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9})
         if transparent:
-            mpl.rcParams.update({"savefig.transparent": True} | dict.fromkeys(inked, GREY))
+            mpl.rcParams["savefig.transparent"] = True
+            mpl.rcParams["text.color"] = mpl.rcParams["axes.labelcolor"] = GREY
+            mpl.rcParams["axes.edgecolor"] = GREY
+            mpl.rcParams["xtick.color"] = mpl.rcParams["ytick.color"] = GREY
         yield
 
 

@@ -65,9 +65,9 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
         axes.set_xlim(right=FASTEST * 1.6)
         axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the spectrum of the surface")
         name_key(axes, [(str(p.number), p.name, KINDS[p.kind][0]) for p in points])
-        line = {"color": KINDS["classical"][0], "lw": 1.6, "label": "exact solver, by size of mesh"}
-        unseen = {"color": "0.4", "mfc": "white", "ls": "", "label": "on families unseen"}
-        more = [axes.plot([], [], "o", **unseen)[0], axes.plot([], [], "-", **line)[0]]
+        unseen = axes.plot([], [], "o", color="0.4", mfc="white", label="on families unseen")
+        blue, name = KINDS["classical"][0], "exact solver, by size of mesh"
+        more = unseen + axes.plot([], [], "-", color=blue, lw=1.6, label=name)
         legend(axes, KINDS, more)
         return as_svg(figure)
 

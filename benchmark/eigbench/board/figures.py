@@ -163,8 +163,8 @@ def _mark(axes: mpl.axes.Axes, point: Point, x: float, y: float) -> None:
         axes.plot(x, point.unseen, marker, color=colour, mfc="white", ms=6, zorder=3)
     above = 4 - point.number / 1000
     inside = "white" if not point.whole else colour
-    edge = {"mec": "white", "mew": 0.7} if point.whole else {"mec": colour, "mew": 1.2}
-    axes.plot(x, y, marker, mfc=inside, ms=SIZES[marker], zorder=above, **edge)
+    edge, width = ("white", 0.7) if point.whole else (colour, 1.2)
+    axes.plot(x, y, marker, mfc=inside, mec=edge, mew=width, ms=SIZES[marker], zorder=above)
     low = -1.8 if marker == "^" else -0.2  # where a triangle is wide
     axes.annotate(
         str(point.number), (x, y), (0, low), textcoords="offset points", ha="center", va="center",
@@ -174,10 +174,10 @@ def _mark(axes: mpl.axes.Axes, point: Point, x: float, y: float) -> None:
 
 def name_key(axes: mpl.axes.Axes, entries: Sequence[tuple[str, str, str]]) -> None:
     """Write numbers, names and colours beside the axes, a line each, from the top."""
-    high = axes.get_position().height * axes.figure.get_figheight()
+    high = axes.get_window_extent().height / axes.figure.dpi
     for line, (number, name, colour) in enumerate(entries):
         y = 1 - NAME_LINE * (line + 0.5) / high
-        text = {"transform": axes.transAxes, "va": "center", "fontsize": 7.5}
+        text: dict[str, Any] = {"transform": axes.transAxes, "va": "center", "fontsize": 7.5}
         axes.text(1.06, y, number, ha="right", color=colour, weight="bold", **text)
         axes.text(1.075, y, escaped(name), **text)
 
