@@ -87,6 +87,27 @@ def add_index(app: Sphinx, failed: Exception | None) -> None:
         (app.outdir / "404.html").write_text(lost.replace("{root}", root))
 
 
+def reachable(page: str) -> str:
+    """Return a page whose wide tables and code the keyboard can scroll, with levels of all headings.
+
+    Examples
+    --------
+    >>> reachable('<pre>1</pre><div class="table-wrapper docutils container">')
+    '<pre tabindex="0">1</pre><div class="table-wrapper docutils container" tabindex="0">'
+    >>> reachable('<p class="caption" role="heading">Use</p>')
+    '<p class="caption" role="heading" aria-level="2">Use</p>'
+    """
+    page = re.sub(r'(<pre|<div class="table-wrapper [\w -]+")>', r'\1 tabindex="0">', page)
+    return page.replace('role="heading">', 'role="heading" aria-level="2">')
+
+
+def make_reachable(app: Sphinx, failed: Exception | None) -> None:
+    """Let every page be read without a mouse, which the theme leaves out."""
+    if failed is None and app.builder.format == "html":
+        for path in app.outdir.rglob("*.html"):
+            path.write_text(reachable(path.read_text()))
+
+
 LOADED = re.compile(
     r"<(?:script|img|iframe|source|video|audio|embed)\b[^>]*?\bsrc=[\"']?((?:https?:)?//[^\"'\s>]+)"
     r"|<link\b(?=[^>]*stylesheet|[^>]*preconnect|[^>]*icon)[^>]*?\bhref=[\"']?((?:https?:)?//[^\"'\s>]+)"
@@ -125,6 +146,7 @@ def setup(app: Sphinx) -> None:
     """Register the above; a formula that cannot be drawn is an error."""
     warnings.filterwarnings("error", message="Could not render math expression")
     app.connect("source-read", add_navigation)
+    app.connect("build-finished", make_reachable)
     app.connect("build-finished", add_index)
     app.connect("build-finished", check_hosts)
     app.add_role("math", math_role, override=True)
