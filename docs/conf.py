@@ -88,7 +88,7 @@ def add_index(app: Sphinx, failed: Exception | None) -> None:
 
 
 def reachable(page: str) -> str:
-    """Return a page whose wide tables and code the keyboard can scroll, with levels of all headings.
+    """Return a page whose wide tables and code the keyboard can scroll, with heading levels.
 
     Examples
     --------
