@@ -16,7 +16,7 @@ from synthnet.errors import suggestion
 
 WRONG_INPUT = 2  # exit code if the input, the directory or the machine is unsuitable
 
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+Commands: TypeAlias = "argparse._SubParsersAction[Any]"
 
 
 class Parser(argparse.ArgumentParser):
@@ -78,7 +78,7 @@ def add_command(
     example: str = "",
 ) -> argparse.ArgumentParser:
     """Add a command, with an example and the options that all commands of both programs have."""
-    command = commands.add_parser(name, help=text, description=text)
+    command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text)
     command.epilog = f"example: {command.prog} {example}".rstrip()
     command.set_defaults(run=run)
     command.add_argument("--json", action="store_true", help="print JSON for a program")
@@ -102,9 +102,9 @@ def complete_with(
 def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
     """Parse the command line, or answer the shell that asks how it may go on."""
     if "_ARGCOMPLETE" in os.environ:  # set by the function that the shell calls at a tab
-        import argcomplete
+        import argcomplete.finders
 
-        argcomplete.safe_actions.add(DatasetName)  # so that completers see which is named
+        argcomplete.finders.safe_actions.add(DatasetName)  # so that completers see which is named
         argcomplete.autocomplete(parser)
     return parser.parse_args(arguments)
 
@@ -115,12 +115,13 @@ def run(program: str, options: argparse.Namespace, *expected: type[Exception]) -
     An error that is expected, by a wrong value or of the system too, is one line; with
     ``--traceback`` the lines of code come before it.
     """
+    errors: tuple[type[Exception], ...] = (ValueError, OSError, *expected)
     try:
         code: int = options.run(options)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say
         return 0
-    except (ValueError, OSError, *expected) as error:
+    except errors as error:
         if options.traceback:
             traceback.print_exception(error)
         sys.stderr.write(f"{program}: {_line(error)}\n")

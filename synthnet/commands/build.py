@@ -9,9 +9,10 @@ from synthnet import recipe, store
 from synthnet.build import limits, versions
 from synthnet.build.jobs import BuildReport
 from synthnet.build.workers import Engine, dask_cluster, mpi_processes
-from synthnet.commands.options import Commands, add_command, print_json, workers_options
+from synthnet.commands.options import add_command, print_json, workers_options
 from synthnet.commands.report import FamilyBars, family_table, summary
 from synthnet.store.limits import DIRECTORY
+from synthnet.terminal import Commands
 
 EXAMPLES = """example: synthnet build 1.0-small --workers 2
 

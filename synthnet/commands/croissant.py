@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 
 from synthnet import store
-from synthnet.commands.options import Commands, add_command, print_json
+from synthnet.commands.options import add_command, print_json
+from synthnet.terminal import Commands
 
 
 def add(commands: Commands) -> None:

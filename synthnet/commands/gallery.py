@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.progress import track
 
 from synthnet import recipe
-from synthnet.commands.options import Commands, add_command, at_least, print_json
+from synthnet.commands.options import add_command, at_least, print_json
 from synthnet.store.files import make_parent, write_bytes
-from synthnet.terminal import complete_with
+from synthnet.terminal import Commands, complete_with
 from synthnet.types import Mesh, ShapeSpec
 
 Thing = TypeVar("Thing")

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from tabulate import tabulate
 
-from synthnet.commands.options import Commands, add_command, print_json, workers_options
+from synthnet.commands.options import add_command, print_json, workers_options
 from synthnet.commands.report import FamilyBars, summary
-from synthnet.terminal import WRONG_INPUT
+from synthnet.terminal import WRONG_INPUT, Commands
 
 
 def add(commands: Commands) -> None:

@@ -6,10 +6,11 @@ import argparse
 from collections import Counter
 
 from synthnet import store
-from synthnet.commands.options import Commands, add_command, print_json
+from synthnet.commands.options import add_command, print_json
 from synthnet.commands.report import family_table, summary
 from synthnet.recipe import Kind
 from synthnet.store import limits, storage
+from synthnet.terminal import Commands
 from synthnet.types import SPLITS
 
 

@@ -8,9 +8,10 @@ from dataclasses import asdict
 from pathlib import Path
 
 from synthnet import recipe
-from synthnet.commands.options import Commands, add_command, workers_options
+from synthnet.commands.options import add_command, workers_options
 from synthnet.commands.report import FamilyBars, family_table
 from synthnet.store.files import make_parent
+from synthnet.terminal import Commands
 
 
 def add(commands: Commands) -> None:

@@ -13,7 +13,6 @@ from tabulate import tabulate
 
 from synthnet import store
 from synthnet.commands.options import (
-    Commands,
     add_command,
     at_least,
     dataset_argument,
@@ -23,6 +22,7 @@ from synthnet.commands.options import (
 from synthnet.commands.report import FamilyBars
 from synthnet.commands.seal import salt_option
 from synthnet.recipe import Kind
+from synthnet.terminal import Commands
 
 if TYPE_CHECKING:
     from synthnet.verify import VerifyReport

@@ -7,7 +7,8 @@ import argparse
 from tabulate import tabulate
 
 from synthnet import recipe, store
-from synthnet.commands.options import Commands, add_command, print_json
+from synthnet.commands.options import add_command, print_json
+from synthnet.terminal import Commands
 
 
 def add(commands: Commands) -> None:
