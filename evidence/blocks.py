@@ -14,6 +14,7 @@ from eigbench.board.marks import marked
 
 from evidence import (
     DOCS,
+    ROOT,
     build_memory,
     card,
     faults,
@@ -21,6 +22,7 @@ from evidence import (
     folds,
     growth,
     harness_overhead,
+    installation,
     limits,
     multilevel_variants,
     numbers,
@@ -89,6 +91,7 @@ BLOCKS = {
     "real-shapes/large": Block(("multilevel",), multilevel_variants.large_meshes),
     "start/full-runs": Block(("build-1.0", "build-2.0"), card.full_runs),
     "submit/ratios": Block(("ratios",), ratios.table),
+    "README/installation": Block(("installation",), installation.sizes, inline=True),
     "submit/overhead": Block(("harness-overhead",), harness_overhead.table),
 }
 # Blocks that another command writes.
@@ -98,7 +101,7 @@ ELSEWHERE = dict.fromkeys(("README/finding", "README/leaderboard"), "eigbench le
 def page_of(name: str) -> tuple[Path, str]:
     """Return the page of a block, and the name in its marks."""
     page, _, mark = name.partition("/")
-    return DOCS / f"{page}.md", mark
+    return (ROOT if page == "README" else DOCS) / f"{page}.md", mark
 
 
 def fill(names: Iterable[str], *, check: bool = False) -> list[str]:

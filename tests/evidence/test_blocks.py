@@ -112,3 +112,4 @@ def test_list_names_every_block_and_measurement(capsys: pytest.CaptureFixture[st
 
 def test_page_of_a_block() -> None:
     assert page_of("labels/solver") == (DOCS / "labels.md", "solver")
+    assert page_of("README/installation") == (ROOT / "README.md", "installation")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from evidence import numbers, timing
+from evidence import installation, numbers, timing
 from evidence.__main__ import main, parser
 from evidence.measurements import MEASUREMENTS, add_options
 
@@ -104,3 +104,11 @@ def test_parameters_become_options() -> None:
     }
     given = command.parse_args(["a", "--scale", "2", "--only", "b", "c", "--all"])
     assert (given.scale, given.only, given.all) == ([2], ["b", "c"], True)
+
+
+def test_an_installation_that_replaces_torch_is_wrong() -> None:
+    kept = {"torch": "CPU", "before": "2.13.0+cpu", "after": "2.13.0+cpu", "bytes": 2_940_000_000}
+    replaced = {"torch": "CUDA", "before": "2.4.0", "after": "2.13.0", "bytes": 7_000_000_000}
+    data = {"extras": "all", "rows": [kept, replaced]}
+    assert installation.problems(data) == ["torch 2.4.0 became 2.13.0"]
+    assert installation.sizes(data) == "2.9 GB with a CPU torch, 7.0 GB with a CUDA torch"
