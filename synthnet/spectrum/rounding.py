@@ -40,7 +40,7 @@ def sharpened(
     With the defects :math:`r_j = A\varphi_j - \rho_j B\varphi_j` of B-orthonormal Ritz vectors, all
     other eigenvalues above σ, M the lumped mass and :math:`\eta_j^2 = 4 r_j^T M^{-1} r_j`,
 
-    .. math:: |\lambda_i - \rho_i| \le \frac{\sum_j \eta_j^2}{\sigma - \rho_i} ,
+    .. math:: |\lambda_i - \rho_i| \leq \frac{\sum_j \eta_j^2}{\sigma - \rho_i} ,
 
     and not more than the root of the sum. Rounding in the energies themselves is added.
 
