@@ -273,8 +273,8 @@ def add(row: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Pa
     Raises
     ------
     ResultError
-        If it does not fit, see :func:`check_fit`, or was not timed beside LaPy and its times
-        are to be shown: those of a version's own protocols are not.
+        If it does not fit, see :func:`check_fit`, used more cores than its threads, or was not
+        timed beside LaPy and its times are to be shown: those of a version's own protocols are not.
     EigbenchError
         If another of that name is there and ``replace`` is not given.
     """
@@ -311,5 +311,10 @@ def _check_new(row: Submission) -> None:
     if row.truth.protocol in PROTOCOLS and row.result["cost"].get("reference") is None:
         raise ResultError(
             f"{row.result_path} was not timed beside LaPy: evaluate without --no-reference"
+        )
+    if results.overused(cost := row.result["cost"]):
+        raise ResultError(
+            f"{row.result_path} used {cost['cores_used']:.1f} cores and declares "
+            f"{cost['threads']} threads: evaluate with --threads that allows for them"
         )
     generate([row], [])  # a row that cannot be drawn would break the page for all

@@ -178,11 +178,22 @@ def cost(result: dict[str, Any]) -> Table:
             f"{facts['cores_used']:.2f}",
         ],
         ["peak memory", f"{facts['peak_memory_mb']:.0f} MB"],
+        *_remembering(facts),
         ["parameters", "none" if parameters is None else f"{parameters:,}"],
         ["training cost", results.declared(result, "training_cost")],
         ["hardware", facts["hardware"]],
     ]
     return Table(["", ""], rows)
+
+
+def _remembering(facts: dict[str, Any]) -> list[list[str]]:
+    """Return what loading took, and a copy of a shape beside a new one; older results lack both."""
+    rows = []
+    if "loading_seconds" in facts:
+        rows.append(["loading", f"{facts['loading_seconds']:.1f} s"])
+    if (ratio := facts.get("copies_ratio")) is not None:
+        rows.append(["time of a copy of a shape, beside a new one", f"{ratio:.2f}"])
+    return rows
 
 
 def beside_lapy(facts: dict[str, Any]) -> str:

@@ -152,6 +152,8 @@ def run_evaluate(options: argparse.Namespace) -> int:
         print(f"{tables.cost(result)}\n")
         print(tables.physics(result["physics"]))
         print(f"\nresult {out}, predictions {kept}; {score.EXPLAINED}")
+    for finding in record.findings(result["cost"]):
+        print(f"warning: {finding}", file=sys.stderr)
     return score.exit_code(predictions.unphysical(labels, evaluation.predictions))
 
 

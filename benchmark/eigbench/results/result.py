@@ -119,6 +119,17 @@ def declared(result: dict[str, Any], key: str) -> str:
     return str(result["model"].get(key, "not declared"))
 
 
+def overused(cost: dict[str, Any]) -> bool:
+    """Whether a run used more cores than the threads that it declares, timing's noise aside.
+
+    Examples
+    --------
+    >>> overused({"cores_used": 1.1, "threads": 1}), overused({"cores_used": 1.9, "threads": 1})
+    (False, True)
+    """
+    return bool(cost["cores_used"] > cost["threads"] + 0.5)
+
+
 def schema() -> dict[str, Any]:
     """Return the published JSON Schema of results."""
     text = resources.files("eigbench.results").joinpath("result.schema.json").read_text()

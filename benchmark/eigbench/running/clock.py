@@ -8,7 +8,6 @@ them. So whatever slows the machine down slows all of them down.
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.running.meshes import Instances
-from eigbench.running.process import PredictorProcess
-from eigbench.running.worker import Loaded, Status
+from eigbench.running.process import Loaded, PredictorProcess, Status
 from eigbench.scoring.truth import Truth
 
 WARM_UP = 4  # meshes that each predictor gets before the clock counts
@@ -75,16 +73,14 @@ def together(
     training = str(truth.trainings[0])
     batches = [ids[first : first + batch_size] for first in range(0, len(ids), batch_size)]
     with contextlib.ExitStack() as stack:
-        processes, loading = [], []
+        processes = []
         for path in paths:
             on_step(f"loading {path.name}")
-            start = time.perf_counter()
             process = PredictorProcess(
                 path, k, device="cpu", seed=0, training=training, threads=1, time_limit=time_limit
             )
             processes.append(stack.enter_context(process))
-            loading.append(time.perf_counter() - start)
-            process.predict(ids[:WARM_UP], [instances.mesh(id) for id in ids[:WARM_UP]])
+            process.warm_up(WARM_UP)
         wall = np.empty((repeats, len(paths), len(batches)))
         cpu = np.empty_like(wall)
         for number, batch in enumerate(batches):
@@ -99,7 +95,7 @@ def together(
         return [
             Timed(
                 path,
-                loading[i],
+                processes[i].loaded.loading_seconds,
                 np.median(wall[:, i], axis=0),
                 np.median(cpu[:, i], axis=0),
                 processes[i].loaded,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import secrets
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -16,14 +17,19 @@ from numpy.typing import NDArray
 from eigbench.errors import PredictorError
 from eigbench.results.sources import digest
 from eigbench.running.meshes import Instances
-from eigbench.running.process import REFERENCE_FILE, PredictorProcess
-from eigbench.running.worker import Answered, Loaded, Status
+from eigbench.running.process import (
+    REFERENCE_FILE,
+    Answered,
+    Loaded,
+    PredictorProcess,
+    Status,
+)
 from eigbench.scoring.training import DEFAULT, untrained
 from eigbench.scoring.truth import Truth
 from synthnet.store import files
 from synthnet.types import PROTOCOLS, Mesh
 
-WARM_UP = 16  # meshes predicted before the clock counts
+WARM_UP = 16  # meshes predicted before the clock counts; none of them is of the split
 REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the same batches
 TIME_LIMIT = 3600.0  # seconds for a batch
 SOURCES = "sources.json"  # of a run that has begun: digests of the predictor's files
@@ -71,6 +77,9 @@ class Evaluation:
         In the order of the truth's ids, in 1/length².
     seconds, cpu_seconds, sizes : ndarray of shape (batches,)
         Wall and CPU seconds, and meshes, of every batch of every seed.
+    new : ndarray of shape (batches,), bool
+        Whether the batch holds shapes that had not been asked before. The others hold copies of
+        shapes; their times tell whether a predictor remembers, and do not count as its cost.
     reference_seconds : ndarray of shape (batches,)
         Wall seconds of LaPy on the same meshes; NaN where it was not asked.
     loaded : Loaded
@@ -83,6 +92,7 @@ class Evaluation:
     seconds: NDArray[np.float64]
     cpu_seconds: NDArray[np.float64]
     sizes: NDArray[np.int64]
+    new: NDArray[np.bool_]
     reference_seconds: NDArray[np.float64]
     loaded: Loaded
     status: Status
@@ -98,7 +108,9 @@ def evaluate(
     on_restart: Callable[[], None] | None = None,
     on_loaded: Callable[[Loaded], None] | None = None,
 ) -> Evaluation:
-    """Run a predictor over the instances of a split, in the order of :attr:`Truth.order`.
+    """Run a predictor over the instances of a split, in an order that is drawn anew.
+
+    One instance of each shape comes first, and the other copies after all of these.
 
     Parameters
     ----------
@@ -145,15 +157,16 @@ def evaluate(
             finally:
                 if not any(parts.glob("*/*.npz")):  # nothing is lost
                     shutil.rmtree(parts, ignore_errors=True)
-            answers = np.concatenate([part.answered.values for part in run.parts])
-            predictions[seed, chosen[task.truth.order]] = answers
+            for part in run.parts:
+                predictions[seed, chosen[part.instances]] = part.answered.values
             runs.append(run)
     saved = [part for run in runs for part in run.parts]
     return Evaluation(
         predictions=predictions,
         seconds=np.array([part.answered.seconds for part in saved]),
         cpu_seconds=np.array([part.answered.cpu_seconds for part in saved]),
-        sizes=np.array([len(part.answered.values) for part in saved]),
+        sizes=np.array([len(part.instances) for part in saved]),
+        new=np.array([part.new for part in saved]),
         reference_seconds=np.array([part.reference_seconds for part in saved]),
         loaded=runs[0].loaded,
         status=Status(max(r.status.peak_bytes for r in runs), runs[0].status.sources),
@@ -208,6 +221,10 @@ class _Task:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
+    """A batch: indices of its instances, whether their shapes were new, and what came of it."""
+
+    instances: NDArray[np.int64]
+    new: bool
     answered: Answered
     reference_seconds: float = math.nan
 
@@ -228,10 +245,9 @@ def _run(
 ) -> _Run:
     truth, options = task.truth, task.options
     parts = _read_parts(folder)
-    done = sum(len(part.answered.values) for part in parts)
+    done = sum(len(part.instances) for part in parts)
     if on_batch is not None and done:
         on_batch(done, sum(part.answered.seconds for part in parts))
-    ids = [truth.ids[i] for i in truth.order]
     k = truth.eigenvalues.shape[1]
     with contextlib.ExitStack() as stack:
         process = stack.enter_context(_process(task.path, k, options, task.seed, task.training))
@@ -241,20 +257,19 @@ def _run(
             raise PredictorError(
                 f"{task.path} takes no seed: define load(device, seed), or leave --seeds out"
             )
-        warm_ids = ids[: min(WARM_UP, options.batch_size)]
-        warm = [instances.mesh(id) for id in warm_ids]
-        process.predict(warm_ids, warm)
+        warm_up = min(WARM_UP, options.batch_size)
+        process.warm_up(warm_up)
         files.write_text(folder / SOURCES, json.dumps(process.status().sources))
         peer: PredictorProcess | None = None
-        for first, last in _batches(len(ids), options.batch_size, done):
-            batch = ids[first:last]
+        for chosen, new, beside in _batches_of(truth, parts, options):
+            batch = [truth.ids[i] for i in chosen]
             given = [instances.mesh(id) for id in batch]
-            part = _Part(process.predict(batch, given))
-            if options.reference and (first < REFERENCE or last > len(ids) - REFERENCE):
+            part = _Part(chosen, new, process.predict(batch, given))
+            if beside:
                 try:
                     if peer is None:
                         peer = stack.enter_context(_reference_process(k, options))
-                        peer.predict(warm_ids, warm)
+                        peer.warm_up(warm_up)
                     part = replace(part, reference_seconds=peer.predict(batch, given).seconds)
                 except PredictorError as error:
                     raise PredictorError(
@@ -266,6 +281,29 @@ def _run(
             if on_batch is not None:
                 on_batch(len(batch), part.answered.seconds)
         return _Run(parts, process.loaded, process.status())
+
+
+def _batches_of(
+    truth: Truth, parts: Sequence[_Part], options: Options
+) -> list[tuple[NDArray[np.int64], bool, bool]]:
+    """Return what is left to ask: indices, whether their shapes are new, and whether LaPy is timed.
+
+    The order is drawn anew, so it can be learned from no file and no earlier run.
+    """
+    order = np.random.default_rng(secrets.randbits(128)).permutation(len(truth.ids))
+    asked = np.concatenate([np.empty(0, np.int64), *(part.instances for part in parts)])
+    order = np.concatenate([asked, order[~np.isin(order, asked)]])
+    first = np.zeros(len(order), dtype=bool)
+    first[np.unique(truth.shapes[order], return_index=True)[1]] = True
+    left = np.arange(len(order)) >= len(asked)
+    batches = []
+    for new in (True, False):
+        chosen = order[left & (first == new)]
+        before = int(first.sum()) - len(chosen)
+        for i, j in _batches(len(chosen), options.batch_size):
+            edge = before + i < REFERENCE or j > len(chosen) - REFERENCE
+            batches.append((chosen[i:j], new, options.reference and new and edge))
+    return batches
 
 
 def _process(
@@ -288,8 +326,8 @@ def _reference_process(k: int, options: Options) -> PredictorProcess:
     return _process(REFERENCE_FILE, k, alone)
 
 
-def _batches(count: int, size: int, done: int = 0) -> list[tuple[int, int]]:
-    return [(first, min(first + size, count)) for first in range(done, count, size)]
+def _batches(count: int, size: int) -> list[tuple[int, int]]:
+    return [(first, min(first + size, count)) for first in range(0, count, size)]
 
 
 # The answers of an interrupted run
@@ -297,6 +335,7 @@ def _batches(count: int, size: int, done: int = 0) -> list[tuple[int, int]]:
 
 def _fingerprint(task: _Task) -> dict[str, object]:
     return {
+        "parts": 2,  # raised when what a part holds changes
         "predictor": task.path.name,
         "truth": task.truth.digest,
         "batch_size": task.options.batch_size,
@@ -335,7 +374,8 @@ def _read_parts(folder: Path) -> list[_Part]:
     for path in sorted(folder.glob("*.npz")):
         with np.load(path, allow_pickle=False) as part:
             answered = Answered(part["values"], float(part["seconds"]), float(part["cpu_seconds"]))
-            parts.append(_Part(answered, float(part["reference_seconds"])))
+            beside = float(part["reference_seconds"])
+            parts.append(_Part(part["instances"], bool(part["new"]), answered, beside))
     return parts
 
 
@@ -344,6 +384,8 @@ def _write_part(folder: Path, number: int, part: _Part) -> None:
         with to.open("wb") as file:
             np.savez(
                 file,
+                instances=part.instances,
+                new=part.new,
                 values=part.answered.values,
                 seconds=part.answered.seconds,
                 cpu_seconds=part.answered.cpu_seconds,

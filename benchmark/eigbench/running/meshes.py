@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,8 +11,9 @@ from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
 from synthnet import store
+from synthnet.families import FAMILIES
 from synthnet.mesh import isometries
-from synthnet.types import Mesh
+from synthnet.types import Mesh, Parameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,3 +88,21 @@ def view(mesh: Mesh) -> Mesh:
     vertices.flags.writeable = False
     faces.flags.writeable = False
     return Mesh(vertices, faces)
+
+
+def warming(count: int) -> list[Mesh]:
+    """Return meshes of 2,500 down to 200 vertices to warm up with; they are of no dataset."""
+    return [_ellipsoid(2500 - 2300 * i // max(count - 1, 1), i) for i in range(count)]
+
+
+@functools.cache
+def _ellipsoid(vertices: int, seed: int) -> Mesh:
+    parameters: Parameters = {
+        "a": 1.0,
+        "b": 1.2,
+        "c": 0.9,
+        "triangulation": "irregular",
+        "vertices": vertices,
+        "seed": seed,
+    }
+    return view(FAMILIES["ellipsoid"].generate(parameters))

@@ -285,6 +285,18 @@ def _meta(module: ModuleType, path: Path, variant: str) -> dict[str, str]:
         given = given(variant)
     if not isinstance(given, dict):
         raise PredictorError(f"{path}: META must be a dict, got {type(given).__name__}")
+    name = " ".join(filter(None, [path.stem, variant]))
+    return checked_meta({"name": name, "kind": "learned", **given}, path)
+
+
+def checked_meta(given: Mapping[Any, Any], path: Path) -> dict[str, str]:
+    """Return a predictor's META as text, or say what is wrong with it.
+
+    Raises
+    ------
+    PredictorError
+        If a key or the kind is unknown, or something is too long or no single line.
+    """
     unknown = sorted(map(str, set(given) - set(META_KEYS)))
     if unknown:
         raise PredictorError(
@@ -292,8 +304,6 @@ def _meta(module: ModuleType, path: Path, variant: str) -> dict[str, str]:
             f"it may have {', '.join(META_KEYS)}{suggestion(unknown[0], META_KEYS)}"
         )
     meta = {key: str(value) for key, value in given.items()}
-    name = " ".join(filter(None, [path.stem, variant]))
-    meta = {"name": name, "kind": "learned", **meta}
     if not 1 <= len(meta["name"]) <= 80:
         raise PredictorError(f"{path}: META name must have 1 to 80 characters")
     for key, value in meta.items():

@@ -2,23 +2,64 @@
 
 from __future__ import annotations
 
-import multiprocessing
+import contextlib
+import json
 import os
-import resource
+import socket
+import subprocess
+import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, BinaryIO, NoReturn, Self
+
+import numpy as np
+import psutil
+from numpy.typing import NDArray
 
 from eigbench.errors import Died, OverMemory, OverTime, PredictorError
-from eigbench.running.worker import Answered, Failed, Job, Loaded, Status, work
+from eigbench.running import frames, predictor, supervisor, tree
+from eigbench.running.meshes import warming
+from eigbench.running.worker import Job
 from synthnet.types import Mesh
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 REFERENCE_FILE = Path(__file__).with_name("reference.py")  # LaPy, timed beside each predictor
-WATCH = 0.1  # seconds between two looks at a process whose memory is limited
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """The predictor is loaded.
+
+    Its META, its parameters, whether it takes a seed and the name of its training set, the name
+    of the accelerator, and the seconds that loading took.
+    """
+
+    meta: dict[str, str]
+    parameters: int | None
+    seeded: bool
+    trained: bool
+    accelerator: str
+    loading_seconds: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """A batch has been answered: (B, k) values, and the wall and CPU seconds it took."""
+
+    values: NDArray[np.float64]
+    seconds: float
+    cpu_seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """Peak memory of a predictor's processes so far, in bytes, and digests of its files."""
+
+    peak_bytes: int
+    sources: dict[str, str]
 
 
 class PredictorProcess:
@@ -59,76 +100,147 @@ class PredictorProcess:
         time_limit: float,
         memory_limit: int | None = None,
     ) -> None:
-        self.job = Job(path, device, seed, training, k)
+        self.job = Job(str(path), device, seed, training, k)
         self.threads, self.time_limit = threads, time_limit
         self.memory_limit = memory_limit
         self.loaded: Loaded
 
     def __enter__(self) -> Self:
         """Start the process and wait until the predictor is loaded."""
-        context = multiprocessing.get_context("spawn")
-        self._channel, other = context.Pipe()
-        self._process = context.Process(target=work, args=(other, self.job))
-        with _threads(self.threads):
-            self._process.start()
-        other.close()
+        own, other = socket.socketpair()
+        self._channel = frames.Channel(own)
+        self._peak = 0
+        with other:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", supervisor.__name__, str(other.fileno())],
+                pass_fds=[other.fileno()],
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
+                env=self._environment(),
+            )
+        self._tree = psutil.Process(self._process.pid)
         try:
-            self.loaded = self._receive("while loading", ())
+            start = time.perf_counter()
+            self._channel.send(frames.JOB, json.dumps(asdict(self.job)).encode())
+            said = self._facts(frames.LOADED, "while loading")
+            loading = time.perf_counter() - start
+            meta = predictor.checked_meta(said.pop("meta"), Path(self.job.path))
+            self.loaded = Loaded(meta=meta, loading_seconds=loading, **said)
+            self._predictor = next(iter(tree.processes(self._tree)))
         except BaseException:
             self.__exit__(None, None, None)
             raise
         return self
 
     def predict(self, ids: Sequence[str], meshes: Sequence[Mesh]) -> Answered:
-        """Return the answer to a batch. The ids are for messages; they stay here."""
-        at = f"on the batch of {len(ids)} that begins with {', '.join(ids[:3])}"
-        answered: Answered = self._ask(list(meshes), at, ids)
-        return answered
+        """Return the answer to a batch. The ids are for messages; they stay here.
+
+        The clock runs here, from the moment the meshes can be seen there to that when the answer
+        has come and is found to be of the right form.
+        """
+        return self._answer(
+            meshes, f"on the batch of {len(ids)} that begins with {', '.join(ids[:3])}"
+        )
+
+    def warm_up(self, count: int) -> None:
+        """Ask for some meshes of no dataset, so that what happens once has happened."""
+        self._answer(warming(count), "on meshes to warm up with")
+
+    def _answer(self, meshes: Sequence[Mesh], at: str) -> Answered:
+        size = 8 * len(meshes) * self.job.k
+        body, file = frames.packed(meshes)
+        with file:
+            cpu, start = tree.cpu_seconds(self._tree), time.perf_counter()
+            self._send(frames.MESHES, body, at, file)
+            answer = self._receive(frames.ANSWER, at, most=size)
+            if len(answer) != size:
+                raise self._garbled(at, f"an answer of {len(answer):,} bytes")
+            values = (
+                np.frombuffer(answer, "<f8").reshape(len(meshes), self.job.k).astype(np.float64)
+            )
+            seconds = time.perf_counter() - start
+        return Answered(values, seconds, tree.cpu_seconds(self._tree) - cpu)
 
     def status(self) -> Status:
         """Return the peak memory and the digests of the predictor's files."""
-        status: Status = self._ask(None, "when all was predicted", ())
-        return status
+        self._look()
+        peak = max(self._peak, tree.peak_bytes(self._predictor.pid))
+        at = "when all was predicted"
+        self._send(frames.CLOSING, b"", at)
+        return Status(peak, self._facts(frames.SOURCES, at))
 
-    def _ask(self, what: Any, at: str, ids: Sequence[str]) -> Any:
+    def _environment(self) -> dict[str, str]:
+        """Return the variables of the process: modules are found as here, threads are counted."""
+        path = os.pathsep.join(folder for folder in sys.path if folder)
+        threads = dict.fromkeys(THREAD_VARIABLES, str(self.threads))
+        return {**os.environ, "PYTHONPATH": path, **threads}
+
+    def _send(self, kind: bytes, body: bytes, at: str, file: BinaryIO | None = None) -> None:
         try:
-            self._channel.send(what)
+            self._channel.send(kind, body, file)
         except OSError:
             raise self._died(at) from None
-        return self._receive(at, ids)
 
-    def _receive(self, at: str, ids: Sequence[str]) -> Any:
-        self._wait(at)
+    def _facts(self, kind: bytes, at: str) -> Any:
+        body = self._receive(kind, at, most=frames.MOST)
         try:
-            message = self._channel.recv()
-        except (EOFError, OSError):
-            raise self._died(at) from None
-        if isinstance(message, Failed):
-            error = PredictorError(f"{message.message}, {at}" if ids else message.message)
-            error.add_note(f"In the predictor's process:\n{message.traceback}")
-            raise error
-        return message
+            return frames.facts(kind, body)
+        except frames.FrameError as error:
+            raise self._garbled(at, str(error)) from error
 
-    def _wait(self, at: str) -> None:
-        """Wait for an answer, and watch the memory meanwhile if it is limited."""
+    def _receive(self, kind: bytes, at: str, most: int) -> bytes:
+        """Wait for a frame, and watch the clock and the memory meanwhile."""
         end = time.monotonic() + self.time_limit
-        step = self.time_limit if self.memory_limit is None else WATCH
-        while not self._channel.poll(max(0.0, min(step, end - time.monotonic()))):
+
+        def look() -> None:
             if time.monotonic() >= end:
                 raise OverTime(
                     f"the predictor took more than {self.time_limit:g} s {at}: raise --time-limit"
                 )
+            self._look()
             limit = self.memory_limit
-            if limit is not None and _resident_bytes(self._process.pid) > limit:
+            if limit is not None and self._peak > limit:
                 raise OverMemory(
                     f"the predictor took more than {limit / 2**30:g} GiB {at}: raise --memory-limit"
                 )
 
+        try:
+            came, body, _ = self._channel.receive(max(most, frames.MOST), look)
+        except (EOFError, ConnectionError):
+            raise self._died(at) from None
+        except frames.FrameError as error:
+            raise self._garbled(at, str(error)) from error
+        if came == frames.FAILED:
+            self._fail(body, at)
+        if came != kind or len(body) > most:
+            raise self._garbled(at, f"a frame of kind {came!r} and {len(body):,} bytes")
+        return body
+
+    def _fail(self, body: bytes, at: str) -> NoReturn:
+        """Raise what the predictor's process says went wrong."""
+        try:
+            said = frames.facts(frames.FAILED, body)
+        except frames.FrameError as error:
+            raise self._garbled(at, str(error)) from error
+        message = " ".join(printable(said["message"]).split())
+        failure = PredictorError(f"{message}, {at}" if at.startswith("on ") else message)
+        trace = "\n".join(map(printable, said["traceback"].splitlines()))
+        failure.add_note(f"In the predictor's process:\n{trace}")
+        raise failure
+
+    def _look(self) -> None:
+        self._peak = max(self._peak, tree.resident_bytes(self._tree))
+
+    def _garbled(self, at: str, what: str) -> PredictorError:
+        return PredictorError(
+            f"the predictor's process sent {what} {at}: its code must not write to the files and "
+            "sockets that it has not opened"
+        )
+
     def _died(self, at: str) -> PredictorError:
-        self._process.join()
+        code = self._process.wait()
         return Died(
-            f"the predictor's process died {at} (exit code {self._process.exitcode}; "
-            "-9 is often lack of memory)"
+            f"the predictor's process died {at} (exit code {code}; -9 is often lack of memory)"
         )
 
     def __exit__(
@@ -137,35 +249,28 @@ class PredictorProcess:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """End the process, whatever it does."""
+        """End the process and all that it has started, whatever they do."""
         self._channel.close()
-        self._process.join(0 if error else 5)
-        self._process.terminate()
-        self._process.join(5)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
+        for end in (None, self._process.terminate, self._kill):
+            if end is not None:
+                end()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(0 if error and end is None else 5)
+                break
+
+    def _kill(self) -> None:
+        """Kill what runs below the supervisor, then that."""
+        for process in [*tree.processes(self._tree), self._tree]:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.kill()
 
 
-def _resident_bytes(pid: int | None) -> int:
-    """Return the memory that a process has now; 0 where the system does not tell."""
-    try:
-        pages = Path(f"/proc/{pid}/statm").read_text().split()[1]
-    except (FileNotFoundError, ProcessLookupError):
-        return 0
-    return int(pages) * resource.getpagesize()
+def printable(text: str) -> str:
+    """Return text of a predictor's process without what a terminal would act on.
 
-
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    """Let a process started here use ``count`` threads: libraries read this when loaded."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(count)))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    Examples
+    --------
+    >>> printable("a\x1b[2Jb")
+    'a\ufffd[2Jb'
+    """
+    return "".join(c if c.isprintable() or c in " \t" else "\ufffd" for c in text)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench.results import SCHEMA_VERSION, dataset_facts
+from eigbench.results import SCHEMA_VERSION, dataset_facts, overused
 from eigbench.running import predictor
 from eigbench.running.evaluate import Evaluation, Options
 from eigbench.scoring import scores
@@ -21,6 +21,7 @@ from eigbench.scoring.truth import Truth
 from synthnet.kernels import processor
 from synthnet.store.files import sha256
 
+REMEMBERS = 0.5  # of the time of a new shape, a copy takes less
 PACKAGES = ("synthnet", "numpy", "scipy", "lapy", "torch", "torch-geometric", "scikit-learn")
 
 
@@ -72,13 +73,16 @@ def make(
 def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
     """Return milliseconds a mesh, and the setting.
 
-    Median and quartiles are over the batches, the mean is over the meshes: the whole time
-    divided by their number. ``cores_used`` is CPU time by wall time, whatever ``threads``
+    Only batches of new shapes count. Median and quartiles are over these, the mean is over their
+    meshes: the whole time divided by their number. ``cores_used`` is CPU time by wall time, whatever ``threads``
     says. ``reference`` is LaPy on some of the same batches: ``ratio`` is its time by the
     predictor's, so more than 1 is faster than LaPy.
     """
+    new = evaluation.new
     return {
-        **times(evaluation.seconds, evaluation.cpu_seconds, evaluation.sizes),
+        **times(evaluation.seconds[new], evaluation.cpu_seconds[new], evaluation.sizes[new]),
+        "loading_seconds": evaluation.loaded.loading_seconds,
+        "copies_ratio": of_copies(evaluation),
         "batch_size": options.batch_size,
         "threads": options.threads,
         "device": options.device,
@@ -99,6 +103,34 @@ def times(
         "ms_per_mesh_mean": float(1e3 * seconds.sum() / sizes.sum()),
         "cores_used": float(cpu_seconds.sum() / seconds.sum()),
     }
+
+
+def of_copies(evaluation: Evaluation) -> float | None:
+    """Return the time of a copy of a shape as a share of that of a new one; ``None`` without copies.
+
+    A predictor that remembers shapes is much quicker for a copy.
+    """
+    new, sizes, seconds = evaluation.new, evaluation.sizes, evaluation.seconds
+    if new.all():
+        return None
+    each = seconds[new].sum() / sizes[new].sum()
+    return float(seconds[~new].sum() / sizes[~new].sum() / each)
+
+
+def findings(cost: dict[str, Any]) -> list[str]:
+    """Return what makes a result's times doubtful, a line each."""
+    told = []
+    if overused(cost):
+        told.append(
+            f"{cost['cores_used']:.1f} cores were used with --threads {cost['threads']}: a board "
+            "does not take the result"
+        )
+    if (ratio := cost["copies_ratio"]) is not None and ratio < REMEMBERS:
+        told.append(
+            f"a copy of a shape takes {ratio:.2f} of the time of a new one: the predictor "
+            "remembers shapes; new ones alone are timed"
+        )
+    return told
 
 
 def beside_reference(evaluation: Evaluation) -> dict[str, Any] | None:

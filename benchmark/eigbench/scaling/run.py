@@ -16,13 +16,11 @@ import numpy as np
 
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, PredictorError
 from eigbench.running import record
-from eigbench.running.process import REFERENCE_FILE, PredictorProcess
-from eigbench.running.worker import Answered
+from eigbench.running.process import REFERENCE_FILE, Answered, PredictorProcess
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import ANSWERED
-from synthnet.families import FAMILIES
-from synthnet.types import Mesh, Parameters
+from synthnet.types import Mesh
 
 REPEATS = 5  # calls on a mesh at most; their median is the time
 ENOUGH = 5.0  # seconds in all after which a mesh is not repeated
@@ -115,23 +113,10 @@ def run(
     return result if "meshes" in result else scaling_results.read(out).result
 
 
-def warm_up() -> Mesh:
-    """Make the mesh that is predicted before the clock counts; it is none of the set."""
-    parameters: Parameters = {
-        "a": 1.0,
-        "b": 1.2,
-        "c": 0.9,
-        "triangulation": "irregular",
-        "vertices": 800,
-        "seed": 9,
-    }
-    return FAMILIES["ellipsoid"].generate(parameters)
-
-
 def _described(path: Path, settings: Settings) -> dict[str, Any]:
     """Load the predictor once, and return a result without meshes."""
     with _process(path, settings) as process:
-        process.predict(["the mesh to warm up"], [warm_up()])
+        process.warm_up(1)
         loaded, status = process.loaded, process.status()
     return {
         "scaling_version": scaling_results.VERSION,
@@ -195,7 +180,7 @@ def _measured(
     }
     try:
         with _process(path, settings) as process:
-            process.predict(["the mesh to warm up"], [warm_up()])
+            process.warm_up(1)
             process.time_limit = settings.time_limit
             answers = _repeated(process, expected.pin.id, mesh)
             peak = process.status().peak_bytes
@@ -248,5 +233,5 @@ def _reference() -> Any:
         threads=1,
         time_limit=PATIENCE,
     ) as peer:
-        peer.predict(["the mesh to warm up"], [warm_up()])
+        peer.warm_up(1)
         yield peer

@@ -80,11 +80,7 @@ class Truth:
 
     @property
     def order(self) -> NDArray[np.int64]:
-        """Indices of the instances in the order of the SHA-256 of their ids.
-
-        In it predictors see them: neither the copies of a shape nor the shapes of a family
-        come one after the other, so that their order reveals neither.
-        """
+        """Indices of the instances in the order of the SHA-256 of their ids: as if shuffled."""
         keys = [hashlib.sha256(id.encode()).digest() for id in self.ids]
         return np.array(sorted(range(len(keys)), key=keys.__getitem__), dtype=np.int64)
 

@@ -1,6 +1,7 @@
 """Bad predictors through the command line: one clear line, exit 2, nothing half-done is left."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -37,9 +38,8 @@ def evaluate(eigbench, predictor_file, mini_home, tmp_path):
 
 @pytest.fixture(scope="module")
 def ids(mini_truth):
-    """Ids in the order in which predictors see them."""
-    wanted = mini_truth.head(LIMIT)
-    return [wanted.ids[i] for i in wanted.order]
+    """Ids of what is asked."""
+    return set(mini_truth.head(LIMIT).ids)
 
 
 def assert_refused(answer, message, place):
@@ -53,6 +53,12 @@ def assert_refused(answer, message, place):
     assert message in lines[0]
     assert not (place / "out.json").exists()
     assert not (place / "out.parquet").exists()
+
+
+def named(err):
+    """Ids that a message names as the first of a batch."""
+    (told,) = re.findall(r"that begins with ([\w/-]+(?:, [\w/-]+)*)", err)
+    return set(told.split(", "))
 
 
 def batches_kept(place):
@@ -80,17 +86,27 @@ CASES = {
         "    v *= 2\n    return weyl(meshes)",
         "cannot set WRITEABLE flag to True",
     ),
-    "replaces an array": (
-        "def predict(meshes):\n    v = meshes[0].vertices\n"
-        "    object.__setattr__(meshes[0], 'vertices', 2 * v)\n    return weyl(meshes)",
-        "the predictor changes its input: copy vertices and faces before writing to them",
+    "replaces a mesh": (
+        "def predict(meshes):\n    meshes[0] = None\n    return weyl(meshes)",
+        "'tuple' object does not support item assignment",
+    ),
+    "writes past NumPy": (
+        "import ctypes\ndef predict(meshes):\n"
+        "    ctypes.memset(meshes[0].vertices.ctypes.data, 0, 8)\n    return weyl(meshes)",
+        "exit code -11",
+    ),
+    "writes to the harness's socket": (
+        "def predict(meshes):\n    for fd in range(3, 20):\n"
+        "        try: os.write(fd, b'a' + b'\\xff' * 8)\n        except OSError: pass\n"
+        "    return weyl(meshes)",
+        "the predictor's process sent a frame of",
     ),
     "raises": ("def predict(meshes): raise KeyError('a\\nb')", "KeyError: "),
     "exits": ("def predict(meshes): sys.exit(0)", "SystemExit: 0"),
     "fails in a function of its own": (
         "def predict(meshes):\n    return [helper(m) for m in meshes]\n"
         "def helper(mesh):\n    return mesh.points",
-        "no attribute 'points' (my_model.py:16: in helper: return mesh.points), on the batch of 10",
+        "no attribute 'points' (my_model.py:16: in helper: return mesh.points), on meshes",
     ),
     "fails in a library": (
         "def predict(meshes):\n    return np.linalg.inv(meshes[0].vertices)",
@@ -119,18 +135,21 @@ AT_A_BATCH = set(CASES) - {"dies at import", "needs a package", "has no door"}
 
 
 # One of each kind: a wrong answer, a changed input, an exception, a dead process, a bad file.
-QUICK = {"wrong shape", "replaces an array", "fails in a library", "is killed", "needs a package"}
+QUICK = {
+    *("wrong shape", "writes past NumPy", "writes to the harness's socket"),
+    *("fails in a library", "is killed", "needs a package"),
+}
 
 
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in CASES],
 )
-def test_bad_predictor_is_refused_on_one_line(name, evaluate, ids, tmp_path):
+def test_bad_predictor_is_refused_on_one_line(name, evaluate, tmp_path):
     code, message = CASES[name]
     answer = evaluate(code)
     assert_refused(answer, message, tmp_path)
-    assert (", ".join(ids[:3]) in answer[2]) == (name in AT_A_BATCH)
+    assert ("on meshes to warm up with" in answer[2]) == (name in AT_A_BATCH)
     assert list(tmp_path.glob(".out.json.parts*")) == []
 
 
@@ -139,10 +158,10 @@ def test_missing_predictor_is_refused(evaluate, tmp_path):
     assert_refused(answer, "there is no file", tmp_path)
 
 
-def test_predictor_that_hangs_is_ended(evaluate, ids, tmp_path):
+def test_predictor_that_hangs_is_ended(evaluate, tmp_path):
     answer = evaluate("def predict(meshes): time.sleep(60)", "--time-limit", "4")
     assert_refused(answer, "took more than 4 s", tmp_path)
-    assert ", ".join(ids[:3]) in answer[2]
+    assert "on meshes to warm up with" in answer[2]
 
 
 def test_predictor_never_gets_more_meshes_than_the_batch_size(evaluate):
@@ -162,8 +181,8 @@ def predict(meshes):  # the first call is the warm-up
 """
 HOWS = {
     "raises": ("raise RuntimeError('no luck')", "RuntimeError: no luck"),
-    "dies": ("os._exit(1)", "died on the batch of 10 that begins with "),
-    "answers wrongly": ("return weyl(meshes)[:5]", "has shape (5, 10), it must be (10, 10)"),
+    "dies": ("os._exit(1)", "died on the batch of 9 that begins with "),
+    "answers wrongly": ("return weyl(meshes)[:5]", "has shape (5, 10), it must be (9, 10)"),
 }
 
 
@@ -177,14 +196,15 @@ def test_what_was_computed_before_a_failure_is_kept_and_resumed(how, evaluate, i
     path.write_text(PRELUDE + FAILS_IN_BATCH_2.format(how=code))
     failed = evaluate("", path=path)
     assert_refused(failed, message, tmp_path)
-    assert ", ".join(ids[10:13]) in failed[2]
+    assert len(named(failed[2]) & ids) == 3
     assert "--resume goes on from the last good batch" in failed[2]
     assert batches_kept(tmp_path) == ["000000.npz"]
 
     kept = (tmp_path / ".out.json.parts/seed-0/000000.npz").stat().st_mtime_ns
+    with np.load(tmp_path / ".out.json.parts/seed-0/000000.npz") as part:
+        assert len(set(part["instances"].tolist())) == BATCH
     again = evaluate("", "--resume", path=path)  # call 3 is batch 3 now
     assert again[0] == 2
-    assert ", ".join(ids[20:23]) in again[2]
     assert batches_kept(tmp_path) == ["000000.npz", "000001.npz"]
     assert (tmp_path / ".out.json.parts/seed-0/000000.npz").stat().st_mtime_ns == kept
 
@@ -215,7 +235,6 @@ def test_changed_code_starts_anew(evaluate, ids, tmp_path):
     again = evaluate("", "--resume", path=path)
     assert again[0] == 2
     assert "code or settings have changed: starting anew" in again[2]
-    assert ", ".join(ids[10:13]) in again[2]  # the second batch again
     assert batches_kept(tmp_path) == ["000000.npz"]
 
 
@@ -231,7 +250,6 @@ def test_changed_sibling_starts_anew(evaluate, ids, tmp_path, beside):
     assert evaluate("", path=path)[0] == 2
     (tmp_path / beside).write_text("x = 2\n")
     again = evaluate("", "--resume", path=path)
-    assert ", ".join(ids[10:13]) in again[2]  # the second batch again
     assert batches_kept(tmp_path) == ["000000.npz"]
 
 
@@ -262,7 +280,7 @@ def test_one_answer_that_is_not_finite_is_scored_and_makes_every_mean_none(
     result = json.loads(out)
     assert code == 2
     assert "Warning" not in err
-    assert "the predictions of 3 of 30 instances are not finite, first ids: " in err
+    assert "the predictions of 4 of 30 instances are not finite, first ids: " in err
     for key in ("invlap", "rpd", "polar", "l1", "l2"):
         assert result["scores"]["mesh"]["overall"][key]["mean"] is None
         assert result["scores"]["mesh"]["overall"][key]["low"] is None
@@ -271,7 +289,7 @@ def test_one_answer_that_is_not_finite_is_scored_and_makes_every_mean_none(
     assert result["scores"]["mesh"]["per_index"][2]["mean"] is not None
     assert sum(f["count"] for f in result["scores"]["mesh"]["families"].values()) == LIMIT
     kept = predictions.read(tmp_path / "out.parquet", mini_truth.head(LIMIT))[0]
-    assert np.isnan(kept).sum() == LIMIT // BATCH
+    assert np.isnan(kept).sum() == 4  # batches: 19 shapes, and 11 copies of some
 
 
 def test_infinite_answers_are_scored_and_shown_as_not_finite_without_a_warning(evaluate):

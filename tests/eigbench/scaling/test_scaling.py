@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from eigbench.board import leaderboard, scaling_page
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, ResultError
+from eigbench.running import meshes
 from eigbench.running.process import PredictorProcess
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import run as scaling_run
@@ -272,7 +273,7 @@ def test_a_predictor_that_cannot_do_a_small_mesh_leaves_no_result(
 
 
 def test_errors_of_a_process_can_be_told_apart(predictor_file):
-    mesh = [scaling_run.warm_up()]
+    mesh = meshes.warming(1)
 
     def ask(happens, **limits):
         code = predictor_file(AT_TEN_THOUSAND.replace("> 5000", "> 0").format(happens))

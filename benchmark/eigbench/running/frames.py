@@ -1,0 +1,194 @@
+"""What passes between the harness and a predictor's process: frames of plain bytes.
+
+A frame is its kind (one byte), the length of what follows (eight bytes, little-endian), and that:
+JSON for facts, float64 for answers. Meshes come as a file in memory that cannot be written to; its
+descriptor travels with the frame, so they can be read no earlier than they are asked for, and are
+not copied. Nothing is unpickled: what a predictor sends cannot run in the harness.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+import socket
+import struct
+import tempfile
+from collections.abc import Callable, Sequence
+from typing import Any, BinaryIO
+
+import jsonschema
+import numpy as np
+
+from synthnet.types import Mesh
+
+JOB, MESHES, CLOSING = b"j", b"m", b"c"  # of the harness
+LOADED, ANSWER, SOURCES, FAILED = b"l", b"a", b"s", b"f"  # of the predictor's process
+HEADER = struct.Struct("<cQ")
+MOST = 4 * 2**20  # bytes of a frame of facts
+STEP = 0.1  # seconds between two looks at who does not answer
+ALIGNED = 64  # bytes
+
+_TEXT = {"type": "string", "maxLength": 300}
+SCHEMAS = {  # of what a predictor's process says of itself
+    LOADED: {
+        "type": "object",
+        "properties": {
+            "meta": {"type": "object"},
+            "parameters": {"type": ["integer", "null"], "minimum": 0},
+            "seeded": {"type": "boolean"},
+            "trained": {"type": "boolean"},
+            "accelerator": _TEXT,
+        },
+        "required": ["meta", "parameters", "seeded", "trained", "accelerator"],
+        "additionalProperties": False,
+    },
+    SOURCES: {
+        "type": "object",
+        "maxProperties": 10_000,
+        "propertyNames": {"maxLength": 1000},
+        "additionalProperties": {"type": "string", "pattern": "^[0-9a-f]{64}$"},
+    },
+    FAILED: {
+        "type": "object",
+        "properties": {"message": {"type": "string"}, "traceback": {"type": "string"}},
+        "required": ["message", "traceback"],
+        "additionalProperties": False,
+    },
+}
+
+
+class FrameError(Exception):
+    """What came is no frame, or holds what it must not."""
+
+
+class Channel:
+    """One end of a socket on which frames go to and fro. It closes with its ``with`` block."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self._socket = end
+
+    def __enter__(self) -> Channel:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close this end."""
+        self._socket.close()
+
+    def send(self, kind: bytes, body: bytes, file: BinaryIO | None = None) -> None:
+        """Send a frame, and the descriptor of a file with it."""
+        header = HEADER.pack(kind, len(body))
+        if file is None:
+            self._socket.sendall(header)
+        else:
+            socket.send_fds(self._socket, [header], [file.fileno()])
+        self._socket.sendall(body)
+
+    def receive(
+        self, most: int = MOST, on_step: Callable[[], None] | None = None
+    ) -> tuple[bytes, bytes, int | None]:
+        """Wait for a frame; return its kind, its body and a descriptor, if one came with it.
+
+        Parameters
+        ----------
+        most : int
+            Bytes of the body; a longer one is refused before it is read.
+        on_step : callable, optional
+            Called ten times a second while nothing comes; what it raises ends the wait. A
+            descriptor is taken only where it is ``None``: the harness accepts none.
+
+        Raises
+        ------
+        EOFError
+            If the other end is closed.
+        FrameError
+            If the frame is too long.
+        """
+        self._socket.settimeout(None if on_step is None else STEP)
+        descriptor = None
+        if on_step is None:
+            start, descriptors, _, _ = socket.recv_fds(self._socket, HEADER.size, 1)
+            descriptor = descriptors[0] if descriptors else None
+            start += self._exactly(HEADER.size - len(start), None) if start else b""
+            if not start:
+                raise EOFError
+        else:
+            start = self._exactly(HEADER.size, on_step)
+        kind, length = HEADER.unpack(start)
+        if length > most:
+            raise FrameError(f"a frame of {length:,} bytes, where at most {most:,} can come")
+        return kind, self._exactly(length, on_step), descriptor
+
+    def _exactly(self, count: int, on_step: Callable[[], None] | None) -> bytes:
+        taken = bytearray(count)
+        view, got = memoryview(taken), 0
+        while got < count:
+            try:
+                more = self._socket.recv_into(view[got:])
+            except TimeoutError:
+                more = None
+            if more == 0:
+                raise EOFError
+            got += more or 0
+            if on_step is not None and got < count:
+                on_step()
+        return bytes(taken)
+
+
+def facts(kind: bytes, body: bytes) -> Any:
+    """Return what a frame of a predictor's process says, checked against its schema.
+
+    Raises
+    ------
+    FrameError
+        If it is no JSON, or something else than such a frame may say.
+    """
+    try:
+        said = json.loads(body)
+        jsonschema.validate(said, SCHEMAS[kind])
+    except (ValueError, RecursionError) as error:
+        raise FrameError("facts that are no JSON") from error
+    except jsonschema.ValidationError as error:
+        raise FrameError(f"facts of another form: {error.message[:200]}") from error
+    return said
+
+
+def packed(meshes: Sequence[Mesh]) -> tuple[bytes, BinaryIO]:
+    """Return meshes as a frame's body and a file in memory that cannot be written to any more."""
+    body = json.dumps([(len(mesh.vertices), len(mesh.faces)) for mesh in meshes]).encode()
+    if hasattr(os, "memfd_create"):
+        file: BinaryIO = os.fdopen(
+            os.memfd_create("meshes", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING), "w+b"
+        )
+    else:
+        file = tempfile.TemporaryFile()
+    for mesh in meshes:
+        for array in (mesh.vertices.astype("<f8", "C"), mesh.faces.astype("<i8", "C")):
+            file.write(array.data)
+            file.write(bytes(-array.nbytes % ALIGNED))
+    file.write(bytes(ALIGNED))  # an empty file cannot be mapped
+    file.flush()
+    if hasattr(os, "memfd_create"):
+        import fcntl
+
+        seals = fcntl.F_SEAL_WRITE | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL
+        fcntl.fcntl(file, fcntl.F_ADD_SEALS, seals)
+    return body, file
+
+
+def unpacked(body: bytes, descriptor: int) -> tuple[Mesh, ...]:
+    """Return the meshes of a frame: read-only arrays, float64 vertices and int64 faces."""
+    with os.fdopen(descriptor, "rb") as file:
+        shared = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    meshes, begin = [], 0
+    for vertices, faces in json.loads(body):
+        arrays = []
+        for rows, dtype in ((vertices, "<f8"), (faces, "<i8")):
+            array = np.frombuffer(shared, dtype, 3 * rows, begin).reshape(rows, 3)
+            begin += array.nbytes + -array.nbytes % ALIGNED
+            arrays.append(array)
+        meshes.append(Mesh(*arrays))
+    return tuple(meshes)
