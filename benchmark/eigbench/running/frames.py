@@ -8,11 +8,13 @@ not copied. Nothing is unpickled: what a predictor sends cannot run in the harne
 
 from __future__ import annotations
 
+import fcntl
 import json
 import mmap
 import os
 import socket
 import struct
+import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from typing import Any, BinaryIO
@@ -159,24 +161,24 @@ def facts(kind: bytes, body: bytes) -> Any:
 def packed(meshes: Sequence[Mesh]) -> tuple[bytes, BinaryIO]:
     """Return meshes as a frame's body and a file in memory that cannot be written to any more."""
     body = json.dumps([(len(mesh.vertices), len(mesh.faces)) for mesh in meshes]).encode()
-    if hasattr(os, "memfd_create"):
-        file: BinaryIO = os.fdopen(
-            os.memfd_create("meshes", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING), "w+b"
-        )
-    else:
-        file = tempfile.TemporaryFile()
+    file = _file_in_memory()
     for mesh in meshes:
         for array in (mesh.vertices.astype("<f8", "C"), mesh.faces.astype("<i8", "C")):
             file.write(array.data)
             file.write(bytes(-array.nbytes % ALIGNED))
     file.write(bytes(ALIGNED))  # an empty file cannot be mapped
     file.flush()
-    if hasattr(os, "memfd_create"):
-        import fcntl
-
+    if sys.platform == "linux":
         seals = fcntl.F_SEAL_WRITE | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL
         fcntl.fcntl(file, fcntl.F_ADD_SEALS, seals)
     return body, file
+
+
+def _file_in_memory() -> BinaryIO:
+    """Open a file without a name; where there is no memory for such, on disk."""
+    if sys.platform == "linux":
+        return os.fdopen(os.memfd_create("meshes", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING), "w+b")
+    return tempfile.TemporaryFile()  # type: ignore[return-value]
 
 
 def unpacked(body: bytes, descriptor: int) -> tuple[Mesh, ...]:

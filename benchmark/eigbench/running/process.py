@@ -266,7 +266,7 @@ class PredictorProcess:
 
 
 def printable(text: str) -> str:
-    """Return text of a predictor's process without what a terminal would act on.
+    r"""Return text of a predictor's process without what a terminal would act on.
 
     Examples
     --------

@@ -74,8 +74,8 @@ def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
     """Return milliseconds a mesh, and the setting.
 
     Only batches of new shapes count. Median and quartiles are over these, the mean is over their
-    meshes: the whole time divided by their number. ``cores_used`` is CPU time by wall time, whatever ``threads``
-    says. ``reference`` is LaPy on some of the same batches: ``ratio`` is its time by the
+    meshes: the whole time divided by their number. ``cores_used`` is CPU
+    time by wall time, whatever ``threads`` says. ``reference`` is LaPy on some of the same batches: ``ratio`` is its time by the
     predictor's, so more than 1 is faster than LaPy.
     """
     new = evaluation.new
@@ -106,9 +106,9 @@ def times(
 
 
 def of_copies(evaluation: Evaluation) -> float | None:
-    """Return the time of a copy of a shape as a share of that of a new one; ``None`` without copies.
+    """Return the time of a copy of a shape, as a share of that of a new one.
 
-    A predictor that remembers shapes is much quicker for a copy.
+    A predictor that remembers shapes is much quicker for a copy. ``None`` where there are none.
     """
     new, sizes, seconds = evaluation.new, evaluation.sizes, evaluation.seconds
     if new.all():

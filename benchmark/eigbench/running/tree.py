@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import psutil
 
@@ -56,8 +57,8 @@ def resident_bytes(root: psutil.Process) -> int:
 def peak_bytes(pid: int) -> int:
     """Return the most memory that one process has had; 0 where the system does not tell."""
     try:
-        with open(f"/proc/{pid}/status") as status:
-            lines = dict(line.split(":", 1) for line in status)
+        status = Path(f"/proc/{pid}/status").read_text()
     except (FileNotFoundError, ProcessLookupError):
         return 0
+    lines = dict(line.split(":", 1) for line in status.splitlines())
     return 1024 * int(lines.get("VmHWM", "0 kB").split()[0])

@@ -249,7 +249,7 @@ def test_changed_sibling_starts_anew(evaluate, ids, tmp_path, beside):
     path.write_text(code)
     assert evaluate("", path=path)[0] == 2
     (tmp_path / beside).write_text("x = 2\n")
-    again = evaluate("", "--resume", path=path)
+    assert "starting anew" in evaluate("", "--resume", path=path)[2]
     assert batches_kept(tmp_path) == ["000000.npz"]
 
 
