@@ -14,10 +14,9 @@ import mmap
 import os
 import socket
 import struct
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 import jsonschema
 import numpy as np
@@ -168,7 +167,7 @@ def packed(meshes: Sequence[Mesh]) -> tuple[bytes, BinaryIO]:
             file.write(bytes(-array.nbytes % ALIGNED))
     file.write(bytes(ALIGNED))  # an empty file cannot be mapped
     file.flush()
-    if sys.platform == "linux":
+    if hasattr(os, "memfd_create"):
         seals = fcntl.F_SEAL_WRITE | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL
         fcntl.fcntl(file, fcntl.F_ADD_SEALS, seals)
     return body, file
@@ -176,9 +175,9 @@ def packed(meshes: Sequence[Mesh]) -> tuple[bytes, BinaryIO]:
 
 def _file_in_memory() -> BinaryIO:
     """Open a file without a name; where there is no memory for such, on disk."""
-    if sys.platform == "linux":
-        return os.fdopen(os.memfd_create("meshes", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING), "w+b")
-    return tempfile.TemporaryFile()  # type: ignore[return-value]
+    if not hasattr(os, "memfd_create"):
+        return cast("BinaryIO", tempfile.TemporaryFile())
+    return os.fdopen(os.memfd_create("meshes", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING), "w+b")
 
 
 def unpacked(body: bytes, descriptor: int) -> tuple[Mesh, ...]:

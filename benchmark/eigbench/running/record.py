@@ -75,8 +75,8 @@ def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
 
     Only batches of new shapes count. Median and quartiles are over these, the mean is over their
     meshes: the whole time divided by their number. ``cores_used`` is CPU
-    time by wall time, whatever ``threads`` says. ``reference`` is LaPy on some of the same batches: ``ratio`` is its time by the
-    predictor's, so more than 1 is faster than LaPy.
+    time by wall time, whatever ``threads`` says. ``reference`` is LaPy on some of the same
+    batches: ``ratio`` is its time by the predictor's, so more than 1 is faster than LaPy.
     """
     new = evaluation.new
     return {
