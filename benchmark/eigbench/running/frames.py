@@ -45,10 +45,9 @@ SCHEMAS = {  # of what a predictor's process says of itself
         "additionalProperties": False,
     },
     SOURCES: {
-        "type": "object",
-        "maxProperties": 10_000,
-        "propertyNames": {"maxLength": 1000},
-        "additionalProperties": {"type": "string", "pattern": "^[0-9a-f]{64}$"},
+        "type": "array",
+        "maxItems": 10_000,
+        "items": {"type": "string", "pattern": r"^[^\x00-\x1f]{1,1000}$"},
     },
     FAILED: {
         "type": "object",

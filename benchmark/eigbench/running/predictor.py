@@ -38,7 +38,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
-from eigbench.results.sources import digest
 from eigbench.scoring.training import DEFAULT
 from synthnet.errors import install, suggestion
 from synthnet.types import Mesh
@@ -174,8 +173,8 @@ def _asked(loader: Any, arguments: Mapping[str, str], path: Path) -> dict[str, s
     return {name: value for name, value in arguments.items() if name in parameters}
 
 
-def sources(path: Path, roots: Sequence[Path]) -> dict[str, str]:
-    """Return digests of the files a predictor is made of, by name relative to its directory.
+def sources(path: Path, roots: Sequence[Path]) -> list[str]:
+    """Return the files that a predictor is made of, relative to its directory.
 
     These are its file, each module it has imported from ``roots``, and what lies beside one of
     them under the same name: ``my_model.safetensors``; of a variant,
@@ -190,8 +189,7 @@ def sources(path: Path, roots: Sequence[Path]) -> dict[str, str]:
         file = getattr(module, "__file__", None)
         if file and _is_theirs(name, file, roots):
             found |= _beside(Path(file).resolve())
-    named = {Path(os.path.relpath(file, root)).as_posix(): digest(file) for file in found}
-    return dict(sorted(named.items()))
+    return sorted(Path(os.path.relpath(file, root)).as_posix() for file in found)
 
 
 def _is_theirs(module: str, file: str, roots: Sequence[Path]) -> bool:

@@ -20,6 +20,7 @@ import psutil
 from numpy.typing import NDArray
 
 from eigbench.errors import Died, OverMemory, OverTime, PredictorError
+from eigbench.results.sources import digest
 from eigbench.running import frames, predictor, supervisor, tree
 from eigbench.running.meshes import warming
 from eigbench.running.worker import Job
@@ -167,7 +168,9 @@ class PredictorProcess:
         peak = max(self._peak, tree.peak_bytes(self._predictor.pid))
         at = "when all was predicted"
         self._send(frames.CLOSING, b"", at)
-        return Status(peak, self._facts(frames.SOURCES, at))
+        folder = predictor.split(Path(self.job.path))[0].resolve().parent
+        names = self._facts(frames.SOURCES, at)
+        return Status(peak, {n: digest(folder / n) for n in names if (folder / n).is_file()})
 
     def _environment(self) -> dict[str, str]:
         """Return the variables of the process: modules are found as here, threads are counted."""

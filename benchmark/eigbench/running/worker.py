@@ -65,7 +65,7 @@ def work(descriptor: int) -> None:
             pass  # the other side has what it wants
 
 
-def _tell(channel: frames.Channel, kind: bytes, facts: dict[str, Any]) -> None:
+def _tell(channel: frames.Channel, kind: bytes, facts: dict[str, Any] | list[str]) -> None:
     channel.send(kind, json.dumps(facts).encode())
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from synthnet import recipe
-
 DEFAULT = "1.0/grouped"  # of a predictor that runs on meshes without a training split
 IMPORTED = "imported"  # the protocol that holds nothing out: tested is an imported dataset
 
@@ -50,6 +48,8 @@ def trained_on(meta: Mapping[str, object], version: str) -> bool:
     >>> trained_on({"training_data": "the training split, 2.5 h"}, "2.0-mini")
     True
     """
+    from synthnet import recipe  # a predictor's process needs the name above, and no families
+
     words = re.findall(r"(?<![\w.-])\d+\.\d+(?![\d.])", str(meta.get("training_data", "")))
     named = set(words) & {name.partition("-")[0] for name in recipe.available()}
     return not named or version.partition("-")[0] in named

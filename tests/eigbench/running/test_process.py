@@ -443,7 +443,7 @@ def test_a_frame_that_is_too_long_is_refused_before_it_is_read():
             frames.LOADED,
             b'{"meta": {}, "parameters": -1, "seeded": true, "trained": true, "accelerator": ""}',
         ),
-        (frames.SOURCES, b'{"a.py": "no digest"}'),
+        (frames.SOURCES, b'["a.py", "b\\u0000.py"]'),
         (frames.SOURCES, b"\xff"),
         (frames.FAILED, b"[" * 100_000),
         (frames.FAILED, b'{"message": 3, "traceback": ""}'),
