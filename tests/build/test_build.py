@@ -31,20 +31,11 @@ from synthnet.recipe import Recipe
 from synthnet.recipe.plan import ShardPlan, plan_shards
 from synthnet.store import files
 from synthnet.types import Mesh, Rejection, Sample, Spectrum
+from tests.datasets import contents
 
 VERSION = "1.0-mini"
 Command = Callable[..., subprocess.CompletedProcess[str]]
 linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
-
-
-def contents(home: Path) -> dict[str, bytes]:
-    """All files of a dataset but the lock, by name."""
-    directory = home / VERSION
-    return {
-        str(p.relative_to(directory)): p.read_bytes()
-        for p in sorted(directory.rglob("*"))
-        if p.is_file() and p.name != ".lock"
-    }
 
 
 def build_shard(plan: ShardPlan, recipe: Recipe, directory: Path) -> ShardResult:
@@ -53,7 +44,7 @@ def build_shard(plan: ShardPlan, recipe: Recipe, directory: Path) -> ShardResult
 
 
 def assert_same(found: Path, expected: Path) -> None:
-    one, two = contents(found), contents(expected)
+    one, two = contents(found / VERSION), contents(expected / VERSION)
     assert list(one) == list(two)
     assert [name for name in one if one[name] != two[name]] == []
 
@@ -72,7 +63,7 @@ def one_line(text: str) -> str:
 def test_mini_has_the_files_it_should(mini_home: Path) -> None:
     names = [plan.file for plan in plan_shards(recipe.load(VERSION))]
     limits = [name.replace("shards/", "limits/") for name in names]
-    assert sorted(contents(mini_home)) == sorted(["manifest.json", *names, *limits])
+    assert sorted(contents(mini_home / VERSION)) == sorted(["manifest.json", *names, *limits])
     manifest = store.open_dataset(VERSION, mini_home).manifest
     assert [shard.file for shard in manifest.shards] == names
     assert manifest.rows + len(manifest.rejections) == 335
@@ -347,10 +338,10 @@ def test_shard_of_another_recipe_is_refused(tiny: Recipe, tmp_path: Path) -> Non
     (plan, *_) = plan_shards(tiny)
     (tmp_path / "shards").mkdir()
     build_shard(plan, tiny, tmp_path)
-    before = contents(tmp_path)
+    before = contents(tmp_path / VERSION)
     with pytest.raises(StoreError, match="belongs to another recipe"):
         build_shard(plan, dataclasses.replace(tiny, seed=1), tmp_path)
-    assert contents(tmp_path) == before
+    assert contents(tmp_path / VERSION) == before
 
 
 @pytest.mark.parametrize("workers", [0, -1])
