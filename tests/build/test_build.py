@@ -20,6 +20,7 @@ import pytest
 import threadpoolctl
 
 import synthnet.commands.cli
+from evidence import build_process
 from synthnet import recipe, spectrum, store
 from synthnet.build import filters
 from synthnet.build.jobs import ShardResult, keep_or_make
@@ -128,19 +129,7 @@ def started(environment: dict[str, str]) -> Iterator[Callable[..., subprocess.Po
 
 def group(leader: int) -> dict[int, str]:
     """Command lines of the processes alive in a group, by their number."""
-    found = {}
-    for entry in Path("/proc").iterdir():
-        if not entry.name.isdigit():
-            continue
-        try:
-            _, _, rest = (entry / "stat").read_text().rpartition(") ")
-            line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-        except OSError:
-            continue  # it has ended meanwhile
-        state, _, pgrp = rest.split()[:3]
-        if int(pgrp) == leader and state not in "ZX":
-            found[int(entry.name)] = line
-    return found
+    return dict(build_process.group(leader))
 
 
 def workers(leader: int) -> list[int]:
@@ -338,10 +327,11 @@ def test_shard_of_another_recipe_is_refused(tiny: Recipe, tmp_path: Path) -> Non
     (plan, *_) = plan_shards(tiny)
     (tmp_path / "shards").mkdir()
     build_shard(plan, tiny, tmp_path)
-    before = contents(tmp_path / VERSION)
+    before = contents(tmp_path)
+    assert before
     with pytest.raises(StoreError, match="belongs to another recipe"):
         build_shard(plan, dataclasses.replace(tiny, seed=1), tmp_path)
-    assert contents(tmp_path / VERSION) == before
+    assert contents(tmp_path) == before
 
 
 @pytest.mark.parametrize("workers", [0, -1])
