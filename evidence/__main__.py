@@ -11,7 +11,7 @@ from eigbench.errors import EigbenchError
 
 from evidence import card, measurements, numbers
 from evidence.blocks import BLOCKS, ELSEWHERE, fill
-from evidence.measurements import MEASUREMENTS, REPORTS, add_options
+from evidence.measurements import FILES, MEASUREMENTS, REPORTS, add_options
 from synthnet.errors import SynthNetError
 
 PICTURES = ("architecture", "growth", "1.0", "2.0", "readme", "poster")
@@ -57,15 +57,15 @@ def parser() -> argparse.ArgumentParser:
 def add_measurements(measure: argparse.ArgumentParser) -> None:
     """Add a command a measurement."""
     commands = measure.add_subparsers(metavar="NAME", required=True)
-    for name, measurement in MEASUREMENTS.items():
+    for name, module in MEASUREMENTS.items():
         command = commands.add_parser(
             name,
             help=first_line(name),
-            description=measurement.module.__doc__,
+            description=module.__doc__,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        add_options(command, measurement.module.measure)
-        default = f"docs/data/{measurement.data}.json"
+        add_options(command, module.measure)
+        default = f"docs/data/{FILES.get(name, name)}.json"
         command.add_argument("--out", metavar="FILE", help=f"default: {default}; - only prints")
         command.set_defaults(run=run_measure, measurement=name)
 
@@ -87,7 +87,7 @@ def add_pins(pin: argparse.ArgumentParser) -> None:
 
 def first_line(name: str) -> str:
     """Return what a measurement is about."""
-    return str(MEASUREMENTS[name].module.__doc__).partition("\n")[0]
+    return str(MEASUREMENTS[name].__doc__).partition("\n")[0]
 
 
 def run_list(_: argparse.Namespace) -> int:

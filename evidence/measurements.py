@@ -7,9 +7,7 @@ import inspect
 import json
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 
 from tabulate import tabulate
 
@@ -37,45 +35,32 @@ from evidence import (
     solver,
 )
 
-
-@dataclass(frozen=True, slots=True)
-class Measurement:
-    """How something is measured, and where its numbers go.
-
-    Attributes
-    ----------
-    module
-        Has ``measure``, which returns the numbers and whose parameters are the options of the
-        command, and perhaps ``problems``, which returns what is wrong with them.
-    data
-        Name of the file of docs/data; ``{version}`` in it is the parameter of that name.
-    """
-
-    module: ModuleType
-    data: str
-
-
+# Each module has ``measure``, which returns the numbers and whose parameters are the options of the
+# command, and perhaps ``problems``, which returns what is wrong with them.
 MEASUREMENTS = {
-    "build-cost": Measurement(build_cost, "build-cost"),
-    "build-full": Measurement(build_full, "build-full"),
-    "build-memory": Measurement(build_memory, "build-memory"),
-    "faults": Measurement(faults, "faults"),
-    "flaws": Measurement(flaws, "flaws-1.0"),
-    "folds": Measurement(folds, "folds-2.0"),
-    "fuzz-import": Measurement(fuzz_import, "fuzz-import"),
-    "gcn": Measurement(gcn_speed, "gcn"),
-    "growth": Measurement(growth, "growth"),
-    "harness-overhead": Measurement(harness_overhead, "harness-overhead"),
-    "installation": Measurement(installation, "installation"),
-    "leakage": Measurement(leakage, "leakage"),
-    "limits": Measurement(limits, "limits-{version}"),
-    "loading": Measurement(loading, "loading-{version}"),
-    "multilevel": Measurement(multilevel_variants, "multilevel"),
-    "ratios": Measurement(ratios, "ratios"),
-    "ritz-mlp": Measurement(ritz_mlp_variants, "ritz-mlp"),
-    "shapes": Measurement(shapes, "shapes-{version}"),
-    "solver": Measurement(solver, "solver"),
+    "build-cost": build_cost,
+    "build-full": build_full,
+    "build-memory": build_memory,
+    "faults": faults,
+    "flaws": flaws,
+    "folds": folds,
+    "fuzz-import": fuzz_import,
+    "gcn": gcn_speed,
+    "growth": growth,
+    "harness-overhead": harness_overhead,
+    "installation": installation,
+    "leakage": leakage,
+    "limits": limits,
+    "loading": loading,
+    "multilevel": multilevel_variants,
+    "ratios": ratios,
+    "ritz-mlp": ritz_mlp_variants,
+    "shapes": shapes,
+    "solver": solver,
 }
+# The files of docs/data of those whose numbers are of a version, fixed or their option.
+FILES = {"flaws": "flaws-1.0", "folds": "folds-2.0"}
+FILES |= {name: f"{name}-{{version}}" for name in ("limits", "loading", "shapes")}
 # Numbers that another command writes: reports of builds, and what a picture shows.
 REPORTS = {
     f"build-{v}": f"synthnet build --version {v} --json > docs/data/build-{v}.json"
@@ -110,17 +95,15 @@ def run(name: str, out: str | None, given: Mapping[str, object]) -> int:
     given
         The parameters of the measurement; others are ignored.
     """
-    measurement = MEASUREMENTS[name]
-    measure = measurement.module.measure
-    options = {key: given[key] for key in inspect.signature(measure).parameters}
-    data = measure(**options)
+    module = MEASUREMENTS[name]
+    options = {key: given[key] for key in inspect.signature(module.measure).parameters}
+    data = module.measure(**options)
     print(as_text(data))
     if out != "-":
-        path = Path(out) if out else DATA / f"{measurement.data.format_map(options)}.json"
+        path = Path(out) if out else DATA / f"{FILES.get(name, name).format_map(options)}.json"
         numbers.write(path, data)
         print(f"{path} written; `python -m evidence fill` brings it into the pages")
-    find_problems = getattr(measurement.module, "problems", None)
-    problems = find_problems(data) if find_problems else []
+    problems = module.problems(data) if hasattr(module, "problems") else []
     for problem in problems:
         print(f"WRONG: {problem}", file=sys.stderr)
     return int(bool(problems))

@@ -27,19 +27,18 @@ from eigbench.results import submission
 from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS
 from matplotlib.figure import Figure
-from tabulate import tabulate
 
 from baselines.gcn import queue, weights
 from baselines.gcn.configs import CONFIGS
 from baselines.gcn.model import GCN
 from baselines.gcn.predictor import told
 from baselines.gcn.queue import Training
+from evidence import DATA, DOCS, ROOT, markdown
 from evidence.markdown import folded
 from synthnet.pictures.palette import BLUE, GREEN, PALE, VERMILION
 from synthnet.store.files import write_text
 
-ROOT = Path(__file__).parent.parent
-PAGE = ROOT / "docs" / "reproduction.md"
+PAGE = DOCS / "reproduction.md"
 REPORTED = json.loads((ROOT / "benchmark" / "reported" / "wu-2024.json").read_text())
 LEAKAGE = """\
 Under the protocol `paper` a model trains on copies of test shapes: rotated or reflected, with
@@ -161,12 +160,6 @@ def mean(one: Submission | None, key: str) -> str:
     return number(value, METRICS[key].decimals)
 
 
-def markdown(headers: Sequence[str], rows: Iterable[Sequence[str]], left: int) -> str:
-    """Return a table whose first columns are aligned to the left."""
-    align = ["left"] * left + ["right"] * (len(headers) - left)
-    return tabulate(rows, headers, tablefmt="github", disable_numparse=True, colalign=align)
-
-
 @cache
 def planned() -> list[tuple[str, str]]:
     """Return the configurations and protocols of the queue, each once."""
@@ -197,7 +190,7 @@ def side_by_side(table: int) -> str:
         for who, row in ours(config).items():
             scores = [mean(read(*row), titles[given["columns"][i]]) for i in scored]
             rows.append([*[""] * len(names), who, *scores])
-    return markdown(headers, rows, len(named) + 1)
+    return markdown.table(headers, rows, "l" * (len(named) + 1) + "r")
 
 
 def by_family() -> str:
@@ -209,7 +202,7 @@ def by_family() -> str:
         for who, row in ours(config).items():
             one = read(*row)
             rows.append(["", who, *(family_mean(one, family) for family in FAMILIES)])
-    return markdown([given["columns"][0], "who", *given["columns"][1:]], rows, 2)
+    return markdown.table([given["columns"][0], "who", *given["columns"][1:]], rows, "llr")
 
 
 def family_mean(one: Submission | None, family: str) -> str:
@@ -237,7 +230,7 @@ def runs() -> str:
         end = "when it had converged" if r.get("converged") else "after the last step"
         end = end if queue.ended(r) else "by the clock"
         rows.append([config, protocol, count, *numbers, end, hardware])
-    return markdown(headers, rows, 2)
+    return markdown.table(headers, rows, "llr")
 
 
 def findings() -> str:
@@ -255,31 +248,27 @@ def findings() -> str:
         cells = [shares, VERDICTS[share.verdict], means, VERDICTS[rpd.verdict]]
         rows.append([finding.text, finding.reported, *cells])
     headers = ["the paper says", "its PSNR>20", "our PSNR>20", "so here?", "our RPD", "so here?"]
-    return markdown(headers, rows, 2)
+    return markdown.table(headers, rows, "llr")
 
 
 def look_ups() -> str:
     """Return how well predictors do that can only remember, by ``evidence/leakage.py``."""
-    path = ROOT / "docs" / "data" / "leakage.json"
+    path = DATA / "leakage.json"
     if not path.exists():
         return "Not run."
-    rows = [
-        [
-            row["predictor"],
-            row["protocol"],
-            f"{row['seen']:.2%}",
-            f"{row['psnr20']:.2%}",
-            f"{row['rpd']:.3g}",
-        ]
-        for row in json.loads(path.read_text())["rows"]
-    ]
-    headers = ["predictor", "protocol", "test meshes with a copy in training", "PSNR>20 ↑", "RPD ↓"]
-    return markdown(headers, rows, 2)
+    columns = {
+        "predictor": "{predictor}",
+        "protocol": "{protocol}",
+        "test meshes with a copy in training": "{seen:.2%}",
+        "PSNR>20 ↑": "{psnr20:.2%}",
+        "RPD ↓": "{rpd:.3g}",
+    }
+    return markdown.columns(json.loads(path.read_text())["rows"], columns, "llr")
 
 
 def measured_seconds() -> list[dict[str, Any]]:
     """Return what ``python -m evidence measure gcn --figure-2`` has measured, if it was run."""
-    path = ROOT / "docs" / "data" / "gcn.json"
+    path = DATA / "gcn.json"
     rows: list[dict[str, Any]] = json.loads(path.read_text())["figure2"] if path.exists() else []
     return rows
 
@@ -294,7 +283,7 @@ def times() -> str:
         rows.insert(0, [measured[0]["what"], "a GPU", NOT_RUN])
     given = REPORTED["tables"][4]
     rows += [[f"reported: {what}", where, seconds] for what, where, seconds in given["rows"]]
-    return markdown(["what", "where", "seconds"], rows, 2)
+    return markdown.table(["what", "where", "seconds"], rows, "llr")
 
 
 def time_bars() -> Figure | None:

@@ -25,6 +25,7 @@ from typing import Any
 
 import filelock
 from eigbench import results
+from eigbench.commands.arguments import above_zero
 from eigbench.errors import EigbenchError
 from tabulate import tabulate
 
@@ -229,14 +230,6 @@ def say(what: object) -> None:
     """Write a line."""
     sys.stdout.write(f"{what}\n")
     sys.stdout.flush()
-
-
-def above_zero(text: str) -> float:
-    """Return a number above zero."""
-    value = float(text)
-    if not value > 0:
-        raise argparse.ArgumentTypeError(f"must be above 0, got {text}")
-    return value
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

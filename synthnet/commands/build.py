@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from functools import partial
 
 from synthnet import recipe, store
 from synthnet.build import limits, versions
 from synthnet.build.jobs import BuildReport
 from synthnet.build.workers import Engine, dask_cluster, mpi_processes
 from synthnet.commands.options import add_command, print_json, workers_options
-from synthnet.commands.report import FamilyBars, family_table, summary
+from synthnet.commands.report import family_table, summary, with_bars
 from synthnet.store.limits import DIRECTORY
 from synthnet.terminal import Commands
 
@@ -58,8 +58,12 @@ def add(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Build a version, or finish it; then its limits if asked to."""
-    report = _run(versions.build, options)
-    limited = _run(limits.build_limits, options, "limits of ") if options.limits else None
+    chosen = _recipe_of(options)
+    report = with_bars(partial(versions.build, chosen, engine=_engine(options)), options)
+    limited = None
+    if options.limits:
+        build_limits = partial(limits.build_limits, chosen, engine=_engine(options))
+        limited = with_bars(build_limits, options, "limits of ")
     if options.json:
         described = summary(report.dataset.manifest, report)
         if limited is not None:
@@ -75,20 +79,6 @@ def run(options: argparse.Namespace) -> int:
     if limited is not None:
         _print_limits(limited)
     return 0
-
-
-def _run(make: Any, options: argparse.Namespace, of: str = "") -> BuildReport:
-    bars = FamilyBars(of)
-    with bars.progress:
-        report: BuildReport = make(
-            _recipe_of(options),
-            root=options.out,
-            workers=options.workers,
-            engine=_engine(options),
-            watcher=bars,
-            wait_for_lock=options.wait,
-        )
-    return report
 
 
 def _recipe_of(options: argparse.Namespace) -> recipe.Recipe:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 from collections import Counter
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.progress import (
@@ -21,6 +22,8 @@ from synthnet.build.jobs import BuildReport, ShardResult, Watcher
 from synthnet.recipe.plan import ShardPlan
 from synthnet.terminal import Rate
 from synthnet.types import Manifest
+
+Made = TypeVar("Made")  # by a build: a report, perhaps with more
 
 
 def summary(manifest: Manifest, report: BuildReport | None = None) -> dict[str, Any]:
@@ -75,6 +78,18 @@ def family_table(manifest: Manifest, seconds: dict[str, float] | None = None) ->
 
 def _reasons(rejected: dict[str, int] | Counter[str]) -> str:
     return ", ".join(f"{count} {reason}" for reason, count in rejected.items()) or "0"
+
+
+def with_bars(make: Callable[..., Made], options: argparse.Namespace, of: str = "") -> Made:
+    """Make something where and by whom the options of a command say, with a bar a family."""
+    bars = FamilyBars(of)
+    with bars.progress:
+        return make(
+            root=options.out,
+            workers=options.workers,
+            watcher=bars,
+            wait_for_lock=options.wait,
+        )
 
 
 class FamilyBars(Watcher):

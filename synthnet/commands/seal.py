@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 from synthnet import recipe
 from synthnet.commands.options import add_command, workers_options
-from synthnet.commands.report import FamilyBars, family_table
+from synthnet.commands.report import family_table, with_bars
 from synthnet.store.files import make_parent
 from synthnet.terminal import Commands
 
@@ -86,15 +87,7 @@ def run(options: argparse.Namespace) -> int:
     path = options.publish or Path(f"{resolved.version}.json")
     seals.check_free(path, resolved)
     make_parent(path)
-    bars = FamilyBars()
-    with bars.progress:
-        published, report = seals.make(
-            resolved,
-            root=options.out,
-            workers=options.workers,
-            watcher=bars,
-            wait_for_lock=options.wait,
-        )
+    published, report = with_bars(partial(seals.make, resolved), options)
     seals.write(path, published)
     directory = report.dataset.directory
     if options.json:

@@ -50,27 +50,13 @@ def add(commands: Commands) -> None:
         action="store_true",
         help="only check whether any byte has changed since the build: seconds, not minutes",
     )
-    sub.add_argument(
-        "--sample",
-        type=at_least(0),
-        default=100,
-        metavar="N",
-        help="number of labels to compute again with LaPy (default: %(default)s)",
-    )
-    sub.add_argument(
-        "--seed",
-        type=at_least(0),
-        default=0,
-        metavar="N",
-        help="seed that draws this sample (default: %(default)s)",
-    )
-    sub.add_argument(
-        "--limit",
-        type=at_least(0),
-        default=20,
-        metavar="N",
-        help="number of problems to print (default: %(default)s)",
-    )
+    for option, default, text in (
+        ("--sample", 100, "number of labels to compute again with LaPy"),
+        ("--seed", 0, "seed that draws this sample"),
+        ("--limit", 20, "number of problems to print"),
+    ):
+        text += " (default: %(default)s)"
+        sub.add_argument(option, type=at_least(0), default=default, metavar="N", help=text)
 
 
 def run(options: argparse.Namespace) -> int:

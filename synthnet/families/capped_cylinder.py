@@ -12,7 +12,7 @@ from synthnet.families.revolution import Piece, revolution, straight
 SECTORS = 6
 
 
-def atlas(*, radius: float, height: float) -> Atlas:
+def atlas(*, radius: float, height: float, **_: object) -> Atlas:
     """Cylinder about the z axis from z = 0, with both discs."""
     return revolution(
         [
@@ -30,10 +30,5 @@ def limit(k: int, *, radius: float, height: float, **_: object) -> NDArray[np.fl
     return limits.of_revolution([disc[0], limits.line(radius, radius, height), disc[1]], k)
 
 
-FAMILY = charted(
-    "capped_cylinder",
-    "Capped cylinder",
-    atlas,
-    {"radius": POSITIVE, "height": POSITIVE},
-    limit=limit,
-)
+LEAST = {"radius": POSITIVE, "height": POSITIVE}
+FAMILY = charted("capped_cylinder", "Capped cylinder", atlas, LEAST, limit=limit)

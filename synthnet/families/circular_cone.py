@@ -14,7 +14,7 @@ from synthnet.families.revolution import Piece, revolution, straight
 SECTORS = 6
 
 
-def atlas(*, radius: float, height: float) -> Atlas:
+def atlas(*, radius: float, height: float, **_: object) -> Atlas:
     """Base disc on z = 0, apex at (0, 0, height)."""
     side = math.hypot(radius, height)
     lateral = rows(side, radius)

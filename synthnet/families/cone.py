@@ -1,11 +1,7 @@
 """Closed cones (paper §C: radius 1, log-normal height)."""
 
-import numpy as np
-from numpy.typing import NDArray
-
-from synthnet.families import circular_cone, limits, primitives
-from synthnet.families.atlas import Atlas
-from synthnet.families.family import POSITIVE, Family
+from synthnet.families import circular_cone, primitives
+from synthnet.families.family import Family
 from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
 
@@ -18,28 +14,12 @@ def surface(
     return subdivide(cone, subdivisions)
 
 
-def limit(k: int, *, radius: float, height: float, **_: float) -> NDArray[np.float64]:
-    """Spectrum of the smooth cone with its base."""
-    return limits.of_revolution([limits.line(0, radius), limits.line(radius, 0, height)], k)
-
-
-def atlas(*, radius: float, height: float, **_: float) -> Atlas:
-    """Return the smooth cone in patches."""
-    return circular_cone.atlas(radius=radius, height=height)
-
-
 FAMILY = Family(
     name="cone",
     title="Cone",
     surface=surface,
-    least={
-        "radius": POSITIVE,
-        "height": POSITIVE,
-        "resolution": 3,
-        "split": 1,
-        "subdivisions": 0,
-    },
+    least={**circular_cone.LEAST, "resolution": 3, "split": 1, "subdivisions": 0},
     euler_characteristic=2,
-    limit=limit,
-    atlas=atlas,
+    limit=circular_cone.limit,
+    atlas=circular_cone.atlas,
 )

@@ -10,7 +10,7 @@ from synthnet.families.family import POSITIVE
 from synthnet.families.radial import radial
 
 
-def atlas(*, radius: float) -> Atlas:
+def atlas(*, radius: float, **_: object) -> Atlas:
     """Sphere about the origin."""
     return radial(lambda directions: np.full(len(directions), radius))
 

@@ -1,10 +1,6 @@
 """Conical frustums: cylinders with one radius scaled (paper §C)."""
 
-import numpy as np
-from numpy.typing import NDArray
-
-from synthnet.families import limits, primitives, truncated_cone
-from synthnet.families.atlas import Atlas
+from synthnet.families import primitives, truncated_cone
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh
 
@@ -16,21 +12,6 @@ def surface(*, radius: float, height: float, resolution: int, split: int, scalin
     elevation = vertices[:, 2:] / height + 0.5
     vertices[:, :2] *= 1 + (scaling - 1) * elevation
     return Mesh(vertices, mesh.faces)
-
-
-def limit(
-    k: int, *, radius: float, height: float, scaling: float, **_: float
-) -> NDArray[np.float64]:
-    """Spectrum of the smooth frustum with its two discs."""
-    top = radius * scaling
-    return limits.of_revolution(
-        [limits.line(0, radius), limits.line(radius, top, height), limits.line(top, 0)], k
-    )
-
-
-def atlas(*, radius: float, height: float, scaling: float, **_: float) -> Atlas:
-    """Return the smooth frustum in patches."""
-    return truncated_cone.atlas(radius=radius, height=height, scaling=scaling)
 
 
 FAMILY = Family(
@@ -45,6 +26,6 @@ FAMILY = Family(
         "scaling": POSITIVE,
     },
     euler_characteristic=2,
-    limit=limit,
-    atlas=atlas,
+    limit=truncated_cone.limit,
+    atlas=truncated_cone.atlas,
 )

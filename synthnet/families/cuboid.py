@@ -8,7 +8,7 @@ from synthnet.families.family import POSITIVE
 from synthnet.families.polyhedra import lines, polyhedron
 
 
-def atlas(*, width: float, height: float, depth: float) -> Atlas:
+def atlas(*, width: float, height: float, depth: float, **_: object) -> Atlas:
     """Box [0, width] × [0, height] × [0, depth]."""
     sizes = (width, height, depth)
     cell = float(np.cbrt(width * height * depth))
@@ -28,6 +28,5 @@ def _face(patches: Floats, axis: int, position: float, outward: bool) -> Floats:
     return points if outward else points[:, ::-1]
 
 
-FAMILY = charted(
-    "cuboid", "Cuboid", atlas, {"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE}
-)
+LEAST = {"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE}
+FAMILY = charted("cuboid", "Cuboid", atlas, LEAST)

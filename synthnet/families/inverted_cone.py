@@ -39,15 +39,8 @@ FAMILY = Family(
     name="inverted_cone",
     title="Inverted cone",
     surface=surface,
-    least={
-        "radius": POSITIVE,
-        "height": POSITIVE,
-        "resolution": 3,
-        "split": 1,
-        "subdivisions": 0,
-        "flip": POSITIVE,
-    },
+    least={**cone.FAMILY.least, "flip": POSITIVE},
     euler_characteristic=2,
-    limit=cone.limit,  # isometric to it
-    atlas=cone.atlas,
+    limit=cone.FAMILY.limit,  # isometric to it
+    atlas=cone.FAMILY.atlas,
 )

@@ -30,7 +30,7 @@ def cone(*, radius: float, height: float, resolution: int, split: int) -> Mesh:
 
 
 def cylinder(*, radius: float, height: float, resolution: int, split: int) -> Mesh:
-    """Closed cylinder about the z axis, −height/2 ≤ z ≤ height/2, in ``split`` bands."""
+    """Closed cylinder about the z axis, |z| ≤ height/2, in ``split`` bands; each cap is one fan."""
     factory = load_open3d().geometry.TriangleMesh
     return from_open3d(
         factory.create_cylinder(radius=radius, height=height, resolution=resolution, split=split)
@@ -38,7 +38,7 @@ def cylinder(*, radius: float, height: float, resolution: int, split: int) -> Me
 
 
 def sphere(*, radius: float, resolution: int) -> Mesh:
-    """Sphere of ``resolution`` latitude bands and twice as many meridians."""
+    """Sphere of two poles and ``resolution`` − 1 circles of 2·``resolution`` points."""
     factory = load_open3d().geometry.TriangleMesh
     return from_open3d(factory.create_sphere(radius=radius, resolution=resolution))
 
@@ -46,7 +46,7 @@ def sphere(*, radius: float, resolution: int) -> Mesh:
 def torus(
     *, torus_radius: float, tube_radius: float, radial_resolution: int, tubular_resolution: int
 ) -> Mesh:
-    """Torus about the z axis.
+    """Torus about the z axis; embedded only while the tube radius is below the torus radius.
 
     Examples
     --------

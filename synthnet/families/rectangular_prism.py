@@ -1,8 +1,7 @@
 """Rectangular prisms (paper §C: width 1, log-normal height and depth)."""
 
 from synthnet.families import cuboid, primitives
-from synthnet.families.atlas import Atlas
-from synthnet.families.family import POSITIVE, Family
+from synthnet.families.family import Family
 from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
 
@@ -12,16 +11,11 @@ def surface(*, width: float, height: float, depth: float, subdivisions: int) -> 
     return subdivide(primitives.box(width=width, height=height, depth=depth), subdivisions)
 
 
-def atlas(*, width: float, height: float, depth: float, **_: float) -> Atlas:
-    """Return the faces in patches."""
-    return cuboid.atlas(width=width, height=height, depth=depth)
-
-
 FAMILY = Family(
     name="rectangular_prism",
     title="Rectangular prism",
     surface=surface,
-    least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
+    least={**cuboid.LEAST, "subdivisions": 0},
     euler_characteristic=2,
-    atlas=atlas,
+    atlas=cuboid.atlas,
 )

@@ -1,6 +1,6 @@
 """Split cones: two halves of different resolution (paper §C)."""
 
-from synthnet.families import cone, primitives
+from synthnet.families import circular_cone, primitives
 from synthnet.families.family import POSITIVE, Family
 from synthnet.mesh.open3d import subdivide
 from synthnet.types import Mesh
@@ -42,6 +42,6 @@ FAMILY = Family(
         "subdivisions": 0,
     },
     euler_characteristic=2,
-    limit=cone.limit,
-    atlas=cone.atlas,
+    limit=circular_cone.limit,
+    atlas=circular_cone.atlas,
 )

@@ -1,6 +1,6 @@
 """Split spheres: two halves of different resolution (paper §C)."""
 
-from synthnet.families import primitives, sphere
+from synthnet.families import conforming_split_sphere, primitives
 from synthnet.families.family import POSITIVE, Family
 from synthnet.types import Mesh, Parameters
 
@@ -25,7 +25,7 @@ FAMILY = Family(
     surface=surface,
     least={"radius": POSITIVE, "resolution_a": 2, "resolution_b": 2},
     euler_characteristic=2,
-    limit=sphere.limit,
-    atlas=sphere.atlas,
+    limit=conforming_split_sphere.limit,
+    atlas=conforming_split_sphere.atlas,
     congruent=congruent,
 )

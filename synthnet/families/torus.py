@@ -10,19 +10,6 @@ from synthnet.families import limits, primitives, twisted_torus
 from synthnet.families.atlas import Atlas
 from synthnet.families.family import POSITIVE, Family
 from synthnet.families.limits import Arc
-from synthnet.types import Mesh
-
-
-def surface(
-    *, torus_radius: float, tube_radius: float, radial_resolution: int, tubular_resolution: int
-) -> Mesh:
-    """Open3D's torus; embedded only while the tube radius is below the torus radius."""
-    return primitives.torus(
-        torus_radius=torus_radius,
-        tube_radius=tube_radius,
-        radial_resolution=radial_resolution,
-        tubular_resolution=tubular_resolution,
-    )
 
 
 def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> NDArray[np.float64]:
@@ -42,7 +29,7 @@ def atlas(*, torus_radius: float, tube_radius: float, **_: float) -> Atlas:
 FAMILY = Family(
     name="torus",
     title="Torus",
-    surface=surface,
+    surface=primitives.torus,
     least={
         "torus_radius": POSITIVE,
         "tube_radius": POSITIVE,

@@ -14,7 +14,7 @@ from synthnet.families.revolution import Piece, revolution, straight
 SECTORS = 6
 
 
-def atlas(*, radius: float, height: float, scaling: float) -> Atlas:
+def atlas(*, radius: float, height: float, scaling: float, **_: object) -> Atlas:
     """Frustum about the z axis from z = 0; the upper disc has radius·scaling."""
     top = radius * scaling
     side = math.hypot(height, top - radius)

@@ -20,6 +20,7 @@ import pytest
 import threadpoolctl
 
 import synthnet.commands.cli
+from evidence import build_process
 from synthnet import recipe, spectrum, store
 from synthnet.build import filters
 from synthnet.build.jobs import ShardResult, keep_or_make
@@ -31,20 +32,11 @@ from synthnet.recipe import Recipe
 from synthnet.recipe.plan import ShardPlan, plan_shards
 from synthnet.store import files
 from synthnet.types import Mesh, Rejection, Sample, Spectrum
+from tests.datasets import contents
 
 VERSION = "1.0-mini"
 Command = Callable[..., subprocess.CompletedProcess[str]]
 linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
-
-
-def contents(home: Path) -> dict[str, bytes]:
-    """All files of a dataset but the lock, by name."""
-    directory = home / VERSION
-    return {
-        str(p.relative_to(directory)): p.read_bytes()
-        for p in sorted(directory.rglob("*"))
-        if p.is_file() and p.name != ".lock"
-    }
 
 
 def build_shard(plan: ShardPlan, recipe: Recipe, directory: Path) -> ShardResult:
@@ -53,7 +45,7 @@ def build_shard(plan: ShardPlan, recipe: Recipe, directory: Path) -> ShardResult
 
 
 def assert_same(found: Path, expected: Path) -> None:
-    one, two = contents(found), contents(expected)
+    one, two = contents(found / VERSION), contents(expected / VERSION)
     assert list(one) == list(two)
     assert [name for name in one if one[name] != two[name]] == []
 
@@ -72,7 +64,7 @@ def one_line(text: str) -> str:
 def test_mini_has_the_files_it_should(mini_home: Path) -> None:
     names = [plan.file for plan in plan_shards(recipe.load(VERSION))]
     limits = [name.replace("shards/", "limits/") for name in names]
-    assert sorted(contents(mini_home)) == sorted(["manifest.json", *names, *limits])
+    assert sorted(contents(mini_home / VERSION)) == sorted(["manifest.json", *names, *limits])
     manifest = store.open_dataset(VERSION, mini_home).manifest
     assert [shard.file for shard in manifest.shards] == names
     assert manifest.rows + len(manifest.rejections) == 335
@@ -137,19 +129,7 @@ def started(environment: dict[str, str]) -> Iterator[Callable[..., subprocess.Po
 
 def group(leader: int) -> dict[int, str]:
     """Command lines of the processes alive in a group, by their number."""
-    found = {}
-    for entry in Path("/proc").iterdir():
-        if not entry.name.isdigit():
-            continue
-        try:
-            _, _, rest = (entry / "stat").read_text().rpartition(") ")
-            line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-        except OSError:
-            continue  # it has ended meanwhile
-        state, _, pgrp = rest.split()[:3]
-        if int(pgrp) == leader and state not in "ZX":
-            found[int(entry.name)] = line
-    return found
+    return dict(build_process.group(leader))
 
 
 def workers(leader: int) -> list[int]:
@@ -348,6 +328,7 @@ def test_shard_of_another_recipe_is_refused(tiny: Recipe, tmp_path: Path) -> Non
     (tmp_path / "shards").mkdir()
     build_shard(plan, tiny, tmp_path)
     before = contents(tmp_path)
+    assert before
     with pytest.raises(StoreError, match="belongs to another recipe"):
         build_shard(plan, dataclasses.replace(tiny, seed=1), tmp_path)
     assert contents(tmp_path) == before

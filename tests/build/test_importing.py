@@ -32,9 +32,11 @@ from synthnet.mesh import geometry, repair
 from synthnet.recipe.plan import ShardPlan
 from synthnet.types import Mesh
 from synthnet.verify.checks import verify, verify_files
+from tests.datasets import contents
 
 SPHERE = trimesh.creation.icosphere(subdivisions=2)
 TORUS = trimesh.creation.torus(3.0, 1.0, major_sections=16, minor_sections=12)
+Run = Callable[..., BuildReport]
 FAR = SPHERE.copy().apply_translation([10.0, 0, 0]).apply_scale(0.5)
 
 
@@ -62,7 +64,14 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Callable[..., BuildReport]:
+def place(tmp_path: Path) -> Path:
+    """An empty directory for mesh files."""
+    (tmp_path / "scans").mkdir()
+    return tmp_path / "scans"
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
     def imported(
         *places: Path,
         name: str = "mine",
@@ -78,7 +87,7 @@ def run(tmp_path: Path) -> Callable[..., BuildReport]:
     return imported
 
 
-def test_folder_becomes_a_dataset(folder: Path, run: Callable[..., BuildReport]) -> None:
+def test_folder_becomes_a_dataset(folder: Path, run: Run) -> None:
     dataset = run(folder).dataset
     rows = {row["file"]: (row["outcome"], row["what"]) for row in file_outcomes(dataset)}
     merged = 3 * len(SPHERE.faces) - len(SPHERE.vertices)
@@ -101,13 +110,7 @@ def told(report: BuildReport) -> dict[str, str]:
     return {str(row["file"]): str(row["what"]) for row in file_outcomes(report.dataset)}
 
 
-def contents(directory: Path) -> dict[str, bytes]:
-    """The bytes of each file, by its name; without the lock."""
-    found = (p for p in directory.rglob("*") if p.is_file() and p.name != ".lock")
-    return {p.relative_to(directory).as_posix(): p.read_bytes() for p in found}
-
-
-def test_labels_are_those_of_the_surface(folder: Path, run: Callable[..., BuildReport]) -> None:
+def test_labels_are_those_of_the_surface(folder: Path, run: Run) -> None:
     ply, stl, torus = run(folder).dataset.samples()
     for sample, mesh in ((ply, SPHERE), (stl, SPHERE), (torus, TORUS)):
         wanted = spectrum.compute(Mesh(np.array(mesh.vertices), np.array(mesh.faces)))
@@ -118,9 +121,7 @@ def test_labels_are_those_of_the_surface(folder: Path, run: Callable[..., BuildR
         assert sample.isometries.tolist() == [np.eye(3).tolist()]
 
 
-def test_every_reader_takes_it(
-    folder: Path, run: Callable[..., BuildReport], tmp_path: Path
-) -> None:
+def test_every_reader_takes_it(folder: Path, run: Run, tmp_path: Path) -> None:
     dataset = run(folder).dataset
     root = tmp_path / "root"
     shapes = SynthNet(version="mine", split="test", root=root)
@@ -134,9 +135,7 @@ def test_every_reader_takes_it(
         assert report.problems == ()
 
 
-def test_verify_finds_an_altered_label(
-    folder: Path, run: Callable[..., BuildReport], tmp_path: Path
-) -> None:
+def test_verify_finds_an_altered_label(folder: Path, run: Run, tmp_path: Path) -> None:
     dataset = run(folder).dataset
     (path,) = dataset.paths()
     samples = list(store.read_samples(path))
@@ -150,9 +149,7 @@ def test_verify_finds_an_altered_label(
     assert found["labels"] == 3
 
 
-def test_second_import_has_nothing_to_do(
-    folder: Path, run: Callable[..., BuildReport], tmp_path: Path
-) -> None:
+def test_second_import_has_nothing_to_do(folder: Path, run: Run, tmp_path: Path) -> None:
     first = run(folder)
     files = contents(tmp_path / "root" / "mine")
     manifest = tmp_path / "root" / "mine" / "manifest.json"
@@ -180,7 +177,7 @@ class Interrupted(Watcher):
 
 
 def test_import_that_was_interrupted_goes_on(
-    folder: Path, run: Callable[..., BuildReport], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sources, "SHARD_FILES", 3)
     run(folder, root=tmp_path / "other")
@@ -230,7 +227,7 @@ def test_other_import_under_the_same_name_overwrites_nothing(
     change: str,
     told: str,
     folder: Path,
-    run: Callable[..., BuildReport],
+    run: Run,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -261,16 +258,14 @@ def test_other_import_under_the_same_name_overwrites_nothing(
 
 
 def test_a_dataset_that_was_built_is_refused(
-    folder: Path, run: Callable[..., BuildReport], mini_home: Path, tmp_path: Path
+    folder: Path, run: Run, mini_home: Path, tmp_path: Path
 ) -> None:
     shutil.copytree(mini_home / "1.0-mini", tmp_path / "root" / "mine")
     with pytest.raises(StoreError, match="mine was not imported, but built; nothing was overwr"):
         run(folder)
 
 
-def test_stranger_among_the_shards_is_refused(
-    folder: Path, run: Callable[..., BuildReport], tmp_path: Path
-) -> None:
+def test_stranger_among_the_shards_is_refused(folder: Path, run: Run, tmp_path: Path) -> None:
     (tmp_path / "root" / "mine" / "shards").mkdir(parents=True)
     (tmp_path / "root" / "mine" / "shards" / "notes.txt").write_text("mine")
     with pytest.raises(StoreError, match=r"notes\.txt .*, or of none; nothing was overwritten"):
@@ -278,9 +273,7 @@ def test_stranger_among_the_shards_is_refused(
     assert contents(tmp_path / "root") == {"mine/shards/notes.txt": b"mine"}
 
 
-def test_import_waits_for_another_or_says_so(
-    folder: Path, run: Callable[..., BuildReport], tmp_path: Path
-) -> None:
+def test_import_waits_for_another_or_says_so(folder: Path, run: Run, tmp_path: Path) -> None:
     directory = tmp_path / "root" / "mine"
     directory.mkdir(parents=True)
     with (
@@ -290,7 +283,7 @@ def test_import_waits_for_another_or_says_so(
         run(folder)
 
 
-def test_unit_area_is_recorded(folder: Path, run: Callable[..., BuildReport]) -> None:
+def test_unit_area_is_recorded(folder: Path, run: Run) -> None:
     samples = list(run(folder, unit_area=True).dataset.samples())
     assert len(samples) == 3
     for sample in samples:
@@ -301,16 +294,14 @@ def test_unit_area_is_recorded(folder: Path, run: Callable[..., BuildReport]) ->
         assert sample.eigenvalues * scale**2 == pytest.approx(wanted.eigenvalues, rel=1e-5)
 
 
-def test_largest_component_is_kept_if_asked(folder: Path, run: Callable[..., BuildReport]) -> None:
+def test_largest_component_is_kept_if_asked(folder: Path, run: Run) -> None:
     rows = file_outcomes(run(folder, keep_largest=True).dataset)
     (kept,) = [row for row in rows if row["file"] == "e.ply"]
     assert (kept["outcome"], kept["what"]) == ("repaired", "1 components left out")
     assert kept["vertices"] == len(SPHERE.vertices)
 
 
-def test_copies_of_a_file_are_in_one_split(tmp_path: Path, run: Callable[..., BuildReport]) -> None:
-    place = tmp_path / "many"
-    place.mkdir()
+def test_copies_of_a_file_are_in_one_split(place: Path, run: Run) -> None:
     for i in range(12):
         mesh = SPHERE.copy().apply_scale(1 + i / 10)
         mesh.export(place / f"{i:02d}.off")
@@ -321,9 +312,7 @@ def test_copies_of_a_file_are_in_one_split(tmp_path: Path, run: Callable[..., Bu
     assert len({sample.split for sample in samples}) > 1
 
 
-def test_far_coordinates_keep_their_shape(tmp_path: Path, run: Callable[..., BuildReport]) -> None:
-    place = tmp_path / "far"
-    place.mkdir()
+def test_far_coordinates_keep_their_shape(place: Path, run: Run) -> None:
     SPHERE.copy().apply_translation([5e5, 4e6, 0]).export(place / "a.ply", encoding="ascii")
     lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in np.add(SPHERE.vertices, [5e5, 4e6, 0])]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in SPHERE.faces]
@@ -342,16 +331,14 @@ def test_far_coordinates_keep_their_shape(tmp_path: Path, run: Callable[..., Bui
     ],
 )
 def test_name_that_will_not_do_is_refused(
-    name: str, told: str, folder: Path, run: Callable[..., BuildReport], tmp_path: Path
+    name: str, told: str, folder: Path, run: Run, tmp_path: Path
 ) -> None:
     with pytest.raises(MeshImportError, match=told):
         run(folder, name=name)
     assert not (tmp_path / "root").exists()
 
 
-def test_directories_that_will_not_do_are_refused(
-    folder: Path, run: Callable[..., BuildReport], tmp_path: Path
-) -> None:
+def test_directories_that_will_not_do_are_refused(folder: Path, run: Run, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "other" / "my-meshes").mkdir(parents=True)
     shutil.copy(folder / "a.ply", tmp_path / "other" / "my-meshes")
@@ -373,7 +360,7 @@ def test_directories_that_will_not_do_are_refused(
     ("root", "name"), [("", "scans"), ("scans", "data"), ("scans/below", "deep"), ("..", "here")]
 )
 def test_dataset_is_never_among_the_meshes(
-    root: str, name: str, folder: Path, run: Callable[..., BuildReport], tmp_path: Path
+    root: str, name: str, folder: Path, run: Run, tmp_path: Path
 ) -> None:
     place = tmp_path / "here" / "scans"
     place.parent.mkdir()
@@ -384,9 +371,7 @@ def test_dataset_is_never_among_the_meshes(
     assert contents(tmp_path) == before
 
 
-def test_dataset_is_never_written_over_other_things(
-    folder: Path, run: Callable[..., BuildReport], tmp_path: Path
-) -> None:
+def test_dataset_is_never_written_over_other_things(folder: Path, run: Run, tmp_path: Path) -> None:
     (tmp_path / "root" / "mine").mkdir(parents=True)
     (tmp_path / "root" / "mine" / "thesis.tex").write_text("mine")
     (tmp_path / "root" / "note").write_text("mine")
@@ -398,7 +383,7 @@ def test_dataset_is_never_written_over_other_things(
 
 
 def test_files_that_cannot_be_opened_are_rejections(
-    folder: Path, run: Callable[..., BuildReport], monkeypatch: pytest.MonkeyPatch
+    folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (folder / "loop.obj").symlink_to("loop.obj")
     (folder / "gone.obj").symlink_to("nowhere.obj")
@@ -421,16 +406,12 @@ def test_files_that_cannot_be_opened_are_rejections(
     assert found["a.ply"] == ""
 
 
-def test_links_to_directories_are_not_followed(
-    folder: Path, run: Callable[..., BuildReport]
-) -> None:
+def test_links_to_directories_are_not_followed(folder: Path, run: Run) -> None:
     (folder / "below" / "up").symlink_to(folder)
     assert len(told(run(folder))) == 5
 
 
-def test_file_that_changes_or_goes_in_between_is_a_rejection(
-    folder: Path, run: Callable[..., BuildReport]
-) -> None:
+def test_file_that_changes_or_goes_in_between_is_a_rejection(folder: Path, run: Run) -> None:
     class Meddler(Watcher):
         def planned(self, drawn: Mapping[str, int]) -> None:
             TORUS.export(folder / "a.ply")
@@ -442,9 +423,7 @@ def test_file_that_changes_or_goes_in_between_is_a_rejection(
     assert found["below/c.obj"] == ""
 
 
-def test_directory_that_goes_in_between_stops_the_import(
-    folder: Path, run: Callable[..., BuildReport]
-) -> None:
+def test_directory_that_goes_in_between_stops_the_import(folder: Path, run: Run) -> None:
     class Unmounted(Watcher):
         def planned(self, drawn: Mapping[str, int]) -> None:
             folder.rename(folder.with_name("elsewhere"))
@@ -455,7 +434,7 @@ def test_directory_that_goes_in_between_stops_the_import(
 
 def test_files_of_odd_names(
     folder: Path,
-    run: Callable[..., BuildReport],
+    run: Run,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -477,7 +456,7 @@ def test_files_of_odd_names(
 
 
 def test_too_large_files_are_rejections(
-    folder: Path, run: Callable[..., BuildReport], monkeypatch: pytest.MonkeyPatch
+    folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     size = (folder / "below" / "c.obj").stat().st_size
     monkeypatch.setattr(sources, "MOST_BYTES", size - 1)
@@ -499,7 +478,7 @@ def test_label_that_fails_is_the_file_s_own_rejection(
     error: Exception,
     wanted: str,
     folder: Path,
-    run: Callable[..., BuildReport],
+    run: Run,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     compute = spectrum.compute
@@ -515,11 +494,7 @@ def test_label_that_fails_is_the_file_s_own_rejection(
     assert found["a.ply"] == ""
 
 
-def test_mobius_band_is_not_called_repaired(
-    tmp_path: Path, run: Callable[..., BuildReport]
-) -> None:
-    place = tmp_path / "bands"
-    place.mkdir()
+def test_mobius_band_is_not_called_repaired(place: Path, run: Run) -> None:
     n = 12
     angle = 2 * np.pi * np.arange(n) / n
     side = np.stack([np.cos(angle / 2) * np.cos(angle), np.cos(angle / 2) * np.sin(angle)], 1)
@@ -539,11 +514,9 @@ def test_mobius_band_is_not_called_repaired(
 
 @pytest.mark.parametrize("n", [9, 10, 11, 12, 25])
 def test_smallest_surfaces_are_labelled_and_verified(
-    n: int, tmp_path: Path, run: Callable[..., BuildReport]
+    n: int, place: Path, tmp_path: Path, run: Run
 ) -> None:
     """Pyramids over a polygon: n + 2 vertices."""
-    place = tmp_path / "small"
-    place.mkdir()
     angle = 2 * np.pi * np.arange(n) / n
     rim = np.column_stack([np.cos(angle), 1.1 * np.sin(angle), 0.1 * np.sin(3 * angle)])
     faces = [[i, (i + 1) % n, n] for i in range(n)] + [[(i + 1) % n, i, n + 1] for i in range(n)]
@@ -553,17 +526,13 @@ def test_smallest_surfaces_are_labelled_and_verified(
     assert verify("mine", root=tmp_path / "root").problems == ()
 
 
-def test_ten_vertices_are_too_few(tmp_path: Path, run: Callable[..., BuildReport]) -> None:
-    place = tmp_path / "small"
-    place.mkdir()
+def test_ten_vertices_are_too_few(place: Path, run: Run) -> None:
     trimesh.creation.box().export(place / "a.off")
     assert told(run(place)) == {"a.off": "few_vertices: 8 vertices, a spectrum needs at least 11"}
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e5])
-def test_any_unit_is_verified(size: float, tmp_path: Path, run: Callable[..., BuildReport]) -> None:
-    place = tmp_path / "units"
-    place.mkdir()
+def test_any_unit_is_verified(size: float, place: Path, tmp_path: Path, run: Run) -> None:
     TORUS.copy().apply_scale(size).export(place / "a.off", digits=17)
     (sample,) = run(place).dataset.samples()
     wanted = spectrum.compute(Mesh(np.array(TORUS.vertices), np.array(TORUS.faces)))
@@ -571,12 +540,8 @@ def test_any_unit_is_verified(size: float, tmp_path: Path, run: Callable[..., Bu
     assert verify("mine", root=tmp_path / "root").problems == ()
 
 
-def test_eigenvalues_next_to_zero_are_verified(
-    tmp_path: Path, run: Callable[..., BuildReport]
-) -> None:
+def test_eigenvalues_next_to_zero_are_verified(place: Path, tmp_path: Path, run: Run) -> None:
     """One vertex of a torus far away: relative to itself no solver is exact to 1e-8 there."""
-    place = tmp_path / "spike"
-    place.mkdir()
     spiked = TORUS.copy()
     spiked.vertices[7] *= 1e4
     spiked.export(place / "a.off", digits=17)
@@ -586,7 +551,7 @@ def test_eigenvalues_next_to_zero_are_verified(
 
 
 def test_verify_compares_the_shapes_with_the_list_of_files(
-    folder: Path, run: Callable[..., BuildReport], tmp_path: Path
+    folder: Path, run: Run, tmp_path: Path
 ) -> None:
     dataset = run(folder).dataset
     (path,) = dataset.paths()
@@ -616,7 +581,7 @@ def test_verify_compares_the_shapes_with_the_list_of_files(
 
 
 def test_import_without_a_list_of_files_cannot_be_verified(
-    folder: Path, run: Callable[..., BuildReport], tmp_path: Path
+    folder: Path, run: Run, tmp_path: Path
 ) -> None:
     dataset = run(folder).dataset
     old = replace(dataset.manifest, recipe={"imported": {}, "rules": "1.0"})
@@ -628,7 +593,7 @@ def test_import_without_a_list_of_files_cannot_be_verified(
 @pytest.mark.slow
 def test_predictor_is_evaluated_on_an_import(
     folder: Path,
-    run: Callable[..., BuildReport],
+    run: Run,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -711,7 +676,7 @@ def test_number_of_workers_is_checked(
 
 def test_verify_tells_of_an_import_what_makes_it_anew(
     folder: Path,
-    run: Callable[..., BuildReport],
+    run: Run,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:

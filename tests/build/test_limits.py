@@ -33,6 +33,7 @@ from synthnet.store.limits import StoredLimit
 from synthnet.types import ShardRecord
 from synthnet.verify import checks, shapes
 from synthnet.verify.checks import verify, verify_files
+from tests.datasets import contents
 
 VERSION = "1.0-mini"
 FAMILY = "split_cone"
@@ -41,14 +42,6 @@ Command = Callable[..., subprocess.CompletedProcess[str]]
 
 def record_of(dataset: StoredDataset, family: str = FAMILY) -> ShardRecord:
     return next(r for r in dataset.manifest.shards if r.family == family)
-
-
-def contents(directory: Path) -> dict[str, bytes]:
-    return {
-        str(path.relative_to(directory)): path.read_bytes()
-        for path in sorted(directory.rglob("*"))
-        if path.is_file() and path.name != ".lock"
-    }
 
 
 def without(files: dict[str, bytes], folder: str) -> dict[str, bytes]:

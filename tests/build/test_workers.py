@@ -25,17 +25,10 @@ from synthnet.commands.cli import main
 from synthnet.errors import BuildError
 from synthnet.recipe import Recipe
 from synthnet.recipe.plan import ShardPlan, plan_shards
+from tests.datasets import contents
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 MPIEXEC = Path(sys.executable).parent / "mpiexec"
-
-
-def contents(directory: Path) -> dict[str, bytes]:
-    return {
-        str(p.relative_to(directory)): p.read_bytes()
-        for p in sorted(directory.rglob("*"))
-        if p.is_file() and p.name != ".lock"
-    }
 
 
 @pytest.fixture(scope="module")

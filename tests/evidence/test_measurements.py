@@ -13,7 +13,7 @@ import pytest
 
 from evidence import installation, numbers, timing
 from evidence.__main__ import main, parser
-from evidence.measurements import MEASUREMENTS, add_options
+from evidence.measurements import FILES, MEASUREMENTS, add_options
 
 
 def test_sides_are_called_in_turn_and_medians_are_returned() -> None:
@@ -55,7 +55,7 @@ def test_a_measurement_writes_its_numbers_and_the_machine(
     written = json.loads(path.read_text())
     assert [row["number"] for row in written["rows"][-2:]] == [2, 1]
     assert written["machine"]["packages"]["numpy"]
-    assert MEASUREMENTS["solver"].module.table(written).count("\n") == len(written["rows"]) + 1
+    assert MEASUREMENTS["solver"].table(written).count("\n") == len(written["rows"]) + 1
 
 
 def test_wrong_numbers_are_named_and_nothing_is_written_on_request(
@@ -64,7 +64,7 @@ def test_wrong_numbers_are_named_and_nothing_is_written_on_request(
     def measure() -> dict:
         return {"rows": [{"meshes": "torus", "largest difference": 1e-3}]}
 
-    monkeypatch.setattr(MEASUREMENTS["solver"].module, "measure", measure)
+    monkeypatch.setattr(MEASUREMENTS["solver"], "measure", measure)
     monkeypatch.setattr(numbers, "write", None)
     assert main(["measure", "solver", "--out", "-"]) == 1
     assert capsys.readouterr().err == "WRONG: torus: eigenvalues differ by 1e-03\n"
@@ -84,8 +84,8 @@ def test_every_measurement_has_its_options(name: str) -> None:
     needed = {"errors": ["1.0"], "limits": ["1.0"], "shapes": ["2.0"], "multilevel": ["real-28"]}
     options = vars(parser().parse_args(["measure", name, *needed.get(name, ())]))
     assert options["out"] is None
-    MEASUREMENTS[name].data.format_map(options)
-    parameters = signature(MEASUREMENTS[name].module.measure).parameters
+    FILES.get(name, name).format_map(options)
+    parameters = signature(MEASUREMENTS[name].measure).parameters
     for key, parameter in parameters.items():
         assert parameter.default in (Parameter.empty, options[key])
 

@@ -538,43 +538,21 @@ def test_parameters_of_1_0_stay_within_three_standard_deviations(specs: list[Sha
 
 # --- surfaces -------------------------------------------------------------------------
 
+BOX = {"width": 1.0, "height": 0.6, "depth": 1.7}
+ROUND = {"radius": 1.0, "height": 2.0, "resolution": 9, "split": 2}
+HALVES = {"resolution_a": 9, "resolution_b": 12, "split_a": 2, "split_b": 3}
+TUBE = {"torus_radius": 1.0, "tube_radius": 0.4}
 SMALL: dict[str, dict[str, Any]] = {
-    "rectangular_prism": {"width": 1.0, "height": 0.6, "depth": 1.7, "subdivisions": 1},
-    "cone": {"radius": 1.0, "height": 2.0, "resolution": 9, "split": 2, "subdivisions": 1},
-    "cylinder": {"radius": 1.0, "height": 2.0, "resolution": 9, "split": 2},
+    "rectangular_prism": {**BOX, "subdivisions": 1},
+    "cone": {**ROUND, "subdivisions": 1},
+    "cylinder": ROUND,
     "sphere": {"radius": 1.5, "resolution": 8},
-    "torus": {
-        "torus_radius": 1.0,
-        "tube_radius": 0.4,
-        "radial_resolution": 16,
-        "tubular_resolution": 12,
-    },
-    "tetrahedron": {"width": 1.0, "height": 0.6, "depth": 1.7, "subdivisions": 1},
-    "conical_frustum": {
-        "radius": 1.0,
-        "height": 2.0,
-        "resolution": 9,
-        "split": 2,
-        "scaling": 0.3,
-    },
+    "torus": {**TUBE, "radial_resolution": 16, "tubular_resolution": 12},
+    "tetrahedron": {**BOX, "subdivisions": 1},
+    "conical_frustum": {**ROUND, "scaling": 0.3},
     "split_sphere": {"radius": 1.5, "resolution_a": 8, "resolution_b": 11},
-    "split_cone": {
-        "radius": 1.0,
-        "height": 2.0,
-        "resolution_a": 9,
-        "resolution_b": 12,
-        "split_a": 2,
-        "split_b": 3,
-        "subdivisions": 1,
-    },
-    "inverted_cone": {
-        "radius": 1.0,
-        "height": 2.0,
-        "resolution": 9,
-        "split": 2,
-        "subdivisions": 1,
-        "flip": 0.6,
-    },
+    "split_cone": {"radius": 1.0, "height": 2.0, **HALVES, "subdivisions": 1},
+    "inverted_cone": {**ROUND, "subdivisions": 1, "flip": 0.6},
 }
 CONE_AREA = math.pi * (1 + math.hypot(1, 2))
 AREAS = {  # of the smooth surfaces of SMALL

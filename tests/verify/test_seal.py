@@ -24,6 +24,7 @@ from synthnet.store import files, pins
 from synthnet.types import ShapeSpec
 from synthnet.verify import seal
 from synthnet.verify.unseal import verify_sealed
+from tests.datasets import contents
 
 SALT = bytes(range(32))
 OTHER = bytes(range(1, 33))
@@ -235,14 +236,6 @@ def test_recipe_file_is_never_sealed() -> None:
 
 
 # The set and the file
-
-
-def contents(home: Path) -> dict[str, bytes]:
-    return {
-        str(p.relative_to(home)): p.read_bytes()
-        for p in sorted(home.rglob("*"))
-        if p.is_file() and p.name != ".lock"
-    }
 
 
 @pytest.mark.slow

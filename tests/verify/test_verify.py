@@ -7,7 +7,7 @@ import json
 import re
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,17 +29,18 @@ from synthnet.verify.shapes import lapy_eigenvalues
 VERSION = "1.0-mini"
 FAMILY = "split_cone"  # small meshes
 SHARD = f"shards/{FAMILY}-0000.parquet"
-CHECKS = [
-    "manifest",
-    "digests",
-    "shards",
-    "recipe",
-    "meshes",
-    "certificates",
-    "pins",
-    "labels",
-    "limits",
-]
+Failed = Callable[[], dict[str, list[str]]]
+EXAMINED = {
+    "manifest": 1,
+    "digests": 11,
+    "shards": 11,
+    "recipe": 335,
+    "meshes": 335,
+    "certificates": 335,
+    "pins": 335,
+    "labels": 12,
+    "limits": 335,
+}
 
 
 @pytest.fixture(scope="session")
@@ -113,9 +114,18 @@ def tamper(home: Path, change: Callable[[list[Sample]], list[Sample]]) -> None:
         family=FAMILY,
         recipe_digest=manifest.recipe_digest,
     )
-    shards = tuple(record if s.file == SHARD else s for s in manifest.shards)
-    store.write_manifest(directory, dataclasses.replace(manifest, shards=shards))
+    alter_manifest(home, dataclasses.asdict(record))
     shutil.rmtree(directory / "limits", ignore_errors=True)  # they would tell: of another shard
+
+
+def alter_manifest(home: Path, of_shard: Mapping[str, Any] = {}, **changes: Any) -> None:
+    """Rewrite the manifest, with its digest, and what it says of the shard."""
+    manifest = store.open_dataset(VERSION, home).manifest
+    shards = tuple(
+        dataclasses.replace(s, **of_shard) if s.file == SHARD else s for s in manifest.shards
+    )
+    manifest = dataclasses.replace(manifest, shards=shards, **changes)
+    store.write_manifest(home / VERSION, manifest)
 
 
 def tamper_first(home: Path, change: Callable[[Sample], dict[str, Any]]) -> str:
@@ -128,13 +138,18 @@ def tamper_first(home: Path, change: Callable[[Sample], dict[str, Any]]) -> str:
     return next(store.read_samples(home / VERSION / SHARD)).spec.id
 
 
-def failed(home: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, list[str]]:
-    """Run the command, which must exit with 1, and return the checks that found something."""
-    arguments = ["verify", "--version", VERSION, "--out", str(home), "--sample", "0", "--json"]
-    assert cli.main(arguments) == 1
-    said = json.loads(capsys.readouterr().out)
-    assert said["ok"] is False
-    return {c["check"]: c["problems"] for c in said["checks"] if c["problems"]}
+@pytest.fixture
+def failed(mini_copy: Path, pinned: None, run: Callable[..., tuple[int, str, str]]) -> Failed:
+    """Return a function that verifies the copy, which must fail: what the checks have found."""
+
+    def verified() -> dict[str, list[str]]:
+        where = ["--version", VERSION, "--out", mini_copy]
+        code, out, _ = run("verify", *where, "--sample", 0, "--json")
+        said = json.loads(out)
+        assert (code, said["ok"]) == (1, False)
+        return {c["check"]: c["problems"] for c in said["checks"] if c["problems"]}
+
+    return verified
 
 
 # The fixture as it is
@@ -146,18 +161,7 @@ def test_fresh_build_passes_every_check(mini_home: Path) -> None:
         VERSION, root=mini_home, sample=12, on_shard=lambda done, of: counted.append((done, of))
     )
     assert problems(report) == {}
-    assert [check.name for check in report.checks] == CHECKS
-    assert {c.name: c.examined for c in report.checks} == {
-        "manifest": 1,
-        "digests": 11,
-        "shards": 11,
-        "recipe": 335,
-        "meshes": 335,
-        "certificates": 335,
-        "pins": 335,
-        "labels": 12,
-        "limits": 335,
-    }
+    assert [(c.name, c.examined) for c in report.checks] == [*EXAMINED.items()]
     assert counted == [(n, 11) for n in range(1, 12)]
     assert report.directory == mini_home / VERSION
 
@@ -165,7 +169,7 @@ def test_fresh_build_passes_every_check(mini_home: Path) -> None:
 def test_every_check_is_explained_on_the_command_line(
     mini_home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert list(checks.CHECKS) == CHECKS
+    assert list(checks.CHECKS) == [*EXAMINED]
     cli.main(["verify", "--version", VERSION, "--out", str(mini_home), "--sample", "0"])
     said = capsys.readouterr().out
     assert all(what in said for what in checks.CHECKS.values())
@@ -229,48 +233,44 @@ def test_a_missing_lapy_is_said_before_anything_is_read(
 
 
 def test_version_without_pins_is_not_verified(
-    mini_home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    failed: Failed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pins, "read", lambda version: None)
-    assert failed(mini_home, capsys) == {"pins": ["the repository pins nothing for 1.0"]}
+    assert failed() == {"pins": ["the repository pins nothing for 1.0"]}
 
 
 # Tampering that leaves traces in the files
 
 
-@pytest.mark.usefixtures("pinned")
-def test_altered_byte_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_altered_byte_is_found(mini_copy: Path, failed: Failed) -> None:
     path = mini_copy / VERSION / SHARD
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
-    found = failed(mini_copy, capsys)
+    found = failed()
     assert found["digests"][0].startswith(f"{SHARD}: SHA-256 is ")
     assert f"{path} is damaged" in found["shards"][0]
     assert len(found["recipe"]) == 20  # the shapes of that shard are lost
     assert "manifest" not in found
 
 
-@pytest.mark.usefixtures("pinned")
-def test_altered_footer_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_altered_footer_is_found(mini_copy: Path, failed: Failed) -> None:
     path = mini_copy / VERSION / SHARD
     content = path.read_bytes()
     assert b"parquet-cpp-arrow" in content
     path.write_bytes(content.replace(b"parquet-cpp-arrow", b"parquet-cpp-ARROW"))
-    assert list(failed(mini_copy, capsys)) == ["digests"]
+    assert list(failed()) == ["digests"]
 
 
-@pytest.mark.usefixtures("pinned")
-def test_truncated_shard_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_truncated_shard_is_found(mini_copy: Path, failed: Failed) -> None:
     path = mini_copy / VERSION / SHARD
     path.write_bytes(path.read_bytes()[:-1])
-    assert list(failed(mini_copy, capsys)) == ["digests", "shards", "recipe", "pins"]
+    assert list(failed()) == ["digests", "shards", "recipe", "pins"]
 
 
-@pytest.mark.usefixtures("pinned")
-def test_removed_shard_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_removed_shard_is_found(mini_copy: Path, failed: Failed) -> None:
     (mini_copy / VERSION / SHARD).unlink()
-    found = failed(mini_copy, capsys)
+    found = failed()
     assert found["digests"] == [f"{SHARD}: missing"]
     assert "is missing: run `synthnet build` again" in found["shards"][0]
     assert f"{FAMILY}-00000: neither stored nor rejected" in found["recipe"]
@@ -288,16 +288,11 @@ def test_tampering_with_nothing_changes_nothing(mini_home: Path, mini_copy: Path
         ).read_bytes()
 
 
-@pytest.mark.usefixtures("pinned")
-def test_altered_eigenvalue_is_found_by_the_pins(
-    mini_copy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_altered_eigenvalue_is_found_by_the_pins(mini_copy: Path, failed: Failed) -> None:
     id = tamper_first(
         mini_copy, lambda s: {"eigenvalues": s.eigenvalues * (1 + 1e-5 * (np.arange(10) == 3))}
     )
-    assert failed(mini_copy, capsys) == {
-        "pins": [f"{id}: eigenvalues differ by 1e-05 relative, more than 1e-06"]
-    }
+    assert failed() == {"pins": [f"{id}: eigenvalues differ by 1e-05 relative, more than 1e-06"]}
 
 
 @pytest.mark.usefixtures("pinned")
@@ -313,127 +308,115 @@ def test_altered_eigenvalue_is_found_by_the_labels(
     assert {c.name: c.examined for c in report.checks}["labels"] == 1
 
 
-@pytest.mark.usefixtures("pinned")
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 0.0])
 def test_eigenvalue_that_is_no_label_is_found(
-    value: float, mini_copy: Path, capsys: pytest.CaptureFixture[str]
+    value: float, mini_copy: Path, failed: Failed
 ) -> None:
     id = tamper_first(
         mini_copy, lambda s: {"eigenvalues": np.where(np.arange(10) == 0, value, s.eigenvalues)}
     )
-    ((name, (problem,)),) = failed(mini_copy, capsys).items()
+    ((name, (problem,)),) = failed().items()
     assert name == "pins"
     assert problem.startswith(f"{id}: eigenvalues differ")
 
 
-@pytest.mark.usefixtures("pinned")
-def test_missing_eigenvalue_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_eigenvalue_is_found(mini_copy: Path, failed: Failed) -> None:
     id = tamper_first(mini_copy, lambda s: {"eigenvalues": s.eigenvalues[:-1]})
-    ((name, (problem,)),) = failed(mini_copy, capsys).items()
+    ((name, (problem,)),) = failed().items()
     assert name == "pins"
     assert problem.startswith(f"{id}: ")
 
 
-@pytest.mark.usefixtures("pinned")
-def test_moved_vertex_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_moved_vertex_is_found(mini_copy: Path, failed: Failed) -> None:
     def move(sample: Sample) -> dict[str, Any]:
         vertices = sample.mesh.vertices.copy()
         vertices[5] += np.float32(0.01)
         return {"mesh": Mesh(vertices, sample.mesh.faces)}
 
     id = tamper_first(mini_copy, move)
-    found = failed(mini_copy, capsys)
+    found = failed()
     assert list(found) == ["meshes", "pins"]
     assert found["meshes"][0].startswith(f"{id}: a vertex is ")
     assert found["pins"][0].startswith(f"{id}: vertices differ by ")
 
 
-@pytest.mark.usefixtures("pinned")
-def test_vertex_moved_too_little_for_the_moments_is_found(
-    mini_copy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_vertex_moved_too_little_for_the_moments_is_found(mini_copy: Path, failed: Failed) -> None:
     def move(sample: Sample) -> dict[str, Any]:
         vertices = sample.mesh.vertices.copy()
         vertices[5, 2] += np.float32(4e-6) * np.abs(vertices).max()
         return {"mesh": Mesh(vertices, sample.mesh.faces)}
 
     id = tamper_first(mini_copy, move)
-    assert failed(mini_copy, capsys)["meshes"][0].startswith(f"{id}: a vertex is ")
+    assert failed()["meshes"][0].startswith(f"{id}: a vertex is ")
 
 
-@pytest.mark.usefixtures("pinned")
-def test_swapped_vertices_are_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_swapped_vertices_are_found(mini_copy: Path, failed: Failed) -> None:
     def swap(sample: Sample) -> dict[str, Any]:
         vertices = sample.mesh.vertices.copy()
         vertices[[5, 9]] = vertices[[9, 5]]
         return {"mesh": Mesh(vertices, sample.mesh.faces)}
 
     tamper_first(mini_copy, swap)
-    assert list(failed(mini_copy, capsys)) == ["meshes", "certificates", "pins"]
+    assert list(failed()) == ["meshes", "certificates", "pins"]
 
 
-@pytest.mark.usefixtures("pinned")
-def test_changed_face_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_changed_face_is_found(mini_copy: Path, failed: Failed) -> None:
     def turn(sample: Sample) -> dict[str, Any]:
         faces = sample.mesh.faces.copy()
         faces[7] = faces[7][::-1]
         return {"mesh": Mesh(sample.mesh.vertices, faces)}
 
     id = tamper_first(mini_copy, turn)
-    assert failed(mini_copy, capsys) == {
+    assert failed() == {
         "meshes": [f"{id}: faces differ from those generated anew"],
         "pins": [f"{id}: id, parameters, splits or faces differ from the pinned ones"],
     }
 
 
-@pytest.mark.usefixtures("pinned")
 @pytest.mark.parametrize("change", [-1, 1])
 def test_altered_count_of_a_certificate_is_found(
-    change: int, mini_copy: Path, capsys: pytest.CaptureFixture[str]
+    change: int, mini_copy: Path, failed: Failed
 ) -> None:
     def claim(sample: Sample) -> dict[str, Any]:
         proof = sample.certificate
         return {"certificate": dataclasses.replace(proof, count=proof.count + change)}
 
     id = tamper_first(mini_copy, claim)
-    found = failed(mini_copy, capsys)["certificates"]
+    found = failed()["certificates"]
     said = rf"{id}: \d+ eigenvalues are below \S+, the certificate has \d+"
     assert re.fullmatch(said, found[-1])
 
 
-@pytest.mark.usefixtures("pinned")
 def test_certificate_that_does_not_reach_the_label_is_found(
-    mini_copy: Path, capsys: pytest.CaptureFixture[str]
+    mini_copy: Path, failed: Failed
 ) -> None:
     def lower(sample: Sample) -> dict[str, Any]:
         shift = float(sample.eigenvalues[-1]) * (1 - 1e-6)
         return {"certificate": dataclasses.replace(sample.certificate, shift=shift)}
 
     id = tamper_first(mini_copy, lower)
-    found = failed(mini_copy, capsys)["certificates"]
+    found = failed()["certificates"]
     assert re.match(
         rf"{id}: \d+ eigenvalues counted below \S+ do not cover the label's 10", found[0]
     )
     assert len(found) == 2  # and there are fewer
 
 
-@pytest.mark.usefixtures("pinned")
 @pytest.mark.parametrize("residual", [2e-6, np.nan, -1e-9])
 def test_residual_out_of_its_limits_is_found(
-    residual: float, mini_copy: Path, capsys: pytest.CaptureFixture[str]
+    residual: float, mini_copy: Path, failed: Failed
 ) -> None:
     id = tamper_first(
         mini_copy,
         lambda s: {"certificate": dataclasses.replace(s.certificate, residual=residual)},
     )
     said = f"{id}: residual is {residual:.3g}, not between 0 and 1e-06"
-    assert failed(mini_copy, capsys) == {"certificates": [said]}
+    assert failed() == {"certificates": [said]}
 
 
-@pytest.mark.usefixtures("pinned")
 @pytest.mark.parametrize("lost", [1, 4])
 def test_label_that_misses_an_eigenvalue_under_a_true_certificate_is_found(
-    lost: int, mini_copy: Path, capsys: pytest.CaptureFixture[str]
+    lost: int, mini_copy: Path, failed: Failed
 ) -> None:
     def miss(sample: Sample) -> dict[str, Any]:
         beyond = spectrum.compute(sample.mesh, 12)
@@ -442,50 +425,45 @@ def test_label_that_misses_an_eigenvalue_under_a_true_certificate_is_found(
         return {"eigenvalues": label, "certificate": proof}
 
     id = tamper_first(mini_copy, miss)
-    (found,) = failed(mini_copy, capsys)["certificates"]
+    (found,) = failed()["certificates"]
     assert re.fullmatch(rf"{id}: 1[01] eigenvalues are below \S+, the label has \d+", found)
 
 
-@pytest.mark.usefixtures("pinned")
-def test_changed_split_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_changed_split_is_found(mini_copy: Path, failed: Failed) -> None:
     id = tamper_first(mini_copy, lambda s: {"split": "test" if s.split == "train" else "train"})
-    assert failed(mini_copy, capsys) == {
+    assert failed() == {
         "recipe": [f"{id}: splits differ from the recipe's"],
         "pins": [f"{id}: id, parameters, splits or faces differ from the pinned ones"],
     }
 
 
-@pytest.mark.usefixtures("pinned")
-def test_changed_paper_split_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_changed_paper_split_is_found(mini_copy: Path, failed: Failed) -> None:
     id = tamper_first(mini_copy, lambda s: {"paper_splits": (*s.paper_splits[1:], "nowhere")})
-    assert failed(mini_copy, capsys)["recipe"] == [f"{id}: splits differ from the recipe's"]
+    assert failed()["recipe"] == [f"{id}: splits differ from the recipe's"]
 
 
-@pytest.mark.usefixtures("pinned")
-def test_changed_parameter_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_changed_parameter_is_found(mini_copy: Path, failed: Failed) -> None:
     def change(sample: Sample) -> dict[str, Any]:
         parameters = {**sample.spec.parameters, "height": 1.25}
         return {"spec": dataclasses.replace(sample.spec, parameters=parameters)}
 
     id = tamper_first(mini_copy, change)
-    found = failed(mini_copy, capsys)
+    found = failed()
     assert found["recipe"] == [f"{id}: parameters differ from the recipe's draw"]
     assert list(found) == ["recipe", "meshes", "pins"]
 
 
-@pytest.mark.usefixtures("pinned")
-def test_changed_isometry_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_changed_isometry_is_found(mini_copy: Path, failed: Failed) -> None:
     tamper_first(mini_copy, lambda s: {"isometries": s.isometries * 1.001})
-    assert list(failed(mini_copy, capsys)) == ["recipe"]
+    assert list(failed()) == ["recipe"]
 
 
-@pytest.mark.usefixtures("pinned")
-def test_foreign_shape_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_foreign_shape_is_found(mini_copy: Path, failed: Failed) -> None:
     taken = {s.spec.id for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes}
     foreign = next(id for i in range(999) if (id := f"{FAMILY}-{i:05d}") not in taken)
     first = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
     tamper_first(mini_copy, lambda s: {"spec": dataclasses.replace(s.spec, id=foreign)})
-    assert failed(mini_copy, capsys) == {
+    assert failed() == {
         "recipe": [
             f"{foreign}: not drawn by the recipe",
             f"{first}: neither stored nor rejected",
@@ -497,86 +475,58 @@ def test_foreign_shape_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[s
     }
 
 
-@pytest.mark.usefixtures("pinned")
-def test_dropped_row_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_dropped_row_is_found(mini_copy: Path, failed: Failed) -> None:
     dropped = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
     tamper(mini_copy, lambda samples: samples[1:])
-    found = failed(mini_copy, capsys)
+    found = failed()
     assert found["manifest"] == [
         f"manifest: {FAMILY} has 19 shapes kept or rejected and 20 drawn, the recipe draws 20"
     ]
     assert found["recipe"] == [f"{dropped}: neither stored nor rejected"]
 
 
-@pytest.mark.usefixtures("pinned")
-def test_repeated_row_is_found(mini_copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_repeated_row_is_found(mini_copy: Path, failed: Failed) -> None:
     lost = list(store.read_samples(mini_copy / VERSION / SHARD))[-1].spec.id
     tamper(mini_copy, lambda samples: [samples[0], *samples[:-1]])
-    assert failed(mini_copy, capsys)["recipe"] == [f"{lost}: neither stored nor rejected"]
+    assert failed()["recipe"] == [f"{lost}: neither stored nor rejected"]
 
 
-@pytest.mark.usefixtures("pinned")
-def test_row_dropped_as_if_it_had_been_rejected_is_found(
-    mini_copy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_row_dropped_as_if_it_had_been_rejected_is_found(mini_copy: Path, failed: Failed) -> None:
     dropped = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
     tamper(mini_copy, lambda samples: samples[1:])
-    manifest = store.open_dataset(VERSION, mini_copy).manifest
     made_up = Rejection(dropped, FAMILY, "residual", "made up")
-    shards = tuple(
-        dataclasses.replace(s, rejections=(made_up,)) if s.file == SHARD else s
-        for s in manifest.shards
-    )
-    store.write_manifest(mini_copy / VERSION, dataclasses.replace(manifest, shards=shards))
-    found = failed(mini_copy, capsys)
+    alter_manifest(mini_copy, {"rejections": (made_up,)})
+    found = failed()
     assert found["pins"] == [f"{dropped}: rejected here, but the pinned build kept it"]
 
 
 # Tampering with the manifest
 
 
-@pytest.mark.usefixtures("pinned")
 @pytest.mark.parametrize("what", ["rows", "vertices", "faces"])
-def test_altered_count_of_a_shard_is_found(
-    what: str, mini_copy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_altered_count_of_a_shard_is_found(what: str, mini_copy: Path, failed: Failed) -> None:
     manifest = store.open_dataset(VERSION, mini_copy).manifest
-    shards = tuple(
-        dataclasses.replace(s, **{what: getattr(s, what) + 1}) if s.file == SHARD else s
-        for s in manifest.shards
-    )
-    store.write_manifest(mini_copy / VERSION, dataclasses.replace(manifest, shards=shards))
-    found = failed(mini_copy, capsys)
+    (true,) = (getattr(s, what) for s in manifest.shards if s.file == SHARD)
+    alter_manifest(mini_copy, {what: true + 1})
+    found = failed()
     (problem,) = found["shards"]
-    true = next(getattr(s, what) for s in manifest.shards if s.file == SHARD)
     assert problem == f"{SHARD}: {true} {what}, the manifest has {true + 1}"
     assert ("manifest" in found) == (what == "rows")
 
 
-@pytest.mark.usefixtures("pinned")
-def test_altered_count_of_a_family_is_found(
-    mini_copy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    manifest = store.open_dataset(VERSION, mini_copy).manifest
-    drawn = {**manifest.drawn, FAMILY: 21}
-    store.write_manifest(mini_copy / VERSION, dataclasses.replace(manifest, drawn=drawn))
-    assert failed(mini_copy, capsys) == {
+def test_altered_count_of_a_family_is_found(mini_copy: Path, failed: Failed) -> None:
+    drawn = store.open_dataset(VERSION, mini_copy).manifest.drawn
+    alter_manifest(mini_copy, drawn={**drawn, FAMILY: 21})
+    assert failed() == {
         "manifest": [
             f"manifest: {FAMILY} has 20 shapes kept or rejected and 21 drawn, the recipe draws 20"
         ]
     }
 
 
-@pytest.mark.usefixtures("pinned")
-def test_altered_recipe_digest_is_found(
-    mini_copy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    manifest = store.open_dataset(VERSION, mini_copy).manifest
-    other = dataclasses.replace(manifest, recipe_digest="0" * 64)
-    store.write_manifest(mini_copy / VERSION, other)
-    assert failed(mini_copy, capsys) == {
-        "manifest": ["manifest: made from another recipe than this release's"]
-    }
+def test_altered_recipe_digest_is_found(mini_copy: Path, failed: Failed) -> None:
+    alter_manifest(mini_copy, recipe_digest="0" * 64)
+    assert failed() == {"manifest": ["manifest: made from another recipe than this release's"]}
 
 
 @pytest.mark.usefixtures("pinned")

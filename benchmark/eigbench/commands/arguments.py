@@ -53,13 +53,19 @@ def process(sub: argparse.ArgumentParser) -> None:
         default="cpu",
         help="PyTorch device passed to the predictor (default: %(default)s)",
     )
-    sub.add_argument(
-        "--threads",
-        type=positive,
-        default=1,
-        metavar="N",
-        help="threads that the predictor may use (default: %(default)s)",
-    )
+    count(sub, "--threads", "N", "threads that the predictor may use", 1)
+
+
+def count(sub: argparse.ArgumentParser, option: str, metavar: str, text: str, default: int) -> None:
+    """Add an option that takes a whole number from 1 up."""
+    text = f"{text} (default: %(default)s)"
+    sub.add_argument(option, type=positive, default=default, metavar=metavar, help=text)
+
+
+def time_limit(sub: argparse.ArgumentParser, default: float, of: str = "a batch") -> None:
+    """Add the time after which a predictor is given up."""
+    text = f"seconds allowed for {of} (default: %(default)g)"
+    sub.add_argument("--time-limit", type=above_zero, default=default, metavar="S", help=text)
 
 
 def target(sub: argparse.ArgumentParser, default: str) -> None:

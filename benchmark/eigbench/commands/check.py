@@ -29,13 +29,7 @@ def add_commands(command: Command) -> None:
         "my_model.py",
     )
     arguments.predictor(sub)
-    sub.add_argument(
-        "--time-limit",
-        type=arguments.above_zero,
-        default=600.0,
-        metavar="S",
-        help="seconds allowed for a batch (default: %(default)g)",
-    )
+    arguments.time_limit(sub, 600.0)
 
 
 def check(options: argparse.Namespace) -> int:

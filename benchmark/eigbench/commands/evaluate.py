@@ -55,27 +55,9 @@ def add_commands(command: Command) -> None:
         help="the predictions (default: beside --out, ending in .parquet)",
     )
     arguments.process(sub)
-    sub.add_argument(
-        "--batch-size",
-        type=arguments.positive,
-        default=200,
-        metavar="B",
-        help="meshes a call (default: %(default)s)",
-    )
-    sub.add_argument(
-        "--seeds",
-        type=arguments.positive,
-        default=1,
-        metavar="N",
-        help="runs, with seeds 0 to N - 1 (default: %(default)s)",
-    )
-    sub.add_argument(
-        "--time-limit",
-        type=arguments.above_zero,
-        default=3600.0,
-        metavar="S",
-        help="seconds allowed for a batch (default: %(default)g)",
-    )
+    arguments.count(sub, "--batch-size", "B", "meshes a call", 200)
+    arguments.count(sub, "--seeds", "N", "runs, with seeds 0 to N - 1", 1)
+    arguments.time_limit(sub, 3600.0)
     sub.add_argument(
         "--limit",
         type=arguments.positive,

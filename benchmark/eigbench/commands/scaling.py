@@ -47,13 +47,7 @@ def add_commands(command: Command) -> None:
     sizes_option(sub)
     arguments.out(sub, "scaling.json")
     arguments.process(sub)
-    sub.add_argument(
-        "--time-limit",
-        type=arguments.above_zero,
-        default=600.0,
-        metavar="S",
-        help="seconds allowed for a mesh (default: %(default)g)",
-    )
+    arguments.time_limit(sub, 600.0, "a mesh")
     sub.add_argument(
         "--memory-limit",
         type=arguments.above_zero,

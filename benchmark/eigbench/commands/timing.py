@@ -49,34 +49,11 @@ def add_commands(command: Command) -> None:
     )
     arguments.dataset(sub, "1.0", "a version")
     arguments.root(sub)
-    sub.add_argument(
-        "--meshes",
-        type=arguments.positive,
-        default=100,
-        metavar="N",
-        help="of the test split, always the same (default: %(default)s)",
-    )
-    sub.add_argument(
-        "--batch-size",
-        type=arguments.positive,
-        default=10,
-        metavar="B",
-        help="meshes a call (default: %(default)s)",
-    )
-    sub.add_argument(
-        "--repeats",
-        type=arguments.positive,
-        default=3,
-        metavar="R",
-        help="times that each batch is timed; the median counts (default: %(default)s)",
-    )
-    sub.add_argument(
-        "--time-limit",
-        type=arguments.above_zero,
-        default=600.0,
-        metavar="S",
-        help="seconds allowed for a batch (default: %(default)g)",
-    )
+    arguments.count(sub, "--meshes", "N", "of the test split, always the same", 100)
+    arguments.count(sub, "--batch-size", "B", "meshes a call", 10)
+    repeats = "times that each batch is timed; the median counts"
+    arguments.count(sub, "--repeats", "R", repeats, 3)
+    arguments.time_limit(sub, 600.0)
     arguments.out(sub, "times.json")
 
 

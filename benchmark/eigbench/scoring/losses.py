@@ -1,4 +1,8 @@
-"""The paper's losses in PyTorch, equal to the metrics of the same name, with gradients."""
+"""The paper's losses in PyTorch, equal to the metrics of the same name, with gradients.
+
+Every loss takes predictions p and labels g, tensors of shape (B, k) in 1/length², and returns the
+mean over the batch, a tensor of shape ().
+"""
 
 from __future__ import annotations
 
@@ -12,11 +16,6 @@ with needed_by("eigbench.losses"):
 
 def rpd_loss(p: Tensor, g: Tensor) -> Tensor:
     r"""Return the batch mean of :math:`\sum_i |p_i - g_i| / (|p_i| + |g_i| + \varepsilon)`.
-
-    Parameters
-    ----------
-    p, g : Tensor of shape (B, k)
-        Predictions and labels in 1/length².
 
     References
     ----------
@@ -32,11 +31,6 @@ def rpd_loss(p: Tensor, g: Tensor) -> Tensor:
 
 def polar_loss(p: Tensor, g: Tensor) -> Tensor:
     r"""Return the batch mean of :math:`1 - \langle\hat p,\hat g\rangle + \|p-g\|/(\|p\|+\|g\|)`.
-
-    Parameters
-    ----------
-    p, g : Tensor of shape (B, k)
-        Predictions and labels in 1/length².
 
     References
     ----------

@@ -29,6 +29,7 @@ from synthnet.types import Mesh, Sample
 
 ROOT = Path(baselines.gcn.__file__).parent.parent.parent
 QUIET = Console(quiet=True)
+Make = Callable[..., Run]
 
 
 @pytest.fixture(scope="session")
@@ -51,7 +52,7 @@ def shapes(tiny_samples: dict[str, list[Sample]]) -> Callable[[GCNConfig], Shape
 
 
 @pytest.fixture
-def make(shapes: Callable[[GCNConfig], Shapes], tmp_path: Path) -> Callable[..., Run]:
+def make(shapes: Callable[[GCNConfig], Shapes], tmp_path: Path) -> Make:
     def run(config: TrainConfig, out: Path = tmp_path, seed: int = 0) -> Run:
         cpu = torch.device("cpu")
         encoded = shapes(config.model)
@@ -118,7 +119,7 @@ def test_names_of_rows_differ() -> None:
     ids=["stored", "random", "averaged"],
 )
 def test_a_resumed_run_ends_with_the_same_weights(
-    config: TrainConfig, make: Callable[..., Run], tmp_path: Path
+    config: TrainConfig, make: Make, tmp_path: Path
 ) -> None:
     whole = make(config, tmp_path / "whole")
     (tmp_path / "whole").mkdir()
@@ -141,7 +142,7 @@ def test_a_resumed_run_ends_with_the_same_weights(
     assert sum("validation_rpd" in row for row in logs[0]) == config.epochs
 
 
-def test_log_has_every_tenth_step_and_scores_of_every_epoch(make: Callable[..., Run]) -> None:
+def test_log_has_every_tenth_step_and_scores_of_every_epoch(make: Make) -> None:
     run = make(STORED)
     for _ in range(2 * run.per_epoch):
         run.step()
@@ -153,9 +154,7 @@ def test_log_has_every_tenth_step_and_scores_of_every_epoch(make: Callable[..., 
 
 
 @pytest.mark.parametrize("config", [STORED, RANDOM])
-def test_last_bias_is_the_mean_training_spectrum(
-    config: TrainConfig, make: Callable[..., Run]
-) -> None:
+def test_last_bias_is_the_mean_training_spectrum(config: TrainConfig, make: Make) -> None:
     run = make(config)
     shapes = sorted(set(run.instances[:, 0].tolist()))
     with torch.no_grad():
@@ -175,7 +174,7 @@ def test_rpd_has_no_gradient_where_an_output_is_negative() -> None:
     assert p.grad[0, 0].abs() < 1e-8 < p.grad[0, 1].abs()
 
 
-def test_long_log_is_thinned(make: Callable[..., Run], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_log_is_thinned(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(baselines.gcn.run, "ROWS", 3)
     run = make(replace(STORED, epochs=4))
     for _ in range(4 * run.per_epoch):
@@ -188,7 +187,7 @@ def test_long_log_is_thinned(make: Callable[..., Run], monkeypatch: pytest.Monke
     assert run.validated() == run.progressed.log[-1]
 
 
-def test_seeds_differ(make: Callable[..., Run]) -> None:
+def test_seeds_differ(make: Make) -> None:
     runs = [make(STORED, seed=seed) for seed in (0, 0, 1)]
     for run in runs:
         run.step()
@@ -196,7 +195,7 @@ def test_seeds_differ(make: Callable[..., Run]) -> None:
     assert not torch.equal(flat(runs[0]), flat(runs[2]))
 
 
-def test_an_epoch_is_every_instance_once(make: Callable[..., Run]) -> None:
+def test_an_epoch_is_every_instance_once(make: Make) -> None:
     run = make(STORED)
     seen = []
     for step in range(run.per_epoch):
@@ -212,7 +211,7 @@ def test_an_epoch_is_every_instance_once(make: Callable[..., Run]) -> None:
 @pytest.mark.parametrize(
     "name", ["rpd", *(pytest.param(n, marks=pytest.mark.slow) for n in LOSSES if n != "rpd")]
 )
-def test_training_lowers_the_loss(name: str, make: Callable[..., Run]) -> None:
+def test_training_lowers_the_loss(name: str, make: Make) -> None:
     config = replace(RANDOM, loss=name, epochs=60, batch_size=6, schedule="constant")
     run = make(config)
     for _ in range(run.total):
@@ -221,7 +220,7 @@ def test_training_lowers_the_loss(name: str, make: Callable[..., Run]) -> None:
     assert np.mean(losses[-5:]) < 0.8 * losses[0]
 
 
-def test_one_cycle_rises_and_falls_to_nothing(make: Callable[..., Run]) -> None:
+def test_one_cycle_rises_and_falls_to_nothing(make: Make) -> None:
     run = make(replace(RANDOM, epochs=50))
     rates = [run.rate(step) for step in range(run.total)]
     top = rates.index(max(rates))
@@ -231,13 +230,13 @@ def test_one_cycle_rises_and_falls_to_nothing(make: Callable[..., Run]) -> None:
     assert rates[-1] < 0.01 * RANDOM.learning_rate
 
 
-def test_an_inverse_root_rises_stays_and_falls_slowly(make: Callable[..., Run]) -> None:
+def test_an_inverse_root_rises_stays_and_falls_slowly(make: Make) -> None:
     run = make(AVERAGED)
     rates = [run.rate(step) for step in (0, 299, 2999, 11_999)]
     assert rates == pytest.approx([1e-3 / 300, 1e-3, 1e-3, 5e-4])
 
 
-def test_the_average_is_of_the_last_steps(make: Callable[..., Run]) -> None:
+def test_the_average_is_of_the_last_steps(make: Make) -> None:
     run = make(AVERAGED)
     weights = []
     for _ in range(12):
@@ -258,7 +257,7 @@ def test_the_average_is_of_the_last_steps(make: Callable[..., Run]) -> None:
     ],
 )
 def test_a_run_has_converged_when_its_last_quarter_gains_little(
-    make: Callable[..., Run], rpd: list[float], expected: bool
+    make: Make, rpd: list[float], expected: bool
 ) -> None:
     run = make(AVERAGED)
     run.progressed.log = [
@@ -277,7 +276,7 @@ def test_random_isometries_are_orthogonal_and_of_both_kinds() -> None:
     assert abs(drawn.mean()) < 0.1
 
 
-def test_time_is_up(make: Callable[..., Run], tmp_path: Path) -> None:
+def test_time_is_up(make: Make, tmp_path: Path) -> None:
     run = make(STORED)
     assert train.loop(run, 1e-9, QUIET) == "time is up"
     run.save()
@@ -290,7 +289,7 @@ def test_time_is_up(make: Callable[..., Run], tmp_path: Path) -> None:
     assert sum(not row.endswith(",") for row in rows) == STORED.epochs
 
 
-def test_training_ends_when_the_run_has_converged(make: Callable[..., Run]) -> None:
+def test_training_ends_when_the_run_has_converged(make: Make) -> None:
     run = make(AVERAGED)
     run.step()
     run.progressed.log = [
@@ -306,7 +305,7 @@ def test_training_ends_when_the_run_has_converged(make: Callable[..., Run]) -> N
 
 @pytest.mark.parametrize("config", [RANDOM, AVERAGED], ids=["last", "averaged"])
 def test_weights_are_what_is_scored(
-    config: TrainConfig, make: Callable[..., Run], meshes: list[Mesh], tmp_path: Path
+    config: TrainConfig, make: Make, meshes: list[Mesh], tmp_path: Path
 ) -> None:
     run = make(config)
     for _ in range(12):
@@ -328,9 +327,7 @@ def test_weights_of_the_largest_network_are_below_2_mb(name: str, tmp_path: Path
     assert path.stat().st_size < 2e6
 
 
-def test_a_checkpoint_of_another_run_is_refused_and_kept(
-    make: Callable[..., Run], tmp_path: Path
-) -> None:
+def test_a_checkpoint_of_another_run_is_refused_and_kept(make: Make, tmp_path: Path) -> None:
     make(STORED).save()
     before = (tmp_path / CHECKPOINT).read_bytes()
     other = replace(STORED, model=replace(STORED.model, blocks=4))
@@ -346,9 +343,7 @@ def test_a_checkpoint_of_another_run_is_refused_and_kept(
 
 
 @pytest.mark.parametrize("lost", ["steps", "optimiser"])
-def test_a_checkpoint_that_lacks_something(
-    lost: str, make: Callable[..., Run], tmp_path: Path
-) -> None:
+def test_a_checkpoint_that_lacks_something(lost: str, make: Make, tmp_path: Path) -> None:
     run = make(RANDOM)
     run.step()
     run.save()
@@ -359,7 +354,7 @@ def test_a_checkpoint_that_lacks_something(
         make(RANDOM).resume()
 
 
-def test_a_run_keeps_what_each_session_ran_on(make: Callable[..., Run]) -> None:
+def test_a_run_keeps_what_each_session_ran_on(make: Make) -> None:
     for count in (1, 2, 3):
         run = make(STORED)
         run.threads = count
@@ -370,9 +365,7 @@ def test_a_run_keeps_what_each_session_ran_on(make: Callable[..., Run]) -> None:
     assert [session["threads"] for session in run.record()["sessions"]] == [1, 2, 3]
 
 
-def test_a_loss_that_is_no_number_stops_before_the_step(
-    make: Callable[..., Run], tmp_path: Path
-) -> None:
+def test_a_loss_that_is_no_number_stops_before_the_step(make: Make, tmp_path: Path) -> None:
     run = make(STORED)
     run.save()
     kept, before = (tmp_path / CHECKPOINT).read_bytes(), flat(run)
@@ -383,7 +376,7 @@ def test_a_loss_that_is_no_number_stops_before_the_step(
     assert (tmp_path / CHECKPOINT).read_bytes() == kept
 
 
-def test_weights_too_large_for_half_precision(make: Callable[..., Run], tmp_path: Path) -> None:
+def test_weights_too_large_for_half_precision(make: Make, tmp_path: Path) -> None:
     run = make(STORED)
     with torch.no_grad():
         run.model.head[0].weight[0, 0] = 1e6
@@ -393,7 +386,7 @@ def test_weights_too_large_for_half_precision(make: Callable[..., Run], tmp_path
 
 
 def test_a_full_disk_is_one_line(
-    make: Callable[..., Run], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -404,7 +397,7 @@ def test_a_full_disk_is_one_line(
         run.save()
 
 
-def test_no_meshes_have_no_eigenvalues(make: Callable[..., Run]) -> None:
+def test_no_meshes_have_no_eigenvalues(make: Make) -> None:
     run = make(STORED)
     run.finish()
     assert Row(run.out / "weights.safetensors").predict([]).shape == (0, 10)
@@ -439,7 +432,7 @@ def test_missing_weights(tmp_path: Path) -> None:
 # The scale-free network
 
 
-def test_a_scale_free_network_obeys_scaling(make: Callable[..., Run], meshes: list[Mesh]) -> None:
+def test_a_scale_free_network_obeys_scaling(make: Make, meshes: list[Mesh]) -> None:
     run = make(RANDOM)
     run.step()
     run.finish()
@@ -466,7 +459,7 @@ def test_outputs_of_zero_are_weyls_law() -> None:
     ],
     ids=["one triangle", "no faces", "nan", "no area"],
 )
-def test_bad_meshes(mesh: Mesh, message: str, make: Callable[..., Run]) -> None:
+def test_bad_meshes(mesh: Mesh, message: str, make: Make) -> None:
     run = make(STORED)
     run.finish()
     with pytest.raises(ValueError, match=message):
@@ -483,29 +476,22 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return lines[0]
 
 
-def test_bad_options_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    out = ("--out", tmp_path)
-    assert "there is no configuration 'table9': choose one of table1-polar" in refused(
-        capsys, "--config", "table9", *out
-    )
-    assert "--epochs must be positive, got 0" in refused(
-        capsys, "--config", "modern", "--epochs", 0, *out
-    )
-    assert "--max-minutes must be positive, got -1.0" in refused(
-        capsys, "--config", "modern", "--max-minutes", -1, *out
-    )
-    assert "--max-minutes must be positive, got nan" in refused(
-        capsys, "--config", "modern", "--max-minutes", "nan", *out
-    )
-    assert "--seed must be 0 to 2**63 - 1, got -1" in refused(
-        capsys, "--config", "modern", "--seed", -1, *out
-    )
-    assert "--device must be cpu or cuda, got 'tpu'" in refused(
-        capsys, "--config", "modern", "--device", "tpu", *out
-    )
-    assert "has no checkpoint: leave --resume out to begin" in refused(
-        capsys, "--config", "modern", "--resume", *out
-    )
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--config", "table9"], "there is no configuration 'table9': choose one of table1-polar"),
+        (["--epochs", "0"], "--epochs must be positive, got 0"),
+        (["--max-minutes", "-1"], "--max-minutes must be positive, got -1.0"),
+        (["--max-minutes", "nan"], "--max-minutes must be positive, got nan"),
+        (["--seed", "-1"], "--seed must be 0 to 2**63 - 1, got -1"),
+        (["--device", "tpu"], "--device must be cpu or cuda, got 'tpu'"),
+        (["--resume"], "has no checkpoint: leave --resume out to begin"),
+    ],
+)
+def test_bad_options_are_one_line(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert told in refused(capsys, "--config", "modern", "--out", tmp_path, *arguments)
 
 
 def test_weights_without_a_checkpoint_are_kept(

@@ -126,9 +126,7 @@ def test_result_of_a_whole_split_says_what_was_done(weyl):
     assert result["predictions"]["seeds"] == 1
     assert result["cost"]["batch_size"] == 10
     beside = result["cost"]["reference"]
-    assert (
-        beside["meshes"] == 24
-    )  # of 4 batches of new shapes those with some of the first or last 10
+    assert beside["meshes"] == 24  # three batches of new shapes of four
     assert beside["ratio"] > 0
     low, high = result["cost"]["ms_per_mesh_quartiles"]
     assert 0 < low <= result["cost"]["ms_per_mesh"] <= high

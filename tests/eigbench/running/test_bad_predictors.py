@@ -7,20 +7,10 @@ import numpy as np
 import pytest
 from eigbench.results import predictions
 
+from tests.eigbench.conftest import WEYL
+
 LIMIT, BATCH = 30, 10
-PRELUDE = """
-import os, signal, sys, time
-import numpy as np
-
-def weyl(meshes):
-    spectra = []
-    for mesh in meshes:
-        a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-        spectra.append(4 * np.pi * np.arange(1, 11) / area)
-    return np.array(spectra)
-
-"""
+PRELUDE = "import os, signal, sys, time" + WEYL.replace("def predict", "def weyl")
 
 
 @pytest.fixture
@@ -78,7 +68,7 @@ CASES = {
     ),
     "writes to an array": (
         "def predict(meshes):\n    meshes[0].vertices[:] -= 1\n    return weyl(meshes)",
-        "read-only (my_model.py:14: in predict: meshes[0].vertices[:] -= 1); meshes are read-only: "
+        "read-only (my_model.py:12: in predict: meshes[0].vertices[:] -= 1); meshes are read-only: "
         "copy what you change",
     ),
     "makes arrays writable": (
@@ -106,11 +96,11 @@ CASES = {
     "fails in a function of its own": (
         "def predict(meshes):\n    return [helper(m) for m in meshes]\n"
         "def helper(mesh):\n    return mesh.points",
-        "no attribute 'points' (my_model.py:16: in helper: return mesh.points), on meshes",
+        "no attribute 'points' (my_model.py:14: in helper: return mesh.points), on meshes",
     ),
     "fails in a library": (
         "def predict(meshes):\n    return np.linalg.inv(meshes[0].vertices)",
-        "square (my_model.py:14: in predict: return np.linalg.inv(meshes[0].vertices)), on",
+        "square (my_model.py:12: in predict: return np.linalg.inv(meshes[0].vertices)), on",
     ),
     "out of memory": ("def predict(meshes): raise MemoryError", "MemoryError"),
     "dies": ("def predict(meshes): os._exit(1)", "exit code 1"),

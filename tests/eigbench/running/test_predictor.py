@@ -17,6 +17,7 @@ from eigbench.running.meshes import view
 
 from synthnet import store
 from synthnet.types import Mesh
+from tests.eigbench.conftest import WEYL
 
 MESH = view(Mesh(np.eye(3), np.array([[0, 1, 2]])))
 
@@ -457,19 +458,8 @@ def test_sources_of_a_directory_that_the_file_puts_on_the_path(
 
 
 def test_first_predictor_takes_ten_lines(predictor_file):
-    code = """\
-import numpy as np
-
-def predict(meshes):
-    spectra = []
-    for mesh in meshes:
-        a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-        spectra.append(4 * np.pi * np.arange(1, 11) / area)
-    return np.array(spectra)
-"""
-    assert len(code.splitlines()) < 10
-    answer = predictor.load(predictor_file(code)).predict([MESH])
+    assert len(WEYL.strip().splitlines()) < 10
+    answer = predictor.load(predictor_file(WEYL)).predict([MESH])
     area = np.sqrt(3) / 2  # of an equilateral triangle with side sqrt 2
     np.testing.assert_allclose(answer, [4 * np.pi * np.arange(1, 11) / area], rtol=1e-14)
 

@@ -6,7 +6,6 @@ import socket
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,15 +57,32 @@ def source(mini_home, mini_truth):
     return meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
 
 
-def test_neither_ids_nor_labels_are_in_the_memory_of_the_predictors_process(
-    predictor_file, mini_truth, source, tmp_path
-):
+@pytest.fixture
+def run(predictor_file, source, tmp_path):
+    """Return a function that evaluates code on some of the test split, with options."""
+
+    def evaluated(code, wanted, **options):
+        path = predictor_file(code)
+        return evaluate(path, wanted, source, Options(**options), tmp_path / "parts")
+
+    return evaluated
+
+
+@pytest.fixture
+def peer(predictor_file, monkeypatch):
+    """Return a function that puts code in the place of LaPy."""
+
+    def put(code):
+        path = predictor_file(code, "peer.py")
+        monkeypatch.setattr("eigbench.running.evaluate.REFERENCE_FILE", path)
+
+    return put
+
+
+def test_neither_ids_nor_labels_are_in_the_memory_of_the_predictors_process(run, mini_truth):
     wanted = mini_truth.head(30)
     code = SPY.format(labels=" ".join(map(float.hex, wanted.eigenvalues[:, 1].tolist())))
-    found = evaluate(
-        predictor_file(code), wanted, source, Options(batch_size=10), tmp_path / "parts"
-    )
-    assert found.predictions.shape == (1, 30, 10)
+    assert run(code, wanted, batch_size=10).predictions.shape == (1, 30, 10)
 
 
 @pytest.mark.parametrize(
@@ -78,15 +94,14 @@ def test_neither_ids_nor_labels_are_in_the_memory_of_the_predictors_process(
         ("kept = {'array': np.array([2.0, 1.25])}", "found an array of labels"),
     ],
 )
-def test_the_spy_finds_what_is_there(predictor_file, mini_truth, source, tmp_path, planted, told):
+def test_the_spy_finds_what_is_there(run, mini_truth, planted, told):
     """The test above can fail: the same search finds what is planted."""
     code = SPY.format(labels=(1.25).hex()).replace("def predict", f"{planted}\n\ndef predict")
-    question = (predictor_file(code), mini_truth.head(30), source, Options(), tmp_path / "parts")
     if told is None:
-        evaluate(*question)
+        run(code, mini_truth.head(30))
     else:
         with pytest.raises(PredictorError, match=told):
-            evaluate(*question)
+            run(code, mini_truth.head(30))
 
 
 SIZES = """
@@ -143,12 +158,8 @@ def predict(meshes): return Answer(len(meshes))
 """
 
 
-def test_work_that_is_put_off_until_the_answer_is_read_is_timed(
-    predictor_file, mini_truth, source, tmp_path
-):
-    wanted = mini_truth.head(10)
-    found = evaluate(predictor_file(LAZY), wanted, source, Options(), tmp_path / "parts")
-    assert found.seconds.min() >= 0.3
+def test_work_that_is_put_off_until_the_answer_is_read_is_timed(run, mini_truth):
+    assert run(LAZY, mini_truth.head(10)).seconds.min() >= 0.3
 
 
 def test_error_while_the_answer_is_read_is_the_predictors(predictor_file):
@@ -196,14 +207,11 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
     ],
 )
 def test_lapy_is_timed_on_the_batches_of_the_first_and_last_meshes(
-    predictor_file, mini_truth, source, tmp_path, monkeypatch, size, batches, timed
+    run, peer, mini_truth, monkeypatch, size, batches, timed
 ):
-    monkeypatch.setattr(
-        "eigbench.running.evaluate.REFERENCE_FILE", predictor_file(SLEEPER, "peer.py")
-    )
     monkeypatch.setattr("eigbench.running.evaluate.REFERENCE", 8)
-    options = Options(batch_size=size, reference=True)
-    found = evaluate(predictor_file(SLEEPER), mini_truth, source, options, tmp_path / "parts")
+    peer(SLEEPER)
+    found = run(SLEEPER, mini_truth, batch_size=size, reference=True)
     assert found.sizes.tolist() == batches
     assert np.isfinite(found.reference_seconds).tolist() == timed
     assert np.nanmin(found.reference_seconds) >= 0.01
@@ -259,20 +267,14 @@ def test_a_signal_ends_an_evaluation_and_the_predictors_process(
     assert not Path("/proc", pid.read_text()).exists()
 
 
-def test_lapys_time_is_kept_with_an_interrupted_run(
-    predictor_file, mini_truth, source, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(
-        "eigbench.running.evaluate.REFERENCE_FILE", predictor_file(SLEEPER, "peer.py")
-    )
+def test_lapys_time_is_kept_with_an_interrupted_run(run, peer, mini_truth, tmp_path):
+    peer(SLEEPER)
     fails = SLEEPER.replace("time.sleep(0.01)", "assert len(meshes) != 200")
-    question = (predictor_file(fails), mini_truth, source)
-    options = Options(reference=True)
     with pytest.raises(PredictorError):
-        evaluate(*question, options, tmp_path / "parts")
+        run(fails, mini_truth, reference=True)
     left = next((tmp_path / "parts").rglob("*.npz")).stat().st_mtime_ns
     with pytest.raises(PredictorError):
-        evaluate(*question, replace(options, resume=True), tmp_path / "parts")
+        run(fails, mini_truth, reference=True, resume=True)
     kept = list((tmp_path / "parts").rglob("*.npz"))
     assert [path.stat().st_mtime_ns for path in kept] == [left]
     with np.load(kept[0]) as part:
@@ -285,10 +287,8 @@ def test_reference_answers_the_labels(mini_truth, source):
     assert found == pytest.approx(mini_truth.eigenvalues[:3], rel=1e-8)
 
 
-def test_without_reference_there_is_no_ratio(predictor_file, mini_truth, source, tmp_path):
-    wanted = mini_truth.head(5)
-    found = evaluate(predictor_file(SLEEPER), wanted, source, Options(), tmp_path / "parts")
-    assert record.cost(found, Options())["reference"] is None
+def test_without_reference_there_is_no_ratio(run, mini_truth):
+    assert record.cost(run(SLEEPER, mini_truth.head(5)), Options())["reference"] is None
 
 
 def test_hardware_names_the_kind_of_processor() -> None:
@@ -309,24 +309,16 @@ def test_device_that_is_not_there_is_refused():
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
-def test_peak_memory_is_of_the_predictors_process_alone(
-    predictor_file, mini_truth, source, tmp_path
-):
+def test_peak_memory_is_of_the_predictors_process_alone(run, mini_truth):
     ballast = np.ones(2**27)  # 1 GiB in this process
     code = "import numpy as np\ndef predict(meshes): return np.ones((len(meshes), 10))\n"
-    wanted = mini_truth.head(10)
-    found = evaluate(predictor_file(code), wanted, source, Options(), tmp_path / "parts")
-    assert found.status.peak_bytes < ballast.nbytes / 2
+    assert run(code, mini_truth.head(10)).status.peak_bytes < ballast.nbytes / 2
 
 
-def test_failure_of_lapy_is_not_laid_on_the_predictor(
-    predictor_file, mini_truth, source, tmp_path, monkeypatch
-):
-    broken = predictor_file("def predict(meshes): raise ValueError('no')", "peer.py")
-    monkeypatch.setattr("eigbench.running.evaluate.REFERENCE_FILE", broken)
-    question = (predictor_file(SLEEPER), mini_truth.head(5), source, Options(reference=True))
+def test_failure_of_lapy_is_not_laid_on_the_predictor(run, peer, mini_truth):
+    peer("def predict(meshes): raise ValueError('no')")
     with pytest.raises(PredictorError, match=r"^LaPy, timed beside .* ValueError: no.*--no-ref"):
-        evaluate(*question, tmp_path / "parts")
+        run(SLEEPER, mini_truth.head(5), reference=True)
 
 
 def test_cpu_time_is_finer_than_a_clock_tick(predictor_file):
