@@ -203,7 +203,7 @@ def _solver_line(axes: mpl.axes.Axes, board: Board, slug: str) -> None:
         batches = np.array_split(np.array(cost["ms_by_batch"]), len(errors))
         times = [float(batch.mean()) for batch in batches]
         lapy = cost["reference"]["ratio"] * cost["ms_per_mesh_mean"]  # of a mesh of mean size
-        speeds = [lapy / time for time in times]
+        speeds = [min(lapy / time, FASTEST) for time in times]
         blue = KINDS["classical"][0]
         axes.plot(speeds, list(errors.values()), ".-", color=blue, lw=1.6, ms=10, zorder=2)
         for speed, (name, error) in zip(speeds, errors.items(), strict=True):
