@@ -11,7 +11,6 @@ import numpy as np
 from eigbench.board.figures import (
     FASTEST,
     KINDS,
-    LEGEND,
     NAME_LINE,
     Point,
     as_svg,
@@ -46,8 +45,8 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
 
     A filled mark is a model's error on shapes like those of its training, an open one that on
     families it has not seen; the numbers in the marks are those of the names below the axes, by
-    error. What the sentences speak of has its name beside its mark. The line is an exact solver of the meshes, on the coarse, medium and fine ones of the
-    same surfaces, beside LaPy on all of them: what a user has who refines.
+    error. What the sentences speak of has its name beside its mark. The line is an exact solver
+    of the meshes, on the coarse, medium and fine ones of the same surfaces, beside LaPy on all of them: what a user has who refines.
 
     Parameters
     ----------
@@ -86,9 +85,7 @@ def _name(
     axes: mpl.axes.Axes, points: Sequence[Point], board: Board, rows: Sequence[Ranked]
 ) -> None:
     """Write beside the marks what the sentences name: the solver, the best model, its drop."""
-    trained = {
-        row.submission.name for row in rows if not untrained(row.submission.result["model"])
-    }
+    trained = {row.submission.name for row in rows if not untrained(row.submission.result["model"])}
     said: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9, "weight": "bold"}
     for point in points:
         colour = KINDS[point.kind][0]

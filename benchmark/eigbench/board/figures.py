@@ -186,7 +186,7 @@ def name_key(axes: mpl.axes.Axes, entries: Sequence[tuple[str, str, str]]) -> No
 def legend(
     axes: mpl.axes.Axes, kinds: Iterable[str], more: Sequence[Any] = (), **placed: Any
 ) -> None:
-    """Say what the marks mean, the kinds and more handles: beside the axes at the bottom, or there."""
+    """Say what the marks mean, the kinds and more handles: at the bottom right, or where placed."""
     handles = [
         axes.plot([], [], KINDS[kind][1], color=KINDS[kind][0], ls="", label=kind)[0]
         for kind in KINDS
