@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eigbench.board.figures import (
     FASTEST,
     KINDS,
-    LEGEND,
     NAME_LINE,
     Point,
     as_svg,
+    escaped,
     legend,
-    name_key,
     scatter,
     style,
 )
@@ -31,6 +32,11 @@ if TYPE_CHECKING:
     import matplotlib as mpl
 
 UNSEEN = "family"  # the protocol whose scores stand beside those on familiar shapes
+LAPY = "LaPy"  # whose name stands beside its mark: all speeds are beside it
+OPEN = "the same model, on families it has never seen"
+DROP = "the same models on families never seen"
+WIDTH, PLOT = 7.4, 4.9  # inches, without the names below
+COLUMNS = 2  # of names
 LARGEST_ERROR = 2.0  # rows with larger errors, which look at next to nothing, are left out
 
 
@@ -38,9 +44,9 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
     """Return an SVG of mean error to the surface against speed beside LaPy, both logarithmic.
 
     A filled mark is a model's error on shapes like those of its training, an open one that on
-    families it has not seen; the numbers in the marks are those of the names beside the axes, by
-    error. The line is an exact solver of the meshes, on the coarse, medium and fine ones of the
-    same surfaces, beside LaPy on all of them: what a user has who refines.
+    families it has not seen; the numbers in the marks are those of the names below the axes, by
+    error. What the sentences speak of has its name beside its mark. The line is an exact solver
+    of the meshes, on the coarse, medium and fine ones of the same surfaces, beside LaPy on all of them: what a user has who refines.
 
     Parameters
     ----------
@@ -56,20 +62,59 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
         if row.submission.result["cost"].get("reference") is not None
     ]
     with style() as new_figure:
-        high = max(4.8, NAME_LINE * len(points) + LEGEND + 1.0)
-        figure = new_figure(figsize=(9.0, high))
+        lines = -(-len(points) // COLUMNS)
+        high = PLOT + NAME_LINE * lines
+        figure = new_figure(figsize=(WIDTH, high))
         axes = figure.subplots()
-        figure.subplots_adjust(0.075, 0.48 / high, 0.6, 1 - 0.1 / high)
+        figure.subplots_adjust(0.085, 1 - (PLOT - 0.62) / high, 0.99, 1 - 0.34 / high)
         scatter(axes, points, floor=0.0)
         _solver_line(axes, board, solver)
         axes.set_xlim(right=FASTEST * 1.6)
         axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the spectrum of the surface")
-        name_key(axes, [(str(p.number), p.name, KINDS[p.kind][0]) for p in points])
-        unseen = axes.plot([], [], "o", color="0.4", mfc="white", label="on families unseen")
-        blue, name = KINDS["classical"][0], "exact solver, by size of mesh"
-        more = unseen + axes.plot([], [], "-", color=blue, lw=1.6, label=name)
-        legend(axes, KINDS, more)
+        _name(axes, points, board, rows)
+        _key(axes, points, lines)
+        unseen = axes.plot([], [], "^", color=KINDS["learned"][0], mfc="white", label=OPEN)
+        blue = KINDS["classical"][0]
+        line = axes.plot([], [], ".-", color=blue, lw=1.6, ms=10, label="exact solver")
+        legend(axes, KINDS, unseen + line, loc="lower left", bbox_to_anchor=(-0.06, 1.0), ncols=5,
+               columnspacing=1.2, handletextpad=0.4)  # fmt: skip
         return as_svg(figure)
+
+
+def _name(
+    axes: mpl.axes.Axes, points: Sequence[Point], board: Board, rows: Sequence[Ranked]
+) -> None:
+    """Write beside the marks what the sentences name: the solver, the best model, its drop."""
+    trained = {row.submission.name for row in rows if not untrained(row.submission.result["model"])}
+    said: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9, "weight": "bold"}
+    for point in points:
+        colour = KINDS[point.kind][0]
+        if point.name == LAPY:
+            at = (point.speed, point.error)
+            axes.annotate(point.name, at, (0, 10), ha="center", color=colour, **said)
+        elif point.name in trained:
+            trained = set()  # the first is the best
+            name = fill(escaped(point.name), 24)
+            at = (point.speed, point.error)
+            axes.annotate(name, at, (-9, 3), ha="right", va="bottom", color=colour, **said)
+    fallen = [p for p in points if p.unseen is not None and p.unseen > p.error]
+    if fallen:
+        most = max(fallen, key=lambda p: (p.unseen or 0) - p.error)
+        at = (min(most.speed, FASTEST), float(np.sqrt(most.error * (most.unseen or 0))))
+        colour = KINDS[most.kind][0]
+        axes.annotate(fill(DROP, 20), at, (16, 0), va="center", color=colour, **said)
+
+
+def _key(axes: mpl.axes.Axes, points: Sequence[Point], lines: int) -> None:
+    """Write the numbers and names of all marks below the axes, in columns."""
+    high = axes.get_window_extent().height / axes.figure.dpi
+    for i, point in enumerate(points):
+        column, line = divmod(i, lines)
+        x, y = 1.06 * column / COLUMNS - 0.06, -(0.62 + NAME_LINE * line) / high
+        text: dict[str, Any] = {"transform": axes.transAxes, "va": "center", "fontsize": 8}
+        colour = KINDS[point.kind][0]
+        axes.text(x, y, str(point.number), ha="right", color=colour, weight="bold", **text)
+        axes.text(x + 0.012, y, escaped(point.name), **text)
 
 
 def _point(number: int, row: Ranked, unseen: float | None) -> Point:
@@ -101,25 +146,39 @@ def sentences(board: Board, solver: str = "lapy") -> str:
     least, name = _error(exact[0]), exact[0].submission.name
     nearer = [row for row in trained if _surely_nearer(row, solver)]
     told = [
-        f"On the test shapes of synthNet {board.version} {name}, an exact solver of the mesh, "
-        f"misses the spectrum of the surface by a mean RPD of {_digits(least)}: what the "
-        "triangles leave out."
+        "1. **A solver is exact for the mesh, not for the surface.** On the test shapes of "
+        f"synthNet {board.version}, {name}'s eigenvalues are off by {_percent(least)} on average "
+        f"(mean RPD {_digits(least)}), because triangles are flat."
     ]
-    of = f"{len(nearer)} of {len(trained)} trained models are surely nearer"
+    of = f"{len(nearer)} of {len(trained)} trained models are surely closer"
     if nearer:
         best = min(nearer, key=_error)
         ratio = best.submission.result["cost"]["reference"]["ratio"]
-        times = f"{least / _error(best):.2g} times as near"
-        of += f"; the best, *{best.submission.name}*, is {times}, at {ratio:.2g} times its speed"
-    told.append(f"On shapes like those of their training {of}.")
+        error = f"{least / _error(best):.2g} times less error at {ratio:.2g} times {name}'s speed"
+        of += f"; the best, *{best.submission.name}*, has {error}"
+    verdict = "learning can beat it" if nearer else "no model surely beats it"
+    told.append(f"2. **On shapes like those of training, {verdict}.** {of}.")
     still = {model: error for model, error in unseen.items() if error < least}
-    names = ", ".join(f"*{model}* ({_digits(error)})" for model, error in still.items())
+    names = " and ".join(f"*{model}* ({_digits(error)})" for model, error in still.items())
+    verdict = "most models lose to it" if 2 * len(still) < len(unseen) else "most still do"
+    median = float(np.median(list(unseen.values())))
     told.append(
-        f"On families that none of them has seen {len(still)} of {len(unseen)} still are"
-        f"{f', {names},' if still else ''} and the median model is off by an RPD of "
-        f"{_digits(float(np.median(list(unseen.values()))))}."
+        f"3. **On families never seen in training, {verdict}.** {len(still)} of {len(unseen)} "
+        f"still have a smaller mean error than {name}{f', {names}' if still else ''}; "
+        f"the median model is off by {_percent(median)} (RPD {_digits(median)})."
     )
     return "\n".join(told)
+
+
+def _percent(rpd: float) -> str:
+    """Return a mean RPD, a sum over ten eigenvalues, as their mean relative difference.
+
+    Examples
+    --------
+    >>> _percent(0.0439), _percent(0.5871)
+    ('0.88 %', '12 %')
+    """
+    return f"{100 * 2 * rpd / 10:.2g} %"
 
 
 def _surely_nearer(row: Ranked, solver: str) -> bool:
@@ -141,12 +200,13 @@ def _solver_line(axes: mpl.axes.Axes, board: Board, slug: str) -> None:
         batches = np.array_split(np.array(cost["ms_by_batch"]), len(errors))
         times = [float(batch.mean()) for batch in batches]
         lapy = cost["reference"]["ratio"] * cost["ms_per_mesh_mean"]  # of a mesh of mean size
-        speeds = [lapy / time for time in times]
+        speeds = [min(lapy / time, FASTEST) for time in times]
         blue = KINDS["classical"][0]
         axes.plot(speeds, list(errors.values()), ".-", color=blue, lw=1.6, ms=10, zorder=2)
         for speed, (name, error) in zip(speeds, errors.items(), strict=True):
-            note = f"{name} meshes"
-            axes.annotate(note, (speed, error), (5, 6), textcoords="offset points", fontsize=7)
+            note, colour = f"{name} meshes", KINDS["classical"][0]
+            said: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9, "color": colour}
+            axes.annotate(note, (speed, error), (7, -9), **said)
 
 
 def by_size(submission: Submission) -> dict[str, float]:

@@ -159,7 +159,8 @@ def scatter(
 def _mark(axes: mpl.axes.Axes, point: Point, x: float, y: float) -> None:
     colour, marker = KINDS[point.kind]
     if point.unseen is not None and point.unseen > 1.02 * y:
-        axes.plot([x, x], [y, point.unseen], color=colour, lw=0.8, zorder=1)
+        arrow = {"arrowstyle": "-|>", "color": colour, "lw": 0.9, "shrinkB": 3, "mutation_scale": 8}
+        axes.annotate("", (x, point.unseen), (x, y), arrowprops=arrow, zorder=1)
         axes.plot(x, point.unseen, marker, color=colour, mfc="white", ms=6, zorder=3)
     above = 4 - point.number / 1000
     inside = "white" if not point.whole else colour
@@ -182,17 +183,17 @@ def name_key(axes: mpl.axes.Axes, entries: Sequence[tuple[str, str, str]]) -> No
         axes.text(1.075, y, escaped(name), **text)
 
 
-def legend(axes: mpl.axes.Axes, kinds: Iterable[str], more: Sequence[Any] = ()) -> None:
-    """Say beside the axes, at the bottom, what the marks mean: the kinds, and more handles."""
+def legend(
+    axes: mpl.axes.Axes, kinds: Iterable[str], more: Sequence[Any] = (), **placed: Any
+) -> None:
+    """Say what the marks mean, the kinds and more handles: at the bottom right, or where placed."""
     handles = [
         axes.plot([], [], KINDS[kind][1], color=KINDS[kind][0], ls="", label=kind)[0]
         for kind in KINDS
         if kind in set(kinds)
     ]
-    axes.legend(
-        handles=[*handles, *more], loc="lower left", bbox_to_anchor=(1.0, -0.03), frameon=False,
-        fontsize=7.5,
-    )  # fmt: skip
+    beside = {"loc": "lower left", "bbox_to_anchor": (1.0, -0.03)}
+    axes.legend(handles=[*handles, *more], frameon=False, fontsize=7.5, **(placed or beside))
 
 
 def as_svg(figure: Figure) -> str:

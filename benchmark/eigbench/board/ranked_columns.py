@@ -83,7 +83,13 @@ def overview(board: Board | None, protocol: str | None) -> Group[Ranked]:
     """Return what the page shows first: fewer columns, and the drop where something is held out."""
     drops = [] if board is None or protocol is None else generalisation.drops(board, protocol)
     metrics = [_mean(RANKED_BY), _by_family(), *drops, _mean("invlap"), _mean("psnr20")]
-    columns = [*metrics, *cost_columns.speed(protocol), cost_columns.parameters(), *_declared()]
+    columns = [
+        *metrics,
+        *cost_columns.speed(protocol),
+        cost_columns.parameters(),
+        TRAINING,
+        _seeds(),
+    ]
     return Group("overview", "Overview", columns)
 
 

@@ -144,5 +144,11 @@ def percent(share: float) -> str:
 
 
 def ms(seconds: float) -> str:
-    """Return seconds in milliseconds."""
-    return number(1e3 * seconds, 2)
+    """Return seconds in milliseconds, with no more digits than they are known to.
+
+    Examples
+    --------
+    >>> ms(0.01234), ms(122.724)
+    ('12.34', '122,724')
+    """
+    return f"{1e3 * seconds:,.0f}" if seconds >= 1 else number(1e3 * seconds, 2)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from eigbench import results
 from eigbench.board import generalisation, leaderboard, page, ranked_columns, ranking
 from eigbench.board.columns import Group, six_digits
 from eigbench.board.generalisation import Board
-from eigbench.board.ranked_columns import KIND, MODEL, RANK
+from eigbench.board.ranked_columns import HARDWARE, KIND, MODEL, RANK
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.results.submission import Submission
 from eigbench.scoring import scores
@@ -93,7 +92,7 @@ def _under(board: Board, protocol: str) -> Iterator[Submission]:
         model = row.submission
         if own := ran.get(model.slug):
             result = {**own.result, "cost": model.result["cost"]}
-            yield dataclasses.replace(own, result=result)
+            yield replace(own, result=result)
         elif untrained(model.result["model"]) and _is_known(board, model, protocol):
             yield restricted(model, generalisation.tested(board.version, protocol, model.target))
 
@@ -110,7 +109,7 @@ def restricted(model: Submission, labels: Truth) -> Submission:
         "dataset": results.dataset_facts(labels),
         "scores": {labels.target: scores.score(labels, values)},
     }
-    return dataclasses.replace(model, result=result, truth=labels, predictions=values)
+    return replace(model, result=result, truth=labels, predictions=values)
 
 
 def contents(board: Shown) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -173,7 +172,10 @@ def _groups(board: Shown) -> list[Group[Ranked]]:
     whole = ranked_columns.main()
     metrics = Group("metrics", "All metrics", [c for c in whole.columns if c.key in MAIN])
     overview = ranked_columns.overview(board.protocols, board.own)
-    groups = [overview, metrics, *ranked_columns.groups(board.rows, board.own)]
+    groups = [
+        replace(group, columns=[*group.columns, HARDWARE]) if group.key == page.BY_COST else group
+        for group in (overview, metrics, *ranked_columns.groups(board.rows, board.own))
+    ]
     if board.protocols is None or board.own is not None:
         return groups
     marks = generalisation.remark_marks(board.protocols, board.rows)

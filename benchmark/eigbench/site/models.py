@@ -15,10 +15,12 @@ from eigbench.board.tables import deviation, family_title, in_order, score, with
 from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
 from eigbench.scoring.physics import SHARES, TITLES
+from eigbench.scoring.training import IMPORTED
 from eigbench.site import scaling
 from eigbench.site.boards import Shown
 from synthnet import recipe
 
+EXACT = 1e-9  # a smaller deviation from a law is rounding
 SMALLEST = 1e-6  # a deviation from a law that fills its ray of the radar; 1 leaves it empty
 
 
@@ -96,6 +98,8 @@ def _families(mine: Sequence[tuple[Shown, Ranked]]) -> Iterator[dict[str, Any]]:
     """Yield the heat strips: the mean of each family, a line a protocol, by version and target."""
     strips: dict[tuple[str, str], list[tuple[Shown, Ranked]]] = {}
     for board, row in mine:
+        if board.truth.protocol.startswith(IMPORTED):
+            continue  # its shapes are of no family
         strips.setdefault((board.truth.version, board.truth.target), []).append((board, row))
     for (version, target), lines in strips.items():
         families = in_order({name for _, row in lines for name in row.scores["families"]})
@@ -127,11 +131,23 @@ def _physics(submission: Submission) -> list[dict[str, Any]]:
     return [
         {
             "title": title,
-            "text": deviation(key, measured[key]),
+            "text": _deviation(key, measured[key]),
             "kept": _kept(key, measured[key]),
         }
         for key, title in TITLES.items()
     ]
+
+
+def _deviation(key: str, value: float | None) -> str:
+    """Return a deviation as text; one that only rounding can make is exact.
+
+    Examples
+    --------
+    >>> _deviation("rotation", 4e-16), _deviation("rotation", 1e-3), _deviation("positive", 1.0)
+    ('exact', '1e-03', '100 %')
+    """
+    rounding = key not in SHARES and value is not None and value < EXACT
+    return "exact" if rounding else deviation(key, value)
 
 
 def _kept(key: str, value: float | None) -> float:

@@ -77,9 +77,10 @@ def _panel(label: str, rows: Sequence[Scaled], panel: Panel, verdict: Verdict) -
 
 
 def _groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> list[Group[Scaled]]:
-    """Return the views of the page's table; the first has what the run declared too."""
-    overview, *others = scaling_columns.groups(sizes, verdicts).values()
-    return [replace(overview, columns=[*overview.columns, HARDWARE, TRAINING]), *others]
+    """Return the views of the page's table; the first and the last have what the run declared."""
+    overview, *others, last = scaling_columns.groups(sizes, verdicts).values()
+    first = replace(overview, columns=[*overview.columns, TRAINING])
+    return [first, *others, replace(last, columns=[*last.columns, HARDWARE])]
 
 
 def _row(row: Scaled, every: Sequence[Column[Scaled]]) -> dict[str, Any]:

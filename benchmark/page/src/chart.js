@@ -82,8 +82,10 @@ function ofMesh(one, row, { surfaces }, fastest) {
   const notes = one.speed > fastest ? [times] : [];
   const wins = one.wins > surfaces / 2;
   const tip = `${row.name}, ${row.kind}\nerror to the surface: ${one.shown}\n${times} faster than LaPy\nwins on ${one.wins} of ${surfaces} surfaces`;
-  return { row, slug: row.slug, kind: row.kind, name: row.name + (notes.length ? ` (${notes})` : ""), shown: one.shown, times, x: one.speed === null ? null : Math.min(one.speed, fastest), y: one.error, open: one.answered < surfaces, wins, first: wins, title: tip };
+  return { row, slug: row.slug, kind: row.kind, name: row.name + (notes.length ? ` (${notes})` : ""), shown: one.shown, times, x: one.speed === null ? null : Math.min(one.speed, fastest), y: 100 * one.error, open: one.answered < surfaces, wins, first: wins, title: tip };
 }
+
+const percent = ([x, share]) => [x, 100 * share];
 
 function oneSize({ box, panel, points }, { domain, kinds, open }) {
   if (!points.length) return;
@@ -91,10 +93,10 @@ function oneSize({ box, panel, points }, { domain, kinds, open }) {
   const said = `Error to the surface against speed beside LaPy at ${thousands(panel.size)} vertices, ${points.length} models. On most surfaces win: ${winners.join(", ") || "none"}. The table has all numbers.`;
   const far = 10 * domain.x[1];
   const low = domain.y[0] / 10;
-  const [from, to] = panel.border;
+  const [from, to] = panel.border.map(percent);
   const region = from ? through([[from[0], low], from, to, [far, to[1]], [far, low]], { fill: "var(--front)", fillOpacity: 0.16, stroke: "none" }) : null;
-  const solver = through(panel.solver, { stroke: "currentColor", strokeOpacity: 0.5, strokeWidth: 1.5 });
-  const unnamed = scatter(box, { points, below: [region, solver].filter(Boolean), domain, title: "mean relative error to the surface", said, kinds, open });
+  const solver = through(panel.solver.map(percent), { stroke: "currentColor", strokeOpacity: 0.5, strokeWidth: 1.5 });
+  const unnamed = scatter(box, { points, below: [region, solver].filter(Boolean), domain, title: "mean relative error to the surface, %", said, kinds, open });
   const list = listed("Without a name in the picture: ", unnamed.map((one) => `${one.row.name} (${one.shown}, ${one.times})`));
   if (list) box.append(list);
 }
@@ -138,7 +140,7 @@ function apart(container, others, name) {
   const said = `Mean RPD of each other row minus that of ${name}, with 95 % intervals: ${rows.map((one) => `${one.name} ${signed(one.mean)}${one.sure ? "" : ", not decided"}`).join("; ")}.`;
   const svg = plot({
     width, height: 19 * rows.length + 56, marginLeft: left, marginTop: 6, marginBottom: 36, ariaLabel: said,
-    x: { type: "symlog", constant: least, label: "← nearer · RPD of the other − this row · further →", domain },
+    x: { type: "symlog", constant: least, label: "← the other is better · RPD of the other minus this one’s · worse →", domain },
     y: { type: "point", domain: rows.map((one) => one.name), label: null },
     marks: [
       gridX(ticks, { strokeOpacity: 0.12 }), axisX(ticks, { tickFormat: signed }), axisY({ tickSize: 0, tickFormat: short }),

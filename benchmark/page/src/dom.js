@@ -64,6 +64,10 @@ export function linker(pattern) {
   };
 }
 
+/** Return the first page of the site or checkout whose docs these are; null where they lie elsewhere. */
+export const first = (pattern) =>
+  pattern.endsWith("docs/{}.html") ? pattern.replace("docs/{}", "index") : pattern.endsWith("docs/{}.md") ? pattern.replace("docs/{}", "README") : null;
+
 /** Return a labelled table of texts that scrolls by itself where it is too wide. */
 export function plainTable({ title, headers, rows }, heading = "h3") {
   const wide = headers.length > 3;

@@ -10,7 +10,8 @@ export function renderDownloads(container, board, { rows, complete }) {
   } }, kind.toUpperCase());
   container.replaceChildren("Download these rows, with all columns: ",
     link("csv", "text/csv", () => csv(board, rows)), " ",
-    link("json", "application/json", () => `${JSON.stringify(json(board, rows), null, 1)}\n`));
+    link("json", "application/json", () => `${JSON.stringify(json(board, rows), null, 1)}\n`), " · ",
+    element("button", { type: "button", class: "link", click: () => document.getElementById("chart").scrollIntoView() }, "To the chart"));
 }
 
 /** Return rows as CSV, RFC 4180: each column as it is shown, and the number behind it where there is one. */

@@ -23,7 +23,7 @@ export function makeModel({ page, board, state, index, choose }) {
     element("p", {}, mark(page.kind, index.kinds), ` ${page.kind}. `, element("span", { class: "badge" }, "scores recomputed by CI from its predictions")),
     standings(page, board.key, slug),
     picker(apart, state.other, choose), beside,
-    apart.length ? part(WHY, "Why this rank", element("p", { class: "small" }, "Each other row’s RPD minus this one’s: the mean and its 95 % interval over shapes and seeds. Filled: it differs surely, by Holm’s correction, and moves the rank. Left is better."), why) : null,
+    apart.length ? part(WHY, "Why this rank", element("p", { class: "small" }, "The RPD of each other row minus that of this one: the mean and its 95 % interval over shapes and seeds. Left of zero the other row is better. A filled mark is a sure difference, with Holm’s correction, and counts for the rank; an open one is a tie."), why) : null,
     page.families.length ? section("By family", page.families.map((strip) => heat(strip, board.key, slug))) : null,
     page.physics.length ? section("The laws of every spectrum", radar(page.physics)) : null,
     section(`On this board: ${board.title}`, opened),
@@ -112,7 +112,7 @@ function heat({ title, families, lines }, key, slug) {
   const shade = (value) => (value === null ? null : `background: rgb(213 94 0 / ${(0.45 * Math.min(1, Math.max(0, Math.log10(Math.max(value, GOOD) / GOOD) / 4))).toFixed(3)})`);
   return element("div", { class: "scroll", role: "region", "aria-label": title, tabindex: "0" },
     element("table", { class: "plain heat" },
-      element("caption", {}, `${title}: mean RPD of each family; the darker, the larger`),
+      element("caption", {}, `${title}: mean RPD of each family; darker is worse`),
       element("thead", {}, element("tr", {}, element("td"), families.map((name) => element("th", { scope: "col" }, element("span", {}, name))))),
       element("tbody", {}, lines.map((line) => element("tr", { class: line.board === key ? "open" : null },
         element("th", { scope: "row" }, element("a", { href: modelPage(line.board, slug) }, line.title)),
@@ -138,7 +138,7 @@ function radar(laws) {
       return drawn("text", { x, y, "text-anchor": anchor, dy: "0.32em" }, title);
     }));
   const table = plainTable({ title: "Median deviation, or share of spectra", headers: ["law", ""], rows: laws.map(({ title, text }) => [title, text]) }, "h4");
-  return element("div", { class: "pair laws" }, element("figure", {}, svg, element("figcaption", {}, "At the rim a law is kept to 1e-6 or by every spectrum; at the centre it is off by its own size.")), table);
+  return element("div", { class: "pair laws" }, element("figure", {}, svg, element("figcaption", {}, "At the rim a law holds to 1e-6, or for every spectrum; at the centre the deviation is as large as the eigenvalues.")), table);
 }
 
 /** How to run it again, cite it and share its page. */

@@ -331,12 +331,13 @@ def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, m
     trained = [row for row in rows if row.submission.name != "Solver"]
     nearer = [row for row in trained if means[row.submission.name] < means["Solver"]]
     first, second, third = answer_figure.sentences(board, solver="solver").splitlines()
-    assert f"a mean RPD of {means['Solver']:.4f}:" in first
-    assert f" {len(nearer)} of {len(trained)} trained models are surely nearer" in second
+    share = f"{20 * means['Solver']:.2g} %"  # a sum of ten, each at most 1, as per cent of a value
+    assert f" off by {share} on average (mean RPD {means['Solver']:.4f})" in first
+    assert f" {len(nearer)} of {len(trained)} trained models are surely closer" in second
     unseen = board.scored(model.at("surface"), "family", "rpd").score
     still = int(unseen < means["Solver"])
-    assert f"{still} of 1 still are" in third
-    assert third.endswith(f"an RPD of {unseen:.4f}.")
+    assert f"{still} of 1 still have a smaller mean error than Solver" in third
+    assert third.endswith(f"off by {20 * unseen:.2g} % (RPD {unseen:.4f}).")
     assert answer_figure.sentences(board, solver="nobody") == ""
 
 
