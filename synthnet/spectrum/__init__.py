@@ -9,10 +9,13 @@ solver, in the order of use: :mod:`~synthnet.spectrum.fem` assembles the matrice
 :mod:`~synthnet.spectrum.certificate` proves that none is missing,
 :mod:`~synthnet.spectrum.components` does so for each component of a mesh,
 :mod:`~synthnet.spectrum.rounding` bounds what rounding did, and
-:mod:`~synthnet.spectrum.solve` puts them together. Plain arrays in and out, compiled by Numba on
+:mod:`~synthnet.spectrum.solve` puts them together. :mod:`~synthnet.spectrum.verdict` judges the
+eigenvalues of others, :mod:`~synthnet.spectrum.inputs` takes their meshes. Plain arrays in and out, compiled by Numba on
 first use and cached on disk.
 """
 
+from synthnet.spectrum.inputs import as_mesh
+from synthnet.spectrum.many import spectra
 from synthnet.spectrum.solve import (
     assemble,
     compile_solver,
@@ -21,5 +24,17 @@ from synthnet.spectrum.solve import (
     fem_matrices,
     of_matrices,
 )
+from synthnet.spectrum.verdict import Verdict, certify
 
-__all__ = ["assemble", "compile_solver", "compute", "count_below", "fem_matrices", "of_matrices"]
+__all__ = [
+    "Verdict",
+    "as_mesh",
+    "assemble",
+    "certify",
+    "compile_solver",
+    "compute",
+    "count_below",
+    "fem_matrices",
+    "of_matrices",
+    "spectra",
+]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg, sparse
 
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import components, fem
 from synthnet.spectrum.certificate import Candidate, certify, inertia, largest_residual
 from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.inputs import as_mesh
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.rounding import sharpened
 from synthnet.spectrum.search import Setting, search
@@ -97,7 +100,7 @@ def assemble(mesh: Mesh) -> Matrices:
     return fem.assemble(vertices, np.ascontiguousarray(mesh.faces, dtype=np.int32))
 
 
-def compute(mesh: Mesh, k: int = 10) -> Spectrum:
+def compute(mesh: Any, k: int = 10) -> Spectrum:
     r"""Compute the first k eigenvalues after the trivial zero, Neumann on a boundary.
 
     Solves :math:`A\varphi = \lambda B\varphi` by block Lanczos around a shift inside the
@@ -118,21 +121,26 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
 
     Parameters
     ----------
-    mesh : Mesh
-        Without degenerate triangles. A mesh of several components has a zero for each; all of
-        them are left out, and each component is solved by itself.
+    mesh : Mesh or other
+        Ours, or one of trimesh, Open3D, LaPy, PyVista or PyTorch Geometric, or a pair of arrays
+        (vertices, faces); see :func:`synthnet.spectrum.as_mesh`. Without degenerate triangles. A
+        mesh of several components has a zero for each; all of them are left out, and each
+        component is solved by itself.
     k : int
         Number of eigenvalues, at most the vertices less the components.
 
     Returns
     -------
     Spectrum
-        Eigenvalues in 1/length², float64, ascending, with their certificate.
+        Eigenvalues in 1/length², float64, ascending, with their certificate; eigenvectors whose
+        entry of largest size is positive, the first such entry if there are several. Within a
+        cluster of eigenvalues that agree to rounding, any orthonormal basis is one of eigenvectors:
+        which one comes out depends on the order of vertices and on the processor.
 
     Raises
     ------
     ValueError
-        If it is no mesh, k is not between 1 and the vertices less the components, a triangle has
+        If it is no mesh, is empty or not finite, k is not between 1 and the vertices less the components, a triangle has
         no area, or a vertex has no triangle.
     CertificateError
         If the stronger setting's answer cannot be certified either.
@@ -155,10 +163,7 @@ def compute(mesh: Mesh, k: int = 10) -> Spectrum:
     >>> spectrum.certificate.count  # zero and these three are all that is below the shift
     4
     """
-    if not hasattr(mesh, "faces"):
-        raise ValueError(
-            f"compute takes a mesh, as Mesh(vertices, faces) of synthnet, got {type(mesh).__name__}"
-        )
+    mesh = as_mesh(mesh)
     matrices = assemble(mesh)
     candidate, certificate, pieces = _solved(matrices, k)
     values, bounds, _ = sharpened(mesh, matrices.lumped, candidate)
@@ -264,9 +269,15 @@ def _spectrum(
         eigenvalues=candidate.values[:k],
         trivial=float(matrices.stiffness.sum()) / float(matrices.lumped.sum()),
         certificate=certificate,
-        eigenvectors=candidate.vectors[:k].T,
+        eigenvectors=_turned(candidate.vectors[:k]).T,
         components=pieces,
     )
+
+
+def _turned(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rows whose entry of largest size is positive."""
+    largest = np.abs(rows).argmax(axis=1)
+    return rows * np.sign(rows[np.arange(len(rows)), largest])[:, None]
 
 
 def _dense(matrices: Matrices, k: int, setting: Setting) -> Candidate:

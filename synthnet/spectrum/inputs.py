@@ -1,0 +1,98 @@
+"""Meshes of other libraries, and arrays: what :func:`synthnet.spectrum.compute` takes.
+
+They are recognised by their attributes, so that none of these libraries need be installed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.types import Mesh
+
+# Attributes of vertices and faces, and whether a column is a face.
+KINDS = (
+    (("vertices", "faces"), False),  # synthnet, trimesh
+    (("vertices", "triangles"), False),  # Open3D
+    (("v", "t"), False),  # LaPy
+    (("pos", "face"), True),  # PyTorch Geometric
+    (("points", "regular_faces"), False),  # PyVista
+)
+TAKEN = (
+    "a mesh of synthnet, trimesh, Open3D, LaPy, PyVista or PyTorch Geometric, or a pair of arrays "
+    "(vertices, faces)"
+)
+
+
+def as_mesh(given: Any) -> Mesh:
+    """Return a mesh as float64 vertices and integer faces.
+
+    Parameters
+    ----------
+    given : Mesh or other
+        A mesh of synthnet, trimesh, Open3D, LaPy, PyVista or PyTorch Geometric, or a pair
+        (vertices, faces): arrays of shape (n, 3) and (m, 3), of NumPy or PyTorch, or lists.
+
+    Returns
+    -------
+    Mesh
+        The same vertices and faces in the same order.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these, is empty, has a coordinate that is not finite or so large that
+        areas overflow, or its arrays are no vertices and faces.
+
+    Examples
+    --------
+    >>> as_mesh((np.eye(3), [[0, 1, 2]])).faces
+    array([[0, 1, 2]])
+    """
+    vertices, faces = _arrays(given)
+    if vertices.ndim == 2 and not len(vertices):
+        raise ValueError("the mesh is empty: it has no vertices")
+    if faces.size == 0:
+        raise ValueError("the mesh has no faces: it is a point cloud, which has no surface")
+    if vertices.dtype.kind not in "fiu":
+        raise ValueError(f"vertices must be real numbers, got {vertices.dtype}")
+    if faces.dtype.kind == "f" and np.array_equal(faces, np.trunc(faces)):
+        faces = faces.astype(np.int64)
+    vertices = np.ascontiguousarray(vertices, dtype=np.float64)
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=-1)) if vertices.ndim == 2 else []
+    if len(bad):
+        raise ValueError(
+            f"{len(bad)} of {len(vertices)} vertices are not finite, the first is {bad[0]}: "
+            "remove them, and the faces that use them"
+        )
+    if np.abs(vertices).max(initial=0) > LARGEST:
+        raise ValueError(
+            f"a coordinate is larger than {LARGEST:g}, so that areas overflow: scale the mesh"
+        )
+    return Mesh(vertices, faces)
+
+
+LARGEST = 1e70  # fourth powers of lengths can still be added
+
+
+def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return what is given as vertices and as faces, a row each."""
+    if isinstance(given, tuple | list) and len(given) == 2:
+        return _array(given[0]), _array(given[1])
+    for (vertices, faces), columns in KINDS:
+        found = getattr(given, vertices, None), getattr(given, faces, None)
+        if found[0] is not None and found[1] is not None:
+            return _array(found[0]), _array(found[1]).T if columns else _array(found[1])
+    raise ValueError(f"this is no mesh but {type(given).__name__}: give {TAKEN}")
+
+
+def _array(values: Any) -> NDArray[Any]:
+    """Return an array of NumPy; a tensor is fetched from its device and its graph."""
+    if hasattr(values, "detach"):
+        values = values.detach().cpu()
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        raise ValueError("rows of different length are no vertices and no faces") from error

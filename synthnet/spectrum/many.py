@@ -1,0 +1,49 @@
+"""Spectra of many meshes, on several cores."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from typing import Any
+
+from synthnet.spectrum.inputs import as_mesh
+from synthnet.spectrum.solve import compile_solver, compute
+from synthnet.types import Spectrum
+
+
+def spectra(meshes: Iterable[Any], k: int = 10, *, workers: int = 1) -> Iterator[Spectrum]:
+    """Yield the spectrum of each mesh, in order, as :func:`synthnet.spectrum.compute` does.
+
+    Parameters
+    ----------
+    meshes : iterable of Mesh or other
+        As of :func:`synthnet.spectrum.compute`.
+    k : int
+        Number of eigenvalues of each.
+    workers : int
+        Processes; with one, all is done in this. Each takes a core: set OMP_NUM_THREADS=1. In a
+        script they need ``if __name__ == "__main__":``.
+
+    Raises
+    ------
+    ValueError, SpectrumError, CertificateError
+        At the first mesh that has no spectrum.
+
+    Examples
+    --------
+    >>> from synthnet.families import FAMILIES
+    >>> spheres = [FAMILIES["sphere"].generate({"radius": r, "resolution": 9}) for r in (1.0, 2.0)]
+    >>> [round(float(found.eigenvalues[0]), 1) for found in spectra(spheres, k=3)]
+    [2.1, 0.5]
+    """
+    if workers < 1:
+        raise ValueError(f"workers must be at least 1, got {workers}")
+    if workers == 1:
+        yield from (compute(mesh, k) for mesh in meshes)
+        return
+    compile_solver()  # once, before all of them would
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        yield from pool.map(partial(compute, k=k), map(as_mesh, meshes))

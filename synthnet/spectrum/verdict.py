@@ -1,0 +1,316 @@
+"""A judgement of anybody's eigenvalues: which are right, which are off, which are missing.
+
+Eigenvalues below a shift are counted by the law of inertia, so the eigenvalues themselves need not
+be computed: as many must lie around each answer, within its tolerance, as were answered there, and
+none between. With eigenvectors, residuals show that each answer is right, and one count suffices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from synthnet.errors import SpectrumError
+from synthnet.spectrum import fem
+from synthnet.spectrum.certificate import SAFETY, inertia
+from synthnet.spectrum.components import components
+from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.inputs import as_mesh
+from synthnet.spectrum.ordering import find_ordering
+from synthnet.spectrum.solve import assemble
+
+ZERO = 1e-6  # of Weyl's first eigenvalue: below it an answer is one of the zeros
+NEARER = 1e-2  # relative: so well the distance of an answer from its eigenvalue is told
+ASIDE = 1e-9  # relative: a shift whose pivot is zero is moved by so much
+ORTHONORMAL = 1e-3  # most entry of VᵀBV − 1 of eigenvectors that count as orthonormal
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What is known of an answer.
+
+    Parameters
+    ----------
+    eigenvalues : ndarray of shape (k,), float64
+        The answer, ascending, without zeros, in 1/length².
+    zeros : int
+        Eigenvalues that are zero: the components of the mesh.
+    tolerance : float
+        Relative distance to an eigenvalue within which an answer is right.
+    off : tuple of (int, float)
+        Of each answer that is not: its index from 1, and the eigenvalue that it stands for.
+    missed : tuple of int
+        Indices, from 1, of the eigenvalues that no answer stands for.
+    shift : float
+        Up to which all this is known, in 1/length².
+    count : int
+        Eigenvalues below the shift, zeros included.
+    factorisations : int
+        What it took.
+    """
+
+    eigenvalues: NDArray[np.float64]
+    zeros: int
+    tolerance: float
+    off: tuple[tuple[int, float], ...]
+    missed: tuple[int, ...]
+    shift: float
+    count: int
+    factorisations: int
+
+    @property
+    def certified(self) -> bool:
+        """Whether these are the first k eigenvalues after the zeros, within the tolerance."""
+        return not self.off and not self.missed
+
+    def __str__(self) -> str:
+        """Return the judgement in words, a line each."""
+        if self.certified:
+            return (
+                f"certified: {len(self.eigenvalues)} eigenvalues within {self.tolerance:.2g}, "
+                f"none missed below {self.shift:.6g}"
+            )
+        lines = []
+        if self.missed:
+            plural = "index" if len(self.missed) == 1 else "indices"
+            lines.append(
+                f"{len(self.missed)} missed below {self.shift:.6g}: {plural} {_listed(self.missed)}"
+            )
+        for index, true in self.off:
+            value = self.eigenvalues[index - 1]
+            lines.append(
+                f"λ{index} = {value:.6g} is off by {100 * abs(value / true - 1):.2g} %: "
+                f"no eigenvalue within {self.tolerance:.2g}, it is {true:.6g}"
+            )
+        return "\n".join(lines)
+
+
+def certify(
+    mesh: Any,
+    eigenvalues: ArrayLike,
+    eigenvectors: ArrayLike | None = None,
+    *,
+    tolerance: float = 1e-6,
+) -> Verdict:
+    """Judge eigenvalues of a mesh that any solver or network has answered.
+
+    The problem is that of :func:`synthnet.spectrum.compute`: linear elements, consistent mass,
+    Neumann on a boundary. It takes two factorisations for each group of answers that are nearer to
+    each other than the tolerance, one in all where the eigenvectors are given and good.
+
+    Parameters
+    ----------
+    mesh : Mesh or other
+        As of :func:`synthnet.spectrum.compute`.
+    eigenvalues : array_like of shape (k,)
+        In any order, in 1/length². Zeros may be among them: all of the mesh's, or none.
+    eigenvectors : array_like of shape (n, k), optional
+        In the order of the eigenvalues.
+    tolerance : float
+        Relative distance to an eigenvalue within which an answer is right. Where rounding moves a
+        count by more, the verdict's is larger.
+
+    Raises
+    ------
+    ValueError
+        If it is no mesh, the answer is empty, not finite, negative or longer than the spectrum.
+
+    Examples
+    --------
+    >>> from synthnet.families import FAMILIES
+    >>> sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 40})
+    >>> from synthnet.spectrum import compute
+    >>> found = compute(sphere, k=8).eigenvalues
+    >>> print(certify(sphere, found))
+    certified: 8 eigenvalues within 1e-06, none missed below 6.02421
+    >>> print(certify(sphere, found[[0, 1, 3, 4, 5, 6, 7]]))
+    1 missed below 6.02421: index 3
+    """
+    given = as_mesh(mesh)
+    matrices = assemble(given)
+    zeros, _ = components(matrices)
+    values, order = _answers(eigenvalues, matrices, zeros, tolerance)
+    counter = _Counter(matrices)
+    if eigenvectors is not None:
+        vectors = _vectors(eigenvectors, matrices, order, np.size(eigenvalues))
+        if _accurate(matrices, values, vectors, tolerance):
+            shift = _above(values[-1], tolerance)
+            if counter(shift) == zeros + len(values):
+                return Verdict(values, zeros, tolerance, (), (), shift, zeros + len(values), 1)
+    return _counted(counter, values, zeros, tolerance)
+
+
+class _Counter:
+    """Counts of eigenvalues below shifts, each computed once."""
+
+    def __init__(self, matrices: Matrices) -> None:
+        self._matrices = matrices
+        self._ordering = find_ordering(matrices.indptr, matrices.indices)
+        self._known: dict[float, int] = {}
+        self.uncertainty = 0.0
+
+    @property
+    def factorisations(self) -> int:
+        """How many counts there were."""
+        return len(self._known)
+
+    def __call__(self, shift: float) -> int:
+        """Return how many eigenvalues, zeros included, are below a shift."""
+        if shift not in self._known:
+            try:
+                found = inertia(self._matrices, self._ordering, shift)
+            except SpectrumError:  # exactly an eigenvalue
+                found = inertia(self._matrices, self._ordering, shift * (1 + ASIDE))
+            self.uncertainty = max(self.uncertainty, found.uncertainty)
+            self._known[shift] = found.negative
+        return self._known[shift]
+
+    def around(self, rank: int) -> tuple[float, float]:
+        """Return shifts below and above the eigenvalue of a rank, of the counts that are known."""
+        low = max((shift for shift, count in self._known.items() if count < rank), default=0.0)
+        high = min((shift for shift, count in self._known.items() if count >= rank), default=0.0)
+        if not high:
+            high = 2 * max(self._known)
+            while self(high) < rank:
+                low, high = high, 2 * high
+        return low, high
+
+
+def _counted(
+    counter: _Counter, values: NDArray[np.float64], zeros: int, tolerance: float
+) -> Verdict:
+    """Judge by counts alone."""
+    counter(_above(values[-1], tolerance))  # how far rounding moves a count grows with the shift
+    tolerance = max(tolerance, 2 * SAFETY * counter.uncertainty / values[-1])
+    groups = _groups(values, tolerance)
+    missed: list[int] = []
+    wrong: list[int] = []
+    before, complete = zeros, 0  # counted below the group, and answered below it
+    for number, group in enumerate(groups):
+        low, high = (1 - tolerance) * values[group[0]], _above(values[group[-1]], tolerance)
+        first, last = counter(low), counter(high)
+        missed += range(before + 1 - zeros, first + 1 - zeros)
+        inside = last - first
+        answered = len(group)
+        if inside > answered and number < len(groups) - 1:  # the last may cut a multiple one
+            missed += range(first + answered + 1 - zeros, last + 1 - zeros)
+        wrong += group[max(inside, 0) :] if inside < answered else []
+        before, complete = last, complete + answered
+    shift = _above(values[-1], tolerance)
+    # An answer with nothing near and an eigenvalue without an answer beside it: one that is off.
+    off = []
+    for index in wrong:
+        beside = [rank for rank in missed if abs(rank - 1 - index) <= len(wrong)]
+        rank = min(beside, key=lambda rank: abs(rank - 1 - index), default=index + 1)
+        off.append((index + 1, _located(counter, rank + zeros, values[index], tolerance)))
+        if rank in missed:
+            missed.remove(rank)
+    return Verdict(
+        values,
+        zeros,
+        tolerance,
+        tuple(off),
+        tuple(missed),
+        shift,
+        counter(shift),
+        counter.factorisations,
+    )
+
+
+def _groups(values: NDArray[np.float64], tolerance: float) -> list[list[int]]:
+    """Return indices of ascending values, those together whose tolerances overlap."""
+    groups = [[0]]
+    for (i, low), (j, high) in pairwise(enumerate(values.tolist())):
+        if high * (1 - tolerance) <= _above(low, tolerance):
+            groups[-1].append(j)
+        else:
+            groups.append([j])
+        assert j == i + 1
+    return groups
+
+
+def _located(counter: _Counter, rank: int, value: float, tolerance: float) -> float:
+    """Return the eigenvalue of a rank, zeros counted, so well that its distance is known."""
+    low, high = counter.around(rank)
+    while high - low > max(NEARER * abs(value - (low + high) / 2), tolerance * high):
+        middle = (low + high) / 2
+        low, high = (low, middle) if counter(middle) >= rank else (middle, high)
+    return (low + high) / 2
+
+
+def _above(value: float, tolerance: float) -> float:
+    return float(value * (1 + tolerance))
+
+
+def _answers(
+    given: ArrayLike, matrices: Matrices, zeros: int, tolerance: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the answers after the zeros, ascending, and where they stood."""
+    if not 0 < tolerance < 0.5:
+        raise ValueError(f"tolerance must be between 0 and 0.5, got {tolerance:g}")
+    values = np.asarray(given)
+    if values.dtype.kind not in "fiu" or values.ndim != 1 or not len(values):
+        raise ValueError(
+            f"eigenvalues must be a list of numbers, got shape {values.shape} of {values.dtype}"
+        )
+    values = values.astype(np.float64)
+    if not np.isfinite(values).all():
+        raise ValueError(f"answer {int(np.argmin(np.isfinite(values))) + 1} is not finite")
+    zero = ZERO * 4 * np.pi / float(matrices.lumped.sum())
+    order = np.argsort(values, kind="stable")
+    order = order[np.searchsorted(values[order], zero) :]
+    left_out = len(values) - len(order)
+    if values.min() < -zero:
+        raise ValueError(f"an answer is negative, {values.min():g}: eigenvalues are not")
+    if left_out not in (0, zeros):
+        raise ValueError(
+            f"{left_out} answers are zero, and {zeros} eigenvalues are: give all of these or none"
+        )
+    most = len(matrices.lumped) - zeros
+    if not 0 < len(order) <= most:
+        raise ValueError(f"there must be 1 to {most} answers after the zeros, got {len(order)}")
+    return values[order], order
+
+
+def _vectors(
+    given: ArrayLike, matrices: Matrices, order: NDArray[np.int64], count: int
+) -> NDArray[np.float64]:
+    """Return the eigenvectors after the zeros as rows."""
+    vectors = np.asarray(given, dtype=np.float64)
+    shape = (len(matrices.lumped), count)
+    if vectors.shape != shape or not np.isfinite(vectors).all():
+        raise ValueError(f"eigenvectors must be finite, of shape {shape}, got {vectors.shape}")
+    return np.ascontiguousarray(vectors.T[order])
+
+
+def _accurate(
+    matrices: Matrices, values: NDArray[np.float64], rows: NDArray[np.float64], tolerance: float
+) -> bool:
+    """Whether the vectors are orthonormal, and their residuals prove each value."""
+    weighted = fem.multiply(matrices, matrices.mass, rows)
+    gram = rows @ weighted.T
+    lengths = np.sqrt(np.maximum(np.diag(gram), np.finfo(np.float64).tiny))
+    if np.abs(gram / lengths / lengths[:, None] - np.eye(len(rows))).max() > ORTHONORMAL:
+        return False
+    defects = fem.multiply(matrices, matrices.stiffness, rows) - values[:, None] * weighted
+    bounds = 2 * np.sqrt(np.square(defects) @ (1 / matrices.lumped)) / lengths
+    # Together: as many eigenvalues as vectors are within this (Kahan), whatever clusters they form
+    together = float(np.sqrt(np.square(bounds).sum())) / (1 - len(rows) * ORTHONORMAL)
+    return bool(together <= tolerance * values[0]) and len(rows) * ORTHONORMAL < 1
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    """Return numbers in words.
+
+    Examples
+    --------
+    >>> _listed([7]), _listed([7, 8]), _listed([1, 2, 3])
+    ('7', '7 and 8', '1, 2 and 3')
+    """
+    *most, last = map(str, numbers)
+    return f"{', '.join(most)} and {last}" if most else last
