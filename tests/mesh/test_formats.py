@@ -44,7 +44,8 @@ def refused(text: str | bytes, kind: str) -> str:
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_is_read(name: str) -> None:
-    vertices, faces = read(content(name), suffix(name))
+    found = read(content(name), suffix(name))
+    vertices, faces = found.vertices, found.faces
     assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
     np.testing.assert_allclose(vertices[faces], SPHERE.triangles, atol=1e-6)
     if not name.endswith("stl"):
@@ -75,17 +76,18 @@ def test_a_line_that_is_gone_or_there_twice_is_seen(name: str) -> None:
 
 def test_obj_counts_from_1_or_back_from_the_last_vertex_so_far() -> None:
     text = VERTICES + "f -4 -3 -2\nv 9 9 9\nf 1/7 3//2 4/1/1 # a comment\nf -5 4 5\n"
-    assert read(text.encode(), ".obj")[1].tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+    assert read(text.encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
 
 
 def test_text_may_begin_with_a_mark_of_its_bytes_order() -> None:
     text = "\ufeff" + VERTICES + "f 1 2 3\n"
-    assert len(read(text.encode(), ".obj")[0]) == 4
+    assert len(read(text.encode(), ".obj").vertices) == 4
 
 
 def test_obj_is_read_alone() -> None:
     text = "mtllib missing.mtl\nvt 0 0\nvn 0 0 1\no a\ng b\nusemtl c\ns off\nv 5 5 5 1 0 0\n"
-    vertices, faces = read((text + VERTICES + "f 2 3 4\nl 1 2\np 1\n").encode(), ".obj")
+    found = read((text + VERTICES + "f 2 3 4\nl 1 2\np 1\n").encode(), ".obj")
+    vertices, faces = found.vertices, found.faces
     assert len(vertices) == 5  # the loose one too
     assert faces.tolist() == [[1, 2, 3]]
 
@@ -93,21 +95,21 @@ def test_obj_is_read_alone() -> None:
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
 def test_lines_end_in_any_way(newline: str) -> None:
     text = (VERTICES + "f 1 2 3\n").replace("\n", newline)
-    assert len(read(text.encode(), ".obj")[1]) == 1
+    assert len(read(text.encode(), ".obj").faces) == 1
     text = f"OFF\n4 1 0\n{POINTS}3 0 1 2\n".replace("\n", newline)
-    assert len(read(text.encode(), ".off")[1]) == 1
+    assert len(read(text.encode(), ".off").faces) == 1
 
 
 @pytest.mark.parametrize("head", ["OFF\n4 1 0", "OFF 4 1 0", "OFF4 1 0", "# c\n\nCOFF # c\n4 1"])
 def test_off_headers(head: str) -> None:
     text = f"{head}\n{POINTS}4 0 1 2 3 255 0 0\n"
-    assert read(text.encode(), ".off")[1].tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert read(text.encode(), ".off").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
 def test_polygons_are_fans_in_the_order_of_the_file() -> None:
     hexagon = [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3]
     text = "".join(f"v {x} {y} 0\n" for x, y in hexagon) + "f 1 2 3 4 5 6\nf 1 2 3\nf 3 2 1 6\n"
-    assert read(text.encode(), ".obj")[1].tolist() == [
+    assert read(text.encode(), ".obj").faces.tolist() == [
         *([0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]),
         *([0, 1, 2], [2, 1, 0], [2, 0, 5]),
     ]
@@ -129,11 +131,16 @@ def test_polygons_that_a_fan_cannot_cut_are_refused(points: str, face: str) -> N
 
 def test_arrow_is_cut_from_its_inner_corner_or_its_tip() -> None:
     text = "v 0 0 0\nv 2 0 0\nv 1 .5 0\nv 1 2 0\nf 3 4 1 2\nf 1 2 3 4\n"
-    assert read(text.encode(), ".obj")[1].tolist() == [[2, 3, 0], [2, 0, 1], [0, 1, 2], [0, 2, 3]]
+    assert read(text.encode(), ".obj").faces.tolist() == [
+        [2, 3, 0],
+        [2, 0, 1],
+        [0, 1, 2],
+        [0, 2, 3],
+    ]
 
 
 def test_polygons_that_name_a_vertex_twice_are_left_to_repair() -> None:
-    assert read((VERTICES + "f 1 2 3 3").encode(), ".obj")[1].tolist() == [[0, 1, 2], [0, 2, 2]]
+    assert read((VERTICES + "f 1 2 3 3").encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 2]]
 
 
 def binary_ply(faces: str, rows: bytes, order: str = "<", vertices: str = "") -> bytes:
@@ -154,7 +161,8 @@ LIST = "element face 2\nproperty list uchar short vertex_index\nproperty uchar r
 def test_binary_ply_of_any_kinds_and_order(order: str) -> None:
     kinds = np.dtype([("n", "u1"), ("i", order + "i2", 4), ("red", "u1")])
     rows = np.array([(4, [0, 1, 2, 3], 7), (4, [3, 2, 1, 0], 7)], kinds).tobytes()
-    vertices, faces = read(binary_ply(LIST, rows, order), ".ply")
+    found = read(binary_ply(LIST, rows, order), ".ply")
+    vertices, faces = found.vertices, found.faces
     assert vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
     assert faces.tolist() == [[0, 1, 2], [0, 2, 3], [3, 2, 1], [3, 1, 0]]
 
@@ -165,19 +173,20 @@ def test_ascii_ply_with_other_elements_and_properties() -> None:
         "property list", ("property uchar red\nproperty list uchar float uv\nproperty list")
     )
     text += POINTS + "50.0\n255 2 0.5 0.5 4 0 1 2 3\n"
-    assert read(text.encode(), ".ply")[1].tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert read(text.encode(), ".ply").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
 def test_ascii_stl_of_two_solids_and_any_names() -> None:
     text = f"solid vertex of a facet\n{FACET}endsolid\nSOLID b\n{FACET.upper()}ENDSOLID b\n"
-    vertices, faces = read(text.encode(), ".stl")
+    found = read(text.encode(), ".stl")
+    vertices, faces = found.vertices, found.faces
     assert (vertices == [1, 2, 3]).all()
     assert faces.tolist() == [[0, 1, 2], [3, 4, 5]]
 
 
 def test_binary_stl_may_begin_with_solid() -> None:
     whole = b"solid".ljust(80) + content("binary.stl")[80:]
-    assert len(read(whole, ".stl")[1]) == 80
+    assert len(read(whole, ".stl").faces) == 80
 
 
 @pytest.mark.parametrize(
