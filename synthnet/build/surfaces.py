@@ -36,12 +36,15 @@ class Settings:
         ``test``: all of them are test shapes. ``hash``: 70, 20 and 10 % by the hash of the file.
     without : tuple of str
         Repairs that are left out, of :data:`synthnet.mesh.repair.REPAIRS`.
+    cut_fins : bool
+        Also cut where a face is alone at an edge of more than two faces, which changes the surface.
     """
 
     unit_area: bool = False
     components: str = repair.KEEP
     split: str = "test"
     without: tuple[str, ...] = ()
+    cut_fins: bool = False
 
     def __post_init__(self) -> None:
         if self.components not in repair.COMPONENTS:
@@ -154,4 +157,6 @@ def surface(
 
 def _rules(settings: Settings, part: int | None) -> repair.Rules:
     kept = repair.KEEP if settings.components == repair.SPLIT else settings.components
-    return repair.Rules(components=kept, part=part, without=settings.without)
+    return repair.Rules(
+        components=kept, part=part, without=settings.without, cut_fins=settings.cut_fins
+    )

@@ -59,6 +59,12 @@ def add(commands: Commands) -> None:
         + "; ".join(f"{name} ({what})" for name, what in REPAIRS.items()),
     )
     sub.add_argument(
+        "--cut-fins",
+        action="store_true",
+        help="also cut edges of more than two faces that are not in pairs, as a fin on a plate; "
+        "nothing connects these any more",
+    )
+    sub.add_argument(
         "--split",
         choices=("test", "hash"),
         default="test",

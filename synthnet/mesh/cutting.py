@@ -3,8 +3,8 @@
 Two solids that touch along an edge have four faces there, and are two surfaces all the same. Which
 faces belong together is seen from the rest of the mesh: those of one component, joined by edges of
 two faces, stay together where there are two of them at the edge. Where one component has more, as
-a solid that touches itself, they are paired around the edge: two faces with the inside between
-them, by the way they are turned, are one sheet.
+a solid that touches itself, or several have one each, they are paired around the edge: two faces
+with the inside between them, by the way they are turned, are one sheet.
 """
 
 from __future__ import annotations
@@ -66,20 +66,26 @@ def _paired(
     loose : bool
         Whether a half-edge may be left alone.
     """
-    pairs = []
+    pairs, alone = list[NDArray[np.int64]](), list[NDArray[np.int64]]()
     for name in np.unique(piece):
         mine = halves[piece == name]
-        if len(mine) == 1 and loose:
+        if len(mine) == 1:
+            alone.append(mine)
             continue
         found = mine[:, None] if len(mine) == 2 else _around(mesh, mine)
         if found is None:
             return None
         pairs.append(found)
-    return np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), np.int64)
+    if alone:
+        found = _around(mesh, np.concatenate(alone))
+        if found is None and not loose:
+            return None
+        pairs.append(np.zeros((2, 0), np.int64) if found is None else found)
+    return np.concatenate(pairs, axis=1)
 
 
 def _around(mesh: Mesh, halves: NDArray[np.int64]) -> NDArray[np.int64] | None:
-    """Return half-edges of a single component in pairs with the inside between them, or None."""
+    """Return half-edges in pairs that have the inside between them, (2, p), or None."""
     faces = mesh.faces.astype(np.int64)
     tails = faces[halves // 3, halves % 3]
     heads = faces[halves // 3, (halves + 1) % 3]

@@ -163,9 +163,7 @@ def _decompressed(content: bytes) -> bytes:
 def read_obj(content: bytes) -> Triangles:
     """Read the lines ``v`` and ``f`` of an OBJ file; all others are passed over."""
     positions, polygons = array("d"), Polygons()
-    for line, words in _rows(content):
-        if words[-1].endswith(b"\\"):
-            raise UnreadableError(f"line {line}: it goes on in the next line (\\): join the two")
+    for line, words in _rows(_continued(content)):
         if words[0] == b"v":
             positions.extend(_position(words[1:4], line))
         elif words[0] == b"f":
@@ -267,6 +265,8 @@ def _ply_header(lines: Sequence[bytes]) -> tuple[str, list[Element]]:
     if not known.get("face") and "tristrips" not in known:
         (count,) = (element.count for element in elements if element.name == "vertex")
         raise _without_faces(count)
+    if "tristrips" in known:
+        raise UnreadableError("its faces are strips (tristrips): save triangles")
     if sum(lists) != 1:
         raise UnreadableError("its header has no faces with one list vertex_indices")
     kind, length = known["face"][PLY_INDICES[lists.index(True)]]
@@ -499,6 +499,22 @@ def _cut(
         return Triangles(vertices, *polygons.triangles(vertices, corners, sizes, numbers))
     except PolygonError as error:
         raise UnreadableError(f"{unit} {error.number}: {error.detail}") from error
+
+
+def _continued(content: bytes) -> bytes:
+    """Return OBJ text with the lines that end in a backslash joined, and as many lines as before.
+
+    A line that goes on is put at its end, so that numbers of lines stay right.
+    """
+    if b"\\" not in content:
+        return content
+    lines, begun = list[bytes](), b""
+    for line in content.splitlines():
+        text = begun + line.partition(b"#")[0].rstrip()
+        goes_on = text.endswith(b"\\")
+        begun = text[:-1] + b" " if goes_on else b""
+        lines.append(b"" if goes_on else text)
+    return b"\n".join([*lines, begun])
 
 
 def _rows(content: bytes, first: int = 1) -> Rows:

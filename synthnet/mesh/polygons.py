@@ -62,7 +62,7 @@ def triangles(
     >>> arrow = np.array([[0.0, 0, 0], [2, 0, 0], [1, 0.5, 0], [1, 2, 0]])
     >>> faces, clipped = triangles(arrow, np.array([1, 2, 3, 0]), np.array([4]), np.array([1]))
     >>> faces.tolist(), clipped
-    ([[0, 1, 2], [2, 3, 0]], 1)
+    ([[2, 3, 0], [1, 2, 0]], 1)
     """
     outside = (corners < 0) | (corners >= len(vertices))
     if outside.any():

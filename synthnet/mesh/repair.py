@@ -83,12 +83,16 @@ class Rules:
         Keep this component alone, by area from the largest, 0, to the smallest.
     without : tuple of str
         Names of :data:`REPAIRS` that are left out.
+    cut_fins : bool
+        Also cut where a face is alone at an edge of more than two faces, as a fin on a plate. That
+        changes the surface: nothing connects the two any more.
     """
 
     least: int = 11
     components: str = KEEP
     part: int | None = None
     without: tuple[str, ...] = ()
+    cut_fins: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +195,7 @@ def told_apart(mesh: Mesh, rules: Rules) -> Repaired:
     if "caps" not in rules.without:
         one = without_caps(one)
     if "cut" not in rules.without:
-        one = cut(one)
+        one = cut(one, fins=rules.cut_fins)
     return chosen(one, rules)
 
 
@@ -304,7 +308,10 @@ def manifold_edges(state: Repaired) -> Repaired:
     """Refuse edges of more than two faces."""
     bad = int(np.count_nonzero(MeshFacts(state.mesh).edge_valences > 2))
     if bad:
-        raise Refused("non_manifold_edge", f"{bad} edges have more than two faces")
+        raise Refused(
+            "non_manifold_edge",
+            f"{bad} edges have more than two faces, not clearly in pairs: --cut-fins may cut them",
+        )
     return state
 
 
@@ -314,10 +321,12 @@ def without_caps(state: Repaired) -> Repaired:
     return state.with_repair("flat faces", count, _compact(mesh) if count else mesh)
 
 
-def cut(state: Repaired) -> Repaired:
-    """Cut edges of more than two faces where these are clearly pairs."""
+def cut(state: Repaired, *, fins: bool) -> Repaired:
+    """Cut edges of more than two faces where these are clearly pairs, then fins if asked to."""
     mesh, count = cutting.without_edges_of_many(state.mesh)
-    return state.with_repair("cut edges", count, mesh)
+    state = state.with_repair("cut edges", count, mesh)
+    mesh, count = cutting.without_edges_of_many(mesh, loose=True) if fins else (mesh, 0)
+    return state.with_repair("edges cut from fins", count, mesh)
 
 
 def split_pinches(state: Repaired) -> Repaired:
