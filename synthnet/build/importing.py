@@ -36,6 +36,7 @@ __all__ = ["Settings", "check_name", "describe", "file_outcomes", "import_meshes
 RULES = 2  # of reading, repair and label; to be raised with any that gives a file another outcome
 FACTS = (  # parameters that are no repair
     *("file", "sha256", "part", "scale", "not_orientable", "components", "largest_share"),
+    "error_bound",
 )
 LESS = 0.5  # of the area: a largest component of less is a part of what the file shows
 
@@ -140,7 +141,8 @@ def file_outcomes(dataset: StoredDataset) -> list[dict[str, str | int]]:
         parameters = dict(sample.spec.parameters)
         repairs = {k: v for k, v in parameters.items() if k not in FACTS}
         done = [f"{count:,} {name.replace('_', ' ')}" for name, count in repairs.items()]
-        done += [_said_of_components(parameters)] * ("components" in parameters)
+        if "components" in parameters:
+            done.append(_said_of_components(parameters))
         rows[sample.spec.id] = {
             "outcome": "repaired" if repairs else "as it was",
             "what": ", ".join(done + ["not orientable"] * ("not_orientable" in parameters)),

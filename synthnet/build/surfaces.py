@@ -71,7 +71,7 @@ def import_file(
         return rejected(*source.refused)
     try:
         mesh, repairs = surface(read(source, settings, reader), settings, source.part)
-        label = label_or_rejection(spec, mesh, recipe.load(LIMITS))
+        label = label_or_rejection(spec, mesh, recipe.load(LIMITS), sharp=True)
     except UnreadableError as error:
         return rejected(UNREADABLE, str(error))
     except ChangedError as error:
@@ -84,6 +84,7 @@ def import_file(
         return rejected(filters.SOLVER, one_line(error))
     if isinstance(label, Rejection):
         return rejected(label.reason, label.detail)
+    repairs["error_bound"] = float(f"{filters.relative_error(label):.2g}")
     return Sample(
         spec=replace(spec, parameters={**spec.parameters, **repairs}),
         mesh=mesh,

@@ -159,7 +159,7 @@ def repair(mesh: Mesh, rules: Rules | None = None) -> Repaired:
     return state
 
 
-def countconnected(mesh: Mesh, rules: Rules) -> int:
+def count_components(mesh: Mesh, rules: Rules) -> int:
     """Return how many components a mesh has, as :func:`repair` numbers them.
 
     Raises

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 import threadpoolctl
+from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet import spectrum
@@ -30,6 +31,7 @@ from synthnet.types import Mesh, Sample, ShapeSpec
 VERTEX_TOLERANCE = 1e-6  # of the largest coordinate: float32 keeps 6e-8
 ISOMETRY_TOLERANCE = 1e-12  # of entries: sines differ in their last bits
 LAPY_TOLERANCE = 1e-8  # relative, stored label against LaPy's own solver
+OTHER_ROUNDING = 10  # times the bound of our matrices' rounding, for that of LaPy's
 
 
 def check_plan(
@@ -138,9 +140,10 @@ def check_label(sample: Sample) -> Iterator[str]:
     k, parts = len(sample.eigenvalues), list(isolated(sample.mesh))
     beyond = sample.certificate.count
     try:
+        sizes = [len(part.vertices) for part in parts]
         each = [
-            lapy_eigenvalues(part, min(max(k, beyond), max(len(part.vertices) - 3, 1)))
-            for part in parts
+            lapy_eigenvalues(part, min(max(k, min(beyond, n - 3)), n - 1))
+            for part, n in zip(parts, sizes, strict=True)
         ]
     except (RuntimeError, ValueError, np.linalg.LinAlgError) as error:
         yield f"{sample.spec.id}: LaPy has no answer: {one_line(error)}"
@@ -148,9 +151,10 @@ def check_label(sample: Sample) -> Iterator[str]:
     independent = np.sort(np.concatenate(each))
     # Next to zero labels are exact to a part of Weyl's k-th eigenvalue, and so is LaPy.
     least = certificate.NEAR_ZERO * 4 * np.pi * k / area(sample.mesh)
-    off = np.abs(sample.eigenvalues - independent[:k]) / np.maximum(independent[:k], least)
+    size = np.maximum(independent[:k], least)
+    off = np.abs(sample.eigenvalues - independent[:k]) / size
     apart = float(off.max())
-    if not apart <= LAPY_TOLERANCE:
+    if not apart <= LAPY_TOLERANCE and not (off <= LAPY_TOLERANCE + _rounding(sample) / size).all():
         yield f"{sample.spec.id}: label is {apart:.2g} off LaPy's, more than {LAPY_TOLERANCE:g}"
     below = len(parts) + int(np.count_nonzero(independent < sample.certificate.shift))
     if below != min(sample.certificate.count, len(independent) + len(parts)):
@@ -158,6 +162,19 @@ def check_label(sample: Sample) -> Iterator[str]:
             f"{sample.spec.id}: LaPy has {below} eigenvalues below "
             f"{sample.certificate.shift:g}, the certificate has {sample.certificate.count}"
         )
+
+
+def _rounding(sample: Sample) -> NDArray[np.float64]:
+    """Return how far rounding of the matrices may move LaPy's eigenvalues, (k,), in 1/length².
+
+    LaPy's matrices have the same entries as ours, rounded in another way; on thin triangles that
+    moves eigenvalues by more than any residual shows. Our bound is of one such rounding.
+    """
+    try:
+        bound = spectrum.compute(sample.mesh, len(sample.eigenvalues)).certificate.error_bound
+    except (SpectrumError, ValueError):
+        bound = None
+    return np.zeros(len(sample.eigenvalues)) if bound is None else OTHER_ROUNDING * bound
 
 
 def isolated(mesh: Mesh) -> Iterator[Mesh]:
