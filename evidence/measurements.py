@@ -35,6 +35,7 @@ from evidence import (
     ritz_mlp_variants,
     shapes,
     solver,
+    thin_meshes,
 )
 
 
@@ -75,6 +76,7 @@ MEASUREMENTS = {
     "ritz-mlp": Measurement(ritz_mlp_variants, "ritz-mlp"),
     "shapes": Measurement(shapes, "shapes-{version}"),
     "solver": Measurement(solver, "solver"),
+    "thin-meshes": Measurement(thin_meshes, "thin-meshes"),
 }
 # Numbers that another command writes: reports of builds, and what a picture shows.
 REPORTS = {

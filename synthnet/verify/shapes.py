@@ -31,7 +31,7 @@ from synthnet.types import Mesh, Sample, ShapeSpec
 VERTEX_TOLERANCE = 1e-6  # of the largest coordinate: float32 keeps 6e-8
 ISOMETRY_TOLERANCE = 1e-12  # of entries: sines differ in their last bits
 LAPY_TOLERANCE = 1e-8  # relative, stored label against LaPy's own solver
-OTHER_ROUNDING = 10  # times the bound of our matrices' rounding, for that of LaPy's
+OTHER_ROUNDING = 100  # times the bound of our matrices' rounding, for that of LaPy's
 
 
 def check_plan(
