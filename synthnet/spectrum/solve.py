@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from synthnet.types import Certificate, Mesh, Spectrum
 
 # Up to so many vertices, or vertices for each pair, a dense solver is as fast.
 DENSE, DENSE_FOR = 64, 6
+SIZES = 1e-50, 1e50  # of a mesh: the squares of its areas are far from the ends of float64
 
 
 # A shift inside the spectrum needs a quarter fewer steps than one below it; measured on 1.0.
@@ -88,13 +90,49 @@ def assemble(mesh: Mesh) -> Matrices:
     Raises
     ------
     ValueError
-        If a triangle has no area, or a vertex no triangle.
+        If there are no triangles, a coordinate is not finite, the size has no square in float64, a
+        triangle has no area, or a vertex no triangle.
     """
+    _check(mesh)
     unused = len(mesh.vertices) - np.count_nonzero(np.bincount(mesh.faces.ravel()))
     if unused:
         raise ValueError(f"{unused} vertices belong to no triangle: remove them first")
     vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
     return fem.assemble(vertices, np.ascontiguousarray(mesh.faces, dtype=np.int32))
+
+
+def _check(mesh: Mesh) -> None:
+    """Raise ValueError for a mesh that is empty, not finite, or of a size that overflows."""
+    points, (least, most) = mesh.vertices, SIZES
+    if not len(mesh.faces):
+        count = f"a point cloud: {len(points)} vertices and" if len(points) else "an empty mesh:"
+        raise ValueError(f"{count} no triangles")
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        what = "NaN" if np.isnan(points[bad]).any() else "infinite"
+        raise ValueError(f"{len(bad)} vertices are {what}, the first is vertex {bad[0]}")
+    size = float(np.abs(points.astype(np.float64)).max())
+    extent = float(np.ptp(points.astype(np.float64), axis=0).max())
+    if size > most or 0 < extent < least:
+        raise ValueError(
+            f"the mesh is {extent:.3g} wide and has coordinates up to {size:.3g}: scale it to "
+            f"between {least:g} and {most:g}, where areas and their squares have a float64"
+        )
+
+
+def _say_what_is_odd(mesh: Mesh) -> None:
+    """Warn of edges of more than two faces: the problem is well posed, but of no surface."""
+    tails, heads = mesh.faces.astype(np.int64), np.roll(mesh.faces, -1, axis=1).astype(np.int64)
+    keys = np.sort(
+        (np.minimum(tails, heads) * len(mesh.vertices) + np.maximum(tails, heads)).ravel()
+    )
+    many = len(np.unique(keys[2:][keys[2:] == keys[:-2]]))
+    if many:
+        warnings.warn(
+            f"{many} edges have more than two faces: eigenfunctions are those of all sheets joined "
+            "there, which is no surface; `synthnet import` cuts where sheets are clearly pairs",
+            stacklevel=3,
+        )
 
 
 def compute(mesh: Mesh, k: int = 10, *, sharp: bool = False) -> Spectrum:
@@ -136,8 +174,9 @@ def compute(mesh: Mesh, k: int = 10, *, sharp: bool = False) -> Spectrum:
     Raises
     ------
     ValueError
-        If it is no mesh, k is not between 1 and the vertices less the components, a triangle has
-        no area, or a vertex has no triangle.
+        If it is no mesh, is empty, has a vertex that is not finite or without a triangle or a
+        triangle without area, overflows, or k is not between 1 and the vertices less the
+        components.
     CertificateError
         If the stronger setting's answer cannot be certified either.
     SpectrumError
@@ -164,6 +203,7 @@ def compute(mesh: Mesh, k: int = 10, *, sharp: bool = False) -> Spectrum:
             f"compute takes a mesh, as Mesh(vertices, faces) of synthnet, got {type(mesh).__name__}"
         )
     matrices = assemble(mesh)
+    _say_what_is_odd(mesh)
     candidate, certificate, pieces = _solved(matrices, k)
     values, bounds, vectors = sharpened(mesh, matrices.lumped, candidate)
     if not sharp:
