@@ -30,6 +30,7 @@ from evidence import (
     ritz_mlp_variants,
     shapes,
     solver,
+    thin_meshes,
 )
 from synthnet.store.files import write_text
 
@@ -88,6 +89,7 @@ BLOCKS = {
     "learned/ablation": Block(("ritz-mlp",), ritz_mlp_variants.variants_table),
     "learned/left-out": Block(("ritz-mlp",), ritz_mlp_variants.left_out_table),
     "real-shapes/ablation": Block(("multilevel",), multilevel_variants.variants),
+    "real-shapes/thin": Block(("thin-meshes",), thin_meshes.table),
     "real-shapes/large": Block(("multilevel",), multilevel_variants.large_meshes),
     "start/full-runs": Block(("build-1.0", "build-2.0"), card.full_runs),
     "submit/ratios": Block(("ratios",), ratios.table),

@@ -33,6 +33,7 @@ from evidence import (
     ritz_mlp_variants,
     shapes,
     solver,
+    thin_meshes,
 )
 
 # Each module has ``measure``, which returns the numbers and whose parameters are the options of the
@@ -57,6 +58,7 @@ MEASUREMENTS = {
     "ritz-mlp": ritz_mlp_variants,
     "shapes": shapes,
     "solver": solver,
+    "thin-meshes": thin_meshes,
 }
 # The files of docs/data of those whose numbers are of a version, fixed or their option.
 FILES = {"flaws": "flaws-1.0", "folds": "folds-2.0"}

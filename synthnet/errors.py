@@ -17,6 +17,7 @@ OPTIONAL = {
     "lapy": ("LaPy", "verify"),
     "matplotlib": ("Matplotlib", "pictures"),
     "mpi4py": ("mpi4py", "mpi"),
+    "nibabel": ("NiBabel", "brain"),
     "open3d": ("Open3D", "build"),
     "s3fs": ("s3fs", "s3"),
     "safetensors": ("safetensors", "baselines"),

@@ -14,6 +14,7 @@ import numpy as np
 
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.recipe import FilterSettings
+from synthnet.spectrum.certificate import NEAR_ZERO
 from synthnet.types import Mesh, Spectrum, Topology
 
 
@@ -111,6 +112,30 @@ def residual(spectrum: Spectrum, limits: FilterSettings) -> str | None:
     if relative <= limits.residual:
         return None
     return f"relative residual is {relative:.3g}, above {limits.residual:g}"
+
+
+def relative_error(spectrum: Spectrum) -> float:
+    """Return the largest bound of an eigenvalue's error, relative to it.
+
+    Next to zero, below :data:`~synthnet.spectrum.certificate.NEAR_ZERO` of Weyl's k-th eigenvalue,
+    it is relative to that; the k-th is taken for Weyl's where the area is not known.
+    """
+    bounds = spectrum.certificate.error_bound
+    if bounds is None:
+        return np.inf
+    values = spectrum.eigenvalues
+    return float(np.max(bounds / np.maximum(values, NEAR_ZERO * values[-1])))
+
+
+def check_error(spectrum: Spectrum, limits: FilterSettings) -> tuple[str, str] | None:
+    """Return name and finding if an eigenvalue may be further off than a residual may be."""
+    error = relative_error(spectrum)
+    if error <= limits.residual:
+        return None
+    return CERTIFICATE, (
+        f"rounding on thin triangles may move an eigenvalue by {error:.2g} of it, more than "
+        f"{limits.residual:g}"
+    )
 
 
 MESH_CHECKS: dict[str, Callable[[MeshFacts, FilterSettings, Topology], str | None]] = {

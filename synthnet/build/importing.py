@@ -10,20 +10,22 @@ import os
 import re
 import socket
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from synthnet import recipe, store
 from synthnet.build import jobs
 from synthnet.build.jobs import BuildReport, Job, Options, Task, Watcher
 from synthnet.build.sources import FilePlan, plan_files
-from synthnet.build.surfaces import LIMITS, Settings, import_file
+from synthnet.build.surfaces import LIMITS, Settings, count_parts, import_file
 from synthnet.build.terms import SHARDS, made_with, terms_of
 from synthnet.build.workers import Engine
 from synthnet.errors import BuildError, MeshImportError, StoreError
 from synthnet.mesh.reading import Reader
+from synthnet.mesh.repair import SPLIT
 from synthnet.recipe import Kind
 from synthnet.store import ImportDescription, StoredDataset, files, limits
 from synthnet.store.storage import Location
@@ -31,8 +33,12 @@ from synthnet.types import Manifest, ShardRecord
 
 __all__ = ["Settings", "check_name", "describe", "file_outcomes", "import_meshes", "make_shard"]
 
-RULES = 1  # of reading and repair; to be raised with any that gives a file another outcome
-FACTS = ("file", "sha256", "scale", "not_orientable")  # parameters that are no repair
+RULES = 2  # of reading, repair and label; to be raised with any that gives a file another outcome
+FACTS = (  # parameters that are no repair
+    *("file", "sha256", "part", "scale", "not_orientable", "components", "largest_share"),
+    "error_bound",
+)
+LESS = 0.5  # of the area: a largest component of less is a part of what the file shows
 
 
 def import_meshes(
@@ -46,14 +52,15 @@ def import_meshes(
     watcher: Watcher | None = None,
     wait_for_lock: bool = False,
 ) -> BuildReport:
-    """Make a dataset of all OBJ, OFF, PLY and STL files in some directories.
+    """Make a dataset of mesh files.
 
     What is finished of an interrupted import is kept, as long as no file has changed.
 
     Parameters
     ----------
     directories : sequence of Path
-        They are searched with all directories below them; the name of each is a family's.
+        They are searched with all directories below them; the name of each is a family's. Or
+        single files, each of the family that its directory's name is.
     name : str
         Of the dataset: its directory under ``root``.
     settings : Settings, optional
@@ -81,7 +88,7 @@ def import_meshes(
     check_name(name)
     directory = store.dataset_directory(name, root)
     _check_sources(directories, directory)
-    plans = plan_files(directories, settings.split)
+    plans = _plans(directories, settings)
     description = describe(plans, settings)
     digest = description.digest
     _check_directory(directory)
@@ -105,6 +112,15 @@ def import_meshes(
     return jobs.run(task, options, preload=__name__)
 
 
+def _plans(directories: Sequence[Path], settings: Settings) -> list[FilePlan]:
+    """Return the shards; where each component is a shape, the files are read for that."""
+    if settings.components != SPLIT:
+        return plan_files(directories, settings.split)
+    with Reader() as reader:
+        parts = partial(count_parts, settings=settings, reader=reader)
+        return plan_files(directories, settings.split, parts)
+
+
 def describe(plans: Sequence[FilePlan], settings: Settings) -> ImportDescription:
     """Return all that the shards depend on, for the manifest."""
     listed = {
@@ -113,17 +129,20 @@ def describe(plans: Sequence[FilePlan], settings: Settings) -> ImportDescription
         for plan in plans
         for shape, source in zip(plan.shard.shapes, plan.sources, strict=True)
     }
-    return ImportDescription(asdict(settings), LIMITS, RULES, listed)
+    options = {**asdict(settings), "without": sorted(settings.without)}
+    return ImportDescription(options, LIMITS, RULES, listed)
 
 
 def file_outcomes(dataset: StoredDataset) -> list[dict[str, str | int]]:
-    """Return a row for each file: its id, name, what was repaired or why it was refused."""
+    """Return a row for each shape: its id, file, what was repaired or why it was refused."""
     listed = store.description_of(dataset.manifest).files
     rows: dict[str, dict[str, str | int]] = {}
     for sample in dataset.samples():
         parameters = dict(sample.spec.parameters)
         repairs = {k: v for k, v in parameters.items() if k not in FACTS}
         done = [f"{count:,} {name.replace('_', ' ')}" for name, count in repairs.items()]
+        if "components" in parameters:
+            done.append(_said_of_components(parameters))
         rows[sample.spec.id] = {
             "outcome": "repaired" if repairs else "as it was",
             "what": ", ".join(done + ["not orientable"] * ("not_orientable" in parameters)),
@@ -134,6 +153,19 @@ def file_outcomes(dataset: StoredDataset) -> list[dict[str, str | int]]:
         detail = refused.detail.removeprefix(f"{listed[refused.id]['file']}: ")
         rows[refused.id] = {"outcome": "rejected", "what": f"{refused.reason}: {detail}"}
     return [{"id": id, "file": listed[id]["file"], **rows[id]} for id in listed]
+
+
+def _said_of_components(parameters: Mapping[str, Any]) -> str:
+    share = f"{parameters['components']:,} components, the largest has "
+    share += f"{parameters['largest_share']:.1%} of the area"
+    return share + (f"; this is part {parameters['part']}" if "part" in parameters else "")
+
+
+def small_parts(dataset: StoredDataset) -> list[str]:
+    """Return the files whose largest component has less than :data:`LESS` of the area."""
+    parameters = [sample.spec.parameters for sample in dataset.samples()]
+    small = [p for p in parameters if float(p.get("largest_share", 1)) < LESS]
+    return sorted({str(p["file"]) for p in small})
 
 
 # What must hold before
@@ -151,8 +183,8 @@ def _check_sources(directories: Sequence[Path], target: Location) -> None:
     """Raise MeshImportError unless the directories are there, apart, and not the dataset's."""
     seen: dict[Path, Path] = {}
     for directory in directories:
-        if not directory.is_dir():
-            raise MeshImportError(f"{directory} is no directory")
+        if not directory.exists():
+            raise MeshImportError(f"{directory} is not there")
         resolved = directory.resolve()
         for other, given in seen.items():
             if _overlap(resolved, other):

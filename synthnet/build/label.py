@@ -40,14 +40,26 @@ def make_sample(shape: PlannedShape, recipe: Recipe) -> Sample | Rejection:
     )
 
 
-def label_or_rejection(spec: ShapeSpec, mesh: Mesh, recipe: Recipe) -> Spectrum | Rejection:
-    """Return the certified spectrum of a mesh, or why there is none within a recipe's limits."""
+def label_or_rejection(
+    spec: ShapeSpec, mesh: Mesh, recipe: Recipe, *, sharp: bool = False
+) -> Spectrum | Rejection:
+    """Return the certified spectrum of a mesh, or why there is none within a recipe's limits.
+
+    Parameters
+    ----------
+    spec, mesh, recipe
+        The shape, its mesh as it is stored, and the recipe that has the limits.
+    sharp : bool
+        As for :func:`synthnet.spectrum.compute`; and the bound of the error keeps the limit of the
+        residual too. The drawn versions have neither: their labels are frozen.
+    """
     try:
-        label = spectrum.compute(mesh, recipe.label.eigenvalues)
+        label = spectrum.compute(mesh, recipe.label.eigenvalues, sharp=sharp)
     except CertificateError as error:
         return Rejection(spec.id, spec.family, filters.CERTIFICATE, str(error))
     except SpectrumError as error:
         return Rejection(spec.id, spec.family, filters.SOLVER, str(error))
-    if refused := filters.check_spectrum(label, recipe.filters):
-        return Rejection(spec.id, spec.family, *refused)
-    return label
+    refused = filters.check_spectrum(label, recipe.filters)
+    if refused is None and sharp:
+        refused = filters.check_error(label, recipe.filters)
+    return label if refused is None else Rejection(spec.id, spec.family, *refused)

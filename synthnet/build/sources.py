@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from synthnet.build.terms import SHARDS
 from synthnet.errors import MeshImportError
-from synthnet.mesh.formats import SUFFIXES
+from synthnet.mesh.formats import SUFFIXES, kind_of
 from synthnet.recipe import SplitSettings, splits
 from synthnet.recipe.plan import PlannedShape, ShardPlan
 from synthnet.store import files
@@ -38,6 +38,8 @@ class Source:
         Of its bytes; empty if it is refused.
     refused : tuple of str
         Reason and detail, if it is not to be read at all.
+    part : int, optional
+        The component that is meant, if each is a shape, by area from the largest, 0.
     """
 
     path: Path
@@ -45,21 +47,33 @@ class Source:
     size: int = 0
     sha256: str = ""
     refused: tuple[str, str] | None = None
+    part: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class FilePlan:
-    """A shard to be made, the file of each of its shapes, and the directory that has them."""
+    """A shard to be made, the source of each of its shapes, and the directory that has them."""
 
     shard: ShardPlan
     sources: tuple[Source, ...]
     directory: Path
 
 
-def plan_files(directories: Sequence[Path], split: str) -> list[FilePlan]:
+def plan_files(
+    places: Sequence[Path], split: str, parts: Callable[[Source], int] | None = None
+) -> list[FilePlan]:
     """Return the shards: the files of each directory in order of their path.
 
     The split and the group of a file depend on its bytes alone, so copies are never apart.
+
+    Parameters
+    ----------
+    places : sequence of Path
+        Directories, and single files.
+    split : str
+        As for :func:`split_of`.
+    parts : callable, optional
+        Says how many shapes a file is, one for each of its components.
 
     Raises
     ------
@@ -67,8 +81,7 @@ def plan_files(directories: Sequence[Path], split: str) -> list[FilePlan]:
         If a directory has no mesh file, or two of them would be the same family.
     """
     plans, seen = list[FilePlan](), dict[str, Path]()
-    for directory in (path.resolve() for path in directories):  # a worker may be elsewhere
-        paths = list(_mesh_files(directory))
+    for directory, paths in _by_directory(places).items():
         if not paths:
             raise MeshImportError(f"{directory} has no {', '.join(SUFFIXES)} file")
         family = family_of(directory)
@@ -78,12 +91,43 @@ def plan_files(directories: Sequence[Path], split: str) -> list[FilePlan]:
             )
         seen[family] = directory
         sources = [_source(directory, path, error) for path, error in sorted(paths)]
+        if parts is not None:
+            sources = [part for source in sources for part in _parts(source, parts)]
         shapes = [_planned(family, i, source, split) for i, source in enumerate(sources)]
         for number, (first, last) in enumerate(_chunks([source.size for source in sources])):
             file = f"{SHARDS}/{family}-{number:04d}.parquet"
             shard = ShardPlan(file, family, tuple(shapes[first:last]))
             plans.append(FilePlan(shard, tuple(sources[first:last]), directory))
     return plans
+
+
+def _by_directory(places: Sequence[Path]) -> dict[Path, list[tuple[Path, str]]]:
+    """Return the files of each directory, absolute, and why those that cannot be opened cannot.
+
+    A file that is given by itself belongs to the directory that it is in.
+    """
+    found = dict[Path, list[tuple[Path, str]]]()
+    for place in places:
+        path = place.absolute()  # a worker may be elsewhere
+        if path.is_file():
+            if kind_of(path.name) is None:
+                raise MeshImportError(f"{place} is none of {', '.join(SUFFIXES)}")
+            found.setdefault(path.parent.resolve(), []).append(
+                (path.parent.resolve() / path.name, "")
+            )
+        else:
+            directory = path.resolve()
+            found.setdefault(directory, []).extend(_mesh_files(directory))
+    return found
+
+
+def _parts(source: Source, parts: Callable[[Source], int]) -> Iterator[Source]:
+    """Yield a source for each component of a file, or the file itself if it has but one."""
+    count = 1 if source.refused is not None else parts(source)
+    if count == 1:
+        yield source
+    else:
+        yield from (replace(source, part=part) for part in range(count))
 
 
 def family_of(directory: Path) -> str:
@@ -102,7 +146,7 @@ def _mesh_files(directory: Path) -> Iterator[tuple[Path, str]]:
     errors: list[OSError] = []
     for folder, _, names in os.walk(directory, onerror=errors.append):
         for name in names:
-            if Path(name).suffix.lower() in SUFFIXES:
+            if kind_of(name) is not None:
                 yield Path(folder, name), ""
     for error in errors:
         yield Path(error.filename), f"cannot be opened ({error.strerror})"
@@ -137,7 +181,9 @@ def _chunks(sizes: Sequence[int]) -> Iterator[tuple[int, int]]:
 
 
 def _planned(family: str, index: int, source: Source, rule: str) -> PlannedShape:
-    parameters = {"file": source.name, "sha256": source.sha256}
+    parameters: dict[str, float | int | str] = {"file": source.name, "sha256": source.sha256}
+    if source.part is not None:
+        parameters["part"] = source.part
     spec = ShapeSpec(f"{family}-{index:05d}", family, index, parameters, source.sha256[:16])
     split = split_of(source.sha256, rule)
     return PlannedShape(spec, split, (split,))

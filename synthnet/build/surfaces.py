@@ -10,8 +10,8 @@ from synthnet import recipe
 from synthnet.build import filters
 from synthnet.build.label import label_or_rejection
 from synthnet.build.sources import UNREADABLE, Source
-from synthnet.mesh import repair
-from synthnet.mesh.formats import UnreadableError
+from synthnet.mesh import caps, repair
+from synthnet.mesh.formats import Triangles, UnreadableError
 from synthnet.mesh.reading import ChangedError, Reader
 from synthnet.recipe.plan import PlannedShape
 from synthnet.store.files import one_line
@@ -29,17 +29,31 @@ class Settings:
     ----------
     unit_area : bool
         Scale every surface to area 1; its parameter ``scale`` is the factor of lengths.
-    keep_largest : bool
-        Of several components keep the largest by area, instead of refusing the file.
+    components : str
+        Of several components ``keep`` all as one shape, keep the ``largest`` by area alone, or
+        ``split``: make a shape of each.
     split : str
         ``test``: all of them are test shapes. ``hash``: 70, 20 and 10 % by the hash of the file.
+    without : tuple of str
+        Repairs that are left out, of :data:`synthnet.mesh.repair.REPAIRS`.
+    cut_fins : bool
+        Also cut where a face is alone at an edge of more than two faces, which changes the surface.
     """
 
     unit_area: bool = False
-    keep_largest: bool = False
+    components: str = repair.KEEP
     split: str = "test"
+    without: tuple[str, ...] = ()
+    cut_fins: bool = False
 
     def __post_init__(self) -> None:
+        if self.components not in repair.COMPONENTS:
+            names = ", ".join(repair.COMPONENTS)
+            raise ValueError(f"components must be one of {names}, got {self.components!r}")
+        for name in self.without:
+            if name not in repair.REPAIRS:
+                known = ", ".join(repair.REPAIRS)
+                raise ValueError(f"without must be of {known}, got {name!r}")
         if self.split not in ("test", "hash"):
             raise ValueError(f"split must be test or hash, got {self.split!r}")
 
@@ -56,8 +70,8 @@ def import_file(
     if source.refused is not None:
         return rejected(*source.refused)
     try:
-        mesh, repairs = surface(reader.read(source.path, source.sha256), settings)
-        label = label_or_rejection(spec, mesh, recipe.load(LIMITS))
+        mesh, repairs = surface(read(source, settings, reader), settings, source.part)
+        label = label_or_rejection(spec, mesh, recipe.load(LIMITS), sharp=True)
     except UnreadableError as error:
         return rejected(UNREADABLE, str(error))
     except ChangedError as error:
@@ -70,6 +84,7 @@ def import_file(
         return rejected(filters.SOLVER, one_line(error))
     if isinstance(label, Rejection):
         return rejected(label.reason, label.detail)
+    repairs["error_bound"] = float(f"{filters.relative_error(label):.2g}")
     return Sample(
         spec=replace(spec, parameters={**spec.parameters, **repairs}),
         mesh=mesh,
@@ -82,7 +97,32 @@ def import_file(
     )
 
 
-def surface(read: Mesh, settings: Settings) -> tuple[Mesh, dict[str, float | int]]:
+def read(source: Source, settings: Settings, reader: Reader) -> Triangles:
+    """Return the triangles of a file.
+
+    Raises
+    ------
+    UnreadableError
+        If it cannot be read, or has polygons that are not convex and these are not to be cut.
+    """
+    found = reader.triangles(source.path, source.sha256)
+    if found.clipped and "polygons" in settings.without:
+        raise UnreadableError(f"{found.clipped:,} polygons that are not convex")
+    return found
+
+
+def count_parts(source: Source, settings: Settings, reader: Reader) -> int:
+    """Return how many shapes the components of a file are; 1 if it will be rejected."""
+    try:
+        found = read(source, settings, reader)
+        return repair.count_components(Mesh(found.vertices, found.faces), _rules(settings, None))
+    except (UnreadableError, ChangedError, repair.Refused):
+        return 1
+
+
+def surface(
+    read: Triangles, settings: Settings, part: int | None = None
+) -> tuple[Mesh, dict[str, float | int]]:
     """Return the surface at the precision of the store, and what was done to the triangles.
 
     It is centred, so that float32 loses nothing far from the origin.
@@ -92,14 +132,32 @@ def surface(read: Mesh, settings: Settings) -> tuple[Mesh, dict[str, float | int
     Refused
         If it cannot be repaired, or float32 makes a triangle degenerate.
     """
-    done = repair.repair(read, keep_largest=settings.keep_largest)
-    facts: dict[str, float | int] = {k.replace(" ", "_"): v for k, v in done.repairs.items()}
-    if not done.orientable:
-        facts["not_orientable"] = 1
-    mesh = repair.centred(done.mesh)
+    rules = _rules(settings, part)
+    done = repair.repair(Mesh(read.vertices, read.faces), rules)
+    repairs = {"clipped polygons": read.clipped} if read.clipped else {}
+    mesh, scale = repair.centred(done.mesh), 1.0
     if settings.unit_area:
-        mesh, facts["scale"] = repair.unit_area(mesh)
+        mesh, scale = repair.unit_area(mesh)
     stored = mesh.stored()
+    if repair.flat_faces(stored) and "caps" not in rules.without:
+        stored, count = caps.without_caps(stored)
+        repairs["faces that float32 makes flat"] = count
+        stored = stored.stored()
     if flat := repair.flat_faces(stored):
         raise repair.Refused("degenerate_face", f"{flat} faces have no area in float32")
+    repairs |= done.repairs
+    facts: dict[str, float | int] = {k.replace(" ", "_"): v for k, v in repairs.items()}
+    if not done.orientable:
+        facts["not_orientable"] = 1
+    if len(done.shares) > 1:
+        facts |= {"components": len(done.shares), "largest_share": round(float(done.shares[0]), 6)}
+    if settings.unit_area:
+        facts["scale"] = scale
     return stored, facts
+
+
+def _rules(settings: Settings, part: int | None) -> repair.Rules:
+    kept = repair.KEEP if settings.components == repair.SPLIT else settings.components
+    return repair.Rules(
+        components=kept, part=part, without=settings.without, cut_fins=settings.cut_fins
+    )

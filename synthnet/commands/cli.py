@@ -1,4 +1,4 @@
-"""The command line: ``synthnet versions | build | import | seal | info | verify | ...``."""
+"""The command line: ``synthnet versions | build | import | info | verify | spectrum | ...``."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from synthnet.commands import (
     info,
     seal,
     show,
+    spectra,
     verify,
     versions,
 )
@@ -21,7 +22,7 @@ from synthnet.errors import SynthNetError
 from synthnet.terminal import Parser
 from synthnet.version import __version__
 
-COMMANDS = (versions, build, imports, seal, info, verify, show, gallery, croissant)
+COMMANDS = (versions, build, imports, seal, info, verify, show, gallery, spectra, croissant)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -38,7 +39,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="synthnet",
         description="Build and inspect synthNet: triangle meshes labelled with the first "
-        "ten eigenvalues of their Laplace-Beltrami operator.",
+        "ten eigenvalues of their Laplace-Beltrami operator; and compute those of your own.",
         epilog="example: synthnet build 1.0-mini",
     )
     parser.add_argument("--version", action="version", version=f"synthnet {__version__}")

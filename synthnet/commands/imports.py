@@ -11,6 +11,7 @@ from tabulate import tabulate
 
 from synthnet.commands.options import add_command, print_json, workers_options
 from synthnet.commands.report import FamilyBars, summary
+from synthnet.mesh.repair import COMPONENTS, KEEP, LARGEST, REPAIRS, SPLIT
 from synthnet.terminal import WRONG_INPUT, Commands
 
 
@@ -28,15 +29,40 @@ def add(commands: Commands) -> None:
         "directory",
         type=Path,
         nargs="+",
-        metavar="DIR",
-        help="directory with OBJ, OFF, PLY or STL files",
+        metavar="PATH",
+        help="directory with mesh files, or one of them: OBJ, OFF, PLY, STL, GIfTI, FreeSurfer, "
+        "also with .gz",
     )
     sub.add_argument("--name", required=True, metavar="NAME", help="name of the dataset")
     sub.add_argument("--unit-area", action="store_true", help="scale every surface to area 1")
     sub.add_argument(
+        "--components",
+        choices=COMPONENTS,
+        default=KEEP,
+        help="of several components keep all as one shape, keep the largest by area alone, or "
+        "split: a shape of each (default: %(default)s)",
+    )
+    sub.add_argument(
         "--keep-largest",
+        dest="components",
+        action="store_const",
+        const=LARGEST,
+        help="the same as --components largest",
+    )
+    sub.add_argument(
+        "--without",
+        nargs="+",
+        choices=REPAIRS,
+        default=[],
+        metavar="REPAIR",
+        help="leave out repairs, and refuse what needs them: "
+        + "; ".join(f"{name} ({what})" for name, what in REPAIRS.items()),
+    )
+    sub.add_argument(
+        "--cut-fins",
         action="store_true",
-        help="keep the largest of several components, instead of refusing the file",
+        help="also cut edges of more than two faces that are not in pairs, as a fin on a plate; "
+        "nothing connects these any more",
     )
     sub.add_argument(
         "--split",
@@ -50,14 +76,14 @@ def add(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Import the files, and say what became of each."""
-    from synthnet.build.importing import Settings, file_outcomes, import_meshes
+    from synthnet.build.importing import Settings, file_outcomes, import_meshes, small_parts
 
     bars = FamilyBars()
     with bars.progress:
         report = import_meshes(
             options.directory,
             options.name,
-            Settings(options.unit_area, options.keep_largest, options.split),
+            Settings(options.unit_area, options.components, options.split, tuple(options.without)),
             root=options.out,
             workers=options.workers,
             watcher=bars,
@@ -67,16 +93,25 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print_json({**summary(report.dataset.manifest, report), "files": rows})
     else:
-        notable = [row for row in rows if row["what"]]
-        if notable:
-            widths = [None, None, None, 60]
-            print(tabulate(notable, headers="keys", maxcolwidths=widths, intfmt=","))
+        print(tabulate(rows, headers="keys", maxcolwidths=[None, None, None, 60], intfmt=","))
         counts = Counter(row["outcome"] for row in rows)
         totals = ", ".join(f"{count:,} {outcome}" for outcome, count in counts.items())
         print(f"\n{len(rows):,} files: {totals}: {report.dataset.directory}")
         if report.nothing_to_do:
             print("(imported already: nothing to do)")
+    if options.components != SPLIT and (parts := small_parts(report.dataset)):
+        print(_warned(parts, options.components), file=sys.stderr)
     if not report.dataset.manifest.rows:
         print("synthnet: no file became a shape: the table says why", file=sys.stderr)
         return WRONG_INPUT
     return 0
+
+
+def _warned(files: list[str], components: str) -> str:
+    """Return the line that warns of files whose largest component is less than half of them."""
+    some = ", ".join(files[:3]) + (", ..." if len(files) > 3 else "")
+    of = "all their components together" if components == KEEP else "the largest alone"
+    return (
+        f"synthnet: warning: in {len(files):,} of the files ({some}) the largest component has "
+        f"less than half of the area; labels are of {of}: see --components"
+    )

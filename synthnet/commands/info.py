@@ -17,7 +17,9 @@ from synthnet.types import SPLITS
 def add(commands: Commands) -> None:
     """Add the command."""
     sub = add_command(commands, "info", run, "say what a built version holds", "1.0-small")
-    sub.add_argument("--ids", action="store_true", help="list the ids of its shapes")
+    sub.add_argument(
+        "--ids", action="store_true", help="list the ids of its shapes, and the files of an import"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -29,7 +31,8 @@ def run(options: argparse.Namespace) -> int:
         if options.json:
             print_json(ids)
         else:
-            print("\n".join(ids))
+            files = dataset.files()
+            print("\n".join(f"{id}  {files[id]}" if id in files else id for id in ids))
         return 0
     surfaces = _count_limits(dataset)
     if options.json:

@@ -24,8 +24,12 @@ def add(commands: Commands) -> None:
     """Add the command."""
     example = "torus-00012 --png torus.png"
     sub = add_command(commands, "show", run, "show one shape", example, positional=False)
-    shape = sub.add_argument("id", metavar="ID", help="id of the shape, for example cone-00042")
-    complete_with(shape, lambda options: store.open_dataset(options.version, options.out).ids())
+    shape = sub.add_argument(
+        "id",
+        metavar="ID",
+        help="id of the shape, for example cone-00042; of an import, or its file",
+    )
+    complete_with(shape, _names)
     sub.add_argument(
         "--png",
         type=Path,
@@ -42,11 +46,18 @@ def add(commands: Commands) -> None:
     sub.add_argument("--edges", action="store_true", help="draw the edges of the triangles")
 
 
+def _names(options: argparse.Namespace) -> list[str]:
+    """Return the ids of a dataset's shapes, and their files if it was imported."""
+    dataset = store.open_dataset(options.version, options.out)
+    ids, files = dataset.ids(), dataset.files()
+    return ids + [files[id] for id in ids if id in files]
+
+
 def run(options: argparse.Namespace) -> int:
     """Say what one shape is, and draw it if asked to."""
     dataset = store.open_dataset(options.version, options.out)
     sample = dataset.find(options.id)
-    limit = limits.find(dataset, options.id)
+    limit = limits.find(dataset, sample.spec.id)
     facts = MeshFacts(sample.mesh)
     if options.png is not None:
         from synthnet.pictures.draw import check_name, draw_sample

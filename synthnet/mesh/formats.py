@@ -1,4 +1,4 @@
-"""The triangles of OBJ, OFF, PLY and STL files, from their bytes.
+"""The triangles of OBJ, OFF, PLY, STL, GIfTI and FreeSurfer files, from their bytes.
 
 A file is read as it stands or refused, with the line if it is text. What its header declares, or
 its own brackets (``facet`` and ``endfacet``), must all be there: a file that was cut off is no
@@ -6,27 +6,35 @@ smaller mesh. Only OBJ declares nothing, so of an OBJ file a cut between two lin
 nor can one within the digits of the very last number of any text. Colours, normals, texture
 coordinates, materials and groups are passed over, and no other file is opened.
 
-Polygons are cut into fans of triangles around their first corner. Where these do not all face one
-way, or one has no area, the file is refused: another cut would be a guess.
+These readers are our own because others forgive: they drop lines and faces that they do not
+understand, and read what is left of a file that was cut off. GIfTI is XML with a table of arrays,
+which nibabel reads whole or not at all.
+
+Polygons are cut into triangles by :mod:`synthnet.mesh.polygons`.
 """
 
 from __future__ import annotations
 
 import codecs
+import gzip
 import io
 import re
+import zlib
 from array import array
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, Literal, TypeAlias
+from xml.parsers.expat import ExpatError
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.errors import SynthNetError
+from synthnet.errors import SynthNetError, needed_by
+from synthnet.mesh import polygons
+from synthnet.mesh.polygons import PolygonError
 
-Triangles: TypeAlias = tuple[NDArray[np.float64], NDArray[np.int64]]
 Rows: TypeAlias = Iterator[tuple[int, list[bytes]]]
+Lists: TypeAlias = tuple[NDArray[Any], NDArray[np.int64]]  # values in a row, how many of each
 
 # What OBJ has beside v and f (Wavefront, Advanced Visualizer, appendix B1); an unknown word may be
 # a v or f that was damaged. Not here: call and csh, which would read other files.
@@ -43,11 +51,25 @@ PLY_KINDS = {
 PLY_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 PLY_INDICES = ("vertex_indices", "vertex_index")
 STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+FREESURFER = (".orig", ".white", ".pial", ".inflated", ".smoothwm", ".sphere", ".midthickness")
+GZIP = ".gz"
 STL_HEADER = 84  # bytes: 80 of text, 4 of the number of faces
 
 
 class UnreadableError(SynthNetError):
     """A file that is no mesh, or that cannot be read within the limits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Triangles:
+    """What a file holds: vertices (n, 3), float64, and faces (m, 3), int64.
+
+    ``clipped`` is the number of polygons that are not convex, of which ears were cut.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    clipped: int = 0
 
 
 @dataclass(slots=True)
@@ -70,21 +92,21 @@ class Polygons:
         self.lines.append(line)
 
     def triangles(self, positions: array[float]) -> Triangles:
-        """Return vertices of shape (n, 3), and fans of the polygons of shape (m, 3)."""
+        """Return the vertices, and the triangles of the polygons."""
         vertices = np.array(positions, np.float64).reshape(-1, 3)
         corners, sizes = np.array(self.corners, np.int64), np.array(self.sizes, np.int64)
-        return vertices, fans(vertices, corners, sizes, np.array(self.lines, np.int64))
+        return _cut(vertices, corners, sizes, np.array(self.lines, np.int64))
 
 
 def read(content: bytes, suffix: str) -> Triangles:
-    r"""Return the vertices (n, 3), float64, and triangles (m, 3), int64, of a file.
+    r"""Return the triangles of a file.
 
     Parameters
     ----------
     content : bytes
         The file.
     suffix : str
-        What it is: a key of :data:`READERS`.
+        What it is: a key of :data:`READERS`, and ``.gz`` after it if it is compressed.
 
     Raises
     ------
@@ -93,22 +115,55 @@ def read(content: bytes, suffix: str) -> Triangles:
 
     Examples
     --------
-    >>> vertices, faces = read(b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf -4 -3 -2 -1", ".obj")
-    >>> faces.tolist()
+    >>> found = read(b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf -4 -3 -2 -1", ".obj")
+    >>> found.faces.tolist()
     [[0, 1, 2], [0, 2, 3]]
     """
-    vertices, faces = READERS[suffix](content)
-    if not len(faces):
-        raise UnreadableError("it holds no triangles, or is cut off")
-    return vertices, faces
+    if suffix.endswith(GZIP):
+        content, suffix = _decompressed(content), suffix.removesuffix(GZIP)
+    if not content.strip():
+        raise UnreadableError("the file is empty")
+    found = READERS[suffix](content)
+    if not len(found.faces):
+        raise _without_faces(len(found.vertices))
+    return found
+
+
+def kind_of(name: str) -> str | None:
+    """Return what a file of this name is, as :func:`read` wants it, or None if it is no mesh.
+
+    Examples
+    --------
+    >>> kind_of("Bunny.PLY.gz"), kind_of("lh.pial"), kind_of("paper.pdf")
+    ('.ply.gz', '.pial', None)
+    """
+    lower = name.lower()
+    zipped = GZIP if lower.endswith(GZIP) else ""
+    stem, dot, suffix = lower.removesuffix(zipped).rpartition(".")
+    suffix = dot + suffix
+    if suffix in FREESURFER and not re.fullmatch(r"(.*\.)?[lr]h", stem):
+        return None
+    return suffix + zipped if suffix in READERS else None
+
+
+def _without_faces(count: int) -> UnreadableError:
+    """Return the error for a file of vertices alone."""
+    return UnreadableError(
+        f"a point cloud: {count:,} points and no faces, or cut off" if count else "an empty mesh"
+    )
+
+
+def _decompressed(content: bytes) -> bytes:
+    try:
+        return gzip.decompress(content)
+    except (OSError, EOFError, zlib.error) as error:
+        raise UnreadableError(f"cut off or no gzip file ({error})") from error
 
 
 def read_obj(content: bytes) -> Triangles:
     """Read the lines ``v`` and ``f`` of an OBJ file; all others are passed over."""
     positions, polygons = array("d"), Polygons()
-    for line, words in _rows(content):
-        if words[-1].endswith(b"\\"):
-            raise UnreadableError(f"line {line}: it goes on in the next line (\\): join the two")
+    for line, words in _rows(_continued(content)):
         if words[0] == b"v":
             positions.extend(_position(words[1:4], line))
         elif words[0] == b"f":
@@ -164,7 +219,7 @@ class Element:
 
 
 def read_ply(content: bytes) -> Triangles:
-    """Read a PLY file, ASCII or binary; in a binary one all polygons have as many corners."""
+    """Read a PLY file, ASCII or binary."""
     end = content.find(b"end_header")
     start = content.find(b"\n", end) + 1
     if not content.startswith(b"ply") or end < 0 or not start:
@@ -207,6 +262,11 @@ def _ply_header(lines: Sequence[bytes]) -> tuple[str, list[Element]]:
         )
     if any(known["vertex"].get(axis, ("", "list"))[1] for axis in "xyz"):
         raise UnreadableError("its header has no properties x, y and z of the vertices")
+    if not known.get("face") and "tristrips" not in known:
+        (count,) = (element.count for element in elements if element.name == "vertex")
+        raise _without_faces(count)
+    if "tristrips" in known:
+        raise UnreadableError("its faces are strips (tristrips): save triangles")
     if sum(lists) != 1:
         raise UnreadableError("its header has no faces with one list vertex_indices")
     kind, length = known["face"][PLY_INDICES[lists.index(True)]]
@@ -244,43 +304,42 @@ def _ply_text(rows: Rows, elements: Sequence[Element]) -> Triangles:
 
 
 def _ply_binary(body: memoryview, elements: Sequence[Element], order: str) -> Triangles:
-    at, columns = 0, dict[str, NDArray[np.void]]()
+    at, found = 0, dict[str, Lists]()
     for element in elements:
-        rows = _ply_rows(body[at:], element, order)
-        if len(rows) < element.count:
+        there, size, lists = _ply_rows(body[at:], element, order)
+        if there < element.count:
             raise UnreadableError(
-                f"cut off: {len(rows):,} of {element.count:,} {element.plural}, as its header has"
+                f"cut off: {there:,} of {element.count:,} {element.plural}, as its header has"
             )
-        at += rows.nbytes
-        columns[element.name] = rows
+        at += size
+        found |= {f"{element.name}.{name}": values for name, values in lists.items()}
     if at != len(body):
         raise UnreadableError(f"{len(body) - at:,} bytes more than its header declares")
-    xyz = columns["vertex"]
-    vertices = np.stack([xyz[axis].astype(np.float64) for axis in "xyz"], axis=1)
-    faces = columns["face"]
-    if not len(faces):
-        return vertices, np.zeros((0, 3), np.int64)
-    names = faces.dtype.names or ()
-    corners = faces[next(name for name in PLY_INDICES if name in names)].astype(np.int64)
-    m, size = corners.shape
-    if size < 3:
-        raise UnreadableError(f"faces of {size} corners")
-    numbers = np.arange(1, m + 1)
-    return vertices, fans(vertices, corners.ravel(), np.full(m, size), numbers, "face")
+    vertices = np.stack([found[f"vertex.{axis}"][0].astype(np.float64) for axis in "xyz"], axis=1)
+    name = next(name for name in PLY_INDICES if f"face.{name}" in found)
+    corners, sizes = found[f"face.{name}"]
+    if len(sizes) and sizes.min() < 3:
+        number = int(sizes.argmin())
+        raise UnreadableError(f"face {number + 1}: a face of {sizes[number]} corners")
+    numbers = np.arange(1, len(sizes) + 1)
+    return _cut(vertices, corners.astype(np.int64), sizes.astype(np.int64), numbers, "face")
 
 
-def _ply_rows(body: memoryview, element: Element, order: str) -> NDArray[np.void]:
-    """Return the rows of an element that are there, at most as many as were declared."""
+def _ply_rows(body: memoryview, element: Element, order: str) -> tuple[int, int, dict[str, Lists]]:
+    """Return how many rows of an element are there, their bytes, and each property's values.
+
+    The values of a list stand in a row, with how many there are in each list.
+    """
     fields = list[tuple[str, str, tuple[int, ...]]]()
     sizes = dict[str, int]()
     for name, (kind, length) in element.properties.items():
         if length is None:
             fields.append((name, order + kind, ()))
             continue
-        here = np.dtype(fields).itemsize  # of the first row, whose lists set the length of all
+        here = np.dtype(fields).itemsize  # of the first row, whose lists have the length of most
         first = body[here : here + np.dtype(length).itemsize]
         if element.count and len(first) < np.dtype(length).itemsize:
-            return np.zeros(0, np.dtype(fields))
+            return 0, 0, {}
         size = int(np.frombuffer(first, order + length)[0]) if element.count else 0
         if not 0 <= size <= len(body):
             raise UnreadableError(f"a list {name} of {size:,} values, more than the file has bytes")
@@ -289,13 +348,47 @@ def _ply_rows(body: memoryview, element: Element, order: str) -> NDArray[np.void
     kinds = np.dtype(fields)
     count = min(element.count, len(body) // kinds.itemsize)
     rows = np.frombuffer(body[: count * kinds.itemsize], kinds) if count else np.zeros(0, kinds)
-    for name, size in sizes.items():
-        if (rows[f"{name}, length"] != size).any():
-            raise UnreadableError(
-                f"lists {name} of several lengths in a binary PLY, or bytes that are not in "
-                "their place: save it as triangles, or as an ASCII PLY"
-            )
-    return rows
+    if any((rows[f"{name}, length"] != size).any() for name, size in sizes.items()):
+        return _ply_mixed(body, element, order)
+    if sizes and count < element.count:  # the lists of the last rows may be shorter
+        return _ply_mixed(body, element, order)
+    return (
+        count,
+        rows.nbytes,
+        {
+            name: (rows[name].ravel(), np.full(count, sizes.get(name, 1)))
+            for name in element.properties
+        },
+    )
+
+
+def _ply_mixed(body: memoryview, element: Element, order: str) -> tuple[int, int, dict[str, Lists]]:
+    """Read the rows of an element one by one: lists of several lengths."""
+    at = 0
+    pieces = {name: list[memoryview]() for name in element.properties}
+    sizes = {name: array("q") for name in element.properties}
+    endian: Literal["little", "big"] = "little" if order == "<" else "big"
+    for row in range(element.count):
+        for name, (kind, length) in element.properties.items():
+            size = 1
+            if length is not None:
+                head = body[at : at + np.dtype(length).itemsize]
+                size = int.from_bytes(head, endian, signed=length[0] == "i")
+                at += len(head)
+            end = at + size * np.dtype(kind).itemsize
+            if size < 0 or end > len(body):
+                return row, at, {}
+            pieces[name].append(body[at:end])
+            sizes[name].append(size)
+            at = end
+    return (
+        element.count,
+        at,
+        {
+            name: (np.frombuffer(b"".join(pieces[name]), order + kind), np.array(sizes[name]))
+            for name, (kind, _) in element.properties.items()
+        },
+    )
 
 
 def read_stl(content: bytes) -> Triangles:
@@ -303,7 +396,8 @@ def read_stl(content: bytes) -> Triangles:
     header = content[:STL_HEADER]
     count = int.from_bytes(header[80:84], "little")
     more = len(content) - STL_HEADER - count * STL_FACE.itemsize
-    if len(header) < STL_HEADER or (more and header.lstrip()[:5].lower() == b"solid"):
+    solid = header.lstrip()[:5].lower() == b"solid"
+    if len(header) < STL_HEADER or (more and solid and b"\0" not in content):
         return _stl_text(_rows(content))
     if more:
         there = (len(content) - STL_HEADER) // STL_FACE.itemsize
@@ -313,8 +407,13 @@ def read_stl(content: bytes) -> Triangles:
             else f"{more:,} bytes more than its {count:,} faces take"
         )
     rows = np.frombuffer(content[STL_HEADER:], STL_FACE) if count else np.zeros(0, STL_FACE)
-    vertices = rows["corners"].astype(np.float64).reshape(-1, 3)
-    return vertices, np.arange(len(vertices)).reshape(-1, 3)
+    return _soup(rows["corners"].astype(np.float64))
+
+
+def _soup(corners: NDArray[np.float64]) -> Triangles:
+    """Return triangles that each have three vertices of their own."""
+    vertices = corners.reshape(-1, 3)
+    return Triangles(vertices, np.arange(len(vertices)).reshape(-1, 3))
 
 
 def _stl_text(rows: Rows) -> Triangles:
@@ -336,8 +435,45 @@ def _stl_text(rows: Rows) -> Triangles:
         raise UnreadableError(f"cut off: {faces:,} of {facets:,} faces have their endfacet")
     if ends != solids:
         raise UnreadableError(f"cut off: {ends:,} of {solids:,} solids have their endsolid")
-    vertices = np.array(positions, np.float64).reshape(-1, 3)
-    return vertices, np.arange(len(vertices)).reshape(-1, 3)
+    return _soup(np.array(positions, np.float64))
+
+
+def read_gifti(content: bytes) -> Triangles:
+    """Read the first array of points and the first of triangles of a GIfTI file, by nibabel."""
+    with needed_by("reading GIfTI"):
+        from nibabel.gifti import GiftiImage
+    try:
+        image = GiftiImage.from_bytes(content)
+        arrays = [
+            [array.data for array in image.get_arrays_from_intent(intent)]
+            for intent in ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
+        ]
+    except (ExpatError, ValueError, TypeError, KeyError, zlib.error, AssertionError) as error:
+        raise UnreadableError(
+            f"cut off or no GIfTI file ({' '.join(str(error).split())})"
+        ) from error
+    if not arrays[0]:
+        raise UnreadableError("it has no points: values on a surface that is another file, perhaps")
+    vertices = np.asarray(arrays[0][0], np.float64).reshape(-1, 3)
+    faces = np.asarray(arrays[1][0] if arrays[1] else np.zeros((0, 3)), np.int64).reshape(-1, 3)
+    return _cut(vertices, faces.ravel(), np.full(len(faces), 3), np.arange(len(faces)), "triangle")
+
+
+def read_freesurfer(content: bytes) -> Triangles:
+    """Read a triangle surface of FreeSurfer: a magic number, a line, counts, points, triangles."""
+    end = content.find(b"\n\n")
+    if not content.startswith(b"\xff\xff\xfe") or end < 0:
+        raise UnreadableError("it does not begin as a triangle surface of FreeSurfer does")
+    start = end + 2
+    n, m = (
+        int(count) for count in np.frombuffer(content[start : start + 8].ljust(8, b"\0"), ">i4")
+    )
+    middle, last = start + 8 + 12 * n, start + 8 + 12 * (n + m)
+    if min(n, m) < 0 or len(content) < last:  # what stands after it says how it was made
+        raise UnreadableError(f"cut off: {len(content):,} of {last:,} bytes")
+    vertices = np.frombuffer(content[start + 8 : middle], ">f4").astype(np.float64).reshape(-1, 3)
+    faces = np.frombuffer(content[middle:last], ">i4").astype(np.int64)
+    return _cut(vertices, faces, np.full(m, 3), np.arange(m), "triangle")
 
 
 READERS: dict[str, Callable[[bytes], Triangles]] = {
@@ -345,75 +481,40 @@ READERS: dict[str, Callable[[bytes], Triangles]] = {
     ".off": read_off,
     ".ply": read_ply,
     ".stl": read_stl,
+    ".gii": read_gifti,
+    **dict.fromkeys(FREESURFER, read_freesurfer),
 }
 SUFFIXES = tuple(READERS)
 
 
-def fans(
+def _cut(
     vertices: NDArray[np.float64],
     corners: NDArray[np.int64],
     sizes: NDArray[np.int64],
     numbers: NDArray[np.int64],
     unit: str = "line",
-) -> NDArray[np.int64]:
-    """Cut polygons into triangles around their first corners.
+) -> Triangles:
+    """Return the triangles of polygons, as :func:`polygons.triangles`; ``unit`` is of numbers."""
+    try:
+        return Triangles(vertices, *polygons.triangles(vertices, corners, sizes, numbers))
+    except PolygonError as error:
+        raise UnreadableError(f"{unit} {error.number}: {error.detail}") from error
 
-    Parameters
-    ----------
-    vertices : ndarray of shape (n, 3), float64
-        Positions.
-    corners : ndarray of int64
-        The corners of all polygons in a row.
-    sizes, numbers : ndarray of shape (p,), int64
-        How many corners each polygon has, at least 3, and its number in error messages.
-    unit : str
-        What ``numbers`` count.
 
-    Returns
-    -------
-    ndarray of shape (m, 3), int64
-        Triangles in the order of the polygons.
+def _continued(content: bytes) -> bytes:
+    """Return OBJ text with the lines that end in a backslash joined, and as many lines as before.
 
-    Raises
-    ------
-    UnreadableError
-        If a corner is no vertex, or the triangles of a polygon do not all face one way; those
-        that name a vertex twice are not checked.
-
-    Examples
-    --------
-    >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-    >>> fans(corners, np.array([0, 1, 2, 3]), np.array([4]), np.array([1])).tolist()
-    [[0, 1, 2], [0, 2, 3]]
+    A line that goes on is put at its end, so that numbers of lines stay right.
     """
-    outside = (corners < 0) | (corners >= len(vertices))
-    if outside.any():
-        number = np.repeat(numbers, sizes)[outside.argmax()]
-        raise UnreadableError(
-            f"{unit} {number}: a corner is none of the {len(vertices):,} vertices"
-        )
-    many = sizes - 2
-    polygon = np.repeat(np.arange(len(sizes)), many)
-    step = 1 + np.arange(len(polygon)) - np.repeat(np.cumsum(many) - many, many)
-    first = (np.cumsum(sizes) - sizes)[polygon]
-    faces = corners[np.stack([first, first + step, first + step + 1], axis=1)]
-    several = (many[polygon] > 1) & (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    if several.any():
-        turned = _turned(vertices[faces[several]], polygon[several])
-        if turned.any():
-            number = numbers[polygon[several][turned.argmax()]]
-            raise UnreadableError(f"{unit} {number}: a polygon that is not convex: save triangles")
-    return faces
-
-
-def _turned(triangles: NDArray[np.float64], polygon: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which triangles do not face as their polygon does, from corners (t, 3, 3)."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite has a rule of its own
-        normals = np.cross(b - a, c - a)
-        whole = np.stack([np.bincount(polygon, n) for n in normals.T], axis=1)
-        facing: NDArray[np.float64] = np.einsum("ij,ij->i", normals, whole[polygon])
-    return facing <= 0
+    if b"\\" not in content:
+        return content
+    lines, begun = list[bytes](), b""
+    for line in content.splitlines():
+        text = begun + line.partition(b"#")[0].rstrip()
+        goes_on = text.endswith(b"\\")
+        begun = text[:-1] + b" " if goes_on else b""
+        lines.append(b"" if goes_on else text)
+    return b"\n".join([*lines, begun])
 
 
 def _rows(content: bytes, first: int = 1) -> Rows:

@@ -1,4 +1,4 @@
-"""Reading mesh files from any source: OBJ, OFF, PLY and STL, in a process of its own.
+"""Reading mesh files from any source, in a process of its own.
 
 A truncated or altered file may ask for all memory or take for ever. None of that reaches the
 process that asks.
@@ -20,9 +20,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from synthnet.errors import SynthNetError
+from synthnet.errors import MissingPackageError, SynthNetError
 from synthnet.mesh import formats
-from synthnet.mesh.formats import SUFFIXES, UnreadableError
+from synthnet.mesh.formats import SUFFIXES, Triangles, UnreadableError, kind_of
 from synthnet.processes import follow_parent
 from synthnet.types import Mesh
 
@@ -78,6 +78,11 @@ class Reader:
         self._end()
 
     def read(self, path: Path, sha256: str | None = None) -> Mesh:
+        """Return the triangles of a file as they stand in it, as :meth:`triangles` does."""
+        found = self.triangles(path, sha256)
+        return Mesh(found.vertices, found.faces)
+
+    def triangles(self, path: Path, sha256: str | None = None) -> Triangles:
         """Return the triangles of a file as they stand in it, polygons cut into triangles.
 
         A process that dies is no proof against the file: it may have died before, or for want of
@@ -92,8 +97,9 @@ class Reader:
 
         Returns
         -------
-        Mesh
-            float64 vertices and int64 faces; it may be anything but a surface.
+        Triangles
+            float64 vertices and int64 faces, which may be anything but a surface, and how many
+            polygons were not convex.
 
         Raises
         ------
@@ -102,7 +108,7 @@ class Reader:
         ChangedError
             If it has other bytes.
         """
-        if path.suffix.lower() not in SUFFIXES:
+        if kind_of(path.name) is None:
             raise UnreadableError(f"{path.name} is none of {', '.join(SUFFIXES)}")
         request = json.dumps([str(path), sha256]).encode()
         try:
@@ -115,7 +121,7 @@ class Reader:
             self._fail_if_slow()
         raise UnreadableError("the process that reads it died twice")
 
-    def _ask(self, request: bytes) -> Mesh:
+    def _ask(self, request: bytes) -> Triangles:
         if self._process is None:
             self._begin()
         self._channel.send_bytes(request)
@@ -129,7 +135,7 @@ class Reader:
             raise UnreadableError(answer["unreadable"])
         vertices = np.frombuffer(self._channel.recv_bytes(), np.float64)
         faces = np.frombuffer(self._channel.recv_bytes(), np.int64)
-        return Mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3))
+        return Triangles(vertices.reshape(-1, 3), faces.reshape(-1, 3), answer["clipped"])
 
     def _begin(self) -> None:
         context = multiprocessing.get_context("spawn")
@@ -178,22 +184,23 @@ def _limit(kind: int, most: int) -> None:
 
 def _answer(
     path: str, sha256: str | None, gigabytes: float
-) -> tuple[dict[str, str], formats.Triangles | None]:
+) -> tuple[dict[str, Any], Triangles | None]:
     """Return why a file's triangles cannot be had, or nothing and the triangles."""
     try:
         content = Path(path).read_bytes()
         if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
             return {"changed": "its bytes are others than when the import began"}, None
-        return {}, formats.read(content, Path(path).suffix.lower())
+        found = formats.read(content, kind_of(Path(path).name) or "")
     except OSError as error:
         return {"unreadable": f"cannot be opened ({error.strerror})"}, None
-    except UnreadableError as error:
+    except (UnreadableError, MissingPackageError) as error:
         return {"unreadable": str(error)}, None
     except MemoryError:
         return {"unreadable": f"needs more than {gigabytes:g} GB of memory"}, None
+    return {"clipped": found.clipped}, found
 
 
-def _send(channel: Connection, refusal: dict[str, str], triangles: Any) -> None:
-    channel.send_bytes(json.dumps(refusal).encode())
-    for values in triangles or ():
+def _send(channel: Connection, answer: dict[str, Any], found: Triangles | None) -> None:
+    channel.send_bytes(json.dumps(answer).encode())
+    for values in () if found is None else (found.vertices, found.faces):
         channel.send_bytes(np.ascontiguousarray(values).data.cast("B"))

@@ -1,7 +1,7 @@
-"""From the triangles of a file to one surface that has a spectrum: what is repaired, what refused.
+"""From the triangles of a file to a surface that has a spectrum: what is repaired, what refused.
 
 The rules, in their order. A repair is recorded with how many vertices or faces it met; what is
-refused is named, and nothing is guessed.
+refused is named, and nothing is guessed. Those with a name in :data:`REPAIRS` can be left out.
 
 ====================  ==========================================================================
 finding               rule
@@ -11,16 +11,21 @@ too many              refused: ``too_large``; faces before, vertices after mergi
 not finite            refused if a face uses such a coordinate: ``finite``
 size                  refused if the diagonal is outside :data:`DIAGONALS`: ``extent``
 equal positions       vertices nearer than :data:`NEAR` of the diagonal become one; refused
-                      if :data:`COLLAPSED` of the faces fall together by it: ``extent``
+                      if :data:`COLLAPSED` of the faces fall together by it: ``extent``.
+                      ``apart``: not if the surface is closed as it is, each edge with two
+                      faces, and merging would give an edge more than two
 repeated corners      faces that name a vertex twice (after that) are dropped
 duplicate faces       of faces with the same three corners one is kept
 loose vertices        vertices without a face are dropped
-no altitude           refused: ``degenerate_face``; without its face the surface would be slit
-non-manifold edges    refused: ``non_manifold_edge``; an edge may have one face or two
+no altitude           ``caps``: flat triangles go by a flip of their longest edge
+non-manifold edges    ``cut``: cut where the faces are clearly pairs, as where two solids touch
+several components    kept; or the largest by area alone; or a certain one. Components are of
+                      faces that share edges, so what only shares a vertex is several
+no altitude           refused, if any is left: ``degenerate_face``
+non-manifold edges    refused, if any is left: ``non_manifold_edge``
 pinched vertices      a vertex where several fans of faces meet is one for each of them
-several components    refused: ``components``; or, on request, the largest by area is kept
-orientation           faces are turned to agree; a closed surface is turned outwards; a surface
-                      that has no orientation stays as it is
+orientation           faces are turned to agree; a closed surface of one component is turned
+                      outwards; a component that has no orientation stays as it is
 few vertices          refused: ``few_vertices``
 ====================  ==========================================================================
 """
@@ -28,33 +33,66 @@ few vertices          refused: ``few_vertices``
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from synthnet.errors import SynthNetError
+from synthnet.mesh import caps, cutting
+from synthnet.mesh.adjacency import connected, face_components, neighbours
 from synthnet.mesh.geometry import MeshFacts, area, face_areas, volume
 from synthnet.types import Mesh, Vertices
 
 NEAR = 1e-7  # of the diagonal of the bounding box: a float32 has 6e-8 of its size
-FLAT = 1e-9  # altitude / longest edge, at or below which a triangle has no area to speak of
 DIAGONALS = (1e-30, 1e30)  # of the bounding box: of these float32 can store the smallest parts
 COLLAPSED = 0.25  # of the faces; scans and CAD have some slivers that merging takes away
 # A factor has about 8 n log2(n) entries (A. George, SIAM J. Numer. Anal. 10, 1973): 2.7 GB here
 MOST_VERTICES = 2_000_000
 MOST_FACES = 4_000_000  # a closed surface has twice as many as vertices
+KEEP, LARGEST, SPLIT = COMPONENTS = "keep", "largest", "split"
+REPAIRS = {  # those that can be left out, and what a file then is refused for
+    "polygons": "polygons that are not convex",
+    "apart": "a closed surface whose parts touch",
+    "caps": "flat triangles",
+    "cut": "solids that touch along an edge",
+}
 
 
 class Refused(SynthNetError):
-    """A mesh that no rule makes one surface: ``reason`` is the rule's name."""
+    """A mesh that no rule makes a surface: ``reason`` is the rule's name."""
 
     def __init__(self, reason: str, detail: str) -> None:
         super().__init__(f"{reason}: {detail}")
         self.reason, self.detail = reason, detail
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What the rules leave open.
+
+    Parameters
+    ----------
+    least : int
+        Vertices that a spectrum of ten eigenvalues after zero needs, in one component.
+    components : str
+        ``keep`` all of them, or the ``largest`` by area.
+    part : int or None
+        Keep this component alone, by area from the largest, 0, to the smallest.
+    without : tuple of str
+        Names of :data:`REPAIRS` that are left out.
+    cut_fins : bool
+        Also cut where a face is alone at an edge of more than two faces, as a fin on a plate. That
+        changes the surface: nothing connects the two any more.
+    """
+
+    least: int = 11
+    components: str = KEEP
+    part: int | None = None
+    without: tuple[str, ...] = ()
+    cut_fins: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,16 +102,22 @@ class Repaired:
     Parameters
     ----------
     mesh : Mesh
-        One component, every edge with one face or two.
+        Every edge with one face or two.
     repairs : dict of str to int
         How many vertices or faces each repair met; those that met none are left out.
     orientable : bool
         Whether its faces could be turned to agree.
+    shares : ndarray of float64
+        Of the area, of all components there were, descending.
+    components : int
+        Of the surface as it is now.
     """
 
     mesh: Mesh
     repairs: dict[str, int] = field(default_factory=dict)
     orientable: bool = True
+    shares: NDArray[np.float64] = field(default_factory=lambda: np.ones(1))
+    components: int = 1
 
     def with_repair(self, name: str, count: int, mesh: Mesh) -> Repaired:
         """Return the next state, with a repair that met so many."""
@@ -81,17 +125,15 @@ class Repaired:
         return replace(self, mesh=mesh, repairs=repairs)
 
 
-def repair(mesh: Mesh, *, least: int = 11, keep_largest: bool = False) -> Repaired:
+def repair(mesh: Mesh, rules: Rules | None = None) -> Repaired:
     """Return the surface that the triangles of a file stand for.
 
     Parameters
     ----------
     mesh : Mesh
         As it was read.
-    least : int
-        Vertices that a spectrum of ten eigenvalues after zero needs.
-    keep_largest : bool
-        Keep the largest of several components instead of refusing the mesh.
+    rules : Rules, optional
+        What is kept of several components, and which repairs are left out.
 
     Raises
     ------
@@ -102,35 +144,79 @@ def repair(mesh: Mesh, *, least: int = 11, keep_largest: bool = False) -> Repair
     --------
     >>> import numpy as np
     >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-    >>> done = repair(Mesh(corners, np.arange(6).reshape(2, 3)), least=4)
+    >>> done = repair(Mesh(corners, np.arange(6).reshape(2, 3)), Rules(least=4))
     >>> done.repairs, len(done.mesh.vertices)
     ({'merged vertices': 2}, 4)
     """
+    rules = rules or Rules()
+    state = in_order(told_apart(mesh, rules), (not_flat, manifold_edges, split_pinches))
+    state = replace(state, components=int(face_components(state.mesh.faces).max()) + 1)
+    state = oriented(state)
+    count, least = len(state.mesh.vertices), rules.least + state.components - 1
+    if count < least:
+        of = "" if state.components == 1 else f" of {state.components} components"
+        raise Refused("few_vertices", f"{count} vertices, a spectrum{of} needs at least {least}")
+    return state
+
+
+def count_components(mesh: Mesh, rules: Rules) -> int:
+    """Return how many components a mesh has, as :func:`repair` numbers them.
+
+    Raises
+    ------
+    Refused
+        By the first rule that the mesh offends before its components are told apart.
+    """
+    return len(told_apart(mesh, replace(rules, components=KEEP, part=None)).shares)
+
+
+def told_apart(mesh: Mesh, rules: Rules) -> Repaired:
+    """Return the mesh after all rules up to the one of its components."""
     if not len(mesh.faces):
-        raise Refused("no_faces", "the file has vertices only, or nothing")
+        count = len(mesh.vertices)
+        raise Refused("no_faces", f"a point cloud: {count:,} points" if count else "it is empty")
     if len(mesh.faces) > MOST_FACES:
         raise Refused("too_large", f"{len(mesh.faces):,} faces, more than {MOST_FACES:,}")
     state = Repaired(Mesh(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)))
-    rules: tuple[Callable[[Repaired], Repaired], ...] = (
-        finite,
-        within_extent,
-        merged,
+    state = in_order(state, (finite, within_extent))
+    cleaning: Sequence[Rule] = (
         without_repeated_corners,
         without_duplicates,
         without_loose_vertices,
         not_too_large,
-        not_flat,
-        manifold_edges,
-        split_pinches,
     )
+    one = in_order(merged(state), cleaning)
+    if "apart" not in rules.without and not has_manifold_edges(one.mesh):
+        as_it_is = in_order(state, cleaning[:-1])
+        if is_closed_surface(as_it_is.mesh):
+            touching = one.repairs["merged vertices"]
+            one = as_it_is.with_repair("touching vertices", touching, as_it_is.mesh)
+            one = not_too_large(one)
+    if "caps" not in rules.without:
+        one = without_caps(one)
+    if "cut" not in rules.without:
+        one = cut(one, fins=rules.cut_fins)
+    return chosen(one, rules)
+
+
+Rule: TypeAlias = Callable[[Repaired], Repaired]
+
+
+def in_order(state: Repaired, rules: Sequence[Rule]) -> Repaired:
+    """Return what one rule after the other makes of a mesh."""
     for rule in rules:
         state = rule(state)
-    state = connected(state, keep_largest)
-    state = oriented(state)
-    if len(state.mesh.vertices) < least:
-        count = len(state.mesh.vertices)
-        raise Refused("few_vertices", f"{count} vertices, a spectrum needs at least {least}")
     return state
+
+
+def has_manifold_edges(mesh: Mesh) -> bool:
+    """Return whether no edge has more than two faces."""
+    return bool((MeshFacts(mesh).edge_valences <= 2).all())
+
+
+def is_closed_surface(mesh: Mesh) -> bool:
+    """Return whether each edge has two faces, and each face an area."""
+    return MeshFacts(mesh).is_closed and not flat_faces(mesh)
 
 
 def finite(state: Repaired) -> Repaired:
@@ -139,7 +225,9 @@ def finite(state: Repaired) -> Repaired:
     used[state.mesh.faces.ravel()] = True
     bad = used & ~np.isfinite(state.mesh.vertices).all(axis=1)
     if bad.any():
-        raise Refused("finite", f"{bad.sum()} vertices are not finite")
+        nan = int(np.isnan(state.mesh.vertices[bad]).any(axis=1).sum())
+        of_them = f", {nan} of them NaN" if nan else ", but infinite"
+        raise Refused("finite", f"{bad.sum()} vertices are not finite{of_them}")
     vertices = np.where(used[:, None], state.mesh.vertices, 0.0)  # the others fall away below
     return replace(state, mesh=Mesh(vertices, state.mesh.faces))
 
@@ -220,77 +308,75 @@ def manifold_edges(state: Repaired) -> Repaired:
     """Refuse edges of more than two faces."""
     bad = int(np.count_nonzero(MeshFacts(state.mesh).edge_valences > 2))
     if bad:
-        raise Refused("non_manifold_edge", f"{bad} edges have more than two faces")
+        raise Refused(
+            "non_manifold_edge",
+            f"{bad} edges have more than two faces, not clearly in pairs: --cut-fins may cut them",
+        )
     return state
+
+
+def without_caps(state: Repaired) -> Repaired:
+    """Take away flat triangles without moving the surface, where that can be done."""
+    mesh, count = caps.without_caps(state.mesh)
+    return state.with_repair("flat faces", count, _compact(mesh) if count else mesh)
+
+
+def cut(state: Repaired, *, fins: bool) -> Repaired:
+    """Cut edges of more than two faces where these are clearly pairs, then fins if asked to."""
+    mesh, count = cutting.without_edges_of_many(state.mesh)
+    state = state.with_repair("cut edges", count, mesh)
+    mesh, count = cutting.without_edges_of_many(mesh, loose=True) if fins else (mesh, 0)
+    return state.with_repair("edges cut from fins", count, mesh)
 
 
 def split_pinches(state: Repaired) -> Repaired:
     """Make a vertex where several fans of faces meet one vertex for each fan."""
-    faces = state.mesh.faces
-    left, right, tails = _neighbours(faces)
-    m = len(faces)
-    # Corner i of face f is 3 f + i; those of two faces at the same end of an edge belong together
-    ends = []
-    for shift in (0, 1):
-        here = 3 * left + (tails[:, 0] + shift) % 3
-        vertex = faces.ravel()[here]
-        at = (faces[right] == vertex[:, None]).argmax(axis=1)
-        ends.append((here, 3 * right + at))
-    fans = _components(3 * m, *(np.concatenate(side) for side in zip(*ends, strict=True)))
-    owner = np.zeros(fans.max() + 1, np.int64)
-    owner[fans] = faces.ravel()
-    order = np.argsort(owner, kind="stable")
-    repeated = np.zeros(len(owner), bool)
-    repeated[order[1:]] = owner[order[1:]] == owner[order[:-1]]
-    number = owner.copy()
-    number[repeated] = len(state.mesh.vertices) + np.arange(repeated.sum())
-    vertices = np.concatenate([state.mesh.vertices, state.mesh.vertices[owner[repeated]]])
-    mesh = Mesh(vertices, number[fans].reshape(-1, 3))
-    return state.with_repair("pinched vertices", len(np.unique(owner[repeated])), mesh)
+    mesh, count = cutting.without_pinches(state.mesh)
+    return state.with_repair("pinched vertices", count, mesh)
 
 
-def connected(state: Repaired, keep_largest: bool) -> Repaired:
-    """Refuse several components, or keep the largest by area."""
-    faces = state.mesh.faces
-    joined = _components(len(state.mesh.vertices), faces[:, [0, 1]].ravel(), faces[:, 1:].ravel())
-    of_face = joined[faces[:, 0]]
-    count = int(joined.max()) + 1
-    if count == 1:
+def chosen(state: Repaired, rules: Rules) -> Repaired:
+    """Keep all components, the largest by area, or a certain one."""
+    of_face = face_components(state.mesh.faces)
+    areas = np.bincount(of_face, face_areas(state.mesh))
+    order = np.argsort(-areas, kind="stable")
+    state = replace(state, shares=areas[order] / max(areas.sum(), np.finfo(float).tiny))
+    if len(areas) == 1 or (rules.components == KEEP and rules.part is None):
         return state
-    areas = np.bincount(of_face, face_areas(state.mesh), count)
-    share = areas.max() / areas.sum()
-    if not keep_largest:
-        raise Refused("components", f"{count} components, the largest has {share:.1%} of the area")
-    mesh = _compact(Mesh(state.mesh.vertices, faces[of_face == areas.argmax()]))
-    return state.with_repair("components left out", count - 1, mesh)
+    kept = order[rules.part or 0]
+    mesh = _compact(Mesh(state.mesh.vertices, state.mesh.faces[of_face == kept]))
+    left_out = 0 if rules.part is not None else len(areas) - 1
+    return state.with_repair("components left out", left_out, mesh)
 
 
 def oriented(state: Repaired) -> Repaired:
-    """Turn faces to agree, and a closed surface outwards, if it has an orientation."""
+    """Turn the faces of each component to agree, and a closed surface of one outwards."""
     faces = state.mesh.faces
     m = len(faces)
-    left, right, tails = _neighbours(faces)
+    left, right, tails = neighbours(faces)
     # Each face twice, as it is and turned: neighbours that agree are joined side by side
     agree = faces[left, tails[:, 0]] != faces[right, tails[:, 1]]
     other = np.where(agree, right, right + m)
-    double = _components(
+    double = connected(
         2 * m, np.concatenate([left, left + m]), np.concatenate([other, (other + m) % (2 * m)])
     )
-    if double[0] == double[m]:
-        return replace(state, orientable=False)
-    turn = double[:m] != double[0]
-    if 2 * turn.sum() > m:
-        turn = ~turn  # as the most of them are
+    two_sided = double[:m] != double[m:]
+    piece = connected(m, left, right)
+    first = np.unique(piece, return_index=True)[1][piece]  # a face of the same component
+    turn = two_sided & (double[:m] != double[first])
+    most = 2 * np.bincount(piece, turn) > np.bincount(piece)  # the way that the most of them are
+    turn ^= two_sided & most[piece]
     mesh = Mesh(state.mesh.vertices, np.where(turn[:, None], faces[:, ::-1], faces))
+    state = replace(state, orientable=bool(two_sided.all()))
     closed = 2 * len(left) == 3 * m
-    if closed and volume(centred(mesh)) < 0:
+    if closed and state.orientable and state.components == 1 and volume(centred(mesh)) < 0:
         turn, mesh = ~turn, Mesh(mesh.vertices, mesh.faces[:, ::-1])
     return state.with_repair("turned faces", int(turn.sum()), mesh)
 
 
 def flat_faces(mesh: Mesh) -> int:
     """Return how many triangles have no area to speak of."""
-    return int(np.count_nonzero(~(MeshFacts(mesh).relative_altitudes > FLAT)))  # NaN is none
+    return int(np.count_nonzero(caps.flat(mesh)))
 
 
 def unit_area(mesh: Mesh) -> tuple[Mesh, float]:
@@ -340,7 +426,7 @@ def _near(points: Vertices, distance: float) -> NDArray[np.int64]:
         x, y, z = np.floor(scaled + shift).astype(np.int64).T
         column = np.unique((x << 24) + y, return_inverse=True)[1].ravel()
         cell = np.unique((column << 24) + z, return_inverse=True)[1].ravel()
-        joined = _components(2 * n, joined, n + cell)[joined]
+        joined = connected(2 * n, joined, n + cell)[joined]
     return np.unique(joined, return_inverse=True)[1].ravel()
 
 
@@ -348,27 +434,3 @@ def _compact(mesh: Mesh) -> Mesh:
     """Return the mesh without the vertices that no face names."""
     used, numbered = np.unique(mesh.faces, return_inverse=True)
     return Mesh(mesh.vertices[used], numbered.reshape(-1, 3))
-
-
-def _neighbours(
-    faces: NDArray[np.integer],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the two faces of each inner edge, (e,) twice, and where it begins in each, (e, 2).
-
-    An edge that begins at corner i of a face goes on to corner i + 1.
-    """
-    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    keys = np.minimum(tails, heads) * (int(faces.max()) + 1) + np.maximum(tails, heads)
-    order = np.argsort(keys, kind="stable")
-    twice = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
-    first, second = order[twice], order[twice + 1]
-    return first // 3, second // 3, np.stack([first % 3, second % 3], axis=1)
-
-
-def _components(
-    count: int, tails: NDArray[np.integer], heads: NDArray[np.integer]
-) -> NDArray[np.int64]:
-    """Return the number of the component of each of ``count`` nodes, (count,)."""
-    graph = sparse.coo_matrix((np.ones(len(tails), bool), (tails, heads)), shape=(count, count))
-    labels: NDArray[np.int64] = connected_components(graph, directed=False)[1].astype(np.int64)
-    return labels

@@ -23,7 +23,7 @@ from synthnet.types import Mesh, ShapeSpec
 
 LINE, NO_BREAK = 36, "\u00a0"  # letters in a line of a caption; a space that no line breaks at
 MOST = 5000  # shapes of a family to choose from; only scaled versions have more
-UNSEEN = ("seed", "sha256")  # parameters that say nothing to a reader
+UNSEEN = ("seed", "sha256", "error_bound")  # parameters that say nothing to a reader
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Candidates:
 def candidates(
     version: str, family: str | None = None, root: str | os.PathLike[str] | None = None
 ) -> list[Candidates]:
-    """Return the shapes of each family of a version, or of one family.
+    """Return the shapes of each family of a version, or of one family, or of one file.
 
     They are drawn from the recipe, so the version need not be built; an import, which has no
     recipe, is read; a family of it has no shapes if all its files were rejected.
@@ -69,6 +69,10 @@ def candidates(
         families = (shard.family for shard in stored.manifest.shards)
         shapes = {name: kept.get(name, []) for name in families}
         totals = {name: len(specs) for name, specs in shapes.items()}
+        if family is not None and family not in totals:  # the file of a shape
+            spec = stored.find(family).spec if stored.id_of(family) != family else None
+            if spec is not None:
+                return [Candidates(spec.family, totals[spec.family], (spec,), ("file",))]
     else:
         definition = recipe.load(version)
         shapes, totals = (

@@ -10,7 +10,8 @@ solver, in the order of use: :mod:`~synthnet.spectrum.fem` assembles the matrice
 :mod:`~synthnet.spectrum.components` does so for each component of a mesh,
 :mod:`~synthnet.spectrum.rounding` bounds what rounding did, and
 :mod:`~synthnet.spectrum.solve` puts them together. :mod:`~synthnet.spectrum.verdict` judges the
-eigenvalues of others, :mod:`~synthnet.spectrum.inputs` takes their meshes. Plain arrays in and out, compiled by Numba on
+eigenvalues of others, :mod:`~synthnet.spectrum.inputs` takes their meshes,
+:mod:`~synthnet.spectrum.many` has spectra of many. Plain arrays in and out, compiled by Numba on
 first use and cached on disk.
 """
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from synthnet.types import Mesh
 
+SIZES = 1e-50, 1e50  # of a mesh: the squares of its areas are far from the ends of float64
 # Attributes of vertices and faces, and whether a column is a face.
 KINDS = (
     (("vertices", "faces"), False),  # synthnet, trimesh
@@ -43,8 +44,7 @@ def as_mesh(given: Any) -> Mesh:
     Raises
     ------
     ValueError
-        If it is none of these, is empty, has a coordinate that is not finite or so large that
-        areas overflow, or its arrays are no vertices and faces.
+        If it is none of these, or its arrays are no vertices and faces.
 
     Examples
     --------
@@ -52,29 +52,37 @@ def as_mesh(given: Any) -> Mesh:
     array([[0, 1, 2]])
     """
     vertices, faces = _arrays(given)
-    if vertices.ndim == 2 and not len(vertices):
-        raise ValueError("the mesh is empty: it has no vertices")
-    if faces.size == 0:
-        raise ValueError("the mesh has no faces: it is a point cloud, which has no surface")
     if vertices.dtype.kind not in "fiu":
         raise ValueError(f"vertices must be real numbers, got {vertices.dtype}")
-    if faces.dtype.kind == "f" and np.array_equal(faces, np.trunc(faces)):
+    if faces.size == 0:
+        faces = np.empty((0, 3), dtype=np.int64)
+    elif faces.dtype.kind == "f" and np.array_equal(faces, np.trunc(faces)):
         faces = faces.astype(np.int64)
-    vertices = np.ascontiguousarray(vertices, dtype=np.float64)
-    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=-1)) if vertices.ndim == 2 else []
+    return Mesh(np.ascontiguousarray(vertices, dtype=np.float64), faces)
+
+
+def check(mesh: Mesh) -> None:
+    """Check that a mesh has triangles, and coordinates whose areas have squares.
+
+    Raises
+    ------
+    ValueError
+        If it is empty or a point cloud, not finite, or of a size that overflows.
+    """
+    points, (least, most) = mesh.vertices, SIZES
+    if not len(mesh.faces):
+        count = f"a point cloud: {len(points)} vertices and" if len(points) else "an empty mesh:"
+        raise ValueError(f"{count} no triangles")
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
+        what = "NaN" if np.isnan(points[bad]).any() else "infinite"
+        raise ValueError(f"{len(bad)} vertices are {what}, the first is vertex {bad[0]}")
+    size, extent = float(np.abs(points).max()), float(np.ptp(points, axis=0).max())
+    if size > most or 0 < extent < least:
         raise ValueError(
-            f"{len(bad)} of {len(vertices)} vertices are not finite, the first is {bad[0]}: "
-            "remove them, and the faces that use them"
+            f"the mesh is {extent:.3g} wide and has coordinates up to {size:.3g}: scale it to "
+            f"between {least:g} and {most:g}, where areas and their squares have a float64"
         )
-    if np.abs(vertices).max(initial=0) > LARGEST:
-        raise ValueError(
-            f"a coordinate is larger than {LARGEST:g}, so that areas overflow: scale the mesh"
-        )
-    return Mesh(vertices, faces)
-
-
-LARGEST = 1e70  # fourth powers of lengths can still be added
 
 
 def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:

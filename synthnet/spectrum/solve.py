@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +14,7 @@ from synthnet.errors import SpectrumError
 from synthnet.spectrum import components, fem
 from synthnet.spectrum.certificate import Candidate, certify, inertia, largest_residual
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import as_mesh
+from synthnet.spectrum.inputs import as_mesh, check
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.rounding import sharpened
 from synthnet.spectrum.search import Setting, search
@@ -91,8 +92,10 @@ def assemble(mesh: Mesh) -> Matrices:
     Raises
     ------
     ValueError
-        If a triangle has no area, or a vertex no triangle.
+        If there are no triangles, a coordinate is not finite, the size has no square in float64, a
+        triangle has no area, or a vertex no triangle.
     """
+    check(mesh)
     unused = len(mesh.vertices) - np.count_nonzero(np.bincount(mesh.faces.ravel()))
     if unused:
         raise ValueError(f"{unused} vertices belong to no triangle: remove them first")
@@ -100,7 +103,22 @@ def assemble(mesh: Mesh) -> Matrices:
     return fem.assemble(vertices, np.ascontiguousarray(mesh.faces, dtype=np.int32))
 
 
-def compute(mesh: Any, k: int = 10) -> Spectrum:
+def _say_what_is_odd(mesh: Mesh) -> None:
+    """Warn of edges of more than two faces: the problem is well posed, but of no surface."""
+    tails, heads = mesh.faces.astype(np.int64), np.roll(mesh.faces, -1, axis=1).astype(np.int64)
+    keys = np.sort(
+        (np.minimum(tails, heads) * len(mesh.vertices) + np.maximum(tails, heads)).ravel()
+    )
+    many = len(np.unique(keys[2:][keys[2:] == keys[:-2]]))
+    if many:
+        warnings.warn(
+            f"{many} edges have more than two faces: eigenfunctions are those of all sheets joined "
+            "there, which is no surface; `synthnet import` cuts where sheets are clearly pairs",
+            stacklevel=3,
+        )
+
+
+def compute(mesh: Any, k: int = 10, *, sharp: bool = False) -> Spectrum:
     r"""Compute the first k eigenvalues after the trivial zero, Neumann on a boundary.
 
     Solves :math:`A\varphi = \lambda B\varphi` by block Lanczos around a shift inside the
@@ -128,6 +146,10 @@ def compute(mesh: Any, k: int = 10) -> Spectrum:
         component is solved by itself.
     k : int
         Number of eigenvalues, at most the vertices less the components.
+    sharp : bool
+        Return Ritz values of energies that are added up triangle by triangle, see
+        :mod:`synthnet.spectrum.rounding`: on thin triangles the rounding of the matrices moves
+        them less. On others they agree to rounding. The residual is that of the matrices.
 
     Returns
     -------
@@ -140,8 +162,9 @@ def compute(mesh: Any, k: int = 10) -> Spectrum:
     Raises
     ------
     ValueError
-        If it is no mesh, is empty or not finite, k is not between 1 and the vertices less the components, a triangle has
-        no area, or a vertex has no triangle.
+        If it is no mesh, is empty, has a vertex that is not finite or without a triangle or a
+        triangle without area, overflows, or k is not between 1 and the vertices less the
+        components.
     CertificateError
         If the stronger setting's answer cannot be certified either.
     SpectrumError
@@ -165,11 +188,17 @@ def compute(mesh: Any, k: int = 10) -> Spectrum:
     """
     mesh = as_mesh(mesh)
     matrices = assemble(mesh)
+    _say_what_is_odd(mesh)
     candidate, certificate, pieces = _solved(matrices, k)
-    values, bounds, _ = sharpened(mesh, matrices.lumped, candidate)
-    errors = np.abs(values - candidate.values[: len(values)]) + bounds
-    certificate = replace(certificate, error_bound=errors[:k])
-    return _spectrum(matrices, k, candidate, certificate, pieces)
+    values, bounds, vectors = sharpened(mesh, matrices.lumped, candidate)
+    if not sharp:
+        bounds = np.abs(values - candidate.values[: len(values)]) + bounds
+    certificate = replace(certificate, error_bound=bounds[:k])
+    found = _spectrum(matrices, k, candidate, certificate, pieces)
+    if not sharp:
+        return found
+    # A constant changes over no triangle: its energy, added up that way, is exactly zero
+    return replace(found, eigenvalues=values[:k], eigenvectors=vectors[:, :k], trivial=0.0)
 
 
 def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
@@ -277,7 +306,8 @@ def _spectrum(
 def _turned(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return rows whose entry of largest size is positive."""
     largest = np.abs(rows).argmax(axis=1)
-    return rows * np.sign(rows[np.arange(len(rows)), largest])[:, None]
+    signs: NDArray[np.float64] = np.sign(rows[np.arange(len(rows)), largest])
+    return rows * signs[:, None]
 
 
 def _dense(matrices: Matrices, k: int, setting: Setting) -> Candidate:

@@ -27,6 +27,7 @@ from synthnet.spectrum.solve import assemble
 ZERO = 1e-6  # of Weyl's first eigenvalue: below it an answer is one of the zeros
 NEARER = 1e-2  # relative: so well the distance of an answer from its eigenvalue is told
 ASIDE = 1e-9  # relative: a shift whose pivot is zero is moved by so much
+LOOSEST = 0.5  # tolerance
 ORTHONORMAL = 1e-3  # most entry of VᵀBV − 1 of eigenvectors that count as orthonormal
 
 
@@ -153,6 +154,9 @@ class _Counter:
         self._ordering = find_ordering(matrices.indptr, matrices.indices)
         self._known: dict[float, int] = {}
         self.uncertainty = 0.0
+        # No eigenvalue is above the largest sum of a row of M⁻¹A times 4, because B ≥ M/4
+        sums = np.add.reduceat(np.abs(matrices.stiffness), matrices.indptr[:-1])
+        self._beyond = 8 * float((sums / matrices.lumped).max())
 
     @property
     def factorisations(self) -> int:
@@ -161,6 +165,7 @@ class _Counter:
 
     def __call__(self, shift: float) -> int:
         """Return how many eigenvalues, zeros included, are below a shift."""
+        shift = min(shift, self._beyond)
         if shift not in self._known:
             try:
                 found = inertia(self._matrices, self._ordering, shift)
@@ -186,7 +191,8 @@ def _counted(
 ) -> Verdict:
     """Judge by counts alone."""
     counter(_above(values[-1], tolerance))  # how far rounding moves a count grows with the shift
-    tolerance = max(tolerance, 2 * SAFETY * counter.uncertainty / values[-1])
+    rounding = 2 * SAFETY * counter.uncertainty / float(values[-1])
+    tolerance = min(max(tolerance, rounding), LOOSEST)
     groups = _groups(values, tolerance)
     missed: list[int] = []
     wrong: list[int] = []
@@ -251,8 +257,8 @@ def _answers(
     given: ArrayLike, matrices: Matrices, zeros: int, tolerance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the answers after the zeros, ascending, and where they stood."""
-    if not 0 < tolerance < 0.5:
-        raise ValueError(f"tolerance must be between 0 and 0.5, got {tolerance:g}")
+    if not 0 < tolerance <= LOOSEST:
+        raise ValueError(f"tolerance must be above 0 and at most {LOOSEST}, got {tolerance:g}")
     values = np.asarray(given)
     if values.dtype.kind not in "fiu" or values.ndim != 1 or not len(values):
         raise ValueError(

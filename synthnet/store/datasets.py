@@ -8,7 +8,7 @@ complete, so a file that is there is whole.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from synthnet import recipe
 from synthnet.errors import StoreError, suggestion
 from synthnet.recipe import Kind
 from synthnet.store import storage
-from synthnet.store.imports import is_import
+from synthnet.store.imports import description_of, is_import
 from synthnet.store.manifest import read_manifest
 from synthnet.store.shards import read_samples, read_table
 from synthnet.store.storage import Location, location
@@ -74,13 +74,14 @@ class StoredDataset:
             yield from read_samples(path)
 
     def find(self, id: str) -> Sample:
-        """Return the sample of an id.
+        """Return the sample of an id; of an import, also of a file's name.
 
         Raises
         ------
         StoreError
-            If there is none, or a filter rejected it.
+            If there is none, a filter rejected it, or several files have the name.
         """
+        id = self.id_of(id)
         for shard in self.manifest.shards:
             if shard.family != id.rpartition("-")[0]:
                 continue
@@ -102,6 +103,45 @@ class StoredDataset:
             f"no shape {id!r} in {self.manifest.version}: "
             f"`synthnet info {self.manifest.version} --ids` lists them{self._meant(id)}"
         )
+
+    def files(self) -> dict[str, str]:
+        """Return the file of each shape of an import by id, of those that were rejected too."""
+        if self.kind is not Kind.IMPORTED:
+            return {}
+        listed = description_of(self.manifest).files
+        return {
+            id: file["file"] + (f"#{file['part']}" if "part" in file else "")
+            for id, file in listed.items()
+        }
+
+    def id_of(self, name: str) -> str:
+        """Return the id of a shape by itself or, of an import, by its file's path or name.
+
+        The component of a file that is several shapes follows it: ``parts.stl#0``.
+
+        Raises
+        ------
+        StoreError
+            If several files have the name.
+        """
+        files = self.files()
+        if name in files:
+            return name
+        tests: tuple[Callable[[str], str], ...] = (
+            str,
+            lambda file: file.rpartition("/")[2],
+            lambda file: file.rpartition("/")[2].rpartition(".")[0],
+        )
+        for test in tests:
+            found = [id for id, file in files.items() if test(file) == name]
+            if len(found) > 1:
+                raise StoreError(
+                    f"{name} is {len(found):,} shapes, such as {found[0]} and {found[1]}: "
+                    "name one by its id"
+                )
+            if found:
+                return found[0]
+        return name
 
     def ids(self, family: str | None = None) -> list[str]:
         """Return the ids of all shapes, or of those of a family."""

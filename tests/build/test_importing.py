@@ -96,13 +96,10 @@ def test_folder_becomes_a_dataset(folder: Path, run: Run) -> None:
     assert rows["below/c.obj"] == ("as it was", "")  # seams of a texture cut no surface
     assert rows["d.off"][0] == "rejected"
     assert rows["d.off"][1].startswith("unreadable: ")
-    assert rows["e.ply"] == (
-        "rejected",
-        "components: 2 components, the largest has 80.0% of the area",
-    )
+    assert rows["e.ply"] == ("as it was", "2 components, the largest has 80.0% of the area")
     assert len(rows) == 5
     ids = [sample.spec.id for sample in dataset.samples()]
-    assert ids == ["my_meshes-00000", "my_meshes-00001", "my_meshes-00002"]
+    assert ids == [f"my_meshes-{number:05d}" for number in (0, 1, 2, 4)]
 
 
 def told(report: BuildReport) -> dict[str, str]:
@@ -111,10 +108,14 @@ def told(report: BuildReport) -> dict[str, str]:
 
 
 def test_labels_are_those_of_the_surface(folder: Path, run: Run) -> None:
-    ply, stl, torus = run(folder).dataset.samples()
+    ply, stl, torus, both = run(folder).dataset.samples()
+    parts = [spectrum.compute(Mesh(np.array(m.vertices), np.array(m.faces))) for m in (SPHERE, FAR)]
+    merged = np.sort(np.concatenate([part.eigenvalues for part in parts]))[:10]
+    assert both.eigenvalues == pytest.approx(merged, rel=1e-5)
     for sample, mesh in ((ply, SPHERE), (stl, SPHERE), (torus, TORUS)):
         wanted = spectrum.compute(Mesh(np.array(mesh.vertices), np.array(mesh.faces)))
         assert sample.eigenvalues == pytest.approx(wanted.eigenvalues, rel=1e-5)
+        assert 0 < float(sample.spec.parameters["error_bound"]) < 1e-10
         assert sample.certificate.count >= 11
         assert sample.split == "test"
         assert sample.paper_splits == ("test",)
@@ -125,12 +126,12 @@ def test_every_reader_takes_it(folder: Path, run: Run, tmp_path: Path) -> None:
     dataset = run(folder).dataset
     root = tmp_path / "root"
     shapes = SynthNet(version="mine", split="test", root=root)
-    assert len(shapes) == 3
+    assert len(shapes) == 4
     assert shapes[2].y[0].numpy() == pytest.approx(list(dataset.samples())[2].eigenvalues, rel=1e-6)
-    assert len(synthnet.load_dataset("mine", split="test", root=root)) == 3
+    assert len(synthnet.load_dataset("mine", split="test", root=root)) == 4
     with pytest.raises(StoreError, match="mine has no shape in the split train"):
         synthnet.load_dataset("mine", split="train", root=root)
-    assert truth.of_dataset(dataset).eigenvalues.shape == (3, 10)
+    assert truth.of_dataset(dataset).eigenvalues.shape == (4, 10)
     for report in (verify("mine", root=root), verify_files("mine", root=root)):
         assert report.problems == ()
 
@@ -146,7 +147,7 @@ def test_verify_finds_an_altered_label(folder: Path, run: Run, tmp_path: Path) -
     store.write_shard(path, samples, rejections, family="my_meshes", recipe_digest=digest)
     found = {c.name: len(c.problems) for c in verify("mine", root=tmp_path / "root").checks}
     assert found["digests"] == 1
-    assert found["labels"] == 3
+    assert found["labels"] == 4
 
 
 def test_second_import_has_nothing_to_do(folder: Path, run: Run, tmp_path: Path) -> None:
@@ -217,7 +218,7 @@ def test_any_number_of_workers_makes_the_same_bytes(
     [
         ("changed", r"1 changed: my_meshes/a\.ply"),
         ("added", r"1 new: my_meshes/z\.ply"),
-        ("option", "other --keep-largest"),
+        ("option", "other --components"),
         ("rule", "other rules"),
         ("limits", "other limits"),
         ("other", r"1 new: other/a\.ply; 5 missing: such as my_meshes/a\.ply"),
@@ -253,7 +254,7 @@ def test_other_import_under_the_same_name_overwrites_nothing(
             (tmp_path / "root" / "mine" / missing).unlink()
             del files[missing]
         with pytest.raises(StoreError, match=wanted):
-            run(*places, keep_largest=change == "option")
+            run(*places, components="largest" if change == "option" else "keep")
         assert contents(tmp_path / "root" / "mine") == files
 
 
@@ -285,8 +286,8 @@ def test_import_waits_for_another_or_says_so(folder: Path, run: Run, tmp_path: P
 
 def test_unit_area_is_recorded(folder: Path, run: Run) -> None:
     samples = list(run(folder, unit_area=True).dataset.samples())
-    assert len(samples) == 3
-    for sample in samples:
+    assert len(samples) == 4
+    for sample in samples[:3]:
         scale = float(sample.spec.parameters["scale"])
         mesh = TORUS if "below" in str(sample.spec.parameters["file"]) else SPHERE
         assert scale == pytest.approx(mesh.area**-0.5, rel=1e-6)
@@ -295,10 +296,99 @@ def test_unit_area_is_recorded(folder: Path, run: Run) -> None:
 
 
 def test_largest_component_is_kept_if_asked(folder: Path, run: Run) -> None:
-    rows = file_outcomes(run(folder, keep_largest=True).dataset)
+    rows = file_outcomes(run(folder, components="largest").dataset)
     (kept,) = [row for row in rows if row["file"] == "e.ply"]
-    assert (kept["outcome"], kept["what"]) == ("repaired", "1 components left out")
+    assert (kept["outcome"], kept["what"]) == (
+        "repaired",
+        "1 components left out, 2 components, the largest has 80.0% of the area",
+    )
     assert kept["vertices"] == len(SPHERE.vertices)
+
+
+def test_each_component_is_a_shape_if_asked(folder: Path, run: Run, tmp_path: Path) -> None:
+    dataset = run(folder, components="split").dataset
+    rows = {row["id"]: row for row in file_outcomes(dataset)}
+    large, small = rows["my_meshes-00004"], rows["my_meshes-00005"]
+    assert large["file"] == small["file"] == "e.ply"
+    for number, row in enumerate((large, small)):
+        assert row["what"] == (
+            f"2 components, the largest has 80.0% of the area; this is part {number}"
+        )
+    ends = [dataset.find(f"e.ply#{number}") for number in (0, 1)]
+    for sample, mesh in zip(ends, (SPHERE, FAR), strict=True):
+        assert geometry.area(sample.mesh) == pytest.approx(mesh.area, rel=1e-6)
+    assert ends[0].spec.group == ends[1].spec.group
+    assert verify("mine", root=tmp_path / "root").problems == ()
+
+
+def test_a_file_alone_is_imported(folder: Path, run: Run) -> None:
+    dataset = run(folder / "a.ply", folder / "b.STL").dataset
+    assert [row["file"] for row in file_outcomes(dataset)] == ["a.ply", "b.STL"]
+    assert list(dataset.manifest.drawn) == ["my_meshes"]
+    with pytest.raises(MeshImportError, match=r"f\.txt is none of \.obj"):
+        run(folder / "f.txt", name="other")
+
+
+def test_shapes_are_found_by_the_name_of_their_file(
+    folder: Path,
+    run: Run,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    shutil.copy(folder / "a.ply", folder / "below" / "a.ply")
+    dataset = run(folder).dataset
+    for name in ("below/c.obj", "c.obj", "c", "my_meshes-00003"):
+        assert dataset.find(name).spec.id == "my_meshes-00003"
+    assert dataset.find("a.ply").spec.id == "my_meshes-00000"  # its whole path
+    with pytest.raises(StoreError, match="a is 2 shapes, such as my_meshes-00000 and my_meshes-0"):
+        dataset.find("a")
+    with pytest.raises(StoreError, match="was rejected by unreadable"):
+        dataset.find("d.off")
+    where = ["--dataset", "mine", "--out", str(tmp_path / "root")]
+    assert cli.main(["show", "c.obj", *where]) == 0
+    assert "my_meshes-00003" in capsys.readouterr().out
+    assert cli.main(["info", "--ids", *where]) == 0
+    assert "my_meshes-00003  below/c.obj" in capsys.readouterr().out
+    assert cli.main(["gallery", "c.obj", *where, "--png", str(tmp_path / "c.png"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["ids"] == ["my_meshes-00003"]
+
+
+def test_a_largest_component_of_less_than_half_is_said(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    three = [SPHERE.copy().apply_translation([4.0 * i, 0, 0]) for i in range(3)]
+    trimesh.util.concatenate(three).export(folder / "three.ply")
+    where = ["--name", "mine", "--out", str(tmp_path / "root"), "--workers", "1"]
+    assert cli.main(["import", str(folder), *where]) == 0
+    (line,) = [s for s in capsys.readouterr().err.splitlines() if "warning" in s]
+    assert "in 1 of the files (three.ply) the largest component has less than half" in line
+
+
+def strip(aspect: float) -> trimesh.Trimesh:
+    """A strip of needles, turned in space."""
+    x, y = np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 3), indexing="ij")
+    corner = (np.arange(8)[:, None] * 3 + np.arange(2)).ravel()
+    faces = [[corner, corner + 3, corner + 4], [corner, corner + 4, corner + 1]]
+    points = np.stack([x.ravel(), aspect * y.ravel(), 0 * x.ravel()], axis=1)
+    turn = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
+    return trimesh.Trimesh(points @ turn.T, np.concatenate(faces, axis=1).T, process=False)
+
+
+def test_thin_meshes_are_labelled_within_the_limit_or_refused_and_verify_agrees(
+    tmp_path: Path, run: Run
+) -> None:
+    place = tmp_path / "thin"
+    place.mkdir()
+    for number in range(7):
+        strip(10.0**-number).export(place / f"{number}.off", digits=17)
+    dataset = run(place).dataset
+    assert {"0.off", "1.off", "2.off", "3.off"} <= {
+        str(sample.spec.parameters["file"]) for sample in dataset.samples()
+    }
+    for sample in dataset.samples():
+        assert float(sample.spec.parameters["error_bound"]) <= 1e-6
+    assert {refused.reason for refused in dataset.manifest.rejections} <= {"certificate"}
+    assert verify("mine", root=tmp_path / "root").problems == ()
 
 
 def test_copies_of_a_file_are_in_one_split(place: Path, run: Run) -> None:
@@ -344,8 +434,8 @@ def test_directories_that_will_not_do_are_refused(folder: Path, run: Run, tmp_pa
     shutil.copy(folder / "a.ply", tmp_path / "other" / "my-meshes")
     (tmp_path / "link").symlink_to(folder)
     for places, wanted in (
-        ([tmp_path / "none"], "is no directory"),
-        ([tmp_path / "empty"], r"has no \.obj, \.off, \.ply, \.stl file"),
+        ([tmp_path / "none"], "none is not there"),
+        ([tmp_path / "empty"], r"has no \.obj, \.off, \.ply, \.stl, .* file"),
         ([folder, tmp_path / "other" / "my-meshes"], "would both be the family my_meshes"),
         ([folder, folder / "."], "are the same or one within the other: give one of them"),
         ([folder, tmp_path / "link"], "are the same or one within the other: give one of them"),
@@ -483,10 +573,10 @@ def test_label_that_fails_is_the_file_s_own_rejection(
 ) -> None:
     compute = spectrum.compute
 
-    def failing(mesh: Mesh, k: int = 10) -> object:
+    def failing(mesh: Mesh, k: int = 10, **options: bool) -> object:
         if len(mesh.vertices) == len(TORUS.vertices):
             raise error
-        return compute(mesh, k)
+        return compute(mesh, k, **options)
 
     monkeypatch.setattr(spectrum, "compute", failing)
     found = told(run(folder))
@@ -562,6 +652,7 @@ def test_verify_compares_the_shapes_with_the_list_of_files(
         replace(samples[0], spec=replace(spec, parameters={**spec.parameters, "file": "b"})),
         replace(samples[1], isometries=-np.eye(3)[None], split="train"),
         replace(samples[2], spec=replace(samples[2].spec, id="my_meshes-00009")),
+        samples[3],
     ]
     digest = manifest.recipe_digest
     options = {"family": "my_meshes", "recipe_digest": digest}
@@ -613,7 +704,7 @@ def test_reasons_are_those_of_the_documentation() -> None:
     reasons = set(re.findall(r'Refused\(\s*"(\w+)"', code))
     reasons |= {sources.UNREADABLE, sources.TOO_LARGE, surfaces.CHANGED, surfaces.MEMORY}
     reasons |= {filters.SOLVER, filters.CERTIFICATE, *filters.SPECTRUM_CHECKS}
-    assert len(reasons) == 18
+    assert len(reasons) == 17
     assert reasons <= set(re.findall(r"`(\w+)`", PAGE))
 
 
@@ -621,9 +712,9 @@ def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     where = ["--name", "mine", "--out", str(tmp_path / "root"), "--workers", "1"]
     assert cli.main(["import", str(folder), *where]) == 0
     out = capsys.readouterr().out
-    assert "5 files: 2 as it was, 1 repaired, 2 rejected" in out
-    assert "a.ply" not in out  # nothing befell it
-    assert "components: 2 components" in out
+    assert "5 files: 3 as it was, 1 repaired, 1 rejected" in out
+    assert "a.ply" in out  # though nothing befell it
+    assert "2 components, the largest has 80.0% of the area" in out
     assert cli.main(["import", str(folder), *where, "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["files"]) == 5
     assert cli.main(["info", "--version", "mine", "--out", str(tmp_path / "root")]) == 0

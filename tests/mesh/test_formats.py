@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -44,7 +47,8 @@ def refused(text: str | bytes, kind: str) -> str:
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_is_read(name: str) -> None:
-    vertices, faces = read(content(name), suffix(name))
+    found = read(content(name), suffix(name))
+    vertices, faces = found.vertices, found.faces
     assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
     np.testing.assert_allclose(vertices[faces], SPHERE.triangles, atol=1e-6)
     if not name.endswith("stl"):
@@ -75,17 +79,18 @@ def test_a_line_that_is_gone_or_there_twice_is_seen(name: str) -> None:
 
 def test_obj_counts_from_1_or_back_from_the_last_vertex_so_far() -> None:
     text = VERTICES + "f -4 -3 -2\nv 9 9 9\nf 1/7 3//2 4/1/1 # a comment\nf -5 4 5\n"
-    assert read(text.encode(), ".obj")[1].tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+    assert read(text.encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
 
 
 def test_text_may_begin_with_a_mark_of_its_bytes_order() -> None:
     text = "\ufeff" + VERTICES + "f 1 2 3\n"
-    assert len(read(text.encode(), ".obj")[0]) == 4
+    assert len(read(text.encode(), ".obj").vertices) == 4
 
 
 def test_obj_is_read_alone() -> None:
     text = "mtllib missing.mtl\nvt 0 0\nvn 0 0 1\no a\ng b\nusemtl c\ns off\nv 5 5 5 1 0 0\n"
-    vertices, faces = read((text + VERTICES + "f 2 3 4\nl 1 2\np 1\n").encode(), ".obj")
+    found = read((text + VERTICES + "f 2 3 4\nl 1 2\np 1\n").encode(), ".obj")
+    vertices, faces = found.vertices, found.faces
     assert len(vertices) == 5  # the loose one too
     assert faces.tolist() == [[1, 2, 3]]
 
@@ -93,47 +98,85 @@ def test_obj_is_read_alone() -> None:
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
 def test_lines_end_in_any_way(newline: str) -> None:
     text = (VERTICES + "f 1 2 3\n").replace("\n", newline)
-    assert len(read(text.encode(), ".obj")[1]) == 1
+    assert len(read(text.encode(), ".obj").faces) == 1
     text = f"OFF\n4 1 0\n{POINTS}3 0 1 2\n".replace("\n", newline)
-    assert len(read(text.encode(), ".off")[1]) == 1
+    assert len(read(text.encode(), ".off").faces) == 1
 
 
 @pytest.mark.parametrize("head", ["OFF\n4 1 0", "OFF 4 1 0", "OFF4 1 0", "# c\n\nCOFF # c\n4 1"])
 def test_off_headers(head: str) -> None:
     text = f"{head}\n{POINTS}4 0 1 2 3 255 0 0\n"
-    assert read(text.encode(), ".off")[1].tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert read(text.encode(), ".off").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
 def test_polygons_are_fans_in_the_order_of_the_file() -> None:
     hexagon = [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3]
     text = "".join(f"v {x} {y} 0\n" for x, y in hexagon) + "f 1 2 3 4 5 6\nf 1 2 3\nf 3 2 1 6\n"
-    assert read(text.encode(), ".obj")[1].tolist() == [
+    assert read(text.encode(), ".obj").faces.tolist() == [
         *([0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]),
         *([0, 1, 2], [2, 1, 0], [2, 0, 5]),
     ]
 
 
 @pytest.mark.parametrize(
-    ("points", "face"),
+    ("points", "face", "faces"),
     [
-        ("v 0 0 0\nv 2 0 0\nv 1 .5 0\nv 1 2 0\n", "f 2 3 4 1"),  # an arrow, cut from a side
-        (VERTICES, "f 1 2 4 3"),  # a bow tie
-        ("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 1 1 0\n", "f 1 2 3 4"),  # three corners in a line
+        # an arrow, cut from a side
+        ("v 0 0 0\nv 2 0 0\nv 1 .5 0\nv 1 2 0\n", "f 2 3 4 1", [[1, 2, 0], [2, 3, 0]]),
+        # three corners in a line: the one in the middle stays, as its neighbours end there
+        ("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 1 1 0\n", "f 1 2 3 4", [[3, 0, 1], [1, 2, 3]]),
     ],
 )
-def test_polygons_that_a_fan_cannot_cut_are_refused(points: str, face: str) -> None:
-    assert refused(points + "f 1 2 4\n" + face, ".obj") == (
-        "line 6: a polygon that is not convex: save triangles"
-    )
+def test_polygons_that_a_fan_cannot_cut_are_cut_by_ears(
+    points: str, face: str, faces: list[list[int]]
+) -> None:
+    found = read((points + face).encode(), ".obj")
+    assert found.clipped == 1
+    corners = found.vertices[found.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normals[:, 2] > 0).all()
+    assert {frozenset(f) for f in found.faces.tolist()} == {frozenset(f) for f in faces}
+
+
+def comb(teeth: int) -> np.ndarray:
+    """The corners of a comb, counter-clockwise, one of them amid its straight back."""
+    up = [(2 * i + dx, y) for i in range(teeth) for dx, y in ((0.6, 0.2), (1.4, 3))]
+    return np.array([(2 * teeth, -1), *up[::-1], (0, 3.5), (0, -1), (teeth, -1)], float)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1.0])
+def test_ears_cover_a_polygon_once_and_keep_every_corner(tilt: float) -> None:
+    flat = comb(9)
+    x, y = flat.T
+    area = abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
+    points = np.stack([x, y * np.cos(tilt), y * np.sin(tilt)], axis=1)
+    text = "".join(f"v {a:.17g} {b:.17g} {c:.17g}\n" for a, b, c in points)
+    found = read((text + "f " + " ".join(map(str, range(1, len(x) + 1)))).encode(), ".obj")
+    assert (found.clipped, len(found.faces)) == (1, len(x) - 2)
+    assert set(found.faces.ravel().tolist()) == set(range(len(x)))
+    corners = found.vertices[found.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    assert np.linalg.norm(normals, axis=1).sum() == pytest.approx(area)
+    assert np.linalg.norm(normals.sum(axis=0)) == pytest.approx(area)  # all face one way
+
+
+def test_a_polygon_that_crosses_itself_is_refused() -> None:
+    told = refused(VERTICES + "f 1 2 4\nf 1 2 4 3", ".obj")  # a bow tie
+    assert told == "line 6: a polygon that crosses itself or has no area"
 
 
 def test_arrow_is_cut_from_its_inner_corner_or_its_tip() -> None:
     text = "v 0 0 0\nv 2 0 0\nv 1 .5 0\nv 1 2 0\nf 3 4 1 2\nf 1 2 3 4\n"
-    assert read(text.encode(), ".obj")[1].tolist() == [[2, 3, 0], [2, 0, 1], [0, 1, 2], [0, 2, 3]]
+    assert read(text.encode(), ".obj").faces.tolist() == [
+        [2, 3, 0],
+        [2, 0, 1],
+        [0, 1, 2],
+        [0, 2, 3],
+    ]
 
 
 def test_polygons_that_name_a_vertex_twice_are_left_to_repair() -> None:
-    assert read((VERTICES + "f 1 2 3 3").encode(), ".obj")[1].tolist() == [[0, 1, 2], [0, 2, 2]]
+    assert read((VERTICES + "f 1 2 3 3").encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 2]]
 
 
 def binary_ply(faces: str, rows: bytes, order: str = "<", vertices: str = "") -> bytes:
@@ -154,7 +197,8 @@ LIST = "element face 2\nproperty list uchar short vertex_index\nproperty uchar r
 def test_binary_ply_of_any_kinds_and_order(order: str) -> None:
     kinds = np.dtype([("n", "u1"), ("i", order + "i2", 4), ("red", "u1")])
     rows = np.array([(4, [0, 1, 2, 3], 7), (4, [3, 2, 1, 0], 7)], kinds).tobytes()
-    vertices, faces = read(binary_ply(LIST, rows, order), ".ply")
+    found = read(binary_ply(LIST, rows, order), ".ply")
+    vertices, faces = found.vertices, found.faces
     assert vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
     assert faces.tolist() == [[0, 1, 2], [0, 2, 3], [3, 2, 1], [3, 1, 0]]
 
@@ -165,26 +209,35 @@ def test_ascii_ply_with_other_elements_and_properties() -> None:
         "property list", ("property uchar red\nproperty list uchar float uv\nproperty list")
     )
     text += POINTS + "50.0\n255 2 0.5 0.5 4 0 1 2 3\n"
-    assert read(text.encode(), ".ply")[1].tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert read(text.encode(), ".ply").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
 def test_ascii_stl_of_two_solids_and_any_names() -> None:
     text = f"solid vertex of a facet\n{FACET}endsolid\nSOLID b\n{FACET.upper()}ENDSOLID b\n"
-    vertices, faces = read(text.encode(), ".stl")
+    found = read(text.encode(), ".stl")
+    vertices, faces = found.vertices, found.faces
     assert (vertices == [1, 2, 3]).all()
     assert faces.tolist() == [[0, 1, 2], [3, 4, 5]]
 
 
 def test_binary_stl_may_begin_with_solid() -> None:
     whole = b"solid".ljust(80) + content("binary.stl")[80:]
-    assert len(read(whole, ".stl")[1]) == 80
+    assert len(read(whole, ".stl").faces) == 80
 
 
 @pytest.mark.parametrize(
     ("kind", "text", "told"),
     [
-        (".obj", "", "it holds no triangles, or is cut off"),
-        (".obj", VERTICES, "it holds no triangles, or is cut off"),
+        (".obj", "", "the file is empty"),
+        (".obj", "# nothing", "an empty mesh"),
+        (".obj", VERTICES, "a point cloud: 4 points and no faces, or cut off"),
+        (".off", f"OFF\n4 0 0\n{POINTS}", "a point cloud: 4 points and no faces"),
+        (".off", "OFF\n0 0 0\n", "an empty mesh"),
+        (".ply", PLY[: PLY.index("element face")] + "end_header\n" + POINTS, "a point cloud: 4"),
+        (".ply", PLY.replace("element face", "element tristrips"), "its faces are strips"),
+        (".obj.gz", "no gzip", "cut off or no gzip file"),
+        (".gii", "<GIFTI>", "cut off or no GIfTI file"),
+        (".pial", "nothing", "it does not begin as a triangle surface of FreeSurfer does"),
         (".obj", VERTICES + "f 1 2 0\n", "line 5: vertex 0, but OBJ counts from 1"),
         (".obj", VERTICES + "f 1 2 9\n", "line 5: a corner is none of the 4 vertices"),
         (".obj", VERTICES + "f 1 2 -5\n", "line 5: a corner is none of the 4 vertices"),
@@ -192,13 +245,12 @@ def test_binary_stl_may_begin_with_solid() -> None:
         (".obj", VERTICES + "f 1 2 x\n", "line 5: '1 2 x': no whole numbers"),
         (".obj", VERTICES + "f 1 2 1_0\n", "line 5: '1 2 1_0': no whole numbers"),
         (".obj", VERTICES + f"f 1 2 {2**64}\n", "line 5: no vertex has a number that large"),
-        (".obj", VERTICES + "f 1 2 \\\n3\n", "line 5: it goes on in the next line"),
         (".obj", VERTICES + "w 1 2 3\n", "line 5: 'w' begins no line of an OBJ file"),
         (".obj", "call other.obj\n", "line 1: 'call' begins no line of an OBJ file"),
         (".obj", "v 0 0\n", "line 1: '0 0' are no three numbers"),
         (".obj", "\nv 0 0 1_0\n", "line 2: '0 0 1_0' are no three numbers"),
         (".obj", b"v 0 \xff\x1b 0\n", r"line 1: '0 \xff\x1b 0' are no three numbers"),
-        (".off", "", "line 1: it begins with '', not with OFF"),
+        (".off", "#", "line 1: it begins with '', not with OFF"),
         (".off", "4OFF\n", "line 1: it begins with '4OFF', not with OFF"),
         (".off", "OFF BINARY x\n", "line 1: 'BINARY x': no whole numbers"),
         (".off", "OFF\n4\n", "line 2: the numbers of vertices and faces are missing"),
@@ -227,9 +279,14 @@ def test_binary_stl_may_begin_with_solid() -> None:
         (
             ".ply",
             binary_ply(LIST, bytes([3, *7 * [0], 4, *7 * [0]])),
-            "lists vertex_index of several lengths in a binary PLY",
+            "cut off: 1 of 2 faces, as its header has",
         ),
-        (".ply", binary_ply(LIST, bytes([2] + 5 * [0]) * 2), "faces of 2 corners"),
+        (
+            ".ply",
+            binary_ply(LIST, bytes([3, *7 * [0], 4, *11 * [0]])),
+            "2 bytes more than its header declares",
+        ),
+        (".ply", binary_ply(LIST, bytes([2] + 5 * [0]) * 2), "face 1: a face of 2 corners"),
         (
             ".ply",
             binary_ply(LIST.replace("uchar short", "uint short"), b"\xff" * 40),
@@ -242,7 +299,7 @@ def test_binary_stl_may_begin_with_solid() -> None:
         ),
         (".stl", bytes(80) + (7).to_bytes(4, "little") + bytes(120), "cut off: 2 of 7 faces"),
         (".stl", bytes(84 + 3), "3 bytes more than its 0 faces take"),
-        (".stl", bytes(84), "it holds no triangles"),
+        (".stl", bytes(84), "an empty mesh"),
         (".stl", f"solid\n{FACET}facet\nvertex 1 2 3\n", "cut off: 1 of 2 faces have their"),
         (".stl", f"solid\n{FACET}vertex 1 2 3\nendsolid", "cut off: 1 of 1 faces have their"),
         (".stl", f"solid\n{FACET}", "cut off: 0 of 1 solids have their endsolid"),
@@ -254,6 +311,76 @@ def test_what_is_no_mesh_is_refused(kind: str, text: str | bytes, told: str) -> 
     assert told in refused(text, kind)
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_binary_ply_of_polygons_of_several_sizes(order: str) -> None:
+    rows = b"".join(
+        bytes([len(face)]) + np.array(face, order + "i2").tobytes() + b"\x07"
+        for face in ([0, 1, 2, 3], [3, 2, 1])
+    )
+    assert read(binary_ply(LIST, rows, order), ".ply").faces.tolist() == [
+        *([0, 1, 2], [0, 2, 3]),
+        [3, 2, 1],
+    ]
+
+
+def test_lines_of_obj_that_go_on_are_joined() -> None:
+    text = VERTICES + "f 1 2 \\\n3\nf 1 \\\n 3 \\\n4\n"
+    assert read(text.encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert refused(text + "f 1 2 9\n", ".obj").startswith("line 10: ")
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_compressed_files_are_read_whole_or_not_at_all(name: str) -> None:
+    whole = gzip.compress(content(name), mtime=0)
+    found, expected = read(whole, suffix(name) + ".gz"), read(content(name), suffix(name))
+    np.testing.assert_array_equal(found.faces, expected.faces)
+    assert "cut off or no gzip file" in refused(whole[:-40], suffix(name) + ".gz")
+
+
+def test_gifti() -> None:
+    gifti = pytest.importorskip("nibabel").gifti
+    arrays = [
+        gifti.GiftiDataArray(SPHERE.vertices.astype(np.float32), "NIFTI_INTENT_POINTSET"),
+        gifti.GiftiDataArray(SPHERE.faces.astype(np.int32), "NIFTI_INTENT_TRIANGLE"),
+    ]
+    whole = gifti.GiftiImage(darrays=arrays).to_bytes()
+    found = read(whole, ".gii")
+    np.testing.assert_array_equal(found.faces, SPHERE.faces)
+    np.testing.assert_allclose(found.vertices, SPHERE.vertices, atol=1e-6)
+    assert "cut off or no GIfTI file" in refused(whole[: len(whole) // 2], ".gii")
+    values = gifti.GiftiImage(darrays=arrays[:1]).to_bytes()
+    assert "a point cloud: 42 points" in refused(values, ".gii")
+    assert "it has no points" in refused(gifti.GiftiImage(darrays=arrays[1:]).to_bytes(), ".gii")
+
+
+def test_freesurfer(tmp_path: Path) -> None:
+    freesurfer = pytest.importorskip("nibabel").freesurfer
+    path = tmp_path / "lh.pial"
+    freesurfer.write_geometry(path, SPHERE.vertices, SPHERE.faces)
+    whole = path.read_bytes()
+    found = read(whole, ".pial")
+    np.testing.assert_array_equal(found.faces, SPHERE.faces)
+    np.testing.assert_allclose(found.vertices, SPHERE.vertices, atol=1e-6)
+    end = len(whole) - whole[::-1].index(np.array(SPHERE.faces[-1], ">i4").tobytes()[::-1])
+    assert "cut off" in refused(whole[: end - 1], ".pial")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        *(("a.OBJ", ".obj"), ("a.stl.GZ", ".stl.gz"), ("lh.pial", ".pial"), ("a.gii", ".gii")),
+        *(("sub-01.rh.white.gz", ".white.gz"), ("paper.white", None), ("a.txt", None)),
+        *(("obj", None), ("a.gz", None), ("lh.curv", None)),
+    ],
+)
+def test_kinds_of_files(name: str, kind: str | None) -> None:
+    assert formats.kind_of(name) == kind
+
+
 def test_suffixes_are_those_of_the_documentation() -> None:
-    assert formats.SUFFIXES == (".obj", ".off", ".ply", ".stl")
-    assert all(suffix[1:].upper() in (formats.__doc__ or "") for suffix in formats.SUFFIXES)
+    others = {".gii": "GIfTI", **dict.fromkeys(formats.FREESURFER, "FreeSurfer")}
+    assert (".obj", ".off", ".ply", ".stl", *others) == formats.SUFFIXES
+    assert all(
+        others.get(suffix, suffix[1:].upper()) in (formats.__doc__ or "")
+        for suffix in formats.SUFFIXES
+    )

@@ -79,7 +79,9 @@ def test_truncated_and_altered_files_are_read_or_refused(
 
 
 def test_file_of_no_suffix_we_know_is_refused(reader: Reader, tmp_path: Path) -> None:
-    with pytest.raises(UnreadableError, match=r"a\.txt is none of \.obj, \.off, \.ply, \.stl"):
+    with pytest.raises(
+        UnreadableError, match=r"a\.txt is none of \.obj, \.off, \.ply, \.stl, \.gii"
+    ):
         reader.read(tmp_path / "a.txt")
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from synthnet import recipe
 from synthnet.families import FAMILIES, PRIMITIVES
-from synthnet.mesh import repair
+from synthnet.mesh import caps, repair
+from synthnet.mesh.adjacency import connected
 from synthnet.mesh.geometry import MeshFacts, area, volume
 from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Mesh
@@ -21,11 +24,12 @@ FACES = np.array(
 )
 
 
-def done(vertices: np.ndarray, faces: np.ndarray, **options: bool) -> repair.Repaired:
-    return repair.repair(Mesh(np.asarray(vertices, float), np.asarray(faces)), least=4, **options)
+def done(vertices: np.ndarray, faces: np.ndarray, **options: object) -> repair.Repaired:
+    rules = repair.Rules(least=4, **options)  # type: ignore[arg-type]
+    return repair.repair(Mesh(np.asarray(vertices, float), np.asarray(faces)), rules)
 
 
-def refused(vertices: np.ndarray, faces: np.ndarray, **options: bool) -> str:
+def refused(vertices: np.ndarray, faces: np.ndarray, **options: object) -> str:
     with pytest.raises(repair.Refused) as error:
         done(vertices, faces, **options)
     assert str(error.value) == f"{error.value.reason}: {error.value.detail}"
@@ -61,10 +65,9 @@ def test_soup_of_triangles_becomes_a_surface() -> None:
 def test_nearly_equal_positions_are_merged(apart: float, merged: bool) -> None:
     soup = CUBE[FACES].reshape(-1, 3) + np.arange(36)[:, None] % 2 * apart
     corners = np.arange(36).reshape(-1, 3)
-    if merged:
-        assert done(soup, corners).repairs == {"merged vertices": 28}
-    else:
-        assert refused(soup, corners) == "components"
+    found = done(soup, corners)
+    assert (found.components == 1) == merged
+    assert (found.repairs == {"merged vertices": 28}) == merged
 
 
 def test_merging_goes_by_the_size_of_the_mesh() -> None:
@@ -81,7 +84,7 @@ def test_merging_joins_what_steps_below_the_distance_join_and_little_more() -> N
     groups = []
     for limit in (1.0, 2 * np.sqrt(3)):
         pairs = np.nonzero(apart <= limit)
-        groups.append(repair._components(len(points), *pairs))
+        groups.append(connected(len(points), *pairs))
     near, far = groups
     together = joined[:, None] == joined
     assert together[near[:, None] == near].all()
@@ -196,18 +199,175 @@ def test_pinched_vertex_is_split() -> None:
 
 def test_two_cubes_that_share_a_corner_are_two_components() -> None:
     faces = np.concatenate([FACES, np.where(FACES == 0, 7, FACES + 8)])
-    vertices = np.concatenate([CUBE, CUBE + 1])
-    assert refused(vertices, faces) == "components"
+    found = done(np.concatenate([CUBE, CUBE + 1]), faces)
+    assert found.components == 2
+    assert found.repairs == {"loose vertices": 1, "pinched vertices": 1}
 
 
-def test_largest_component_is_kept_if_asked() -> None:
+TWO = np.concatenate([CUBE, 5 + 2 * CUBE]), np.concatenate([FACES, FACES + 8])
+
+
+@pytest.mark.parametrize(
+    ("options", "size", "repairs"),
+    [
+        ({}, 30, {}),
+        ({"components": "largest"}, 24, {"components left out": 1}),
+        ({"part": 0}, 24, {}),
+        ({"part": 1}, 6, {}),
+    ],
+)
+def test_several_components(
+    options: dict[str, object], size: float, repairs: dict[str, int]
+) -> None:
+    found = done(*TWO, **options)
+    np.testing.assert_allclose(found.shares, [0.8, 0.2])
+    assert found.components == (1 if options else 2)
+    assert found.repairs == repairs
+    assert area(found.mesh) == pytest.approx(size)
+
+
+def test_components_are_chosen_before_they_are_judged() -> None:
+    """A flat triangle and an edge of three faces, both in the smaller component."""
     vertices = np.concatenate([CUBE, 5 + 2 * CUBE])
-    both = np.concatenate([FACES, FACES + 8])
-    with pytest.raises(repair.Refused, match=r"2 components, the largest has 80\.0% of the area"):
-        done(vertices, both)
-    found = done(vertices, both, keep_largest=True)
-    assert found.repairs == {"components left out": 1}
-    assert area(found.mesh) == pytest.approx(24)
+    broken = [*FACES, [0, 7, 1]]
+    faces = np.concatenate([broken, FACES + 8])
+    assert refused(vertices, faces) == "non_manifold_edge"
+    assert done(vertices, faces, components="largest").repairs == {"components left out": 1}
+
+
+def test_each_component_is_turned_by_itself() -> None:
+    vertices, faces = TWO[0], TWO[1].copy()
+    faces[[1, 3, 14]] = faces[[1, 3, 14], ::-1]
+    found = done(vertices, faces)
+    assert found.repairs == {"turned faces": 3}
+    np.testing.assert_array_equal(found.mesh.faces, TWO[1])
+
+
+# Repairs that can be left out
+
+
+def with_cap(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """A cube with corners on an edge that only one of its two faces knows: a fan of flat caps."""
+    middle = np.linspace(0, 1, count + 2)[1:-1]
+    vertices = np.concatenate([CUBE, np.stack([middle, 0 * middle, 0 * middle], axis=1)])
+    chain = [0, *range(8, 8 + count), 1]
+    faces = [f for f in FACES.tolist() if f != [0, 1, 5]]
+    faces += [[a, b, 5] for a, b in pairwise(chain)]
+    faces += [[chain[i + 1], chain[i], 1] for i in range(count)]
+    return vertices, np.array(faces)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7])
+def test_flat_caps_go_and_the_surface_stays(count: int) -> None:
+    vertices, faces = with_cap(count)
+    assert repair.flat_faces(Mesh(vertices, faces)) == count
+    found = done(vertices, faces)
+    facts = MeshFacts(found.mesh)
+    assert found.repairs == {"flat faces": count}
+    assert (facts.n_vertices, facts.is_closed, facts.euler_characteristic) == (8 + count, True, 2)
+    assert not repair.flat_faces(found.mesh)
+    assert (area(found.mesh), volume(found.mesh)) == pytest.approx((6, 1))
+    assert refused(vertices, faces, without=("caps",)) == "degenerate_face"
+
+
+def test_a_flat_cap_on_the_boundary_is_dropped() -> None:
+    vertices, faces = [*CUBE[:4], [0.5, 0, 0]], [[0, 2, 3], [0, 3, 4], [4, 3, 1], [0, 4, 1]]
+    found = done(vertices, faces)
+    assert found.repairs == {"flat faces": 1}
+    assert (len(found.mesh.faces), area(found.mesh)) == (3, pytest.approx(1))
+
+
+def test_a_flat_face_that_no_flip_takes_away_is_refused() -> None:
+    """The edge that a flip would make is there already."""
+    vertices = [*CUBE[:4], [0.5, 0.5, 0]]
+    faces = [[0, 2, 3], [0, 3, 1], [0, 4, 3], [1, 3, 4], [4, 0, 1]]
+    assert refused(vertices, faces, without=("cut",)) == "degenerate_face"
+    assert caps.without_caps(Mesh(np.array(vertices), np.array(faces)))[1] == 0
+
+
+def side_by_side(*, orientation: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Two cubes with a common edge."""
+    second = CUBE + np.array([1, 1, 0])
+    faces = np.concatenate([FACES, (FACES + 8)[:, ::orientation]])
+    return np.concatenate([CUBE, second]), faces
+
+
+@pytest.mark.parametrize("shared", [False, True], ids=["doubled corners", "shared corners"])
+@pytest.mark.parametrize("orientation", [1, -1])
+def test_cubes_with_a_common_edge_are_two_surfaces(shared: bool, orientation: int) -> None:
+    vertices, faces = side_by_side(orientation=orientation)
+    if shared:
+        _, first, number = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+        vertices, faces = vertices[first], number.ravel()[faces]
+    found = done(vertices, faces)
+    name, count = ("cut edges", 1) if shared else ("touching vertices", 2)
+    assert found.repairs[name] == count
+    assert (found.components, MeshFacts(found.mesh).is_closed) == (2, True)
+    assert area(found.mesh) == pytest.approx(12)
+    left_out = "cut" if shared else "apart"
+    without = {left_out, "cut"}
+    assert refused(vertices, faces, without=tuple(without)) == "non_manifold_edge"
+
+
+def test_a_solid_that_touches_itself_is_cut_there() -> None:
+    """Five cubes about a corner, the first and the last with a common edge: one component."""
+    cells = [(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (1, 1, 0)]
+    faces, corners = [], {}
+    square = {0: [1, 2], 1: [2, 0], 2: [0, 1]}
+    for cell in cells:
+        for axis in range(3):
+            for side in (0, 1):
+                beyond = list(cell)
+                beyond[axis] += 2 * side - 1
+                if tuple(beyond) in cells:
+                    continue
+                u, v = square[axis]
+                ring = []
+                for du, dv in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                    corner = list(cell)
+                    corner[axis] += side
+                    corner[u] += du
+                    corner[v] += dv
+                    ring.append(corners.setdefault(tuple(corner), len(corners)))
+                ring = ring if side else ring[::-1]
+                faces += [[ring[0], ring[1], ring[2]], [ring[0], ring[2], ring[3]]]
+    vertices = np.array(list(corners), float)
+    assert (MeshFacts(Mesh(vertices, np.array(faces))).edge_valences > 2).sum() == 1
+    found = done(vertices, faces)
+    assert found.repairs["cut edges"] == 1
+    facts = MeshFacts(found.mesh)
+    assert (facts.is_closed, facts.n_components, facts.euler_characteristic) == (True, 1, 2)
+    assert volume(found.mesh) == pytest.approx(5)
+
+
+def test_a_fin_is_cut_off_only_if_asked() -> None:
+    vertices, faces = [*CUBE, [0.5, 0.5, 2]], [*FACES, [4, 7, 8]]
+    assert refused(vertices, faces) == "non_manifold_edge"
+    found = done(vertices, faces, cut_fins=True)
+    assert found.repairs == {"edges cut from fins": 1}
+    assert found.components == 2
+    assert area(found.mesh) == pytest.approx(6 + np.sqrt(0.5))
+
+
+def klein(n: int = 24, m: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    """A Klein bottle as a figure of eight that is turned: it passes through itself on a circle."""
+    u, v = np.meshgrid(2 * np.pi * np.arange(n) / n, 2 * np.pi * np.arange(m) / m, indexing="ij")
+    r = 3 + np.cos(u / 2) * np.sin(v) - np.sin(u / 2) * np.sin(2 * v)
+    z = np.sin(u / 2) * np.sin(v) + np.cos(u / 2) * np.sin(2 * v)
+    points = np.stack([r * np.cos(u), r * np.sin(u), z], axis=-1).reshape(-1, 3)
+    number = np.arange(n * m).reshape(n, m)
+    after = np.concatenate([number[1:], number[:1, -np.arange(m) % m]])  # turned over at the seam
+    a, b, c, d = number, after, np.roll(after, -1, axis=1), np.roll(number, -1, axis=1)
+    return points, np.concatenate([np.stack(t, -1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
+
+
+def test_a_klein_bottle_that_passes_through_itself_stays_one_surface() -> None:
+    vertices, faces = klein()
+    found = done(vertices, faces)
+    facts = MeshFacts(found.mesh)
+    assert found.repairs == {"touching vertices": 24}
+    assert (facts.is_closed, facts.euler_characteristic, found.orientable) == (True, 0, False)
+    assert refused(vertices, faces, without=("apart", "cut")) == "non_manifold_edge"
 
 
 @pytest.mark.parametrize(
@@ -220,7 +380,6 @@ def test_largest_component_is_kept_if_asked() -> None:
         (1e31 * CUBE, FACES, "extent"),
         (1e308 * CUBE - 1e308 * (1 - CUBE), FACES, "extent"),  # its diagonal overflows
         (1e-31 * CUBE, FACES, "extent"),
-        ([*CUBE[:4], [0.5, 0, 0]], [[0, 2, 3], [0, 3, 1], [0, 1, 4]], "degenerate_face"),
         (CUBE, [*FACES, [0, 7, 1]], "non_manifold_edge"),
         (CUBE[:3], [[0, 1, 2]], "few_vertices"),
     ],

@@ -533,3 +533,40 @@ def test_a_count_that_is_not_that_of_the_pairs_is_refused(negative: int) -> None
     message = rf"^{negative} eigenvalues are below 2.5, but 3 were found$"
     with pytest.raises(CertificateError, match=message):
         certificate.certify(pairs, counted)
+
+
+BALL = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 10})
+
+
+def spoilt(value: float) -> np.ndarray:
+    vertices = BALL.vertices.astype(np.float64)
+    vertices[3] = value
+    return vertices
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "cause"),
+    [
+        (spoilt(np.nan), BALL.faces, "1 vertices are NaN, the first is vertex 3"),
+        (spoilt(np.inf), BALL.faces, "1 vertices are infinite, the first is vertex 3"),
+        (BALL.vertices * 1e100, BALL.faces, "has coordinates up to 1e\\+100: scale it to between"),
+        (BALL.vertices * 1e-100, BALL.faces, "the mesh is 2e-100 wide"),
+        (np.zeros((0, 3)), BALL.faces[:0], "an empty mesh: no triangles"),
+        (BALL.vertices, BALL.faces[:0], "a point cloud: .* vertices and no triangles"),
+    ],
+)
+def test_each_fault_of_a_mesh_is_said_by_its_name(
+    vertices: np.ndarray, faces: np.ndarray, cause: str
+) -> None:
+    with pytest.raises(ValueError, match=cause):
+        spectrum.compute(Mesh(vertices.astype(np.float64), faces))
+
+
+def test_edges_of_many_faces_are_said() -> None:
+    faces = np.concatenate([BALL.faces, [[0, 5, 40]], [[0, 40, 5]]])
+    tied = Mesh(BALL.vertices.astype(np.float64), faces)
+    many = int((geometry.MeshFacts(tied).edge_valences > 2).sum())
+    if many == 0:
+        raise AssertionError("the mesh of this test has no such edge")
+    with pytest.warns(UserWarning, match=f"^{many} edges have more than two faces"):
+        spectrum.compute(tied)

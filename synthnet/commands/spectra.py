@@ -1,0 +1,273 @@
+"""``synthnet spectrum`` and ``synthnet certify``: spectra of mesh files, and judgements of them."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import math
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from tabulate import tabulate
+
+from synthnet import terminal
+from synthnet.commands.options import at_least, print_json
+from synthnet.errors import SpectrumError, SynthNetError
+from synthnet.mesh.formats import UnreadableError
+from synthnet.mesh.reading import Reader
+from synthnet.mesh.repair import Refused, Repaired, Rules, repair
+from synthnet.spectrum import certify, compute
+from synthnet.store.files import make_parent, write_text
+from synthnet.terminal import Commands
+from synthnet.types import Spectrum
+
+SHOWN = 6  # eigenvalues of a row on the terminal
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf", re.IGNORECASE)
+
+
+class AnswerError(SynthNetError):
+    """A file of eigenvalues cannot be read, or does not say which are those of a mesh."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The spectrum of a file's mesh, or why it has none."""
+
+    file: Path
+    repaired: Repaired | None = None
+    spectrum: Spectrum | None = None
+    problem: str = ""
+
+
+def add(commands: Commands) -> None:
+    """Add the commands."""
+    sub = terminal.add_command(
+        commands,
+        "spectrum",
+        run_spectrum,
+        "compute the certified spectra of mesh files",
+        "bunny.ply cow.obj -k 50 --out spectra.csv",
+    )
+    sub.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a mesh of any format")
+    sub.add_argument(
+        "-k",
+        type=at_least(1),
+        default=10,
+        metavar="K",
+        help="eigenvalues after the zeros (default: %(default)s)",
+    )
+    sub.add_argument("--out", type=Path, metavar="CSV", help="write all of them here, a row a file")
+    _as_it_is(sub)
+    sub = terminal.add_command(
+        commands,
+        "certify",
+        run_certify,
+        "judge the eigenvalues that another solver gave for a mesh file",
+        "bunny.ply answer.csv --tolerance 1e-4",
+    )
+    sub.add_argument("mesh", type=Path, metavar="FILE", help="a mesh of any format")
+    sub.add_argument(
+        "answer",
+        type=Path,
+        metavar="CSV",
+        help="its eigenvalues: numbers, or what `synthnet spectrum --out` writes",
+    )
+    sub.add_argument(
+        "--tolerance",
+        type=float,
+        default=1e-6,
+        metavar="T",
+        help="relative distance within which an eigenvalue is right (default: %(default)g)",
+    )
+    _as_it_is(sub)
+
+
+def _as_it_is(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--no-repair",
+        dest="repair",
+        action="store_false",
+        help="take the triangles as they stand in the file (default: repaired as `synthnet import` "
+        "does, which the table says)",
+    )
+
+
+def run_spectrum(options: argparse.Namespace) -> int:
+    """Compute spectra, print their table and write them."""
+    found = []
+    console = Console(stderr=True)
+    with Reader() as reader, console.status("") as status:
+        for number, file in enumerate(options.files, start=1):
+            status.update(f"{file.name} ({number} of {len(options.files)})")
+            found.append(_found(reader, file, options.k, options.repair))
+    if options.out is not None:
+        make_parent(options.out)
+        write_text(options.out, _as_csv(found, options.k))
+    if options.json:
+        print_json([_facts(one) for one in found])
+    else:
+        print(_table(found, options.k))
+        if options.out is not None:
+            print(f"\nwritten to {options.out}")
+    for one in found:
+        if one.problem:
+            print(f"synthnet: {one.file}: {one.problem}", file=sys.stderr)
+    return terminal.WRONG_INPUT if any(one.problem for one in found) else 0
+
+
+def run_certify(options: argparse.Namespace) -> int:
+    """Judge an answer: exit code 0 if it is certified, 1 if not."""
+    answer = read_answer(options.answer, options.mesh)
+    with Reader() as reader, Console(stderr=True).status(f"counting eigenvalues of {options.mesh}"):
+        try:
+            repaired = _mesh(reader, options.mesh, len(answer), options.repair)
+            verdict = certify(repaired.mesh, answer, tolerance=options.tolerance)
+        except (UnreadableError, Refused, ValueError, SpectrumError) as error:
+            raise AnswerError(f"{options.mesh}: {error}") from error
+    if options.json:
+        print_json(
+            {
+                "certified": verdict.certified,
+                "tolerance": verdict.tolerance,
+                "zeros": verdict.zeros,
+                "shift": verdict.shift,
+                "count": verdict.count,
+                "missed": list(verdict.missed),
+                "off": [
+                    {"index": i, "answer": float(verdict.eigenvalues[i - 1]), "eigenvalue": true}
+                    for i, true in verdict.off
+                ],
+                "repairs": repaired.repairs,
+            }
+        )
+    else:
+        print(verdict)
+        if repaired.repairs:
+            print(f"of the mesh as repaired: {_said(repaired)}")
+    return 0 if verdict.certified else 1
+
+
+def _mesh(reader: Reader, file: Path, k: int, mended: bool) -> Repaired:
+    """Read a mesh, and repair it if that is wanted."""
+    mesh = reader.read(file)
+    return repair(mesh, Rules(least=k + 1)) if mended else Repaired(mesh)
+
+
+def _found(reader: Reader, file: Path, k: int, mended: bool) -> Found:
+    """Compute a spectrum; whatever keeps it from having one is said."""
+    try:
+        repaired = _mesh(reader, file, k, mended)
+        return Found(file, repaired, compute(repaired.mesh, k))
+    except (UnreadableError, Refused, SpectrumError) as error:
+        return Found(file, problem=str(error))
+    except ValueError as error:
+        hint = "" if mended else "; without --no-repair it may be mended"
+        return Found(file, problem=f"{error}{hint}")
+
+
+def _said(repaired: Repaired) -> str:
+    return ", ".join(f"{count} {name}" for name, count in repaired.repairs.items())
+
+
+def _facts(one: Found) -> dict[str, object]:
+    """Return what is known of a file, for JSON."""
+    if one.spectrum is None or one.repaired is None:
+        return {"file": str(one.file), "problem": one.problem}
+    certificate = one.spectrum.certificate
+    bound = certificate.error_bound
+    return {
+        "file": str(one.file),
+        "vertices": len(one.repaired.mesh.vertices),
+        "components": one.spectrum.components,
+        "eigenvalues": one.spectrum.eigenvalues.tolist(),
+        "error_bound": None if bound is None else bound.tolist(),
+        "count": certificate.count,
+        "shift": certificate.shift,
+        "repairs": one.repaired.repairs,
+    }
+
+
+def _table(found: list[Found], k: int) -> str:
+    shown = min(k, SHOWN)
+    rows = []
+    for one in found:
+        if one.spectrum is None or one.repaired is None:
+            rows.append([one.file.name, "", "", *[""] * (shown + (k > shown)), "no spectrum"])
+            continue
+        values = [f"{value:.6g}" for value in one.spectrum.eigenvalues]
+        shortened = values if k == shown else [*values[: shown - 1], "…", values[-1]]
+        count = len(one.repaired.mesh.vertices)
+        facts = [one.file.name, f"{count:,}", str(one.spectrum.components)]
+        rows.append([*facts, *shortened, _said(one.repaired)])
+    names = [f"λ{i}" for i in range(1, k + 1)]
+    names = names if k == shown else [*names[: shown - 1], "", names[-1]]
+    headers = ["file", "vertices", "components", *names, "repaired"]
+    return str(tabulate(rows, headers=headers, disable_numparse=True))
+
+
+def _as_csv(found: list[Found], k: int) -> str:
+    """Return a row a file: its vertices, components and eigenvalues to the last digit."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["file", "vertices", "components", *(f"lambda_{i}" for i in range(1, k + 1))])
+    for one in found:
+        if one.spectrum is not None and one.repaired is not None:
+            facts = [one.file, len(one.repaired.mesh.vertices), one.spectrum.components]
+            writer.writerow([*facts, *map(repr, one.spectrum.eigenvalues.tolist())])
+    return text.getvalue()
+
+
+def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
+    """Return the eigenvalues of a file.
+
+    Numbers stand on lines or between commas, one line of names may come first. In a table with the
+    columns ``file`` and ``lambda_1`` and so on, the row of the mesh counts.
+
+    Raises
+    ------
+    AnswerError
+        If it cannot be read, holds no numbers, or no row of the mesh.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise AnswerError(f"{path} cannot be opened ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise AnswerError(f"{path} is no text: give numbers as CSV") from error
+    rows = [row for row in csv.reader(text.splitlines()) if row]
+    names = rows[0] if rows else []
+    if "file" in names and "lambda_1" in names:
+        rows = [_of_mesh(rows, mesh, path)]
+    elif names and not any(map(NUMBER.fullmatch, map(str.strip, names))):
+        rows = rows[1:]
+    values = list(_numbers(rows, path))
+    if not values:
+        raise AnswerError(f"{path} holds no numbers: give eigenvalues, one a line or by commas")
+    return np.array(values)
+
+
+def _of_mesh(rows: list[list[str]], mesh: Path, path: Path) -> list[str]:
+    names, *others = rows
+    columns = [i for i, name in enumerate(names) if name.startswith("lambda_")]
+    file = names.index("file")
+    mine = [row for row in others if Path(row[file]).name == mesh.name and len(row) == len(names)]
+    if len(mine) != 1:
+        raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed")
+    return [mine[0][i] for i in columns]
+
+
+def _numbers(rows: list[list[str]], path: Path) -> Iterator[float]:
+    for number, row in enumerate(rows, start=1):
+        for word in " ".join(row).split():
+            if not NUMBER.fullmatch(word):
+                raise AnswerError(f"{path}, row {number}: {word[:40]!r} is no number")
+            if not math.isfinite(value := float(word)):
+                raise AnswerError(f"{path}, row {number}: {word[:40]} is not finite")
+            yield value

@@ -1,0 +1,158 @@
+"""Polygons cut into triangles: fans where these do, ears where a polygon is not convex.
+
+All corners are kept, those in the middle of a straight side too: neighbours end there. That is why
+the ears are cut here and not by a library for drawing, where such corners are dropped, as the
+earcut algorithm does; the surface would be slit along the side.
+
+References
+----------
+G. H. Meisters, "Polygons have ears", American Mathematical Monthly 82 (1975).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.errors import SynthNetError
+
+FLAT = 1e-9  # altitude / longest edge of an ear that has no area to speak of
+
+
+class PolygonError(SynthNetError):
+    """A polygon that cannot be cut: ``number`` is its place in the file."""
+
+    def __init__(self, number: int, detail: str) -> None:
+        super().__init__(detail)
+        self.number, self.detail = number, detail
+
+
+def triangles(
+    vertices: NDArray[np.float64],
+    corners: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+    numbers: NDArray[np.int64],
+) -> tuple[NDArray[np.int64], int]:
+    """Cut polygons into triangles: fans around their first corners, or ears.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (n, 3), float64
+        Positions.
+    corners : ndarray of int64
+        The corners of all polygons in a row.
+    sizes, numbers : ndarray of shape (p,), int64
+        How many corners each polygon has, at least 3, and its number in errors.
+
+    Returns
+    -------
+    faces : ndarray of shape (m, 3), int64
+        Triangles in the order of the polygons.
+    clipped : int
+        How many polygons are no fan, so that ears were cut.
+
+    Raises
+    ------
+    PolygonError
+        If a corner is no vertex, or a polygon crosses itself. Polygons that name a vertex twice
+        are fans, whatever their shape, but for those that have no such fan.
+
+    Examples
+    --------
+    >>> arrow = np.array([[0.0, 0, 0], [2, 0, 0], [1, 0.5, 0], [1, 2, 0]])
+    >>> faces, clipped = triangles(arrow, np.array([1, 2, 3, 0]), np.array([4]), np.array([1]))
+    >>> faces.tolist(), clipped
+    ([[2, 3, 0], [1, 2, 0]], 1)
+    """
+    outside = (corners < 0) | (corners >= len(vertices))
+    if outside.any():
+        number = int(np.repeat(numbers, sizes)[outside.argmax()])
+        raise PolygonError(number, f"a corner is none of the {len(vertices):,} vertices")
+    many = sizes - 2
+    polygon = np.repeat(np.arange(len(sizes)), many)
+    starts = np.cumsum(many) - many
+    step = 1 + np.arange(len(polygon)) - np.repeat(starts, many)
+    begins = np.cumsum(sizes) - sizes
+    first = begins[polygon]
+    faces = corners[np.stack([first, first + step, first + step + 1], axis=1)]
+    several = (many[polygon] > 1) & (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    if not several.any():
+        return faces, 0
+    turned = np.unique(polygon[several][_turned(vertices[faces[several]], polygon[several])])
+    for i in turned.tolist():
+        here = corners[begins[i] : begins[i] + sizes[i]]
+        faces[starts[i] : starts[i] + many[i]] = here[_ears(vertices[here], int(numbers[i]))]
+    return faces, len(turned)
+
+
+def _turned(corners: NDArray[np.float64], polygon: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which triangles do not face as their polygon does, from corners (t, 3, 3)."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite has a rule of its own
+        normals = np.cross(b - a, c - a)
+        whole = np.stack([np.bincount(polygon, n) for n in normals.T], axis=1)
+        facing: NDArray[np.float64] = np.einsum("ij,ij->i", normals, whole[polygon])
+    return facing <= 0
+
+
+def _ears(points: NDArray[np.float64], number: int) -> NDArray[np.int64]:
+    """Return the triangles of a polygon of c corners, (c - 2, 3), the best ear cut first.
+
+    Parameters
+    ----------
+    points : ndarray of shape (c, 3), float64
+        The corners in their order.
+    number : int
+        Of the polygon, for the error.
+    """
+    flat = _in_plane(points)
+    left, found = list(range(len(points))), list[tuple[int, int, int]]()
+    scores = [_score(flat, left, at) for at in range(len(left))]
+    while len(left) > 3:
+        at = int(np.argmax(scores))
+        if not scores[at] > FLAT:
+            raise PolygonError(number, "a polygon that crosses itself or has no area")
+        found.append((left[at - 1], left[at], left[(at + 1) % len(left)]))
+        del left[at], scores[at]
+        # A corner inside an ear keeps it from being one until it is itself gone
+        near = {(at - 1) % len(left), at % len(left)}
+        blocked = {i for i, score in enumerate(scores) if score == 0}
+        for i in near | blocked:
+            scores[i] = _score(flat, left, i)
+    if not _score(flat, left, 1) > FLAT:
+        raise PolygonError(number, "a polygon that crosses itself or has no area")
+    return np.array([*found, tuple(left)])
+
+
+def _in_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners (c, 2) in the plane across Newell's normal, where they run to the left."""
+    middle = points - points.mean(axis=0)
+    normal = np.cross(middle, np.roll(middle, -1, axis=0)).sum(axis=0)
+    least = np.zeros(3)
+    least[np.abs(normal).argmin()] = 1
+    right = np.cross(least, normal)
+    up = np.cross(normal, right)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        axes = np.stack([right / np.linalg.norm(right), up / np.linalg.norm(up)], axis=1)
+        return middle @ axes
+
+
+def _score(flat: NDArray[np.float64], left: list[int], at: int) -> float:
+    """Return altitude / longest edge of the ear at a corner; 0 if blocked, negative if reflex."""
+    names = left[at - 1], left[at], left[(at + 1) % len(left)]
+    a, b, c = flat[list(names)]
+    doubled = _cross(b - a, c - a)
+    longest = max(np.sum((b - a) ** 2), np.sum((c - b) ** 2), np.sum((a - c) ** 2))
+    if not doubled > FLAT * longest:
+        return -1.0
+    others = flat[[i for i in left if i not in names]]
+    inside = np.ones(len(others), bool)
+    for start, end in ((a, b), (b, c), (c, a)):
+        inside &= _cross(end - start, others - start) >= 0
+        inside &= (others != start).any(axis=1)  # a hole is joined to the rim by a side of it twice
+    return 0.0 if inside.any() else float(doubled / longest)
+
+
+def _cross(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the z of cross products of vectors in the plane."""
+    return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]

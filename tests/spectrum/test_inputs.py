@@ -1,0 +1,155 @@
+"""Meshes of other libraries, and bad ones: the same numbers, or one line."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthnet.families import FAMILIES
+from synthnet.mesh.open3d import to_open3d
+from synthnet.spectrum import as_mesh, certify, compute, spectra
+from synthnet.types import Mesh
+
+SPHERE = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 12})
+V, F = SPHERE.vertices.astype(np.float64), SPHERE.faces
+
+
+def trimesh() -> Any:
+    module = pytest.importorskip("trimesh")
+    return module.Trimesh(V, F, process=False)
+
+
+def open3d() -> Any:
+    return to_open3d(SPHERE)
+
+
+def lapy() -> Any:
+    return pytest.importorskip("lapy").TriaMesh(V, F)
+
+
+def pyg() -> Any:
+    torch, data = pytest.importorskip("torch"), pytest.importorskip("torch_geometric.data")
+    return data.Data(pos=torch.tensor(V, requires_grad=True), face=torch.tensor(F.T))
+
+
+def tensors() -> Any:
+    torch = pytest.importorskip("torch")
+    return torch.tensor(V), torch.tensor(F)
+
+
+def lists() -> Any:
+    return V.tolist(), F.tolist()
+
+
+def pyvista() -> Any:
+    return types.SimpleNamespace(points=V, regular_faces=F)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        trimesh,
+        open3d,
+        lapy,
+        pyg,
+        tensors,
+        pyvista,
+        lists,
+        lambda: SPHERE,
+    ],
+)
+def test_meshes_of_other_libraries_give_the_same_numbers(make: Any) -> None:
+    mesh = make()
+    found = as_mesh(mesh)
+    assert found.vertices.dtype == np.float64
+    np.testing.assert_array_equal(found.faces, F)
+    np.testing.assert_array_equal(compute(mesh, 5).eigenvalues, compute(SPHERE, 5).eigenvalues)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "message"),
+    [
+        (None, "this is no mesh but NoneType: give a mesh of synthnet, trimesh"),
+        ((V,), "this is no mesh but tuple"),
+        ((np.where(V > 0.9, np.nan, V), F), r"\d+ vertices are NaN, the first is vertex \d+"),
+        ((np.where(V > 0.9, np.inf, V), F), "vertices are infinite"),
+        ((np.zeros((0, 3)), F[:0]), "an empty mesh: no triangles"),
+        ((V, F[:0]), "a point cloud: .* vertices and no triangles"),
+        ((1e100 * V, F), r"coordinates up to 1e\+100: scale it"),
+        ((V, F + 1), "faces must name vertices 0 to"),
+        ((V[:, :2], F), r"vertices must have shape \(n, 3\)"),
+        ((V, F[:, :2]), r"faces must have shape \(n, 3\)"),
+        ((V.astype(str), F), "vertices must be real numbers"),
+        ((V + 0j, F), "vertices must be real numbers"),
+        ((V, F + 0.5), "faces"),
+        (([[1.0], [1.0, 2.0]], F), "rows of different length"),
+        ((np.vstack([V, V[:1]]), F), "1 vertices belong to no triangle: remove them first"),
+        ((0 * V, F), "area"),
+    ],
+)
+def test_what_is_no_mesh_is_one_line(mesh: Any, message: str) -> None:
+    for judge in (lambda: compute(mesh, 5), lambda: certify(mesh, [1.0])):
+        with pytest.raises(ValueError, match=message) as caught:
+            judge()
+        assert "\n" not in str(caught.value)
+
+
+def result_or_line(call: Callable[[], Any]) -> Any:
+    """What a call returns, or the one line that it raises."""
+    try:
+        return call()
+    except ValueError as error:
+        line = str(error)
+    if not line or "\n" in line:
+        pytest.fail(f"no line: {line!r}")
+    return line
+
+
+NUMBERS = st.one_of(st.floats(width=32), st.integers(-3, 40), st.none(), st.text(max_size=2))
+
+
+@settings(max_examples=200)
+@given(
+    vertices=st.lists(st.lists(NUMBERS, min_size=2, max_size=4), max_size=6),
+    faces=st.lists(st.lists(NUMBERS, min_size=2, max_size=4), max_size=6),
+    k=st.integers(-2, 9),
+)
+def test_any_lists_have_a_spectrum_or_a_line(vertices: Any, faces: Any, k: int) -> None:
+    found = result_or_line(lambda: compute((vertices, faces), k))
+    if not isinstance(found, str):
+        assert len(found.eigenvalues) == k
+        assert (np.diff(found.eigenvalues) >= 0).all()
+
+
+@settings(max_examples=200)
+@given(
+    answer=st.lists(st.one_of(st.floats(), st.integers(-2, 50)), max_size=8),
+    tolerance=st.sampled_from([1e-9, 1e-3, 0.4, 0.0, 1.0]),
+)
+def test_any_answer_is_judged_or_refused_in_a_line(answer: Any, tolerance: float) -> None:
+    verdict = result_or_line(lambda: certify(SPHERE, answer, tolerance=tolerance))
+    if not isinstance(verdict, str):
+        first = compute(SPHERE, 1).eigenvalues[0]
+        assert not verdict.certified or abs(verdict.eigenvalues[0] / first - 1) <= 2 * tolerance
+
+
+def test_eigenvectors_are_orthonormal_and_their_largest_entry_is_positive() -> None:
+    vectors = compute(SPHERE, 7).eigenvectors
+    assert (np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None], axis=0) > 0).all()
+    again = compute(Mesh(V, F), 7).eigenvectors
+    np.testing.assert_array_equal(vectors, again)
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_spectra_of_many_are_those_of_each(workers: int) -> None:
+    found = list(spectra([SPHERE, (2 * V, F)], k=4, workers=workers))
+    np.testing.assert_array_equal(found[0].eigenvalues, compute(SPHERE, 4).eigenvalues)
+    assert found[1].eigenvalues == pytest.approx(found[0].eigenvalues / 4)
+    with pytest.raises(ValueError, match="workers must be at least 1"):
+        next(spectra([SPHERE], workers=0))
