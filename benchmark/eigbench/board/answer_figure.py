@@ -46,7 +46,8 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
     A filled mark is a model's error on shapes like those of its training, an open one that on
     families it has not seen; the numbers in the marks are those of the names below the axes, by
     error. What the sentences speak of has its name beside its mark. The line is an exact solver
-    of the meshes, on the coarse, medium and fine ones of the same surfaces, beside LaPy on all of them: what a user has who refines.
+    of the meshes, on the coarse, medium and fine ones of the same surfaces, beside LaPy on all of
+    them: what a user has who refines.
 
     Parameters
     ----------
