@@ -81,8 +81,8 @@ def drawn_package(package: str, left: float) -> tuple[list[str], float]:
     doors = sorted(house.DOORS[package] - {"__init__", "__main__"})
     words = [f"{' · '.join(f'{package}.{door}' for door in doors)}: public names of a room"]
     parts += box((left, top, COLUMN, 44), "doors", words, "ground")
-    parts += [arrow(*between(boxes[a], boxes[b])) for a, b in needed(arrows(package))]
-    return parts, top + 44
+    behind = [arrow(*between(boxes[a], boxes[b])) for a, b in needed(arrows(package))]
+    return behind + parts, top + 44  # an arrow that passes a room passes behind its box
 
 
 def says(package: str, room: str) -> str:

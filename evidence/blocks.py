@@ -64,7 +64,7 @@ BLOCKS = {
     "cite/entries": Block(("build-1.0", "build-2.0"), card.citations),
     "clusters/million": Block(("build-1.0",), card.many_meshes),
     "clusters/memory": Block(("build-memory",), build_memory.table),
-    "concepts/surfaces": Block(("surfaces",), card.surfaces, inline=True),
+    "concepts/surfaces": Block(("surfaces",), card.surfaces),
     "dataset-card/composition": Block(("build-1.0",), card.composition),
     "dataset-card/parameters": Block(("shapes-1.0",), shapes.parameter_table),
     "dataset-card/sizes": Block(("shapes-1.0",), shapes.size_table),

@@ -21,7 +21,7 @@ from synthnet.store.files import sha256
 UNSEEN = ("ctx", "kind", "type_comment", "type_ignores")
 
 CODE = "baselines"  # of a checkout: the folder with the predictors of its rows
-EARLIER = "made by an earlier version of its code."
+EARLIER = "Made by an earlier version of its code."
 
 
 def outdated(result: dict[str, Any], root: Path) -> bool:

@@ -11,7 +11,7 @@ import { wireTheme } from "./theme.js";
 import { wirePage } from "./tip.js";
 
 const part = (id) => document.getElementById(id);
-const NARROW = matchMedia("(max-width: 45rem)");
+const NARROW = matchMedia("screen and (max-width: 45rem)");
 let index = null;
 let board = null;
 let state = decoded(location.hash);

@@ -901,7 +901,7 @@ def test_row_whose_code_has_changed_is_marked_until_it_is_run_again(
     root = board
     scaled = make_scaled("Slow", {1_000: (0.1, 1.0)})
     scaling_results.add(scaled, root)
-    mark = "made by an earlier version of its code."
+    mark = "Made by an earlier version of its code."
 
     def page():
         assert eigbench("leaderboard", "--board", root)[0] == 0

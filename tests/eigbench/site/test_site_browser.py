@@ -17,6 +17,7 @@ pytestmark = pytest.mark.slow
 
 FIRST = "1.0-mini-test-grouped-mesh"  # the board of most tests
 WIDE, PHONE = {"width": 1440, "height": 800}, {"width": 390, "height": 800}
+A4 = {"width": 680, "height": 1000}  # within the margins
 HELD_OUT = "2.0-mini-test-genus-mesh"
 IMPORTED = "2.0-mini-test-imported-real-28-mesh"
 
@@ -523,6 +524,28 @@ def test_a_phone_has_a_card_a_row_and_sorts_by_any_column(visit, overflow):
     page.get_by_role("link", name="Far").tap()
     meshes(page)
     assert overflow(page) == 0
+
+
+def test_on_a_phone_a_rank_its_why_and_the_name_stand_apart(visit, real_board):
+    page = visit(name="real", size={"width": 320, "height": 800})
+    apart = """rows => rows.map(row => row.querySelector(".name").getBoundingClientRect().left
+        - row.querySelector(".why").getBoundingClientRect().right)"""
+    assert min(page.locator("#table tbody tr").evaluate_all(apart)) >= 0
+
+
+@pytest.mark.parametrize("of", ["board", "model"])
+def test_nothing_is_cut_on_a4_and_the_table_stays_a_table(visit, real_board, overflow, of):
+    row = real_board[0][0]
+    page = visit(f"#model={row.slug}" if of == "model" else "", name="real", size=A4)
+    if of == "model":
+        meshes(page)
+    page.emulate_media(media="print")
+    assert overflow(page) == 0
+    wide = "all => all.filter(one => one.scrollWidth > one.clientWidth + 1).length"
+    assert page.locator(".board:visible, .scroll:visible").evaluate_all(wide) == 0
+    if of == "board":
+        display = "row => getComputedStyle(row).display"
+        assert page.locator("#table tbody tr").first.evaluate(display) == "table-row"
 
 
 def test_head_and_names_stay_while_the_table_is_scrolled(visit):

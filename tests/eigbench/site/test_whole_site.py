@@ -62,6 +62,12 @@ def links(path):
     return found
 
 
+def test_no_page_shows_the_marks_of_its_markdown(site):
+    """A generated block right after its mark is HTML to the end of the line, asterisks and all."""
+    raw = re.compile(r"(?:<!-- begin [\w-]+ -->|<p>)\*+\w")
+    assert [path for path in site.rglob("*.html") if raw.search(path.read_text())] == []
+
+
 def test_every_link_inside_the_site_leads_to_what_is_there(site):
     pages = {path: links(path) for path in site.rglob("*.html") if path.name != "404.html"}
     assert len(pages) > 60
