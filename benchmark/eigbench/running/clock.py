@@ -79,9 +79,7 @@ def together(
         for path in paths:
             on_step(f"loading {path.name}")
             start = time.perf_counter()
-            process = PredictorProcess(
-                path, k, device="cpu", seed=0, training=training, threads=1, time_limit=time_limit
-            )
+            process = PredictorProcess(path, k, training=training, time_limit=time_limit)
             processes.append(stack.enter_context(process))
             loading.append(time.perf_counter() - start)
             process.predict(ids[:WARM_UP], [instances.mesh(id) for id in ids[:WARM_UP]])
