@@ -31,48 +31,28 @@ LICENCE = "https://spdx.org/licenses/MIT.html"
 PARQUET = "application/x-parquet"
 MESHES = ("isometries", "vertices", "faces")  # the columns that take time to load
 
-CONTEXT: dict[str, Any] = {  # the specification's, appendix 1, and the RAI vocabulary
+# The specification's context, appendix 1, and the RAI vocabulary: first the terms of Croissant's
+# own vocabulary that keep their names there, then the others.
+OWN_TERMS = """
+    arrayShape citeAs column containedIn equivalentProperty extract field fileObject
+    fileProperty fileSet format includes isArray isLiveDataset jsonPath key md5 parentField
+    path recordSet references regex repeated replace samplingRate separator source subField
+    transform
+"""
+CONTEXT: dict[str, Any] = {
     "@language": "en",
     "@vocab": "https://schema.org/",
-    "arrayShape": "cr:arrayShape",
-    "citeAs": "cr:citeAs",
-    "column": "cr:column",
     "conformsTo": "dct:conformsTo",
-    "containedIn": "cr:containedIn",
     "cr": "http://mlcommons.org/croissant/",
     "data": {"@id": "cr:data", "@type": "@json"},
     "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
     "dct": "http://purl.org/dc/terms/",
     "description": {"@container": "@language"},
-    "equivalentProperty": "cr:equivalentProperty",
     "examples": {"@id": "cr:examples", "@type": "@json"},
-    "extract": "cr:extract",
-    "field": "cr:field",
-    "fileObject": "cr:fileObject",
-    "fileProperty": "cr:fileProperty",
-    "fileSet": "cr:fileSet",
-    "format": "cr:format",
-    "includes": "cr:includes",
-    "isArray": "cr:isArray",
-    "isLiveDataset": "cr:isLiveDataset",
-    "jsonPath": "cr:jsonPath",
-    "key": "cr:key",
-    "md5": "cr:md5",
     "name": {"@container": "@language"},
-    "parentField": "cr:parentField",
-    "path": "cr:path",
     "rai": "http://mlcommons.org/croissant/RAI/",
-    "recordSet": "cr:recordSet",
-    "references": "cr:references",
-    "regex": "cr:regex",
-    "repeated": "cr:repeated",
-    "replace": "cr:replace",
-    "samplingRate": "cr:samplingRate",
     "sc": "https://schema.org/",
-    "separator": "cr:separator",
-    "source": "cr:source",
-    "subField": "cr:subField",
-    "transform": "cr:transform",
+    **{term: f"cr:{term}" for term in OWN_TERMS.split()},
 }
 
 
@@ -194,7 +174,7 @@ def metadata(dataset: StoredDataset) -> dict[str, Any]:
     manifest = dataset.manifest
     about, resolved = _about(manifest.version)
     return {
-        "@context": CONTEXT,
+        "@context": dict(sorted(CONTEXT.items())),
         "@type": "sc:Dataset",
         "conformsTo": list(CONFORMS_TO),
         "name": f"synthNet {manifest.version}",

@@ -4,6 +4,7 @@ import importlib.util
 import ssl
 import subprocess
 import urllib.error
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -31,11 +32,23 @@ def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return module
 
 
+@pytest.fixture
+def refusal(
+    script: ModuleType, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> Callable[[], str]:
+    """Return a function that runs the script, which must refuse: what it says."""
+
+    def run() -> str:
+        with pytest.raises(SystemExit) as stopped:
+            script.make(tmp_path / "venv")
+        assert stopped.value.code == 2
+        return capsys.readouterr().err
+
+    return run
+
+
 def test_an_unknown_certificate_is_refused_in_one_line(
-    script: ModuleType,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
+    script: ModuleType, refusal: Callable[[], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     contexts: list[ssl.SSLContext] = []
 
@@ -44,10 +57,7 @@ def test_an_unknown_certificate_is_refused_in_one_line(
         raise urllib.error.URLError(ssl.SSLCertVerificationError(1, "unknown issuer"))
 
     monkeypatch.setattr(script.urllib.request, "urlopen", urlopen)
-    with pytest.raises(SystemExit) as stopped:
-        script.make(tmp_path / "venv")
-    assert stopped.value.code == 2
-    assert capsys.readouterr().err == (
+    assert refusal() == (
         "make_venv: cannot check the certificate of the package index index.example: install "
         "ca-certificates or python3-venv, or set PIP_CERT or SSL_CERT_FILE to a file of "
         "certificates\n"
@@ -58,27 +68,17 @@ def test_an_unknown_certificate_is_refused_in_one_line(
 
 
 def test_an_index_that_does_not_answer_is_named(
-    script: ModuleType,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
+    script: ModuleType, refusal: Callable[[], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def urlopen(*_: Any, **options: Any) -> Any:
         raise urllib.error.URLError("timed out")
 
     monkeypatch.setattr(script.urllib.request, "urlopen", urlopen)
-    with pytest.raises(SystemExit):
-        script.make(tmp_path / "venv")
-    assert "cannot get pip from the package index index.example: " in capsys.readouterr().err
+    assert "cannot get pip from the package index index.example: " in refusal()
 
 
 def test_a_certificate_file_that_is_missing_is_an_error(
-    script: ModuleType,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
+    refusal: Callable[[], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("PIP_CERT", str(tmp_path / "none.pem"))
-    with pytest.raises(SystemExit):
-        script.make(tmp_path / "venv")
-    assert "No such file" in capsys.readouterr().err
+    assert "No such file" in refusal()

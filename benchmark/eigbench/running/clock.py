@@ -76,9 +76,7 @@ def together(
         processes = []
         for path in paths:
             on_step(f"loading {path.name}")
-            process = PredictorProcess(
-                path, k, device="cpu", seed=0, training=training, threads=1, time_limit=time_limit
-            )
+            process = PredictorProcess(path, k, training=training, time_limit=time_limit)
             processes.append(stack.enter_context(process))
             process.warm_up(WARM_UP)
         wall = np.empty((repeats, len(paths), len(batches)))

@@ -24,6 +24,7 @@ from eigbench.results.sources import digest
 from eigbench.running import frames, predictor, supervisor, tree
 from eigbench.running.meshes import warming
 from eigbench.running.worker import Job
+from eigbench.scoring.training import DEFAULT
 from synthnet.types import Mesh
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -72,12 +73,12 @@ class PredictorProcess:
         The predictor's file.
     k : int
         Number of eigenvalues.
+    time_limit : float
+        Most seconds for loading and for a batch.
     device, seed, training
         Handed to the predictor.
     threads : int
         Threads of BLAS and OpenMP.
-    time_limit : float
-        Most seconds for loading and for a batch.
     memory_limit : int, optional
         Most bytes that the process may have in memory (resident, where Linux tells).
 
@@ -94,11 +95,11 @@ class PredictorProcess:
         path: Path,
         k: int,
         *,
-        device: str,
-        seed: int,
-        training: str,
-        threads: int,
         time_limit: float,
+        device: str = "cpu",
+        seed: int = 0,
+        training: str = DEFAULT,
+        threads: int = 1,
         memory_limit: int | None = None,
     ) -> None:
         self.job = Job(str(path), device, seed, training, k)

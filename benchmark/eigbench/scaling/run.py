@@ -213,7 +213,6 @@ def _process(path: Path, settings: Settings) -> PredictorProcess:
         path,
         surfaces.K,
         device=settings.device,
-        seed=0,
         training=TRAINING,
         threads=settings.threads,
         time_limit=max(settings.time_limit, LOADING),
@@ -224,14 +223,6 @@ def _process(path: Path, settings: Settings) -> PredictorProcess:
 @contextlib.contextmanager
 def _reference() -> Any:
     """Load LaPy on one thread: every result is timed beside it."""
-    with PredictorProcess(
-        REFERENCE_FILE,
-        surfaces.K,
-        device="cpu",
-        seed=0,
-        training=TRAINING,
-        threads=1,
-        time_limit=PATIENCE,
-    ) as peer:
+    with PredictorProcess(REFERENCE_FILE, surfaces.K, time_limit=PATIENCE) as peer:
         peer.warm_up(1)
         yield peer
