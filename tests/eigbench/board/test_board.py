@@ -231,6 +231,18 @@ def test_what_is_not_finite_is_last(make_submission, read, mini_truth):
     assert page.count("| 2 | Bad | trivial | ∞/NaN | ∞/NaN |") == 2  # at both targets
 
 
+def test_a_difference_whose_interval_covers_zero_is_a_tie(make_submission, mini_truth):
+    rng = np.random.default_rng(0)
+    noisy = [1 + 0.05 * rng.standard_normal(mini_truth.eigenvalues.shape) for _ in range(2)]
+    one, other = (
+        submission.read(make_submission(f"noisy {i}", factor * mini_truth.eigenvalues))
+        for i, factor in enumerate(noisy)
+    )
+    found = ranking.difference(one, other, "rpd")
+    assert found.low < 0 < found.high
+    assert (found.verdict, found.why) == ("tie", "interval")
+
+
 def test_results_of_two_splits_are_not_compared(read):
     other = replace(read["one"], truth=read["one"].truth.head(10))
     with pytest.raises(EigbenchError, match="predict other instances"):
