@@ -155,8 +155,8 @@ def sentences(board: Board, solver: str = "lapy") -> str:
     if nearer:
         best = min(nearer, key=_error)
         ratio = best.submission.result["cost"]["reference"]["ratio"]
-        error = f"{least / _error(best):.2g} times less error at {ratio:.2g} times {name}'s speed"
-        of += f"; the best, *{best.submission.name}*, has {error}"
+        gain = f"{least / _error(best):.2g} times less error at {ratio:.2g} times {name}'s speed"
+        of += f"; the best, *{best.submission.name}*, has {gain}"
     verdict = "learning can beat it" if nearer else "no model surely beats it"
     told.append(f"2. **On shapes like those of training, {verdict}.** {of}.")
     still = {model: error for model, error in unseen.items() if error < least}

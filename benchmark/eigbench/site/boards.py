@@ -10,7 +10,7 @@ from eigbench import results
 from eigbench.board import generalisation, leaderboard, page, ranked_columns, ranking
 from eigbench.board.columns import Group, six_digits
 from eigbench.board.generalisation import Board
-from eigbench.board.ranked_columns import HARDWARE, KIND, MODEL, RANK
+from eigbench.board.ranked_columns import KIND, MODEL, RANK
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.results.submission import Submission
 from eigbench.scoring import scores
@@ -172,10 +172,8 @@ def _groups(board: Shown) -> list[Group[Ranked]]:
     whole = ranked_columns.main()
     metrics = Group("metrics", "All metrics", [c for c in whole.columns if c.key in MAIN])
     overview = ranked_columns.overview(board.protocols, board.own)
-    groups = [
-        replace(group, columns=[*group.columns, HARDWARE]) if group.key == page.BY_COST else group
-        for group in (overview, metrics, *ranked_columns.groups(board.rows, board.own))
-    ]
+    declared = Group("run", "Speed and hardware", [c for c in whole.columns if c.key not in MAIN])
+    groups = [overview, metrics, declared, *ranked_columns.groups(board.rows, board.own)]
     if board.protocols is None or board.own is not None:
         return groups
     marks = generalisation.remark_marks(board.protocols, board.rows)
