@@ -126,7 +126,8 @@ class Certificate:
         within which each has an eigenvalue of the matrices.
     error_bound : ndarray of shape (k,), float64, or None
         How far each eigenvalue is at most from that of the mesh in exact arithmetic, in 1/length²:
-        rounding of the matrices, which the residual cannot see, is counted. None where it was not
+        rounding of the matrices, which the residual cannot see, is counted. Infinite where rounding
+        leaves nothing that could be proved. None where it was not
         computed: for other elements, and for labels that are read from a store.
     """
 

@@ -263,8 +263,8 @@ def _ply_header(lines: Sequence[bytes]) -> tuple[str, list[Element]]:
     if any(known["vertex"].get(axis, ("", "list"))[1] for axis in "xyz"):
         raise UnreadableError("its header has no properties x, y and z of the vertices")
     if not known.get("face") and "tristrips" not in known:
-        (count,) = (element.count for element in elements if element.name == "vertex")
-        raise _without_faces(count)
+        (points,) = (element.count for element in elements if element.name == "vertex")
+        raise _without_faces(points)
     if "tristrips" in known:
         raise UnreadableError("its faces are strips (tristrips): save triangles")
     if sum(lists) != 1:

@@ -134,7 +134,8 @@ def _in_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
     up = np.cross(normal, right)
     with np.errstate(invalid="ignore", divide="ignore"):
         axes = np.stack([right / np.linalg.norm(right), up / np.linalg.norm(up)], axis=1)
-        return middle @ axes
+        flat: NDArray[np.float64] = middle @ axes
+    return flat
 
 
 def _score(flat: NDArray[np.float64], left: list[int], at: int) -> float:

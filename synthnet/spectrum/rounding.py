@@ -33,7 +33,10 @@ OPERATIONS = 16  # rounding units in the energy of a right-angled triangle, with
 
 
 def sharpened(
-    mesh: Mesh, lumped: NDArray[np.float64], candidate: Candidate
+    mesh: Mesh,
+    lumped: NDArray[np.float64],
+    candidate: Candidate,
+    numbers: NDArray[np.int32] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     r"""Return Ritz pairs of element energies, and how far each is from an exact eigenvalue at most.
 
@@ -42,7 +45,8 @@ def sharpened(
 
     .. math:: |\lambda_i - \rho_i| \leq \frac{\sum_j \eta_j^2}{\sigma - \rho_i} ,
 
-    and not more than the root of the sum. Rounding in the energies themselves is added.
+    and not more than the root of the sum. Rounding in the energies themselves is added. Where that
+    reaches σ, nothing says any more that the others are above it, and there is no bound.
 
     Parameters
     ----------
@@ -52,34 +56,52 @@ def sharpened(
         Row sums of B.
     candidate : Candidate
         All eigenvalues between zero and its gap, and the vectors of the first c.
+    numbers : ndarray of shape (n,), int32, optional
+        The component of each row, if there are several.
 
     Returns
     -------
     values : ndarray of shape (c,), float64
         In 1/length², ascending.
     bounds : ndarray of shape (c,), float64
-        In 1/length².
+        In 1/length²; infinite if there is none.
     vectors : ndarray of shape (n, c), float64
         B-orthonormal columns.
     """
-    functions = np.ascontiguousarray(candidate.vectors.T)
+    functions = _without_means(candidate.vectors, lumped, numbers)
     count = functions.shape[1]
     above = candidate.middle if count == len(candidate.values) else candidate.values[count]
     stiff, weighted = np.zeros_like(functions), np.zeros_like(functions)
-    energy, rough_energy, rough_mass = np.zeros((3, count))
+    gram = np.zeros((count, count))
+    rough_energy, rough_mass = np.zeros((2, count))
     vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
     faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
-    _apply(vertices, faces, functions, stiff, weighted, energy, rough_energy, rough_mass)
-    gram = functions.T @ stiff
-    np.fill_diagonal(gram, energy)
-    values, turn = linalg.eigh((gram + gram.T) / 2, functions.T @ weighted)
+    _apply(vertices, faces, functions, stiff, weighted, gram, rough_energy, rough_mass)
+    values, turn = linalg.eigh(gram, functions.T @ weighted)  # which reads the lower triangle
     defects = stiff @ turn - (weighted @ turn) * values
     squares = 4 * float(np.sum(np.square(defects) / lumped[:, None]))
     with np.errstate(divide="ignore"):
         missed = np.where(above > values, squares / (above - values), np.inf)
     rough = np.square(turn).T @ rough_energy + values * (np.square(turn).T @ rough_mass)
     rounding = OPERATIONS * UNIT * (rough + values[-1])
-    return values, np.minimum(missed, np.sqrt(squares)) + rounding, functions @ turn
+    bounds = np.minimum(missed, np.sqrt(squares)) + rounding
+    if not values[-1] + bounds.max() < above:
+        bounds[:] = np.inf
+    return values, bounds, functions @ turn
+
+
+def _without_means(
+    vectors: NDArray[np.float64], lumped: NDArray[np.float64], numbers: NDArray[np.int32] | None
+) -> NDArray[np.float64]:
+    """Return vectors (c, n) as columns, less their means on each component.
+
+    What rounding left of a constant in an eigenfunction adds to its norm and not to its energy, so
+    a Ritz value would be too low, and not only by the square: zero is below the gap, too.
+    """
+    numbers = np.zeros(len(lumped), np.int32) if numbers is None else numbers
+    sizes = np.bincount(numbers, lumped)
+    means = np.stack([np.bincount(numbers, lumped * vector) / sizes for vector in vectors], axis=1)
+    return np.ascontiguousarray(vectors.T - means[numbers])
 
 
 @kernel
@@ -89,16 +111,16 @@ def _apply(
     functions: NDArray[np.float64],
     stiff: NDArray[np.float64],
     weighted: NDArray[np.float64],
-    energy: NDArray[np.float64],
+    gram: NDArray[np.float64],
     rough_energy: NDArray[np.float64],
     rough_mass: NDArray[np.float64],
 ) -> None:
     """Add A f and B f of every function to ``stiff`` and ``weighted``, triangle by triangle.
 
-    ``energy`` adds up fᵀ A f, ``rough_energy`` and ``rough_mass`` fᵀ A f and fᵀ B f over the sine
-    of each triangle's largest angle.
+    The lower triangle of ``gram`` adds up fᵀ A g; ``rough_energy`` and ``rough_mass`` add up fᵀ A f
+    and fᵀ B f over the sine of each triangle's largest angle.
     """
-    u, v, across = np.empty(3), np.empty(3), np.empty(3)
+    u, v, across = np.empty(3), np.empty(3), np.empty((functions.shape[1], 3))
     for t in range(faces.shape[0]):
         a = _widest(vertices, faces, t)
         i, j, k = faces[t, a], faces[t, (a + 1) % 3], faces[t, (a + 2) % 3]
@@ -124,14 +146,20 @@ def _apply(
             at_k = 0.0
             square = 0.0
             for x in range(3):
-                across[x] = p * v[x] - q * u[x]
-                at_j += across[x] * v[x]
-                at_k -= across[x] * u[x]
-                square += across[x] * across[x]
+                across[c, x] = p * v[x] - q * u[x]
+                at_j += across[c, x] * v[x]
+                at_k -= across[c, x] * u[x]
+                square += across[c, x] * across[c, x]
             stiff[j, c] += at_j * scale
             stiff[k, c] += at_k * scale
             stiff[i, c] -= (at_j + at_k) * scale
-            energy[c] += square * scale
+            for d in range(c + 1):
+                product = (
+                    across[c, 0] * across[d, 0]
+                    + across[c, 1] * across[d, 1]
+                    + across[c, 2] * across[d, 2]
+                )
+                gram[c, d] += product * scale
             rough_energy[c] += square * scale * inverse_sine
             second = first + p
             third = first + q

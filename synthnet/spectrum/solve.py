@@ -190,7 +190,8 @@ def compute(mesh: Any, k: int = 10, *, sharp: bool = False) -> Spectrum:
     matrices = assemble(mesh)
     _say_what_is_odd(mesh)
     candidate, certificate, pieces = _solved(matrices, k)
-    values, bounds, vectors = sharpened(mesh, matrices.lumped, candidate)
+    numbers = None if pieces == 1 else components.components(matrices)[1]
+    values, bounds, vectors = sharpened(mesh, matrices.lumped, candidate, numbers)
     if not sharp:
         bounds = np.abs(values - candidate.values[: len(values)]) + bounds
     certificate = replace(certificate, error_bound=bounds[:k])
