@@ -189,7 +189,7 @@ def _is_rounding(sample: Sample, apart: float, size: NDArray[np.float64]) -> boo
     if bounds[0] is None or bounds[1] is None:
         return False
     anew = np.abs(sample.eigenvalues - sharp.eigenvalues) <= bounds[0] + LAPY_TOLERANCE * size
-    return bool(anew.all() and apart <= OTHER_ROUNDING * (bounds[0] / size).max())
+    return bool(anew.all() and apart <= OTHER_ROUNDING * (bounds[0] / plain.eigenvalues).max())
 
 
 def isolated(mesh: Mesh) -> Iterator[Mesh]:
