@@ -14,7 +14,6 @@ import numpy as np
 
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.recipe import FilterSettings
-from synthnet.spectrum.certificate import NEAR_ZERO
 from synthnet.types import Mesh, Spectrum, Topology
 
 
@@ -115,16 +114,11 @@ def residual(spectrum: Spectrum, limits: FilterSettings) -> str | None:
 
 
 def relative_error(spectrum: Spectrum) -> float:
-    """Return the largest bound of an eigenvalue's error, relative to it.
-
-    Next to zero, below :data:`~synthnet.spectrum.certificate.NEAR_ZERO` of Weyl's k-th eigenvalue,
-    it is relative to that; the k-th is taken for Weyl's where the area is not known.
-    """
+    """Return the largest bound of an eigenvalue's error, relative to it; infinite without one."""
     bounds = spectrum.certificate.error_bound
     if bounds is None:
         return np.inf
-    values = spectrum.eigenvalues
-    return float(np.max(bounds / np.maximum(values, NEAR_ZERO * values[-1])))
+    return float(np.max(bounds / spectrum.eigenvalues))
 
 
 def check_error(spectrum: Spectrum, limits: FilterSettings) -> tuple[str, str] | None:

@@ -56,7 +56,8 @@ def add(commands: Commands) -> None:
         default=[],
         metavar="REPAIR",
         help="leave out repairs, and refuse what needs them: "
-        + "; ".join(f"{name} ({what})" for name, what in REPAIRS.items()),
+        + "; ".join(f"{name} ({what})" for name, what in REPAIRS.items())
+        + " (default: none)",
     )
     sub.add_argument(
         "--cut-fins",

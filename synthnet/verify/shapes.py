@@ -31,7 +31,7 @@ from synthnet.types import Mesh, Sample, ShapeSpec
 VERTEX_TOLERANCE = 1e-6  # of the largest coordinate: float32 keeps 6e-8
 ISOMETRY_TOLERANCE = 1e-12  # of entries: sines differ in their last bits
 LAPY_TOLERANCE = 1e-8  # relative, stored label against LaPy's own solver
-OTHER_ROUNDING = 100  # times the bound of our matrices' rounding, for that of LaPy's
+OTHER_ROUNDING = 100  # times the largest bound of our matrices' rounding, for LaPy's
 
 
 def check_plan(
@@ -154,7 +154,7 @@ def check_label(sample: Sample) -> Iterator[str]:
     size = np.maximum(independent[:k], least)
     off = np.abs(sample.eigenvalues - independent[:k]) / size
     apart = float(off.max())
-    if not apart <= LAPY_TOLERANCE and not (off <= LAPY_TOLERANCE + _rounding(sample) / size).all():
+    if not apart <= LAPY_TOLERANCE and not _is_rounding(sample, apart, size):
         yield f"{sample.spec.id}: label is {apart:.2g} off LaPy's, more than {LAPY_TOLERANCE:g}"
     below = len(parts) + int(np.count_nonzero(independent < sample.certificate.shift))
     if below != min(sample.certificate.count, len(independent) + len(parts)):
@@ -164,17 +164,32 @@ def check_label(sample: Sample) -> Iterator[str]:
         )
 
 
-def _rounding(sample: Sample) -> NDArray[np.float64]:
-    """Return how far rounding of the matrices may move LaPy's eigenvalues, (k,), in 1/length².
+def _is_rounding(sample: Sample, apart: float, size: NDArray[np.float64]) -> bool:
+    """Return whether a label and LaPy's are apart for no other reason than rounding.
 
     LaPy's matrices have the same entries as ours, rounded in another way; on thin triangles that
-    moves eigenvalues by more than any residual shows. Our bound is of one such rounding.
+    moves eigenvalues by more than any residual shows, and its iteration then converges to less.
+    There the label must be the one computed anew, within the bounds of both.
+
+    Parameters
+    ----------
+    sample : Sample
+        Whose label is looked at.
+    apart : float
+        The largest relative distance from LaPy's eigenvalues.
+    size : ndarray of shape (k,), float64
+        What it is relative to, in 1/length².
     """
+    k = len(sample.eigenvalues)
     try:
-        bound = spectrum.compute(sample.mesh, len(sample.eigenvalues)).certificate.error_bound
+        plain, sharp = (spectrum.compute(sample.mesh, k, sharp=how) for how in (False, True))
     except (SpectrumError, ValueError):
-        bound = None
-    return np.zeros(len(sample.eigenvalues)) if bound is None else OTHER_ROUNDING * bound
+        return False
+    bounds = plain.certificate.error_bound, sharp.certificate.error_bound
+    if bounds[0] is None or bounds[1] is None:
+        return False
+    anew = np.abs(sample.eigenvalues - sharp.eigenvalues) <= bounds[0] + LAPY_TOLERANCE * size
+    return bool(anew.all() and apart <= OTHER_ROUNDING * (bounds[0] / plain.eigenvalues).max())
 
 
 def isolated(mesh: Mesh) -> Iterator[Mesh]:
