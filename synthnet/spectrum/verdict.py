@@ -128,9 +128,9 @@ def certify(
     >>> from synthnet.spectrum import compute
     >>> found = compute(sphere, k=8).eigenvalues
     >>> print(certify(sphere, found))
-    certified: 8 eigenvalues within 1e-06, none missed below 6.02421
+    certified: 8 eigenvalues within 1e-06, none missed below 6.02614
     >>> print(certify(sphere, found[[0, 1, 3, 4, 5, 6, 7]]))
-    1 missed below 6.02421: index 3
+    1 missed below 6.02614: index 3
     """
     given = as_mesh(mesh)
     matrices = assemble(given)

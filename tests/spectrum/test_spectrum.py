@@ -261,7 +261,7 @@ def test_both_settings_and_the_dense_solver_agree(mesh: Mesh) -> None:
 
 
 def test_what_is_no_mesh_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"takes a mesh, as Mesh\(vertices, faces\).*got ndarray"):
+    with pytest.raises(ValueError, match=r"this is no mesh but ndarray: give a mesh of .*\(vertices, faces\)"):
         spectrum.compute(np.zeros((4, 3)), np.zeros((4, 3)))  # type: ignore[arg-type]
 
 
@@ -292,11 +292,16 @@ def test_k_out_of_range_is_refused(k: int) -> None:
         spectrum.compute(mesh, k)
 
 
-@pytest.mark.parametrize("bad", [[0.0, 0.0, 0.0], [np.nan, 0.0, 0.0]])
-def test_a_face_without_area_is_refused(bad: list[float]) -> None:
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ([0.0, 0.0, 0.0], "2 of 4 faces have no area: remove them first"),
+        ([np.nan, 0.0, 0.0], "1 vertices are NaN, the first is vertex 3"),
+    ],
+)
+def test_a_face_without_area_is_refused(bad: list[float], message: str) -> None:
     mesh = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], bad]), TETRAHEDRON)
-    count = "3" if np.isnan(bad[0]) else "2"
-    with pytest.raises(ValueError, match=f"{count} of 4 faces have no area: remove them first"):
+    with pytest.raises(ValueError, match=message):
         spectrum.compute(mesh, k=1)
 
 

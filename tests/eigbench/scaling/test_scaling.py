@@ -378,7 +378,7 @@ def test_page_says_what_was_not_run_and_what_took_too_long(rows):
     lines = {line.split(" | ")[0][2:]: line for line in text.splitlines() if line.startswith("| ")}
     main = text.partition("| model | kind |")[2].partition("\n\n")[0]
     assert "| Exact too | classical | exact | 200.00 | over 600 s | over 600 s |" in main
-    assert "| Slow | classical | not run | not run | 0.100 % | 5000.00 |" in main
+    assert "| Slow | classical | not run | not run | 0.100 % | 5,000 |" in main
     assert r"| Far \| off | classical | 100.000 % | 1.00 | not run | not run |" in main
     assert "Slow" in lines
 
