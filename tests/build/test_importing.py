@@ -30,6 +30,7 @@ from synthnet.errors import BuildError, MeshImportError, RecipeError, StoreError
 from synthnet.loaders.pyg import SynthNet
 from synthnet.mesh import geometry, repair
 from synthnet.recipe.plan import ShardPlan
+from synthnet.store import pins
 from synthnet.types import Mesh
 from synthnet.verify.checks import verify, verify_files
 
@@ -310,6 +311,16 @@ def test_largest_component_is_kept_if_asked(folder: Path, run: Callable[..., Bui
         "1 components left out, 2 components, the largest has 80.0% of the area",
     )
     assert kept["vertices"] == len(SPHERE.vertices)
+
+
+def test_the_bound_of_the_error_changes_no_pin(
+    folder: Path, run: Callable[..., BuildReport]
+) -> None:
+    sample = next(iter(run(folder).dataset.samples()))
+    others = {k: v for k, v in sample.spec.parameters.items() if k != "error_bound"}
+    assert len(others) == len(sample.spec.parameters) - 1
+    without = replace(sample, spec=replace(sample.spec, parameters=others))
+    assert pins.digest(without) == pins.digest(sample)
 
 
 def test_each_component_is_a_shape_if_asked(
