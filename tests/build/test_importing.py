@@ -744,7 +744,7 @@ def test_predictor_is_evaluated_on_an_import(
     assert eigbench_cli.main(["evaluate", str(tmp_path / "ones.py"), *where, *out]) == 0
     result = json.loads((tmp_path / "ones.json").read_text())
     assert result["dataset"]["version"] == "mine"
-    assert result["dataset"]["shapes"] == 3
+    assert result["dataset"]["shapes"] == 4
 
 
 def test_reasons_are_those_of_the_documentation() -> None:
