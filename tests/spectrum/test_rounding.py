@@ -8,6 +8,7 @@ import pytest
 
 from evidence.thin_meshes import BITS, LOOSE, ROUNDING, K, exact_matrices, thin, within
 from synthnet import spectrum
+from synthnet.errors import CertificateError
 from synthnet.families import FAMILIES
 from synthnet.types import Mesh
 
@@ -20,6 +21,10 @@ from synthnet.types import Mesh
 @pytest.mark.parametrize("sharp", [False, True], ids=["matrices", "sharp"])
 def test_exact_eigenvalues_are_within_the_bound(aspect: float, kind: str, sharp: bool) -> None:
     mesh = thin(aspect, kind, seed=round(-100 * np.log10(aspect)))
+    if (kind, aspect) == ("row", 1e-7):  # one thin row beside wide ones: the count cannot be proved
+        with pytest.raises(CertificateError, match="rounding moves the shift"):
+            spectrum.compute(mesh, K, sharp=sharp)
+        return
     found = spectrum.compute(mesh, K, sharp=sharp)
     bound = found.certificate.error_bound
     assert bound is not None
