@@ -126,6 +126,8 @@ def check_error(spectrum: Spectrum, limits: FilterSettings) -> tuple[str, str] |
     error = relative_error(spectrum)
     if error <= limits.residual:
         return None
+    if np.isinf(error):
+        return CERTIFICATE, "rounding on thin triangles leaves no bound of the eigenvalues' errors"
     return CERTIFICATE, (
         f"rounding on thin triangles may move an eigenvalue by {error:.2g} of it, more than "
         f"{limits.residual:g}"

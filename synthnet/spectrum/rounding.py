@@ -46,7 +46,8 @@ def sharpened(
     .. math:: |\lambda_i - \rho_i| \leq \frac{\sum_j \eta_j^2}{\sigma - \rho_i} ,
 
     and not more than the root of the sum. Rounding in the energies themselves is added. Where that
-    reaches σ, nothing says any more that the others are above it, and there is no bound.
+    reaches across the gap, nothing says any more that the others are above it, and there is no
+    bound.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def sharpened(
     rough = np.square(turn).T @ rough_energy + values * (np.square(turn).T @ rough_mass)
     rounding = OPERATIONS * UNIT * (rough + values[-1])
     bounds = np.minimum(missed, np.sqrt(squares)) + rounding
-    if not values[-1] + bounds.max() < above:
+    if not candidate.values[-1] + bounds.max() < candidate.gap[1]:
         bounds[:] = np.inf
     return values, bounds, functions @ turn
 

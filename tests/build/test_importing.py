@@ -30,6 +30,7 @@ from synthnet.errors import BuildError, MeshImportError, RecipeError, StoreError
 from synthnet.loaders.pyg import SynthNet
 from synthnet.mesh import geometry, repair
 from synthnet.recipe.plan import ShardPlan
+from synthnet.store import pins
 from synthnet.types import Mesh
 from synthnet.verify.checks import verify, verify_files
 from tests.datasets import contents
@@ -303,6 +304,14 @@ def test_largest_component_is_kept_if_asked(folder: Path, run: Run) -> None:
         "1 components left out, 2 components, the largest has 80.0% of the area",
     )
     assert kept["vertices"] == len(SPHERE.vertices)
+
+
+def test_the_bound_of_the_error_changes_no_pin(folder: Path, run: Run) -> None:
+    sample = next(iter(run(folder).dataset.samples()))
+    others = {k: v for k, v in sample.spec.parameters.items() if k != "error_bound"}
+    assert len(others) == len(sample.spec.parameters) - 1
+    without = replace(sample, spec=replace(sample.spec, parameters=others))
+    assert pins.digest(without) == pins.digest(sample)
 
 
 def test_each_component_is_a_shape_if_asked(folder: Path, run: Run, tmp_path: Path) -> None:
@@ -696,7 +705,7 @@ def test_predictor_is_evaluated_on_an_import(
     assert eigbench_cli.main(["evaluate", str(tmp_path / "ones.py"), *where, *out]) == 0
     result = json.loads((tmp_path / "ones.json").read_text())
     assert result["dataset"]["version"] == "mine"
-    assert result["dataset"]["shapes"] == 3
+    assert result["dataset"]["shapes"] == 4
 
 
 def test_reasons_are_those_of_the_documentation() -> None:
