@@ -63,7 +63,12 @@ def add(commands: Commands) -> None:
         metavar="K",
         help="eigenvalues after the zeros (default: %(default)s)",
     )
-    sub.add_argument("--out", type=Path, metavar="CSV", help="write all of them here, a row a file (default: only print the first)")
+    sub.add_argument(
+        "--out",
+        type=Path,
+        metavar="CSV",
+        help="write all of them here, a row a file (default: only print the first)",
+    )
     _as_it_is(sub)
     sub = terminal.add_command(
         commands,

@@ -15,7 +15,7 @@ eigenvalues of others, :mod:`~synthnet.spectrum.inputs` takes their meshes,
 first use and cached on disk.
 """
 
-from synthnet.spectrum.inputs import as_mesh
+from synthnet.spectrum.inputs import as_mesh, check
 from synthnet.spectrum.many import spectra
 from synthnet.spectrum.solve import (
     assemble,
@@ -32,6 +32,7 @@ __all__ = [
     "as_mesh",
     "assemble",
     "certify",
+    "check",
     "compile_solver",
     "compute",
     "count_below",

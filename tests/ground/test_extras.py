@@ -22,10 +22,12 @@ LINES = {
     "eigbench.losses": "eigbench.losses needs PyTorch: pip install 'synthnet[torch]'",
     "eigbench.scoring.losses": "eigbench.losses needs PyTorch: pip install 'synthnet[torch]'",
     "synthnet.loaders.pyg": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
+    "synthnet.loaders.gradients": "synthnet.torch needs PyTorch: pip install 'synthnet[torch]'",
     "synthnet.loaders.transformed": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
     "synthnet.pictures.draw": "drawing needs Matplotlib: pip install 'synthnet[pictures]'",
     "synthnet.pictures.gallery": "drawing needs Matplotlib: pip install 'synthnet[pictures]'",
     "synthnet.pyg": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
+    "synthnet.torch": "synthnet.torch needs PyTorch: pip install 'synthnet[torch]'",
 }
 A_PREDICTOR = "eigbench.running.reference"  # its own process says what it lacks
 

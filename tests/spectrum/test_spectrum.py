@@ -261,7 +261,9 @@ def test_both_settings_and_the_dense_solver_agree(mesh: Mesh) -> None:
 
 
 def test_what_is_no_mesh_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"this is no mesh but ndarray: give a mesh of .*\(vertices, faces\)"):
+    with pytest.raises(
+        ValueError, match=r"this is no mesh but ndarray: give a mesh of .*\(vertices, faces\)"
+    ):
         spectrum.compute(np.zeros((4, 3)), np.zeros((4, 3)))  # type: ignore[arg-type]
 
 

@@ -1,0 +1,96 @@
+"""How eigenvalues change when the vertices move: derivatives without a system to solve."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.types import Mesh, Spectrum
+
+
+def clusters(eigenvalues: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
+    """Number the clusters: neighbours with a relative gap of at most the tolerance are in one.
+
+    Parameters
+    ----------
+    eigenvalues : ndarray of shape (k,), float64
+        Positive, ascending.
+    tolerance : float
+        Largest gap inside a cluster, over the larger of the two eigenvalues.
+
+    Returns
+    -------
+    ndarray of shape (k,), int64
+        The number of each eigenvalue's cluster, from 0, ascending.
+
+    Examples
+    --------
+    >>> clusters(np.array([2.0, 2.0001, 6.0, 12.0]), 1e-3)
+    array([0, 0, 1, 2])
+    """
+    gaps = np.diff(eigenvalues) > tolerance * eigenvalues[1:]
+    return np.concatenate([[0], np.cumsum(gaps)])
+
+
+def vertex_gradient(
+    mesh: Mesh, spectrum: Spectrum, weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    r"""Differentiate a weighted sum of eigenvalues with respect to the vertices.
+
+    If :math:`A\varphi = \lambda B\varphi` and :math:`\varphi^T B \varphi = 1`, a simple eigenvalue
+    has the derivative
+
+    .. math::
+        d\lambda = \varphi^T (dA - \lambda\, dB)\, \varphi .
+
+    With :math:`f_i` the values of φ at a triangle's corners, :math:`e_i` the edge opposite corner
+    i, and :math:`g = \sum_i f_i e_i`, the triangle adds
+    :math:`|g|^2 / 4|T| - \lambda |T| (\sum_i f_i^2 + (\sum_i f_i)^2) / 12` to
+    :math:`\varphi^T (A - \lambda B) \varphi`; this is differentiated with φ and λ held fixed. The
+    sum of the derivatives of a multiple eigenvalue is a derivative too; a single one is not,
+    because it depends on the basis of the eigenspace.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Its vertices are taken as float64.
+    spectrum : Spectrum
+        k eigenpairs of this mesh, Neumann on a boundary, by :func:`synthnet.spectrum.compute`.
+    weights : ndarray of shape (k,), float64
+        Factor of each eigenvalue in the sum.
+
+    Returns
+    -------
+    ndarray of shape (n, 3), float64
+        In 1/length³ for weights without a unit.
+
+    References
+    ----------
+    J. R. Magnus, "On differentiating eigenvalues and eigenvectors", Econometric Theory 1 (1985).
+    """
+    corners = mesh.vertices.astype(np.float64)[mesh.faces]
+    edges = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    doubled = np.linalg.norm(normals, axis=1)[:, None, None]  # twice each area
+    stiff = _corner_products(mesh, spectrum, weights)
+    heavy = _corner_products(mesh, spectrum, weights * spectrum.eigenvalues)
+    flows = stiff @ edges  # the sum of f_i g over the pairs
+    energies = np.einsum("tic,tic->t", flows, edges)[:, None, None] / doubled**2
+    masses = (np.einsum("tii->t", heavy) + heavy.sum(axis=(1, 2)))[:, None, None] / 12
+    areas = np.cross((normals / doubled[:, 0])[:, None], edges) / 2  # how the area changes
+    local = (flows[:, [1, 2, 0]] - flows[:, [2, 0, 1]]) / doubled - (energies + masses) * areas
+    where, n = mesh.faces.ravel(), len(mesh.vertices)
+    columns = [np.bincount(where, local[:, :, x].ravel(), minlength=n) for x in range(3)]
+    return np.stack(columns, axis=1)
+
+
+def _corner_products(
+    mesh: Mesh, spectrum: Spectrum, weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return each triangle's weighted sum of :math:`f f^T` over the pairs, shape (m, 3, 3)."""
+    products = np.zeros((len(mesh.faces), 3, 3))
+    for weight, vector in zip(weights, spectrum.eigenvectors.T, strict=True):
+        if weight:
+            values = vector[mesh.faces]
+            products += weight * values[:, :, None] * values[:, None, :]
+    return products

@@ -1,0 +1,105 @@
+"""Descriptors against their formulas, LaPy, and what is known of the smooth surface."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from synthnet.families import FAMILIES
+from synthnet.mesh import geometry
+from synthnet.spectrum import compute
+from synthnet.spectrum.descriptors import (
+    heat_kernel_signature,
+    heat_trace,
+    shape_dna,
+    wave_kernel_signature,
+)
+
+SPHERE = FAMILIES["sphere"].generate({"radius": 1.5, "resolution": 20})
+FOUND = compute(SPHERE, 40)
+AREA, VOLUME = geometry.area(SPHERE), geometry.volume(SPHERE)
+
+
+@pytest.mark.parametrize(("normalisation", "method"), [("area", "surface"), ("volume", "volume")])
+def test_shape_dna_is_lapys(normalisation: str, method: str) -> None:
+    lapy, shapedna = pytest.importorskip("lapy"), pytest.importorskip("lapy.shapedna")
+    mesh = lapy.TriaMesh(SPHERE.vertices.astype(np.float64), SPHERE.faces)
+    mesh.orient_()
+    found = shape_dna(FOUND, normalisation, area=AREA, volume=VOLUME)
+    if method == "surface":
+        expected = shapedna.normalize_ev(mesh, FOUND.eigenvalues, method=method)
+        assert found == pytest.approx(expected, rel=1e-6)
+    else:
+        assert found == pytest.approx(FOUND.eigenvalues * mesh.volume() ** (2 / 3), rel=1e-6)
+    weighted = shape_dna(FOUND, normalisation, area=AREA, volume=VOLUME, reweighted=True)
+    assert weighted == pytest.approx(shapedna.reweight_ev(found), rel=1e-12)
+
+
+def test_normalised_shape_dna_does_not_know_the_size() -> None:
+    large = compute((3 * SPHERE.vertices, SPHERE.faces), 10)
+    for normalisation in ("area", "volume", "first"):
+        found = shape_dna(large, normalisation, area=9 * AREA, volume=27 * VOLUME)
+        expected = shape_dna(FOUND, normalisation, area=AREA, volume=VOLUME)[:10]
+        assert found == pytest.approx(expected, rel=1e-6)
+    assert shape_dna(large) == pytest.approx(FOUND.eigenvalues[:10] / 9, rel=1e-6)
+
+
+def test_heat_trace_begins_as_area_over_four_pi_t() -> None:
+    degrees = np.arange(200)
+    series = np.repeat(degrees * (degrees + 1.0), 2 * degrees + 1)[1:]  # the unit sphere's
+    for t in (0.001, 0.01):
+        assert heat_trace(series, t) == pytest.approx(1 / t + 1 / 3, rel=t)
+    two = heat_trace(series, [0.01], components=2)
+    assert two == pytest.approx(1 + heat_trace(series, [0.01]))
+
+
+def test_signatures_are_the_plain_formulas() -> None:
+    values, vectors = FOUND.eigenvalues, FOUND.eigenvectors
+    times = np.array([0.1, 1.0])
+    heat = heat_kernel_signature(FOUND, times, area=AREA)
+    waves = wave_kernel_signature(FOUND, [0.5, 1.5], sigma=0.3)
+    for x in (0, 17, 100):
+        for j, t in enumerate(times):
+            plain = 1 / AREA + sum(
+                np.exp(-value * t) * phi**2 for value, phi in zip(values, vectors[x], strict=True)
+            )
+            assert heat[x, j] == pytest.approx(plain, rel=1e-12)
+        for j, e in enumerate((0.5, 1.5)):
+            weights = np.exp(-((e - np.log(values)) ** 2) / (2 * 0.3**2))
+            plain = (weights * vectors[x] ** 2).sum() / weights.sum()
+            assert waves[x, j] == pytest.approx(plain, rel=1e-12)
+
+
+def test_default_times_and_energies_are_the_papers() -> None:
+    values = FOUND.eigenvalues
+    ends = 4 * np.log(10) / values[[-1, 0]]
+    heat = heat_kernel_signature(FOUND)
+    assert heat.shape == (len(SPHERE.vertices), 100)
+    np.testing.assert_allclose(heat[:, [0, -1]], heat_kernel_signature(FOUND, ends))
+    sigma = 7 * np.log(values[-1] / values[0]) / 100
+    ends = np.log(values[[0, -1]]) + np.array([2 * sigma, -2 * sigma])
+    waves = wave_kernel_signature(FOUND)
+    np.testing.assert_allclose(waves[:, [0, -1]], wave_kernel_signature(FOUND, ends, sigma=sigma))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: shape_dna(FOUND, "areas"), "normalisation must be one of .*did you mean area"),
+        (lambda: shape_dna(FOUND, "area"), "pass area=, that of the surface"),
+        (lambda: shape_dna(FOUND, "volume", volume=-1.0), "volume must be positive"),
+        (lambda: shape_dna([0.0, 1.0]), "the first eigenvalue is zero"),
+        (lambda: shape_dna([2.0, 1.0]), "eigenvalues must ascend"),
+        (lambda: shape_dna([np.nan]), "eigenvalues must be finite"),
+        (lambda: heat_trace([1.0], 0.0), "times must be positive"),
+        (lambda: heat_kernel_signature(FOUND.eigenvalues), "a signature needs eigenvectors"),  # type: ignore[arg-type]
+        (lambda: wave_kernel_signature(FOUND, sigma=9.0), "sigma 9 is too large"),
+        (lambda: wave_kernel_signature(FOUND, [np.inf]), "energies must be a list of finite"),
+        (lambda: wave_kernel_signature(compute(SPHERE, 1)), "sigma must be positive"),
+    ],
+)
+def test_bad_input_is_one_line(call: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        call()
