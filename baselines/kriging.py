@@ -5,7 +5,7 @@ say nothing of the triangles. Between the nearest training shapes it is interpol
 process whose covariance is a smooth Matérn function and, for a trend, a wide linear one:
 
 .. math::
-    k(x, y) = (1 + s + s^2/3) e^{-s} + 100 \, (1 + x \cdot y), \qquad s = \sqrt 5 \, |x - y|,
+    k(x, y) = (1 + s + s^2/3) e^{-s} + 100 \, (1 + x \cdot y), \qquad s = \sqrt{5} \, |x - y|,
 
 with the shape in question at the origin, and the farthest of its neighbours at distance one. So
 there is nothing to train. The numbers are those that `surface_numbers.py` keeps.

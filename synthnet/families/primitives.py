@@ -30,7 +30,7 @@ def cone(*, radius: float, height: float, resolution: int, split: int) -> Mesh:
 
 
 def cylinder(*, radius: float, height: float, resolution: int, split: int) -> Mesh:
-    """Closed cylinder about the z axis, |z| ≤ height/2, in ``split`` bands; each cap is one fan."""
+    """Closed cylinder, -height/2 ≤ z ≤ height/2, in ``split`` bands; each cap is one fan."""
     factory = load_open3d().geometry.TriangleMesh
     return from_open3d(
         factory.create_cylinder(radius=radius, height=height, resolution=resolution, split=split)

@@ -182,8 +182,8 @@ def wave_kernel_signature(
     r"""Return how likely a quantum particle of each energy is at each vertex.
 
     .. math::
-        \frac{\sum_i w_i(e)\, \varphi_i(x)^2}{\sum_i w_i(e)}, \qquad
-        w_i(e) = \exp\Bigl(-\frac{(e - \log \lambda_i)^2}{2 \sigma^2}\Bigr)
+        \frac{\sum_i w_i(e)\, \varphi_i(x)^2}{\sum_i w_i(e)},
+        \qquad w_i(e) = \exp\left(-\frac{(e - \log \lambda_i)^2}{2 \sigma^2}\right)
 
     Parameters
     ----------

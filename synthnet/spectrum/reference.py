@@ -42,8 +42,8 @@ def matrices(
     r"""Assemble the stiffness matrix A and the consistent mass matrix B.
 
     .. math::
-        A_{ij} = \int_S \nabla\varphi_i \cdot \nabla\varphi_j, \qquad
-        B_{ij} = \int_S \varphi_i \varphi_j
+        A_{ij} = \int_S \nabla\varphi_i \cdot \nabla\varphi_j,
+        \qquad B_{ij} = \int_S \varphi_i \varphi_j
 
     In a triangle T of unit normal n, with :math:`e_i` the edge opposite corner i, the gradient is
     :math:`\nabla\varphi_i = n \times e_i / 2|T|`, and the integral of

@@ -38,8 +38,8 @@ def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     r"""Assemble stiffness and consistent mass of linear finite elements.
 
     .. math::
-        A_{ij} = \int_S \nabla\varphi_i \cdot \nabla\varphi_j, \qquad
-        B_{ij} = \int_S \varphi_i \varphi_j
+        A_{ij} = \int_S \nabla\varphi_i \cdot \nabla\varphi_j,
+        \qquad B_{ij} = \int_S \varphi_i \varphi_j
 
     With :math:`e_i` the edge opposite corner i and :math:`|T|` the area, a triangle adds
     :math:`e_i \cdot e_j / 4|T|` to A and :math:`|T| (1 + \delta_{ij}) / 12` to B. No
