@@ -142,6 +142,15 @@ def math_role(*given: Any, **more: Any) -> tuple[list[nodes.Node], list[nodes.No
     return mathmpl.math_role(*given, **more)
 
 
+class Formula(mathmpl.MathDirective):
+    """``.. math::`` whose lines are joined by a space; Matplotlib's joins them by nothing."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return the formula's one node."""
+        self.content = [" ".join(self.content)]
+        return super().run()
+
+
 def setup(app: Sphinx) -> None:
     """Register the above; a formula that cannot be drawn is an error."""
     warnings.filterwarnings("error", message="Could not render math expression")
@@ -150,4 +159,4 @@ def setup(app: Sphinx) -> None:
     app.connect("build-finished", add_index)
     app.connect("build-finished", check_hosts)
     app.add_role("math", math_role, override=True)
-    app.add_directive("math", mathmpl.MathDirective, override=True)
+    app.add_directive("math", Formula, override=True)

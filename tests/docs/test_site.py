@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
 import importlib.util
 import re
@@ -14,6 +15,13 @@ ROOT = Path(__file__).parents[2]
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("baselines/*.md")]
 
 pytest.importorskip("sphinx", reason="the site's tools are not installed: pip install -e '.[docs]'")
+
+
+def formulas(docstring: str) -> list[str]:
+    """Return what stands in the roles and blocks ``math`` of a docstring."""
+    blocks = re.findall(r"^( *)\.\. math::\n\n((?:\1 +.*\n?|\n)+)", docstring, flags=re.M)
+    roles = re.findall(r":math:`(.+?)`", docstring, flags=re.S)
+    return [" ".join(text.split()) for text in [*(body for _, body in blocks), *roles]]
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +44,24 @@ def test_every_page_of_the_repository_is_in_the_navigation_once(conf):
     named = re.findall(r"^   ([\w/.-]+)$", conf.NAVIGATION, flags=re.M)
     pages = {page.relative_to(ROOT).with_suffix("").as_posix() for page in PAGES}
     assert sorted([conf.root_doc, *named]) == sorted(pages)
+
+
+def test_every_formula_can_be_drawn():
+    mathtext = pytest.importorskip("matplotlib.mathtext", reason="Matplotlib is not installed")
+    parse = mathtext.MathTextParser("path").parse
+    sources = [
+        p
+        for room in ("synthnet", "benchmark/eigbench", "baselines")
+        for p in (ROOT / room).rglob("*.py")
+    ]
+    drawn = 0
+    for path in sources:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)):
+                for formula in formulas(ast.get_docstring(node) or ""):
+                    parse(f"${formula}$")
+                    drawn += 1
+    assert drawn > 0
 
 
 def test_navigation_goes_to_the_first_page_only(conf):
