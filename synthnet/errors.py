@@ -19,6 +19,7 @@ OPTIONAL = {
     "mpi4py": ("mpi4py", "mpi"),
     "nibabel": ("NiBabel", "brain"),
     "open3d": ("Open3D", "build"),
+    "robust_laplacian": ("robust_laplacian", "robust"),
     "s3fs": ("s3fs", "s3"),
     "safetensors": ("safetensors", "baselines"),
     "sklearn": ("scikit-learn", "baselines"),

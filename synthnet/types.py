@@ -146,13 +146,19 @@ class Spectrum:
     eigenvalues : ndarray of shape (k,), float64
         The k eigenvalues after the zero of each component, ascending, in 1/length².
     trivial : float
-        The computed value of the zero eigenvalue of the constant function.
+        The computed value of the zero eigenvalue of the constant function; NaN where functions are
+        held at zero.
     certificate : Certificate
         Proof that no eigenvalue was missed.
     eigenvectors : ndarray of shape (n, k), float64
         Eigenfunctions at the vertices, orthonormal in the mass matrix.
     components : int
-        Connected components of the mesh: as many eigenvalues are zero.
+        Connected components of the mesh: as many eigenvalues are zero. Where functions are held at
+        zero, the components of what is free.
+    mesh : Mesh or None
+        The mesh that was solved, where ``compute`` was asked to repair what it was given.
+    repairs : mapping of str to int
+        How many vertices or faces each repair met, by its name.
     """
 
     eigenvalues: NDArray[np.float64]
@@ -160,6 +166,8 @@ class Spectrum:
     certificate: Certificate
     eigenvectors: NDArray[np.float64] = field(repr=False)
     components: int = 1
+    mesh: Mesh | None = field(default=None, repr=False, compare=False)
+    repairs: Mapping[str, int] = field(default_factory=dict, repr=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,8 @@ from synthnet.errors import SpectrumError, SynthNetError
 from synthnet.mesh.formats import UnreadableError
 from synthnet.mesh.reading import Reader
 from synthnet.mesh.repair import Refused, Repaired, Rules, repair
-from synthnet.spectrum import certify, compute
+from synthnet.spectrum import Operator, certify, compute
+from synthnet.spectrum.operators import BOUNDARIES, MASSES, SHARES
 from synthnet.store.files import make_parent, write_text
 from synthnet.terminal import Commands
 from synthnet.types import Spectrum
@@ -34,6 +35,10 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf", re.IGN
 
 class AnswerError(SynthNetError):
     """A file of eigenvalues cannot be read, or does not say which are those of a mesh."""
+
+
+class OperatorError(SynthNetError):
+    """These elements have no such mass matrix."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +74,7 @@ def add(commands: Commands) -> None:
         metavar="CSV",
         help="write all of them here, a row a file (default: only print the first)",
     )
-    _as_it_is(sub)
+    _of_mesh_options(sub)
     sub = terminal.add_command(
         commands,
         "certify",
@@ -91,10 +96,28 @@ def add(commands: Commands) -> None:
         metavar="T",
         help="relative distance within which an eigenvalue is right (default: %(default)g)",
     )
-    _as_it_is(sub)
+    _of_mesh_options(sub)
 
 
-def _as_it_is(command: argparse.ArgumentParser) -> None:
+def _of_mesh_options(command: argparse.ArgumentParser) -> None:
+    """Add what both commands can be told about the mesh and its operator."""
+    command.add_argument(
+        "--boundary",
+        choices=BOUNDARIES,
+        default="neumann",
+        help="condition on the whole boundary (default: %(default)s)",
+    )
+    command.add_argument(
+        "--mass",
+        choices=tuple(SHARES),
+        help="mass matrix, mean: of the other two (default: consistent, lumped for tufted)",
+    )
+    command.add_argument(
+        "--elements",
+        choices=tuple(MASSES),
+        default="linear",
+        help="finite elements, tufted: for meshes that are no manifold (default: %(default)s)",
+    )
     command.add_argument(
         "--no-repair",
         dest="repair",
@@ -107,11 +130,12 @@ def _as_it_is(command: argparse.ArgumentParser) -> None:
 def run_spectrum(options: argparse.Namespace) -> int:
     """Compute spectra, print their table and write them."""
     found = []
+    operator = _operator(options)
     console = Console(stderr=True)
     with Reader() as reader, console.status("") as status:
         for number, file in enumerate(options.files, start=1):
             status.update(f"{file.name} ({number} of {len(options.files)})")
-            found.append(_found(reader, file, options.k, options.repair))
+            found.append(_found(reader, file, options.k, options.repair, operator))
     if options.out is not None:
         make_parent(options.out)
         write_text(options.out, _as_csv(found, options.k))
@@ -129,11 +153,13 @@ def run_spectrum(options: argparse.Namespace) -> int:
 
 def run_certify(options: argparse.Namespace) -> int:
     """Judge an answer: exit code 0 if it is certified, 1 if not."""
-    answer = read_answer(options.answer, options.mesh)
+    answer, operator = read_answer(options.answer, options.mesh), _operator(options)
     with Reader() as reader, Console(stderr=True).status(f"counting eigenvalues of {options.mesh}"):
         try:
             repaired = _mesh(reader, options.mesh, len(answer), options.repair)
-            verdict = certify(repaired.mesh, answer, tolerance=options.tolerance)
+            verdict = certify(
+                repaired.mesh, answer, tolerance=options.tolerance, operator=operator
+            )
         except (UnreadableError, Refused, ValueError, SpectrumError) as error:
             raise AnswerError(f"{options.mesh}: {error}") from error
     if options.json:
@@ -165,11 +191,18 @@ def _mesh(reader: Reader, file: Path, k: int, mended: bool) -> Repaired:
     return repair(mesh, Rules(least=k + 1)) if mended else Repaired(mesh)
 
 
-def _found(reader: Reader, file: Path, k: int, mended: bool) -> Found:
+def _operator(options: argparse.Namespace) -> Operator:
+    try:
+        return Operator(options.boundary, options.mass, options.elements)
+    except ValueError as error:
+        raise OperatorError(f"{error}: leave --mass out") from error
+
+
+def _found(reader: Reader, file: Path, k: int, mended: bool, operator: Operator) -> Found:
     """Compute a spectrum; whatever keeps it from having one is said."""
     try:
         repaired = _mesh(reader, file, k, mended)
-        return Found(file, repaired, compute(repaired.mesh, k))
+        return Found(file, repaired, compute(repaired.mesh, k, operator=operator))
     except (UnreadableError, Refused, SpectrumError) as error:
         return Found(file, problem=str(error))
     except ValueError as error:

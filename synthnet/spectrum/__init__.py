@@ -1,7 +1,8 @@
 """Certified spectra of triangle meshes, by a sparse symmetric eigenvalue solver of its own.
 
 Read :mod:`~synthnet.spectrum.reference` first: the whole problem in NumPy and SciPy alone. The fast
-solver, in the order of use: :mod:`~synthnet.spectrum.fem` assembles the matrices,
+solver, in the order of use: :mod:`~synthnet.spectrum.fem` assembles the matrices and
+:mod:`~synthnet.spectrum.operators` those of other boundary conditions, masses and elements,
 :mod:`~synthnet.spectrum.ordering` finds an order of elimination with little fill,
 :mod:`~synthnet.spectrum.ldl` factorises A − σB and counts eigenvalues below σ,
 :mod:`~synthnet.spectrum.lanczos` finds eigenpairs around σ,
@@ -17,19 +18,15 @@ first use and cached on disk.
 
 from synthnet.spectrum.inputs import as_mesh, check
 from synthnet.spectrum.many import spectra
-from synthnet.spectrum.solve import (
-    assemble,
-    compile_solver,
-    compute,
-    count_below,
-    fem_matrices,
-    of_matrices,
-)
+from synthnet.spectrum.operators import Operator, as_sparse, assemble, fem_matrices
+from synthnet.spectrum.solve import compile_solver, compute, count_below, of_matrices
 from synthnet.spectrum.verdict import Verdict, certify
 
 __all__ = [
+    "Operator",
     "Verdict",
     "as_mesh",
+    "as_sparse",
     "assemble",
     "certify",
     "check",

@@ -68,13 +68,22 @@ def inertia(matrices: Matrices, ordering: Ordering, shift: float) -> Factor:
     return factor
 
 
-def certify(candidate: Candidate, counted: Factor) -> Certificate:
+def certify(candidate: Candidate, counted: Factor, zeros: int = 1) -> Certificate:
     """Return the certificate of a candidate from the pivots in the middle of its gap.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        All pairs between the zeros and its gap.
+    counted : Factor
+        See :func:`inertia`.
+    zeros : int
+        Zero eigenvalues, which the candidate leaves out.
 
     Raises
     ------
     CertificateError
-        If rounding could change the count, the count is not that of the pairs and the zero, or a
+        If rounding could change the count, the count is not that of the pairs and the zeros, or a
         pair could belong above the gap.
     """
     (low, high), shift = candidate.gap, candidate.middle
@@ -84,9 +93,9 @@ def certify(candidate: Candidate, counted: Factor) -> Certificate:
             f"too much for the gap from {low:g} to {high:g}"
         )
     pairs = len(candidate.values)
-    if counted.negative != pairs + 1:
+    if counted.negative != pairs + zeros:
         raise CertificateError(
-            f"{counted.negative} eigenvalues are below {shift:g}, but {pairs + 1} were found"
+            f"{counted.negative} eigenvalues are below {shift:g}, but {pairs + zeros} were found"
         )
     # B-orthonormal vectors have as many different eigenvalues within the norm of all their
     # residuals together, which is at most the root of their number times the largest (Kahan).
@@ -103,12 +112,13 @@ def largest_residual(
 ) -> float:
     r"""Return the largest relative residual of B-orthonormal vectors.
 
-    With :math:`r = A\varphi - \lambda B\varphi` and M the lumped mass, it is
+    With :math:`r = A\varphi - \lambda B\varphi`, M the lumped mass and B ≥ cM, it is
 
-    .. math:: \frac{2}{\lambda} \sqrt{r^T M^{-1} r},
+    .. math:: \frac{1}{\lambda} \sqrt{r^T M^{-1} r / c},
 
-    and an eigenvalue is within so much of λ, relative to λ, because B ≥ M/4 for triangles
-    (Wathen). Below :data:`NEAR_ZERO` of Weyl's value it is relative to that instead.
+    and an eigenvalue is within so much of λ, relative to λ. For linear elements and consistent
+    mass c is a quarter (Wathen). Below :data:`NEAR_ZERO` of Weyl's value it is relative to that
+    instead.
 
     Parameters
     ----------
@@ -119,6 +129,6 @@ def largest_residual(
     values : ndarray of shape (c,), float64
         The λ, in 1/length².
     """
-    bounds = 2 * np.sqrt(np.square(defects) @ (1 / matrices.lumped))
+    bounds = np.sqrt(1 / matrices.least) * np.sqrt(np.square(defects) @ (1 / matrices.lumped))
     floor = NEAR_ZERO * 4 * np.pi * len(values) / matrices.lumped.sum()
     return float(np.max(bounds / np.maximum(values, floor)))

@@ -60,9 +60,18 @@ class Component:
 def components(matrices: Matrices) -> tuple[int, NDArray[np.int32]]:
     """Return the number of components, and for each row that of its own, (n,)."""
     shape = (len(matrices.lumped),) * 2
-    graph = sparse.csr_matrix((matrices.mass, matrices.indices, matrices.indptr), shape=shape)
+    entries = np.ones(len(matrices.indices))  # of a lumped mass many are zero
+    graph = sparse.csr_matrix((entries, matrices.indices, matrices.indptr), shape=shape)
     count, numbers = connected_components(graph, connection="strong")  # symmetric: as "weak"
     return int(count), numbers
+
+
+def unheld(matrices: Matrices, numbers: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Return which components have a zero eigenvalue, because nothing in them is held at zero."""
+    free = np.ones(int(numbers.max()) + 1, dtype=np.bool_)
+    if matrices.anchored is not None:
+        free[numbers[matrices.anchored]] = False
+    return free
 
 
 def split(matrices: Matrices, numbers: NDArray[np.int32]) -> Iterator[Component]:
@@ -84,6 +93,8 @@ def split(matrices: Matrices, numbers: NDArray[np.int32]) -> Iterator[Component]
             stiffness[p:q],
             mass[p:q],
             matrices.lumped[order[low:high]],
+            matrices.least,
+            None if matrices.anchored is None else matrices.anchored[order[low:high]],
         )
         yield Component(order[low:high], block, find_ordering(block.indptr, block.indices))
 
@@ -103,7 +114,7 @@ def solve(
     numbers : ndarray of shape (n,), int32
         The component of each row.
     k : int
-        At most n less the number of components.
+        At most n less the number of zeros.
     solver : callable
         Finds and certifies the first pairs of a single component.
 
@@ -137,13 +148,13 @@ def solve(
         vectors[i, vertices] = vector
     residual = max(pairs.residual for pairs, _ in solved)
     candidate = Candidate(merged[merged <= gap[0]], vectors, residual, gap)
-    count = len(blocks) + len(candidate.values)
+    count = sum(block.matrices.zeros for block in blocks) + len(candidate.values)
     return candidate, Certificate(count, candidate.middle, residual)
 
 
 def _solve(block: Component, k: int, enough: float, solver: Solver) -> None:
     """Find the pairs of a component that are below ``enough``, or the first k."""
-    most = len(block.matrices.lumped) - 1
+    most = len(block.matrices.lumped) - block.matrices.zeros
     count = min(k, most)
     if np.isfinite(enough):
         block.complete = (1 + BEYOND) / 2 * enough
@@ -170,7 +181,7 @@ def _at_most(block: Component, value: float) -> int:
     if SAFETY * counted.uncertainty > (shift - value) / 2:
         shift += 2 * SAFETY * counted.uncertainty
         counted = inertia(block.matrices, block.ordering, shift)
-    return max(counted.negative - 1, 0)
+    return max(counted.negative - block.matrices.zeros, 0)
 
 
 def _gap_above(values: NDArray[np.float64], k: int) -> tuple[float, float]:

@@ -22,7 +22,12 @@ class Matrices(NamedTuple):
     stiffness, mass : ndarray of shape (nnz,), float64
         Values of A (no unit) and B (length²).
     lumped : ndarray of shape (n,), float64
-        Row sums of B.
+        Row sums of B, rows and columns of unknowns that are held at zero included.
+    least : float
+        B is at least so much of the diagonal matrix M of these sums: xᵀBx ≥ least · xᵀMx. For
+        linear elements and consistent mass it is a quarter (Wathen).
+    anchored : ndarray of shape (n,), bool, or None
+        Rows that were next to an unknown that is held at zero and left out. None if there is none.
     """
 
     indptr: NDArray[np.int32]
@@ -30,6 +35,13 @@ class Matrices(NamedTuple):
     stiffness: NDArray[np.float64]
     mass: NDArray[np.float64]
     lumped: NDArray[np.float64]
+    least: float = 0.25
+    anchored: NDArray[np.bool_] | None = None
+
+    @property
+    def zeros(self) -> int:
+        """Zero eigenvalues of one component: 1, its constants, unless it is held somewhere."""
+        return int(self.anchored is None or not self.anchored.any())
 
 
 def assemble(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Matrices:

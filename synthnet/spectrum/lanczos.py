@@ -1,8 +1,8 @@
 r"""Block Lanczos with two vectors a step for :math:`(A - \sigma B)^{-1} B`.
 
 The operator is self-adjoint in the inner product of B; its eigenvalue θ belongs to
-:math:`\lambda = \sigma + 1/\theta`. The constant function, whose λ is zero, is the first
-vector of the basis, so the search never returns it.
+:math:`\lambda = \sigma + 1/\theta`. The constant function, whose λ is zero where nothing is held
+at zero, is the first vector of the basis, so the search never returns it.
 
 References
 ----------
@@ -87,17 +87,18 @@ class Lanczos:
         n = len(matrices.lumped)
         if known is None:
             known = np.empty((0, n))
-        self.first = first = 1 + len(known)  # the basis proper begins here
+        zeros = matrices.zeros
+        self.first = first = zeros + len(known)  # the basis proper begins here
         self.matrices, self.ordering, self.factor, self.sigma = matrices, ordering, factor, sigma
         self.strict, self.limit = strict, limit + len(known)
         self.basis = np.empty((self.limit, n))
         self.weighted = np.empty((self.limit, n))  # B times the basis
         self.projected = np.zeros((self.limit, self.limit))
         area = matrices.lumped.sum()
-        self.basis[0] = 1 / np.sqrt(area)
-        self.weighted[0] = matrices.lumped / np.sqrt(area)
-        self.basis[1:first] = known
-        self.weighted[1:first] = multiply(matrices, matrices.mass, known)
+        self.basis[:zeros] = 1 / np.sqrt(area)
+        self.weighted[:zeros] = matrices.lumped / np.sqrt(area)
+        self.basis[zeros:first] = known
+        self.weighted[zeros:first] = multiply(matrices, matrices.mass, known)
         self.size = first + 2
         self.basis[first : self.size] = np.random.default_rng(seed).random((2, n)) - 0.5
         _start(matrices.indptr, matrices.indices, matrices.mass, self.basis, self.weighted, first)

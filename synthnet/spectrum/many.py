@@ -9,11 +9,14 @@ from functools import partial
 from typing import Any
 
 from synthnet.spectrum.inputs import as_mesh
+from synthnet.spectrum.operators import PLAIN, Operator
 from synthnet.spectrum.solve import compile_solver, compute
 from synthnet.types import Spectrum
 
 
-def spectra(meshes: Iterable[Any], k: int = 10, *, workers: int = 1) -> Iterator[Spectrum]:
+def spectra(
+    meshes: Iterable[Any], k: int = 10, *, operator: Operator = PLAIN, workers: int = 1
+) -> Iterator[Spectrum]:
     """Yield the spectrum of each mesh, in order, as :func:`synthnet.spectrum.compute` does.
 
     Parameters
@@ -22,6 +25,8 @@ def spectra(meshes: Iterable[Any], k: int = 10, *, workers: int = 1) -> Iterator
         As of :func:`synthnet.spectrum.compute`.
     k : int
         Number of eigenvalues of each.
+    operator : Operator
+        Which operator of each.
     workers : int
         Processes; with one, all is done in this. Each takes a core: set OMP_NUM_THREADS=1. In a
         script they need ``if __name__ == "__main__":``.
@@ -41,9 +46,9 @@ def spectra(meshes: Iterable[Any], k: int = 10, *, workers: int = 1) -> Iterator
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}")
     if workers == 1:
-        yield from (compute(mesh, k) for mesh in meshes)
+        yield from (compute(mesh, k, operator=operator) for mesh in meshes)
         return
     compile_solver()  # once, before all of them would
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        yield from pool.map(partial(compute, k=k), map(as_mesh, meshes))
+        yield from pool.map(partial(compute, k=k, operator=operator), map(as_mesh, meshes))

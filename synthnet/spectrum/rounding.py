@@ -26,6 +26,9 @@ from scipy import linalg
 
 from synthnet.kernels import kernel
 from synthnet.spectrum.certificate import Candidate
+from synthnet.spectrum.components import unheld
+from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.operators import Discrete
 from synthnet.types import Mesh
 
 UNIT = float(np.finfo(np.float64).eps)
@@ -34,14 +37,16 @@ OPERATIONS = 16  # rounding units in the energy of a right-angled triangle, with
 
 def sharpened(
     mesh: Mesh,
-    lumped: NDArray[np.float64],
+    discrete: Discrete,
     candidate: Candidate,
-    numbers: NDArray[np.int32] | None = None,
+    numbers: NDArray[np.int32],
+    share: float = 1.0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     r"""Return Ritz pairs of element energies, and how far each is from an exact eigenvalue at most.
 
     With the defects :math:`r_j = A\varphi_j - \rho_j B\varphi_j` of B-orthonormal Ritz vectors, all
-    other eigenvalues above σ, M the lumped mass and :math:`\eta_j^2 = 4 r_j^T M^{-1} r_j`,
+    other eigenvalues above σ, M the lumped mass, :math:`B \geq cM` and
+    :math:`\eta_j^2 = r_j^T M^{-1} r_j / c`,
 
     .. math:: |\lambda_i - \rho_i| \leq \frac{\sum_j \eta_j^2}{\sigma - \rho_i} ,
 
@@ -53,12 +58,14 @@ def sharpened(
     ----------
     mesh : Mesh
         Of n vertices.
-    lumped : ndarray of shape (n,), float64
-        Row sums of B.
+    discrete : Discrete
+        Its linear elements.
     candidate : Candidate
         All eigenvalues between zero and its gap, and the vectors of the first c.
-    numbers : ndarray of shape (n,), int32, optional
-        The component of each row, if there are several.
+    numbers : ndarray of shape (m,), int32
+        The component of each row.
+    share : float
+        Of the consistent mass in B; the rest is lumped.
 
     Returns
     -------
@@ -69,7 +76,10 @@ def sharpened(
     vectors : ndarray of shape (n, c), float64
         B-orthonormal columns.
     """
-    functions = _without_means(candidate.vectors, lumped, numbers)
+    matrices, free = discrete.matrices, discrete.free
+    functions = np.ascontiguousarray(
+        discrete.at_vertices(_without_means(candidate.vectors, matrices, numbers)).T
+    )
     count = functions.shape[1]
     above = candidate.middle if count == len(candidate.values) else candidate.values[count]
     stiff, weighted = np.zeros_like(functions), np.zeros_like(functions)
@@ -78,9 +88,16 @@ def sharpened(
     vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
     faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
     _apply(vertices, faces, functions, stiff, weighted, gram, rough_energy, rough_mass)
-    values, turn = linalg.eigh(gram, functions.T @ weighted)  # which reads the lower triangle
+    there = slice(None) if free is None else free
+    stiff, weighted, lumped = stiff[there], weighted[there], matrices.lumped
+    if share < 1:
+        weighted = share * weighted + (1 - share) * lumped[:, None] * functions[there]
+        rough_mass *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
+    values, turn = linalg.eigh(
+        gram, functions[there].T @ weighted
+    )  # which reads the lower triangle
     defects = stiff @ turn - (weighted @ turn) * values
-    squares = 4 * float(np.sum(np.square(defects) / lumped[:, None]))
+    squares = float(np.sum(np.square(defects) / lumped[:, None])) / matrices.least
     with np.errstate(divide="ignore"):
         missed = np.where(above > values, squares / (above - values), np.inf)
     rough = np.square(turn).T @ rough_energy + values * (np.square(turn).T @ rough_mass)
@@ -92,17 +109,17 @@ def sharpened(
 
 
 def _without_means(
-    vectors: NDArray[np.float64], lumped: NDArray[np.float64], numbers: NDArray[np.int32] | None
+    vectors: NDArray[np.float64], matrices: Matrices, numbers: NDArray[np.int32]
 ) -> NDArray[np.float64]:
-    """Return vectors (c, n) as columns, less their means on each component.
+    """Return vectors (c, m) less their means on each component that is held nowhere.
 
     What rounding left of a constant in an eigenfunction adds to its norm and not to its energy, so
     a Ritz value would be too low, and not only by the square: zero is below the gap, too.
     """
-    numbers = np.zeros(len(lumped), np.int32) if numbers is None else numbers
+    lumped, with_zero = matrices.lumped, unheld(matrices, numbers)
     sizes = np.bincount(numbers, lumped)
-    means = np.stack([np.bincount(numbers, lumped * vector) / sizes for vector in vectors], axis=1)
-    return np.ascontiguousarray(vectors.T - means[numbers])
+    means = np.stack([np.bincount(numbers, lumped * vector) / sizes for vector in vectors])
+    return np.asarray(vectors - np.where(with_zero, means, 0.0)[:, numbers])
 
 
 @kernel

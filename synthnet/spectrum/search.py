@@ -96,7 +96,7 @@ def search(
     candidate = _find(problem, k)
     counted = inertia(matrices, ordering, candidate.middle)
     for seed in range(1, ROUNDS + 1):
-        missing = counted.negative - 1 - len(candidate.values)
+        missing = counted.negative - matrices.zeros - len(candidate.values)
         if missing <= 0:
             break
         more = _find(problem, missing, candidate, seed)
@@ -109,7 +109,8 @@ def search(
 def _find(problem: _Problem, k: int, known: Candidate | None = None, seed: int = 0) -> Candidate:
     """Find k pairs and those of their cluster; or those below the gap beside the known ones."""
     setting = problem.setting
-    most = len(problem.matrices.lumped) - 1 - (0 if known is None else len(known.values))
+    most = len(problem.matrices.lumped) - problem.matrices.zeros
+    most -= 0 if known is None else len(known.values)
     lanczos = Lanczos(
         problem.matrices,
         problem.ordering,
@@ -178,7 +179,7 @@ def _vectors(
         return vectors, weighted
     return (
         np.concatenate([known.vectors, vectors]),
-        np.concatenate([lanczos.weighted[1 : lanczos.first], weighted]),
+        np.concatenate([lanczos.weighted[lanczos.matrices.zeros : lanczos.first], weighted]),
     )
 
 

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, sparse
+from scipy import linalg
 
 from synthnet.errors import SpectrumError
-from synthnet.spectrum import components, fem
+from synthnet.mesh.repair import Rules
+from synthnet.mesh.repair import repair as repair_mesh
+from synthnet.spectrum import components
 from synthnet.spectrum.certificate import Candidate, certify, inertia, largest_residual
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import as_mesh, check
+from synthnet.spectrum.inputs import as_mesh
+from synthnet.spectrum.operators import PLAIN, Discrete, Operator, as_sparse, discretise
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.rounding import sharpened
 from synthnet.spectrum.search import Setting, search
@@ -34,92 +36,15 @@ STRONGER = Setting(
 )
 
 
-def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
-    r"""Assemble stiffness and consistent mass of linear finite elements.
-
-    .. math::
-        A_{ij} = \int_S \nabla\varphi_i \cdot \nabla\varphi_j,
-        \qquad B_{ij} = \int_S \varphi_i \varphi_j
-
-    With :math:`e_i` the edge opposite corner i and :math:`|T|` the area, a triangle adds
-    :math:`e_i \cdot e_j / 4|T|` to A and :math:`|T| (1 + \delta_{ij}) / 12` to B. No
-    boundary term is added: the natural (Neumann) condition holds on a boundary. These
-    are the matrices of ``lapy.Solver(..., lump=False)``.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Its vertices are taken as float64.
-
-    Returns
-    -------
-    stiffness, mass : csc_matrix of shape (n, n), float64
-        Symmetric; the mass is in length², the stiffness has no unit.
-
-    Raises
-    ------
-    ValueError
-        If a triangle has no area, or a vertex no triangle.
-
-    References
-    ----------
-    M. Reuter, F.-E. Wolter, N. Peinecke, "Laplace-Beltrami spectra as 'Shape-DNA' of
-    surfaces and solids", Computer-Aided Design 38 (2006).
-
-    Examples
-    --------
-    >>> stiffness, mass = fem_matrices(Mesh(np.eye(3), np.array([[0, 1, 2]])))
-    >>> round(float(mass.sum() ** 2), 9)  # the square of the area, √3 / 2
-    0.75
-    >>> bool(abs(stiffness.sum(axis=0)).max() < 1e-15)  # constants are in its kernel
-    True
-    """
-    return _sparse(assemble(mesh))
-
-
-def _sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
-    shape = (len(matrices.lumped),) * 2
-    stiffness, mass = (
-        sparse.csc_matrix((values, matrices.indices, matrices.indptr), shape=shape)
-        for values in (matrices.stiffness, matrices.mass)
-    )
-    return stiffness, mass
-
-
-def assemble(mesh: Mesh) -> Matrices:
-    """Return the matrices of :func:`fem_matrices` in the form that the solver takes.
-
-    Raises
-    ------
-    ValueError
-        If there are no triangles, a coordinate is not finite, the size has no square in float64, a
-        triangle has no area, or a vertex no triangle.
-    """
-    check(mesh)
-    unused = len(mesh.vertices) - np.count_nonzero(np.bincount(mesh.faces.ravel()))
-    if unused:
-        raise ValueError(f"{unused} vertices belong to no triangle: remove them first")
-    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
-    return fem.assemble(vertices, np.ascontiguousarray(mesh.faces, dtype=np.int32))
-
-
-def _say_what_is_odd(mesh: Mesh) -> None:
-    """Warn of edges of more than two faces: the problem is well posed, but of no surface."""
-    tails, heads = mesh.faces.astype(np.int64), np.roll(mesh.faces, -1, axis=1).astype(np.int64)
-    keys = np.sort(
-        (np.minimum(tails, heads) * len(mesh.vertices) + np.maximum(tails, heads)).ravel()
-    )
-    many = len(np.unique(keys[2:][keys[2:] == keys[:-2]]))
-    if many:
-        warnings.warn(
-            f"{many} edges have more than two faces: eigenfunctions are those of all sheets joined "
-            "there, which is no surface; `synthnet import` cuts where sheets are clearly pairs",
-            stacklevel=3,
-        )
-
-
-def compute(mesh: Any, k: int = 10, *, sharp: bool = False) -> Spectrum:
-    r"""Compute the first k eigenvalues after the trivial zero, Neumann on a boundary.
+def compute(
+    mesh: Any,
+    k: int = 10,
+    *,
+    operator: Operator = PLAIN,
+    sharp: bool = False,
+    repair: bool = False,
+) -> Spectrum:
+    r"""Compute the first k eigenvalues after the zeros: linear elements, Neumann on a boundary.
 
     Solves :math:`A\varphi = \lambda B\varphi` by block Lanczos around a shift inside the
     spectrum, and certifies the answer. With :math:`r = A\varphi - \lambda B\varphi` and M the
@@ -129,7 +54,8 @@ def compute(mesh: Any, k: int = 10, *, sharp: bool = False) -> Spectrum:
         \frac{2}{\lambda} \sqrt{\frac{r^T M^{-1} r}{\varphi^T B \varphi}}
 
     and at least one eigenvalue is within so much of λ, relative to it, because B ≥ M/4 for
-    triangles. A factorisation :math:`A - \sigma B = L D L^T`, σ in a gap above the k-th
+    linear elements and consistent mass (another operator has a constant of its own). A
+    factorisation :math:`A - \sigma B = L D L^T`, σ in a gap above the k-th
     eigenvalue and its cluster, has as many negative pivots as there are eigenvalues below σ
     (Sylvester's law of inertia): none was missed if that is the number of pairs found. While
     some are missing the search goes on beside those found; if the answer cannot be certified,
@@ -146,10 +72,19 @@ def compute(mesh: Any, k: int = 10, *, sharp: bool = False) -> Spectrum:
         component is solved by itself.
     k : int
         Number of eigenvalues, at most the vertices less the components.
+    operator : Operator
+        Another boundary condition, mass matrix or kind of elements, see
+        :class:`synthnet.spectrum.Operator`. With functions held at zero, a component that is held
+        somewhere has no zero eigenvalue, and counts are those of the vertices that are free.
     sharp : bool
         Return Ritz values of energies that are added up triangle by triangle, see
         :mod:`synthnet.spectrum.rounding`: on thin triangles the rounding of the matrices moves
-        them less. On others they agree to rounding. The residual is that of the matrices.
+        them less. On others they agree to rounding. The residual is that of the matrices. Linear
+        elements only.
+    repair : bool
+        Repair the mesh first as ``synthnet import`` does: vertices are merged, faces without area
+        are flipped or dropped, and so on. ``spectrum.repairs`` says what was done, and
+        ``spectrum.mesh`` is the mesh that eigenvectors belong to.
 
     Returns
     -------
@@ -157,14 +92,17 @@ def compute(mesh: Any, k: int = 10, *, sharp: bool = False) -> Spectrum:
         Eigenvalues in 1/length², float64, ascending, with their certificate; eigenvectors whose
         entry of largest size is positive, the first such entry if there are several. Within a
         cluster of eigenvalues that agree to rounding, any orthonormal basis is one of eigenvectors:
-        which one comes out depends on the order of vertices and on the processor.
+        which one comes out depends on the order of vertices and on the processor. Of quadratic
+        elements they are the values at the vertices; the bound of errors is for linear ones only.
 
     Raises
     ------
     ValueError
         If it is no mesh, is empty, has a vertex that is not finite or without a triangle or a
         triangle without area, overflows, or k is not between 1 and the vertices less the
-        components.
+        components; if the operator does not fit the mesh.
+    Refused
+        If it is to be repaired, and is no surface by a rule of :mod:`synthnet.mesh.repair`.
     CertificateError
         If the stronger setting's answer cannot be certified either.
     SpectrumError
@@ -186,32 +124,39 @@ def compute(mesh: Any, k: int = 10, *, sharp: bool = False) -> Spectrum:
     >>> spectrum.certificate.count  # zero and these three are all that is below the shift
     4
     """
+    if sharp and operator.elements != "linear":
+        raise ValueError(f"sharp is for linear elements, not {operator.elements} ones")
     mesh = as_mesh(mesh)
-    matrices = assemble(mesh)
-    _say_what_is_odd(mesh)
-    candidate, certificate, pieces = _solved(matrices, k)
-    numbers = None if pieces == 1 else components.components(matrices)[1]
-    values, bounds, vectors = sharpened(mesh, matrices.lumped, candidate, numbers)
+    if repair:
+        repaired = repair_mesh(mesh, Rules(least=k + 1))
+        found = compute(repaired.mesh, k, operator=operator, sharp=sharp)
+        return replace(found, mesh=repaired.mesh, repairs=repaired.repairs)
+    discrete = discretise(mesh, operator)
+    candidate, certificate, numbers = _solved(discrete.matrices, k)
+    if operator.elements != "linear":
+        return _spectrum(discrete, k, candidate, certificate, numbers)
+    values, bounds, vectors = sharpened(mesh, discrete, candidate, numbers, operator.share)
     if not sharp:
         bounds = np.abs(values - candidate.values[: len(values)]) + bounds
     certificate = replace(certificate, error_bound=bounds[:k])
-    found = _spectrum(matrices, k, candidate, certificate, pieces)
+    found = _spectrum(discrete, k, candidate, certificate, numbers)
     if not sharp:
         return found
     # A constant changes over no triangle: its energy, added up that way, is exactly zero
-    return replace(found, eigenvalues=values[:k], eigenvectors=vectors[:, :k], trivial=0.0)
+    trivial = 0.0 if discrete.free is None else np.nan
+    return replace(found, eigenvalues=values[:k], eigenvectors=vectors[:, :k], trivial=trivial)
 
 
 def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
     """Compute the first k eigenvalues after the trivial zero of other elements, or another mass.
 
-    As :func:`compute`, but that M is at most 15 B for quadratic elements, in Bernstein's form, so
-    that there an eigenvalue is within twice a pair's residual of λ.
+    As :func:`compute`. Where ``least`` is that of linear elements and M is at most 15 B, as of
+    quadratic ones in Bernstein's form, an eigenvalue is within twice a pair's residual of λ.
 
     Parameters
     ----------
     matrices : Matrices
-        The constant 1 is the vector of ones.
+        The constant 1 is the vector of ones, unless something is held at zero.
     k : int
         Number of eigenvalues, below the number of unknowns.
 
@@ -222,7 +167,8 @@ def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
     SpectrumError
         If the iteration does not converge or a factorisation breaks down.
     """
-    return _spectrum(matrices, k, *_solved(matrices, k))
+    discrete = Discrete(matrices, None, len(matrices.lumped))
+    return _spectrum(discrete, k, *_solved(matrices, k))
 
 
 def compile_solver() -> None:
@@ -235,15 +181,15 @@ def compile_solver() -> None:
     compute(Mesh(points, np.concatenate([below, above])))
 
 
-def count_below(mesh: Mesh, *shifts: float) -> list[int]:
-    """Return how many eigenvalues, the zero included, are below each shift in 1/length².
+def count_below(mesh: Mesh, *shifts: float, operator: Operator = PLAIN) -> list[int]:
+    """Return how many eigenvalues, zeros included, are below each shift in 1/length².
 
     By the law of inertia, with no eigenvalue computed.
 
     Raises
     ------
     ValueError
-        If a triangle has no area, or a vertex no triangle.
+        See :func:`compute`.
     SpectrumError
         If a shift is so close to an eigenvalue that a pivot is zero.
 
@@ -254,22 +200,23 @@ def count_below(mesh: Mesh, *shifts: float) -> list[int]:
     >>> count_below(sphere, 1.0, 4.0, 9.0)  # of 0, then 2 three times, then 6 five times
     [1, 4, 9]
     """
-    matrices = assemble(mesh)
+    matrices = discretise(mesh, operator).matrices
     ordering = find_ordering(matrices.indptr, matrices.indices)
     return [inertia(matrices, ordering, shift).negative for shift in shifts]
 
 
-def _solved(matrices: Matrices, k: int) -> tuple[Candidate, Certificate, int]:
-    """Return at least k certified pairs, their certificate, and the number of components."""
+def _solved(matrices: Matrices, k: int) -> tuple[Candidate, Certificate, NDArray[np.int32]]:
+    """Return at least k certified pairs, their certificate, and the component of each row."""
     pieces, numbers = components.components(matrices)
-    n = len(matrices.lumped)
-    if not 1 <= k <= n - pieces:
-        of = f"{n} vertices" if pieces == 1 else f"{n} vertices in {pieces} components"
-        raise ValueError(f"k must be between 1 and {n - pieces} for {of}, got {k}")
+    n, zeros = len(matrices.lumped), int(components.unheld(matrices, numbers).sum())
+    if not 1 <= k <= n - zeros:
+        of = f"{n} vertices" if matrices.anchored is None else f"{n} free vertices"
+        of += "" if pieces == 1 else f" in {pieces} components"
+        raise ValueError(f"k must be between 1 and {n - zeros} for {of}, got {k}")
     if pieces > 1:
-        return *components.solve(matrices, numbers, k, _connected), pieces
+        return *components.solve(matrices, numbers, k, _connected), numbers
     ordering = find_ordering(matrices.indptr, matrices.indices)
-    return *_connected(matrices, ordering, k), pieces
+    return *_connected(matrices, ordering, k), numbers
 
 
 def _connected(matrices: Matrices, ordering: Ordering, k: int) -> tuple[Candidate, Certificate]:
@@ -289,18 +236,24 @@ def _certified(
         counted = inertia(matrices, ordering, candidate.middle)
     else:
         candidate, counted = search(matrices, ordering, k, setting)
-    return candidate, certify(candidate, counted)
+    return candidate, certify(candidate, counted, matrices.zeros)
 
 
 def _spectrum(
-    matrices: Matrices, k: int, candidate: Candidate, certificate: Certificate, pieces: int
+    discrete: Discrete,
+    k: int,
+    candidate: Candidate,
+    certificate: Certificate,
+    numbers: NDArray[np.int32],
 ) -> Spectrum:
+    matrices = discrete.matrices
+    zero = float(matrices.stiffness.sum()) / float(matrices.lumped.sum())
     return Spectrum(
         eigenvalues=candidate.values[:k],
-        trivial=float(matrices.stiffness.sum()) / float(matrices.lumped.sum()),
+        trivial=zero if matrices.anchored is None else np.nan,
         certificate=certificate,
-        eigenvectors=_turned(candidate.vectors[:k]).T,
-        components=pieces,
+        eigenvectors=_turned(discrete.at_vertices(candidate.vectors[:k])).T,
+        components=int(numbers.max()) + 1,
     )
 
 
@@ -313,12 +266,12 @@ def _turned(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _dense(matrices: Matrices, k: int, setting: Setting) -> Candidate:
     """Return k pairs and those of their cluster, by LAPACK."""
-    stiffness, mass = (matrix.toarray() for matrix in _sparse(matrices))
+    stiffness, mass = (matrix.toarray() for matrix in as_sparse(matrices))
     try:
         values, vectors = linalg.eigh(stiffness, mass)
     except linalg.LinAlgError as error:
         raise SpectrumError(f"dense eigenvalue solver failed: {error}") from error
-    values, rows = values[1:], vectors[:, 1:].T
+    values, rows = values[matrices.zeros :], vectors[:, matrices.zeros :].T
     gaps = np.append(np.diff(values), values[-1]) > setting.gap * np.abs(values)
     last = k - 1 + int(np.argmax(gaps[k - 1 :]))
     low = float(values[last])

@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
 from synthnet.spectrum.certificate import SAFETY, inertia
-from synthnet.spectrum.components import components
+from synthnet.spectrum.components import components, unheld
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import as_mesh
+from synthnet.spectrum.operators import PLAIN, Discrete, Operator, discretise
 from synthnet.spectrum.ordering import find_ordering
-from synthnet.spectrum.solve import assemble
 
 ZERO = 1e-6  # of Weyl's first eigenvalue: below it an answer is one of the zeros
 NEARER = 1e-2  # relative: so well the distance of an answer from its eigenvalue is told
@@ -97,12 +97,14 @@ def certify(
     eigenvectors: ArrayLike | None = None,
     *,
     tolerance: float = 1e-6,
+    operator: Operator = PLAIN,
 ) -> Verdict:
     """Judge eigenvalues of a mesh that any solver or network has answered.
 
     The problem is that of :func:`synthnet.spectrum.compute`: linear elements, consistent mass,
-    Neumann on a boundary. It takes two factorisations for each group of answers that are nearer to
-    each other than the tolerance, one in all where the eigenvectors are given and good.
+    Neumann on a boundary, unless another operator is named. It takes two factorisations for each
+    group of answers that are nearer to each other than the tolerance, one in all where the
+    eigenvectors are given and good.
 
     Parameters
     ----------
@@ -115,11 +117,14 @@ def certify(
     tolerance : float
         Relative distance to an eigenvalue within which an answer is right. Where rounding moves a
         count by more, the verdict's is larger.
+    operator : Operator
+        What they are the eigenvalues of, such as ``Operator(mass="lumped")``.
 
     Raises
     ------
     ValueError
-        If it is no mesh, the answer is empty, not finite, negative or longer than the spectrum.
+        If it is no mesh, the answer is empty, not finite, negative or longer than the spectrum; if
+        eigenvectors are given for quadratic elements.
 
     Examples
     --------
@@ -133,12 +138,15 @@ def certify(
     1 missed below 6.02614: index 3
     """
     given = as_mesh(mesh)
-    matrices = assemble(given)
-    zeros, _ = components(matrices)
+    discrete = discretise(given, operator)
+    matrices = discrete.matrices
+    zeros = int(unheld(matrices, components(matrices)[1]).sum())
     values, order = _answers(eigenvalues, matrices, zeros, tolerance)
     counter = _Counter(matrices)
     if eigenvectors is not None:
-        vectors = _vectors(eigenvectors, matrices, order, np.size(eigenvalues))
+        if operator.elements == "quadratic":
+            raise ValueError("vectors at vertices say too little of quadratic elements: omit them")
+        vectors = _vectors(eigenvectors, discrete, order, np.size(eigenvalues))
         if _accurate(matrices, values, vectors, tolerance):
             shift = _above(values[-1], tolerance)
             if counter(shift) == zeros + len(values):
@@ -154,9 +162,9 @@ class _Counter:
         self._ordering = find_ordering(matrices.indptr, matrices.indices)
         self._known: dict[float, int] = {}
         self.uncertainty = 0.0
-        # No eigenvalue is above the largest sum of a row of M⁻¹A times 4, because B ≥ M/4
+        # No eigenvalue is above the largest sum of a row of M⁻¹A over c, because B ≥ cM
         sums = np.add.reduceat(np.abs(matrices.stiffness), matrices.indptr[:-1])
-        self._beyond = 8 * float((sums / matrices.lumped).max())
+        self._beyond = 2 * float((sums / matrices.lumped).max()) / matrices.least
 
     @property
     def factorisations(self) -> int:
@@ -284,14 +292,15 @@ def _answers(
 
 
 def _vectors(
-    given: ArrayLike, matrices: Matrices, order: NDArray[np.int64], count: int
+    given: ArrayLike, discrete: Discrete, order: NDArray[np.int64], count: int
 ) -> NDArray[np.float64]:
-    """Return the eigenvectors after the zeros as rows."""
+    """Return the eigenvectors after the zeros as rows, at the vertices that are free."""
     vectors = np.asarray(given, dtype=np.float64)
-    shape = (len(matrices.lumped), count)
+    shape = (discrete.vertices, count)
     if vectors.shape != shape or not np.isfinite(vectors).all():
         raise ValueError(f"eigenvectors must be finite, of shape {shape}, got {vectors.shape}")
-    return np.ascontiguousarray(vectors.T[order])
+    rows = vectors.T[order]
+    return np.ascontiguousarray(rows if discrete.free is None else rows[:, discrete.free])
 
 
 def _accurate(
@@ -304,7 +313,7 @@ def _accurate(
     if np.abs(gram / lengths / lengths[:, None] - np.eye(len(rows))).max() > ORTHONORMAL:
         return False
     defects = fem.multiply(matrices, matrices.stiffness, rows) - values[:, None] * weighted
-    bounds = 2 * np.sqrt(np.square(defects) @ (1 / matrices.lumped)) / lengths
+    bounds = np.sqrt(np.square(defects) @ (1 / matrices.lumped) / matrices.least) / lengths
     # Together: as many eigenvalues as vectors are within this (Kahan), whatever clusters they form
     together = float(np.sqrt(np.square(bounds).sum())) / (1 - len(rows) * ORTHONORMAL)
     return bool(together <= tolerance * values[0]) and len(rows) * ORTHONORMAL < 1

@@ -13,7 +13,8 @@ import synthnet
 
 # A room imports the ground and the rooms before it. Rooms of one line do not import each other.
 SYNTHNET = (
-    "mesh spectrum",
+    "mesh",
+    "spectrum",
     "families",
     "recipe",
     "store",

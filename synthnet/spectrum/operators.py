@@ -1,0 +1,404 @@
+r"""Discrete Laplace–Beltrami operators of a mesh: boundary condition, mass matrix and elements.
+
+A mesh becomes the problem :math:`A u = \lambda B u` that the solver takes. Labels use one form of
+it, linear elements with consistent mass, Neumann on a boundary; users of spectra also want others.
+
+References
+----------
+G. Strang, G. J. Fix, "An Analysis of the Finite Element Method" (1973): mass matrices and orders of
+convergence. N. Sharp, K. Crane, "A Laplacian for nonmanifold triangle meshes", Computer Graphics
+Forum 39 (2020): the tufted cover. M. Reuter, F.-E. Wolter, N. Peinecke, "Laplace-Beltrami spectra
+as 'Shape-DNA' of surfaces and solids", Computer-Aided Design 38 (2006): quadratic elements.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from synthnet.errors import needed_by
+from synthnet.spectrum import fem
+from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.inputs import check
+from synthnet.types import Mesh
+
+BOUNDARIES = ("neumann", "dirichlet")
+SHARES = {"consistent": 1.0, "mean": 0.5, "lumped": 0.0}  # of the consistent mass in each
+MASSES = {"linear": tuple(SHARES), "quadratic": ("consistent",), "tufted": ("lumped",)}
+# Corners of the pairs (i, j), i ≤ j, that number the functions λᵢλⱼ of a triangle.
+PAIRS = np.array([(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)])
+FACTORIALS = np.array([1.0, 1, 2, 6, 24])
+QUADRATIC = 1 / 15  # the least eigenvalue of M⁻¹B on a triangle, and so anywhere
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Operator:
+    r"""Which discrete operator of a mesh.
+
+    Parameters
+    ----------
+    boundary : str or array_like of shape (n,), bool
+        ``"neumann"``: the natural condition, no flow across a boundary. ``"dirichlet"``: functions
+        are zero on the whole boundary, that is on edges of one face. A mask: they are zero at these
+        vertices, and on edges between two of them; Neumann on the rest.
+    mass : str, optional
+        Of linear elements ``"consistent"`` (the default), ``"lumped"`` (its row sums, a diagonal
+        matrix) or ``"mean"`` of both, whose errors have opposite signs. Quadratic elements have the
+        consistent one only, the tufted cover the lumped one only.
+    elements : str
+        ``"linear"``: as labels have, errors of order :math:`h^2`. ``"quadratic"``: with unknowns on
+        edges too, on the same flat triangles; :math:`h^4` where these are the surface.
+        ``"tufted"``: linear on the intrinsic Delaunay triangulation of the tufted cover, for meshes
+        that are no manifold or have thin or flat triangles; by ``robust_laplacian``.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, or the elements have no such mass.
+
+    Examples
+    --------
+    >>> Operator(boundary="dirichlet", mass="lumped")
+    Operator(boundary='dirichlet', mass='lumped', elements='linear')
+    """
+
+    boundary: Literal["neumann", "dirichlet"] | NDArray[np.bool_] = "neumann"
+    mass: Literal["consistent", "mean", "lumped"] | None = None
+    elements: Literal["linear", "quadratic", "tufted"] = "linear"
+
+    def __post_init__(self) -> None:
+        """Check the names; put the elements' own mass where none is given."""
+        if isinstance(self.boundary, str) and self.boundary not in BOUNDARIES:
+            raise ValueError(
+                f"no boundary condition {self.boundary!r}: {_listed(BOUNDARIES)}, or a mask"
+            )
+        if self.elements not in MASSES:
+            raise ValueError(f"no elements {self.elements!r}: {_listed(MASSES)}")
+        masses = MASSES[self.elements]
+        if self.mass is None:
+            object.__setattr__(self, "mass", masses[0])
+        elif self.mass not in SHARES:
+            raise ValueError(f"no mass {self.mass!r}: {_listed(SHARES)}")
+        elif self.mass not in masses:
+            raise ValueError(f"{self.elements} elements have no {self.mass} mass: {masses[0]} only")
+
+    @property
+    def share(self) -> float:
+        """The share of the consistent mass; the rest is lumped."""
+        return SHARES[str(self.mass)]
+
+
+PLAIN = Operator()
+
+
+class Discrete(NamedTuple):
+    """An operator of a mesh as matrices.
+
+    Attributes
+    ----------
+    matrices : Matrices
+        Of the m unknowns that are free. The first ones are values at vertices.
+    free : ndarray of shape (m,), int64, or None
+        Their numbers among all unknowns; None if all are free.
+    vertices : int
+        n, the vertices of the mesh.
+    """
+
+    matrices: Matrices
+    free: NDArray[np.int64] | None
+    vertices: int
+
+    def at_vertices(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return functions (c, m) at the vertices, (c, n): zero where they are held."""
+        if self.free is None:
+            return rows[:, : self.vertices]
+        values = np.zeros((len(rows), self.vertices))
+        there = self.free < self.vertices
+        values[:, self.free[there]] = rows[:, there]
+        return values
+
+
+def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
+    """Return an operator of a mesh as matrices.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Of n vertices, taken as float64.
+    operator : Operator
+        Which.
+
+    Raises
+    ------
+    ValueError
+        If there are no triangles, a coordinate is not finite, the size has no square in float64, a
+        triangle has no area (but under the tufted cover), or a vertex no triangle; if a mask does
+        not fit, everything is held, or a closed mesh is to be held at its boundary.
+    MissingPackageError
+        If the tufted cover is asked for and robust_laplacian is not installed.
+    """
+    _check(mesh)
+    n = len(mesh.vertices)
+    if operator.elements != "tufted":
+        _warn_of_sheets(mesh)
+    free = isinstance(operator.boundary, str) and operator.boundary == "neumann"
+    if free and operator.elements == "linear":
+        return Discrete(_with_mass(_linear(mesh), operator.share), None, n)
+    edges = _edges(mesh)
+    if operator.elements == "tufted":
+        matrices = _tufted(mesh)
+    elif operator.elements == "quadratic":
+        matrices = _quadratic(mesh, edges)
+    else:
+        matrices = _with_mass(_linear(mesh), operator.share)
+    if free:
+        return Discrete(matrices, None, n)
+    held = np.concatenate(_held(operator.boundary, n, edges))[: len(matrices.lumped)]
+    if held.all():
+        raise ValueError("every unknown is held at zero: nothing is left to solve")
+    return Discrete(_without(matrices, held), np.flatnonzero(~held), n)
+
+
+def assemble(mesh: Mesh) -> Matrices:
+    """Return the matrices of :func:`fem_matrices` in the form that the solver takes.
+
+    Raises
+    ------
+    ValueError
+        If there are no triangles, a coordinate is not finite, the size has no square in float64, a
+        triangle has no area, or a vertex no triangle.
+    """
+    _check(mesh)
+    return _linear(mesh)
+
+
+def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+    r"""Assemble stiffness and consistent mass of linear finite elements.
+
+    .. math::
+        A_{ij} = \int_S \nabla\varphi_i \cdot \nabla\varphi_j,
+        \qquad B_{ij} = \int_S \varphi_i \varphi_j
+
+    With :math:`e_i` the edge opposite corner i and :math:`|T|` the area, a triangle adds
+    :math:`e_i \cdot e_j / 4|T|` to A and :math:`|T| (1 + \delta_{ij}) / 12` to B. No
+    boundary term is added: the natural (Neumann) condition holds on a boundary. These
+    are the matrices of ``lapy.Solver(..., lump=False)``.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Its vertices are taken as float64.
+
+    Returns
+    -------
+    stiffness, mass : csc_matrix of shape (n, n), float64
+        Symmetric; the mass is in length², the stiffness has no unit.
+
+    Raises
+    ------
+    ValueError
+        If a triangle has no area, or a vertex no triangle.
+
+    References
+    ----------
+    M. Reuter, F.-E. Wolter, N. Peinecke, "Laplace-Beltrami spectra as 'Shape-DNA' of
+    surfaces and solids", Computer-Aided Design 38 (2006).
+
+    Examples
+    --------
+    >>> stiffness, mass = fem_matrices(Mesh(np.eye(3), np.array([[0, 1, 2]])))
+    >>> round(float(mass.sum() ** 2), 9)  # the square of the area, √3 / 2
+    0.75
+    >>> bool(abs(stiffness.sum(axis=0)).max() < 1e-15)  # constants are in its kernel
+    True
+    """
+    return as_sparse(assemble(mesh))
+
+
+def as_sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+    """Return stiffness and mass as matrices of SciPy, with arrays of their own."""
+    shape = (len(matrices.lumped),) * 2
+    stiffness, mass = (
+        sparse.csc_matrix((values, matrices.indices, matrices.indptr), shape=shape, copy=True)
+        for values in (matrices.stiffness, matrices.mass)
+    )
+    return stiffness, mass
+
+
+def _check(mesh: Mesh) -> None:
+    check(mesh)
+    unused = len(mesh.vertices) - np.count_nonzero(np.bincount(mesh.faces.ravel()))
+    if unused:
+        raise ValueError(f"{unused} vertices belong to no triangle: remove them first")
+
+
+def _linear(mesh: Mesh) -> Matrices:
+    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+    return fem.assemble(vertices, np.ascontiguousarray(mesh.faces, dtype=np.int32))
+
+
+def _with_mass(matrices: Matrices, share: float) -> Matrices:
+    """Return matrices of so much consistent and the rest lumped mass."""
+    if share == 1:
+        return matrices
+    rows = np.repeat(np.arange(len(matrices.lumped)), np.diff(matrices.indptr))
+    mass = share * matrices.mass
+    mass[rows == matrices.indices] += (1 - share) * matrices.lumped
+    return matrices._replace(mass=mass, least=share * matrices.least + 1 - share)
+
+
+class _Edges(NamedTuple):
+    """Edges (e, 2); of each face that from corner i to i + 1, (m, 3); the faces of each edge."""
+
+    ends: NDArray[np.int64]
+    of_side: NDArray[np.int64]
+    faces: NDArray[np.int64]
+
+
+def _quadratic(mesh: Mesh, edges: _Edges) -> Matrices:
+    r"""Assemble quadratic elements from linear ones.
+
+    The functions are :math:`s \lambda_i \lambda_j`, s = 1 for a corner (i = j) and 2 for an edge,
+    which is Bernstein's form: a corner's unknown is the value there, and the constant 1 is the
+    vector of ones. Vertices come first, then edges.
+    """
+    corners = np.asarray(mesh.vertices, dtype=np.float64)[mesh.faces]
+    sides = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)  # opposite each corner
+    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2
+    flat = int(np.count_nonzero(~(area > 0)))
+    if flat:
+        raise ValueError(f"{flat} of {len(area)} faces have no area: remove them first")
+    linear = sides @ sides.transpose(0, 2, 1) / (4 * area)[:, None, None]
+    second = (1 + np.eye(3)) / 12  # of two of the λ, by area
+    doubled = np.where(PAIRS[:, 0] == PAIRS[:, 1], 1, 2)
+    numbers = np.concatenate([mesh.faces, len(mesh.vertices) + edges.of_side], axis=1)
+    unknowns = len(mesh.vertices) + len(edges.ends)
+    stiffness, mass = np.zeros((2, len(area), 6, 6))
+    for a, (i, j) in enumerate(PAIRS.tolist()):
+        for b, (k, m) in enumerate(PAIRS.tolist()):
+            scale = doubled[a] * doubled[b]
+            stiffness[:, a, b] = scale * (
+                second[i, k] * linear[:, j, m]
+                + second[i, m] * linear[:, j, k]
+                + second[j, k] * linear[:, i, m]
+                + second[j, m] * linear[:, i, k]
+            )
+            powers = np.bincount([i, j, k, m], minlength=3)
+            mass[:, a, b] = scale * area * np.prod(FACTORIALS[powers]) / 360
+    rows, columns = np.repeat(numbers, 6, axis=1).ravel(), np.tile(numbers, 6).ravel()
+    stiff, heavy = (
+        sparse.coo_array((part.ravel(), (rows, columns)), shape=(unknowns, unknowns)).tocsr()
+        for part in (stiffness, mass)
+    )
+    stiff.sort_indices()
+    heavy.sort_indices()
+    return Matrices(
+        stiff.indptr.astype(np.int32),
+        stiff.indices.astype(np.int32),
+        stiff.data,
+        heavy.data,
+        np.asarray(heavy.sum(axis=1)),
+        least=QUADRATIC,
+    )
+
+
+def _tufted(mesh: Mesh) -> Matrices:
+    """Return the matrices of ``robust_laplacian``, whose mass is a diagonal."""
+    with needed_by("the tufted Laplacian"):
+        import robust_laplacian
+
+    laplacian, weights = robust_laplacian.mesh_laplacian(
+        np.ascontiguousarray(mesh.vertices, dtype=np.float64),
+        np.ascontiguousarray(mesh.faces, dtype=np.int64),
+    )
+    lumped = weights.diagonal()
+    if not (lumped > 0).all():
+        raise ValueError("some vertex has no area even on the tufted cover: merge vertices first")
+    whole = sparse.csr_array(laplacian + laplacian.T)
+    whole.sort_indices()
+    rows = np.repeat(np.arange(len(lumped)), np.diff(whole.indptr))
+    return Matrices(
+        whole.indptr.astype(np.int32),
+        whole.indices.astype(np.int32),
+        whole.data / 2,
+        np.where(rows == whole.indices, lumped[rows], 0.0),
+        lumped,
+        least=1.0,
+    )
+
+
+def _keys(mesh: Mesh) -> NDArray[np.int64]:
+    """Return a number for each side of each face, (m, 3), the same for sides on one edge."""
+    tails, heads = mesh.faces.astype(np.int64), np.roll(mesh.faces, -1, axis=1).astype(np.int64)
+    return np.asarray(np.minimum(tails, heads) * len(mesh.vertices) + np.maximum(tails, heads))
+
+
+def _edges(mesh: Mesh) -> _Edges:
+    unique, of_side, faces = np.unique(_keys(mesh).ravel(), return_inverse=True, return_counts=True)
+    ends = np.stack(np.divmod(unique, len(mesh.vertices)), axis=1)
+    return _Edges(ends, of_side.reshape(-1, 3), faces)
+
+
+def _warn_of_sheets(mesh: Mesh) -> None:
+    """Warn of edges of more than two faces: the problem is well posed, but of no surface."""
+    keys = np.sort(_keys(mesh).ravel())
+    many = len(np.unique(keys[2:][keys[2:] == keys[:-2]]))
+    if many:
+        warnings.warn(
+            f"{many} edges have more than two faces: eigenfunctions are those of all sheets joined "
+            "there, which is no surface; `synthnet import` cuts where sheets are clearly pairs, "
+            'Operator(elements="tufted") takes the mesh as it is',
+            stacklevel=4,
+        )
+
+
+def _held(
+    boundary: str | NDArray[np.bool_], n: int, edges: _Edges
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which vertices and which edges are held at zero."""
+    if isinstance(boundary, str):
+        sides = edges.faces == 1
+        if not sides.any():
+            raise ValueError("the mesh is closed: it has no boundary where functions could be zero")
+        vertices = np.zeros(n, dtype=np.bool_)
+        vertices[edges.ends[sides]] = True
+        return vertices, sides
+    mask = np.asarray(boundary)
+    if mask.dtype != np.bool_ or mask.shape != (n,):
+        raise ValueError(
+            f"a mask of vertices must be bool of shape ({n},), got {mask.dtype} of {mask.shape}"
+        )
+    return mask, mask[edges.ends].all(axis=1)
+
+
+def _without(matrices: Matrices, held: NDArray[np.bool_]) -> Matrices:
+    """Return the matrices of the unknowns that are not held."""
+    size = len(held)
+    entries = sparse.csr_array(
+        (np.arange(1, len(matrices.indices) + 1), matrices.indices, matrices.indptr),
+        shape=(size, size),
+    )
+    free = np.flatnonzero(~held)
+    kept = entries[free]
+    anchored = np.add.reduceat(held[kept.indices], kept.indptr[:-1]) > 0
+    kept = kept[:, free]
+    kept.sort_indices()
+    return Matrices(
+        kept.indptr.astype(np.int32),
+        kept.indices.astype(np.int32),
+        matrices.stiffness[kept.data - 1],
+        matrices.mass[kept.data - 1],
+        matrices.lumped[free],
+        matrices.least,
+        anchored,
+    )
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(map(repr, names))

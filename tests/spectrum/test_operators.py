@@ -1,0 +1,256 @@
+"""Boundary conditions, mass matrices and elements, against closed forms and dense solvers."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+import scipy.linalg
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evidence.operators import CELLS, SHAPES, square
+from evidence.thin_meshes import BITS, exact_matrices, thin
+from synthnet import spectrum
+from synthnet.families import FAMILIES
+from synthnet.families.atlas import Atlas
+from synthnet.families.elements import assemble as assemble_on_atlas
+from synthnet.mesh.repair import Refused
+from synthnet.spectrum import Operator, components
+from synthnet.spectrum.operators import MASSES, as_sparse, discretise
+from synthnet.types import Mesh
+
+CHOICES = [(elements, mass) for elements, masses in MASSES.items() for mass in masses]
+ORDERS = {"linear": 2, "quadratic": 4, "tufted": 2}
+
+
+def sphere(resolution: int) -> Mesh:
+    return FAMILIES["sphere"].generate({"radius": 1.0, "resolution": resolution})
+
+
+def dense(mesh: Mesh, operator: Operator) -> np.ndarray:
+    """All eigenvalues, zeros among them, by LAPACK."""
+    stiffness, mass = as_sparse(discretise(mesh, operator).matrices)
+    return scipy.linalg.eigvalsh(stiffness.toarray(), mass.toarray())
+
+
+def together(first: Mesh, second: Mesh) -> Mesh:
+    vertices = np.concatenate([first.vertices, second.vertices + 5.0])
+    return Mesh(vertices, np.concatenate([first.faces, second.faces + len(first.vertices)]))
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize(("elements", "mass"), CHOICES)
+def test_errors_fall_at_the_order_of_the_elements(name: str, elements: str, mass: str) -> None:
+    shape = SHAPES[name]
+    errors = []
+    for cells in CELLS:
+        mesh = shape.mesh(cells)
+        found = spectrum.compute(mesh, operator=Operator(shape.boundary(mesh), mass, elements))
+        errors.append(np.abs(found.eigenvalues / shape.exact[:10] - 1).max())
+    least = 2 if shape.curved else ORDERS[elements]  # flat triangles are off by h² themselves
+    assert np.log2(errors[0] / errors[1]) > least - 0.3
+
+
+@pytest.mark.parametrize(("elements", "mass"), CHOICES)
+@pytest.mark.parametrize("boundary", ["neumann", "dirichlet", "mask"])
+def test_none_is_missed_and_vectors_are_orthonormal(
+    elements: str, mass: str, boundary: str
+) -> None:
+    mesh = square(9)
+    held = mesh.vertices[:, 0] == 0 if boundary == "mask" else boundary
+    operator = Operator(held, mass, elements)
+    found = spectrum.compute(mesh, 15, operator=operator)
+    values = dense(mesh, operator)
+    zeros = int(boundary == "neumann")
+    np.testing.assert_allclose(found.eigenvalues, values[zeros : zeros + 15], rtol=1e-9)
+    shift = found.certificate.shift
+    assert found.certificate.count == np.count_nonzero(values < shift)
+    assert spectrum.count_below(mesh, shift, operator=operator) == [found.certificate.count]
+    assert np.isnan(found.trivial) == (boundary != "neumann")
+    if boundary != "neumann":
+        on = mesh.vertices[:, 0] == 0
+        assert (found.eigenvectors[on] == 0).all()
+    if elements != "quadratic":
+        discrete = discretise(mesh, operator)
+        matrix = as_sparse(discrete.matrices)[1]
+        free = slice(None) if discrete.free is None else discrete.free
+        vectors = found.eigenvectors[free]
+        np.testing.assert_allclose(vectors.T @ (matrix @ vectors), np.eye(15), atol=1e-8)
+
+
+@given(st.integers(0, 2**32), st.sampled_from(CHOICES), st.booleans())
+@settings(max_examples=40, deadline=None)
+def test_random_discs_with_random_masks(seed: int, choice: tuple[str, str], several: bool) -> None:
+    rng = np.random.default_rng(seed)
+    mesh = square(int(rng.integers(3, 9)))
+    mesh = Mesh(mesh.vertices + rng.uniform(-0.02, 0.02, mesh.vertices.shape), mesh.faces)
+    if several:
+        mesh = together(mesh, sphere(9))
+    held = rng.random(len(mesh.vertices)) < rng.choice([0.0, 0.1, 0.5])
+    held[mesh.faces[0]] = False
+    elements, mass = choice
+    operator = Operator(held, mass, elements)
+    discrete = discretise(mesh, operator)
+    count, numbers = components.components(discrete.matrices)
+    zeros = int(components.unheld(discrete.matrices, numbers).sum())
+    values = dense(mesh, operator)
+    k = min(8, len(values) - zeros)
+    found = spectrum.compute(mesh, k, operator=operator)
+    assert found.components == count
+    assert np.count_nonzero(values < 1e-9 * values[-1]) == zeros
+    np.testing.assert_allclose(found.eigenvalues, values[zeros : zeros + k], rtol=1e-7)
+
+
+@pytest.mark.parametrize("mass", ["consistent", "mean", "lumped"])
+@pytest.mark.parametrize("aspect", [0.3, 1e-4])
+@pytest.mark.parametrize("held", [False, True], ids=["neumann", "held"])
+def test_exact_eigenvalues_are_within_the_bound(mass: str, aspect: float, held: bool) -> None:
+    import mpmath
+
+    mesh = thin(aspect, "needles", seed=1)
+    mask = np.zeros(len(mesh.vertices), dtype=bool)
+    mask[mesh.faces[0, 0]] = held
+    operator = Operator(mask, mass)
+    found = spectrum.compute(mesh, 4, operator=operator)
+    bound = found.certificate.error_bound
+    assert bound is not None
+    free = np.flatnonzero(~mask)
+    with mpmath.workprec(BITS):
+        stiffness, consistent = exact_matrices(mesh)
+        n, share = len(mask), operator.share
+        for i in range(n):
+            total = mpmath.fsum(consistent[i, j] for j in range(n))
+            for j in range(n):
+                consistent[i, j] *= share
+            consistent[i, i] += (1 - share) * total
+        zeros = int(not held)
+        for i, (value, off) in enumerate(zip(found.eigenvalues, bound, strict=True), start=zeros):
+            below, above = (
+                negative(stiffness, consistent, free, mpmath.mpf(value) + side * mpmath.mpf(off))
+                for side in (-1, 1)
+            )
+            assert below <= i < above
+
+
+def negative(stiffness, mass, free, shift) -> int:  # type: ignore[no-untyped-def]
+    """Count negative pivots of A − σB on the free rows, in the precision of its entries."""
+    rows = [[stiffness[i, j] - shift * mass[i, j] for j in free.tolist()] for i in free.tolist()]
+    count = 0
+    for p, pivot in enumerate(rows):
+        count += pivot[p] < 0
+        for row in rows[p + 1 :]:
+            factor = row[p] / pivot[p]
+            if factor:
+                row[p:] = [a - factor * b for a, b in zip(row[p:], pivot[p:], strict=True)]
+    return count
+
+
+def test_quadratic_elements_are_those_of_the_atlas_of_flat_triangles() -> None:
+    mesh = sphere(12)
+    corners = mesh.vertices[mesh.faces]
+    charts = np.zeros(len(corners), dtype=np.int64)
+    atlas = Atlas(corners, charts, lambda _, points: points)
+    other = spectrum.of_matrices(assemble_on_atlas(atlas, atlas.uniform(1), degree=2), 8)
+    mine = spectrum.compute(mesh, 8, operator=Operator(elements="quadratic"))
+    np.testing.assert_allclose(mine.eigenvalues, other.eigenvalues, rtol=1e-9)
+
+
+def test_tufted_is_the_lumped_cotangent_operator_of_a_delaunay_surface() -> None:
+    mesh = sphere(20)
+    tufted = spectrum.compute(mesh, operator=Operator(elements="tufted"))
+    plain = spectrum.compute(mesh, operator=Operator(mass="lumped"))
+    np.testing.assert_allclose(tufted.eigenvalues, plain.eigenvalues, rtol=1e-3)
+
+
+def test_tufted_takes_what_is_no_manifold_and_flat_triangles_without_a_word() -> None:
+    page = square(8)
+    spine = np.flatnonzero(page.vertices[:, 0] == 0)
+    book = [page.vertices]
+    faces = [page.faces]
+    for angle in (2.0, 4.0):
+        turned = page.vertices @ [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [0, 0, 1]]
+        number = np.arange(len(turned)) + sum(map(len, book))
+        number[spine] = spine
+        book.append(turned)
+        faces.append(number[page.faces])
+    joined = np.concatenate(faces)
+    used, renumbered = np.unique(joined, return_inverse=True)
+    mesh = Mesh(np.concatenate(book)[used], renumbered.reshape(-1, 3))
+    found = spectrum.compute(mesh, 5, operator=Operator(elements="tufted"))  # warnings are errors
+    # Across the spine, pages agree in value: even modes cos(iπx), odd ones sin((i + ½)πx), twice
+    rates = [(i * np.pi) ** 2 for i in range(3)] + 2 * [((i + 0.5) * np.pi) ** 2 for i in range(3)]
+    exact = np.sort([rate + (j * np.pi) ** 2 for rate, j in product(rates, range(3))])
+    np.testing.assert_allclose(found.eigenvalues, exact[1:6], rtol=0.06)
+    with pytest.warns(UserWarning, match="edges have more than two faces"):
+        spectrum.compute(mesh, 5)
+    flat = Mesh(np.array([[0.0, 0, 0], [2, 0, 0], [1, 0, 0], [1, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3], [2, 1, 3]]))  # fmt: skip # noqa: E501
+    assert spectrum.compute(flat, 2, operator=Operator(elements="tufted")).eigenvalues[0] > 0
+    with pytest.raises(ValueError, match="1 of 3 faces have no area"):
+        spectrum.compute(flat, 2)
+
+
+def test_a_component_that_is_not_held_keeps_its_zero() -> None:
+    mesh = together(square(10), sphere(12))
+    operator = Operator("dirichlet")
+    found = spectrum.compute(mesh, 10, operator=operator)
+    values = dense(mesh, operator)
+    assert found.components == 2
+    np.testing.assert_allclose(found.eigenvalues, values[1:11], rtol=1e-8)
+    assert found.certificate.count == np.count_nonzero(values < found.certificate.shift)
+
+
+@pytest.mark.parametrize(("elements", "mass"), CHOICES)
+def test_certify_judges_the_operator_that_is_named(elements: str, mass: str) -> None:
+    mesh, operator = square(9), Operator("dirichlet", mass, elements)
+    found = spectrum.compute(mesh, 6, operator=operator)
+    assert spectrum.certify(mesh, found.eigenvalues, operator=operator).certified
+    assert spectrum.certify(mesh, np.delete(found.eigenvalues, 0), operator=operator).missed == (1,)
+    assert not spectrum.certify(mesh, found.eigenvalues).certified
+    if elements == "quadratic":
+        with pytest.raises(ValueError, match="say too little of quadratic elements"):
+            spectrum.certify(mesh, found.eigenvalues, found.eigenvectors, operator=operator)
+    else:
+        verdict = spectrum.certify(
+            mesh, found.eigenvalues, found.eigenvectors, tolerance=1e-4, operator=operator
+        )
+        assert verdict.certified
+        assert verdict.factorisations == 1
+
+
+@pytest.mark.parametrize(
+    ("make", "line"),
+    [
+        (lambda: Operator("robin"), "no boundary condition 'robin': 'neumann', 'dirichlet'"),
+        (lambda: Operator(mass="diagonal"), "no mass 'diagonal': 'consistent', 'mean', 'lumped'"),
+        (lambda: Operator(elements="cubic"), "no elements 'cubic': 'linear', 'quadratic', 'tuf"),
+        (lambda: Operator(elements="quadratic", mass="lumped"), "quadratic elements have no lumped"),
+        (lambda: Operator(elements="tufted", mass="mean"), "tufted elements have no mean mass"),
+        (lambda: spectrum.compute(sphere(9), operator=Operator("dirichlet")), "the mesh is closed"),
+        (lambda: spectrum.compute(square(2), 1, operator=Operator(np.ones(9, bool))), "every unkn"),
+        (lambda: spectrum.compute(square(2), 1, operator=Operator(np.ones(9))), "a mask of vertic"),
+        (lambda: spectrum.compute(square(2), 1, operator=Operator(np.ones(8, bool))), "a mask of v"),
+        (lambda: spectrum.compute(square(3), 5, operator=Operator("dirichlet")), "between 1 and 4"),
+        (
+            lambda: spectrum.compute(square(3), sharp=True, operator=Operator(elements="tufted")),
+            "sharp is for linear elements, not tufted ones",
+        ),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_one_line(make, line: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(ValueError, match=line):
+        make()
+
+
+def test_repair_names_what_it_did_and_gives_the_mesh_of_the_vectors() -> None:
+    ball = sphere(12)
+    soup = Mesh(ball.vertices[ball.faces].reshape(-1, 3), np.arange(3 * len(ball.faces)).reshape(-1, 3))  # fmt: skip # noqa: E501
+    found = spectrum.compute(soup, 8, repair=True)
+    assert found.repairs == {"merged vertices": len(soup.vertices) - len(ball.vertices)}
+    assert found.mesh is not None
+    assert found.eigenvectors.shape == (len(found.mesh.vertices), 8)
+    plain = spectrum.compute(ball, 8)
+    np.testing.assert_allclose(found.eigenvalues, plain.eigenvalues, rtol=1e-6)
+    assert not plain.repairs
+    assert plain.mesh is None
+    with pytest.raises(Refused, match="few_vertices"):
+        spectrum.compute(sphere(3), 500, repair=True)
