@@ -252,7 +252,7 @@ def test_small_meshes_go_to_the_dense_solver(
 @pytest.mark.parametrize("mesh", [rectangle(8, 5), box(3), sphere(20), drawn("torus", 3)])
 def test_both_settings_and_the_dense_solver_agree(mesh: Mesh) -> None:
     expected = reference_eigenvalues(mesh)[1:11]
-    matrices = solve.assemble(mesh)
+    matrices = spectrum.assemble(mesh)
     ordering = find_ordering(matrices.indptr, matrices.indices)
     for setting in (solve.NORMAL, solve.STRONGER):
         candidate, certified = solve._certified(matrices, ordering, 10, setting)
@@ -382,7 +382,7 @@ def test_a_certificate_holds_against_all_eigenvalues(family: str) -> None:
 
 def test_the_residual_bounds_the_error_of_a_vector_that_is_no_eigenvector() -> None:
     mesh = drawn("cylinder", 3)
-    matrices = solve.assemble(mesh)
+    matrices = spectrum.assemble(mesh)
     stiffness, mass = (matrix.toarray() for matrix in spectrum.fem_matrices(mesh))
     values, vectors = linalg.eigh(stiffness, mass)
     rng = np.random.default_rng(0)
