@@ -157,9 +157,7 @@ def run_certify(options: argparse.Namespace) -> int:
     with Reader() as reader, Console(stderr=True).status(f"counting eigenvalues of {options.mesh}"):
         try:
             repaired = _mesh(reader, options.mesh, len(answer), options.repair)
-            verdict = certify(
-                repaired.mesh, answer, tolerance=options.tolerance, operator=operator
-            )
+            verdict = certify(repaired.mesh, answer, tolerance=options.tolerance, operator=operator)
         except (UnreadableError, Refused, ValueError, SpectrumError) as error:
             raise AnswerError(f"{options.mesh}: {error}") from error
     if options.json:

@@ -374,7 +374,7 @@ def _held(
         raise ValueError(
             f"a mask of vertices must be bool of shape ({n},), got {mask.dtype} of {mask.shape}"
         )
-    return mask, mask[edges.ends].all(axis=1)
+    return mask, mask[edges.ends[:, 0]] & mask[edges.ends[:, 1]]
 
 
 def _without(matrices: Matrices, held: NDArray[np.bool_]) -> Matrices:

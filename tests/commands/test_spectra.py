@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from synthnet.commands import cli
-from synthnet.spectrum import compute
+from synthnet.spectrum import Operator, compute
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -65,6 +65,23 @@ def test_spectra_of_files_are_shown_written_and_certified(
     assert code == 0
     assert facts["eigenvalues"] == pytest.approx(expected[:10].tolist(), rel=1e-6)
     assert max(facts["error_bound"]) < 1e-9
+
+
+def test_files_have_other_operators(run: Run, files: list[Path], tmp_path: Path) -> None:
+    answer = tmp_path / "lumped.csv"
+    code, _, _ = run("spectrum", files[0], "-k", 5, "--mass", "lumped", "--out", answer)
+    assert code == 0
+    values = [float(value) for value in answer.read_text().splitlines()[1].split(",")[3:]]
+    expected = compute(trimesh.load(files[0]), 5, operator=Operator(mass="lumped")).eigenvalues
+    np.testing.assert_allclose(values, expected, rtol=1e-9)
+    assert run("certify", files[0], answer)[0] == 1
+    assert run("certify", files[0], answer, "--mass", "lumped")[0] == 0
+    code, _, err = run("spectrum", files[0], "--boundary", "dirichlet")
+    assert code == 2
+    assert "a.ply: the mesh is closed: it has no boundary" in err
+    code, _, err = run("spectrum", files[0], "--elements", "tufted", "--mass", "mean")
+    assert code == 2
+    assert err == "synthnet: tufted elements have no mean mass: lumped only: leave --mass out\n"
 
 
 def test_an_answer_is_judged(run: Run, files: list[Path], tmp_path: Path) -> None:

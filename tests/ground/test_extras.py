@@ -51,6 +51,11 @@ USES = {
     "from synthnet.store import storage; storage.location('s3://bucket/file').read_bytes()": (
         "cannot read s3://bucket/file: pip install 'synthnet[s3]'"
     ),
+    "from synthnet.spectrum import Operator, compute\n"
+    "triangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]\n"
+    "compute(triangle, 1, operator=Operator(elements='tufted'))": (
+        "the tufted Laplacian needs robust_laplacian: pip install 'synthnet[robust]'"
+    ),
     "from eigbench.board import figures; figures.style().__enter__()": (
         "drawing needs Matplotlib: pip install 'synthnet[pictures]'"
     ),

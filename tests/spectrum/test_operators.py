@@ -1,7 +1,9 @@
 """Boundary conditions, mass matrices and elements, against closed forms and dense solvers."""
 
 from itertools import product
+from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 import scipy.linalg
@@ -105,8 +107,6 @@ def test_random_discs_with_random_masks(seed: int, choice: tuple[str, str], seve
 @pytest.mark.parametrize("aspect", [0.3, 1e-4])
 @pytest.mark.parametrize("held", [False, True], ids=["neumann", "held"])
 def test_exact_eigenvalues_are_within_the_bound(mass: str, aspect: float, held: bool) -> None:
-    import mpmath
-
     mesh = thin(aspect, "needles", seed=1)
     mask = np.zeros(len(mesh.vertices), dtype=bool)
     mask[mesh.faces[0, 0]] = held
@@ -183,7 +183,8 @@ def test_tufted_takes_what_is_no_manifold_and_flat_triangles_without_a_word() ->
     np.testing.assert_allclose(found.eigenvalues, exact[1:6], rtol=0.06)
     with pytest.warns(UserWarning, match="edges have more than two faces"):
         spectrum.compute(mesh, 5)
-    flat = Mesh(np.array([[0.0, 0, 0], [2, 0, 0], [1, 0, 0], [1, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3], [2, 1, 3]]))  # fmt: skip # noqa: E501
+    corners = np.array([[0.0, 0, 0], [2, 0, 0], [1, 0, 0], [1, 1, 0]])
+    flat = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3], [2, 1, 3]]))
     assert spectrum.compute(flat, 2, operator=Operator(elements="tufted")).eigenvalues[0] > 0
     with pytest.raises(ValueError, match="1 of 3 faces have no area"):
         spectrum.compute(flat, 2)
@@ -218,32 +219,44 @@ def test_certify_judges_the_operator_that_is_named(elements: str, mass: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("make", "line"),
+    ("names", "line"),
     [
-        (lambda: Operator("robin"), "no boundary condition 'robin': 'neumann', 'dirichlet'"),
-        (lambda: Operator(mass="diagonal"), "no mass 'diagonal': 'consistent', 'mean', 'lumped'"),
-        (lambda: Operator(elements="cubic"), "no elements 'cubic': 'linear', 'quadratic', 'tuf"),
-        (lambda: Operator(elements="quadratic", mass="lumped"), "quadratic elements have no lumped"),
-        (lambda: Operator(elements="tufted", mass="mean"), "tufted elements have no mean mass"),
-        (lambda: spectrum.compute(sphere(9), operator=Operator("dirichlet")), "the mesh is closed"),
-        (lambda: spectrum.compute(square(2), 1, operator=Operator(np.ones(9, bool))), "every unkn"),
-        (lambda: spectrum.compute(square(2), 1, operator=Operator(np.ones(9))), "a mask of vertic"),
-        (lambda: spectrum.compute(square(2), 1, operator=Operator(np.ones(8, bool))), "a mask of v"),
-        (lambda: spectrum.compute(square(3), 5, operator=Operator("dirichlet")), "between 1 and 4"),
-        (
-            lambda: spectrum.compute(square(3), sharp=True, operator=Operator(elements="tufted")),
-            "sharp is for linear elements, not tufted ones",
-        ),
+        ({"boundary": "robin"}, "no boundary condition 'robin': 'neumann', 'dirichlet', or a mask"),
+        ({"mass": "diagonal"}, "no mass 'diagonal': 'consistent', 'mean', 'lumped'"),
+        ({"elements": "cubic"}, "no elements 'cubic': 'linear', 'quadratic', 'tufted'"),
+        ({"elements": "quadratic", "mass": "lumped"}, "quadratic elements have no lumped mass"),
+        ({"elements": "tufted", "mass": "mean"}, "tufted elements have no mean mass: lumped only"),
     ],
-)  # fmt: skip
-def test_what_does_not_fit_is_one_line(make, line: str) -> None:  # type: ignore[no-untyped-def]
+)
+def test_an_operator_that_there_is_not_is_one_line(names: dict[str, Any], line: str) -> None:
     with pytest.raises(ValueError, match=line):
-        make()
+        Operator(**names)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "boundary", "line"),
+    [
+        (sphere(9), "dirichlet", "the mesh is closed: it has no boundary"),
+        (square(2), np.ones(9, bool), "every unknown is held at zero"),
+        (square(2), np.ones(9), r"must be bool of shape \(9,\), got float64 of \(9,\)"),
+        (square(2), np.ones(8, bool), r"must be bool of shape \(9,\), got bool of \(8,\)"),
+        (square(3), "dirichlet", "k must be between 1 and 4 for 4 free vertices, got 5"),
+    ],
+)
+def test_a_boundary_that_does_not_fit_is_one_line(mesh: Mesh, boundary: Any, line: str) -> None:
+    with pytest.raises(ValueError, match=line):
+        spectrum.compute(mesh, 5, operator=Operator(boundary))
+
+
+def test_only_linear_elements_are_sharp() -> None:
+    with pytest.raises(ValueError, match="sharp is for linear elements, not tufted ones"):
+        spectrum.compute(square(3), 5, sharp=True, operator=Operator(elements="tufted"))
 
 
 def test_repair_names_what_it_did_and_gives_the_mesh_of_the_vectors() -> None:
     ball = sphere(12)
-    soup = Mesh(ball.vertices[ball.faces].reshape(-1, 3), np.arange(3 * len(ball.faces)).reshape(-1, 3))  # fmt: skip # noqa: E501
+    corners = ball.vertices[ball.faces].reshape(-1, 3)
+    soup = Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
     found = spectrum.compute(soup, 8, repair=True)
     assert found.repairs == {"merged vertices": len(soup.vertices) - len(ball.vertices)}
     assert found.mesh is not None
