@@ -138,7 +138,7 @@ def _apply(
     The lower triangle of ``gram`` adds up fᵀ A g; ``rough_energy`` and ``rough_mass`` add up fᵀ A f
     and fᵀ B f over the sine of each triangle's largest angle.
     """
-    u, v, across = np.empty(3), np.empty(3), np.empty((functions.shape[1], 3))
+    u, v, across = np.empty(3), np.empty(3), np.empty((3, functions.shape[1]))
     for t in range(faces.shape[0]):
         a = _widest(vertices, faces, t)
         i, j, k = faces[t, a], faces[t, (a + 1) % 3], faces[t, (a + 2) % 3]
@@ -164,20 +164,16 @@ def _apply(
             at_k = 0.0
             square = 0.0
             for x in range(3):
-                across[c, x] = p * v[x] - q * u[x]
-                at_j += across[c, x] * v[x]
-                at_k -= across[c, x] * u[x]
-                square += across[c, x] * across[c, x]
+                across[x, c] = p * v[x] - q * u[x]
+                at_j += across[x, c] * v[x]
+                at_k -= across[x, c] * u[x]
+                square += across[x, c] * across[x, c]
             stiff[j, c] += at_j * scale
             stiff[k, c] += at_k * scale
             stiff[i, c] -= (at_j + at_k) * scale
+            x, y, z = across[0, c], across[1, c], across[2, c]
             for d in range(c + 1):
-                product = (
-                    across[c, 0] * across[d, 0]
-                    + across[c, 1] * across[d, 1]
-                    + across[c, 2] * across[d, 2]
-                )
-                gram[c, d] += product * scale
+                gram[c, d] += (x * across[0, d] + y * across[1, d] + z * across[2, d]) * scale
             rough_energy[c] += square * scale * inverse_sine
             second = first + p
             third = first + q
