@@ -47,6 +47,16 @@ class RitzPairs:
     inside: NDArray[np.float64]
     outside: NDArray[np.float64]
 
+    def above(self, low: float) -> RitzPairs:
+        """Return those above a value."""
+        first = int(np.searchsorted(self.values, low))
+        return RitzPairs(
+            self.values[first:],
+            self.errors[first:],
+            self.inside[:, first:],
+            self.outside[:, first:],
+        )
+
 
 class Lanczos:
     """A growing basis for the eigenvectors around σ.

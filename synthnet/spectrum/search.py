@@ -16,6 +16,7 @@ from synthnet.spectrum.lanczos import Lanczos, RitzPairs
 from synthnet.spectrum.ldl import Factor, factorise, solve
 from synthnet.spectrum.ordering import Ordering
 
+MIDDLE = 0.5  # of a window: where its shift lies
 ROUNDS = 8  # most searches for further copies of an eigenvalue: a start of two vectors shows two
 Rows = NDArray[np.float64]
 
@@ -53,6 +54,28 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True)
+class Window:
+    """Where a search begins: nothing that it looks for is below.
+
+    Parameters
+    ----------
+    low : float
+        A shift in a gap, in 1/length².
+    count : int
+        Eigenvalues below it, zeros included.
+    deflated : ndarray of shape (d, n), float64
+        Eigenvectors of the last of these, B-orthonormal: the search stays orthogonal to them.
+    spacing : float
+        About the distance of one eigenvalue to the next, in 1/length².
+    """
+
+    low: float
+    count: int
+    deflated: Rows
+    spacing: float
+
+
+@dataclass(frozen=True, slots=True)
 class _Problem:
     """What stays the same during a search: the matrices, and A − σB factorised at its shift σ."""
 
@@ -61,6 +84,7 @@ class _Problem:
     factor: Factor
     sigma: float
     setting: Setting
+    window: Window
 
     def converged(self, pairs: RitzPairs, tolerance: float) -> NDArray[np.bool_]:
         """Return which pairs have an error below the tolerance, relative to their value."""
@@ -69,17 +93,28 @@ class _Problem:
 
 
 def search(
-    matrices: Matrices, ordering: Ordering, k: int, setting: Setting
+    matrices: Matrices, ordering: Ordering, k: int, setting: Setting, window: Window | None = None
 ) -> tuple[Candidate, Factor]:
     """Search for k pairs; while more are counted than found, search beside what is known.
 
     From two vectors, Lanczos sees two copies of an eigenvalue; the third and fourth that
     symmetric shapes have show up by rounding only, and later.
 
+    Parameters
+    ----------
+    matrices, ordering : Matrices, Ordering
+        Of one component.
+    k : int
+        Number of pairs.
+    setting : Setting
+        How to look for them.
+    window : Window, optional
+        Above which they are; by default, above the zeros.
+
     Returns
     -------
     Candidate
-        At least k pairs.
+        At least k pairs, the first ones of the window.
     Factor
         The pivots in the middle of its gap, to certify it with.
 
@@ -88,15 +123,19 @@ def search(
     SpectrumError
         If the iteration does not converge, or a pivot is zero.
     """
-    sigma = setting.shift * 4 * np.pi * k / float(matrices.lumped.sum())
+    if window is None:
+        sigma = setting.shift * 4 * np.pi * k / float(matrices.lumped.sum())
+        window = Window(-np.inf, matrices.zeros, np.empty((0, len(matrices.lumped))), sigma / k)
+    else:
+        sigma = window.low + MIDDLE * window.spacing * k
     factor = factorise(matrices, ordering, sigma)
     if not factor.finite:
         raise SpectrumError(f"a pivot of A - {sigma:g} B is zero")
-    problem = _Problem(matrices, ordering, factor, sigma, setting)
+    problem = _Problem(matrices, ordering, factor, sigma, setting, window)
     candidate = _find(problem, k)
     counted = inertia(matrices, ordering, candidate.middle)
     for seed in range(1, ROUNDS + 1):
-        missing = counted.negative - matrices.zeros - len(candidate.values)
+        missing = counted.negative - window.count - len(candidate.values)
         if missing <= 0:
             break
         more = _find(problem, missing, candidate, seed)
@@ -108,16 +147,17 @@ def search(
 
 def _find(problem: _Problem, k: int, known: Candidate | None = None, seed: int = 0) -> Candidate:
     """Find k pairs and those of their cluster; or those below the gap beside the known ones."""
-    setting = problem.setting
-    most = len(problem.matrices.lumped) - problem.matrices.zeros
-    most -= 0 if known is None else len(known.values)
+    setting, deflated = problem.setting, problem.window.deflated
+    if known is not None:
+        deflated = np.concatenate([deflated, known.vectors])
+    most = len(problem.matrices.lumped) - problem.matrices.zeros - len(deflated)
     lanczos = Lanczos(
         problem.matrices,
         problem.ordering,
         problem.factor,
         problem.sigma,
         limit=min(setting.vectors + 8 * k, most),
-        known=None if known is None else known.vectors,
+        known=deflated,
         strict=setting.strict,
         seed=setting.seed + 100 * seed,
     )
@@ -126,7 +166,7 @@ def _find(problem: _Problem, k: int, known: Candidate | None = None, seed: int =
     while room:
         room = lanczos.extend(steps)
         steps = 2
-        pairs = lanczos.ritz()
+        pairs = lanczos.ritz().above(problem.window.low)
         converged = problem.converged(pairs, tolerance)
         if known is None:
             cut = _gap_above(pairs, converged, k, setting.gap)
@@ -179,7 +219,9 @@ def _vectors(
         return vectors, weighted
     return (
         np.concatenate([known.vectors, vectors]),
-        np.concatenate([lanczos.weighted[lanczos.matrices.zeros : lanczos.first], weighted]),
+        np.concatenate(
+            [lanczos.weighted[lanczos.first - len(known.vectors) : lanczos.first], weighted]
+        ),
     )
 
 

@@ -20,10 +20,11 @@ from synthnet.spectrum.operators import PLAIN, Discrete, Operator, as_sparse, di
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.rounding import sharpened
 from synthnet.spectrum.search import Setting, search
+from synthnet.spectrum.slices import LONG, search_in_slices
 from synthnet.types import Certificate, Mesh, Spectrum
 
-# Up to so many vertices, or vertices for each pair, a dense solver is as fast.
-DENSE, DENSE_FOR = 64, 6
+# Up to so many vertices, or vertices for each pair up to so many, a dense solver is as fast.
+DENSE, DENSE_FOR, DENSE_AT_MOST = 64, 6, 1500
 
 
 # A shift inside the spectrum needs a quarter fewer steps than one below it; measured on 1.0.
@@ -231,9 +232,11 @@ def _certified(
     matrices: Matrices, ordering: Ordering, k: int, setting: Setting
 ) -> tuple[Candidate, Certificate]:
     n = len(matrices.lumped)
-    if n <= max(DENSE, DENSE_FOR * (k + 1)):
+    if n <= max(DENSE, min(DENSE_FOR * (k + 1), DENSE_AT_MOST)):
         candidate = _dense(matrices, k, setting)
         counted = inertia(matrices, ordering, candidate.middle)
+    elif k > LONG and not setting.strict:
+        return search_in_slices(matrices, ordering, k, setting)
     else:
         candidate, counted = search(matrices, ordering, k, setting)
     return candidate, certify(candidate, counted, matrices.zeros)
