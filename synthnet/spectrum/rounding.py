@@ -13,12 +13,15 @@ of the eigenfunctions; their distance to the eigenvalues of the matrices is what
 
 References
 ----------
-R.-C. Li, "Matrix perturbation theory" in "Handbook of Linear Algebra" (2006), 15.2: the error of
-Ritz values is quadratic in the residual. N. J. Higham, "Accuracy and Stability of Numerical
-Algorithms" (2002), chapter 3.
+R.-C. Li, "Matrix perturbation theory" in "Handbook of Linear Algebra" (2006), 15.2, and C.-K. Li,
+R.-C. Li, "A note on eigenvalues of perturbed Hermitian matrices", Linear Algebra Appl. 395 (2005):
+the error of Ritz values is quadratic in the residual. N. J. Higham, "Accuracy and Stability of
+Numerical Algorithms" (2002), chapter 3.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +35,7 @@ from synthnet.spectrum.operators import Discrete
 from synthnet.types import Mesh
 
 UNIT = float(np.finfo(np.float64).eps)
+BLOCK = 64  # functions, of many: the products of all pairs would take longer than the solver
 OPERATIONS = 16  # rounding units in the energy of a right-angled triangle, with room to spare
 
 
@@ -52,7 +56,8 @@ def sharpened(
 
     and not more than the root of the sum. Rounding in the energies themselves is added. Where that
     reaches across the gap, nothing says any more that the others are above it, and there is no
-    bound.
+    bound. Many vectors are taken in blocks; then the sum is over a block, the distance that to the
+    other blocks and to σ, and the root that of the sum over all.
 
     Parameters
     ----------
@@ -74,38 +79,80 @@ def sharpened(
     bounds : ndarray of shape (c,), float64
         In 1/length²; infinite if there is none.
     vectors : ndarray of shape (n, c), float64
-        B-orthonormal columns.
+        B-orthonormal columns; in blocks, each within its own.
     """
-    matrices, free = discrete.matrices, discrete.free
-    functions = np.ascontiguousarray(
-        discrete.at_vertices(_without_means(candidate.vectors, matrices, numbers)).T
-    )
-    count = functions.shape[1]
+    count = len(candidate.vectors)
     above = candidate.middle if count == len(candidate.values) else candidate.values[count]
+    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    size = BLOCK if count > 2 * BLOCK else count
+    blocks = []
+    for first in range(0, count, size):
+        rows = _without_means(candidate.vectors[first : first + size], discrete.matrices, numbers)
+        functions = np.ascontiguousarray(discrete.at_vertices(rows).T)
+        blocks.append(_ritz(vertices, faces, functions, discrete, share))
+    total = float(sum(block.squares for block in blocks))
+    values = np.concatenate([block.values for block in blocks])
+    bounds = np.concatenate([_bounds(i, blocks, above, total) for i in range(len(blocks))])
+    if not candidate.values[-1] + bounds.max() < candidate.gap[1]:
+        bounds[:] = np.inf
+    if len(blocks) == 1:
+        return values, bounds, blocks[0].vectors
+    order = np.argsort(values, kind="stable")
+    vectors = np.concatenate([block.vectors for block in blocks], axis=1)
+    return values[order], bounds[order], vectors[:, order]
+
+
+class _Block(NamedTuple):
+    """Ritz pairs of some functions: the sum of their η², and the rounding of each."""
+
+    values: NDArray[np.float64]
+    vectors: NDArray[np.float64]
+    squares: float
+    rounding: NDArray[np.float64]
+
+
+def _ritz(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    functions: NDArray[np.float64],
+    discrete: Discrete,
+    share: float,
+) -> _Block:
+    """Return the Ritz pairs of functions (n, c) by their energies."""
+    matrices, count = discrete.matrices, functions.shape[1]
     stiff, weighted = np.zeros_like(functions), np.zeros_like(functions)
     gram = np.zeros((count, count))
     rough_energy, rough_mass = np.zeros((2, count))
-    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
-    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
     _apply(vertices, faces, functions, stiff, weighted, gram, rough_energy, rough_mass)
-    there = slice(None) if free is None else free
+    there = slice(None) if discrete.free is None else discrete.free
     stiff, weighted, lumped = stiff[there], weighted[there], matrices.lumped
     if share < 1:
         weighted = share * weighted + (1 - share) * lumped[:, None] * functions[there]
         rough_mass *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
-    values, turn = linalg.eigh(
-        gram, functions[there].T @ weighted
-    )  # which reads the lower triangle
+    heavy = functions[there].T @ weighted
+    values, turn = linalg.eigh(gram, heavy)  # which reads the lower triangle
     defects = stiff @ turn - (weighted @ turn) * values
     squares = float(np.sum(np.square(defects) / lumped[:, None])) / matrices.least
-    with np.errstate(divide="ignore"):
-        missed = np.where(above > values, squares / (above - values), np.inf)
     rough = np.square(turn).T @ rough_energy + values * (np.square(turn).T @ rough_mass)
     rounding = OPERATIONS * UNIT * (rough + values[-1])
-    bounds = np.minimum(missed, np.sqrt(squares)) + rounding
-    if not candidate.values[-1] + bounds.max() < candidate.gap[1]:
-        bounds[:] = np.inf
-    return values, bounds, functions @ turn
+    return _Block(values, functions @ turn, squares, rounding)
+
+
+def _bounds(number: int, blocks: list[_Block], above: float, total: float) -> NDArray[np.float64]:
+    """Return how far each value of a block is from an exact eigenvalue at most."""
+    block = blocks[number]
+    apart = above - block.values
+    if len(blocks) > 1:
+        others = np.concatenate([other.values for other in blocks if other is not block])
+        nearest = np.abs(block.values[:, None] - np.sort(others)).min(axis=1)
+        # The eigenvalues of what is orthogonal to the block are its neighbours' values, moved by
+        # at most the norms of both residuals, once for each value of the block between (Weyl)
+        moved = (len(block.values) + 1) * (np.sqrt(total) + np.sqrt(block.squares))
+        apart = np.minimum(apart, nearest - moved)
+    with np.errstate(divide="ignore"):
+        missed = np.where(apart > 0, block.squares / apart, np.inf)
+    return np.asarray(np.minimum(missed, np.sqrt(total)) + block.rounding)
 
 
 def _without_means(
