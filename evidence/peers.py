@@ -1,0 +1,172 @@
+"""The solver beside others at their best: time, memory and missed eigenvalues by mesh and k.
+
+Each solve is a process of its own, on one thread: the median of its repetitions, by how much it
+raised the process's peak memory, and what :func:`synthnet.spectrum.certify` finds of its answer.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
+
+import numpy as np
+import threadpoolctl
+
+from evidence import markdown
+from evidence.growth import torus
+from evidence.timing import in_new_process, peak_mb, progress
+from synthnet import spectrum
+from synthnet.spectrum import Operator
+from synthnet.types import Mesh
+
+GRID = {10_000: (10, 50, 100, 200, 500), 40_000: (10, 50, 200)}
+LONG = (100_000, 1000)  # vertices and pairs of the certified solver alone
+ENOUGH = 5.0  # seconds; slower solves are not repeated
+FEW = 50  # pairs; LOBPCG is asked for no more
+
+
+def ours(mesh: Mesh, k: int) -> np.ndarray:
+    """Return what this project's solver finds."""
+    return spectrum.compute(mesh, k).eigenvalues
+
+
+def lapy(mesh: Mesh, k: int) -> np.ndarray:
+    """Return what LaPy finds as it comes, by SuperLU."""
+    from lapy import Solver, TriaMesh
+
+    return Solver(TriaMesh(mesh.vertices, mesh.faces)).eigs(k + 1, rng=0)[0][1:]
+
+
+def lapy_cholmod(mesh: Mesh, k: int) -> np.ndarray:
+    """Return what LaPy finds at its fastest."""
+    import cholespy  # noqa: F401 - LaPy imports it in its first solve
+    from lapy import Solver, TriaMesh
+
+    return Solver(TriaMesh(mesh.vertices, mesh.faces), use_cholmod=True).eigs(k + 1, rng=0)[0][1:]
+
+
+def robust(mesh: Mesh, k: int) -> np.ndarray:
+    """Return what SciPy finds of robust_laplacian's matrices, as its README shows."""
+    import robust_laplacian
+    from scipy.sparse.linalg import eigsh
+
+    stiffness, mass = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
+    return np.sort(eigsh(stiffness, k + 1, mass, sigma=-1e-8)[0])[1:]
+
+
+def lobpcg(mesh: Mesh, k: int) -> np.ndarray:
+    """Return what SciPy's LOBPCG finds, preconditioned by pyamg's smoothed aggregation."""
+    import pyamg
+    from scipy.sparse.linalg import lobpcg as iterate
+
+    stiffness, mass = spectrum.fem_matrices(mesh)
+    shifted = (stiffness + mass / mass.sum()).tocsr()
+    start = np.random.default_rng(0).standard_normal((len(mesh.vertices), k + k // 4 + 4))
+    start[:, 0] = 1
+    solver = pyamg.smoothed_aggregation_solver(shifted, max_coarse=50)
+    found = iterate(
+        shifted, start, mass, solver.aspreconditioner(), tol=1e-6, maxiter=200, largest=False
+    )[0]
+    return np.sort(found)[1 : k + 1] - 1 / mass.sum()
+
+
+# Its name, the call, the operator that it solves, and up to how many pairs it is asked for.
+PEERS: dict[str, tuple[Callable[[Mesh, int], np.ndarray], dict[str, str], float]] = {
+    "synthNet, certified": (ours, {}, math.inf),
+    "LaPy": (lapy, {}, math.inf),
+    "LaPy with CHOLMOD": (lapy_cholmod, {}, math.inf),
+    "robust_laplacian and SciPy": (robust, {"elements": "tufted"}, math.inf),
+    "pyamg and LOBPCG": (lobpcg, {}, FEW),
+}
+
+
+def measure(*, largest: int = 40_000) -> dict:
+    """Solve every mesh on every side, each in a new process; what fails is left out."""
+    spectrum.compile_solver()
+    cases = [
+        (name, vertices, k)
+        for vertices, counts in GRID.items()
+        if vertices <= largest
+        for k in counts
+        for name, (_, _, most) in PEERS.items()
+        if k <= most
+    ]
+    rows = []
+    for case in progress(cases, "solving"):
+        try:
+            rows.append(in_new_process(solve, *case))
+        except (BrokenProcessPool, ImportError, ArithmeticError, RuntimeError, ValueError) as error:
+            sys.stderr.write(f"{', '.join(map(str, case))}: {error}\n")
+    long = in_new_process(solve, next(iter(PEERS)), *LONG) if largest >= max(GRID) else None
+    return {"rows": rows, "long": long}
+
+
+def solve(name: str, vertices: int, k: int) -> dict:
+    """Solve in this process, and return what it took and what its answer lacks."""
+    solver, operator, _ = PEERS[name]
+    mesh = torus(math.sqrt(vertices / 600))
+    with threadpoolctl.threadpool_limits(1):
+        solver(torus(1.0), 5)
+        before, seconds = peak_mb(), []
+        while len(seconds) < 3 and sum(seconds) < ENOUGH:
+            started = time.perf_counter()
+            values = solver(mesh, k)
+            seconds.append(time.perf_counter() - started)
+        used = peak_mb() - before
+    verdict = spectrum.certify(mesh, values, tolerance=1e-5, operator=Operator(**operator))
+    return {
+        "name": name,
+        "vertices": len(mesh.vertices),
+        "k": k,
+        "seconds": statistics.median(seconds),
+        "megabytes": used,
+        "missed": len(verdict.missed),
+        "off": len(verdict.off),
+    }
+
+
+def table(data: dict) -> str:
+    """Return seconds by solver and case, the certified solver's ratio, memory and misses."""
+    cases = list(dict.fromkeys((row["vertices"], row["k"]) for row in data["rows"]))
+    rows = {(row["name"], row["vertices"], row["k"]): row for row in data["rows"]}
+    names = [name for name in PEERS if any(row["name"] == name for row in data["rows"])]
+    body = []
+    for name in names:
+        mine = [rows.get((name, *case)) for case in cases]
+        cells = ["" if row is None else f"{row['seconds']:.2g}" for row in mine]
+        solved = [row for row in mine if row is not None]
+        memory = max(row["megabytes"] for row in solved)
+        wrong = sum(row["missed"] + row["off"] for row in solved)
+        body.append([name, *cells, f"{memory:,.0f}", str(wrong)])
+    headers = ["seconds", *(f"{n:,}, k = {k}" for n, k in cases), "most MB", "missed or off"]
+    return markdown.table(headers, body, "lr")
+
+
+def long(data: dict) -> str:
+    """Return what the longest spectrum took, as a sentence."""
+    row = data["long"]
+    return (
+        f"{row['k']:,} eigenpairs of {row['vertices']:,} vertices take {row['seconds']:.0f} s on one "
+        f"thread and {row['megabytes'] / 1000:.1f} GB, "
+        f"{row['vertices'] * row['k'] * 8 / 1e9:.1f} of them the eigenvectors."
+    )
+
+
+def claim(data: dict) -> str:
+    """Return the smallest and the largest ratio to LaPy with CHOLMOD, by k, as a sentence."""
+    seconds = {(row["name"], row["vertices"], row["k"]): row["seconds"] for row in data["rows"]}
+    first, peer = "synthNet, certified", "LaPy with CHOLMOD"
+    ratios = {
+        (n, k): seconds[peer, n, k] / seconds[first, n, k]
+        for name, n, k in seconds
+        if name == first and (peer, n, k) in seconds
+    }
+    large = [ratio for (_, k), ratio in ratios.items() if k >= 50]
+    return (
+        f"The certified solver takes {min(ratios.values()):.1f} to {max(ratios.values()):.1f} "
+        f"times less time than LaPy with CHOLMOD, from k = 50 on at least {min(large):.1f} times."
+    )
