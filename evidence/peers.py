@@ -150,8 +150,8 @@ def long(data: dict) -> str:
     """Return what the longest spectrum took, as a sentence."""
     row = data["long"]
     return (
-        f"{row['k']:,} eigenpairs of {row['vertices']:,} vertices take {row['seconds']:.0f} s on one "
-        f"thread and {row['megabytes'] / 1000:.1f} GB, "
+        f"{row['k']:,} eigenpairs of {row['vertices']:,} vertices take {row['seconds']:.0f} s on "
+        f"one thread and {row['megabytes'] / 1000:.1f} GB, "
         f"{row['vertices'] * row['k'] * 8 / 1e9:.1f} of them the eigenvectors."
     )
 

@@ -1,0 +1,164 @@
+"""What other solvers miss: answers on meshes with clusters of eigenvalues, judged by counting.
+
+Half of the meshes have symmetries to the last digit, so that eigenvalues are equal to rounding:
+icospheres, rounded cubes, spheres and tori of many sizes. The others are spheres, tori and the twisted tori
+of 2.0, turned at random and rounded to float32. SciPy's releases are installed one after the other
+into an environment of their own, and asked as LaPy asks: ``eigsh(A, k + 1, B, sigma=-0.01)``.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import threadpoolctl
+
+from evidence import markdown
+from evidence.peers import lapy, lapy_cholmod, ours
+from evidence.timing import progress
+from synthnet import spectrum, store
+from synthnet.families import FAMILIES
+from synthnet.mesh.isometries import apply, random_rotation
+from synthnet.types import Mesh
+
+RELEASES = ("1.13.1", "1.15.3", "1.17.1")  # of SciPy
+SIDES = {"LaPy": lapy, "LaPy with CHOLMOD": lapy_cholmod, "synthNet, certified": ours}
+COUNTS = (10, 20, 50)  # eigenvalues
+MOST_VERTICES = 3000  # of a twisted torus
+TOLERANCE = 1e-5
+# What each release runs: a file of matrices and where to write, as arguments.
+ASK = """
+import json, sys
+import numpy as np
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import eigsh
+
+arrays, answers = np.load(sys.argv[1], allow_pickle=False), []
+for i in range(int(arrays["count"])):
+    pointers, indices = arrays[f"{i}-indptr"], arrays[f"{i}-indices"]
+    n = len(pointers) - 1
+    A, B = (csc_matrix((arrays[f"{i}-{m}"], indices, pointers), (n, n)) for m in ("A", "B"))
+    start = np.random.default_rng(i).uniform(-1, 1, n)
+    k = int(arrays[f"{i}-k"])
+    answers.append(sorted(eigsh(A, k + 1, B, sigma=-0.01, v0=start)[0])[1:])
+with open(sys.argv[2], "w") as file:
+    json.dump(answers, file)
+"""
+
+
+def measure(*, meshes: int = 500) -> dict:
+    """Ask every solver, and judge its answers."""
+    spectrum.compile_solver()
+    cases = list(made(meshes))
+    with threadpoolctl.threadpool_limits(1):
+        answers = {
+            name: [solver(mesh, k) for _, mesh, k in progress(cases, name)]
+            for name, solver in SIDES.items()
+        }
+    answers |= asked(cases)
+    rows = []
+    for name, given in answers.items():
+        wrong = []
+        for (what, mesh, k), values in zip(cases, given, strict=True):
+            verdict = spectrum.certify(mesh, values, tolerance=TOLERANCE)
+            if not verdict.certified:
+                wrong.append({"mesh": what, "k": k, "verdict": str(verdict)})
+        rows.append({"name": name, "asked": len(cases), "wrong": wrong})
+    return {"meshes": meshes, "rows": rows}
+
+
+def made(count: int) -> Iterator[tuple[str, Mesh, int]]:
+    """Yield names, meshes and how many eigenvalues are asked for."""
+    twisted = _twisted()
+    for number in range(count):
+        rng = np.random.default_rng(number)
+        if number % 2:
+            name, mesh = _symmetric(rng)
+        else:
+            name, mesh = next(twisted) if number % 4 else _symmetric(rng)
+            name += f", turned by seed {number}"
+            mesh = apply(mesh, random_rotation(rng)).stored()
+        yield from ((name, mesh, k) for k in COUNTS if k + 2 < len(mesh.vertices))
+
+
+def _symmetric(rng: np.random.Generator) -> tuple[str, Mesh]:
+    """Return a mesh of many symmetries, as it was made."""
+    import trimesh
+
+    size = float(rng.uniform(0.1, 10))
+    kind = rng.choice(["icosphere", "rounded cube", "sphere", "torus"])
+    if kind in ("icosphere", "rounded cube"):
+        cuts = int(rng.integers(1, 5))
+        solid = (
+            trimesh.creation.icosphere(subdivisions=cuts)
+            if kind == "icosphere"
+            else trimesh.creation.box().subdivide_loop(cuts)
+        )
+        points = size * np.asarray(solid.vertices, dtype=np.float64)
+        return f"{kind} of {cuts} subdivisions, size {size:.4f}", Mesh(points, solid.faces)
+    if kind == "sphere":
+        cells = int(rng.integers(8, 33))
+        mesh = FAMILIES["sphere"].generate({"radius": size, "resolution": cells})
+        return f"sphere of resolution {cells}, radius {size:.4f}", mesh
+    around, across = (int(i) for i in rng.integers(12, 49, 2))
+    radii = {"torus_radius": size, "tube_radius": size * float(rng.uniform(0.2, 0.8))}
+    mesh = FAMILIES["torus"].generate(
+        radii | {"radial_resolution": around, "tubular_resolution": across}
+    )
+    return f"torus of {around} × {across}, radius {size:.4f}", mesh
+
+
+def _twisted() -> Iterator[tuple[str, Mesh]]:
+    dataset = store.open_dataset("2.0")
+    for shard in dataset.manifest.shards:
+        if shard.family == "twisted_torus":
+            for sample in store.read_samples(dataset.directory / shard.file):
+                if len(sample.mesh.vertices) <= MOST_VERTICES:
+                    yield sample.spec.id, sample.mesh
+
+
+def asked(cases: list[tuple[str, Mesh, int]]) -> dict[str, list[np.ndarray]]:
+    """Return what each release of SciPy answers, each in an environment of its own."""
+    answers = {}
+    with tempfile.TemporaryDirectory() as folder:
+        matrices, script = Path(folder, "matrices.npz"), Path(folder, "ask.py")
+        script.write_text(ASK)
+        np.savez(matrices, **_arrays(cases))
+        for release in RELEASES:
+            home, out = Path(folder, release), Path(folder, f"{release}.json")
+            python = home / "bin" / "python"
+            subprocess.run([sys.executable, "-m", "venv", home], check=True)
+            install = [python, "-m", "pip", "install", "--quiet", f"scipy=={release}"]
+            subprocess.run(install, check=True)
+            subprocess.run([python, script, matrices, out], check=True)
+            answers[f"SciPy {release}, eigsh"] = [np.array(v) for v in json.loads(out.read_text())]
+    return answers
+
+
+def _arrays(cases: list[tuple[str, Mesh, int]]) -> dict[str, np.ndarray]:
+    arrays = {"count": np.array(len(cases))}
+    for number, (_, mesh, k) in enumerate(cases):
+        stiffness, mass = spectrum.fem_matrices(mesh)
+        named = {"k": np.array(k), "A": stiffness.data, "B": mass.data}
+        named |= {"indptr": mass.indptr, "indices": mass.indices}
+        arrays |= {f"{number}-{name}": values for name, values in named.items()}
+    return arrays
+
+
+def table(data: dict) -> str:
+    """Return how many answers of each solver are wrong, and the first of them."""
+    rows = []
+    for row in data["rows"]:
+        first = row["wrong"][0] if row["wrong"] else None
+        said = "" if first is None else _said(first)
+        rows.append([row["name"], f"{row['asked']:,}", str(len(row["wrong"])), said])
+    return markdown.table(["solver", "answers", "wrong", "the first"], rows, "lrrl")
+
+
+def _said(wrong: dict) -> str:
+    return f"{wrong['mesh']}, k = {wrong['k']}: {wrong['verdict'].splitlines()[0]}"
