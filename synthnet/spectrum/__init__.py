@@ -18,6 +18,7 @@ first use and cached on disk.
 from synthnet.spectrum.inputs import as_mesh, check
 from synthnet.spectrum.many import spectra
 from synthnet.spectrum.solve import (
+    as_sparse,
     assemble,
     compile_solver,
     compute,
@@ -30,6 +31,7 @@ from synthnet.spectrum.verdict import Verdict, certify
 __all__ = [
     "Verdict",
     "as_mesh",
+    "as_sparse",
     "assemble",
     "certify",
     "check",

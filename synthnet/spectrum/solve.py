@@ -74,13 +74,14 @@ def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     >>> bool(abs(stiffness.sum(axis=0)).max() < 1e-15)  # constants are in its kernel
     True
     """
-    return _sparse(assemble(mesh))
+    return as_sparse(assemble(mesh))
 
 
-def _sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+def as_sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+    """Return stiffness and mass as matrices of SciPy, with arrays of their own."""
     shape = (len(matrices.lumped),) * 2
     stiffness, mass = (
-        sparse.csc_matrix((values, matrices.indices, matrices.indptr), shape=shape)
+        sparse.csc_matrix((values, matrices.indices, matrices.indptr), shape=shape, copy=True)
         for values in (matrices.stiffness, matrices.mass)
     )
     return stiffness, mass
@@ -313,7 +314,7 @@ def _turned(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _dense(matrices: Matrices, k: int, setting: Setting) -> Candidate:
     """Return k pairs and those of their cluster, by LAPACK."""
-    stiffness, mass = (matrix.toarray() for matrix in _sparse(matrices))
+    stiffness, mass = (matrix.toarray() for matrix in as_sparse(matrices))
     try:
         values, vectors = linalg.eigh(stiffness, mass)
     except linalg.LinAlgError as error:
