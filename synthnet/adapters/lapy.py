@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.spectrum import as_mesh, as_sparse, assemble, of_matrices
-from synthnet.spectrum.components import components
+from synthnet.spectrum import as_mesh, as_sparse, assemble, smallest, with_lumped_mass
 
 
 class Solver:
@@ -52,13 +51,8 @@ class Solver:
             raise ValueError("anisotropic elements are not solved here: use lapy.Solver")
         del use_cholmod
         self._matrices = assemble(as_mesh(geometry))
-        n = len(self._matrices.lumped)
         if lump:
-            rows = np.repeat(np.arange(n), np.diff(self._matrices.indptr))
-            diagonal = rows == self._matrices.indices
-            self._matrices = self._matrices._replace(
-                mass=np.where(diagonal, self._matrices.lumped[rows], 0.0)
-            )
+            self._matrices = with_lumped_mass(self._matrices)
         self.stiffness, self.mass = as_sparse(self._matrices)
         if lump:
             self.mass.eliminate_zeros()
@@ -100,14 +94,4 @@ class Solver:
             raise ValueError(
                 "only the smallest eigenvalues are found here: leave sigma, which and mode out"
             )
-        count, numbers = components(self._matrices)
-        n = len(numbers)
-        if not 1 <= k <= n:
-            raise ValueError(f"k must be from 1 to {n}, the number of vertices, got {k}")
-        areas = np.bincount(numbers, weights=self._matrices.lumped)
-        constants = (numbers[:, None] == np.arange(count)) / np.sqrt(areas)
-        if k <= count:
-            return np.zeros(k), constants[:, :k]
-        found = of_matrices(self._matrices, k - count)
-        values = np.concatenate([np.zeros(count), found.eigenvalues])
-        return values, np.hstack([constants, found.eigenvectors])
+        return smallest(self._matrices, k)

@@ -15,6 +15,7 @@ eigenvalues of others, :mod:`~synthnet.spectrum.inputs` takes their meshes,
 first use and cached on disk.
 """
 
+from synthnet.spectrum.fem import with_lumped_mass
 from synthnet.spectrum.inputs import as_mesh, check
 from synthnet.spectrum.many import spectra
 from synthnet.spectrum.solve import (
@@ -25,6 +26,7 @@ from synthnet.spectrum.solve import (
     count_below,
     fem_matrices,
     of_matrices,
+    smallest,
 )
 from synthnet.spectrum.verdict import Verdict, certify
 
@@ -40,5 +42,7 @@ __all__ = [
     "count_below",
     "fem_matrices",
     "of_matrices",
+    "smallest",
     "spectra",
+    "with_lumped_mass",
 ]

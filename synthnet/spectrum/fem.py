@@ -56,6 +56,13 @@ def assemble(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Matrice
     return Matrices(indptr, indices, stiffness, mass, lumped)
 
 
+def with_lumped_mass(matrices: Matrices) -> Matrices:
+    """Return the matrices with the lumped mass, a diagonal, in place of B; the pattern stays."""
+    rows = np.repeat(np.arange(len(matrices.lumped)), np.diff(matrices.indptr))
+    on_diagonal = rows == matrices.indices
+    return matrices._replace(mass=np.where(on_diagonal, matrices.lumped[rows], 0.0))
+
+
 @kernel
 def pattern(faces: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return ``indptr`` and ``indices``: each vertex with itself and its neighbours, sorted."""

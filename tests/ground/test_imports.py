@@ -166,8 +166,8 @@ def test_torch_and_the_benchmark_stay_where_they_belong(package: str, file: str)
     if package == "synthnet":
         assert "eigbench" not in packages
         assert file in (
-            *("adapters/pyg.py", "loaders/gradients.py"),
-            *("loaders/pyg.py", "loaders/transformed.py"),
+            *("adapters/diffusionnet.py", "adapters/pyg.py"),
+            *("loaders/gradients.py", "loaders/pyg.py", "loaders/transformed.py"),
         ) or (not packages & {"torch", "torch_geometric"})
     else:
         assert file in ("scoring/losses.py", "running/predictor.py", "running/worker.py") or (
