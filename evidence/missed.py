@@ -1,7 +1,7 @@
 """What other solvers miss: answers on meshes with clusters of eigenvalues, judged by counting.
 
 Half of the meshes have symmetries to the last digit, so that eigenvalues are equal to rounding:
-icospheres, rounded cubes, spheres and tori of many sizes. The others are spheres, tori and the twisted tori
+icospheres, rounded cubes, spheres and tori of many sizes. The others are such and the twisted tori
 of 2.0, turned at random and rounded to float32. SciPy's releases are installed one after the other
 into an environment of their own, and asked as LaPy asks: ``eigsh(A, k + 1, B, sigma=-0.01)``.
 """

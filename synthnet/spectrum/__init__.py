@@ -18,8 +18,14 @@ first use and cached on disk.
 
 from synthnet.spectrum.inputs import as_mesh, check
 from synthnet.spectrum.many import spectra
-from synthnet.spectrum.operators import Operator, as_sparse, assemble, fem_matrices
-from synthnet.spectrum.solve import compile_solver, compute, count_below, of_matrices
+from synthnet.spectrum.operators import (
+    Operator,
+    as_sparse,
+    assemble,
+    discretise,
+    fem_matrices,
+)
+from synthnet.spectrum.solve import compile_solver, compute, count_below, of_matrices, smallest
 from synthnet.spectrum.verdict import Verdict, certify
 
 __all__ = [
@@ -33,7 +39,9 @@ __all__ = [
     "compile_solver",
     "compute",
     "count_below",
+    "discretise",
     "fem_matrices",
     "of_matrices",
+    "smallest",
     "spectra",
 ]

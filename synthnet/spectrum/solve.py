@@ -172,6 +172,43 @@ def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
     return _spectrum(discrete, k, *_solved(matrices, k))
 
 
+def smallest(matrices: Matrices, k: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the k smallest eigenpairs, the zeros among them; the others by :func:`of_matrices`.
+
+    Parameters
+    ----------
+    matrices : Matrices
+        As in :func:`of_matrices`, of one component or several; nothing is held at zero.
+    k : int
+        From one to the number of unknowns.
+
+    Returns
+    -------
+    eigenvalues : ndarray of shape (k,), float64
+        In 1/length², ascending, first an exact zero for each component.
+    eigenvectors : ndarray of shape (n, k), float64
+        Orthonormal in the mass matrix; those of zeros are constant on a component.
+
+    Raises
+    ------
+    ValueError
+        If k is out of range.
+    CertificateError, SpectrumError
+        As in :func:`of_matrices`.
+    """
+    count, numbers = components.components(matrices)
+    n = len(numbers)
+    if not 1 <= k <= n:
+        raise ValueError(f"k must be from 1 to {n}, the number of vertices, got {k}")
+    areas = np.bincount(numbers, weights=matrices.lumped)
+    constants = (numbers[:, None] == np.arange(count)) / np.sqrt(areas)
+    if k <= count:
+        return np.zeros(k), constants[:, :k]
+    found = of_matrices(matrices, k - count)
+    values = np.concatenate([np.zeros(count), found.eigenvalues])
+    return values, np.hstack([constants, found.eigenvectors])
+
+
 def compile_solver() -> None:
     """Make sure that the solver's machine code is in the cache: a quarter of a minute, once."""
     side = np.linspace(0.0, 1.0, 9)

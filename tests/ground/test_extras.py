@@ -21,6 +21,13 @@ FOLDERS = {"synthnet": ROOT / "synthnet", "eigbench": ROOT / "benchmark" / "eigb
 LINES = {
     "eigbench.losses": "eigbench.losses needs PyTorch: pip install 'synthnet[torch]'",
     "eigbench.scoring.losses": "eigbench.losses needs PyTorch: pip install 'synthnet[torch]'",
+    "synthnet.adapters.diffusionnet": (
+        "synthnet.adapters.diffusionnet needs PyTorch: pip install 'synthnet[torch]'"
+    ),
+    "synthnet.adapters.pyg": "synthnet.adapters.pyg needs PyTorch: pip install 'synthnet[torch]'",
+    "synthnet.adapters.sklearn": (
+        "synthnet.adapters.sklearn needs scikit-learn: pip install 'synthnet[baselines]'"
+    ),
     "synthnet.loaders.pyg": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
     "synthnet.loaders.gradients": "synthnet.torch needs PyTorch: pip install 'synthnet[torch]'",
     "synthnet.loaders.transformed": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",

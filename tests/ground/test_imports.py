@@ -19,7 +19,7 @@ SYNTHNET = (
     "recipe",
     "store",
     "build",
-    "verify loaders pictures",
+    "verify loaders pictures adapters",
     "terminal",
     "commands",
 )
@@ -166,9 +166,10 @@ def test_torch_and_the_benchmark_stay_where_they_belong(package: str, file: str)
     assert "baselines" not in packages
     if package == "synthnet":
         assert "eigbench" not in packages
-        assert file in ("loaders/gradients.py", "loaders/pyg.py", "loaders/transformed.py") or (
-            not packages & {"torch", "torch_geometric"}
-        )
+        assert file in (
+            *("adapters/diffusionnet.py", "adapters/pyg.py"),
+            *("loaders/gradients.py", "loaders/pyg.py", "loaders/transformed.py"),
+        ) or (not packages & {"torch", "torch_geometric"})
     else:
         assert file in ("scoring/losses.py", "running/predictor.py", "running/worker.py") or (
             not packages & {"torch", "torch_geometric"}

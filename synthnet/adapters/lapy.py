@@ -1,0 +1,96 @@
+"""The certified solver behind the names of ``lapy.Solver``. LaPy need not be installed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.spectrum import Operator, as_mesh, as_sparse, discretise, smallest
+
+
+class Solver:
+    """Stiffness, mass and smallest eigenpairs of a triangle mesh, as ``lapy.Solver`` has them.
+
+    Linear elements, Neumann on a boundary.
+
+    Parameters
+    ----------
+    geometry : lapy.TriaMesh or other
+        What :func:`synthnet.spectrum.as_mesh` takes.
+    lump : bool
+        Take the lumped, that is diagonal, mass matrix.
+    aniso : None
+        Isotropic elements only.
+    use_cholmod : bool
+        Has no effect: the factorisation is our own.
+
+    Attributes
+    ----------
+    stiffness, mass : scipy.sparse.csc_matrix of shape (n, n), float64
+        Symmetric; the mass is in length², the stiffness has no unit.
+
+    Raises
+    ------
+    ValueError
+        If it is no triangle mesh, or has no spectrum; if ``aniso`` is given.
+
+    Examples
+    --------
+    >>> square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]]
+    >>> values, vectors = Solver(square).eigs(k=2)
+    >>> values.round(6), vectors.shape
+    (array([0., 6.]), (4, 2))
+    """
+
+    def __init__(
+        self, geometry: Any, lump: bool = False, aniso: None = None, *, use_cholmod: bool = False
+    ) -> None:
+        if aniso is not None:
+            raise ValueError("anisotropic elements are not solved here: use lapy.Solver")
+        del use_cholmod
+        operator = Operator(mass="lumped" if lump else "consistent")
+        self._matrices = discretise(as_mesh(geometry), operator).matrices
+        self.stiffness, self.mass = as_sparse(self._matrices)
+        if lump:
+            self.mass.eliminate_zeros()
+
+    def eigs(
+        self, k: int = 10, sigma: float = -0.01, which: str = "LM", **without_effect: Any
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the k smallest eigenpairs, certified; the zeros are among them.
+
+        Parameters
+        ----------
+        k : int
+            Number of pairs, from one to the vertices.
+        sigma, which : float, str
+            Of LaPy's, those that mean the smallest: any shift below the spectrum and ``"LM"``.
+        **without_effect
+            ``v0``, ``mode`` and ``rng``: the answer depends on no start vector.
+
+        Returns
+        -------
+        eigenvalues : ndarray of shape (k,), float64
+            In 1/length², ascending, first a zero for each component.
+        eigenvectors : ndarray of shape (n, k), float64
+            Orthonormal in the mass matrix; those of zeros are constant on a component.
+
+        Raises
+        ------
+        ValueError
+            If k is out of range, or other eigenvalues than the smallest are asked for.
+        TypeError
+            If LaPy's ``eigs`` has no such parameter.
+        CertificateError, SpectrumError
+            See :func:`synthnet.spectrum.compute`.
+        """
+        unknown = sorted(without_effect.keys() - {"v0", "mode", "rng"})
+        if unknown:
+            raise TypeError(f"eigs has no parameter {unknown[0]}")
+        if sigma > 0 or which != "LM" or without_effect.get("mode", "normal") != "normal":
+            raise ValueError(
+                "only the smallest eigenvalues are found here: leave sigma, which and mode out"
+            )
+        return smallest(self._matrices, k)

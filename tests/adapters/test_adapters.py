@@ -1,0 +1,287 @@
+"""Adapters give the numbers of the library whose names they have, or of the solver behind them."""
+
+import lapy
+import numpy as np
+import pytest
+import torch
+import trimesh
+from scipy import sparse
+from sklearn.base import clone
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from torch_geometric.data import Batch, Data
+
+from synthnet.adapters.diffusionnet import compute_operators
+from synthnet.adapters.geomfum import CertifiedEigsh
+from synthnet.adapters.lapy import Solver
+from synthnet.adapters.pyg import AddMeshSpectrum
+from synthnet.adapters.sklearn import ShapeDNA
+from synthnet.spectrum import compute
+
+TORUS = trimesh.creation.torus(2.0, 0.7, major_sections=24, minor_sections=12)
+BOX = trimesh.creation.box((1.0, 1.3, 1.9)).subdivide().subdivide().subdivide()
+HALVES = trimesh.util.concatenate([TORUS, BOX.copy().apply_translation([9, 0, 0])])
+
+
+def tria(mesh: trimesh.Trimesh) -> lapy.TriaMesh:
+    return lapy.TriaMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+
+
+def data(mesh: trimesh.Trimesh) -> Data:
+    return Data(pos=torch.tensor(mesh.vertices), face=torch.tensor(mesh.faces).T)
+
+
+@pytest.mark.parametrize("lump", [False, True])
+@pytest.mark.parametrize("mesh", [TORUS, BOX, HALVES], ids=["torus", "box", "two components"])
+def test_the_solver_gives_the_numbers_of_lapy(mesh: trimesh.Trimesh, lump: bool) -> None:
+    ours, theirs = Solver(tria(mesh), lump=lump), lapy.Solver(tria(mesh), lump=lump)
+    assert abs(ours.stiffness - theirs.stiffness).max() < 1e-12
+    assert abs(ours.mass - theirs.mass).max() < 1e-12
+    values, vectors = ours.eigs(k=12)
+    np.testing.assert_allclose(values, theirs.eigs(k=12)[0], rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(vectors.T @ (theirs.mass @ vectors), np.eye(12), atol=1e-9)
+    residual = theirs.stiffness @ vectors - theirs.mass @ vectors * values
+    assert np.abs(residual).max() < 1e-6
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_the_zeros_of_components_are_the_first(k: int) -> None:
+    values, vectors = Solver(tria(HALVES)).eigs(k)
+    assert vectors.shape == (len(HALVES.vertices), k)
+    assert np.count_nonzero(values) == max(0, k - 2)
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        ({"sigma": 3.0}, ValueError, "only the smallest"),
+        ({"which": "SM"}, ValueError, "only the smallest"),
+        ({"mode": "buckling"}, ValueError, "only the smallest"),
+        ({"k": 0}, ValueError, "k must be from 1 to 288"),
+        ({"tol": 1e-3}, TypeError, "no parameter tol"),
+    ],
+)
+def test_what_the_solver_does_not_do_is_one_line(given, error, message) -> None:
+    with pytest.raises(error, match=message):
+        Solver(tria(TORUS)).eigs(**given)
+
+
+def test_anisotropic_elements_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"use lapy\.Solver"):
+        Solver(tria(TORUS), aniso=1.0)
+
+
+def test_the_transform_adds_a_row_a_mesh_and_vectors_a_vertex() -> None:
+    add = AddMeshSpectrum(4, eigenvectors=True)
+    batch = Batch.from_data_list([add(data(TORUS)), add(data(BOX))])
+    expected = [compute(TORUS, 4), compute(BOX, 4)]
+    np.testing.assert_array_equal(batch.eigenvalues, [one.eigenvalues for one in expected])
+    np.testing.assert_array_equal(
+        batch.eigenvectors, np.vstack([one.eigenvectors for one in expected])
+    )
+    assert repr(add) == "AddMeshSpectrum(4, eigenvectors=True)"
+
+
+def test_the_transform_keeps_the_dtype_and_adds_no_vectors_unasked() -> None:
+    given = data(TORUS)
+    given.pos = given.pos.float()
+    done = AddMeshSpectrum(3)(given)
+    assert done.eigenvalues.dtype == torch.float32
+    assert "eigenvectors" not in done
+    assert "eigenvalues" not in given  # a transform leaves what it is given as it is
+
+
+def test_shape_dna_is_a_step_of_a_pipeline() -> None:
+    larger = TORUS.copy().apply_scale(3.0)
+    rows = make_pipeline(clone(ShapeDNA(k=5))).fit_transform([TORUS, larger, BOX])
+    np.testing.assert_allclose(rows[0], compute(TORUS, 5).eigenvalues * TORUS.area, rtol=1e-12)
+    np.testing.assert_allclose(rows[0], rows[1], rtol=1e-9)
+    scaled = make_pipeline(ShapeDNA(k=5), StandardScaler()).fit_transform([TORUS, larger, BOX])
+    np.testing.assert_allclose(scaled.mean(axis=0), 0, atol=1e-12)
+
+
+def test_shape_dna_takes_every_normalisation_and_names_its_columns() -> None:
+    values = compute(TORUS, 3).eigenvalues
+    for normalisation, expected in {
+        "none": values,
+        "volume": values * abs(TORUS.volume) ** (2 / 3),
+        "first": values / values[0],
+    }.items():
+        step = ShapeDNA(3, normalisation)
+        np.testing.assert_allclose(step.transform([TORUS])[0], expected, rtol=1e-12)
+    (row,) = ShapeDNA(3, "none", reweighted=True).transform([TORUS])
+    np.testing.assert_allclose(row, values / [1, 2, 3], rtol=1e-12)
+    assert list(ShapeDNA(2).get_feature_names_out()) == ["lambda1", "lambda2"]
+    assert ShapeDNA(4).transform([]).shape == (0, 4)
+
+
+# DiffusionNet's operators: matrices and eigenvalues against LaPy's with a lumped mass, frames and
+# gradients against their definitions, written here vertex by vertex.
+
+OPERATORS = ("frames", "massvec", "L", "evals", "evecs", "gradX", "gradY")
+
+
+def operators(mesh: trimesh.Trimesh, k: int = 8, **options) -> dict[str, torch.Tensor]:
+    vertices, faces = torch.tensor(mesh.vertices), torch.tensor(mesh.faces)
+    return dict(zip(OPERATORS, compute_operators(vertices, faces, k, **options), strict=True))
+
+
+@pytest.mark.parametrize("mesh", [TORUS, BOX, HALVES], ids=["torus", "box", "two components"])
+def test_diffusionnets_matrices_and_pairs_are_those_of_lapy_with_a_lumped_mass(mesh) -> None:
+    ours, theirs = operators(mesh), lapy.Solver(tria(mesh), lump=True)
+    np.testing.assert_allclose(ours["L"].to_dense(), theirs.stiffness.toarray(), atol=1e-12)
+    np.testing.assert_allclose(ours["massvec"], theirs.mass.diagonal(), rtol=1e-12)
+    values, vectors = ours["evals"].numpy(), ours["evecs"].numpy()
+    np.testing.assert_allclose(values, theirs.eigs(k=8)[0], rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(vectors.T @ (theirs.mass @ vectors), np.eye(8), atol=1e-9)
+    defects = theirs.stiffness @ vectors - theirs.mass @ vectors * values
+    assert np.abs(defects).max() < 1e-6
+
+
+def test_a_frame_is_two_tangents_and_the_mean_normal() -> None:
+    frames = operators(TORUS)["frames"].numpy()
+    cosines = []
+    for i, (x, y, normal) in enumerate(frames):
+        mean = TORUS.face_normals[(TORUS.faces == i).any(axis=1)].mean(axis=0)
+        np.testing.assert_allclose(normal, mean / np.linalg.norm(mean), atol=1e-9)
+        near = np.eye(3)[0 if abs(normal[0]) < 0.9 else 1]
+        np.testing.assert_allclose(np.cross(x, near) @ normal, 0, atol=1e-12)
+        np.testing.assert_allclose(np.cross(normal, x), y, atol=1e-12)
+        assert x @ near > 0
+        cosines.append(abs(normal[0]))
+    gram = frames @ frames.transpose(0, 2, 1)
+    np.testing.assert_allclose(gram, [np.eye(3)] * len(frames), atol=1e-9)
+    assert min(cosines) < 0.9 < max(cosines)
+
+
+def test_a_gradient_is_the_regularised_fit_to_the_differences_along_edges() -> None:
+    small = TORUS.copy().apply_scale(0.02)  # edges so short that the constant counts
+    ours = operators(small)
+    function = np.random.default_rng(0).normal(size=len(small.vertices))
+    found = np.stack([(ours[name] @ torch.tensor(function)).numpy() for name in ("gradX", "gradY")])
+    far = 0.0
+    for i, (x, y, _) in enumerate(ours["frames"].numpy()):
+        others = small.vertex_neighbors[i]
+        edges = (small.vertices[others] - small.vertices[i]) @ np.stack([x, y], axis=1)
+        differences = function[others] - function[i]
+        rows = np.vstack([edges, np.sqrt(1e-5) * np.eye(2)])  # Tikhonov's form of the constant
+        fit = np.linalg.lstsq(rows, np.append(differences, [0, 0]))[0]
+        np.testing.assert_allclose(found[:, i], fit, rtol=1e-8, atol=1e-8)
+        far = max(far, np.abs(np.linalg.lstsq(edges, differences)[0] - fit).max())
+    assert far > 1  # without the constant it would be another gradient
+
+
+def test_a_linear_function_on_a_plane_has_a_constant_gradient() -> None:
+    side = np.linspace(0, 100, 7)
+    flat = np.stack([*np.meshgrid(side, side), np.zeros((7, 7))], axis=-1).reshape(-1, 3)
+    flat[:, :2] += np.random.default_rng(1).uniform(-4, 4, size=(49, 2))
+    corner = np.arange(42)[np.arange(42) % 7 < 6]
+    faces = np.concatenate(
+        [np.stack([corner, corner + a, corner + b], axis=1) for a, b in ((1, 8), (8, 7))]
+    )
+    turn = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
+    ours = operators(trimesh.Trimesh(flat @ turn.T, faces, process=False))
+    slope = np.array([0.3, -1.1, 0.0])
+    function = torch.tensor(flat @ slope)
+    x, y, _ = ours["frames"][0].numpy()
+    np.testing.assert_allclose(ours["gradX"] @ function, np.full(49, x @ turn @ slope), atol=1e-6)
+    np.testing.assert_allclose(ours["gradY"] @ function, np.full(49, y @ turn @ slope), atol=1e-6)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_operators_have_the_shapes_and_the_dtype_of_diffusionnets(dtype: torch.dtype) -> None:
+    vertices, faces = torch.tensor(BOX.vertices, dtype=dtype), torch.tensor(BOX.faces)
+    found = dict(zip(OPERATORS, compute_operators(vertices, faces, 5), strict=True))
+    n = len(vertices)
+    assert {name: tuple(one.shape) for name, one in found.items()} == {
+        "frames": (n, 3, 3),
+        "massvec": (n,),
+        "L": (n, n),
+        "evals": (5,),
+        "evecs": (n, 5),
+        "gradX": (n, n),
+        "gradY": (n, n),
+    }
+    assert {one.dtype for one in found.values()} == {dtype}
+    pattern = found["L"].indices()
+    for name, one in found.items():
+        assert one.is_sparse == (name in ("L", "gradX", "gradY"))
+        assert not one.is_sparse or torch.equal(one.coalesce().indices(), pattern)
+    none = compute_operators(vertices, faces, 0)
+    assert (none[3].shape, none[4].shape) == ((0,), (n, 0))
+
+
+def test_given_normals_are_taken() -> None:
+    tilted = torch.tensor(TORUS.vertex_normals)
+    assert torch.equal(operators(TORUS, normals=tilted)["frames"][:, 2], tilted)
+    with pytest.raises(ValueError, match="normals must be 288 vectors of length one"):
+        operators(TORUS, normals=2 * tilted)
+
+
+def test_what_has_no_operators_is_one_line() -> None:
+    points = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    with pytest.raises(ValueError, match="the faces around 3 vertices cancel"):
+        compute_operators(points, torch.tensor([[0, 1, 2], [0, 2, 1]]), 1)
+    with pytest.raises(ValueError, match="a point cloud: 3 vertices and no triangles"):
+        compute_operators(points, torch.zeros((0, 3), dtype=torch.int64), 2)
+    with pytest.raises(ValueError, match=r"verts must be a tensor .* got torch\.int64"):
+        compute_operators(points.long(), torch.tensor([[0, 1, 2]]), 2)
+
+
+# geomfum's eigensolver
+
+
+def lumped(mesh: trimesh.Trimesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+    theirs = lapy.Solver(tria(mesh), lump=True)
+    return theirs.stiffness, theirs.mass
+
+
+@pytest.mark.filterwarnings("ignore:BackendImporter:ImportWarning")
+@pytest.mark.parametrize("mesh", [TORUS, HALVES], ids=["torus", "two components"])
+def test_the_eigensolver_gives_the_numbers_of_a_finder_of_geomfum(mesh: trimesh.Trimesh) -> None:
+    from geomfum.laplacian import LaplacianFinder, LaplacianSpectrumFinder
+    from geomfum.shape import TriangleMesh
+
+    shape = TriangleMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    finders = [
+        LaplacianSpectrumFinder(
+            spectrum_size=9, laplacian_finder=LaplacianFinder(), eig_solver=solver
+        )
+        for solver in (CertifiedEigsh(9), None)
+    ]
+    ours, theirs = (finder(shape, as_basis=True) for finder in finders)
+    np.testing.assert_allclose(ours.vals, theirs.vals, rtol=1e-8, atol=1e-8)
+    stiffness, mass = shape.laplacian.find()
+    np.testing.assert_allclose(ours.vecs.T @ (mass @ ours.vecs), np.eye(9), atol=1e-9)
+    assert np.abs(stiffness @ ours.vecs - mass @ ours.vecs * ours.vals).max() < 1e-6
+    finders[0].spectrum_size = 4
+    four = finders[0](shape, as_basis=False)[0]
+    np.testing.assert_allclose(four, ours.vals[:4], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore:Sparse (CSC tensor|invariant checks):UserWarning")
+def test_the_eigensolver_returns_tensors_where_tensors_are_given() -> None:
+    stiffness, mass = lumped(HALVES)
+    tensors = [
+        torch.sparse_csc_tensor(*map(torch.tensor, (one.indptr, one.indices, one.data)), one.shape)
+        for one in (stiffness, mass)
+    ]
+    expected = CertifiedEigsh(6)(stiffness, M=mass)
+    for found, array in zip(CertifiedEigsh(6)(tensors[0], M=tensors[1]), expected, strict=True):
+        assert isinstance(found, torch.Tensor)
+        np.testing.assert_array_equal(found, array)
+
+
+def test_matrices_that_are_no_laplacian_and_lumped_mass_are_one_line() -> None:
+    stiffness, mass = lumped(TORUS)
+    solver = CertifiedEigsh(6)
+    with pytest.raises(ValueError, match="mass matrix is not diagonal"):
+        solver(stiffness, M=lapy.Solver(tria(TORUS)).mass)
+    with pytest.raises(ValueError, match="1 vertices have no positive mass, the first is vertex 7"):
+        solver(stiffness, M=sparse.diags(np.where(np.arange(288) == 7, 0, mass.diagonal())))
+    with pytest.raises(ValueError, match="rows do not add up to zero"):
+        solver(stiffness + sparse.identity(288), M=mass)
+    with pytest.raises(ValueError, match="no Laplacian in float64"):
+        solver(stiffness.astype(np.float32), M=mass)
+    with pytest.raises(ValueError, match="k must be from 1 to 288"):
+        CertifiedEigsh(289)(stiffness, M=mass)
