@@ -70,8 +70,6 @@ SCALING = "scaling"
 ELEMENTS = ("quadratic", "richardson")  # half an hour and more a board
 NOT_RUN = {  # a test holds this list to what lies on the boards
     "1.0/grouped": ("richardson",),
-    "2.0/grouped": ELEMENTS,
-    "2.0/imported/real-28": ELEMENTS,
     SCALING: (
         *("lapy_cholmod", "two_masses", *ELEMENTS),
         *("kriging", "ritz_mlp_surface", "spectrum_mlp", "multilevel_masses"),
