@@ -31,7 +31,7 @@ def compute_operators(
     least squares fit to the differences along its edges,
 
     .. math::
-        g_i = \Big(\sum_j t_{ij} t_{ij}^T + 10^{-5} I\Big)^{-1} \sum_j t_{ij} (f_j - f_i) ,
+        g_i = (\sum_j t_{ij} t_{ij}^T + 10^{-5} I)^{-1} \sum_j t_{ij} (f_j - f_i) ,
 
     :math:`t_{ij}` the edge in the tangent plane. DiffusionNet's constant has the unit of length²,
     so that gradients depend on the scale: normalise a mesh before, as DiffusionNet does. Nothing
