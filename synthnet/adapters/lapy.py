@@ -13,7 +13,8 @@ from synthnet.spectrum import Operator, as_mesh, as_sparse, discretise, smallest
 class Solver:
     """Stiffness, mass and smallest eigenpairs of a triangle mesh, as ``lapy.Solver`` has them.
 
-    Linear elements, Neumann on a boundary.
+    Linear elements, Neumann on a boundary. Its ``stiffness``, without a unit, and its ``mass``, in
+    length², are symmetric ``scipy.sparse.csc_matrix`` of shape (n, n), float64.
 
     Parameters
     ----------
@@ -25,11 +26,6 @@ class Solver:
         Isotropic elements only.
     use_cholmod : bool
         Has no effect: the factorisation is our own.
-
-    Attributes
-    ----------
-    stiffness, mass : scipy.sparse.csc_matrix of shape (n, n), float64
-        Symmetric; the mass is in length², the stiffness has no unit.
 
     Raises
     ------

@@ -25,7 +25,7 @@ def spectra(
         As of :func:`synthnet.spectrum.compute`.
     k : int
         Number of eigenvalues of each.
-    operator : Operator
+    operator : synthnet.spectrum.Operator
         Which operator of each.
     workers : int
         Processes; with one, all is done in this. Each takes a core: set OMP_NUM_THREADS=1. In a

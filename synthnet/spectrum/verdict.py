@@ -117,7 +117,7 @@ def certify(
     tolerance : float
         Relative distance to an eigenvalue within which an answer is right. Where rounding moves a
         count by more, the verdict's is larger.
-    operator : Operator
+    operator : synthnet.spectrum.Operator
         What they are the eigenvalues of, such as ``Operator(mass="lumped")``.
 
     Raises
