@@ -84,7 +84,7 @@ def compute_operators(
     >>> operators = compute_operators(square, torch.tensor([[0, 1, 2], [0, 2, 3]]), k_eig=2)
     >>> frames, massvec, L, evals, evecs, gradX, gradY = operators
     >>> massvec, evals
-    (tensor([0.3333, 0.1667, 0.3333, 0.1667]), tensor([0., 4.]))
+    (tensor([0.3333, 0.1667, 0.3333, 0.1667]), tensor([0., 3.]))
     >>> (gradX @ square[:, :2]).round(decimals=3)  # of the functions x and y
     tensor([[1., 0.],
             [1., 0.],

@@ -37,7 +37,7 @@ class Solver:
     >>> square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]]
     >>> values, vectors = Solver(square).eigs(k=2)
     >>> values.round(6), vectors.shape
-    (array([0., 6.]), (4, 2))
+    (array([ 0., 12.]), (4, 2))
     """
 
     def __init__(
