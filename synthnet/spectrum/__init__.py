@@ -19,6 +19,7 @@ first use and cached on disk.
 from synthnet.spectrum.inputs import as_mesh, check
 from synthnet.spectrum.many import spectra
 from synthnet.spectrum.operators import (
+    Discrete,
     Operator,
     as_sparse,
     assemble,
@@ -29,6 +30,7 @@ from synthnet.spectrum.solve import compile_solver, compute, count_below, of_mat
 from synthnet.spectrum.verdict import Verdict, certify
 
 __all__ = [
+    "Discrete",
     "Operator",
     "Verdict",
     "as_mesh",

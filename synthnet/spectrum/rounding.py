@@ -63,7 +63,7 @@ def sharpened(
     ----------
     mesh : Mesh
         Of n vertices.
-    discrete : Discrete
+    discrete : synthnet.spectrum.Discrete
         Its linear elements.
     candidate : Candidate
         All eigenvalues between zero and its gap, and the vectors of the first c.
