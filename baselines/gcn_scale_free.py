@@ -1,8 +1,8 @@
 """The paper's network with scale-free encodings, trained on 2.0 under each of its protocols.
 
-Its weights are trained by `python -m baselines.train_scale_free`. It is the network of
-`reproduction.py:modern`, which is trained on 1.0-small, in 4 epochs instead of 5 and on another
-training set, of whose large meshes a share is taken.
+Its weights are trained by `python -m baselines.train_scale_free`, by an earlier form of training
+than that of `reproduction.py`: meshes are not turned into their principal axes. Of large meshes of
+the training set a share is taken.
 """
 
 from gcn.trainings import TrainedRow, load_row, meta

@@ -40,7 +40,8 @@ NAMES = (
     *("log_volume", "log_fourth_moment", "log_sixth_moment", "log_farthest", "log_nearest"),
 )
 COLUMNS = [EVERY.index(name) for name in NAMES]
-NEIGHBOURS, NOISE, TREND = 64, 1e-4, 100.0  # chosen on training and validation shapes of 2.0
+# They were chosen on training and validation shapes of 2.0
+NEIGHBOURS, NOISE, TREND = 64, 1e-4, 100.0
 NEAREST = 1e-6  # standard deviations: neighbours that near are all the same shape
 
 

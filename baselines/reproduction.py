@@ -1,4 +1,4 @@
-"""The rows of the paper's Tables 1 to 3, and an earlier one, `modern`.
+"""The rows of the paper's Tables 1 to 3.
 
 A row is named as ``reproduction.py:table1_rpd``; under the paper's protocol it ends in ``_paper``.
 ``python -m baselines.gcn.queue`` trains them.

@@ -21,7 +21,7 @@ META = {
     "training_cost": "none",
 }
 
-spectrum.compile_solver()  # from the cache, but for the first time on a machine
+spectrum.compile_solver()  # it comes from the cache, but for the first time on a machine
 
 
 def eigenvalues(mesh: Mesh) -> np.ndarray:

@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import warnings
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,7 @@ html_sidebars = {
         "sidebar/scroll-end.html",
     ]
 }
+html_context = {"repository": os.environ.get("REPOSITORY", "")}  # where the code is published
 html_title = "synthNet"
 html_static_path = ["site.css"]
 html_css_files = ["site.css"]
@@ -78,13 +80,11 @@ def add_navigation(app: Sphinx, name: str, source: list[str]) -> None:
 def add_index(app: Sphinx, failed: Exception | None) -> None:
     """Let the site open at its first page, and say on a page of its own that one is not there.
 
-    A host serves 404.html at any depth, so its links begin at the site's root, ``SITE_ROOT``.
+    A host shows 404.html at any depth; the page itself finds where the site begins.
     """
     if failed is None and app.builder.format == "html":
         shutil.copyfile(app.outdir / f"{root_doc}.html", app.outdir / "index.html")
-        lost = (ROOT / "docs" / "templates" / "404.html").read_text()
-        root = os.environ.get("SITE_ROOT", "/")
-        (app.outdir / "404.html").write_text(lost.replace("{root}", root))
+        shutil.copyfile(ROOT / "docs" / "templates" / "404.html", app.outdir / "404.html")
 
 
 def reachable(page: str) -> str:
@@ -142,6 +142,16 @@ def math_role(*given: Any, **more: Any) -> tuple[list[nodes.Node], list[nodes.No
     return mathmpl.math_role(*given, **more)
 
 
+def visit_formula(self: Any, node: nodes.Element) -> None:
+    """Write a drawn formula with its source as the text that a screen reader says."""
+    image = mathmpl.latex2html(node, "").replace(" []", " ")  # its empty list of sizes
+    self.body.append(image.replace("<img ", f'<img alt="{escape(node["latex"])}" ', 1))
+
+
+def depart_formula(self: Any, node: nodes.Element) -> None:
+    """A picture has nothing to close."""
+
+
 class Formula(mathmpl.MathDirective):
     """``.. math::`` whose lines are joined by a space; Matplotlib's joins them by nothing."""
 
@@ -158,5 +168,6 @@ def setup(app: Sphinx) -> None:
     app.connect("build-finished", make_reachable)
     app.connect("build-finished", add_index)
     app.connect("build-finished", check_hosts)
+    app.add_node(mathmpl.latex_math, override=True, html=(visit_formula, depart_formula))
     app.add_role("math", math_role, override=True)
     app.add_directive("math", Formula, override=True)

@@ -10,11 +10,11 @@ from pathlib import Path
 from eigbench.errors import EigbenchError
 
 from evidence import card, measurements, numbers
-from evidence.blocks import BLOCKS, ELSEWHERE, fill
+from evidence.blocks import BLOCKS, ELSEWHERE, PAGE, fill
 from evidence.measurements import FILES, MEASUREMENTS, REPORTS, add_options
 from synthnet.errors import SynthNetError
 
-PICTURES = ("architecture", "growth", "1.0", "2.0", "readme", "poster")
+PICTURES = ("architecture", "growth", "peers", "1.0", "2.0", "readme", "poster")
 PINS = {
     "version": "the shapes of a built version",
     "limits": "the spectra of the surfaces of a version's shapes, with error bars",
@@ -95,6 +95,7 @@ def run_list(_: argparse.Namespace) -> int:
     print("Blocks, and the files of docs/data that they are made from (fill, fill --check):\n")
     for name, block in BLOCKS.items():
         print(f"  {name:32} {', '.join(block.data)}")
+    print(f"  {PAGE:32} the whole page, from benchmark/reproduction")
     for name, command in ELSEWHERE.items():
         print(f"  {name:32} by {command}")
     print("\nMeasurements (measure NAME):\n")
@@ -113,9 +114,9 @@ def run_measure(options: argparse.Namespace) -> int:
 
 def run_fill(options: argparse.Namespace) -> int:
     """Fill blocks, or check them."""
-    if unknown := sorted({*options.names} - {*BLOCKS}):
+    if unknown := sorted({*options.names} - {*BLOCKS, PAGE}):
         raise ValueError(f"there is no block {unknown[0]}: python -m evidence lists them")
-    stale = fill(options.names or BLOCKS, check=options.check)
+    stale = fill(options.names or [*BLOCKS, PAGE], check=options.check)
     for name in stale:
         text = f"{name} is stale: python -m evidence fill {name}" if options.check else name
         print(text, file=sys.stderr if options.check else sys.stdout)
@@ -133,6 +134,10 @@ def run_draw(options: argparse.Namespace) -> int:
             from evidence.growth import draw
 
             draw(numbers.read("growth"))
+        elif name == "peers":
+            from evidence.peers import draw
+
+            draw(numbers.read("peers"))
         elif name == "readme":
             from evidence.surface_pictures import draw_readme
 

@@ -96,14 +96,14 @@ def says(package: str, room: str) -> str:
 def arrows(package: str) -> tuple[tuple[str, str], ...]:
     """Return which room imports which, in the order of the plan."""
     order = [room for line in house.PLANS[package] for room in line.split()]
-    found = {
+    imports = {
         (house.room_of(file), name.split(".")[1])
         for owner, file in house.FILES
         if owner == package
         for name in house.imports_of(owner, file)
         if name.startswith(f"{package}.")
     }
-    known = [(a, b) for a, b in found if a != b and {a, b} <= {*order}]
+    known = [(a, b) for a, b in imports if a != b and {a, b} <= {*order}]
     return tuple(sorted(known, key=lambda pair: [order.index(room) for room in pair]))
 
 

@@ -25,14 +25,16 @@ from evidence import (
     installation,
     limits,
     missed,
-    multilevel_variants,
+    multilevel,
     numbers,
     operators,
+    parts,
     peers,
     ratios,
-    ritz_mlp_variants,
+    ritz_mlp,
     shapes,
     solver,
+    start,
     thin_meshes,
 )
 from synthnet.store.files import write_text
@@ -62,7 +64,7 @@ class Block:
         return text if self.inline else f"\n{text}\n"
 
 
-# By the page in docs/ and the name in its marks.
+# The key is the page in docs/ and the name in its marks.
 BLOCKS = {
     "cite/entries": Block(("build-1.0", "build-2.0"), card.citations),
     "clusters/million": Block(("build-1.0",), card.many_meshes),
@@ -86,14 +88,16 @@ BLOCKS = {
     "faults/faults": Block(("faults",), faults.table),
     "labels/solver-claim": Block(("solver",), solver.claim, inline=True),
     "labels/solver": Block(("solver",), solver.table),
+    "labels/start": Block(("start",), start.claim, inline=True),
     "labels/growth": Block(("growth",), growth.table),
     "labels/limits": Block(("limits-1.0", "limits-2.0"), limits.table),
     "labels/failing": Block(("limits-1.0", "limits-2.0"), limits.failing_labels),
-    "learned/ablation": Block(("ritz-mlp",), ritz_mlp_variants.variants_table),
-    "learned/left-out": Block(("ritz-mlp",), ritz_mlp_variants.left_out_table),
-    "real-shapes/ablation": Block(("multilevel",), multilevel_variants.variants),
+    "learned/ablation": Block(("ritz-mlp",), ritz_mlp.variants_table),
+    "learned/left-out": Block(("ritz-mlp",), ritz_mlp.left_out_table),
+    "real-shapes/ablation": Block(("multilevel",), multilevel.variants),
+    "real-shapes/parts": Block(("parts",), parts.table),
     "real-shapes/thin": Block(("thin-meshes",), thin_meshes.table),
-    "real-shapes/large": Block(("multilevel",), multilevel_variants.large_meshes),
+    "real-shapes/large": Block(("multilevel",), multilevel.large_meshes),
     "start/full-runs": Block(("build-1.0", "build-2.0"), card.full_runs),
     "spectrum/peers": Block(("peers",), peers.table),
     "spectrum/missed": Block(("missed",), missed.table),
@@ -104,6 +108,7 @@ BLOCKS = {
     "README/installation": Block(("installation",), installation.sizes, inline=True),
     "submit/overhead": Block(("harness-overhead",), harness_overhead.table),
 }
+PAGE = "reproduction"  # a page that is generated as a whole, with its pictures
 # Blocks that another command writes.
 ELSEWHERE = dict.fromkeys(("README/finding", "README/leaderboard"), "eigbench leaderboard")
 
@@ -120,7 +125,7 @@ def fill(names: Iterable[str], *, check: bool = False) -> list[str]:
     Parameters
     ----------
     names
-        Of :data:`BLOCKS`.
+        Of :data:`BLOCKS`, or :data:`PAGE`.
     check
         Whether to write nothing.
 
@@ -131,6 +136,11 @@ def fill(names: Iterable[str], *, check: bool = False) -> list[str]:
     """
     stale = []
     for name in names:
+        if name == PAGE:
+            from evidence import reproduction  # with torch and Matplotlib, which no block needs
+
+            stale += [name] if reproduction.fill(check=check) else []
+            continue
         page, mark = page_of(name)
         old = page.read_text()
         try:

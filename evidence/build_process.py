@@ -25,7 +25,7 @@ class Build:
     def __init__(self, home: Path | str, *options: str) -> None:
         self.errors = tempfile.TemporaryFile("w+")  # noqa: SIM115 - as long as the process
         self.text = ""
-        command = [sys.executable, "-m", "synthnet", "build", "--version", VERSION]
+        command = [sys.executable, "-m", "synthnet", "build", VERSION]
         self.process = subprocess.Popen(
             [*command, "--out", str(home), *options],
             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},

@@ -37,7 +37,7 @@ def composition(report: dict) -> str:
     minutes = report["wall_seconds"] / 60
     size = report["bytes"] / 1e6
     return (
-        f"{table}\n\nBuilt by `synthnet build --version {report['version']}` on 2 cores in "
+        f"{table}\n\nBuilt by `synthnet build {report['version']}` on 2 cores in "
         f"{minutes:.1f} minutes; {size:,.0f} MB."
     )
 

@@ -31,13 +31,13 @@ from synthnet.types import Mesh, Sample
 
 THUMBNAIL = (160, 120)  # pixels
 SOLID, SOFT = 40, 24  # colours of a picture's palette: few bytes, and no difference to see
-SMOOTH = 200  # of one with eigenfunctions
+SMOOTH = 200  # as many a picture with eigenfunctions has
 QUANTILES = {"low": 0.05, "middle": 0.5, "high": 0.95}
 STRIP = draw.Layout(across=3, width=1.5, height=1.1)
 PLAIN = {"triangulation": "uniform", "vertices": 3000, "seed": 0}  # 2.0, to see the surface
 KINDS, SIZES = ("uniform", "adaptive", "irregular"), (600, 2400, 9600)
 SHOWN = {"genus": 3, "hole": 0.6, "thickness": 0.5, "stretch": 0.9, "bend": 0.4}  # a pretzel
-EXAMPLE = "bent_tube-00004"  # of 2.0, a medium mesh
+EXAMPLE = "bent_tube-00004"  # it is a medium mesh of 2.0
 
 
 def draw_card(facts: dict) -> None:

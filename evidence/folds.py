@@ -19,7 +19,7 @@ from synthnet.families import FAMILIES
 from synthnet.types import Mesh
 
 VERSION = "2.0"
-SMOOTH = ("ellipsoid", "twisted_torus", "knotted_tube", "pretzel", "blob")  # without any crease
+SMOOTH = ("ellipsoid", "twisted_torus", "knotted_tube", "pretzel", "blob")  # these have no crease
 SHARP = 60.0  # degrees between normals
 
 

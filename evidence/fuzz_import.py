@@ -94,7 +94,7 @@ def altered(whole: bytes, rng: random.Random) -> bytes:
         del content[first : first + (last - first) % 64 + 1]
     elif kind == "twice":
         content[first:first] = content[first : first + (last - first) % 256 + 1]
-    elif kind == "digits":  # still a number, but another
+    elif kind == "digits":  # it stays a number, but another
         digits = [i for i, byte in enumerate(content) if byte in b"0123456789"] or [first]
         for i in rng.sample(digits, min(5, len(digits))):
             content[i] = rng.choice(b"0123456789")

@@ -18,13 +18,16 @@ from evidence import DOCS, markdown
 from evidence.timing import in_new_process, peak_mb, progress
 from synthnet import spectrum
 from synthnet.families import FAMILIES
-from synthnet.pictures.palette import BLUE, VERMILION
+from synthnet.pictures.palette import BLUE
 from synthnet.types import Mesh
 
-STEPS = (1.3, 2.24, 4.08, 7.07, 12.9, 22.4, 40.83)  # of a mesh of 600 step² vertices
+STEPS = (1.3, 2.24, 4.08, 7.07, 12.9, 22.4, 40.83)  # a mesh has 600 step² vertices
 TWICE = 100_000  # vertices up to which a solve is repeated
 NAMES = {"synthnet": "synthNet, certified", "lapy": "LaPy"}
-COLOURS = {"synthnet": BLUE, "lapy": VERMILION}
+LOOKS = {
+    "synthnet": {"ls": "-"},
+    "lapy": {"ls": "--", "mfc": "white"},
+}  # both are solvers: one colour
 
 
 def measure(*, largest: int = 1_000_000) -> dict:
@@ -128,7 +131,9 @@ def draw(data: dict) -> None:
     ):
         for side, name in NAMES.items():
             points = [(row["vertices"], row[key]) for row in data["rows"] if row["side"] == side]
-            axes.loglog(*zip(*points, strict=True), "o-", color=COLOURS[side], label=name)
+            axes.loglog(
+                *zip(*points, strict=True), marker="o", color=BLUE, **LOOKS[side], label=name
+            )
         axes.set_xlabel("vertices")
         axes.set_ylabel(label)
         axes.grid(True, which="both", alpha=0.2)

@@ -7,72 +7,27 @@ import inspect
 import json
 import sys
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 
 from tabulate import tabulate
 
-from evidence import (
-    DATA,
-    build_cost,
-    build_full,
-    build_memory,
-    faults,
-    flaws,
-    folds,
-    fuzz_import,
-    gcn_speed,
-    growth,
-    harness_overhead,
-    installation,
-    leakage,
-    limits,
-    loading,
-    missed,
-    multilevel_variants,
-    numbers,
-    operators,
-    peers,
-    ratios,
-    ritz_mlp_variants,
-    shapes,
-    solver,
-    thin_meshes,
-)
+from evidence import DATA, numbers
 
+NAMES = """
+build-cost build-full build-memory faults flaws folds fuzz-import gcn growth harness-overhead
+installation leakage limits loading missed multilevel operators parts peers ratios ritz-mlp shapes
+solver start thin-meshes
+"""
 # Each module has ``measure``, which returns the numbers and whose parameters are the options of the
 # command, and perhaps ``problems``, which returns what is wrong with them.
-MEASUREMENTS = {
-    "build-cost": build_cost,
-    "build-full": build_full,
-    "build-memory": build_memory,
-    "faults": faults,
-    "flaws": flaws,
-    "folds": folds,
-    "fuzz-import": fuzz_import,
-    "gcn": gcn_speed,
-    "growth": growth,
-    "harness-overhead": harness_overhead,
-    "installation": installation,
-    "leakage": leakage,
-    "limits": limits,
-    "loading": loading,
-    "missed": missed,
-    "multilevel": multilevel_variants,
-    "operators": operators,
-    "peers": peers,
-    "ratios": ratios,
-    "ritz-mlp": ritz_mlp_variants,
-    "shapes": shapes,
-    "solver": solver,
-    "thin-meshes": thin_meshes,
-}
+MEASUREMENTS = {name: import_module(f"evidence.{name.replace('-', '_')}") for name in NAMES.split()}
 # The files of docs/data of those whose numbers are of a version, fixed or their option.
 FILES = {"flaws": "flaws-1.0", "folds": "folds-2.0"}
 FILES |= {name: f"{name}-{{version}}" for name in ("limits", "loading", "shapes")}
 # Numbers that another command writes: reports of builds, and what a picture shows.
 REPORTS = {
-    f"build-{v}": f"synthnet build --version {v} --json > docs/data/build-{v}.json"
-    for v in ("1.0", "2.0")
+    f"build-{v}": f"synthnet build {v} --json > docs/data/build-{v}.json" for v in ("1.0", "2.0")
 } | {"surfaces": "python -m evidence draw readme"}
 
 

@@ -123,8 +123,8 @@ def measure(*, cells: int = CELLS[1]) -> dict:
                 for count in (cells // 2, cells):
                     mesh = shape.mesh(count)
                     operator = Operator(shape.boundary(mesh), mass, elements)
-                    found = spectrum.compute(mesh, K, operator=operator).eigenvalues
-                    errors.append(float(np.abs(found / shape.exact[:K] - 1).max()))
+                    values = spectrum.compute(mesh, K, operator=operator).eigenvalues
+                    errors.append(float(np.abs(values / shape.exact[:K] - 1).max()))
                     sizes.append(len(mesh.vertices))
                 rows.append(
                     {"shape": name, "elements": elements, "mass": mass, "vertices": sizes}
@@ -146,10 +146,10 @@ def problems(data: dict) -> list[str]:
 def table(data: dict) -> str:
     """Return the largest error of the first ten, in per cent, a row an operator."""
     shapes = list(dict.fromkeys(row["shape"] for row in data["rows"]))
-    found = {(row["elements"], row["mass"], row["shape"]): row for row in data["rows"]}
+    by_operator = {(row["elements"], row["mass"], row["shape"]): row for row in data["rows"]}
     rows = []
     for elements, mass in dict.fromkeys((row["elements"], row["mass"]) for row in data["rows"]):
-        of = [found[elements, mass, shape] for shape in shapes]
+        of = [by_operator[elements, mass, shape] for shape in shapes]
         cells = [f"{100 * row['errors'][1]:.2g} %" for row in of]
         rows.append([elements, mass, *cells])
     return markdown.table(["elements", "mass", *shapes], rows)

@@ -71,8 +71,8 @@ def table(data: dict) -> str:
         "× LaPy",
         "quotient",
     ]
-    said = (
+    sentence = (
         f"The ratios of the two machines differ by a factor of {data['median_factor']} in the "
         f"median, and of {data['largest_factor']} at most."
     )
-    return f"{markdown.table(headers, cells, 'lllrlrr')}\n\n{said}"
+    return f"{markdown.table(headers, cells, 'lllrlrr')}\n\n{sentence}"

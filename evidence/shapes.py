@@ -17,7 +17,7 @@ from synthnet.families import FAMILIES
 from synthnet.mesh.geometry import area
 from synthnet.types import SPLITS
 
-BINS = 40  # of a histogram, equal in the logarithm
+BINS = 40  # a histogram has so many, equal in the logarithm
 MEASURES = {
     "vertices": "vertices",
     "area": "area (length²)",

@@ -28,13 +28,13 @@ def measure(*, cases: int = 2000, seed: int = 0) -> dict:
     for case in range(cases):
         kind, exponent = KINDS[case % len(KINDS)], case // len(KINDS) % 9
         aspect = 10.0 ** -(exponent - rng.random() * (exponent > 0))
-        rows.setdefault((kind, exponent), []).append(one(thin(aspect, kind, seed=case)))
+        rows.setdefault((kind, exponent), []).append(judge(thin(aspect, kind, seed=case)))
     return {
         "cases": cases,
         "seed": seed,
         "rows": [
-            {"kind": kind, "aspect": f"1e-{e}" if e else "1", **together(found)}
-            for (kind, e), found in sorted(rows.items(), key=lambda row: KINDS.index(row[0][0]))
+            {"kind": kind, "aspect": f"1e-{e}" if e else "1", **together(outcomes)}
+            for (kind, e), outcomes in sorted(rows.items(), key=lambda row: KINDS.index(row[0][0]))
         ],
     }
 
@@ -52,7 +52,7 @@ def problems(data: dict) -> list[str]:
     return wrong
 
 
-def one(mesh: Mesh) -> dict | None:
+def judge(mesh: Mesh) -> dict | None:
     """Return what becomes of one mesh; None if there is no certificate, or no bound."""
     import mpmath
 
@@ -64,27 +64,27 @@ def one(mesh: Mesh) -> dict | None:
         return None
     with mpmath.workprec(BITS):
         matrices = exact_matrices(mesh)
-        found = {}
+        outcome = {}
         for name, label in (("plain", plain), ("sharp", sharp)):
             values, bounds = label.eigenvalues, label.certificate.error_bound
             assert bounds is not None
-            found[f"{name} bound"] = float((bounds / values).max())
-            found[f"{name} outside"] = not all(
+            outcome[f"{name} bound"] = float((bounds / values).max())
+            outcome[f"{name} outside"] = not all(
                 within(matrices, i, *pair)
                 for i, pair in enumerate(zip(values, bounds, strict=True), start=1)
             )
             worst = int(np.argmax(bounds / values))
             value, bound = values[worst], bounds[worst]
-            found[f"{name} loose"] = bool(bound > ROUNDING * value) and within(
+            outcome[f"{name} loose"] = bool(bound > ROUNDING * value) and within(
                 matrices, worst + 1, value, bound / LOOSE
             )
-        return found
+        return outcome
 
 
-def together(found: list[dict | None]) -> dict:
+def together(outcomes: list[dict | None]) -> dict:
     """Return the numbers of several meshes as one row."""
-    bounded = [case for case in found if case is not None]
-    row: dict = {"cases": len(found), "bounded": len(bounded)}
+    bounded = [case for case in outcomes if case is not None]
+    row: dict = {"cases": len(outcomes), "bounded": len(bounded)}
     for name in ("plain", "sharp"):
         bounds = [case[f"{name} bound"] for case in bounded]
         row[name] = float(f"{np.median(bounds):.2g}") if bounds else None

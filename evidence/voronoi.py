@@ -18,7 +18,8 @@ from synthnet.recipe.plan import plan_shards
 from synthnet.types import Mesh
 
 GOLDEN = ROOT / "tests" / "golden" / "voronoi.parquet"
-CONSIDERED, MOST_VERTICES = 50, 700  # shapes of a family, vertices of the obtuse one
+# So many shapes of a family are tried; the obtuse one has at most so many vertices
+CONSIDERED, MOST_VERTICES = 50, 700
 
 
 def pin_voronoi() -> None:

@@ -44,6 +44,10 @@ class DamagedError(StoreError):
     """A file of a dataset is missing, truncated or altered."""
 
 
+class OutsideError(SynthNetError):
+    """A file that somebody hands in is not what may be read."""
+
+
 class BuildError(SynthNetError):
     """A build had to stop; the shards it had finished are kept."""
 
@@ -127,3 +131,14 @@ class SpectrumError(SynthNetError):
 
 class CertificateError(SpectrumError):
     """Eigenvalues were computed, but they are not proved to be complete."""
+
+
+def counted(count: int, noun: str, plural: str = "") -> str:
+    """Return a count with its noun.
+
+    Examples
+    --------
+    >>> counted(1, "shard"), counted(1200, "mesh", "meshes")
+    ('1 shard', '1,200 meshes')
+    """
+    return f"{count:,} {noun if count == 1 else plural or f'{noun}s'}"

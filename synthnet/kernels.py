@@ -5,16 +5,20 @@ from __future__ import annotations
 import atexit
 import hashlib
 import os
+import re
+import stat
 import sys
 import tempfile
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import platformdirs
 from llvmlite import binding
 from numba import njit
+from numba.core import config
 from numba.core import event as events
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -27,7 +31,9 @@ SETTINGS = {"nogil": True, "fastmath": {"reassoc", "contract"}, "error_model": "
 # An environment variable: a program gives it a random value, the processes that it starts inherit
 # it, and of them all only the first to compile says so. If it is empty, none does.
 SAID = "SYNTHNET_COMPILING"
-COMPILING = "Compiling the numerical code for this machine, {how}: about 20 s for the solver"
+COMPILING = "Compiling the numerical code for this machine, {how}: up to 20 s"
+LARGEST = 2**24  # bytes of a file of sources
+STAMPED = re.compile(r"_([0-9a-f]{12})-[0-9]+\.py")  # in the name of a kernel's file
 KEPT: dict[Callable[..., Any], str] = {}  # how often each kernel is compiled
 
 
@@ -38,34 +44,92 @@ def processor() -> str:
     return f"{binding.get_host_cpu_name()}-{hashlib.sha256(features.encode()).hexdigest()[:8]}"
 
 
+def is_source(path: Path) -> bool:
+    """Return whether a path is a regular file, and small: another may have laid it there."""
+    return path.is_file() and path.stat().st_size <= LARGEST
+
+
 @cache
-def stamp(folder: Path) -> str:
+def stamp(room: Path) -> str:
     """Return a hash of all sources of a folder: a kernel holds the code of those it calls.
 
     A kernel may call kernels of its own folder only.
     """
-    sources = [Path(__file__), *sorted(folder.glob("*.py"))]
+    sources = [Path(__file__), *filter(is_source, sorted(room.glob("*.py")))]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:12]
+
+
+def folder() -> Path:
+    """Return where compiled kernels are kept: ``$NUMBA_CACHE_DIR``, else in the user's cache.
+
+    Loading a kernel runs its machine code, and Numba unpickles it. So the folder beside a module,
+    which may be of whoever installed that, is never used.
+    """
+    named = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(named) if named else platformdirs.user_cache_path("synthnet-kernels")
+
+
+def compiled(rooms: Iterable[Path]) -> Iterator[Path]:
+    """Yield the files of :func:`folder` that hold kernels of some folders, as these are now."""
+    stamps = {stamp(room) for room in rooms}
+    for path in sorted(folder().glob("*/*.nb[ic]")):
+        stamped = STAMPED.search(path.name)
+        if stamped and stamped[1] in stamps:
+            yield path
+
+
+@cache
+def own(path: Path) -> str:
+    """Make a folder that only this user may enter; return why it cannot be trusted, if so."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, exist_ok=True)
+        there = path.lstat()
+        if not stat.S_ISDIR(there.st_mode):
+            return f"{path} is no folder: remove it"
+        if there.st_uid != os.geteuid():
+            return f"{path} is another user's: set NUMBA_CACHE_DIR to a folder of your own"
+        if there.st_mode & 0o022:  # who may write there could have written what is loaded
+            return f"others may write to {path}: remove it"
+    except OSError as error:
+        return f"{path} cannot be made ({error.strerror}): set NUMBA_CACHE_DIR to one that can"
+    return ""
+
+
+def _kept_in(path: Path, function: Function) -> Function | None:
+    """Return a kernel that Numba keeps in a folder, or ``None`` if it cannot write there."""
+    before, config.CACHE_DIR = config.CACHE_DIR, str(path)  # other programs' kernels stay theirs
+    try:
+        compiled: Any = njit(cache=True, **SETTINGS)(function)
+    except RuntimeError:  # nor anywhere else
+        return None
+    finally:
+        config.CACHE_DIR = before
+    there = Path(compiled.stats.cache_path).is_relative_to(path)  # Numba's second choice is no good
+    return compiled if there else None
 
 
 def kernel(function: Function) -> Function:
     """Compile a function of arrays and numbers to machine code at its first call.
 
-    The code is kept beside the module, or in the user's cache, for the next process; if neither
-    can be written, every process compiles again.
+    The code is kept in :func:`folder` for the next process; if that is not the user's own or
+    cannot be written, every process compiles again.
     """
     # Numba's cache identifies a function by its name and its own file. The name here also holds
     # the module, which may be imported by two names (baselines.gcn and gcn), and the sources of
     # the kernels that it calls.
-    folder = Path(function.__code__.co_filename).parent
-    function.__qualname__ += f"_{function.__module__.replace('.', '_')}_{stamp(folder)}"
-    try:
-        compiled: Function = njit(cache=True, **SETTINGS)(function)
-        KEPT[function] = "once"
-    except RuntimeError:  # Numba can write its cache nowhere
-        compiled = njit(**SETTINGS)(function)
-        KEPT[function] = "anew by every process, as Numba can write its cache nowhere"
-    return compiled
+    sources = Path(function.__code__.co_filename).parent
+    function.__qualname__ += f"_{function.__module__.replace('.', '_')}_{stamp(sources)}"
+    problem = own(folder())
+    if not problem:
+        compiled = _kept_in(folder(), function)
+        if compiled is not None:
+            KEPT[function] = "kept from now on"
+            return compiled
+        problem = f"{folder()} cannot be written: set NUMBA_CACHE_DIR to a folder that can"
+    KEPT[function] = f"anew by every process, as {problem}"
+    anew: Function = njit(**SETTINGS)(function)
+    return anew
 
 
 def part(function: Function) -> Function:

@@ -1,4 +1,4 @@
-"""Every process notices an interrupt, and a worker ends when its parent is gone.
+"""Every process notices an interrupt and a limit, and a worker ends when its parent is gone.
 
 An exception that a signal raises inside a destructor or a C extension's callback is printed
 or dropped there, and the program continues. So Ctrl-C, and SIGTERM as schedulers send it,
@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import resource
 import signal
+import sys
 import threading
+from collections.abc import Callable
 from multiprocessing import connection
 from types import FrameType
 
@@ -44,6 +47,50 @@ def raise_if_interrupted() -> None:
 def _notice(number: int, frame: FrameType | None) -> None:
     _seen.set()
     raise KeyboardInterrupt
+
+
+def run(program: str, main: Callable[[], int], interrupted: str = "interrupted") -> int:
+    """Run a command line that imports what it needs, and return its exit code.
+
+    Parameters
+    ----------
+    program : str
+        Its name, with which every line begins.
+    main : callable
+        Imports the command line and runs it.
+    interrupted : str
+        What is said of Ctrl-C, also while modules are imported.
+    """
+    notice_interrupts()
+    try:
+        return main()
+    except (ImportError, MemoryError) as error:  # of what every command needs
+        limited = more_memory("")
+        if not limited:
+            raise
+        reason = " ".join(str(error).split())
+        sys.stderr.write(f"{program}: a library cannot be loaded ({reason}): {limited}\n")
+        return 2
+    except KeyboardInterrupt:
+        sys.stderr.write(f"{program}: {interrupted}\n")
+        return EXIT_CODE
+
+
+def more_memory(otherwise: str) -> str:
+    """Return how to have more memory: raise a limit that is set, or do what fits else.
+
+    Examples
+    --------
+    >>> more_memory("take fewer --workers")  # with `ulimit -v unlimited`
+    'take fewer --workers'
+    """
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY:
+        return otherwise
+    return (
+        f"a process may address {limit / 2**30:.1f} GiB here (`ulimit -v`), and libraries that it "
+        "loads count: raise that limit or lift it"
+    )
 
 
 def follow_parent() -> None:

@@ -1,4 +1,4 @@
-"""What both command lines share: parser, shell completion, errors, exit code, progress column."""
+"""What both command lines share: parser, shell completion, errors, exit code, progress bars."""
 
 from __future__ import annotations
 
@@ -7,12 +7,23 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
-from rich.progress import ProgressColumn, Task
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.text import Text
 
 from synthnet.errors import suggestion
+from synthnet.processes import more_memory
 
 WRONG_INPUT = 2  # exit code if the input, the directory or the machine is unsuitable
 
@@ -30,10 +41,10 @@ class Parser(argparse.ArgumentParser):
     ) -> tuple[argparse.Namespace, list[str]]:
         """Parse the command line; what is not known is an error of this parser, a command's too."""
         self._check_options(sys.argv[1:] if args is None else args)
-        found, unknown = super().parse_known_args(args, namespace)
+        options, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}")
-        return found, unknown
+        return options, unknown
 
     def _check_options(self, words: Sequence[str]) -> None:
         """Refuse an unknown option first: else what it was to give would be said to be missing."""
@@ -116,8 +127,9 @@ def run(program: str, options: argparse.Namespace, *expected: type[Exception]) -
     An error that is expected, by a wrong value or of the system too, is one line; with
     ``--traceback`` the lines of code come before it.
     """
-    expected = (ValueError, OSError, *expected)
+    expected = (ValueError, OSError, MemoryError, *expected)
     try:
+        _check_working_directory()
         code: int = options.run(options)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say
@@ -130,19 +142,51 @@ def run(program: str, options: argparse.Namespace, *expected: type[Exception]) -
     return code
 
 
+def _check_working_directory() -> None:
+    """Raise ValueError where another process has removed it: relative paths lead nowhere."""
+    try:
+        Path.cwd()
+    except FileNotFoundError as error:
+        raise ValueError("the working directory was removed: change to another one") from error
+
+
 def _line(error: Exception) -> str:
     """Return an error on one line; of the system's, the file and what is wrong with it."""
+    if isinstance(error, MemoryError):
+        return f"out of memory: {more_memory('close other programs, or take less at once')}"
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"
     return str(error)
 
 
 class Rate(ProgressColumn):
-    """A column of meshes per second since the family's first shard began."""
+    """A column of how many are done per second, since the first was begun.
+
+    Parameters
+    ----------
+    of : str
+        What is counted.
+    """
+
+    def __init__(self, of: str) -> None:
+        super().__init__()
+        self.of = of
 
     def render(self, task: Task) -> Text:
-        """Return the rate, or nothing before the first mesh is done."""
+        """Return the rate, or nothing before the first is done."""
         seconds = task.finished_time or task.elapsed
         if not task.completed or not seconds:
             return Text("")
-        return Text(f"{task.completed / seconds:7.1f} meshes/s", style="cyan")
+        return Text(f"{task.completed / seconds:7.1f} {self.of}/s", style="cyan")
+
+
+def progress(text: str, console: Console | None = None, *, of: str = "meshes") -> Progress:
+    """Return bars with counts and rates of something, on standard error, after a text."""
+    return Progress(
+        TextColumn(text),
+        BarColumn(),
+        MofNCompleteColumn(),
+        Rate(of),
+        TimeRemainingColumn(),
+        console=console or Console(stderr=True),
+    )

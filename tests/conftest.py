@@ -19,6 +19,7 @@ from synthnet.build.label import make_sample
 from synthnet.commands import cli
 from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe, plan, splits
 from synthnet.recipe.drawing import draw_shapes
+from synthnet.store import files
 from synthnet.types import Sample, ShapeSpec
 from synthnet.verify import seal
 
@@ -57,10 +58,10 @@ def recipes_are_drawn_once() -> Iterator[None]:
     split: dict[tuple[str, str], Any] = {}
     paper = splits.paper
 
-    def draw_once(wanted: Recipe) -> list[ShapeSpec]:
-        if wanted.digest not in drawn:
-            drawn[wanted.digest] = draw_shapes(wanted)
-        return drawn[wanted.digest]
+    def draw_once(version: Recipe) -> list[ShapeSpec]:
+        if version.digest not in drawn:
+            drawn[version.digest] = draw_shapes(version)
+        return drawn[version.digest]
 
     def split_once(specs: list[ShapeSpec], *settings: object) -> Any:
         digest = next((digest for digest, known in drawn.items() if known is specs), None)
@@ -189,11 +190,11 @@ class SealedSet:
 @pytest.fixture(scope="session")
 def sealed_set(tmp_path_factory: pytest.TempPathFactory) -> SealedSet:
     """One shape of each family of 1.0-mini, sealed by one worker. Read only."""
-    place = tmp_path_factory.mktemp("sealed")
-    salt, published, home = place / "salt.txt", place / "seal.json", place / "home"
-    salt.write_text("".join(f"{7 * byte % 256:02x}" for byte in range(32)) + "\n")
-    wanted = seal.sealed_recipe("1.0-mini", seal.read_salt(salt), share=0.01, beacon="round 7")
-    made, _ = seal.make(wanted, root=home, workers=1)
+    location = tmp_path_factory.mktemp("sealed")
+    salt, published, home = location / "salt.txt", location / "seal.json", location / "home"
+    files.write_secret(salt, seal.salt_text(bytes(7 * byte % 256 for byte in range(32))))
+    version = seal.sealed_recipe("1.0-mini", seal.read_salt(salt), share=0.01, beacon="round 7")
+    made, _ = seal.make(version, root=home, workers=1)
     seal.write(published, made)
     return SealedSet(home, salt, published, made)
 

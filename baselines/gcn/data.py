@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 import torch
@@ -18,6 +19,8 @@ from .folded import each
 from .graphs import Graphs, graph
 from .model import GCNConfig
 
+AT_ONCE = 500  # meshes in memory before they are encoded
+
 
 def encoder(config: GCNConfig) -> Callable[[Mesh], Graphs]:
     """Return the way from a mesh to what a network of this configuration reads.
@@ -28,7 +31,10 @@ def encoder(config: GCNConfig) -> Callable[[Mesh], Graphs]:
         When called with a mesh that cannot be encoded.
     """
     transform = encoding(
-        config.encoding, virtual_node=config.virtual_node, scale_free=config.scale_free
+        config.encoding,
+        virtual_node=config.virtual_node,
+        scale_free=config.scale_free,
+        principal_axes=config.principal_axes,
     )
 
     def encode(mesh: Mesh) -> Graphs:
@@ -91,14 +97,20 @@ class Shapes:
 def load(version: str, config: GCNConfig, root: str | None = None, threads: int = 1) -> Shapes:
     """Read a version, which is built if it is not there, and encode all its shapes."""
     stored = ensure_built(version, root)
-    samples = list(stored.samples())
     encode = encoder(config)
+    graphs: list[Graphs] = []
+    facts = []
+    samples = stored.samples()
+    while some := list(islice(samples, AT_ONCE)):  # a version's meshes take gigabytes
+        graphs += each(encode, [sample.mesh for sample in some], threads)
+        facts += [(s.eigenvalues, s.isometries, s.split, s.paper_splits) for s in some]
+    y, isometries, splits, paper_splits = (np.array(values) for values in zip(*facts, strict=True))
     return Shapes(
-        each(encode, [sample.mesh for sample in samples], threads),
-        torch.from_numpy(np.array([sample.eigenvalues for sample in samples], np.float32)),
-        torch.from_numpy(np.array([sample.isometries for sample in samples], np.float32)),
-        np.array([sample.split for sample in samples]),
-        np.array([sample.paper_splits for sample in samples]),
+        graphs,
+        torch.from_numpy(y.astype(np.float32)),
+        torch.from_numpy(isometries.astype(np.float32)),
+        splits,
+        paper_splits,
         stored.manifest.version,
         stored.manifest.recipe_digest,
     )

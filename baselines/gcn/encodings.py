@@ -158,6 +158,31 @@ class UnitArea(BaseTransform):  # type: ignore[misc]
         return data
 
 
+class PrincipalAxes(BaseTransform):  # type: ignore[misc]
+    r"""Turn a surface around its centroid into its principal axes.
+
+    They are the eigenvectors of the second moments :math:`\int x x^T` of the surface, the largest
+    first, and the third moment :math:`\int x_i^3` along each is not negative. So two isometric
+    copies of a mesh become one, as far as their moments differ: where two second moments are equal,
+    or a third one vanishes, as for a cylinder or a box, axes or signs are those of rounding.
+    """
+
+    def forward(self, data: Data) -> Data:
+        """Replace ``pos``."""
+        _, doubled = doubled_normals(corner_edges(data.pos, data.face))
+        a, b, c = data.pos.double()[data.face]
+        share = (doubled / doubled.sum())[:, None]
+        centroid = (share * (a + b + c)).sum(dim=0) / 3
+        # The midpoints of the sides integrate polynomials of degree two exactly.
+        middles = [(p + q) / 2 - centroid for p, q in ((a, b), (b, c), (c, a))]
+        _, axes = torch.linalg.eigh(sum((share * x).T @ x for x in middles))
+        axes = axes.flip(1)
+        third = sum((share * (x @ axes) ** 3).sum(dim=0) for x in middles)
+        axes = axes * torch.where(third < 0, -1.0, 1.0)
+        data.pos = (data.pos.double() - centroid) @ axes + centroid
+        return data
+
+
 class Coordinates(BaseTransform):  # type: ignore[misc]
     """Start ``x`` with the vertices."""
 
@@ -203,7 +228,13 @@ class GaussMap(BaseTransform):  # type: ignore[misc]
 CHANNELS = {"none": 3, "A": 4, "ALG": 7}  # of ``x``, by preset
 
 
-def encoding(name: str, *, virtual_node: bool = False, scale_free: bool = False) -> Compose:
+def encoding(
+    name: str,
+    *,
+    virtual_node: bool = False,
+    scale_free: bool = False,
+    principal_axes: bool = False,
+) -> Compose:
     """Return the transform of a preset: from ``Data(pos, face)`` to ``x`` and ``edge_index``.
 
     Parameters
@@ -216,6 +247,8 @@ def encoding(name: str, *, virtual_node: bool = False, scale_free: bool = False)
     scale_free : bool
         Not the paper's: :class:`UnitArea` comes first, and Voronoi areas are divided by
         their mean.
+    principal_axes : bool
+        Not the paper's: :class:`PrincipalAxes` comes next.
 
     Raises
     ------
@@ -234,6 +267,8 @@ def encoding(name: str, *, virtual_node: bool = False, scale_free: bool = False)
     if name not in CHANNELS:
         raise ValueError(f"the encoding must be one of {', '.join(CHANNELS)}, got {name!r}")
     steps: list[BaseTransform] = [UnitArea()] if scale_free else []
+    if principal_axes:
+        steps.append(PrincipalAxes())
     steps += [Coordinates(), FaceToEdge(remove_faces=False)]
     if "A" in name:
         steps.append(VoronoiArea(relative=scale_free))

@@ -31,7 +31,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from .graphs import TAIL, Graphs, join
-from .kernels import gather, scatter
+from .kernels import gather, pool, scatter, spread
 from .model import GCN
 
 CHUNK = 4096  # vertices up to which meshes go together on a CPU
@@ -98,6 +98,27 @@ class Aggregate(torch.autograd.Function):
         return x.to(ctx.dtype), None, None, None
 
 
+class Pool(torch.autograd.Function):
+    """The mean of LeakyReLU(z) over the vertices of each mesh, in one pass, on a CPU."""
+
+    @staticmethod
+    def forward(ctx: Any, z: Tensor, starts: tuple[int, ...], slope: float) -> Tensor:
+        """Return (B, c), float32, of (n, c)."""
+        ctx.save_for_backward(z)
+        ctx.starts, ctx.slope = starts, slope
+        means = torch.empty(len(starts) - 1, z.shape[1])
+        pool(starts, z, slope, means)
+        return means
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:
+        """Return the gradient with respect to z."""
+        (z,) = ctx.saved_tensors
+        x = torch.empty_like(z)
+        spread(ctx.starts, z, ctx.slope, gradient, x)
+        return x, None, None
+
+
 def adjacency(graphs: Graphs, dtype: torch.dtype) -> Tensor:
     """Return A as PyTorch's sparse matrix, (n, n)."""
     n = len(graphs.offsets) - 1
@@ -121,14 +142,16 @@ def apply(
     products = product_dtype(dtype, graphs.features.device)
     both = graphs.features.to(products)
     sparse = adjacency(graphs, dtype) if both.is_cuda else None
-    a = functional.leaky_relu_(both @ matrices[0].to(products), slope).to(dtype)
-    for matrix in matrices[1:blocks]:
-        both = Aggregate.apply(a, graphs, sparse, products)
+    for matrix in matrices[: blocks - 1]:
         a = functional.leaky_relu_(both @ matrix.to(products), slope).to(dtype)
-    means = [
-        a[start:end].mean(dim=0, dtype=torch.float32) for start, end in pairwise(graphs.starts)
-    ]
-    x = torch.stack(means)
+        both = Aggregate.apply(a, graphs, sparse, products)
+    z = both @ matrices[blocks - 1].to(products)
+    if sparse is None:
+        x = Pool.apply(z, graphs.starts, slope)
+    else:
+        a = functional.leaky_relu_(z, slope)
+        means = [a[i:j].mean(dim=0, dtype=torch.float32) for i, j in pairwise(graphs.starts)]
+        x = torch.stack(means)
     for i, matrix in enumerate(matrices[blocks:]):
         if i:
             x = functional.leaky_relu_(x, slope)

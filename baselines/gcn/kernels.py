@@ -106,6 +106,59 @@ def _scatter_half(offsets, neighbours, weights, both, x):  # type: ignore[no-unt
             x[i, k] = bits >> np.uint32(16)
 
 
+@kernel
+def _pool(starts, z, slope, means):  # type: ignore[no-untyped-def]
+    c = z.shape[1]
+    total = np.empty(c)
+    for b in range(len(means)):
+        total[:] = 0
+        for i in range(starts[b], starts[b + 1]):
+            for k in range(c):
+                total[k] += max(z[i, k], slope * z[i, k])
+        means[b] = total / (starts[b + 1] - starts[b])
+
+
+@kernel
+def _spread(starts, z, slope, gradient, x):  # type: ignore[no-untyped-def]
+    c = z.shape[1]
+    for b in range(len(gradient)):
+        share = gradient[b] / np.float32(starts[b + 1] - starts[b])
+        for i in range(starts[b], starts[b + 1]):
+            for k in range(c):
+                x[i, k] = share[k] if z[i, k] > 0 else slope * share[k]
+
+
+@kernel
+def _pool_half(starts, z, slope, means):  # type: ignore[no-untyped-def]
+    c = z.shape[1]
+    total, row = np.empty(c, np.float32), np.empty(c, np.uint32)
+    values = row.view(np.float32)
+    for b in range(len(means)):
+        total[:] = 0
+        for i in range(starts[b], starts[b + 1]):
+            for k in range(c):
+                row[k] = np.uint32(z[i, k]) << np.uint32(16)
+            for k in range(c):
+                total[k] += max(values[k], slope * values[k])
+        means[b] = total / np.float32(starts[b + 1] - starts[b])
+
+
+@kernel
+def _spread_half(starts, z, slope, gradient, x):  # type: ignore[no-untyped-def]
+    c = z.shape[1]
+    both = np.empty((2, c), np.uint16)  # the gradient where z is negative, and where it is not
+    for b in range(len(gradient)):
+        share = gradient[b] / np.float32(starts[b + 1] - starts[b])
+        for sign, factor in ((0, slope), (1, np.float32(1))):
+            bits = (factor * share).view(np.uint32)
+            for k in range(c):
+                rounded = bits[k] + np.uint32(0x7FFF) + ((bits[k] >> np.uint32(16)) & np.uint32(1))
+                both[sign, k] = rounded >> np.uint32(16)
+        for i in range(starts[b], starts[b + 1]):
+            for k in range(c):
+                x[i, k] = both[1, k] if z[i, k] < 0x8000 else both[0, k]
+
+
 RUNS = {
     (torch.float32, torch.float32): _gather,
     (torch.bfloat16, torch.bfloat16): _gather_half,
@@ -133,6 +186,18 @@ def scatter(
     """
     run = _scatter_half if x.dtype == torch.bfloat16 else _scatter
     run(*_arrays(offsets, neighbours, weights), _array(both), _array(x))
+
+
+def pool(starts: tuple[int, ...], z: Tensor, slope: float, means: Tensor) -> None:
+    """Write the mean of LeakyReLU(z) over each mesh's vertices, (B, c), float32; z is (n, c)."""
+    run = _pool_half if z.dtype == torch.bfloat16 else _pool
+    run(np.array(starts), _array(z), np.float32(slope), means.numpy())
+
+
+def spread(starts: tuple[int, ...], z: Tensor, slope: float, gradient: Tensor, x: Tensor) -> None:
+    """Write the gradient of :func:`pool` with respect to z, (n, c), in z's dtype."""
+    run = _spread_half if z.dtype == torch.bfloat16 else _spread
+    run(np.array(starts), _array(z), np.float32(slope), gradient.contiguous().numpy(), _array(x))
 
 
 def _array(x: Tensor) -> np.ndarray:

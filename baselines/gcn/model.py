@@ -30,6 +30,9 @@ class GCNConfig:
         Not the paper's: the mesh is centred and divided by s, the root of its area, Voronoi
         areas by their mean, and the outputs are logarithms of factors to Weyl's law. Scaling
         and translation are exact then.
+    principal_axes : bool
+        Not the paper's: the mesh is turned into its principal axes, so that the network need not
+        learn what rotations leave as it is.
     head_width, outputs : int
         Hidden width of the head's five layers (the paper gives none), and eigenvalues.
     slope : float
@@ -45,6 +48,7 @@ class GCNConfig:
     virtual_node: bool = False
     blocks: int = 3
     scale_free: bool = False
+    principal_axes: bool = False
     head_width: int = 64
     outputs: int = 10
     slope: float = 0.01

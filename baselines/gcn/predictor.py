@@ -12,7 +12,7 @@ import torch
 from synthnet.types import Mesh
 
 from . import data, weights
-from .configs import TrainConfig
+from .configs import FALL, TrainConfig
 from .encodings import MeshError
 from .folded import each
 from .graphs import Graphs
@@ -35,6 +35,7 @@ def title(config: TrainConfig) -> str:
         f"{model.blocks} blocks" if model.blocks != 3 else "",
         LOSS_NAMES[config.loss],
         "scale-free" if model.scale_free else "",
+        "trained longer" if config.average and config.fall > FALL else "",
         "" if config.optimiser == "sgd" or config.average else "modern",
     ]
     return ", ".join(part for part in parts if part)

@@ -5,7 +5,8 @@
     python -m baselines.gcn.queue --run --minutes 60 --only table1-rpd-scale-free
 
 A network in the scale-free form is trained until it has converged, by the rule of its
-configuration; one under the paper's own schedule for three hours. What is finished stays as it is.
+configuration; one under the paper's own schedule for three hours. What is finished stays as it is;
+what was scored before it had converged is trained anew.
 An interrupted training goes on where it stopped: a kill loses a minute at most. Checkpoints lie in
 --runs, which is best kept from one machine to the next. The weights go to baselines/reproduction,
 where baselines/reproduction.py loads them; results and predictions on the test split go to
@@ -35,7 +36,7 @@ from synthnet.store.datasets import home
 from synthnet.store.files import make_directory, write_bytes
 
 from . import weights
-from .configs import CONFIGS, PAPER, SCALE_FREE
+from .configs import CONFIGS, LONG, PAPER, SCALE_FREE
 from .run import CHECKPOINT, WEIGHTS
 
 ROOT = Path(__file__).parents[2]
@@ -82,13 +83,20 @@ class Training:
         path = self.result()
         return path.exists() and results.load(path)["predictions"]["seeds"] > self.seed
 
+    def finished(self) -> bool:
+        """Return whether it is scored, and its weights are those of an ended training."""
+        if not (self.scored() and self.weights().exists()):
+            return False
+        record = weights.read(self.weights())[1]
+        return ended(record) or record["minutes"] >= longest(self)
+
 
 def trainings() -> list[Training]:
     """Return everything there is to train, in order."""
     rows = sorted(SCALE_FREE, key=lambda name: not name.startswith(BEST))
-    anew = [name for name in rows if name.startswith((BEST, "table1"))]
+    anew = [name for name in (*LONG, *rows) if name.startswith((BEST, "table1"))]
     return [
-        *(Training(name) for name in rows),
+        *(Training(name) for name in (*LONG, *rows)),
         *(Training(name, "paper") for name in anew),
         *(Training(name) for name in TABLE_1),
         *(Training(name, seed=1) for name in rows),
@@ -96,12 +104,12 @@ def trainings() -> list[Training]:
     ]
 
 
-def folder(one: Training, runs: Path) -> Path:
+def folder(training: Training, runs: Path) -> Path:
     """Return the directory of a training's checkpoint and weights."""
-    return runs / one.protocol / f"{one.config}-{one.seed}"
+    return runs / training.protocol / f"{training.config}-{training.seed}"
 
 
-def left(one: Training, out: Path) -> float:
+def left(training: Training, out: Path) -> float:
     """Return the minutes that a training has left; 0 when it has ended and its weights are there.
 
     Raises
@@ -109,15 +117,19 @@ def left(one: Training, out: Path) -> float:
     WeightsError
         If a file is damaged.
     """
-    longest = float("inf") if CONFIGS[one.config].converged else LONGEST
     if not (out / CHECKPOINT).exists():
-        return longest
+        return longest(training)
     record = weights.read(out / CHECKPOINT)[1]
-    remaining = longest - record["minutes"]
+    remaining = longest(training) - record["minutes"]
     if not (ended(record) or remaining <= 0):
         return remaining
     kept = weights.read(out / WEIGHTS)[1]["steps"] if (out / WEIGHTS).exists() else None
     return 0.0 if kept == record["steps"] else 0.01  # it was killed before it wrote them
+
+
+def longest(training: Training) -> float:
+    """Return the minutes after which a training ends, whatever it has reached."""
+    return float("inf") if CONFIGS[training.config].converged else LONGEST
 
 
 def ended(record: dict[str, Any]) -> bool:
@@ -125,23 +137,30 @@ def ended(record: dict[str, Any]) -> bool:
     return bool(record["converged"]) or record["steps"] >= record["of"]
 
 
-def train(one: Training, out: Path, options: argparse.Namespace, minutes: float) -> bool:
+def train(training: Training, out: Path, options: argparse.Namespace, minutes: float) -> bool:
     """Train for at most so many minutes; return whether it has ended, and its weights are kept."""
-    if remaining := left(one, out):
+    if remaining := left(training, out):
         limit = min(minutes, remaining)
-        command = ["baselines.gcn.train", "--config", one.config, "--protocol", one.protocol]
-        command += ["--seed", str(one.seed), "--version", options.version, "--out", str(out)]
+        command = [
+            "baselines.gcn.train",
+            "--config",
+            training.config,
+            "--protocol",
+            training.protocol,
+        ]
+        command += ["--seed", str(training.seed), "--version", options.version, "--out", str(out)]
+        command += ["--dtype", "bfloat16"]  # its fastest, where the processor multiplies it
         command += ["--threads", str(options.threads)]
         command += ["--max-minutes", f"{limit:.4f}"] if limit < float("inf") else []
         run([*command, "--resume"] if (out / CHECKPOINT).exists() else command)
-    if left(one, out):
+    if left(training, out):
         return False
-    write_bytes(one.weights(), (out / WEIGHTS).read_bytes())
+    write_bytes(training.weights(), (out / WEIGHTS).read_bytes())
     return True
 
 
-def score(one: Training, options: argparse.Namespace) -> None:
-    """Evaluate a row on the test split, by all seeds up to this one.
+def score(training: Training, options: argparse.Namespace) -> None:
+    """Evaluate a row on the test split, by all seeds up to its own.
 
     Exit code 2 may mean that predictions are not positive, which are scored all the same: the
     paper's networks may answer anything.
@@ -151,12 +170,18 @@ def score(one: Training, options: argparse.Namespace) -> None:
     QueueError
         If there is no result afterwards that holds this seed.
     """
-    make_directory(one.result().parent)
-    command = ["eigbench", "evaluate", f"{LOADER}:{one.row}", "--dataset", options.version]
-    command += ["--protocol", one.protocol, "--seeds", str(one.seed + 1)]
-    command += ["--threads", str(options.threads), "--no-reference", "--out", str(one.result())]
+    make_directory(training.result().parent)
+    command = ["eigbench", "evaluate", f"{LOADER}:{training.row}", "--dataset", options.version]
+    command += ["--protocol", training.protocol, "--seeds", str(training.seed + 1)]
+    command += [
+        "--threads",
+        str(options.threads),
+        "--no-reference",
+        "--out",
+        str(training.result()),
+    ]
     run(command, (0, 2))
-    if not one.scored():
+    if not training.scored():
         raise QueueError("eigbench has written no result of this seed")
 
 
@@ -183,13 +208,13 @@ def run(command: Sequence[str], expected: Sequence[int] = (0,)) -> None:
 def table(chosen: Sequence[Training], runs: Path) -> str:
     """Return what is done and what is left."""
     rows = []
-    for one in chosen:
-        checkpoint = folder(one, runs) / CHECKPOINT
-        source = checkpoint if checkpoint.exists() else one.weights()
+    for training in chosen:
+        checkpoint = folder(training, runs) / CHECKPOINT
+        source = checkpoint if checkpoint.exists() else training.weights()
         cells = ["waits", "", "", "", ""]
         if source.exists():
             record = weights.read(source)[1]
-            state = "is scored" if one.scored() else "has begun"
+            state = "is finished" if training.finished() else "has begun"
             scores = [
                 (f"{row['validation_rpd']:.3f}", f"{row['validation_psnr20']:.1%}")
                 for row in record["log"]
@@ -197,7 +222,7 @@ def table(chosen: Sequence[Training], runs: Path) -> str:
             ]
             cells = [state, f"{record['steps']:,}", f"{record['minutes']:.0f}"]
             cells += scores[-1] if scores else ("", "")
-        rows.append([one.config, one.protocol, one.seed, *cells])
+        rows.append([training.config, training.protocol, training.seed, *cells])
     headers = ["configuration", "protocol", "seed", "state", "steps", "minutes"]
     return tabulate(rows, [*headers, "validation RPD", "PSNR>20"], disable_numparse=True)
 
@@ -207,21 +232,21 @@ def go_on(chosen: Sequence[Training], runs: Path, options: argparse.Namespace) -
     ends = time.monotonic() + 60 * options.minutes
     make_directory(LOADER.with_suffix(""))
     failed = False
-    for one in chosen:
-        if one.scored():
+    for training in chosen:
+        if training.finished():
             continue
         minutes = (ends - time.monotonic()) / 60
         if minutes <= 0:
             say("the time is up; --run goes on")
             break
-        say(one)
+        say(training)
         try:
-            if not train(one, folder(one, runs), options, minutes):
+            if not train(training, folder(training, runs), options, minutes):
                 say("the time is up; --run goes on")
                 break
-            score(one, options)
+            score(training, options)
         except (SynthNetError, EigbenchError, weights.WeightsError) as error:
-            sys.stderr.write(f"gcn.queue: {one}: {error}\n")
+            sys.stderr.write(f"gcn.queue: {training}: {error}\n")
             failed = True
     return int(failed)
 
@@ -238,7 +263,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--run", action="store_true", help="go on (default: show the queue)")
-    parser.add_argument("--only", nargs="+", metavar="CONFIG", choices=[*PAPER, *SCALE_FREE])
+    parser.add_argument("--only", nargs="+", metavar="CONFIG", choices=[*PAPER, *SCALE_FREE, *LONG])
     parser.add_argument(
         "--minutes", type=above_zero, default=float("inf"), help="train for so many, then stop"
     )
@@ -249,7 +274,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--runs", type=Path, help="checkpoints (default: beside the datasets)")
     options = parser.parse_args(arguments)
     runs = options.runs or Path(str(home())) / "trainings" / options.version
-    chosen = [one for one in trainings() if not options.only or one.config in options.only]
+    chosen = [
+        training for training in trainings() if not options.only or training.config in options.only
+    ]
     if not options.run:
         say(table(chosen, runs))
         return 0

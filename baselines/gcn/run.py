@@ -30,10 +30,9 @@ EVERY = 100  # steps, or an epoch if that is less, after which the network is va
 VALIDATED = 200  # shapes of the validation split, always the same
 ROWS = 2000  # of a log without scores; when it has more, every second of these is dropped
 WARM = 0.1  # of the steps, in which a one-cycle schedule rises
-RISE, PLATEAU = 300, 3000  # steps of an inverse root: the end of its rise, and of its plateau
+RISE = 300  # steps in which a trapezoid rises
 RECENT = 9  # power of its number by which a step counts in an average of the weights
 QUARTER = 0.75  # of the steps: what comes after is the last quarter
-FEWEST = 4000  # steps before a run may count as converged: its rate falls by then
 
 
 class TrainingError(Exception):
@@ -105,7 +104,7 @@ class Run:
         if config.batch_size < world:
             raise TrainingError(f"a batch of {config.batch_size} cannot be shared by {world}")
         self.instances = shapes.instances("train", protocol)
-        if config.isometries == "random":
+        if config.isometries != "stored":
             self.instances = torch.unique(self.instances[:, 0])[:, None]
         trained = torch.unique(self.instances[:, 0]).tolist()
         areas = torch.cat([shapes.graphs[i].areas for i in trained])
@@ -115,7 +114,8 @@ class Run:
         validation = torch.unique(shapes.instances("validation", protocol)[:, 0])
         chosen = torch.randperm(len(validation), generator=generator(0))[:VALIDATED]
         self.validation = validation[chosen].tolist()
-        self.per_epoch = len(self.instances) // config.batch_size  # what is left over is left out
+        self.shares = self.shares_of(self.instances)
+        self.per_epoch = int(self.shares.sum() / config.batch_size)  # the rest is left out
         if not self.per_epoch:
             raise TrainingError(
                 f"{len(self.instances)} instances are no batch of {config.batch_size}: "
@@ -126,14 +126,20 @@ class Run:
         self.progressed = Progressed()
         self.since = time.monotonic()
 
+    def shares_of(self, instances: Tensor) -> Tensor:
+        """Return how often each instance is drawn in an epoch, float64, (I,): 1 or less."""
+        sizes = [len(self.shapes.graphs[i].features) for i in instances[:, 0].tolist()]
+        cost = torch.tensor(sizes, dtype=torch.float64)
+        return (self.config.vertices / cost).clamp(max=1) if self.config.vertices else cost / cost
+
     def rate(self, step: int) -> float:
         """Return the learning rate of a step."""
         if self.config.schedule == "constant":
             return self.config.learning_rate
-        if self.config.schedule == "inverse-root":
-            return self.config.learning_rate * min(
-                (step + 1) / RISE, 1, (PLATEAU / (step + 1)) ** 0.5
-            )
+        if self.config.schedule == "trapezoid":
+            plateau, fall, floor = self.config.plateau, self.config.fall, self.config.floor
+            fallen = 1 - (1 - floor) * (step - plateau) / (fall - plateau)
+            return self.config.learning_rate * min((step + 1) / RISE, 1, max(fallen, floor))
         rise = max(1, round(WARM * self.total))
         if step < rise:
             return self.config.learning_rate * (step + 1) / rise
@@ -145,14 +151,19 @@ class Run:
 
     def batch(self, step: int) -> tuple[list[int], Tensor]:
         """Return the shapes of a step's batch, and their isometries, (b, 3, 3)."""
-        epoch, at = divmod(step, self.per_epoch)
-        order = torch.randperm(len(self.instances), generator=generator(self.seed, 0, epoch))
         size = self.config.batch_size
-        chosen = self.instances[order[at * size : (at + 1) * size]]
+        if self.config.vertices:
+            drawn = torch.multinomial(self.shares, size, generator=generator(self.seed, 0, step))
+        else:
+            epoch, at = divmod(step, self.per_epoch)
+            order = torch.randperm(len(self.instances), generator=generator(self.seed, 0, epoch))
+            drawn = order[at * size : (at + 1) * size]
+        chosen = self.instances[drawn]
         shapes = chosen[:, 0].tolist()
         if self.config.isometries == "stored":
             return shapes, self.shapes.isometries[chosen[:, 0], chosen[:, 1]]
-        return shapes, random_isometries(len(shapes), generator(self.seed, 1, step))
+        draw = random_isometries if self.config.isometries == "random" else random_signs
+        return shapes, draw(size, generator(self.seed, 1, step))
 
     def step(self) -> None:
         """Take a step of the optimiser; now and then, validate and add a row to the log."""
@@ -195,9 +206,11 @@ class Run:
     def converged(self) -> bool:
         """Return whether the last quarter of the steps has gained too little in validation RPD."""
         rows = [row for row in self.progressed.log if "validation_rpd" in row]
-        if not self.config.converged or not rows or rows[-1]["steps"] < FEWEST:
+        if not self.config.converged or not rows:
             return False
         quarter = QUARTER * rows[-1]["steps"]
+        if quarter < self.config.fall:  # while the rate falls every run improves
+            return False
         before = [row["validation_rpd"] for row in rows if row["steps"] <= quarter]
         least = min(row["validation_rpd"] for row in rows)
         return bool(before) and least > (1 - self.config.converged) * min(before)
@@ -363,6 +376,11 @@ def random_isometries(count: int, random: torch.Generator) -> Tensor:
     """Draw matrices uniformly from O(3), (count, 3, 3), float32."""
     q, r = torch.linalg.qr(torch.randn(count, 3, 3, dtype=torch.float64, generator=random))
     return (q * torch.sign(torch.diagonal(r, dim1=1, dim2=2))[:, None, :]).float()
+
+
+def random_signs(count: int, random: torch.Generator) -> Tensor:
+    """Draw diagonal matrices of 1 and -1, (count, 3, 3), float32."""
+    return torch.diag_embed(2.0 * torch.randint(0, 2, (count, 3), generator=random) - 1)
 
 
 def difference(theirs: Any, mine: Any) -> str:

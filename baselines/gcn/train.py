@@ -126,7 +126,7 @@ def train(options: argparse.Namespace, rank: int, world: int) -> int:
     config = checked(options)
     threads = options.threads or torch.get_num_threads()
     torch.set_num_threads(1)  # meshes are shared out among threads, not their operations
-    device = place(options.device, rank)
+    device = device_of(options.device, rank)
     console = Console(stderr=True, quiet=bool(rank))
     ensure_built(options.version, options.data)  # or say why not, before anything is promised
     console.print(f"Encoding the shapes of {options.version}")
@@ -150,7 +150,7 @@ def train(options: argparse.Namespace, rank: int, world: int) -> int:
     run.save()
     run.finish()
     if not rank:
-        sys.stdout.write(f"{said(run)}\n")
+        sys.stdout.write(f"{progress_of(run)}\n")
     return 130 if stopped == "interrupted" else 0
 
 
@@ -222,7 +222,7 @@ def bar(run: Run, console: Console) -> Iterator[Any]:
         yield show
 
 
-def said(run: Run) -> str:
+def progress_of(run: Run) -> str:
     """Return the end of a run in one line."""
     done = run.progressed
     text = f"{done.steps:,} of {run.total:,} steps, {run.minutes():.1f} min"
@@ -251,7 +251,7 @@ def group(device: str) -> Iterator[tuple[int, int]]:
         distributed.destroy_process_group()
 
 
-def place(name: str, rank: int) -> torch.device:
+def device_of(name: str, rank: int) -> torch.device:
     """Return the device to compute on."""
     if name not in ("cpu", "cuda"):
         raise TrainingError(f"--device must be cpu or cuda, got {name!r}")

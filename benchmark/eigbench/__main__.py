@@ -5,21 +5,18 @@ The process of a predictor imports this module anew, so it imports nothing by it
 predictor's peak memory would have the command line's packages in it.
 """
 
-import sys
-
 
 def run() -> int:
     """Run the command line and return its exit code."""
-    from synthnet.processes import EXIT_CODE, notice_interrupts
+    from synthnet import processes
 
-    notice_interrupts()
-    try:
-        from eigbench.commands.cli import main
+    return processes.run("eigbench", _main)
 
-        return main()
-    except KeyboardInterrupt:  # while modules are imported
-        sys.stderr.write("eigbench: interrupted\n")
-        return EXIT_CODE
+
+def _main() -> int:
+    from eigbench.commands.cli import main
+
+    return main()
 
 
 if __name__ == "__main__":

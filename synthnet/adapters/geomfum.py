@@ -10,7 +10,7 @@ from scipy import sparse
 from synthnet.spectrum import smallest
 from synthnet.spectrum.fem import Matrices
 
-ROUNDING = 1e-10  # of a Laplacian in float64, relative to its largest entry
+ROUNDING = 1e-10  # what float64 leaves of a Laplacian's zeros, relative to its largest entry
 
 
 class CertifiedEigsh:

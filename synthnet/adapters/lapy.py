@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.mesh.repair import Repaired
 from synthnet.spectrum import Operator, as_mesh, as_sparse, discretise, smallest
+from synthnet.spectrum.inputs import repaired
 
 
 class Solver:
@@ -26,11 +28,16 @@ class Solver:
         Isotropic elements only.
     use_cholmod : bool
         Has no effect: the factorisation is our own.
+    repair : bool
+        Not LaPy's: repair the mesh first, see :func:`synthnet.spectrum.compute`. Matrices and
+        eigenvectors then belong to ``mesh``, and ``repairs`` names what was done.
 
     Raises
     ------
     ValueError
         If it is no triangle mesh, or has no spectrum; if ``aniso`` is given.
+    Refused
+        If it is to be repaired, and is no surface by a rule of :mod:`synthnet.mesh.repair`.
 
     Examples
     --------
@@ -41,13 +48,21 @@ class Solver:
     """
 
     def __init__(
-        self, geometry: Any, lump: bool = False, aniso: None = None, *, use_cholmod: bool = False
+        self,
+        geometry: Any,
+        lump: bool = False,
+        aniso: None = None,
+        *,
+        use_cholmod: bool = False,
+        repair: bool = False,
     ) -> None:
         if aniso is not None:
             raise ValueError("anisotropic elements are not solved here: use lapy.Solver")
         del use_cholmod
         operator = Operator(mass="lumped" if lump else "consistent")
-        self._matrices = discretise(as_mesh(geometry), operator).matrices
+        done = repaired(geometry, k=1) if repair else Repaired(as_mesh(geometry))
+        self.mesh, self.repairs = done.mesh, done.repairs
+        self._matrices = discretise(self.mesh, operator).matrices
         self.stiffness, self.mass = as_sparse(self._matrices)
         if lump:
             self.mass.eliminate_zeros()

@@ -25,26 +25,38 @@ class AddMeshSpectrum(BaseTransform):  # type: ignore[misc]
         Number of eigenvalues.
     eigenvectors : bool
         Add eigenvectors too.
+    repair : bool
+        Add the eigenvalues of the repaired mesh, see :func:`synthnet.spectrum.compute`. ``pos`` and
+        ``face`` stay as they are, so that there can be no eigenvectors.
 
     Raises
     ------
-    ValueError, CertificateError, SpectrumError
+    ValueError
+        If eigenvectors are to be those of a repaired mesh.
+    ValueError, Refused, CertificateError, SpectrumError
         When it is called on a mesh, see :func:`synthnet.spectrum.compute`.
     """
 
-    def __init__(self, k: int = 10, *, eigenvectors: bool = False) -> None:
+    def __init__(self, k: int = 10, *, eigenvectors: bool = False, repair: bool = False) -> None:
+        if eigenvectors and repair:
+            raise ValueError(
+                "eigenvectors of a repaired mesh are not at the vertices of the data: repair it "
+                "first, spectrum.compute(data, repair=True).mesh"
+            )
+        self.repair = repair
         self.k = k
         self.eigenvectors = eigenvectors
 
     def forward(self, data: Data) -> Data:
         """Return the data with its spectrum."""
-        found = compute(data, self.k)
+        spectrum = compute(data, self.k, repair=self.repair)
         like = {"dtype": data.pos.dtype, "device": data.pos.device}
-        data.eigenvalues = torch.as_tensor(found.eigenvalues[None], **like)
+        data.eigenvalues = torch.as_tensor(spectrum.eigenvalues[None], **like)
         if self.eigenvectors:
-            data.eigenvectors = torch.as_tensor(found.eigenvectors, **like)
+            data.eigenvectors = torch.as_tensor(spectrum.eigenvectors, **like)
         return data
 
     def __repr__(self) -> str:
         """Return the call that makes it."""
-        return f"AddMeshSpectrum({self.k}, eigenvectors={self.eigenvectors})"
+        options = f"eigenvectors={self.eigenvectors}" + ", repair=True" * self.repair
+        return f"AddMeshSpectrum({self.k}, {options})"

@@ -29,14 +29,22 @@ class ShapeDNA(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         :func:`synthnet.spectrum.descriptors.shape_dna`.
     reweighted : bool
         Divide the i-th by i.
+    repair : bool
+        Repair each mesh first, see :func:`synthnet.spectrum.compute`.
     """
 
     def __init__(
-        self, k: int = 10, normalisation: str = "area", *, reweighted: bool = False
+        self,
+        k: int = 10,
+        normalisation: str = "area",
+        *,
+        reweighted: bool = False,
+        repair: bool = False,
     ) -> None:
         self.k = k
         self.normalisation = normalisation
         self.reweighted = reweighted
+        self.repair = repair
 
     def fit(self, X: Iterable[Any], y: Any = None) -> ShapeDNA:
         """Return itself."""
@@ -57,7 +65,7 @@ class ShapeDNA(TransformerMixin, BaseEstimator):  # type: ignore[misc]
 
         Raises
         ------
-        ValueError, CertificateError, SpectrumError
+        ValueError, Refused, CertificateError, SpectrumError
             See :func:`synthnet.spectrum.compute` and
             :func:`~synthnet.spectrum.descriptors.shape_dna`.
         """
@@ -74,9 +82,10 @@ class ShapeDNA(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         return True
 
     def _row(self, given: Any) -> NDArray[np.float64]:
-        mesh = as_mesh(given)
+        spectrum = compute(given, self.k, repair=self.repair)
+        mesh = as_mesh(given) if spectrum.mesh is None else spectrum.mesh
         return shape_dna(
-            compute(mesh, self.k),
+            spectrum,
             self.normalisation,
             area=area(mesh) if self.normalisation == "area" else None,
             volume=volume(mesh) if self.normalisation == "volume" else None,

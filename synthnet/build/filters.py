@@ -145,7 +145,7 @@ MESH_CHECKS: dict[str, Callable[[MeshFacts, FilterSettings, Topology], str | Non
     "boundary": boundary,
 }
 
-SOLVER = "solver"  # reason of a shape for which the solver itself gave up
+SOLVER = "solver"  # the reason where the solver itself gave up
 CERTIFICATE = "certificate"  # and of one whose spectrum could not be proved complete
 
 SPECTRUM_CHECKS: dict[str, Callable[[Spectrum, FilterSettings], str | None]] = {

@@ -27,16 +27,16 @@ from synthnet.errors import BuildError, MeshImportError, StoreError
 from synthnet.mesh.reading import Reader
 from synthnet.mesh.repair import SPLIT
 from synthnet.recipe import Kind
-from synthnet.store import ImportDescription, StoredDataset, files, limits
+from synthnet.store import ImportDescription, StoredDataset, files, limits, unpacked
 from synthnet.store.storage import Location
 from synthnet.types import Manifest, ShardRecord
 
 __all__ = ["Settings", "check_name", "describe", "file_outcomes", "import_meshes", "make_shard"]
 
-RULES = 2  # of reading, repair and label; to be raised with any that gives a file another outcome
+RULES = 3  # of reading, repair and label; to be raised with any that gives a file another outcome
 FACTS = (  # parameters that are no repair
     *("file", "sha256", "part", "scale", "not_orientable", "components", "largest_share"),
-    "error_bound",
+    *("shares", "error_bound"),
 )
 LESS = 0.5  # of the area: a largest component of less is a part of what the file shows
 
@@ -210,7 +210,7 @@ def _check_directory(directory: Location) -> None:
         return
     if not directory.is_dir():
         raise MeshImportError(f"{directory} is no directory: choose another --out or --name")
-    known = {SHARDS, ".lock", store.MANIFEST, limits.DIRECTORY, "processed"}
+    known = {SHARDS, ".lock", store.MANIFEST, limits.DIRECTORY, *unpacked.FOLDERS}
     strange = sorted(p.name for p in directory.iterdir() if p.name not in known)
     strange = [name for name in strange if not re.fullmatch(r"\..*\.partial|\.writable", name)]
     if strange:

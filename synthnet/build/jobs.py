@@ -17,15 +17,13 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-import filelock
-
 from synthnet import spectrum, store
 from synthnet.build.terms import SHARED, Terms, agree
 from synthnet.build.workers import Engine, Workers, cores, local_processes, one_thread
 from synthnet.errors import BuildError, DamagedError
-from synthnet.processes import raise_if_interrupted
+from synthnet.processes import more_memory, raise_if_interrupted
 from synthnet.recipe.plan import ShardPlan
-from synthnet.store import StoredDataset, storage
+from synthnet.store import StoredDataset, files, storage
 from synthnet.store.storage import Location
 from synthnet.types import Rejection, Sample, ShardRecord
 
@@ -38,7 +36,7 @@ class Job:
     """One file to be made, or kept if it is there and whole; plain data that a worker is sent."""
 
     plan: ShardPlan  # the shard that is made, or that the file belongs to
-    path: Location  # of the file
+    path: Location  # where the file is
     # Return the shard's record, from the file that is there. Raise DamagedError where it is to be
     # made anew, and StoreError where it bears another digest.
     read: Callable[[], ShardRecord]
@@ -52,7 +50,7 @@ class Task:
 
     directory: Location  # of the dataset; one task at a time writes to it
     folders: tuple[Location, ...]  # that files are written to
-    drawn: Mapping[str, int]  # number of shapes by family
+    drawn: Mapping[str, int]  # how many shapes a family has
     jobs: Callable[[], Iterable[Job]]  # in the order of the shards; drawn up when the work begins
     # Return the dataset if nothing is left to do. Raise StoreError if something else is there.
     finished: Callable[[], StoredDataset | None]
@@ -65,7 +63,7 @@ class ShardResult:
 
     record: ShardRecord
     size: int | None  # bytes of the file, as the worker sees it
-    seconds: float  # of one core
+    seconds: float  # that one core took
     reused: bool  # the file was there
     damaged: str | None = None  # what was wrong with the file that was there
 
@@ -143,7 +141,7 @@ def run(task: Task, options: Options, *, preload: str) -> BuildReport:
         for folder in task.folders:
             storage.make_directory(folder)
         with exclusive(task.directory, options.wait_for_lock, *task.folders):
-            dataset = task.finished()  # by the task that this one waited for
+            dataset = task.finished()  # the task that this one waited for has built it
             if dataset is None:
                 results = make_shards(task, options, preload)
                 dataset = task.complete([result.record for result in results])
@@ -160,7 +158,7 @@ def make_shards(task: Task, options: Options, preload: str) -> list[ShardResult]
     watcher = options.watcher or Watcher()
     results: dict[int, ShardResult] = {}
     with options.engine or local_processes(options.workers, preload) as workers:
-        spectrum.compile_solver()  # here, and not in every worker
+        spectrum.compile_solver()  # once here, so that no worker has to
         watcher.planned(task.drawn)
         for number, job, result in submit(workers, task.jobs(), watcher):
             see(job.path, result.size)
@@ -194,7 +192,7 @@ def _result(future: Future[ShardResult], plan: ShardPlan) -> ShardResult:
     except (MemoryError, SystemError) as error:  # what C code raises that forgot to say which
         raise BuildError(
             f"a worker ran out of memory at {plan.file}: finished shards are kept, "
-            "run the same command again, with fewer --workers or more memory"
+            f"run the same command again; {more_memory('take fewer --workers or more memory')}"
         ) from error
 
 
@@ -217,26 +215,19 @@ def exclusive(directory: Location, wait_for_lock: bool, *folders: Location) -> I
     Raises
     ------
     BuildError
-        If another build is there, and ``wait_for_lock`` is not given.
+        If another build is there, and ``wait_for_lock`` is not given, or no lock can be had.
     """
     if not isinstance(directory, Path):
         yield
         return
-    lock = filelock.FileLock(directory / ".lock")
-    try:
-        lock.acquire(timeout=-1 if wait_for_lock else 0)
-    except filelock.Timeout as error:
-        raise BuildError(
-            f"another build is writing to {directory}: wait for it (--wait) or choose another --out"
-        ) from error
-    try:
-        for folder in folders:
-            storage.remove_partial_files(folder)
-        yield
-    finally:
-        for folder in folders:
-            storage.remove_partial_files(folder)
-        lock.release()
+    with files.locked(directory / ".lock", wait=wait_for_lock):
+        try:
+            for folder in folders:
+                storage.remove_partial_files(folder)
+            yield
+        finally:
+            for folder in folders:
+                storage.remove_partial_files(folder)
 
 
 # In a worker

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -106,19 +107,19 @@ def _by_directory(places: Sequence[Path]) -> dict[Path, list[tuple[Path, str]]]:
 
     A file that is given by itself belongs to the directory that it is in.
     """
-    found = dict[Path, list[tuple[Path, str]]]()
-    for place in places:
-        path = place.absolute()  # a worker may be elsewhere
+    files = dict[Path, list[tuple[Path, str]]]()
+    for given in places:
+        path = given.absolute()  # a worker may be elsewhere
         if path.is_file():
             if kind_of(path.name) is None:
-                raise MeshImportError(f"{place} is none of {', '.join(SUFFIXES)}")
-            found.setdefault(path.parent.resolve(), []).append(
+                raise MeshImportError(f"{given} is none of {', '.join(SUFFIXES)}")
+            files.setdefault(path.parent.resolve(), []).append(
                 (path.parent.resolve() / path.name, "")
             )
         else:
             directory = path.resolve()
-            found.setdefault(directory, []).extend(_mesh_files(directory))
-    return found
+            files.setdefault(directory, []).extend(_mesh_files(directory))
+    return files
 
 
 def _parts(source: Source, parts: Callable[[Source], int]) -> Iterator[Source]:
@@ -150,6 +151,17 @@ def _mesh_files(directory: Path) -> Iterator[tuple[Path, str]]:
                 yield Path(folder, name), ""
     for error in errors:
         yield Path(error.filename), f"cannot be opened ({error.strerror})"
+
+
+def not_meshes(directories: Sequence[Path]) -> Counter[str]:
+    """Count the files that an import does not read, by the ends of their names."""
+    return Counter(
+        Path(name).suffix.lower() or "without a suffix"
+        for directory in directories
+        for _, _, names in os.walk(directory)
+        for name in names
+        if kind_of(name) is None
+    )
 
 
 def _source(directory: Path, path: Path, error: str) -> Source:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from synthnet import recipe
 from synthnet.build import filters
@@ -105,24 +106,26 @@ def read(source: Source, settings: Settings, reader: Reader) -> Triangles:
     UnreadableError
         If it cannot be read, or has polygons that are not convex and these are not to be cut.
     """
-    found = reader.triangles(source.path, source.sha256)
-    if found.clipped and "polygons" in settings.without:
-        raise UnreadableError(f"{found.clipped:,} polygons that are not convex")
-    return found
+    triangles = reader.triangles(source.path, source.sha256)
+    if triangles.clipped and "polygons" in settings.without:
+        raise UnreadableError(f"{triangles.clipped:,} polygons that are not convex")
+    return triangles
 
 
 def count_parts(source: Source, settings: Settings, reader: Reader) -> int:
     """Return how many shapes the components of a file are; 1 if it will be rejected."""
     try:
-        found = read(source, settings, reader)
-        return repair.count_components(Mesh(found.vertices, found.faces), _rules(settings, None))
+        triangles = read(source, settings, reader)
+        return repair.count_components(
+            Mesh(triangles.vertices, triangles.faces), _rules(settings, None)
+        )
     except (UnreadableError, ChangedError, repair.Refused):
         return 1
 
 
 def surface(
     read: Triangles, settings: Settings, part: int | None = None
-) -> tuple[Mesh, dict[str, float | int]]:
+) -> tuple[Mesh, dict[str, float | int | str]]:
     """Return the surface at the precision of the store, and what was done to the triangles.
 
     It is centred, so that float32 loses nothing far from the origin.
@@ -146,14 +149,30 @@ def surface(
     if flat := repair.flat_faces(stored):
         raise repair.Refused("degenerate_face", f"{flat} faces have no area in float32")
     repairs |= done.repairs
-    facts: dict[str, float | int] = {k.replace(" ", "_"): v for k, v in repairs.items()}
+    facts: dict[str, float | int | str] = {k.replace(" ", "_"): v for k, v in repairs.items()}
     if not done.orientable:
         facts["not_orientable"] = 1
     if len(done.shares) > 1:
         facts |= {"components": len(done.shares), "largest_share": round(float(done.shares[0]), 6)}
+        facts["shares"] = listed_shares(done.shares)
     if settings.unit_area:
         facts["scale"] = scale
     return stored, facts
+
+
+def listed_shares(shares: NDArray[np.float64]) -> str:
+    """Return the components' shares of the area, to six decimals; equal ones are counted.
+
+    However many components there are, so are few: at most 1,414 different shares add up to one.
+
+    Examples
+    --------
+    >>> listed_shares(np.array([0.5, 0.125, 0.125, 0.125, 0.125]))
+    '0.5 0.125*4'
+    """
+    values, counts = np.unique(np.round(shares, 6), return_counts=True)
+    pairs = zip(values[::-1].tolist(), counts[::-1].tolist(), strict=True)
+    return " ".join(f"{value:.6g}" + f"*{count}" * (count > 1) for value, count in pairs)
 
 
 def _rules(settings: Settings, part: int | None) -> repair.Rules:

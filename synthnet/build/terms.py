@@ -10,6 +10,10 @@ from importlib import metadata
 from pathlib import Path
 from platform import python_version
 
+import numpy
+import scipy.linalg  # noqa: F401 - or its BLAS may not be loaded yet
+import threadpoolctl
+
 from synthnet.errors import BuildError
 from synthnet.kernels import processor
 from synthnet.recipe import Recipe
@@ -35,6 +39,8 @@ class Terms:
         The versions this process has, by package.
     processor : str
         The kind of processor: the last digits of a label depend on it.
+    blas : str
+        The kernels of linear algebra that NumPy and SciPy have chosen, as those do too.
     directory : Path or RemotePath
         Where the dataset is to be.
     """
@@ -43,6 +49,7 @@ class Terms:
     digest: str
     packages: Mapping[str, str]
     processor: str
+    blas: str
     directory: Location
 
 
@@ -62,6 +69,12 @@ def agree(terms: Terms) -> None:
             f"build ({terms.processor}): their labels would differ in the last digits, so "
             "take machines of one kind"
         )
+    if blas_kernels() != terms.blas:
+        raise BuildError(
+            f"the worker on {host} computes with other BLAS kernels ({blas_kernels()}) than the "
+            f"build ({terms.blas}): their labels would differ in the last digits, so set the same "
+            "OPENBLAS_CORETYPE for all"
+        )
     if terms.recipe.digest != terms.digest:
         raise BuildError(
             f"the worker on {host} understands another recipe than the build: "
@@ -74,7 +87,36 @@ def agree(terms: Terms) -> None:
 
 def terms_of(recipe: Recipe, directory: Location) -> Terms:
     """Return what this process holds its workers to."""
-    return Terms(recipe, recipe.digest, _packages(), processor(), directory)
+    return Terms(recipe, recipe.digest, _packages(), processor(), blas_kernels(), directory)
+
+
+@functools.cache
+def blas_kernels() -> str:
+    """Return the libraries of linear algebra that NumPy and SciPy load, with their kernels.
+
+    OpenBLAS chooses its kernels when it is loaded, by the processor or ``$OPENBLAS_CORETYPE``.
+    """
+    kernels = {
+        " ".join(
+            str(library[key])
+            for key in ("internal_api", "version", "architecture")
+            if library.get(key)
+        )
+        for library in threadpoolctl.threadpool_info()
+        if library["user_api"] == "blas" and is_ours(Path(library["filepath"]))
+    }
+    return ", ".join(sorted(kernels))
+
+
+def is_ours(library: Path) -> bool:
+    """Return whether a library came with NumPy or SciPy, or is the environment's for all.
+
+    Those that PyTorch and others bring for themselves are loaded in some processes only.
+    """
+    packages = Path(numpy.__file__).parent.parent
+    if not library.is_relative_to(packages):
+        return True
+    return library.relative_to(packages).parts[0] in ("numpy.libs", "scipy.libs")
 
 
 @functools.cache

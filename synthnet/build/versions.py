@@ -185,7 +185,7 @@ def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> St
     if finished is not None:
         return finished
     sys.stderr.write(f"synthNet {version} is not in {directory} yet: building it\n")
-    command = [sys.executable, "-m", "synthnet", "build", "--version", version]
+    command = [sys.executable, "-m", "synthnet", "build", version]
     command += ["--out", str(store.home(root)), "--wait"]
     if subprocess.run(command, stdout=STANDARD_ERROR, check=False).returncode:
         raise BuildError(

@@ -26,7 +26,7 @@ from typing import Any, TypeAlias
 import threadpoolctl
 
 from synthnet.errors import BuildError, MissingPackageError, needed_by
-from synthnet.processes import follow_parent
+from synthnet.processes import follow_parent, more_memory
 
 CONNECT_SECONDS = 10
 
@@ -95,8 +95,8 @@ def local_processes(workers: int | None = None, preload: str | None = None) -> I
         yield Workers(pool, lambda: count)
     except BrokenProcessPool as error:
         raise BuildError(
-            "a worker process died (out of memory?): finished shards are kept, "
-            "run the same command again, with fewer --workers if memory is short"
+            "a worker process died (out of memory?): finished shards are kept, run the same "
+            f"command again; {more_memory('take fewer --workers if memory is short')}"
         ) from error
     except BaseException:
         for process in set(multiprocessing.active_children()) - others:

@@ -11,6 +11,7 @@ from synthnet.build.jobs import BuildReport
 from synthnet.build.workers import Engine, dask_cluster, mpi_processes
 from synthnet.commands.options import add_command, print_json, workers_options
 from synthnet.commands.report import family_table, summary, with_bars
+from synthnet.errors import counted
 from synthnet.store.limits import DIRECTORY
 from synthnet.terminal import Commands
 
@@ -129,4 +130,4 @@ def _print_limits(limited: BuildReport) -> None:
 
 
 def _kept(report: BuildReport) -> str:
-    return f", {report.reused} shards kept from an earlier run" if report.reused else ""
+    return f", {counted(report.reused, 'shard')} kept from an earlier run" if report.reused else ""

@@ -9,6 +9,7 @@ from synthnet import terminal
 from synthnet.commands import (
     build,
     croissant,
+    export,
     gallery,
     imports,
     info,
@@ -22,7 +23,7 @@ from synthnet.errors import SynthNetError
 from synthnet.terminal import Parser
 from synthnet.version import __version__
 
-COMMANDS = (versions, build, imports, seal, info, verify, show, gallery, spectra, croissant)
+COMMANDS = (versions, build, imports, seal, info, verify, show, gallery, spectra, croissant, export)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
         family = "" if options.family is None else f" of family {options.family}"
         raise ValueError(
             f"{options.version} has no shape{family} to draw, every one was rejected: "
-            f"`synthnet info --version {options.version}` says why"
+            f"`synthnet info {options.version}` says why"
         )
     write_bytes(path, galleries.sheet(shapes, varying, title, edges=options.edges))
     if options.json:

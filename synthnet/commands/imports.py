@@ -11,6 +11,7 @@ from tabulate import tabulate
 
 from synthnet.commands.options import add_command, print_json, workers_options
 from synthnet.commands.report import FamilyBars, summary
+from synthnet.errors import counted
 from synthnet.mesh.repair import COMPONENTS, KEEP, LARGEST, REPAIRS, SPLIT
 from synthnet.terminal import WRONG_INPUT, Commands
 
@@ -78,26 +79,37 @@ def add(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> int:
     """Import the files, and say what became of each."""
     from synthnet.build.importing import Settings, file_outcomes, import_meshes, small_parts
+    from synthnet.build.sources import not_meshes
 
     bars = FamilyBars()
     with bars.progress:
         report = import_meshes(
             options.directory,
             options.name,
-            Settings(options.unit_area, options.components, options.split, tuple(options.without)),
+            Settings(
+                unit_area=options.unit_area,
+                components=options.components,
+                split=options.split,
+                without=tuple(options.without),
+                cut_fins=options.cut_fins,
+            ),
             root=options.out,
             workers=options.workers,
             watcher=bars,
             wait_for_lock=options.wait,
         )
-    rows = file_outcomes(report.dataset)
+    rows, others = file_outcomes(report.dataset), not_meshes(options.directory)
     if options.json:
-        print_json({**summary(report.dataset.manifest, report), "files": rows})
+        more = {"files": rows, "not_meshes": others}
+        print_json({**summary(report.dataset.manifest, report), **more})
     else:
         print(tabulate(rows, headers="keys", maxcolwidths=[None, None, None, 60], intfmt=","))
         counts = Counter(row["outcome"] for row in rows)
         totals = ", ".join(f"{count:,} {outcome}" for outcome, count in counts.items())
-        print(f"\n{len(rows):,} files: {totals}: {report.dataset.directory}")
+        print(f"\n{counted(len(rows), 'file')}: {totals}: {report.dataset.directory}")
+        if others:
+            kinds = ", ".join(f"{count:,} {suffix}" for suffix, count in sorted(others.items()))
+            print(f"{counted(others.total(), 'other file')}, not read as meshes: {kinds}")
         if report.nothing_to_do:
             print("(imported already: nothing to do)")
     if options.components != SPLIT and (parts := small_parts(report.dataset)):

@@ -5,9 +5,13 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 
+from tabulate import tabulate
+
 from synthnet import store
+from synthnet.build.importing import file_outcomes
 from synthnet.commands.options import add_command, print_json
 from synthnet.commands.report import family_table, summary
+from synthnet.errors import StoreError, counted
 from synthnet.recipe import Kind
 from synthnet.store import limits, storage
 from synthnet.terminal import Commands
@@ -19,6 +23,12 @@ def add(commands: Commands) -> None:
     sub = add_command(commands, "info", run, "say what a built version holds", "1.0-small")
     sub.add_argument(
         "--ids", action="store_true", help="list the ids of its shapes, and the files of an import"
+    )
+    sub.add_argument(
+        "--shape",
+        metavar="ID",
+        help="say what became of one shape of an import, by its id or its file, also of one that "
+        "was rejected (default: the whole dataset)",
     )
 
 
@@ -34,6 +44,13 @@ def run(options: argparse.Namespace) -> int:
             files = dataset.files()
             print("\n".join(f"{id}  {files[id]}" if id in files else id for id in ids))
         return 0
+    if options.shape is not None:
+        outcome = _outcome(dataset, options.shape)
+        if options.json:
+            print_json(outcome)
+        else:
+            print(tabulate(outcome.items(), tablefmt="plain", intfmt=","))
+        return 0
     surfaces = _count_limits(dataset)
     if options.json:
         more = {"directory": str(dataset.directory), "limits": surfaces}
@@ -46,13 +63,27 @@ def run(options: argparse.Namespace) -> int:
     )
     print(f"\nversion    {manifest.version}  (recipe {manifest.recipe_digest[:12]})")
     print(f"directory  {dataset.directory}")
-    print(f"size       {size / 1e6:,.1f} MB in {len(manifest.shards)} shards")
+    print(f"size       {size / 1e6:,.1f} MB in {counted(len(manifest.shards), 'shard')}")
     print(f"limits     {_say_limits(surfaces, dataset.kind)}")
     print("splits     " + ", ".join(f"{name} {splits[name]:,}" for name in SPLITS))
     print("made with  " + ", ".join(f"{k} {v}" for k, v in manifest.packages.items()))
     for rejection in manifest.rejections:
         print(f"rejected   {rejection.id}: {rejection.reason}: {rejection.detail}")
     return 0
+
+
+def _outcome(dataset: store.StoredDataset, name: str) -> dict[str, str | int]:
+    """Return what became of a file, by the name of the file or the id of its shape."""
+    if dataset.kind is not Kind.IMPORTED:
+        raise StoreError(f"{dataset.manifest.version} is no import: `synthnet show {name}`")
+    id = dataset.id_of(name)
+    for row in file_outcomes(dataset):
+        if row["id"] == id:
+            return row
+    raise StoreError(
+        f"no file {name!r} in {dataset.manifest.version}: "
+        f"`synthnet info {dataset.manifest.version} --ids` lists them"
+    )
 
 
 def _count_limits(dataset: store.StoredDataset) -> dict[str, int]:
@@ -72,5 +103,6 @@ def _say_limits(counts: dict[str, int], kind: Kind) -> str:
     if not labels:
         return "none (meshes alone)" if kind is Kind.IMPORTED else "none (--limits)"
     return (
-        f"of {labels:,} labels; {failing:,} ({failing / labels:.1%}) are 20 dB or less from theirs"
+        f"of {labels:,} labels; {failing:,} of them ({failing / labels:.1%}) have a PSNR of "
+        "20 dB or less against their limit"
     )

@@ -58,7 +58,7 @@ def dataset_argument(command: argparse._ActionsContainer, *, positional: bool = 
         action=DatasetName,
         default="1.0",
         metavar="NAME",
-        help=f"{known} (default: %(default)s)",
+        help=f"{known} (default: %(default)s); --version is its old name",
     )
     complete_with(option, _names)
 

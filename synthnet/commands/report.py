@@ -7,23 +7,15 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import TaskID
 from tabulate import tabulate
 
 from synthnet.build.jobs import BuildReport, ShardResult, Watcher
 from synthnet.recipe.plan import ShardPlan
-from synthnet.terminal import Rate
+from synthnet.terminal import progress
 from synthnet.types import Manifest
 
-Made = TypeVar("Made")  # by a build: a report, perhaps with more
+Made = TypeVar("Made")  # what a build returns: a report, perhaps with more
 
 
 def summary(manifest: Manifest, report: BuildReport | None = None) -> dict[str, Any]:
@@ -103,14 +95,7 @@ class FamilyBars(Watcher):
 
     def __init__(self, of: str = "") -> None:
         self.of = of
-        self.progress = Progress(
-            TextColumn(f"{{task.description:<{len(of) + 18}}}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            Rate(),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-        )
+        self.progress = progress(f"{{task.description:<{len(of) + 18}}}")
         self.tasks: dict[str, TaskID] = {}
 
     def planned(self, drawn: Mapping[str, int]) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from synthnet import recipe
 from synthnet.commands.options import add_command, workers_options
 from synthnet.commands.report import family_table, with_bars
+from synthnet.errors import counted
 from synthnet.store.files import make_parent
 from synthnet.terminal import Commands
 
@@ -63,7 +64,7 @@ def salt_option(sub: argparse.ArgumentParser, *, required: bool = True) -> None:
         type=Path,
         required=required,
         metavar="FILE",
-        help=f"the salt: at least 32 random bytes as hexadecimal digits{default}",
+        help=f"the salt, as --new-salt of `synthnet seal` wrote it{default}",
     )
 
 
@@ -76,6 +77,7 @@ def run(options: argparse.Namespace) -> int:
         make_parent(options.salt_file)
         seals.make_salt(options.salt_file)
     salt = seals.read_salt(options.salt_file)
+    seals.check_secret(options.salt_file)
     resolved = seals.sealed_recipe(
         options.version, salt, share=options.share, beacon=options.beacon
     )
@@ -97,7 +99,7 @@ def run(options: argparse.Namespace) -> int:
     if not report.nothing_to_do:
         print(family_table(report.dataset.manifest, report.seconds) + "\n")
     passed = sum(published.left_out.values())
-    print(f"{resolved.version}: {sum(published.kept.values()):,} shapes", end="")
+    print(f"{resolved.version}: {counted(sum(published.kept.values()), 'shape')}", end="")
     print(f"; {passed:,} surfaces of {options.version} were drawn and left out" if passed else "")
     print(f"publish     {path}")
     print(f"keep secret {options.salt_file} and {directory}")

@@ -87,11 +87,16 @@ def run(options: argparse.Namespace) -> int:
         return 0
     del described["eigenvalues"], described["limit"]
     proof = sample.certificate
-    described["certificate"] = (
-        f"{proof.count} eigenvalues below {proof.shift:.6g}, zero included, as many as were "
-        f"found; each within a relative {proof.residual:.1g} of an exact one"
-    )
     parameters = described.pop("parameters")
+    bound = parameters.get("error_bound")
+    described["certificate"] = (
+        f"{proof.count} eigenvalues below {proof.shift:.6g}, zero included, as many as were found; "
+        + (
+            f"the largest relative residual is {proof.residual:.1g}, without rounding of matrices"
+            if bound is None
+            else f"each within a relative {bound:.1g} of the mesh's, rounding included"
+        )
+    )
     described["parameters"] = ", ".join(f"{k} {v}" for k, v in parameters.items())
     print(
         tabulate([(k.replace("_", " "), _short(v)) for k, v in described.items()], tablefmt="plain")

@@ -8,6 +8,7 @@ import io
 import math
 import re
 import sys
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,8 @@ from tabulate import tabulate
 from synthnet import terminal
 from synthnet.commands.options import at_least, print_json
 from synthnet.errors import SpectrumError, SynthNetError
-from synthnet.mesh.formats import UnreadableError
+from synthnet.mesh.formats import SUFFIXES, UnreadableError
+from synthnet.mesh.geometry import MeshFacts
 from synthnet.mesh.reading import Reader
 from synthnet.mesh.repair import Refused, Repaired, Rules, repair
 from synthnet.spectrum import Operator, certify, compute
@@ -29,8 +31,11 @@ from synthnet.store.files import make_parent, write_text
 from synthnet.terminal import Commands
 from synthnet.types import Spectrum
 
-SHOWN = 6  # eigenvalues of a row on the terminal
+SHOWN = 6  # so many eigenvalues fit in a row of the terminal
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf", re.IGNORECASE)
+
+
+FORMATS = f"a mesh: {', '.join(SUFFIXES)}, or one of these .gz"
 
 
 class AnswerError(SynthNetError):
@@ -42,13 +47,14 @@ class OperatorError(SynthNetError):
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Answer:
     """The spectrum of a file's mesh, or why it has none."""
 
     file: Path
     repaired: Repaired | None = None
     spectrum: Spectrum | None = None
     problem: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 def add(commands: Commands) -> None:
@@ -60,7 +66,7 @@ def add(commands: Commands) -> None:
         "compute the certified spectra of mesh files",
         "bunny.ply cow.obj -k 50 --out spectra.csv",
     )
-    sub.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a mesh of any format")
+    sub.add_argument("files", nargs="+", type=Path, metavar="FILE", help=FORMATS)
     sub.add_argument(
         "-k",
         type=at_least(1),
@@ -82,7 +88,7 @@ def add(commands: Commands) -> None:
         "judge the eigenvalues that another solver gave for a mesh file",
         "bunny.ply answer.csv --tolerance 1e-4",
     )
-    sub.add_argument("mesh", type=Path, metavar="FILE", help="a mesh of any format")
+    sub.add_argument("mesh", type=Path, metavar="FILE", help=FORMATS)
     sub.add_argument(
         "answer",
         type=Path,
@@ -116,7 +122,8 @@ def _of_mesh_options(command: argparse.ArgumentParser) -> None:
         "--elements",
         choices=tuple(MASSES),
         default="linear",
-        help="finite elements, tufted: for meshes that are no manifold (default: %(default)s)",
+        help="finite elements, tufted: for meshes that are no manifold, taken as they are "
+        "(default: %(default)s)",
     )
     command.add_argument(
         "--no-repair",
@@ -129,26 +136,28 @@ def _of_mesh_options(command: argparse.ArgumentParser) -> None:
 
 def run_spectrum(options: argparse.Namespace) -> int:
     """Compute spectra, print their table and write them."""
-    found = []
+    answers = []
     operator = _operator(options)
     console = Console(stderr=True)
     with Reader() as reader, console.status("") as status:
         for number, file in enumerate(options.files, start=1):
             status.update(f"{file.name} ({number} of {len(options.files)})")
-            found.append(_found(reader, file, options.k, options.repair, operator))
+            answers.append(_answer(reader, file, options.k, _mends(options), operator))
     if options.out is not None:
         make_parent(options.out)
-        write_text(options.out, _as_csv(found, options.k))
+        write_text(options.out, _as_csv(answers, options.k))
     if options.json:
-        print_json([_facts(one) for one in found])
+        print_json([_facts(answer) for answer in answers])
     else:
-        print(_table(found, options.k))
+        print(_table(answers, options.k))
         if options.out is not None:
             print(f"\nwritten to {options.out}")
-    for one in found:
-        if one.problem:
-            print(f"synthnet: {one.file}: {one.problem}", file=sys.stderr)
-    return terminal.WRONG_INPUT if any(one.problem for one in found) else 0
+    for answer in answers:
+        if answer.spectrum is not None and answer.spectrum.components > 1:
+            print(_of_components(answer.file, answer.spectrum.components), file=sys.stderr)
+        for message in (*answer.warnings, *filter(None, [answer.problem])):
+            print(f"synthnet: {answer.file}: {message}", file=sys.stderr)
+    return terminal.WRONG_INPUT if any(answer.problem for answer in answers) else 0
 
 
 def run_certify(options: argparse.Namespace) -> int:
@@ -156,8 +165,9 @@ def run_certify(options: argparse.Namespace) -> int:
     answer, operator = read_answer(options.answer, options.mesh), _operator(options)
     with Reader() as reader, Console(stderr=True).status(f"counting eigenvalues of {options.mesh}"):
         try:
-            repaired = _mesh(reader, options.mesh, len(answer), options.repair)
+            repaired = _mesh(reader, options.mesh, len(answer), _mends(options))
             verdict = certify(repaired.mesh, answer, tolerance=options.tolerance, operator=operator)
+            pieces = MeshFacts(repaired.mesh).n_components
         except (UnreadableError, Refused, ValueError, SpectrumError) as error:
             raise AnswerError(f"{options.mesh}: {error}") from error
     if options.json:
@@ -166,6 +176,7 @@ def run_certify(options: argparse.Namespace) -> int:
                 "certified": verdict.certified,
                 "tolerance": verdict.tolerance,
                 "zeros": verdict.zeros,
+                "components": pieces,
                 "shift": verdict.shift,
                 "count": verdict.count,
                 "missed": list(verdict.missed),
@@ -178,15 +189,31 @@ def run_certify(options: argparse.Namespace) -> int:
         )
     else:
         print(verdict)
+        if pieces > 1:
+            print(_of_components(options.mesh, pieces))
         if repaired.repairs:
             print(f"of the mesh as repaired: {_said(repaired)}")
     return 0 if verdict.certified else 1
 
 
+def _of_components(file: Path, count: int) -> str:
+    return (
+        f"synthnet: {file} has {count:,} components, each with a zero of its own where nothing is "
+        "held: zeros are left out"
+    )
+
+
 def _mesh(reader: Reader, file: Path, k: int, mended: bool) -> Repaired:
     """Read a mesh, and repair it if that is wanted."""
+    if file.is_dir():
+        raise UnreadableError("a directory: name files, or `synthnet import` it")
     mesh = reader.read(file)
     return repair(mesh, Rules(least=k + 1)) if mended else Repaired(mesh)
+
+
+def _mends(options: argparse.Namespace) -> bool:
+    """Whether a mesh is repaired; for tufted elements it need not be a manifold."""
+    return bool(options.repair) and options.elements != "tufted"
 
 
 def _operator(options: argparse.Namespace) -> Operator:
@@ -196,67 +223,70 @@ def _operator(options: argparse.Namespace) -> Operator:
         raise OperatorError(f"{error}: leave --mass out") from error
 
 
-def _found(reader: Reader, file: Path, k: int, mended: bool, operator: Operator) -> Found:
+def _answer(reader: Reader, file: Path, k: int, mended: bool, operator: Operator) -> Answer:
     """Compute a spectrum; whatever keeps it from having one is said."""
     try:
         repaired = _mesh(reader, file, k, mended)
-        return Found(file, repaired, compute(repaired.mesh, k, operator=operator))
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            spectrum = compute(repaired.mesh, k, operator=operator)
+        return Answer(file, repaired, spectrum, warnings=tuple(str(w.message) for w in warned))
     except (UnreadableError, Refused, SpectrumError) as error:
-        return Found(file, problem=str(error))
+        return Answer(file, problem=str(error))
     except ValueError as error:
-        hint = "" if mended else "; without --no-repair it may be mended"
-        return Found(file, problem=f"{error}{hint}")
+        hint = "" if mended else "; without --no-repair what can be mended is"
+        return Answer(file, problem=f"{error}{hint}")
 
 
 def _said(repaired: Repaired) -> str:
     return ", ".join(f"{count} {name}" for name, count in repaired.repairs.items())
 
 
-def _facts(one: Found) -> dict[str, object]:
+def _facts(answer: Answer) -> dict[str, object]:
     """Return what is known of a file, for JSON."""
-    if one.spectrum is None or one.repaired is None:
-        return {"file": str(one.file), "problem": one.problem}
-    certificate = one.spectrum.certificate
+    if answer.spectrum is None or answer.repaired is None:
+        return {"file": str(answer.file), "problem": answer.problem}
+    certificate = answer.spectrum.certificate
     bound = certificate.error_bound
     return {
-        "file": str(one.file),
-        "vertices": len(one.repaired.mesh.vertices),
-        "components": one.spectrum.components,
-        "eigenvalues": one.spectrum.eigenvalues.tolist(),
+        "file": str(answer.file),
+        "vertices": len(answer.repaired.mesh.vertices),
+        "components": answer.spectrum.components,
+        "eigenvalues": answer.spectrum.eigenvalues.tolist(),
         "error_bound": None if bound is None else bound.tolist(),
         "count": certificate.count,
         "shift": certificate.shift,
-        "repairs": one.repaired.repairs,
+        "repairs": answer.repaired.repairs,
     }
 
 
-def _table(found: list[Found], k: int) -> str:
+def _table(answers: list[Answer], k: int) -> str:
     shown = min(k, SHOWN)
     rows = []
-    for one in found:
-        if one.spectrum is None or one.repaired is None:
-            rows.append([one.file.name, "", "", *[""] * (shown + (k > shown)), "no spectrum"])
+    for answer in answers:
+        if answer.spectrum is None or answer.repaired is None:
+            rows.append([answer.file.name, "", "", *[""] * (shown + (k > shown)), "no spectrum"])
             continue
-        values = [f"{value:.6g}" for value in one.spectrum.eigenvalues]
+        values = [f"{value:.6g}" for value in answer.spectrum.eigenvalues]
         shortened = values if k == shown else [*values[: shown - 1], "…", values[-1]]
-        count = len(one.repaired.mesh.vertices)
-        facts = [one.file.name, f"{count:,}", str(one.spectrum.components)]
-        rows.append([*facts, *shortened, _said(one.repaired)])
+        count = len(answer.repaired.mesh.vertices)
+        facts = [answer.file.name, f"{count:,}", str(answer.spectrum.components)]
+        rows.append([*facts, *shortened, _said(answer.repaired)])
     names = [f"λ{i}" for i in range(1, k + 1)]
     names = names if k == shown else [*names[: shown - 1], "", names[-1]]
     headers = ["file", "vertices", "components", *names, "repaired"]
     return str(tabulate(rows, headers=headers, disable_numparse=True))
 
 
-def _as_csv(found: list[Found], k: int) -> str:
+def _as_csv(answers: list[Answer], k: int) -> str:
     """Return a row a file: its vertices, components and eigenvalues to the last digit."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["file", "vertices", "components", *(f"lambda_{i}" for i in range(1, k + 1))])
-    for one in found:
-        if one.spectrum is not None and one.repaired is not None:
-            facts = [one.file, len(one.repaired.mesh.vertices), one.spectrum.components]
-            writer.writerow([*facts, *map(repr, one.spectrum.eigenvalues.tolist())])
+    for answer in answers:
+        if answer.spectrum is not None and answer.repaired is not None:
+            facts = [answer.file, len(answer.repaired.mesh.vertices), answer.spectrum.components]
+            writer.writerow([*facts, *map(repr, answer.spectrum.eigenvalues.tolist())])
     return text.getvalue()
 
 

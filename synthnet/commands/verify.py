@@ -7,8 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tabulate import tabulate
 
 from synthnet import store
@@ -22,7 +20,7 @@ from synthnet.commands.options import (
 from synthnet.commands.report import FamilyBars
 from synthnet.commands.seal import salt_option
 from synthnet.recipe import Kind
-from synthnet.terminal import Commands
+from synthnet.terminal import Commands, progress
 
 if TYPE_CHECKING:
     from synthnet.verify import VerifyReport
@@ -80,18 +78,12 @@ def _checked(options: argparse.Namespace) -> tuple[str, VerifyReport]:
     """Return the name of the dataset, and the report on it."""
     from synthnet.verify import verify, verify_files
 
-    progress = Progress(
-        TextColumn("verifying"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-    )
-    task = progress.add_task("shards", total=None)
+    bar = progress("verifying", of="shards")
+    task = bar.add_task("shards", total=None)
 
     def on_shard(done: int, total: int) -> None:
-        progress.start()  # not before there is something to show
-        progress.update(task, completed=done, total=total)
+        bar.start()  # not before there is something to show
+        bar.update(task, completed=done, total=total)
 
     try:
         if _is_sealed(options):
@@ -107,7 +99,7 @@ def _checked(options: argparse.Namespace) -> tuple[str, VerifyReport]:
         )
         return options.version, report
     finally:
-        progress.stop()
+        bar.stop()
 
 
 def _print_report(name: str, report: VerifyReport, limit: int) -> None:
@@ -133,7 +125,7 @@ def _again(options: argparse.Namespace) -> str:
         case Kind.IMPORTED:
             return f"the `synthnet import` of {options.version} again"
     out = f" --out {options.out}" if options.out else ""
-    return f"`synthnet build --version {options.version}{out}`"
+    return f"`synthnet build {options.version}{out}`"
 
 
 def _is_sealed(options: argparse.Namespace) -> bool:

@@ -174,7 +174,8 @@ class Atlas:
             raise ValueError(f"n must be at least 1, got {n}")
         macro = Charted(self.glued(), self.corners, self.charts)
         i, j = lattice(n)
-        weights = np.stack([n - i - j, i, j], axis=1) / n  # of a patch's corners, (l, 3)
+        # What each corner of a patch weighs, (l, 3)
+        weights = np.stack([n - i - j, i, j], axis=1) / n
         numbers = macro.numbered(n)
 
         number = np.full((n + 2, n + 2), -1)

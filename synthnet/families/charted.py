@@ -18,8 +18,9 @@ TRIANGULATION: Mapping[str, float | Choice] = {
     "vertices": 50,
     "seed": 0,
 }
-NEAREST = (1 / 4, 1 / 16)  # shares of the vertices around the focus of an adaptive mesh
-GROWTH = 1 + 3 * sum(4**i * share for i, share in enumerate(NEAREST))  # of its vertices
+NEAREST = (1 / 4, 1 / 16)  # shares of the vertices that an adaptive mesh has around its focus
+# By what that multiplies its vertices
+GROWTH = 1 + 3 * sum(4**i * share for i, share in enumerate(NEAREST))
 
 
 def triangulate(

@@ -32,5 +32,5 @@ FAMILY = charted(
     atlas,
     {**circular_cone.LEAST, "flip": 0.51},
     most={"flip": 0.95},
-    limit=circular_cone.limit,  # isometric to it
+    limit=circular_cone.limit,  # it is isometric to that cone
 )

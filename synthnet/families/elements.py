@@ -24,11 +24,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy import sparse, special
+from scipy import special
 
 from synthnet.families.atlas import SAME, Atlas, Charted, Floats, lattice
 from synthnet.families.limits import lobatto, products
-from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.fem import Matrices, gathered
 
 
 class Reference(NamedTuple):
@@ -87,27 +87,9 @@ def assemble(atlas: Atlas, mesh: Charted, degree: int) -> Matrices:
     scale = reference.weights**2 / area
     stiff = np.stack([g22 * scale, -g12 * scale, g11 * scale], axis=1)
     m, functions = len(mesh.faces), math.isqrt(reference.mass.shape[1])
-    blocks = [
-        stiff.reshape(m, -1) @ reference.stiffness.reshape(-1, functions**2),
-        area @ reference.mass,
-    ]
+    stiffness = stiff.reshape(m, -1) @ reference.stiffness.reshape(-1, functions**2)
     numbers = mesh.numbered(degree)
-    rows = np.repeat(numbers, functions, axis=1).ravel()
-    columns = np.tile(numbers, functions).ravel()
-    size = int(numbers.max()) + 1
-    stiffness, mass = (
-        sparse.coo_array((block.ravel(), (rows, columns)), shape=(size, size)).tocsr()
-        for block in blocks
-    )
-    stiffness.sort_indices()
-    mass.sort_indices()
-    return Matrices(
-        stiffness.indptr.astype(np.int32),
-        stiffness.indices.astype(np.int32),
-        stiffness.data,
-        mass.data,
-        np.asarray(mass.sum(axis=1)),
-    )
+    return gathered(numbers, stiffness, area @ reference.mass, int(numbers.max()) + 1)
 
 
 def _images(atlas: Atlas, mesh: Charted, degree: int, nodes: Floats) -> Floats:

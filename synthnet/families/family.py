@@ -31,8 +31,8 @@ from synthnet.families.atlas import Atlas
 from synthnet.families.limits import KNOWN, Limit
 from synthnet.types import Mesh, Parameters, Topology
 
-POSITIVE = math.ulp(0.0)  # least value of a length: any positive number
-COARSEST = 4000  # vertices of the first level of :meth:`Family.refine`
+POSITIVE = math.ulp(0.0)  # a length may be any positive number
+COARSEST = 4000  # about so many vertices has the first level of :meth:`Family.at_level`
 Euler: TypeAlias = int | Callable[[Parameters], int]
 
 
@@ -113,7 +113,7 @@ class Family:
         """
         return self.surface(**self._arguments(parameters))
 
-    def refine(self, parameters: Parameters, level: int) -> Mesh:
+    def at_level(self, parameters: Parameters, level: int) -> Mesh:
         """Triangulate the smooth or polyhedral surface, the step halved with each level.
 
         The mesh depends on the surface alone, not on how the parameters triangulate it, and is

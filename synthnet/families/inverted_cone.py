@@ -41,6 +41,6 @@ FAMILY = Family(
     surface=surface,
     least={**cone.FAMILY.least, "flip": POSITIVE},
     euler_characteristic=2,
-    limit=cone.FAMILY.limit,  # isometric to it
+    limit=cone.FAMILY.limit,  # it is isometric to that cone
     atlas=cone.FAMILY.atlas,
 )

@@ -9,7 +9,7 @@ from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 
 KNOTS = ((1, 2), (1, 3), (2, 3), (3, 2), (2, 5), (3, 4))  # times round the axis, and the tube
-RADIUS = 0.45  # of the torus about the unit circle that the knot winds on
+RADIUS = 0.45  # the knot winds on a torus of this radius about the unit circle
 
 
 def atlas(*, knot: int, thickness: float) -> Atlas:

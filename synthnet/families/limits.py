@@ -27,13 +27,13 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 Array = NDArray[np.float64]
 
-DEGREE = 10  # of the polynomials on an element
-PIECES = 8  # elements of an arc before grading
+DEGREE = 10  # the polynomials on an element have this degree
+PIECES = 8  # so many elements has an arc before grading
 RATIO = 3.0  # most that the radius may grow over an element that does not touch the axis
 ON_AXIS = 1e-12  # of an arc's length: an end so near to the axis is on it
-LAYERS = 12  # halvings of an element towards the axis
-TOLERANCE = 1e-13  # relative, of an eigenvalue of the inverse
-KNOWN = 1e-8  # relative error of every limit of this file, at most
+LAYERS = 12  # so often an element is halved towards the axis
+TOLERANCE = 1e-13  # relative: how well ARPACK finds eigenvalues of the inverse
+KNOWN = 1e-8  # every limit of this file has a smaller relative error
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,13 +140,13 @@ def of_revolution(profile: Sequence[Arc], k: int, *, closed: bool = False) -> Ar
     """
     bands = _bands(profile)
     smallest = np.zeros(0)
-    m, wanted = 0, k + 1
-    while wanted:
-        values = _closed(bands, m, wanted) if closed else _open(bands, m, wanted)
+    m, needed = 0, k + 1
+    while needed:
+        values = _closed(bands, m, needed) if closed else _open(bands, m, needed)
         copies = values[1:] if m == 0 else np.repeat(values, 2)
         smallest = np.sort(np.concatenate([smallest, copies]))[:k]
         # The j-th eigenvalue grows with m: the next m has no more below the k-th of all.
-        wanted = int(np.count_nonzero(values <= smallest[-1])) if len(smallest) == k else k
+        needed = int(np.count_nonzero(values <= smallest[-1])) if len(smallest) == k else k
         m += 1
     return smallest
 
@@ -321,7 +321,7 @@ def _open(bands: Bands, m: int, count: int) -> Array:
 
     size = mass.shape[1]
     operator: LinearOperator[Any] = LinearOperator((size, size), matvec=inverse, dtype=np.float64)
-    found = eigsh(
+    values = eigsh(
         weighted,  # not used: ARPACK takes A from the factorisation alone
         count,
         weighted,
@@ -332,7 +332,7 @@ def _open(bands: Bands, m: int, count: int) -> Array:
         tol=TOLERANCE,
         return_eigenvectors=False,
     )
-    return np.sort(found)
+    return np.sort(values)
 
 
 def _closed(bands: Bands, m: int, count: int) -> Array:

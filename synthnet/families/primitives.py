@@ -12,7 +12,7 @@ from synthnet.types import Mesh
 
 PLANE = 1e-9  # distance under which a point lies on a plane, or two points are one
 CLEAR = 1e-6  # angle by which a cap keeps off a plane to be on one side of it
-FLAT = 1e-9  # difference of unit normals under which neighbours form one flat facet
+FLAT = 1e-9  # neighbours whose unit normals differ by less form one flat facet
 
 
 def box(*, width: float, height: float, depth: float) -> Mesh:

@@ -111,7 +111,7 @@ def jittered(atlas: Atlas, mesh: Charted, rng: np.random.Generator) -> Charted:
     vertex = mesh.faces.ravel()
     order = np.lexsort((priority, vertex))
     last = np.append(np.flatnonzero(np.diff(vertex[order])), count - 1)
-    chosen = order[last]  # a corner of each vertex
+    chosen = order[last]  # this is a corner of each vertex
     face, corner = np.divmod(chosen, 3)
     origin = mesh.corners[face, corner]
     to_b = mesh.corners[face, (corner + 1) % 3] - origin

@@ -28,5 +28,5 @@ FAMILY = charted(
     euler_characteristic=1,
     boundaries=1,
     most={"angle": 6.0},
-    limit=flat_rectangle.limit,  # isometric to it
+    limit=flat_rectangle.limit,  # it is isometric to that rectangle
 )

@@ -9,7 +9,7 @@ from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.radial import radial
 
-SHRINK = 0.2  # ratio of widths of neighbouring patches at a crease
+SHRINK = 0.2  # a patch at a crease is so much narrower than its neighbour
 CREASE = 1e-3
 
 

@@ -35,13 +35,13 @@ from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.search import Setting, search
 
-SHRINK = 0.2  # ratio of one layer of elements towards a corner to the last
-LEFT = 1e-5  # of a singularity in the smallest element
-LAYERS = 8  # at most
+SHRINK = 0.2  # each layer towards a corner is so much thinner than the last
+LEFT = 1e-5  # so much of a singularity the smallest element leaves
+LAYERS = 8  # there are no more
 KINKED = 2  # layers where the chart has a kink in a point, at least
-ELEMENTS = 60  # about, before layers
+ELEMENTS = 60  # about so many there are before layers
 DEGREES = (6, 8)
-TARGET = 2e-5  # relative, of a bar
+TARGET = 2e-5  # relative: a bar should be below
 SHARE = 0.1  # of the largest relative bar of a spectrum: no other bar is smaller
 MOST = 150_000  # coefficients
 ROUNDING = 1e-7  # relative error that no bar is below
@@ -147,15 +147,15 @@ def triangulation(atlas: Atlas, n: int, layers: Integers) -> Charted:
         Of each vertex of the atlas, as :func:`layers_at` says.
     """
     mesh = atlas.uniform(n)
-    wanted = np.zeros(mesh.n_vertices, dtype=np.int64)
-    wanted[: len(layers)] = layers  # uniform numbers the atlas's vertices first
-    return layered(mesh, wanted)
+    of_vertex = np.zeros(mesh.n_vertices, dtype=np.int64)
+    of_vertex[: len(layers)] = layers  # uniform numbers the atlas's vertices first
+    return layered(mesh, of_vertex)
 
 
-def layered(mesh: Charted, wanted: Integers) -> Charted:
+def layered(mesh: Charted, layers: Integers) -> Charted:
     """Cut each triangle towards its corner into as many layers as that vertex wants."""
-    here = wanted[mesh.faces]
-    most = int(wanted.max(initial=0))
+    here = layers[mesh.faces]
+    most = int(layers.max(initial=0))
     plain = (here == 0).all(axis=1)
     parts = [(mesh.faces[plain], mesh.corners[plain], mesh.charts[plain])]
     for corner in range(3):
@@ -181,15 +181,15 @@ def _cut(
         numbers.append(np.concatenate([mesh.faces[chosen, far][:, None], new], axis=1))
         places.append(tip[:, None] + shares * (mesh.corners[chosen, far] - tip)[:, None])
     ends = mesh.faces[chosen, corner][:, None], tip[:, None]
-    # Columns: the left side, the right side, the corner itself.
+    # The columns are the left side, the right side and the corner itself.
     number = np.concatenate([*numbers, ends[0]], axis=1)
-    place = np.concatenate([*places, ends[1]], axis=1)
+    points = np.concatenate([*places, ends[1]], axis=1)
     behind = count + 1
     for i in range(count):
         for three in ([i, behind + i, i + 1], [behind + i, behind + i + 1, i + 1]):
-            yield number[:, three], place[:, three], mesh.charts[chosen]
+            yield number[:, three], points[:, three], mesh.charts[chosen]
     last = [2 * behind, count, behind + count]
-    yield number[:, last], place[:, last], mesh.charts[chosen]
+    yield number[:, last], points[:, last], mesh.charts[chosen]
 
 
 def spectrum(atlas: Atlas, mesh: Charted, degree: int, k: int) -> Floats:

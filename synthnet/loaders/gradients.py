@@ -134,10 +134,10 @@ class _Eigenvalues(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, vertices: Tensor, mesh: Mesh, k: int, tolerance: float) -> Tensor:
         """Solve, and keep the eigenpairs of the first k and of the last one's cluster."""
-        found, cluster = _with_whole_clusters(mesh, k, tolerance)
-        ctx.mesh, ctx.found, ctx.cluster = mesh, found, cluster
+        solved, cluster = _with_whole_clusters(mesh, k, tolerance)
+        ctx.mesh, ctx.solved, ctx.cluster = mesh, solved, cluster
         ctx.like = (vertices.dtype, vertices.device)
-        return torch.from_numpy(found.eigenvalues[:k].copy()).to(vertices.device)
+        return torch.from_numpy(solved.eigenvalues[:k].copy()).to(vertices.device)
 
     @staticmethod
     @once_differentiable
@@ -146,7 +146,7 @@ class _Eigenvalues(torch.autograd.Function):
         weights = np.zeros(len(ctx.cluster))
         weights[: len(outer)] = outer.cpu().numpy()
         means = np.bincount(ctx.cluster, weights) / np.bincount(ctx.cluster)
-        inner = vertex_gradient(ctx.mesh, ctx.found, means[ctx.cluster])
+        inner = vertex_gradient(ctx.mesh, ctx.solved, means[ctx.cluster])
         dtype, device = ctx.like
         return torch.from_numpy(inner).to(dtype=dtype, device=device), None, None, None
 
@@ -158,8 +158,8 @@ def _with_whole_clusters(
     most = len(mesh.vertices) - MeshFacts(mesh).n_components
     more = 1
     while True:
-        found = spectrum.compute(mesh, max(k, min(k + more, most)))
-        cluster = clusters(found.eigenvalues, tolerance)
+        solved = spectrum.compute(mesh, max(k, min(k + more, most)))
+        cluster = clusters(solved.eigenvalues, tolerance)
         if cluster[-1] > cluster[k - 1] or len(cluster) >= most:
-            return found, cluster
+            return solved, cluster
         more *= 2

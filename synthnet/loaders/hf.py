@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from synthnet import store
 from synthnet.errors import StoreError, needed_by
-from synthnet.store import limits
+from synthnet.store import limits, unpacked
 from synthnet.types import SPLITS
 
 if TYPE_CHECKING:
@@ -58,14 +58,14 @@ def load_dataset(
     rows = datasets.Dataset.from_parquet(
         [str(path) for path in stored.paths()],
         split=datasets.NamedSplit(split),
-        cache_dir=str(stored.directory / "datasets-cache"),
+        cache_dir=str(stored.directory / unpacked.HUGGING_FACE),
         filters=[("split", "==", split)],
     )
     add_missing(stored)
     if not limits.any_there(stored):
         return rows
     known = {row.id: row for row in limits.read(stored)}
-    found = [known[id] for id in rows["id"]]
+    matched = [known[id] for id in rows["id"]]
     for column, name in (("surface_eigenvalues", "eigenvalues"), ("surface_bar", "bar")):
-        rows = rows.add_column(column, [getattr(row, name).tolist() for row in found])
+        rows = rows.add_column(column, [getattr(row, name).tolist() for row in matched])
     return rows

@@ -1,7 +1,12 @@
-"""A version's shapes as flat, memory-mapped arrays: quick to open, small in memory."""
+"""A version's shapes as flat, memory-mapped arrays: quick to open, small in memory.
+
+The small files are checked when they are opened, see :mod:`synthnet.store.unpacked`; the digest of
+a mesh, which one of them has, when the mesh is first read.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import mmap
 from pathlib import Path
 from typing import IO, Any
@@ -12,18 +17,47 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from synthnet import store
-from synthnet.store import storage
+from synthnet.errors import DamagedError
+from synthnet.store import unpacked
+from synthnet.store.files import one_line
 from synthnet.types import Mesh
 
 RELEASE_BYTES = 64 * 2**20  # bytes read after which mapped pages are handed back
 TABLE = "shapes.parquet"
-FORMAT = 1  # of the files here; part of their directory's name
+LARGE = ("vertices.npy", "faces.npy")
+FORMAT = 2  # the format of the files here, which is part of their directory's name
 
 
 def directory(dataset: store.StoredDataset) -> Path:
     """Return where a dataset's arrays are: the name holds all that they depend on."""
     key = f"{dataset.manifest.recipe_digest[:12]}-{FORMAT}"
-    return storage.local(dataset.directory, dataset.manifest.version) / "processed" / key
+    return unpacked.folder(dataset) / key
+
+
+def open_shapes(dataset: store.StoredDataset, *, wholly: bool = False) -> MappedShapes:
+    """Map a dataset's shapes; unpack them first where they are not there, or damaged.
+
+    Parameters
+    ----------
+    dataset : StoredDataset
+        On this machine.
+    wholly : bool
+        Whether to read every byte of what is there.
+
+    Raises
+    ------
+    DamagedError
+        If what was just unpacked is damaged.
+    """
+    where = directory(dataset)
+    return unpacked.open_or_unpack(
+        where,
+        dataset,
+        lambda: MappedShapes(where),
+        lambda to: write_shapes(to, dataset),
+        by_item=LARGE,
+        wholly=wholly,
+    )
 
 
 class MappedShapes:
@@ -52,9 +86,21 @@ class MappedShapes:
         Protocol ``grouped``.
     paper_splits : ndarray of shape (count, instances), str
         Protocol ``paper``.
+
+    Raises
+    ------
+    DamagedError
+        If files cannot be read or do not fit each other.
     """
 
     def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        try:
+            self._open(directory)
+        except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+            raise DamagedError(f"{directory} is damaged ({one_line(error)})") from error
+
+    def _open(self, directory: Path) -> None:
         # Mapped copy-on-write: torch wants writable memory, the file stays as it is.
         self.vertices = np.load(directory / "vertices.npy", mmap_mode="c", allow_pickle=False)
         self.faces = np.load(directory / "faces.npy", mmap_mode="c", allow_pickle=False)
@@ -69,13 +115,34 @@ class MappedShapes:
         self.paper_splits = np.array(flat).reshape(self.count, self.instances)
         self.vertex_offsets = _offsets(table["vertices"].to_numpy())
         self.face_offsets = _offsets(table["faces"].to_numpy())
+        self._digests: list[bytes] = table["digest"].to_pylist()
+        self._checked = np.zeros(self.count, dtype=np.bool_)
         self._read = 0
+        k = self.y.shape[-1]
+        for name, array, kind, shape in (
+            ("vertices", self.vertices, np.float32, (self.vertex_offsets[-1], 3)),
+            ("faces", self.faces, np.int32, (self.face_offsets[-1], 3)),
+            ("y", self.y, np.float32, (len(self.ids), k)),
+            ("isometries", self.isometries, np.float32, (len(self.ids), self.instances, 3, 3)),
+        ):
+            if array.dtype != kind or array.shape != shape:
+                raise ValueError(f"{name} have the shape {array.shape} and {array.dtype}")
 
     def mesh(self, shape: int) -> Mesh:
-        """Return a shape's mesh, copied out of the mapped arrays."""
+        """Return a shape's mesh, copied out of the mapped arrays.
+
+        Raises
+        ------
+        DamagedError
+            If it is not as it was unpacked.
+        """
         v, f = self.vertex_offsets, self.face_offsets
         vertices = np.array(self.vertices[v[shape] : v[shape + 1]])
         faces = np.array(self.faces[f[shape] : f[shape + 1]])
+        if not self._checked[shape]:
+            if _digest(vertices, faces) != self._digests[shape]:
+                raise DamagedError(f"{self._directory}: the mesh of {self.ids[shape]} is damaged")
+            self._checked[shape] = True
         self._release(vertices.nbytes + faces.nbytes)
         return Mesh(vertices, faces)
 
@@ -96,15 +163,18 @@ def write_shapes(to: Path, dataset: store.StoredDataset) -> None:
     """Unpack a dataset's shards into flat arrays in the directory ``to``, one at a time."""
     shards = dataset.manifest.shards
     columns: dict[str, list[Any]] = {
-        name: [] for name in ("id", "family", "split", "paper_splits", "vertices", "faces")
+        name: []
+        for name in ("id", "family", "split", "paper_splits", "vertices", "faces", "digest")
     }
     labels, isometries = [], []
     with (to / "vertices.npy").open("wb") as vertices, (to / "faces.npy").open("wb") as faces:
         _write_header(vertices, sum(s.vertices for s in shards), np.dtype(np.float32))
         _write_header(faces, sum(s.faces for s in shards), np.dtype(np.int32))
         for sample in dataset.samples():
-            vertices.write(np.ascontiguousarray(sample.mesh.vertices, np.float32).tobytes())
-            faces.write(np.ascontiguousarray(sample.mesh.faces, np.int32).tobytes())
+            points = np.ascontiguousarray(sample.mesh.vertices, np.float32)
+            triangles = np.ascontiguousarray(sample.mesh.faces, np.int32)
+            vertices.write(points.data)
+            faces.write(triangles.data)
             labels.append(sample.eigenvalues)
             isometries.append(sample.isometries)
             row = (
@@ -114,12 +184,20 @@ def write_shapes(to: Path, dataset: store.StoredDataset) -> None:
                 list(sample.paper_splits),
                 len(sample.mesh.vertices),
                 len(sample.mesh.faces),
+                _digest(points, triangles),
             )
             for column, value in zip(columns.values(), row, strict=True):
                 column.append(value)
     np.save(to / "y.npy", np.array(labels, np.float32), allow_pickle=False)
     np.save(to / "isometries.npy", np.array(isometries, np.float32), allow_pickle=False)
     pq.write_table(pa.table(columns), to / TABLE)
+
+
+def _digest(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bytes:
+    """Return the SHA-256 of a mesh as it is unpacked."""
+    state = hashlib.sha256(vertices.data)
+    state.update(faces.data)
+    return state.digest()
 
 
 def _write_header(file: IO[bytes], rows: int, dtype: np.dtype[Any]) -> None:

@@ -6,8 +6,7 @@ import copy
 import hashlib
 import json
 import os
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,13 +16,13 @@ from numpy.typing import NDArray
 from synthnet import recipe, store
 from synthnet.build.limits import add_missing
 from synthnet.build.versions import ensure_built
-from synthnet.errors import RecipeError, StoreError, needed_by
+from synthnet.errors import DamagedError, RecipeError, StoreError, needed_by
 from synthnet.loaders import mapped
 from synthnet.loaders.mapped import MappedShapes
-from synthnet.loaders.transformed import INDEX, fingerprint, read_data, write_data
+from synthnet.loaders.transformed import ROWS, TransformedItems, fingerprint, write_data
 from synthnet.mesh import isometries as isometry
 from synthnet.recipe import splits
-from synthnet.store import StoredDataset, files, limits
+from synthnet.store import StoredDataset, limits, unpacked
 from synthnet.types import PROTOCOLS, SPLITS, Mesh
 
 with needed_by("synthnet.pyg"):
@@ -92,6 +91,9 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     ``to(device)`` works.
     """
 
+    _shapes: MappedShapes | None = None
+    _items: TransformedItems | None = None
+
     def __init__(
         self,
         root: str | os.PathLike[str] | None = None,
@@ -122,7 +124,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
                 "pre_transform is applied once and augment='random' afresh at every access: "
                 "use transform instead"
             )
-        if protocol not in PROTOCOLS:  # the version's own
+        if protocol not in PROTOCOLS:  # it is the version's own
             if store.open_unversioned(version, root) is not None:
                 raise RecipeError(f"{version} has no protocol {protocol}: grouped or paper")
             splits.folds(recipe.load(version), protocol, split)
@@ -130,25 +132,48 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         self.target = target
         self._stored = ensure_built(version, root)
         self._limits = surface_spectra(self._stored) if target == "surface" else None
-        self._shapes: MappedShapes | None = None
         super().__init__(str(store.home(root)), transform, pre_transform, pre_filter)
-        if pre_transform is None:
-            self._shapes = self._map()
+        self._open()
+        if self._shapes is not None:
             self._indices = self._select(self._shapes, pre_filter)
-            self._data, self.slices = as_data(self._shapes)
-        else:
-            self._data, self.slices = read_data(Path(self.processed_dir))
+        if self._stored.kind is recipe.Kind.IMPORTED and pre_filter is None and not len(self):
+            raise StoreError(
+                f"{version} has no shape in the split {split}: an import is all split='test', but "
+                "for `synthnet import --split hash`"
+            )
 
     @property
     def _base_directory(self) -> Path:
         return mapped.directory(self._stored)
 
-    def _map(self) -> MappedShapes:
+    def _map(self, *, wholly: bool = False) -> MappedShapes:
         """Map the arrays, which hold the labels; limits are never written among them."""
-        shapes = MappedShapes(self._base_directory)
+        shapes = mapped.open_shapes(self._stored, wholly=wholly)
         if self._limits is not None:
             shapes.y = self._limits
         return shapes
+
+    def _open(self, *, wholly: bool = False) -> None:
+        """Map the files of this dataset; those that are not there, or damaged, are made first."""
+        if self.pre_transform is None:
+            self._shapes = self._map(wholly=wholly)
+            self._data, self.slices = as_data(self._shapes)
+            return
+        where = Path(self.processed_dir)
+        self._items = unpacked.open_or_unpack(
+            where,
+            self._stored,
+            lambda: TransformedItems(where),
+            lambda to: write_data(to, self._transformed()),
+            by_item=(ROWS,),
+            wholly=wholly,
+        )
+        self._data, self.slices = self._items.data, self._items.slices
+
+    def _transformed(self) -> Iterator[Data]:
+        shapes = self._map()
+        for i in self._select(shapes, self.pre_filter):
+            yield self.pre_transform(item(shapes, i))
 
     @property
     def processed_dir(self) -> str:
@@ -165,29 +190,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     @property
     def processed_file_names(self) -> list[str]:
         """A directory is moved into place when complete, so one file stands for all."""
-        return [mapped.TABLE] if self.pre_transform is None else [INDEX]
-
-    def _process(self) -> None:
-        # PyG keeps pickled reprs of pre_transform here and warns where they differ; the
-        # directory's name says the same without a pickle.
-        if not Path(self.processed_paths[0]).exists():
-            self.process()
-
-    def process(self) -> None:
-        """Unpack the shards into flat arrays; apply ``pre_transform`` if there is one."""
-        if not (self._base_directory / mapped.TABLE).exists():
-            sys.stderr.write(f"Unpacking synthNet {self.version} for PyTorch Geometric\n")
-            files.make_in_place(
-                self._base_directory,
-                mapped.TABLE,
-                lambda to: mapped.write_shapes(to, self._stored),
-            )
-        if self.pre_transform is None:
-            return
-        shapes = self._map()
-        indices = self._select(shapes, self.pre_filter)
-        items = (self.pre_transform(item(shapes, i)) for i in indices)
-        files.make_in_place(Path(self.processed_dir), INDEX, lambda to: write_data(to, items))
+        return [unpacked.CONTENTS]
 
     def _select(
         self, shapes: MappedShapes, pre_filter: Callable[[Data], bool] | None
@@ -225,12 +228,21 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
 
     def get(self, idx: int) -> Data:
         """Return an instance by its number, as a copy that owns its memory."""
+        try:
+            return self._read(idx)
+        except DamagedError:
+            self._open(wholly=True)
+            return self._read(idx)
+
+    def _read(self, idx: int) -> Data:
         if self._shapes is not None:
             fresh = random_isometry() if self.augment == "random" else None
             return item(self._shapes, idx, fresh)
+        if self._items is not None:
+            self._items.check(idx)
         data = copy.deepcopy(super().get(idx))
         self._data_list = None  # the arrays are the cache
-        if self.augment == "random":  # a copy of such a dataset
+        if self.augment == "random":  # it may be a copy of such a dataset
             moved = isometry.apply(Mesh(data.pos.numpy(), data.face.T.numpy()), random_isometry())
             data.pos = torch.from_numpy(moved.vertices)
             data.face = torch.from_numpy(np.ascontiguousarray(moved.faces.T))
@@ -245,7 +257,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     def copy(self, idx: Any = None) -> SynthNet:
         """Copy the dataset, or a subset of it, into memory."""
         copied: SynthNet = super().copy(idx)
-        copied._shapes = None
+        copied._shapes = copied._items = None
         return copied
 
     def __getattr__(self, key: str) -> Any:
@@ -268,8 +280,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     def __getstate__(self) -> dict[str, Any]:
         """Leave mapped arrays out: another process maps them itself."""
         state = dict(self.__dict__)
-        if self._shapes is not None:
-            state.update(_data=None, slices=None, _shapes=None, mapped=True)
+        if self._shapes is not None or self._items is not None:
+            state.update(_data=None, slices=None, _shapes=None, _items=None, mapped=True)
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -277,8 +289,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         was_mapped = state.pop("mapped", False)
         self.__dict__.update(state)
         if was_mapped:
-            self._shapes = self._map()
-            self._data, self.slices = as_data(self._shapes)
+            self._open()
 
 
 def surface_spectra(dataset: StoredDataset) -> NDArray[np.float32]:
@@ -295,7 +306,7 @@ def surface_spectra(dataset: StoredDataset) -> NDArray[np.float32]:
         remedy = (
             "imported meshes have no known surface, take target='mesh'"
             if dataset.kind is recipe.Kind.IMPORTED
-            else f"run `synthnet build --version {version} --limits`"
+            else f"run `synthnet build {version} --limits`"
         )
         raise StoreError(f"{dataset.directory} has no limits of its surfaces: {remedy}")
     return np.array([row.eigenvalues for row in limits.read(dataset)], np.float32)

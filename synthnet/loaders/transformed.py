@@ -19,13 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.errors import needed_by
+from synthnet.errors import DamagedError, needed_by
+from synthnet.store.files import one_line
 
 with needed_by("synthnet.pyg"):
     import torch
     from torch_geometric.data import Data
 
 INDEX = "index.json"
+ROWS = ".bin"  # the end of the name of an attribute's file
+NUMBERS = "biufc"  # kinds of NumPy's types that a file of bytes may hold
 
 
 def write_data(directory: Path, items: Iterable[Data]) -> None:
@@ -38,15 +41,15 @@ def write_data(directory: Path, items: Iterable[Data]) -> None:
     """
     files: dict[str, Any] = {}
     kinds: dict[str, dict[str, Any]] = {}
-    count = 0
+    digests: list[str] = []
     try:
         for data in items:
             attributes = data.to_dict()
-            if not count:
+            if not digests:
                 kinds = {key: _kind(data, key, value) for key, value in attributes.items()}
                 files = {
-                    key: (directory / f"{key}.bin").open("wb")
-                    for key, kind in kinds.items()
+                    key: (directory / _file(number)).open("wb")
+                    for number, (key, kind) in enumerate(kinds.items())
                     if "dtype" in kind
                 }
             if attributes.keys() != kinds.keys():
@@ -54,6 +57,7 @@ def write_data(directory: Path, items: Iterable[Data]) -> None:
                     "pre_transform must return the same attributes for every item, "
                     f"got {sorted(attributes)} after {sorted(kinds)}"
                 )
+            state = hashlib.sha256()
             for key, value in attributes.items():
                 kind = kinds[key]
                 if "dtype" not in kind:
@@ -62,32 +66,81 @@ def write_data(directory: Path, items: Iterable[Data]) -> None:
                 rows = value.movedim(kind["dim"], 0).contiguous().numpy()
                 if str(rows.dtype) != kind["dtype"] or list(rows.shape[1:]) != kind["shape"]:
                     raise TypeError(f"pre_transform changed the type or shape of {key}")
-                files[key].write(rows.tobytes())
+                written = rows.tobytes()
+                files[key].write(written)
+                state.update(written)
                 kind["offsets"].append(kind["offsets"][-1] + len(rows))
-            count += 1
+            digests.append(state.hexdigest())
     finally:
         for file in files.values():
             file.close()
-    (directory / INDEX).write_text(json.dumps({"count": count, "attributes": kinds}))
+    (directory / INDEX).write_text(json.dumps({"digests": digests, "attributes": kinds}))
 
 
-def read_data(directory: Path) -> tuple[Data, dict[str, torch.Tensor]]:
-    """Map what :func:`write_data` wrote as PyG's joined data and slices."""
-    index = json.loads((directory / INDEX).read_text())
-    data, slices = Data(), {}
-    for key, kind in index["attributes"].items():
+class TransformedItems:
+    """What :func:`write_data` wrote, memory-mapped.
+
+    Parameters
+    ----------
+    directory : Path
+        Where it is; its index has been checked, see :mod:`synthnet.store.unpacked`.
+
+    Attributes
+    ----------
+    data, slices
+        As PyG keeps items: one ``Data`` of all, and where each begins.
+
+    Raises
+    ------
+    DamagedError
+        If a file cannot be read or does not fit the index.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self.data = Data()
+        self.slices: dict[str, torch.Tensor] = {}
+        self._rows: list[tuple[NDArray[Any], list[int]]] = []
+        try:
+            index = json.loads((directory / INDEX).read_text())
+            self._digests: list[str] = index["digests"]
+            for number, (key, kind) in enumerate(index["attributes"].items()):
+                self._add(number, key, kind)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise DamagedError(f"{directory} is damaged ({one_line(error)})") from error
+        self._checked = np.zeros(len(self._digests), dtype=np.bool_)
+
+    def _add(self, number: int, key: str, kind: dict[str, Any]) -> None:
         if "dtype" not in kind:
-            data[key] = kind["values"]
-            slices[key] = torch.arange(index["count"] + 1)
-            continue
-        shape = (kind["offsets"][-1], *kind["shape"])
-        path = directory / f"{key}.bin"
-        rows: NDArray[Any] = np.zeros(shape, dtype=kind["dtype"])
+            self.data[key] = kind["values"]
+            self.slices[key] = torch.arange(len(self._digests) + 1)
+            return
+        dtype, offsets = np.dtype(kind["dtype"]), kind["offsets"]
+        if dtype.kind not in NUMBERS:
+            raise ValueError(f"{key} is of {dtype}")
+        shape = (offsets[-1], *kind["shape"])
+        rows: NDArray[Any] = np.zeros(shape, dtype)
         if rows.size:  # an empty file cannot be mapped
-            rows = np.memmap(path, dtype=kind["dtype"], mode="c", shape=shape)
-        data[key] = torch.from_numpy(rows).movedim(0, kind["dim"])
-        slices[key] = torch.tensor(kind["offsets"])
-    return data, slices
+            rows = np.memmap(self._directory / _file(number), dtype, mode="c", shape=shape)
+        self.data[key] = torch.from_numpy(rows).movedim(0, kind["dim"])
+        self.slices[key] = torch.tensor(offsets)
+        self._rows.append((rows, offsets))
+
+    def check(self, item: int) -> None:
+        """Raise DamagedError if an item is not as it was written; read it once for that."""
+        if self._checked[item]:
+            return
+        state = hashlib.sha256()
+        for rows, offsets in self._rows:
+            state.update(rows[offsets[item] : offsets[item + 1]].tobytes())
+        if state.hexdigest() != self._digests[item]:
+            raise DamagedError(f"{self._directory}: item {item} is damaged")
+        self._checked[item] = True
+
+
+def _file(number: int) -> str:
+    """Return the name of an attribute's file; the attribute's own may be any text."""
+    return f"{number:03d}{ROWS}"
 
 
 def _kind(data: Data, key: str, value: Any) -> dict[str, Any]:
@@ -110,18 +163,23 @@ def _kind(data: Data, key: str, value: Any) -> dict[str, Any]:
 def fingerprint(value: Any, seen: frozenset[int] = frozenset()) -> str:
     """Describe a callable by its code and its state, so that a changed one is another."""
     if isinstance(value, torch.Tensor | np.ndarray):
-        array = np.ascontiguousarray(value)
+        array = np.ascontiguousarray(
+            value.detach().cpu() if isinstance(value, torch.Tensor) else value
+        )
         return f"{array.dtype}{array.shape}{hashlib.sha256(array.tobytes()).hexdigest()}"
     if id(value) in seen:
         return "itself"
     inside = seen | {id(value)}
     if isinstance(value, list | tuple | set | frozenset):
-        return json.dumps([type(value).__name__, [fingerprint(part, inside) for part in value]])
+        parts = [fingerprint(part, inside) for part in value]
+        if isinstance(value, set | frozenset):
+            parts.sort()  # the order in which a set is passed through differs between processes
+        return json.dumps([type(value).__name__, parts])
     if isinstance(value, dict):
         return json.dumps([[str(k), fingerprint(v, inside)] for k, v in value.items()])
     if isinstance(value, functools.partial):
-        parts: list[object] = [value.func, value.args, value.keywords]
-        return json.dumps(["partial", *(fingerprint(part, inside) for part in parts)])
+        given = (value.func, value.args, value.keywords)
+        return json.dumps(["partial", *(fingerprint(part, inside) for part in given)])
     if inspect.ismethod(value):
         return json.dumps([value.__name__, fingerprint(value.__self__, inside)])
     if not callable(value):

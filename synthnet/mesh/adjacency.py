@@ -17,9 +17,9 @@ def edge_keys(faces: NDArray[np.integer]) -> NDArray[np.int64]:
     [1, 6, 2, 1, 3, 7]
     """
     tails, heads = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel()
-    keys: NDArray[np.int64] = np.minimum(tails, heads) * (int(faces.max()) + 1) + np.maximum(
-        tails, heads
-    )
+    keys: NDArray[np.int64] = np.minimum(tails, heads) * (
+        int(faces.max(initial=0)) + 1
+    ) + np.maximum(tails, heads)
     return keys
 
 

@@ -43,9 +43,9 @@ def without_edges_of_many(mesh: Mesh, *, loose: bool = False) -> tuple[Mesh, int
     ends = np.cumsum(valences)
     for edge in np.flatnonzero(valences > 2).tolist():
         halves = order[ends[edge] - valences[edge] : ends[edge]]
-        found = _paired(mesh, halves, piece[halves // 3], loose=loose)
-        cut += found is not None
-        kept = np.stack([halves[:-1], halves[1:]]) if found is None else found
+        paired = _paired(mesh, halves, piece[halves // 3], loose=loose)
+        cut += paired is not None
+        kept = np.stack([halves[:-1], halves[1:]]) if paired is None else paired
         pairs.append(kept)
     if not cut:
         return mesh, 0
@@ -72,15 +72,15 @@ def _paired(
         if len(mine) == 1:
             alone.append(mine)
             continue
-        found = mine[:, None] if len(mine) == 2 else _around(mesh, mine)
-        if found is None:
+        pair = mine[:, None] if len(mine) == 2 else _around(mesh, mine)
+        if pair is None:
             return None
-        pairs.append(found)
+        pairs.append(pair)
     if alone:
-        found = _around(mesh, np.concatenate(alone))
-        if found is None and not loose:
+        pair = _around(mesh, np.concatenate(alone))
+        if pair is None and not loose:
             return None
-        pairs.append(np.zeros((2, 0), np.int64) if found is None else found)
+        pairs.append(np.zeros((2, 0), np.int64) if pair is None else pair)
     return np.concatenate(pairs, axis=1)
 
 

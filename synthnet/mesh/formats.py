@@ -115,18 +115,18 @@ def read(content: bytes, suffix: str) -> Triangles:
 
     Examples
     --------
-    >>> found = read(b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf -4 -3 -2 -1", ".obj")
-    >>> found.faces.tolist()
+    >>> triangles = read(b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf -4 -3 -2 -1", ".obj")
+    >>> triangles.faces.tolist()
     [[0, 1, 2], [0, 2, 3]]
     """
     if suffix.endswith(GZIP):
         content, suffix = _decompressed(content), suffix.removesuffix(GZIP)
     if not content.strip():
         raise UnreadableError("the file is empty")
-    found = READERS[suffix](content)
-    if not len(found.faces):
-        raise _without_faces(len(found.vertices))
-    return found
+    triangles = READERS[suffix](content)
+    if not len(triangles.faces):
+        raise _without_faces(len(triangles.vertices))
+    return triangles
 
 
 def kind_of(name: str) -> str | None:
@@ -173,7 +173,7 @@ def read_obj(content: bytes) -> Triangles:
             known = len(positions) // 3  # a negative number counts back from the last so far
             polygons.add([c - 1 if c > 0 else known + c for c in corners], line)
         elif words[0] not in OBJ_OTHERS:
-            raise UnreadableError(f"line {line}: {_told(words[0])} begins no line of an OBJ file")
+            raise UnreadableError(f"line {line}: {_quoted(words[0])} begins no line of an OBJ file")
     return polygons.triangles(positions)
 
 
@@ -183,7 +183,7 @@ def read_off(content: bytes) -> Triangles:
     line, words = next(rows, (1, [b""]))
     head = re.match(rb"(ST)?C?N?OFF", words[0])
     if head is None:
-        raise UnreadableError(f"line {line}: it begins with {_told(words[0])}, not with OFF")
+        raise UnreadableError(f"line {line}: it begins with {_quoted(words[0])}, not with OFF")
     counts = [word for word in (words[0][head.end() :], *words[1:]) if word]
     if not counts:
         line, counts = next(rows, (line, []))
@@ -250,9 +250,9 @@ def _ply_header(lines: Sequence[bytes]) -> tuple[str, list[Element]]:
             ):
                 kinds = PLY_KINDS[kind], PLY_KINDS[many]
             case _:
-                raise UnreadableError(f"line {number}: {_told(line)} is of no PLY header")
+                raise UnreadableError(f"line {number}: {_quoted(line)} is of no PLY header")
         if name in elements[-1].properties:
-            raise UnreadableError(f"line {number}: the property {_told(line.split()[-1])} again")
+            raise UnreadableError(f"line {number}: the property {_quoted(line.split()[-1])} again")
         elements[-1].properties[name] = kinds
     known = {element.name: element.properties for element in elements}
     lists = [PLY_INDICES[0] in known.get("face", {}), PLY_INDICES[1] in known.get("face", {})]
@@ -304,7 +304,7 @@ def _ply_text(rows: Rows, elements: Sequence[Element]) -> Triangles:
 
 
 def _ply_binary(body: memoryview, elements: Sequence[Element], order: str) -> Triangles:
-    at, found = 0, dict[str, Lists]()
+    at, columns = 0, dict[str, Lists]()
     for element in elements:
         there, size, lists = _ply_rows(body[at:], element, order)
         if there < element.count:
@@ -312,12 +312,12 @@ def _ply_binary(body: memoryview, elements: Sequence[Element], order: str) -> Tr
                 f"cut off: {there:,} of {element.count:,} {element.plural}, as its header has"
             )
         at += size
-        found |= {f"{element.name}.{name}": values for name, values in lists.items()}
+        columns |= {f"{element.name}.{name}": values for name, values in lists.items()}
     if at != len(body):
         raise UnreadableError(f"{len(body) - at:,} bytes more than its header declares")
-    vertices = np.stack([found[f"vertex.{axis}"][0].astype(np.float64) for axis in "xyz"], axis=1)
-    name = next(name for name in PLY_INDICES if f"face.{name}" in found)
-    corners, sizes = found[f"face.{name}"]
+    vertices = np.stack([columns[f"vertex.{axis}"][0].astype(np.float64) for axis in "xyz"], axis=1)
+    name = next(name for name in PLY_INDICES if f"face.{name}" in columns)
+    corners, sizes = columns[f"face.{name}"]
     if len(sizes) and sizes.min() < 3:
         number = int(sizes.argmin())
         raise UnreadableError(f"face {number + 1}: a face of {sizes[number]} corners")
@@ -545,9 +545,9 @@ def _position(words: Sequence[bytes], line: int) -> tuple[float, float, float]:
     try:
         x, y, z = map(float, words)
     except ValueError as error:
-        raise UnreadableError(f"line {line}: {_told(*words)} are no three numbers") from error
+        raise UnreadableError(f"line {line}: {_quoted(*words)} are no three numbers") from error
     if b"_" in b"".join(words):  # which Python reads over
-        raise UnreadableError(f"line {line}: {_told(*words)} are no three numbers")
+        raise UnreadableError(f"line {line}: {_quoted(*words)} are no three numbers")
     return x, y, z
 
 
@@ -555,12 +555,12 @@ def _integers(words: Sequence[bytes], line: int) -> list[int]:
     try:
         numbers = [int(word) for word in words]
     except ValueError as error:
-        raise UnreadableError(f"line {line}: {_told(*words)}: no whole numbers") from error
+        raise UnreadableError(f"line {line}: {_quoted(*words)}: no whole numbers") from error
     if b"_" in b"".join(words):
-        raise UnreadableError(f"line {line}: {_told(*words)}: no whole numbers")
+        raise UnreadableError(f"line {line}: {_quoted(*words)}: no whole numbers")
     return numbers
 
 
-def _told(*words: bytes) -> str:
+def _quoted(*words: bytes) -> str:
     """Return words of a file for a message: short, and nothing that cannot be printed."""
     return ascii(b" ".join(words)[:40].decode("latin-1"))

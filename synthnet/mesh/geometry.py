@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from synthnet.mesh.adjacency import edge_keys
 from synthnet.types import Mesh
 
 
@@ -134,14 +135,13 @@ class MeshFacts:
 
     @cached_property
     def _edge_keys(self) -> NDArray[np.int64]:
-        """A number of each half-edge's undirected edge, sorted, shape (3m,)."""
-        tails, heads = self._half_edges
-        return np.sort(np.minimum(tails, heads) * self.n_vertices + np.maximum(tails, heads))
+        """A number of each half-edge's undirected edge, shape (3m,)."""
+        return edge_keys(self.mesh.faces)
 
     @cached_property
     def edge_valences(self) -> NDArray[np.int64]:
         """Number of triangles at each undirected edge, shape (e,)."""
-        return _run_lengths(self._edge_keys)
+        return _run_lengths(np.sort(self._edge_keys))
 
     @cached_property
     def n_repeated_half_edges(self) -> int:
@@ -166,8 +166,8 @@ class MeshFacts:
         """Number of connected pieces of the edges with a single triangle; 0 if closed."""
         if self.is_closed:
             return 0
-        unique = np.unique(self._edge_keys)  # in the order of the valences
-        tails, heads = np.divmod(unique[self.edge_valences == 1], self.n_vertices)
+        _, first = np.unique(self._edge_keys, return_index=True)  # in the order of the valences
+        tails, heads = (ends[first[self.edge_valences == 1]] for ends in self._half_edges)
         ones: NDArray[Any] = np.ones(len(tails))
         graph = sparse.coo_matrix((ones, (tails, heads)), shape=(self.n_vertices,) * 2)
         _, piece = connected_components(graph, directed=False)

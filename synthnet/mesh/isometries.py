@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh import transformations
 
 from synthnet.types import Mesh
 
@@ -22,6 +21,8 @@ def random_rotation(rng: np.random.Generator) -> NDArray[np.float64]:
     >>> round(float(np.linalg.det(rotation)), 9)
     1.0
     """
+    from trimesh import transformations  # as late as here, since that takes half a second
+
     matrix: NDArray[np.float64] = transformations.random_rotation_matrix(rand=rng.random(3))
     return matrix[:3, :3]
 
@@ -35,6 +36,8 @@ def random_reflection(rng: np.random.Generator) -> NDArray[np.float64]:
     >>> bool(np.allclose(reflection @ reflection, np.eye(3)))
     True
     """
+    from trimesh import transformations
+
     normal = random_rotation(rng)[:, 2]
     matrix: NDArray[np.float64] = transformations.reflection_matrix(np.zeros(3), normal)
     return matrix[:3, :3]

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from synthnet.errors import MissingPackageError, install, needed_by
+from synthnet.processes import more_memory
 from synthnet.types import Mesh
 
 __all__ = ["decimate", "from_open3d", "load_open3d", "subdivide", "to_open3d"]
@@ -89,8 +90,8 @@ def load_open3d() -> types.ModuleType:
         raise
     except (ImportError, OSError) as error:
         raise MissingPackageError(
-            f"Open3D cannot be imported ({error}): {install('open3d')} brings it with the USB "
-            "library that it needs"
+            f"Open3D cannot be imported ({error}): "
+            + more_memory(f"{install('open3d')} brings it with the USB library that it needs")
         ) from error
 
 

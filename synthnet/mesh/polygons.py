@@ -106,13 +106,13 @@ def _ears(points: NDArray[np.float64], number: int) -> NDArray[np.int64]:
         Of the polygon, for the error.
     """
     flat = _in_plane(points)
-    left, found = list(range(len(points))), list[tuple[int, int, int]]()
+    left, ears = list(range(len(points))), list[tuple[int, int, int]]()
     scores = [_score(flat, left, at) for at in range(len(left))]
     while len(left) > 3:
         at = int(np.argmax(scores))
         if not scores[at] > FLAT:
             raise PolygonError(number, "a polygon that crosses itself or has no area")
-        found.append((left[at - 1], left[at], left[(at + 1) % len(left)]))
+        ears.append((left[at - 1], left[at], left[(at + 1) % len(left)]))
         del left[at], scores[at]
         # A corner inside an ear keeps it from being one until it is itself gone
         near = {(at - 1) % len(left), at % len(left)}
@@ -121,7 +121,7 @@ def _ears(points: NDArray[np.float64], number: int) -> NDArray[np.int64]:
             scores[i] = _score(flat, left, i)
     if not _score(flat, left, 1) > FLAT:
         raise PolygonError(number, "a polygon that crosses itself or has no area")
-    return np.array([*found, tuple(left)])
+    return np.array([*ears, tuple(left)])
 
 
 def _in_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:

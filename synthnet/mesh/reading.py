@@ -79,8 +79,8 @@ class Reader:
 
     def read(self, path: Path, sha256: str | None = None) -> Mesh:
         """Return the triangles of a file as they stand in it, as :meth:`triangles` does."""
-        found = self.triangles(path, sha256)
-        return Mesh(found.vertices, found.faces)
+        triangles = self.triangles(path, sha256)
+        return Mesh(triangles.vertices, triangles.faces)
 
     def triangles(self, path: Path, sha256: str | None = None) -> Triangles:
         """Return the triangles of a file as they stand in it, polygons cut into triangles.
@@ -190,17 +190,17 @@ def _answer(
         content = Path(path).read_bytes()
         if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
             return {"changed": "its bytes are others than when the import began"}, None
-        found = formats.read(content, kind_of(Path(path).name) or "")
+        triangles = formats.read(content, kind_of(Path(path).name) or "")
     except OSError as error:
         return {"unreadable": f"cannot be opened ({error.strerror})"}, None
     except (UnreadableError, MissingPackageError) as error:
         return {"unreadable": str(error)}, None
     except MemoryError:
         return {"unreadable": f"needs more than {gigabytes:g} GB of memory"}, None
-    return {"clipped": found.clipped}, found
+    return {"clipped": triangles.clipped}, triangles
 
 
-def _send(channel: Connection, answer: dict[str, Any], found: Triangles | None) -> None:
+def _send(channel: Connection, answer: dict[str, Any], triangles: Triangles | None) -> None:
     channel.send_bytes(json.dumps(answer).encode())
-    for values in () if found is None else (found.vertices, found.faces):
+    for values in () if triangles is None else (triangles.vertices, triangles.faces):
         channel.send_bytes(np.ascontiguousarray(values).data.cast("B"))

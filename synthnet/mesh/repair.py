@@ -12,10 +12,10 @@ not finite            refused if a face uses such a coordinate: ``finite``
 size                  refused if the diagonal is outside :data:`DIAGONALS`: ``extent``
 equal positions       vertices nearer than :data:`NEAR` of the diagonal become one; refused
                       if :data:`COLLAPSED` of the faces fall together by it: ``extent``.
-                      ``apart``: not if the surface is closed as it is, each edge with two
-                      faces, and merging would give an edge more than two
+                      (``merge``). ``apart``: not if merging would give an edge more than
+                      two faces, the surface is one as it is, and merging closes no seam
 repeated corners      faces that name a vertex twice (after that) are dropped
-duplicate faces       of faces with the same three corners one is kept
+duplicate faces       ``duplicates``: of faces with the same three corners one is kept
 loose vertices        vertices without a face are dropped
 no altitude           ``caps``: flat triangles go by a flip of their longest edge
 non-manifold edges    ``cut``: cut where the faces are clearly pairs, as where two solids touch
@@ -23,9 +23,10 @@ several components    kept; or the largest by area alone; or a certain one. Comp
                       faces that share edges, so what only shares a vertex is several
 no altitude           refused, if any is left: ``degenerate_face``
 non-manifold edges    refused, if any is left: ``non_manifold_edge``
-pinched vertices      a vertex where several fans of faces meet is one for each of them
-orientation           faces are turned to agree; a closed surface of one component is turned
-                      outwards; a component that has no orientation stays as it is
+pinched vertices      ``pinches``: a vertex where several fans of faces meet is one for each
+                      of them; refused if that is left out: ``pinched_vertex``
+orientation           ``orientation``: faces are turned to agree; a closed surface of one
+                      component is turned outwards; one without orientation stays as it is
 few vertices          refused: ``few_vertices``
 ====================  ==========================================================================
 """
@@ -33,7 +34,7 @@ few vertices          refused: ``few_vertices``
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
@@ -42,7 +43,7 @@ from numpy.typing import NDArray
 
 from synthnet.errors import SynthNetError
 from synthnet.mesh import caps, cutting
-from synthnet.mesh.adjacency import connected, face_components, neighbours
+from synthnet.mesh.adjacency import connected, edge_keys, face_components, neighbours
 from synthnet.mesh.geometry import MeshFacts, area, face_areas, volume
 from synthnet.types import Mesh, Vertices
 
@@ -55,9 +56,13 @@ MOST_FACES = 4_000_000  # a closed surface has twice as many as vertices
 KEEP, LARGEST, SPLIT = COMPONENTS = "keep", "largest", "split"
 REPAIRS = {  # those that can be left out, and what a file then is refused for
     "polygons": "polygons that are not convex",
-    "apart": "a closed surface whose parts touch",
+    "merge": "equal positions",
+    "apart": "a surface whose parts touch",
+    "duplicates": "faces with the same corners",
     "caps": "flat triangles",
     "cut": "solids that touch along an edge",
+    "pinches": "fans that meet in a vertex",
+    "orientation": "faces that turn against their neighbours",
 }
 
 
@@ -149,9 +154,12 @@ def repair(mesh: Mesh, rules: Rules | None = None) -> Repaired:
     ({'merged vertices': 2}, 4)
     """
     rules = rules or Rules()
-    state = in_order(told_apart(mesh, rules), (not_flat, manifold_edges, split_pinches))
+    state = in_order(told_apart(mesh, rules), (not_flat, manifold_edges))
+    state = split_pinches(state) if "pinches" not in rules.without else not_pinched(state)
     state = replace(state, components=int(face_components(state.mesh.faces).max()) + 1)
-    state = oriented(state)
+    turned = oriented(state)
+    kept = replace(state, orientable=turned.orientable)
+    state = turned if "orientation" not in rules.without else kept
     count, least = len(state.mesh.vertices), rules.least + state.components - 1
     if count < least:
         of = "" if state.components == 1 else f" of {state.components} components"
@@ -179,30 +187,29 @@ def told_apart(mesh: Mesh, rules: Rules) -> Repaired:
         raise Refused("too_large", f"{len(mesh.faces):,} faces, more than {MOST_FACES:,}")
     state = Repaired(Mesh(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)))
     state = in_order(state, (finite, within_extent))
-    cleaning: Sequence[Rule] = (
-        without_repeated_corners,
-        without_duplicates,
-        without_loose_vertices,
-        not_too_large,
-    )
-    one = in_order(merged(state), cleaning)
-    if "apart" not in rules.without and not has_manifold_edges(one.mesh):
-        as_it_is = in_order(state, cleaning[:-1])
-        if is_closed_surface(as_it_is.mesh):
-            touching = one.repairs["merged vertices"]
-            one = as_it_is.with_repair("touching vertices", touching, as_it_is.mesh)
-            one = not_too_large(one)
+    cleaning: list[Rule] = [without_repeated_corners, without_loose_vertices]
+    if "duplicates" not in rules.without:
+        cleaning.insert(1, without_duplicates)
+    as_it_is = in_order(state, cleaning)
+    repaired = as_it_is
+    if "merge" not in rules.without:
+        repaired = in_order(merged(state), cleaning)
+        if "apart" not in rules.without and not has_manifold_edges(repaired.mesh):
+            touching = repaired.repairs.get("merged vertices", 0)
+            if is_surface(as_it_is.mesh) and not has_seams(as_it_is):
+                repaired = as_it_is.with_repair("touching vertices", touching, as_it_is.mesh)
+    repaired = not_too_large(repaired)
     if "caps" not in rules.without:
-        one = without_caps(one)
+        repaired = without_caps(repaired)
     if "cut" not in rules.without:
-        one = cut(one, fins=rules.cut_fins)
-    return chosen(one, rules)
+        repaired = cut(repaired, fins=rules.cut_fins)
+    return chosen(repaired, rules)
 
 
 Rule: TypeAlias = Callable[[Repaired], Repaired]
 
 
-def in_order(state: Repaired, rules: Sequence[Rule]) -> Repaired:
+def in_order(state: Repaired, rules: Iterable[Rule]) -> Repaired:
     """Return what one rule after the other makes of a mesh."""
     for rule in rules:
         state = rule(state)
@@ -214,9 +221,22 @@ def has_manifold_edges(mesh: Mesh) -> bool:
     return bool((MeshFacts(mesh).edge_valences <= 2).all())
 
 
-def is_closed_surface(mesh: Mesh) -> bool:
-    """Return whether each edge has two faces, and each face an area."""
-    return MeshFacts(mesh).is_closed and not flat_faces(mesh)
+def is_surface(mesh: Mesh) -> bool:
+    """Return whether each edge has at most two faces, and each face an area."""
+    return has_manifold_edges(mesh) and not flat_faces(mesh)
+
+
+def has_seams(state: Repaired) -> bool:
+    """Return whether merging gives an edge of one face its second one, as along a seam."""
+    before, after = (_valences(repaired.mesh.faces) for repaired in (state, merged(state)))
+    return bool(((before == 1) & (after == 2)).any())
+
+
+def _valences(faces: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return how many faces the edge from corner i to corner i + 1 of each face has, (3 m,)."""
+    _, number, counts = np.unique(edge_keys(faces), return_inverse=True, return_counts=True)
+    valences: NDArray[np.int64] = counts[number.ravel()]
+    return valences
 
 
 def finite(state: Repaired) -> Repaired:
@@ -227,7 +247,8 @@ def finite(state: Repaired) -> Repaired:
     if bad.any():
         nan = int(np.isnan(state.mesh.vertices[bad]).any(axis=1).sum())
         of_them = f", {nan} of them NaN" if nan else ", but infinite"
-        raise Refused("finite", f"{bad.sum()} vertices are not finite{of_them}")
+        first = f"the first is vertex {np.flatnonzero(bad)[0]}"
+        raise Refused("finite", f"{bad.sum()} vertices are not finite{of_them}, {first}")
     vertices = np.where(used[:, None], state.mesh.vertices, 0.0)  # the others fall away below
     return replace(state, mesh=Mesh(vertices, state.mesh.faces))
 
@@ -310,7 +331,8 @@ def manifold_edges(state: Repaired) -> Repaired:
     if bad:
         raise Refused(
             "non_manifold_edge",
-            f"{bad} edges have more than two faces, not clearly in pairs: --cut-fins may cut them",
+            f"{bad} edges have more than two faces, not clearly in pairs: "
+            "`synthnet import --cut-fins` may cut them",
         )
     return state
 
@@ -333,6 +355,14 @@ def split_pinches(state: Repaired) -> Repaired:
     """Make a vertex where several fans of faces meet one vertex for each fan."""
     mesh, count = cutting.without_pinches(state.mesh)
     return state.with_repair("pinched vertices", count, mesh)
+
+
+def not_pinched(state: Repaired) -> Repaired:
+    """Refuse vertices where several fans of faces meet."""
+    _, count = cutting.without_pinches(state.mesh)
+    if count:
+        raise Refused("pinched_vertex", f"{count} vertices join several fans of faces")
+    return state
 
 
 def chosen(state: Repaired, rules: Rules) -> Repaired:

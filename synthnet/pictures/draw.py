@@ -24,7 +24,7 @@ with needed_by("drawing"):
     from matplotlib.figure import Figure
 
 DOTS = 150  # an inch
-ACROSS = 5  # eigenfunctions, or meshes of a sheet, in a row
+ACROSS = 5  # so many eigenfunctions, or meshes of a sheet, make a row
 TOP, BELOW = 3.9, 2.15  # inches: height of the mesh and its spectrum, and of a row below
 WIDTH, KEY = 9.0, 0.3  # inches; the key says what the colours mean
 KEY_TEXT = "eigenfunctions: negative blue, zero white and a line, positive orange"

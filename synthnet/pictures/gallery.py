@@ -69,7 +69,7 @@ def candidates(
         families = (shard.family for shard in stored.manifest.shards)
         shapes = {name: kept.get(name, []) for name in families}
         totals = {name: len(specs) for name, specs in shapes.items()}
-        if family is not None and family not in totals:  # the file of a shape
+        if family is not None and family not in totals:  # then it is the file of a shape
             spec = stored.find(family).spec if stored.id_of(family) != family else None
             if spec is not None:
                 return [Candidates(spec.family, totals[spec.family], (spec,), ("file",))]

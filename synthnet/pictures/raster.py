@@ -15,7 +15,7 @@ from synthnet.kernels import kernel
 from synthnet.types import Mesh
 
 SAMPLES = 3  # in a pixel's width: what is drawn is the mean of nine
-MARGIN = 0.04  # of the picture's smaller side, left free all around
+MARGIN = 0.04  # so much of the picture's smaller side is left free all around
 SURFACE = (0.62, 0.79, 0.92)
 # Okabe and Ito's blue and orange differ for colour-blind readers too, and in grey by lightness.
 NEGATIVE, POSITIVE = (0.0, 0.447, 0.698), (0.902, 0.624, 0.0)
@@ -180,7 +180,7 @@ def _nearest(
     for f in range(faces.shape[0]):
         a, b, c = points[faces[f, 0]], points[faces[f, 1]], points[faces[f, 2]]
         doubled = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
-        if doubled == 0:  # seen from its edge
+        if doubled == 0:  # it is seen from its edge
             continue
         left = max(0, int(np.ceil(min(a[0], b[0], c[0]) - 0.5)))
         right = min(width - 1, int(np.floor(max(a[0], b[0], c[0]) - 0.5)))

@@ -17,7 +17,7 @@ class Uniform(Protocol):
         """Return a number in [0, 1)."""
 
 
-CLAMP = 3.0  # standard deviations; paper, caption of Table 5
+CLAMP = 3.0  # standard deviations, as the caption of the paper's Table 5 says
 
 
 def _log10_normal(u: float, mean: float, std: float) -> float:
@@ -71,7 +71,7 @@ def draw(distributions: Mapping[str, Any], rng: Uniform) -> dict[str, float | in
     return values
 
 
-PARAMETERS, ISOMETRIES, MESHES = 0, 1, 2  # the streams of a shape
+PARAMETERS, ISOMETRIES, MESHES = 0, 1, 2  # the streams that a shape has
 
 
 def generator(seed: int, family: str, index: int, stream: int) -> np.random.Generator:

@@ -14,9 +14,9 @@ SEALED = re.compile(r"(?P<version>.+)-sealed-[0-9a-f]{12}")
 class Kind(Enum):
     """The four kinds of dataset, by what makes them."""
 
-    VERSION = "version"  # a recipe that ships with the package, or one of your own
-    SCALED = "scaled version"  # such a recipe, with many times the shapes
-    SEALED = "sealed set"  # such a recipe, with a seed from a secret salt
+    VERSION = "version"  # its recipe ships with the package, or is one of your own
+    SCALED = "scaled version"  # it has such a recipe, with many times the shapes
+    SEALED = "sealed set"  # it has such a recipe, with a seed from a secret salt
     IMPORTED = "import"  # mesh files: there is no recipe
 
 

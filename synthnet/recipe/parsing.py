@@ -24,7 +24,7 @@ from synthnet.recipe.recipe import (
 from synthnet.types import PROTOCOLS
 
 LEAST_VERTICES = 50  # of a mesh that a recipe asks for
-EACH_FAMILY = "each family"  # held out, one after the other
+EACH_FAMILY = "each family"  # they are held out one after the other
 NOTHING = "nothing"  # held out: tested are meshes from elsewhere
 
 Settings = TypeVar("Settings")

@@ -199,7 +199,7 @@ def by_hash(protocol: str, key: str, shares: SplitSettings, seed: int) -> str:
 
 
 def _rank(seed: int, protocol: str, key: str) -> bytes:
-    # A hash and no shuffle: equal on every machine, whatever the library's version.
+    # A hash, unlike a shuffle, is equal on every machine, whatever the library's version.
     return hashlib.sha256(f"{seed}/{protocol}/{key}".encode()).digest()
 
 

@@ -16,7 +16,7 @@ eigenvalues of others, :mod:`~synthnet.spectrum.inputs` takes their meshes,
 first use and cached on disk.
 """
 
-from synthnet.spectrum.inputs import as_mesh, check
+from synthnet.spectrum.inputs import as_mesh, check, repaired
 from synthnet.spectrum.many import spectra
 from synthnet.spectrum.operators import (
     Discrete,
@@ -44,6 +44,7 @@ __all__ = [
     "discretise",
     "fem_matrices",
     "of_matrices",
+    "repaired",
     "smallest",
     "spectra",
 ]

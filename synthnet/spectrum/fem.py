@@ -6,8 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from synthnet.kernels import kernel
+
+FLAT = 1e-15  # a triangle's area relative to its longest edge's square that is rounding alone
+REMEDY = "remove them first, as spectrum.compute(mesh, repair=True) does"
 
 
 class Matrices(NamedTuple):
@@ -44,6 +48,47 @@ class Matrices(NamedTuple):
         return int(self.anchored is None or not self.anchored.any())
 
 
+def gathered(
+    numbers: NDArray[np.integer],
+    stiffness: NDArray[np.float64],
+    mass: NDArray[np.float64],
+    size: int,
+    least: float = 0.25,
+) -> Matrices:
+    """Add up the matrices of single triangles.
+
+    Parameters
+    ----------
+    numbers : ndarray of shape (m, f), int
+        Unknowns of each triangle, from 0 to ``size - 1``.
+    stiffness, mass : ndarray of m f² float64
+        A block f × f of each triangle, one after the other.
+    size : int
+        Unknowns.
+    least : float
+        As of :class:`Matrices`.
+    """
+    functions = numbers.shape[1]
+    rows, columns = (
+        np.repeat(numbers, functions, axis=1).ravel(),
+        np.tile(numbers, functions).ravel(),
+    )
+    stiff, heavy = (
+        sparse.coo_array((blocks.ravel(), (rows, columns)), shape=(size, size)).tocsr()
+        for blocks in (stiffness, mass)
+    )
+    stiff.sort_indices()
+    heavy.sort_indices()
+    return Matrices(
+        stiff.indptr.astype(np.int32),
+        stiff.indices.astype(np.int32),
+        stiff.data,
+        heavy.data,
+        np.asarray(heavy.sum(axis=1)),
+        least=least,
+    )
+
+
 def assemble(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Matrices:
     """Assemble the matrices of a mesh in which every vertex belongs to a face.
 
@@ -62,8 +107,8 @@ def assemble(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Matrice
     indptr, indices = pattern(faces, len(vertices))
     stiffness, mass = np.zeros(len(indices)), np.zeros(len(indices))
     flat = _add_triangles(vertices, faces, indptr, indices, stiffness, mass)
-    if flat:
-        raise ValueError(f"{flat} of {len(faces)} faces have no area: remove them first")
+    if flat := max(flat, _flat_triangles(vertices, faces)):
+        raise ValueError(f"{flat} of {len(faces)} faces have no area: {REMEDY}")
     lumped = np.add.reduceat(mass, indptr[:-1])
     return Matrices(indptr, indices, stiffness, mass, lumped)
 
@@ -131,6 +176,26 @@ def _index(numbers: NDArray[np.int32], low: int, high: int, number: int) -> int:
     while numbers[low] != number:
         low += 1
     return low
+
+
+@kernel
+def _flat_triangles(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> int:
+    """Return how many triangles have an area of zero, but for rounding.
+
+    Fused products leave a rounding error where two corners are one point. This stands apart from
+    :func:`_add_triangles` because one more sum there rounds every label differently.
+    """
+    flat = 0
+    for t in range(len(faces)):
+        a, b, c = vertices[faces[t, 0]], vertices[faces[t, 1]], vertices[faces[t, 2]]
+        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        wx, wy, wz = c[0] - b[0], c[1] - b[1], c[2] - b[2]
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        longest = max(ux**2 + uy**2 + uz**2, vx**2 + vy**2 + vz**2, wx**2 + wy**2 + wz**2)
+        if not 0.5 * np.sqrt(x * x + y * y + z * z) > FLAT * longest:
+            flat += 1
+    return flat
 
 
 @kernel

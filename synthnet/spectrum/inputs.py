@@ -5,11 +5,13 @@ They are recognised by their attributes, so that none of these libraries need be
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.mesh.repair import Repaired, Rules, repair
 from synthnet.types import Mesh
 
 SIZES = 1e-50, 1e50  # of a mesh: the squares of its areas are far from the ends of float64
@@ -61,6 +63,26 @@ def as_mesh(given: Any) -> Mesh:
     return Mesh(np.ascontiguousarray(vertices, dtype=np.float64), faces)
 
 
+def repaired(given: Any, k: int) -> Repaired:
+    """Return a mesh, repaired so that it has a spectrum of k eigenvalues after the zeros.
+
+    Parameters
+    ----------
+    given : Mesh or other
+        As of :func:`as_mesh`.
+    k : int
+        Eigenvalues that are wanted of it.
+
+    Raises
+    ------
+    ValueError
+        If it is no mesh.
+    Refused
+        If it is no surface by a rule of :mod:`synthnet.mesh.repair`.
+    """
+    return repair(as_mesh(given), Rules(least=k + 1))
+
+
 def check(mesh: Mesh) -> None:
     """Check that a mesh has triangles, and coordinates whose areas have squares.
 
@@ -90,10 +112,17 @@ def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     if isinstance(given, tuple | list) and len(given) == 2:
         return _array(given[0]), _array(given[1])
     for (vertices, faces), columns in KINDS:
-        found = getattr(given, vertices, None), getattr(given, faces, None)
-        if found[0] is not None and found[1] is not None:
-            return _array(found[0]), _array(found[1]).T if columns else _array(found[1])
-    raise ValueError(f"this is no mesh but {type(given).__name__}: give {TAKEN}")
+        arrays = getattr(given, vertices, None), getattr(given, faces, None)
+        if arrays[0] is not None and arrays[1] is not None:
+            return _array(arrays[0]), _array(arrays[1]).T if columns else _array(arrays[1])
+    hint = ""
+    if isinstance(given, str | os.PathLike):
+        hint = "; read the file first: trimesh.load_mesh(path, process=False)"
+    elif isinstance(given, np.ndarray):
+        hint = "; with parentheses of its own: compute((vertices, faces))"
+    elif hasattr(given, "to_mesh"):  # a scene of trimesh
+        hint = "; its .to_mesh() is one"
+    raise ValueError(f"this is {type(given).__name__}, no mesh: give {TAKEN}{hint}")
 
 
 def _array(values: Any) -> NDArray[Any]:

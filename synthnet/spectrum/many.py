@@ -15,7 +15,12 @@ from synthnet.types import Spectrum
 
 
 def spectra(
-    meshes: Iterable[Any], k: int = 10, *, operator: Operator = PLAIN, workers: int = 1
+    meshes: Iterable[Any],
+    k: int = 10,
+    *,
+    operator: Operator = PLAIN,
+    repair: bool = False,
+    workers: int = 1,
 ) -> Iterator[Spectrum]:
     """Yield the spectrum of each mesh, in order, as :func:`synthnet.spectrum.compute` does.
 
@@ -27,13 +32,15 @@ def spectra(
         Number of eigenvalues of each.
     operator : synthnet.spectrum.Operator
         Which operator of each.
+    repair : bool
+        Repair each first, see :func:`synthnet.spectrum.compute`.
     workers : int
         Processes; with one, all is done in this. Each takes a core: set OMP_NUM_THREADS=1. In a
         script they need ``if __name__ == "__main__":``.
 
     Raises
     ------
-    ValueError, SpectrumError, CertificateError
+    ValueError, Refused, SpectrumError, CertificateError
         At the first mesh that has no spectrum.
 
     Examples
@@ -45,10 +52,11 @@ def spectra(
     """
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}")
+    solve = partial(compute, k=k, operator=operator, repair=repair)
     if workers == 1:
-        yield from (compute(mesh, k, operator=operator) for mesh in meshes)
+        yield from map(solve, meshes)
         return
     compile_solver()  # once, before all of them would
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        yield from pool.map(partial(compute, k=k, operator=operator), map(as_mesh, meshes))
+        yield from pool.map(solve, map(as_mesh, meshes))

@@ -23,14 +23,20 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from synthnet.errors import needed_by
-from synthnet.spectrum import fem
+from synthnet.mesh.adjacency import edge_keys
+from synthnet.spectrum import delaunay, fem
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import check
 from synthnet.types import Mesh
 
 BOUNDARIES = ("neumann", "dirichlet")
 SHARES = {"consistent": 1.0, "mean": 0.5, "lumped": 0.0}  # of the consistent mass in each
-MASSES = {"linear": tuple(SHARES), "quadratic": ("consistent",), "tufted": ("lumped",)}
+MASSES = {
+    "linear": tuple(SHARES),
+    "quadratic": ("consistent",),
+    "delaunay": tuple(SHARES),
+    "tufted": ("lumped",),
+}
 # Corners of the pairs (i, j), i ≤ j, that number the functions λᵢλⱼ of a triangle.
 PAIRS = np.array([(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)])
 FACTORIALS = np.array([1.0, 1, 2, 6, 24])
@@ -54,6 +60,9 @@ class Operator:
     elements : str
         ``"linear"``: as labels have, errors of order :math:`h^2`. ``"quadratic"``: with unknowns on
         edges too, on the same flat triangles; :math:`h^4` where these are the surface.
+        ``"delaunay"``: linear on the intrinsic Delaunay triangulation of the same flat triangles,
+        see :mod:`synthnet.spectrum.delaunay`: for thin triangles, and where no entry of the
+        stiffness off the diagonal may be positive.
         ``"tufted"``: linear on the intrinsic Delaunay triangulation of the tufted cover, for meshes
         that are no manifold or have thin or flat triangles; by ``robust_laplacian``.
 
@@ -70,7 +79,7 @@ class Operator:
 
     boundary: Literal["neumann", "dirichlet"] | NDArray[np.bool_] = "neumann"
     mass: Literal["consistent", "mean", "lumped"] | None = None
-    elements: Literal["linear", "quadratic", "tufted"] = "linear"
+    elements: Literal["linear", "quadratic", "delaunay", "tufted"] = "linear"
 
     def __post_init__(self) -> None:
         """Check the names; put the elements' own mass where none is given."""
@@ -138,27 +147,27 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     ------
     ValueError
         If there are no triangles, a coordinate is not finite, the size has no square in float64, a
-        triangle has no area (but under the tufted cover), or a vertex no triangle; if a mask does
-        not fit, everything is held, or a closed mesh is to be held at its boundary.
+        triangle has no area (but under the tufted cover), or a vertex no triangle; if an edge of
+        more than two faces has no intrinsic triangulation; if a mask does not fit, everything is
+        held, or a closed mesh is to be held at its boundary.
     MissingPackageError
         If the tufted cover is asked for and robust_laplacian is not installed.
     """
     _check(mesh)
     n = len(mesh.vertices)
-    if operator.elements != "tufted":
+    if operator.elements in ("linear", "quadratic"):
         _warn_of_sheets(mesh)
     free = isinstance(operator.boundary, str) and operator.boundary == "neumann"
-    if free and operator.elements == "linear":
-        return Discrete(_with_mass(_linear(mesh), operator.share), None, n)
-    edges = _edges(mesh)
     if operator.elements == "tufted":
         matrices = _tufted(mesh)
     elif operator.elements == "quadratic":
-        matrices = _quadratic(mesh, edges)
+        matrices = _quadratic(mesh, _edges(mesh))
     else:
-        matrices = _with_mass(_linear(mesh), operator.share)
+        plain = delaunay.assemble(mesh) if operator.elements == "delaunay" else _linear(mesh)
+        matrices = _with_mass(plain, operator.share)
     if free:
         return Discrete(matrices, None, n)
+    edges = _edges(mesh)
     held = np.concatenate(_held(operator.boundary, n, edges))[: len(matrices.lumped)]
     if held.all():
         raise ValueError("every unknown is held at zero: nothing is left to solve")
@@ -235,7 +244,7 @@ def _check(mesh: Mesh) -> None:
     check(mesh)
     unused = len(mesh.vertices) - np.count_nonzero(np.bincount(mesh.faces.ravel()))
     if unused:
-        raise ValueError(f"{unused} vertices belong to no triangle: remove them first")
+        raise ValueError(f"{unused} vertices belong to no triangle: {fem.REMEDY}")
 
 
 def _linear(mesh: Mesh) -> Matrices:
@@ -273,7 +282,7 @@ def _quadratic(mesh: Mesh, edges: _Edges) -> Matrices:
     area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2
     flat = int(np.count_nonzero(~(area > 0)))
     if flat:
-        raise ValueError(f"{flat} of {len(area)} faces have no area: remove them first")
+        raise ValueError(f"{flat} of {len(area)} faces have no area: {fem.REMEDY}")
     linear = sides @ sides.transpose(0, 2, 1) / (4 * area)[:, None, None]
     second = (1 + np.eye(3)) / 12  # of two of the λ, by area
     doubled = np.where(PAIRS[:, 0] == PAIRS[:, 1], 1, 2)
@@ -291,21 +300,7 @@ def _quadratic(mesh: Mesh, edges: _Edges) -> Matrices:
             )
             powers = np.bincount([i, j, k, m], minlength=3)
             mass[:, a, b] = scale * area * np.prod(FACTORIALS[powers]) / 360
-    rows, columns = np.repeat(numbers, 6, axis=1).ravel(), np.tile(numbers, 6).ravel()
-    stiff, heavy = (
-        sparse.coo_array((part.ravel(), (rows, columns)), shape=(unknowns, unknowns)).tocsr()
-        for part in (stiffness, mass)
-    )
-    stiff.sort_indices()
-    heavy.sort_indices()
-    return Matrices(
-        stiff.indptr.astype(np.int32),
-        stiff.indices.astype(np.int32),
-        stiff.data,
-        heavy.data,
-        np.asarray(heavy.sum(axis=1)),
-        least=QUADRATIC,
-    )
+    return fem.gathered(numbers, stiffness, mass, unknowns, QUADRATIC)
 
 
 def _tufted(mesh: Mesh) -> Matrices:
@@ -333,21 +328,16 @@ def _tufted(mesh: Mesh) -> Matrices:
     )
 
 
-def _keys(mesh: Mesh) -> NDArray[np.int64]:
-    """Return a number for each side of each face, (m, 3), the same for sides on one edge."""
-    tails, heads = mesh.faces.astype(np.int64), np.roll(mesh.faces, -1, axis=1).astype(np.int64)
-    return np.asarray(np.minimum(tails, heads) * len(mesh.vertices) + np.maximum(tails, heads))
-
-
 def _edges(mesh: Mesh) -> _Edges:
-    unique, of_side, faces = np.unique(_keys(mesh).ravel(), return_inverse=True, return_counts=True)
-    ends = np.stack(np.divmod(unique, len(mesh.vertices)), axis=1)
+    keys = edge_keys(mesh.faces)
+    unique, of_side, faces = np.unique(keys, return_inverse=True, return_counts=True)
+    ends = np.stack(np.divmod(unique, int(mesh.faces.max()) + 1), axis=1)
     return _Edges(ends, of_side.reshape(-1, 3), faces)
 
 
 def _warn_of_sheets(mesh: Mesh) -> None:
     """Warn of edges of more than two faces: the problem is well posed, but of no surface."""
-    keys = np.sort(_keys(mesh).ravel())
+    keys = np.sort(edge_keys(mesh.faces))
     many = len(np.unique(keys[2:][keys[2:] == keys[:-2]]))
     if many:
         warnings.warn(

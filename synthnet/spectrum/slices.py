@@ -22,7 +22,7 @@ from synthnet.spectrum.search import Setting, Window, search
 from synthnet.types import Certificate
 
 SLICE = 48  # pairs of each, about: fastest of 32 to 128 at 7,000 and at 100,000 vertices
-LONG = 2 * SLICE  # more pairs than these are searched for in slices
+LONG = 128  # more pairs than these are searched for in slices: fewer take no longer in one search
 BESIDE = 16  # vectors of the slice before that a search stays orthogonal to
 
 
@@ -56,11 +56,11 @@ def search_in_slices(
         If a slice cannot be found or certified.
     """
     slices: list[Candidate] = []
-    window, found, residual = None, 0, 0.0
+    window, done, residual = None, 0, 0.0
     while True:
-        left = k - found
-        wanted = left if left < 1.5 * SLICE else SLICE
-        part, counted = search(matrices, ordering, wanted, setting, window)
+        left = k - done
+        size = left if left < 1.5 * SLICE else SLICE
+        part, counted = search(matrices, ordering, size, setting, window)
         below = matrices.zeros if window is None else window.count
         proof = certify(part, counted, below)
         together = np.sqrt(len(part.values)) * part.residual
@@ -69,9 +69,9 @@ def search_in_slices(
                 f"an eigenvalue of residual {part.residual:.2g} may be below {window.low:g}"
             )
         slices.append(part)
-        found += len(part.values)
+        done += len(part.values)
         residual = max(residual, part.residual)
-        if found >= k:
+        if done >= k:
             break
         low = 0.0 if window is None else window.low
         spacing = (proof.shift - low) / len(part.values)

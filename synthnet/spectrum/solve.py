@@ -130,8 +130,8 @@ def compute(
     mesh = as_mesh(mesh)
     if repair:
         repaired = repair_mesh(mesh, Rules(least=k + 1))
-        found = compute(repaired.mesh, k, operator=operator, sharp=sharp)
-        return replace(found, mesh=repaired.mesh, repairs=repaired.repairs)
+        spectrum = compute(repaired.mesh, k, operator=operator, sharp=sharp)
+        return replace(spectrum, mesh=repaired.mesh, repairs=repaired.repairs)
     discrete = discretise(mesh, operator)
     candidate, certificate, numbers = _solved(discrete.matrices, k)
     if operator.elements != "linear":
@@ -140,12 +140,12 @@ def compute(
     if not sharp:
         bounds = np.abs(values - candidate.values[: len(values)]) + bounds
     certificate = replace(certificate, error_bound=bounds[:k])
-    found = _spectrum(discrete, k, candidate, certificate, numbers)
+    spectrum = _spectrum(discrete, k, candidate, certificate, numbers)
     if not sharp:
-        return found
+        return spectrum
     # A constant changes over no triangle: its energy, added up that way, is exactly zero
     trivial = 0.0 if discrete.free is None else np.nan
-    return replace(found, eigenvalues=values[:k], eigenvectors=vectors[:, :k], trivial=trivial)
+    return replace(spectrum, eigenvalues=values[:k], eigenvectors=vectors[:, :k], trivial=trivial)
 
 
 def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
@@ -204,9 +204,9 @@ def smallest(matrices: Matrices, k: int) -> tuple[NDArray[np.float64], NDArray[n
     constants = (numbers[:, None] == np.arange(count)) / np.sqrt(areas)
     if k <= count:
         return np.zeros(k), constants[:, :k]
-    found = of_matrices(matrices, k - count)
-    values = np.concatenate([np.zeros(count), found.eigenvalues])
-    return values, np.hstack([constants, found.eigenvectors])
+    spectrum = of_matrices(matrices, k - count)
+    values = np.concatenate([np.zeros(count), spectrum.eigenvalues])
+    return values, np.hstack([constants, spectrum.eigenvectors])
 
 
 def compile_solver() -> None:

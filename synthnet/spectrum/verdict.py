@@ -1,14 +1,16 @@
 """A judgement of anybody's eigenvalues: which are right, which are off, which are missing.
 
-Eigenvalues below a shift are counted by the law of inertia, so the eigenvalues themselves need not
-be computed: as many must lie around each answer, within its tolerance, as were answered there, and
-none between. With eigenvectors, residuals show that each answer is right, and one count suffices.
+As many eigenvalues must lie around each answer, within its tolerance, as were answered there, and
+none between. They are counted below shifts by the law of inertia. One count above the last answer
+says how many there are; eigenvectors, given or found here, say where: their residuals bound an
+interval for each, and where there are as many intervals as the count says, every other count
+follows without a factorisation. Where residuals are too large for a shift, it is counted there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -20,15 +22,18 @@ from synthnet.spectrum import fem
 from synthnet.spectrum.certificate import SAFETY, inertia
 from synthnet.spectrum.components import components, unheld
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import as_mesh
+from synthnet.spectrum.inputs import as_mesh, repaired
 from synthnet.spectrum.operators import PLAIN, Discrete, Operator, discretise
 from synthnet.spectrum.ordering import find_ordering
+from synthnet.spectrum.solve import of_matrices
+from synthnet.types import Mesh
 
 ZERO = 1e-6  # of Weyl's first eigenvalue: below it an answer is one of the zeros
 NEARER = 1e-2  # relative: so well the distance of an answer from its eigenvalue is told
 ASIDE = 1e-9  # relative: a shift whose pivot is zero is moved by so much
 LOOSEST = 0.5  # tolerance
-ORTHONORMAL = 1e-3  # most entry of VᵀBV − 1 of eigenvectors that count as orthonormal
+ORTHONORMAL = 0.5  # most that k times an entry of VᵀBV − 1 may be of eigenvectors that count
+WORTH = 10  # eigenvectors are looked for if no more than so many eigenvalues are below each answer
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +57,9 @@ class Verdict:
     count : int
         Eigenvalues below the shift, zeros included.
     factorisations : int
-        What it took.
+        With which eigenvalues were counted. Finding eigenvectors takes some more.
+    repairs : mapping of str to int
+        How many vertices or faces each repair met, by its name, if the mesh was to be repaired.
     """
 
     eigenvalues: NDArray[np.float64]
@@ -63,6 +70,7 @@ class Verdict:
     shift: float
     count: int
     factorisations: int
+    repairs: Mapping[str, int] = field(default_factory=dict, compare=False)
 
     @property
     def certified(self) -> bool:
@@ -98,13 +106,16 @@ def certify(
     *,
     tolerance: float = 1e-6,
     operator: Operator = PLAIN,
+    repair: bool = False,
 ) -> Verdict:
     """Judge eigenvalues of a mesh that any solver or network has answered.
 
     The problem is that of :func:`synthnet.spectrum.compute`: linear elements, consistent mass,
-    Neumann on a boundary, unless another operator is named. It takes two factorisations for each
-    group of answers that are nearer to each other than the tolerance, one in all where the
-    eigenvectors are given and good.
+    Neumann on a boundary, unless another operator is named. One factorisation counts the
+    eigenvalues up to the last answer. If eigenvectors are given and good, their residuals and this
+    count say all. If not, as many eigenvectors as were counted are found, which takes about as long
+    as :func:`~synthnet.spectrum.compute`, and judged in the same way: nothing is owed to the solver
+    that found them. If that cannot be done, two factorisations count around each group of answers.
 
     Parameters
     ----------
@@ -119,12 +130,17 @@ def certify(
         count by more, the verdict's is larger.
     operator : synthnet.spectrum.Operator
         What they are the eigenvalues of, such as ``Operator(mass="lumped")``.
+    repair : bool
+        Repair the mesh first as :func:`~synthnet.spectrum.compute` does; the verdict's ``repairs``
+        says what was done. Eigenvectors then are values at the repaired mesh's vertices.
 
     Raises
     ------
     ValueError
         If it is no mesh, the answer is empty, not finite, negative or longer than the spectrum; if
         eigenvectors are given for quadratic elements.
+    Refused
+        If it is to be repaired, and is no surface by a rule of :mod:`synthnet.mesh.repair`.
 
     Examples
     --------
@@ -138,53 +154,112 @@ def certify(
     1 missed below 6.02614: index 3
     """
     given = as_mesh(mesh)
-    discrete = discretise(given, operator)
+    if repair:
+        mended = repaired(given, int(np.size(eigenvalues)))
+        verdict = _judged(mended.mesh, eigenvalues, eigenvectors, tolerance, operator)
+        return replace(verdict, repairs=mended.repairs)
+    return _judged(given, eigenvalues, eigenvectors, tolerance, operator)
+
+
+def _judged(
+    mesh: Mesh,
+    eigenvalues: ArrayLike,
+    eigenvectors: ArrayLike | None,
+    tolerance: float,
+    operator: Operator,
+) -> Verdict:
+    discrete = discretise(mesh, operator)
     matrices = discrete.matrices
     zeros = int(unheld(matrices, components(matrices)[1]).sum())
     values, order = _answers(eigenvalues, matrices, zeros, tolerance)
-    counter = _Counter(matrices)
+    counter = _Counter(matrices, zeros)
+    below = counter(_above(values[-1], tolerance)) - zeros
+    known = False
     if eigenvectors is not None:
         if operator.elements == "quadratic":
             raise ValueError("vectors at vertices say too little of quadratic elements: omit them")
         vectors = _vectors(eigenvectors, discrete, order, np.size(eigenvalues))
-        if _accurate(matrices, values, vectors, tolerance):
-            shift = _above(values[-1], tolerance)
-            if counter(shift) == zeros + len(values):
-                return Verdict(values, zeros, tolerance, (), (), shift, zeros + len(values), 1)
-    return _counted(counter, values, zeros, tolerance)
+        known = below == len(values) and counter.learn(values, vectors)
+    most = max(below, len(values))
+    if not known and below <= WORTH * len(values):
+        try:
+            spectrum = of_matrices(matrices, most)
+        except SpectrumError:
+            pass  # then all is counted
+        else:
+            if most > below:  # the eigenvalues of answers that there are too many of lie above
+                counter(_above(float(spectrum.eigenvalues[-1]), tolerance))
+            counter.learn(spectrum.eigenvalues, np.ascontiguousarray(spectrum.eigenvectors.T))
+    return _counted(counter, values, tolerance)
 
 
 class _Counter:
-    """Counts of eigenvalues below shifts, each computed once."""
+    """Counts of eigenvalues below shifts, from what is known of them or by a factorisation."""
 
-    def __init__(self, matrices: Matrices) -> None:
+    def __init__(self, matrices: Matrices, zeros: int) -> None:
+        self.zeros = zeros
         self._matrices = matrices
         self._ordering = find_ordering(matrices.indptr, matrices.indices)
         self._known: dict[float, int] = {}
         self.uncertainty = 0.0
+        # Intervals [low, high], apart from each other, and how many eigenvalues are up to each
+        self._lows, self._highs = np.empty(0), np.empty(0)
+        self._up_to = np.empty(0, dtype=np.int64)
+        self._complete = 0.0  # below this there are no others
         # No eigenvalue is above the largest sum of a row of M⁻¹A over c, because B ≥ cM
         sums = np.add.reduceat(np.abs(matrices.stiffness), matrices.indptr[:-1])
         self._beyond = 2 * float((sums / matrices.lumped).max()) / matrices.least
 
     @property
     def factorisations(self) -> int:
-        """How many counts there were."""
+        """How many there were."""
         return len(self._known)
+
+    def learn(self, values: NDArray[np.float64], rows: NDArray[np.float64]) -> bool:
+        """Take in eigenpairs, ascending; return whether up to a count there are no others.
+
+        Residuals prove that there are as many eigenvalues in an interval as pairs; if there were
+        others, a count above would be larger than the number of zeros and pairs below it.
+        """
+        bounds = _error_bounds(self._matrices, values, rows)
+        if bounds is None:
+            return False
+        intervals = _apart(values, bounds)
+        if not (intervals[0] > 0).all():  # it may hold zeros, which are counted apart
+            return False
+        self._lows, self._highs = intervals[0], intervals[1]
+        self._up_to = np.cumsum(intervals[2]).astype(np.int64)
+        for shift, count in self._known.items():
+            if self._from_intervals(shift) == count:
+                self._complete = max(self._complete, shift)
+        return self._complete > 0
+
+    def _from_intervals(self, shift: float) -> int | None:
+        """Return the zeros and pairs below a shift; None if it lies in an interval."""
+        number = int(np.searchsorted(self._lows, shift, side="right"))
+        if number and shift <= self._highs[number - 1]:
+            return None
+        return self.zeros + (int(self._up_to[number - 1]) if number else 0)
 
     def __call__(self, shift: float) -> int:
         """Return how many eigenvalues, zeros included, are below a shift."""
         shift = min(shift, self._beyond)
+        if shift <= self._complete and (known := self._from_intervals(shift)) is not None:
+            return known
         if shift not in self._known:
             try:
-                found = inertia(self._matrices, self._ordering, shift)
+                factor = inertia(self._matrices, self._ordering, shift)
             except SpectrumError:  # exactly an eigenvalue
-                found = inertia(self._matrices, self._ordering, shift * (1 + ASIDE))
-            self.uncertainty = max(self.uncertainty, found.uncertainty)
-            self._known[shift] = found.negative
+                factor = inertia(self._matrices, self._ordering, shift * (1 + ASIDE))
+            self.uncertainty = max(self.uncertainty, factor.uncertainty)
+            self._known[shift] = factor.negative
         return self._known[shift]
 
     def around(self, rank: int) -> tuple[float, float]:
         """Return shifts below and above the eigenvalue of a rank, of the counts that are known."""
+        number = int(np.searchsorted(self._up_to, rank - self.zeros))
+        if number < len(self._highs) and self._highs[number] < self._complete:
+            return float(self._lows[number]), float(self._highs[number])
         low = max((shift for shift, count in self._known.items() if count < rank), default=0.0)
         high = min((shift for shift, count in self._known.items() if count >= rank), default=0.0)
         if not high:
@@ -194,10 +269,9 @@ class _Counter:
         return low, high
 
 
-def _counted(
-    counter: _Counter, values: NDArray[np.float64], zeros: int, tolerance: float
-) -> Verdict:
-    """Judge by counts alone."""
+def _counted(counter: _Counter, values: NDArray[np.float64], tolerance: float) -> Verdict:
+    """Judge by counts."""
+    zeros = counter.zeros
     counter(_above(values[-1], tolerance))  # how far rounding moves a count grows with the shift
     rounding = 2 * SAFETY * counter.uncertainty / float(values[-1])
     tolerance = min(max(tolerance, rounding), LOOSEST)
@@ -303,20 +377,43 @@ def _vectors(
     return np.ascontiguousarray(rows if discrete.free is None else rows[:, discrete.free])
 
 
-def _accurate(
-    matrices: Matrices, values: NDArray[np.float64], rows: NDArray[np.float64], tolerance: float
-) -> bool:
-    """Whether the vectors are orthonormal, and their residuals prove each value."""
+def _error_bounds(
+    matrices: Matrices, values: NDArray[np.float64], rows: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Return bounds of errors, (k,), in 1/length²; None if the vectors are not orthonormal.
+
+    Within the norm of the bounds of any of the pairs there are as many eigenvalues (Kahan).
+    """
     weighted = fem.multiply(matrices, matrices.mass, rows)
     gram = rows @ weighted.T
     lengths = np.sqrt(np.maximum(np.diag(gram), np.finfo(np.float64).tiny))
-    if np.abs(gram / lengths / lengths[:, None] - np.eye(len(rows))).max() > ORTHONORMAL:
-        return False
+    defect = np.abs(gram / lengths / lengths[:, None] - np.eye(len(rows))).max() * len(rows)
+    if not defect <= ORTHONORMAL:
+        return None
     defects = fem.multiply(matrices, matrices.stiffness, rows) - values[:, None] * weighted
     bounds = np.sqrt(np.square(defects) @ (1 / matrices.lumped) / matrices.least) / lengths
-    # Together: as many eigenvalues as vectors are within this (Kahan), whatever clusters they form
-    together = float(np.sqrt(np.square(bounds).sum())) / (1 - len(rows) * ORTHONORMAL)
-    return bool(together <= tolerance * values[0]) and len(rows) * ORTHONORMAL < 1
+    return np.asarray(bounds / (1 - defect), dtype=np.float64)
+
+
+def _apart(
+    values: NDArray[np.float64], bounds: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Return intervals that do not overlap, and how many eigenvalues are in each.
+
+    Examples
+    --------
+    >>> _apart(np.array([2.0, 3.0, 3.5]), np.array([0.25, 0.3, 0.4]))
+    (array([1.75, 2.5 ]), array([2.25, 4.  ]), array([1, 2]))
+    """
+    groups: list[tuple[float, float, float, int]] = []  # first, last, square of the bound, pairs
+    for value, bound in zip(values.tolist(), bounds.tolist(), strict=True):
+        group = (value, value, bound**2, 1)
+        while groups and groups[-1][1] + groups[-1][2] ** 0.5 >= group[0] - group[2] ** 0.5:
+            before = groups.pop()
+            group = (before[0], group[1], before[2] + group[2], before[3] + group[3])
+        groups.append(group)
+    first, last, squares, pairs = map(np.array, zip(*groups, strict=True))
+    return first - np.sqrt(squares), last + np.sqrt(squares), pairs
 
 
 def _listed(numbers: Sequence[int]) -> str:

@@ -133,14 +133,14 @@ class StoredDataset:
             lambda file: file.rpartition("/")[2].rpartition(".")[0],
         )
         for test in tests:
-            found = [id for id, file in files.items() if test(file) == name]
-            if len(found) > 1:
+            matching = [id for id, file in files.items() if test(file) == name]
+            if len(matching) > 1:
                 raise StoreError(
-                    f"{name} is {len(found):,} shapes, such as {found[0]} and {found[1]}: "
+                    f"{name} is {len(matching):,} shapes, such as {matching[0]} and {matching[1]}: "
                     "name one by its id"
                 )
-            if found:
-                return found[0]
+            if matching:
+                return matching[0]
         return name
 
     def ids(self, family: str | None = None) -> list[str]:
@@ -170,15 +170,15 @@ def there(root: str | os.PathLike[str] | None = None) -> dict[str, Manifest]:
     StoreError
         If the directory cannot be listed.
     """
-    found = {}
+    manifests = {}
     for name in storage.names(home(root)):
         try:
             manifest = read_manifest(dataset_directory(name, root))
         except (StoreError, PermissionError):
             continue
         if manifest is not None and manifest.version == name:
-            found[name] = manifest
-    return found
+            manifests[name] = manifest
+    return manifests
 
 
 def known_names(root: str | os.PathLike[str] | None = None) -> list[str]:
@@ -213,9 +213,7 @@ def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> St
     if manifest is None:
         recipe.load(version, known=known_names(root))
         out = "" if root is None else f" --out {root}"
-        raise StoreError(
-            f"no finished dataset in {directory}: run `synthnet build --version {version}{out}`"
-        )
+        raise StoreError(f"no finished dataset in {directory}: run `synthnet build {version}{out}`")
     if manifest.version != version:
         raise StoreError(f"{directory} holds {manifest.version}, not {version}")
     dataset = StoredDataset(directory, manifest)

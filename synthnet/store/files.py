@@ -6,13 +6,17 @@ import errno
 import hashlib
 import os
 import shutil
+import socket
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import filelock
 
 from synthnet.errors import BuildError
+
+NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)  # of file systems without flock
 
 
 def sha256(path: Path) -> str:
@@ -122,11 +126,13 @@ def _cannot_write(path: Path, error: OSError) -> BuildError:
     return BuildError(f"cannot write {path} ({error.strerror or one_line(error)})")
 
 
-def make_in_place(directory: Path, marker: str, fill: Callable[[Path], None]) -> None:
+def make_in_place(
+    directory: Path, is_whole: Callable[[], bool], fill: Callable[[Path], None]
+) -> None:
     """Let ``fill`` fill a partial directory, then give it its name.
 
-    A directory that has the file ``marker`` is complete and is left as it is. Of several
-    processes that want the same directory one fills it and the others wait.
+    A directory that is whole is left as it is. Of several processes that want the same
+    directory one fills it and the others wait.
 
     Raises
     ------
@@ -135,8 +141,8 @@ def make_in_place(directory: Path, marker: str, fill: Callable[[Path], None]) ->
     """
     partial = directory.with_name(f".{directory.name}.partial")
     make_directory(directory.parent)
-    with filelock.FileLock(directory.with_name(f".{directory.name}.lock")):
-        if (directory / marker).exists():
+    with locked(directory.with_name(f".{directory.name}.lock"), wait=True):
+        if is_whole():
             return
         shutil.rmtree(partial, ignore_errors=True)  # of a process that was killed
         make_directory(partial)
@@ -148,6 +154,70 @@ def make_in_place(directory: Path, marker: str, fill: Callable[[Path], None]) ->
             raise _cannot_write(directory, error) from error
         finally:
             shutil.rmtree(partial, ignore_errors=True)
+
+
+@contextmanager
+def locked(path: Path, *, wait: bool) -> Iterator[None]:
+    """Hold the lock of a file, which says who holds it.
+
+    The kernel gives the lock back when its process ends, however that is. Of a process on another
+    machine, only the file system's server knows.
+
+    Raises
+    ------
+    BuildError
+        If another process holds it and ``wait`` is false, the file is another user's, or the
+        file system has no locks.
+    """
+    directory, elsewhere = path.parent, "choose another --out or $SYNTHNET_HOME"
+    lock = filelock.FileLock(path, fallback_to_soft=False)
+    try:
+        lock.acquire(timeout=-1 if wait else 0)
+    except filelock.Timeout as error:
+        raise BuildError(
+            f"another build is writing to {directory}{_holder(path)}: "
+            "wait for it (--wait) or choose another --out"
+        ) from error
+    except PermissionError as error:
+        raise BuildError(
+            f"cannot lock {directory}: {path} is {_owner(path)}'s, {elsewhere}"
+        ) from error
+    except OSError as error:
+        if error.errno not in NO_LOCKS:
+            raise _cannot_write(path, error) from error
+        raise BuildError(
+            f"cannot lock {directory}, its file system has no locks ({error.strerror}): "
+            f"{elsewhere} on a local disk, or a URL"
+        ) from error
+    try:
+        with suppress(OSError):  # the disk may be full: the lock holds without its note
+            path.write_text(f"{socket.gethostname()} {os.getpid()}\n")
+        yield
+    finally:
+        lock.release()
+
+
+def _holder(path: Path) -> str:
+    """Say who holds a lock, and what to do where that process may be gone."""
+    try:
+        host, _, pid = path.read_text().strip().partition(" ")
+    except (OSError, ValueError):
+        return ""
+    if not pid.isdecimal():
+        return ""
+    import psutil
+
+    if host == socket.gethostname() and psutil.pid_exists(int(pid)):
+        return f" (process {pid})"
+    gone = f"if that is gone, remove {path}"  # the server that keeps the lock may not know
+    return f" (process {pid} on {printable(host)}; {gone})"
+
+
+def _owner(path: Path) -> str:
+    try:
+        return path.owner()
+    except (OSError, KeyError):
+        return "another user"
 
 
 def remove_partial_files(directory: Path) -> None:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
+from collections.abc import Iterable
 from dataclasses import asdict
+from itertools import chain
+from pathlib import Path
 from typing import Any
 
 from synthnet.errors import DamagedError, StoreError
@@ -15,6 +19,8 @@ from synthnet.types import Manifest, Rejection, ShardRecord
 
 MANIFEST = "manifest.json"
 DIGEST = "sha256"  # the key of a JSON file's own digest
+SHA256 = re.compile(r"[0-9a-f]{64}")
+NAME = re.compile(r"[^/\0]+")  # of a dataset or a family: it becomes part of paths
 
 
 def write_manifest(directory: Location, manifest: Manifest) -> None:
@@ -41,6 +47,8 @@ def read_manifest(directory: Location) -> Manifest | None:
         If it is not JSON, lacks a key, has another schema version, or was altered.
     """
     path = directory / MANIFEST
+    if isinstance(path, Path) and path.exists() and not (path.is_file() or path.is_dir()):
+        raise DamagedError(f"{path} is damaged (it is no file): remove it and {AGAIN}")
     try:
         written = path.read_bytes()
         content = json.loads(written)
@@ -57,7 +65,7 @@ def read_manifest(directory: Location) -> Manifest | None:
             for s in content.pop("shards")
         )
         manifest = Manifest(**content, shards=shards)
-        _check_types(manifest)
+        _check(manifest)
         if written != expected.encode():
             raise ValueError("its bytes are not those of its content")  # noqa: TRY301 - as the others
         return manifest  # noqa: TRY300 - all of it may raise
@@ -65,27 +73,39 @@ def read_manifest(directory: Location) -> Manifest | None:
         return None
     except OSError as error:
         raise StoreError(f"cannot read {path} ({error.strerror}): choose another --out") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise DamagedError(
             f"{path} is damaged ({one_line(error)}): remove it and {AGAIN}"
         ) from error
 
 
-def _check_types(manifest: Manifest) -> None:
-    """Raise TypeError where a value of the manifest is of the wrong kind."""
-    values: list[tuple[Any, type]] = [
-        (manifest.version, str),
-        (manifest.recipe_digest, str),
-        (manifest.recipe, dict),
-        (manifest.drawn, dict),
-        (manifest.packages, dict),
-        *((count, int) for count in manifest.drawn.values()),
+def _check(manifest: Manifest) -> None:
+    """Raise TypeError or ValueError where a value of the manifest is not what it must be."""
+    shards = manifest.shards
+    rejections = [rejection for shard in shards for rejection in shard.rejections]
+    kinds: list[tuple[type, Iterable[Any]]] = [
+        (dict, (manifest.recipe, manifest.drawn, manifest.packages)),
+        (str, (manifest.version, *manifest.packages.values())),
+        (str, (text for shard in shards for text in (shard.file, shard.family))),
+        (str, (text for rejection in rejections for text in asdict(rejection).values())),
     ]
-    for shard in manifest.shards:
-        values += [(getattr(shard, name), str) for name in ("file", "family", "sha256")]
-        values += [(getattr(shard, name), int) for name in ("size", "rows", "vertices", "faces")]
-    for value, kind in values:
-        if type(value) is not kind:
-            raise TypeError(f"{value!r} is no {kind.__name__}")
-    if {shard.family for shard in manifest.shards} - set(manifest.drawn):
-        raise ValueError("a shard is of a family that was not drawn")
+    for kind, values in kinds:
+        for value in values:
+            if type(value) is not kind:
+                raise TypeError(f"{value!r} is no {kind.__name__}")
+    counts = [(s.size, s.rows, s.vertices, s.faces) for s in shards]
+    for count in chain(manifest.drawn.values(), *counts):
+        if type(count) is not int or count < 0:
+            raise TypeError(f"{count!r} is no number of something")
+    for digest in (manifest.recipe_digest, *(shard.sha256 for shard in shards)):
+        if type(digest) is not str or not SHA256.fullmatch(digest):
+            raise ValueError(f"{digest!r} is no SHA-256")
+    for name in (manifest.version, *manifest.drawn):
+        if not NAME.fullmatch(name) or name in (".", ".."):
+            raise ValueError(f"{name!r} is no name")
+    for shard in shards:
+        if shard.family not in manifest.drawn:
+            raise ValueError("a shard is of a family that was not drawn")
+        # The family is a name, so that no file lies elsewhere.
+        if not re.fullmatch(rf"shards/{re.escape(shard.family)}-\d{{4,}}\.parquet", shard.file):
+            raise ValueError(f"{shard.file!r} is no file of a shard of {shard.family}")

@@ -23,7 +23,7 @@ from synthnet.types import Certificate, Mesh, Rejection, Sample, ShapeSpec, Shar
 
 SCHEMA_VERSION = 2  # of shards and manifests
 AGAIN = (
-    "run `synthnet build` again, with its --version and --out, or for an import the same "
+    "run `synthnet build` again, with the same dataset and --out, or for an import the same "
     "`synthnet import`"
 )
 METADATA_KEY = b"synthnet"

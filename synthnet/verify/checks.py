@@ -21,7 +21,7 @@ from synthnet.verify.report import Check, Findings, VerifyReport
 
 __all__ = ["CHECKS", "Check", "VerifyReport", "verify", "verify_files"]
 
-LIMITS_MADE_ANEW = 5  # of the sample
+LIMITS_MADE_ANEW = 5  # so many of the sample are computed anew
 
 CHECKS = {  # in order, with what each holds
     "manifest": "the recipe's digest and the counts by family",
@@ -33,6 +33,7 @@ CHECKS = {  # in order, with what each holds
     "pins": "digests of the pinned build; its vertex moments and eigenvalues to 1e-6",
     "labels": "against LaPy's own solver, to 1e-8",
     "limits": "where there are any: whole, equal to the pins, some computed anew",
+    "unpacked": "SHA-256 of all that loaders have unpacked, where they have",
 }
 
 
@@ -56,7 +57,7 @@ def verify(
     and a sealed set have none); labels of a random sample against
     ``lapy.Solver(...).eigs``; the limits of the surfaces, where there are any, against their
     labels, the pins, and some of the sample's computed anew where a closed form or an equation of
-    one variable gives them.
+    one variable gives them; what loaders have unpacked, where there is any.
 
     Parameters
     ----------
@@ -91,7 +92,8 @@ def verify_files(version: str, *, root: str | os.PathLike[str] | None = None) ->
 
     It finds every byte that has changed since the build, in seconds: the manifest's own
     digest and its recipe's; SHA-256, schema, page checksums and rows of every shard; and
-    that the limits of the surfaces, where there are any, are whole and of their shard.
+    that the limits of the surfaces, where there are any, are whole and of their shard; and that
+    what loaders have unpacked is as they left it.
 
     Raises
     ------
@@ -101,13 +103,14 @@ def verify_files(version: str, *, root: str | os.PathLike[str] | None = None) ->
     dataset = store.open_dataset(version, root)
     drawn = None if dataset.kind is Kind.IMPORTED else _recipe_of(dataset)
     any_limits = limits.any_there(dataset)
-    findings = Findings(("manifest", "digests", "shards", "limits"))
+    findings = Findings(("manifest", "digests", "shards", "limits", "unpacked"))
     findings.add("manifest", files.check_manifest(dataset.manifest, drawn))
     for record in dataset.manifest.shards:
         files.read_checked(dataset, record, findings)
         if any_limits:
             findings.examined["limits"] += 1
             files.read_limits(dataset, record, findings)
+    files.check_unpacked(dataset, findings)
     return findings.report(dataset.directory)
 
 
@@ -154,6 +157,7 @@ def _verify_drawn(
         findings.add("pins", _check_kept(seen, manifest, set(planned) & set(pinned)), examined=0)
     elif drawn.kind is Kind.VERSION:
         findings.add("pins", [f"the repository pins nothing for {drawn.base}"], examined=0)
+    files.check_unpacked(dataset, findings)
     return findings.report(dataset.directory)
 
 
@@ -178,7 +182,8 @@ def _verify_imported(
     rng = np.random.default_rng(seed)
     chosen = set(rng.choice(manifest.rows, min(sample, manifest.rows), replace=False).tolist())
     ids: list[str] = [rejection.id for rejection in manifest.rejections]
-    findings = Findings(("manifest", "digests", "shards", "recipe", "certificates", "labels"))
+    names = ("manifest", "digests", "shards", "recipe", "certificates", "labels", "unpacked")
+    findings = Findings(names)
     findings.add("manifest", files.check_manifest(manifest, None))
     for _, samples in _read_shards(dataset, findings, on_shard):
         for stored in samples:
@@ -194,6 +199,7 @@ def _verify_imported(
         if times[id] != 1
     ]
     findings.add("recipe", problems, examined=len(description.files))
+    files.check_unpacked(dataset, findings)
     return findings.report(dataset.directory)
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from synthnet import store
 from synthnet.errors import StoreError
 from synthnet.recipe import Recipe
-from synthnet.store import StoredDataset, limits, storage
+from synthnet.store import StoredDataset, limits, storage, unpacked
 from synthnet.store.limits import StoredLimit
 from synthnet.types import Manifest, Sample, ShardRecord
 from synthnet.verify.report import Findings
@@ -59,6 +60,18 @@ def read_limits(
     except StoreError as error:
         findings.add("limits", [str(error)], examined=0)
         return None
+
+
+def check_unpacked(dataset: StoredDataset, findings: Findings) -> None:
+    """Read every byte of what loaders have unpacked of a dataset, where that is on this machine."""
+    if not isinstance(dataset.directory, Path):
+        return
+    for path in sorted(unpacked.folder(dataset).glob(f"*/{unpacked.CONTENTS}")):
+        problems = [
+            f"{problem}: it is unpacked anew when it is opened"
+            for problem in unpacked.problems(path.parent)
+        ]
+        findings.add("unpacked", problems)
 
 
 def _check_digest(dataset: StoredDataset, record: ShardRecord) -> Iterator[str]:

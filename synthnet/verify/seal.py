@@ -28,9 +28,11 @@ from synthnet.store.files import one_line
 
 SCHEMA_VERSION = 1
 DOMAIN = "synthnet seal/1"
-LEAST_BYTES, MOST_BYTES = 32, 1024  # of a salt: 256 bits, no more than a seed has
-LEAST_VALUES = 16  # of its bytes that differ: 32 random ones have fewer once in 10^15 times
-MOST_LETTERS = 1000  # of a beacon
+SALT_BYTES = 32  # 256 bits, no more than a seed has
+SALT_MARK = "synthnet-salt-1:"  # so that no other secret or digest is taken for a salt
+SALT = re.compile(rf"{SALT_MARK}([0-9a-f]{{{2 * SALT_BYTES}}})\r?\n?".encode())
+MOST_BYTES = 1024  # that are read of its file
+MOST_LETTERS = 1000  # a beacon may be no longer
 ALL_TEST = SplitSettings(0.0, 0.0, 1.0)
 
 
@@ -79,7 +81,7 @@ class Seal:
 
 
 def make_salt(path: Path) -> None:
-    """Write a new salt of 256 random bits, as hexadecimal digits that only its owner may read.
+    """Write a new salt of 256 random bits into a file that only its owner may read.
 
     Raises
     ------
@@ -89,7 +91,7 @@ def make_salt(path: Path) -> None:
         If it cannot be written.
     """
     try:
-        files.write_secret(path, secrets.token_hex(LEAST_BYTES) + "\n")
+        files.write_secret(path, salt_text(secrets.token_bytes(SALT_BYTES)))
     except FileExistsError as error:
         raise SealError(
             f"{path} is there already, and no salt is overwritten: leave out --new-salt to use "
@@ -97,36 +99,43 @@ def make_salt(path: Path) -> None:
         ) from error
 
 
+def salt_text(salt: bytes) -> str:
+    """Return the line of a salt's file: its mark, and hexadecimal digits."""
+    return f"{SALT_MARK}{salt.hex()}\n"
+
+
 def read_salt(path: Path) -> bytes:
-    """Read a salt.
+    """Read a salt that :func:`make_salt` wrote.
 
     Raises
     ------
     SealError
-        If it is missing, no hexadecimal digits, too short, too long, or plainly not random.
+        If it is missing, or anything else: what a person chose could be guessed.
     """
     try:
-        text = path.read_bytes().decode("ascii").strip()
-        salt = bytes.fromhex(text) if re.fullmatch(r"[0-9A-Fa-f]*", text) else None
+        with path.open("rb") as file:
+            text = file.read(MOST_BYTES)
     except FileNotFoundError as error:
         raise SealError(f"there is no salt {path}: `synthnet seal --new-salt` makes one") from error
     except OSError as error:
         raise SealError(f"cannot read the salt {path} ({error.strerror})") from error
-    except ValueError:
-        salt = None
-    if salt is None:
-        raise SealError(f"the salt {path} must be hexadecimal digits, two a byte, on one line")
-    if not LEAST_BYTES <= len(salt) <= MOST_BYTES:
+    match = SALT.fullmatch(text)
+    if match is None:
         raise SealError(
-            f"the salt {path} must have {LEAST_BYTES} to {MOST_BYTES} bytes, got {len(salt)}: "
-            "`synthnet seal --new-salt` makes one"
+            f"{path} is no salt: that is one line, {SALT_MARK!r} and {2 * SALT_BYTES} hexadecimal "
+            "digits, and `synthnet seal --new-salt` alone makes one"
         )
-    if len(set(salt)) < LEAST_VALUES:
+    return bytes.fromhex(match[1].decode())
+
+
+def check_secret(path: Path) -> None:
+    """Raise SealError if others may read a salt: then its set is none that only its owner knows."""
+    mode = path.stat().st_mode & 0o777
+    if mode & 0o077:
         raise SealError(
-            f"the salt {path} is not random, it has {len(set(salt))} different bytes: "
-            "`synthnet seal --new-salt` makes one"
+            f"others may read the salt {path} (mode {mode:o}): make another one, or `chmod 600` it "
+            "if nobody has"
         )
-    return salt
 
 
 # From the salt to the recipe
@@ -248,7 +257,7 @@ def make(
     watcher: Watcher | None = None,
     wait_for_lock: bool = False,
 ) -> tuple[Seal, BuildReport]:
-    """Build a sealed set, in a directory that only its owner may open, and describe it.
+    """Build a sealed set, in a directory and files that only their owner may open; describe it.
 
     Raises
     ------
@@ -261,9 +270,14 @@ def make(
     directory = storage.local(location, resolved.version)
     files.make_directory(directory)
     directory.chmod(0o700)
-    report = build(
-        resolved, root=root, workers=workers, watcher=watcher, wait_for_lock=wait_for_lock
-    )
+    before = os.umask(0o077)  # of the workers too: the manifest holds the seed
+    try:
+        report = build(
+            resolved, root=root, workers=workers, watcher=watcher, wait_for_lock=wait_for_lock
+        )
+    finally:
+        os.umask(before)
+    (directory / store.MANIFEST).chmod(0o600)
     return describe(report.dataset), report
 
 

@@ -29,9 +29,9 @@ from synthnet.store.limits import StoredLimit
 from synthnet.types import Mesh, Sample, ShapeSpec
 
 VERTEX_TOLERANCE = 1e-6  # of the largest coordinate: float32 keeps 6e-8
-ISOMETRY_TOLERANCE = 1e-12  # of entries: sines differ in their last bits
-LAPY_TOLERANCE = 1e-8  # relative, stored label against LaPy's own solver
-OTHER_ROUNDING = 100  # times the largest bound of our matrices' rounding, for LaPy's
+ISOMETRY_TOLERANCE = 1e-12  # how far entries may differ: sines do in their last bits
+LAPY_TOLERANCE = 1e-8  # relative: how far a stored label may be from LaPy's own solver
+OTHER_ROUNDING = 100  # LaPy's rounding may be so many times the largest bound of ours
 
 
 def check_plan(
@@ -254,18 +254,18 @@ def check_limits(
             yield from _check_anew(sample.spec, limit)
 
 
-def _equal(one: Limit, other: Limit) -> bool:
-    return np.array_equal(one.eigenvalues, other.eigenvalues) and np.array_equal(one.bar, other.bar)
+def _equal(a: Limit, b: Limit) -> bool:
+    return np.array_equal(a.eigenvalues, b.eigenvalues) and np.array_equal(a.bar, b.bar)
 
 
 def _check_anew(spec: ShapeSpec, stored: Limit) -> Iterator[str]:
     """Compare a limit with one computed anew: they must agree within their bars."""
     try:
-        found = FAMILIES[spec.family].limit_spectrum(spec.parameters, len(stored.eigenvalues))
+        limit = FAMILIES[spec.family].limit_spectrum(spec.parameters, len(stored.eigenvalues))
     except (SpectrumError, ValueError, KeyError) as error:
         yield f"{spec.id}: its limit cannot be computed anew: {one_line(error)}"
         return
-    apart = np.abs(stored.eigenvalues - found.eigenvalues)
-    if not (apart <= stored.bar + found.bar).all():
-        off = float((apart / found.eigenvalues).max())
+    apart = np.abs(stored.eigenvalues - limit.eigenvalues)
+    if not (apart <= stored.bar + limit.bar).all():
+        off = float((apart / limit.eigenvalues).max())
         yield f"{spec.id}: limit is {off:.2g} off one computed anew, more than the bars say"

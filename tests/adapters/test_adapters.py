@@ -16,7 +16,7 @@ from synthnet.adapters.geomfum import CertifiedEigsh
 from synthnet.adapters.lapy import Solver
 from synthnet.adapters.pyg import AddMeshSpectrum
 from synthnet.adapters.sklearn import ShapeDNA
-from synthnet.spectrum import compute
+from synthnet.spectrum import compute, spectra
 
 TORUS = trimesh.creation.torus(2.0, 0.7, major_sections=24, minor_sections=12)
 BOX = trimesh.creation.box((1.0, 1.3, 1.9)).subdivide().subdivide().subdivide()
@@ -75,9 +75,9 @@ def test_the_transform_adds_a_row_a_mesh_and_vectors_a_vertex() -> None:
     add = AddMeshSpectrum(4, eigenvectors=True)
     batch = Batch.from_data_list([add(data(TORUS)), add(data(BOX))])
     expected = [compute(TORUS, 4), compute(BOX, 4)]
-    np.testing.assert_array_equal(batch.eigenvalues, [one.eigenvalues for one in expected])
+    np.testing.assert_array_equal(batch.eigenvalues, [result.eigenvalues for result in expected])
     np.testing.assert_array_equal(
-        batch.eigenvectors, np.vstack([one.eigenvectors for one in expected])
+        batch.eigenvectors, np.vstack([result.eigenvectors for result in expected])
     )
     assert repr(add) == "AddMeshSpectrum(4, eigenvectors=True)"
 
@@ -113,6 +113,30 @@ def test_shape_dna_takes_every_normalisation_and_names_its_columns() -> None:
     np.testing.assert_allclose(row, values / [1, 2, 3], rtol=1e-12)
     assert list(ShapeDNA(2).get_feature_names_out()) == ["lambda1", "lambda2"]
     assert ShapeDNA(4).transform([]).shape == (0, 4)
+
+
+def test_adapters_repair_where_that_is_asked_for() -> None:
+    soup = trimesh.Trimesh(
+        TORUS.triangles.reshape(-1, 3),
+        np.arange(3 * len(TORUS.faces)).reshape(-1, 3),
+        process=False,
+    )
+    expected = compute(TORUS, 5).eigenvalues
+    solver = Solver(tria(soup), repair=True)
+    assert solver.repairs == {"merged vertices": len(soup.vertices) - len(TORUS.vertices)}
+    values, vectors = solver.eigs(6)
+    np.testing.assert_allclose(values[1:], expected, rtol=1e-8)
+    assert vectors.shape == (len(solver.mesh.vertices), 6)
+    (row,) = ShapeDNA(5, repair=True).transform([soup])
+    np.testing.assert_allclose(row, expected * TORUS.area, rtol=1e-8)
+    added = AddMeshSpectrum(5, repair=True)(data(soup))
+    np.testing.assert_allclose(added.eigenvalues[0], expected, rtol=1e-8)
+    (result,) = spectra([soup], 5, repair=True)
+    np.testing.assert_allclose(result.eigenvalues, expected, rtol=1e-8)
+    for unasked in (Solver(tria(soup)).eigs(6)[0], AddMeshSpectrum(5)(data(soup)).eigenvalues[0]):
+        assert not np.allclose(unasked[-5:], expected, rtol=1e-2)
+    with pytest.raises(ValueError, match="not at the vertices of the data: repair it first"):
+        AddMeshSpectrum(5, eigenvectors=True, repair=True)
 
 
 # DiffusionNet's operators: matrices and eigenvalues against LaPy's with a lumped mass, frames and
@@ -158,7 +182,9 @@ def test_a_gradient_is_the_regularised_fit_to_the_differences_along_edges() -> N
     small = TORUS.copy().apply_scale(0.02)  # edges so short that the constant counts
     ours = operators(small)
     function = np.random.default_rng(0).normal(size=len(small.vertices))
-    found = np.stack([(ours[name] @ torch.tensor(function)).numpy() for name in ("gradX", "gradY")])
+    gradients = np.stack(
+        [(ours[name] @ torch.tensor(function)).numpy() for name in ("gradX", "gradY")]
+    )
     far = 0.0
     for i, (x, y, _) in enumerate(ours["frames"].numpy()):
         others = small.vertex_neighbors[i]
@@ -166,7 +192,7 @@ def test_a_gradient_is_the_regularised_fit_to_the_differences_along_edges() -> N
         differences = function[others] - function[i]
         rows = np.vstack([edges, np.sqrt(1e-5) * np.eye(2)])  # Tikhonov's form of the constant
         fit = np.linalg.lstsq(rows, np.append(differences, [0, 0]))[0]
-        np.testing.assert_allclose(found[:, i], fit, rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(gradients[:, i], fit, rtol=1e-8, atol=1e-8)
         far = max(far, np.abs(np.linalg.lstsq(edges, differences)[0] - fit).max())
     assert far > 1  # without the constant it would be another gradient
 
@@ -191,9 +217,9 @@ def test_a_linear_function_on_a_plane_has_a_constant_gradient() -> None:
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_operators_have_the_shapes_and_the_dtype_of_diffusionnets(dtype: torch.dtype) -> None:
     vertices, faces = torch.tensor(BOX.vertices, dtype=dtype), torch.tensor(BOX.faces)
-    found = dict(zip(OPERATORS, compute_operators(vertices, faces, 5), strict=True))
+    computed = dict(zip(OPERATORS, compute_operators(vertices, faces, 5), strict=True))
     n = len(vertices)
-    assert {name: tuple(one.shape) for name, one in found.items()} == {
+    assert {name: tuple(operator.shape) for name, operator in computed.items()} == {
         "frames": (n, 3, 3),
         "massvec": (n,),
         "L": (n, n),
@@ -202,11 +228,11 @@ def test_operators_have_the_shapes_and_the_dtype_of_diffusionnets(dtype: torch.d
         "gradX": (n, n),
         "gradY": (n, n),
     }
-    assert {one.dtype for one in found.values()} == {dtype}
-    pattern = found["L"].indices()
-    for name, one in found.items():
-        assert one.is_sparse == (name in ("L", "gradX", "gradY"))
-        assert not one.is_sparse or torch.equal(one.coalesce().indices(), pattern)
+    assert {operator.dtype for operator in computed.values()} == {dtype}
+    pattern = computed["L"].indices()
+    for name, operator in computed.items():
+        assert operator.is_sparse == (name in ("L", "gradX", "gradY"))
+        assert not operator.is_sparse or torch.equal(operator.coalesce().indices(), pattern)
     none = compute_operators(vertices, faces, 0)
     assert (none[3].shape, none[4].shape) == ((0,), (n, 0))
 
@@ -263,13 +289,15 @@ def test_the_eigensolver_gives_the_numbers_of_a_finder_of_geomfum(mesh: trimesh.
 def test_the_eigensolver_returns_tensors_where_tensors_are_given() -> None:
     stiffness, mass = lumped(HALVES)
     tensors = [
-        torch.sparse_csc_tensor(*map(torch.tensor, (one.indptr, one.indices, one.data)), one.shape)
-        for one in (stiffness, mass)
+        torch.sparse_csc_tensor(
+            *map(torch.tensor, (matrix.indptr, matrix.indices, matrix.data)), matrix.shape
+        )
+        for matrix in (stiffness, mass)
     ]
-    expected = CertifiedEigsh(6)(stiffness, M=mass)
-    for found, array in zip(CertifiedEigsh(6)(tensors[0], M=tensors[1]), expected, strict=True):
-        assert isinstance(found, torch.Tensor)
-        np.testing.assert_array_equal(found, array)
+    values, vectors = CertifiedEigsh(6)(tensors[0], M=tensors[1])
+    for tensor, array in zip((values, vectors), CertifiedEigsh(6)(stiffness, M=mass), strict=True):
+        assert isinstance(tensor, torch.Tensor)
+        np.testing.assert_array_equal(tensor, array)
 
 
 def test_matrices_that_are_no_laplacian_and_lumped_mass_are_one_line() -> None:

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from evidence import multilevel_variants, numbers
+from evidence import multilevel as variants
+from evidence import numbers
 from evidence.blocks import fill
+from evidence.solids import Solid, made
 from synthnet import recipe, spectrum
 from synthnet.families import FAMILIES
 from synthnet.families.radial import radial
@@ -91,9 +93,10 @@ def matrix(values: np.ndarray, indptr: np.ndarray, indices: np.ndarray, n: int) 
 
 
 def test_matrices_are_those_of_the_label(mesh: Mesh, multilevel: ModuleType) -> None:
-    level = multilevel.finest(mesh)
-    for found, wanted in zip(level.dense(), spectrum.fem_matrices(mesh), strict=True):
-        np.testing.assert_allclose(found, wanted.toarray(), atol=1e-12 * abs(wanted).max())
+    stiffness, mass = multilevel.finest(mesh).dense()
+    expected = spectrum.fem_matrices(mesh)
+    for matrix, known in zip((stiffness, mass), expected, strict=True):
+        np.testing.assert_allclose(matrix, known.toarray(), atol=1e-12 * abs(known).max())
 
 
 def test_aggregates_partition_the_vertices_and_hang_together(
@@ -144,8 +147,8 @@ def test_prolongation_of_a_path_by_hand(kernels: ModuleType) -> None:
     of = np.array([0, 0, 1, 1], np.int32)
     for least, shared in ((0.0, 3 / 8), (0.8, 0.0)):  # of the inner two, 3/4 is across
         starts, columns, values = kernels.prolongation(indptr, indices, stiffness, of, 0.5, least)
-        wanted = [[1, 0], [1 - shared, shared], [shared, 1 - shared], [0, 1]]
-        np.testing.assert_allclose(matrix(values, starts, columns, 2), wanted)
+        expected = [[1, 0], [1 - shared, shared], [shared, 1 - shared], [0, 1]]
+        np.testing.assert_allclose(matrix(values, starts, columns, 2), expected)
 
 
 def test_a_dropped_share_does_not_spoil_the_next_row(
@@ -171,11 +174,11 @@ def test_a_cycle_reduces_the_error_in_energy(mesh: Mesh, multilevel: ModuleType)
     levels = multilevel.hierarchy(mesh)[:2]
     a = levels[0].dense()[0]
     coarse = np.linalg.pinv(levels[1].dense()[0], hermitian=True)
-    wanted = np.random.default_rng(0).normal(size=(len(a), 3))
-    x = np.zeros_like(wanted)
-    multilevel.cycle(levels, a @ wanted, x, lambda right: coarse @ right, (2, 2))
-    left = np.einsum("ij,ij->j", wanted - x, a @ (wanted - x))
-    assert (left < 0.1 * np.einsum("ij,ij->j", wanted, a @ wanted)).all()
+    solution = np.random.default_rng(0).normal(size=(len(a), 3))
+    x = np.zeros_like(solution)
+    multilevel.cycle(levels, a @ solution, x, lambda right: coarse @ right, (2, 2))
+    left = np.einsum("ij,ij->j", solution - x, a @ (solution - x))
+    assert (left < 0.1 * np.einsum("ij,ij->j", solution, a @ solution)).all()
 
 
 # --- answers ---------------------------------------------------------------------------
@@ -185,11 +188,11 @@ def test_answers_bound_the_eigenvalues_from_above_and_are_close(
     mesh: Mesh, multilevel: ModuleType
 ) -> None:
     exact = spectrum.compute(mesh).eigenvalues
-    found = multilevel.ritz_values(mesh)
-    assert (found >= exact * (1 - 1e-9)).all()
-    assert (np.diff(found) >= 0).all()
-    np.testing.assert_allclose(found, exact, rtol=0.15)
-    assert np.abs(found / exact - 1).mean() < 0.03
+    values = multilevel.ritz_values(mesh)
+    assert (values >= exact * (1 - 1e-9)).all()
+    assert (np.diff(values) >= 0).all()
+    np.testing.assert_allclose(values, exact, rtol=0.15)
+    assert np.abs(values / exact - 1).mean() < 0.03
 
 
 def test_with_cycles_enough_the_answers_are_exact(mesh: Mesh, multilevel: ModuleType) -> None:
@@ -200,32 +203,32 @@ def test_with_cycles_enough_the_answers_are_exact(mesh: Mesh, multilevel: Module
 
 def test_more_cycles_never_raise_a_value(multilevel: ModuleType) -> None:
     mesh = slivers()
-    found = [
+    values = [
         multilevel.ritz_values(mesh, replace(multilevel.SETTING, enough=0.0, cycles=cycles))
         for cycles in (1, 2, 4)
     ]
-    assert (found[0] > found[1]).any()
-    assert (found[1] <= found[0] * (1 + 1e-12)).all()
-    assert (found[2] <= found[1] * (1 + 1e-12)).all()
+    assert (values[0] > values[1]).any()
+    assert (values[1] <= values[0] * (1 + 1e-12)).all()
+    assert (values[2] <= values[1] * (1 + 1e-12)).all()
 
 
 def test_scale_and_motion(multilevel: ModuleType) -> None:
     mesh = blob()
-    found = multilevel.ritz_values(mesh)
+    values = multilevel.ritz_values(mesh)
     turn, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
     twice = multilevel.ritz_values(Mesh(2 * mesh.vertices, mesh.faces))
-    assert (4 * twice == found).all()  # to the last bit: powers of two round nothing
+    assert (4 * twice == values).all()  # to the last bit: powers of two round nothing
     moved = Mesh(1e-5 * mesh.vertices @ turn.T, mesh.faces)
-    np.testing.assert_allclose(1e-10 * multilevel.ritz_values(moved), found, rtol=1e-9)
+    np.testing.assert_allclose(1e-10 * multilevel.ritz_values(moved), values, rtol=1e-9)
 
 
 def test_another_numbering_changes_less_than_the_error_allowed(multilevel: ModuleType) -> None:
     mesh = blob()
     order = np.random.default_rng(2).permutation(len(mesh.vertices))
     renumbered = Mesh(mesh.vertices[order], np.argsort(order)[mesh.faces])
-    found, again = multilevel.ritz_values(mesh), multilevel.ritz_values(renumbered)
-    assert (found != again).any()  # aggregates depend on it, and the page says so
-    np.testing.assert_allclose(again, found, rtol=0.03)
+    values, again = multilevel.ritz_values(mesh), multilevel.ritz_values(renumbered)
+    assert (values != again).any()  # aggregates depend on it, and the page says so
+    np.testing.assert_allclose(again, values, rtol=0.03)
 
 
 def test_neither_batch_nor_order_nor_another_call_changes_a_bit(multilevel: ModuleType) -> None:
@@ -244,24 +247,24 @@ def test_a_small_mesh_is_solved_exactly(resolution: int, multilevel: ModuleType)
 
 
 def test_components_make_more_zeros_and_leave_the_rest(multilevel: ModuleType) -> None:
-    one = blob()
+    single = blob()
     both = Mesh(
-        np.concatenate([one.vertices, 2 * one.vertices + 9]),
-        np.concatenate([one.faces, one.faces + len(one.vertices)]),
+        np.concatenate([single.vertices, 2 * single.vertices + 9]),
+        np.concatenate([single.faces, single.faces + len(single.vertices)]),
     )
-    found = multilevel.ritz_values(both)
-    alone = spectrum.compute(one).eigenvalues
-    wanted = np.sort(np.concatenate([alone, alone / 4]))[:9]
-    assert 0 < found[0] < 1e-8 * wanted[0]
-    np.testing.assert_allclose(found[1:], wanted, rtol=0.03)
-    assert (found[1:] >= wanted * (1 - 1e-9)).all()
+    values = multilevel.ritz_values(both)
+    alone = spectrum.compute(single).eigenvalues
+    expected = np.sort(np.concatenate([alone, alone / 4]))[:9]
+    assert 0 < values[0] < 1e-8 * expected[0]
+    np.testing.assert_allclose(values[1:], expected, rtol=0.03)
+    assert (values[1:] >= expected * (1 - 1e-9)).all()
 
 
 @pytest.mark.parametrize(
     ("vertices", "faces", "message"),
     [
-        (np.eye(3), [[0, 1, 2]], "10 eigenvalues after zero need more than 10 vertices"),
-        (np.zeros((11, 3)), [[0, 1, 2]], "1 of 1 faces have no area"),
+        (np.eye(3), [[0, 1, 2]], "k must be between 1 and 2 for 3 vertices, got 10"),
+        (np.zeros((12, 3)), np.arange(12).reshape(4, 3), "4 of 4 faces have no area"),
         (np.eye(11)[:, :3], [[0, 1, 2]], "8 vertices belong to no triangle"),
     ],
 )
@@ -272,11 +275,55 @@ def test_what_has_no_answer(
         multilevel.predict([Mesh(vertices, np.array(faces))])
 
 
+# --- trust -----------------------------------------------------------------------------
+
+
+def test_up_to_five_thousand_vertices_the_answer_is_certified(
+    mesh: Mesh, multilevel: ModuleType
+) -> None:
+    values, certified = multilevel.eigenvalues(mesh)
+    assert certified
+    assert (values == spectrum.compute(mesh).eigenvalues).all()
+
+
+@pytest.mark.parametrize("family", ["pretzel", "drum", "mobius_band"])
+def test_meshes_of_good_triangles_are_trusted_and_near(family: str, multilevel: ModuleType) -> None:
+    mesh = drawn(family, 6000)
+    values, certified = multilevel.eigenvalues(mesh)
+    assert not certified
+    exact = spectrum.compute(mesh).eigenvalues
+    assert (values >= exact * (1 - 1e-9)).all()
+    np.testing.assert_allclose(values, exact, rtol=0.05)
+
+
+def test_a_mesh_on_which_the_iteration_fails_is_not_trusted(multilevel: ModuleType) -> None:
+    plate = made(seed=0, number=15)  # thin, with holes, and cut in one half: of those tuned on
+    assert isinstance(plate, Solid)
+    mesh = plate.mesh
+    exact = spectrum.compute(mesh).eigenvalues
+    assert (multilevel.ritz_values(mesh) / exact - 1).max() > 0.05
+    assert multilevel.trusted(multilevel.hierarchy(mesh)) is None
+    values, certified = multilevel.eigenvalues(mesh)
+    assert certified
+    assert (values == exact).all()
+
+
+def test_components_are_not_trusted(multilevel: ModuleType) -> None:
+    single = drawn("pretzel", 3000)
+    both = Mesh(
+        np.concatenate([single.vertices, single.vertices + 9]),
+        np.concatenate([single.faces, single.faces + len(single.vertices)]),
+    )
+    assert multilevel.trusted(multilevel.hierarchy(both)) is None
+    alone = spectrum.compute(single).eigenvalues
+    np.testing.assert_allclose(multilevel.eigenvalues(both)[0], np.repeat(alone[:5], 2), rtol=1e-6)
+
+
 # --- page ------------------------------------------------------------------------------
 
 
 def test_page_has_the_tables_that_were_measured() -> None:
     assert fill(["real-shapes/ablation", "real-shapes/large"], check=True) == []
     measured = numbers.read("multilevel")
-    assert [row["method"] for row in measured["methods"]] == list(multilevel_variants.methods())
-    assert multilevel_variants.VARIANTS[multilevel_variants.OURS] == {}
+    assert [row["method"] for row in measured["methods"]] == list(variants.methods())
+    assert variants.VARIANTS[variants.OURS] == {}

@@ -33,11 +33,11 @@ def square(n):
 @pytest.mark.parametrize("degree", [1, 3, 5])
 def test_ritz_values_are_upper_bounds_ten_of_them_also_in_a_plane(ritz, degree):
     mesh = square(20)  # of degree 3 a plane has 9 functions besides the constant
-    found = ritz.ritz_values(mesh, degree)
+    values = ritz.ritz_values(mesh, degree)
     exact = spectrum.compute(mesh).eigenvalues
-    assert found.shape == (10,)
-    assert (found >= exact * (1 - 1e-9)).all()
-    assert found[:2] == pytest.approx(exact[:2], rel=0.02)
+    assert values.shape == (10,)
+    assert (values >= exact * (1 - 1e-9)).all()
+    assert values[:2] == pytest.approx(exact[:2], rel=0.02)
 
 
 def test_degree_is_not_raised_where_the_functions_suffice(ritz):

@@ -57,13 +57,13 @@ def test_ritz_values_are_those_of_the_plain_way(
         # In doubles: the plain way rounds its polynomials as the vertices are, here 1e-6 of a value
         mesh = Mesh(sample.mesh.vertices.astype(np.float64), sample.mesh.faces)
         area, numbers = features.features(mesh)
-        wanted = ritz.ritz_values(mesh, features.DEGREE)
+        expected = ritz.ritz_values(mesh, features.DEGREE)
         basis = ritz.polynomials(mesh.vertices, features.DEGREE)
         gram = np.linalg.eigvalsh(basis.T @ (fem_matrices(mesh)[1] @ basis))
         smallest = gram[gram > ritz.DEPENDENT * gram[-1]][0] / gram[-1]
         rounding = 1e-8 + min(10 * np.finfo(np.float64).eps / smallest, 1e-6)
-        np.testing.assert_allclose(np.exp(numbers[:10]) / area, wanted, rtol=rounding)
-        assert (wanted > sample.eigenvalues * (1 - 1e-9)).all()  # they bound the label from above
+        np.testing.assert_allclose(np.exp(numbers[:10]) / area, expected, rtol=rounding)
+        assert (expected > sample.eigenvalues * (1 - 1e-9)).all()  # they bound the label from above
 
 
 def test_basis_is_all_products_up_to_the_degree(features: ModuleType) -> None:
@@ -72,14 +72,14 @@ def test_basis_is_all_products_up_to_the_degree(features: ModuleType) -> None:
     features.legendre(x, np.ones(3), 4, basis)
     p, q, r = (legvander(c, 4) for c in x.T)
     powers = range(5)
-    wanted = [
+    expected = [
         p[:, i] * q[:, j] * r[:, k]
         for i in powers
         for j in powers
         for k in powers
         if i + j + k <= 4
     ]
-    np.testing.assert_allclose(basis[:, :35], np.stack(wanted, axis=1), atol=1e-14)
+    np.testing.assert_allclose(basis[:, :35], np.stack(expected, axis=1), atol=1e-14)
     assert (basis[:, 35] == 0).all()
 
 
@@ -111,9 +111,9 @@ def test_no_isometry_scale_or_renumbering_changes_the_features(
         there = 7.0 * vertices @ matrix.T + rng.normal(size=3)
         moved = Mesh(there[order], np.argsort(order)[sample.mesh.faces][:, ::-1])
         area, numbers = features.features(Mesh(vertices, sample.mesh.faces))
-        other, found = features.features(moved)
+        other, moved_numbers = features.features(moved)
         assert other / area == pytest.approx(49, rel=1e-12)
-        np.testing.assert_allclose(found, numbers, atol=1e-6)
+        np.testing.assert_allclose(moved_numbers, numbers, atol=1e-6)
 
 
 def test_weights_fit_their_features(features: ModuleType) -> None:
@@ -125,11 +125,11 @@ def test_weights_fit_their_features(features: ModuleType) -> None:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_every_seed_is_a_good_predictor(seed: int, samples: list[Sample]) -> None:
     row = predictor.load(BASELINES / "ritz_mlp.py", seed=seed)
-    found = row.predict([sample.mesh for sample in samples])
-    wanted = np.array([sample.eigenvalues for sample in samples])
-    assert METRICS["rpd"].function(found, wanted).mean() < 0.05
-    assert METRICS["psnr20"].function(found, wanted).mean() == 1
-    assert (np.diff(found, axis=1) >= 0).all()
+    predicted = row.predict([sample.mesh for sample in samples])
+    expected = np.array([sample.eigenvalues for sample in samples])
+    assert METRICS["rpd"].function(predicted, expected).mean() < 0.05
+    assert METRICS["psnr20"].function(predicted, expected).mean() == 1
+    assert (np.diff(predicted, axis=1) >= 0).all()
 
 
 def test_a_seed_without_weights() -> None:

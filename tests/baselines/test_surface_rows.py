@@ -38,8 +38,8 @@ def box(subdivisions: int) -> tuple[Mesh, np.ndarray]:
     return family.generate(parameters), family.limit_spectrum(parameters).eigenvalues
 
 
-def error(found: np.ndarray, limit: np.ndarray) -> float:
-    return float(np.abs(found / limit - 1).max())
+def error(values: np.ndarray, limit: np.ndarray) -> float:
+    return float(np.abs(values / limit - 1).max())
 
 
 @pytest.mark.parametrize("row", ["quadratic", "richardson"])
@@ -63,17 +63,17 @@ def test_richardson_keeps_the_finer_value_where_quartering_halves_an_eigenvalue(
     fine = spectrum.compute(sibling("refined").quartered(mesh)).eigenvalues
     halved = spectrum.compute(mesh, k=6).eigenvalues >= 2 * fine[:6]
     assert halved.any()
-    found = sibling("richardson").eigenvalues(mesh)
-    assert (found > 0).all()
-    assert np.isin(fine[:6][halved], found).all()
+    values = sibling("richardson").eigenvalues(mesh)
+    assert (values > 0).all()
+    assert np.isin(fine[:6][halved], values).all()
 
 
 def test_richardson_is_sorted() -> None:
     mesh = sphere(12)
     coarse = spectrum.compute(mesh).eigenvalues
-    found = sibling("richardson").eigenvalues(mesh)
-    assert (np.diff(found) >= 0).all()
-    assert (found < coarse).all()
+    values = sibling("richardson").eigenvalues(mesh)
+    assert (np.diff(values) >= 0).all()
+    assert (values < coarse).all()
 
 
 def test_quarters_are_the_same_surface_with_half_the_edges() -> None:
@@ -93,9 +93,9 @@ def test_lumped_values_are_bounds_next_to_those_of_a_solve_of_its_own() -> None:
     matrices = spectrum.assemble(mesh)
     rows = np.repeat(np.arange(len(matrices.lumped)), np.diff(matrices.indptr))
     mass = np.where(matrices.indices == rows, matrices.lumped[rows], 0.0)
-    wanted = spectrum.of_matrices(matrices._replace(mass=mass)).eigenvalues
-    assert (lumped >= wanted * (1 - 1e-9)).all()
-    assert (lumped - wanted <= 0.2 * (consistent - wanted)).all()
+    expected = spectrum.of_matrices(matrices._replace(mass=mass)).eigenvalues
+    assert (lumped >= expected * (1 - 1e-9)).all()
+    assert (lumped - expected <= 0.2 * (consistent - expected)).all()
 
 
 def test_mean_of_both_masses_is_far_better_than_each_on_a_polyhedron() -> None:
@@ -107,8 +107,8 @@ def test_mean_of_both_masses_is_far_better_than_each_on_a_polyhedron() -> None:
 def test_cholmod_changes_no_digit_that_counts() -> None:
     pytest.importorskip("cholespy", reason="of the extra cholmod")
     mesh = sphere(12)
-    found = sibling("lapy_cholmod").eigenvalues(mesh)
-    np.testing.assert_allclose(found, spectrum.compute(mesh).eigenvalues, rtol=1e-8)
+    values = sibling("lapy_cholmod").eigenvalues(mesh)
+    np.testing.assert_allclose(values, spectrum.compute(mesh).eigenvalues, rtol=1e-8)
 
 
 def test_kriging_goes_through_its_points_and_follows_a_trend() -> None:

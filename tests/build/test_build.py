@@ -27,7 +27,7 @@ from synthnet.build.jobs import ShardResult, keep_or_make
 from synthnet.build.label import make_sample
 from synthnet.build.terms import terms_of
 from synthnet.build.versions import build, ensure_built, shard_job
-from synthnet.errors import BuildError, CertificateError, SpectrumError, StoreError
+from synthnet.errors import BuildError, CertificateError, SpectrumError, StoreError, counted
 from synthnet.recipe import Recipe
 from synthnet.recipe.plan import ShardPlan, plan_shards
 from synthnet.store import files
@@ -44,10 +44,10 @@ def build_shard(plan: ShardPlan, recipe: Recipe, directory: Path) -> ShardResult
     return keep_or_make(shard_job(plan, terms_of(recipe, directory)))
 
 
-def assert_same(found: Path, expected: Path) -> None:
-    one, two = contents(found / VERSION), contents(expected / VERSION)
-    assert list(one) == list(two)
-    assert [name for name in one if one[name] != two[name]] == []
+def assert_same(built: Path, expected: Path) -> None:
+    first, second = contents(built / VERSION), contents(expected / VERSION)
+    assert list(first) == list(second)
+    assert [name for name in first if first[name] != second[name]] == []
 
 
 def one_line(text: str) -> str:
@@ -157,7 +157,7 @@ def finish(home: Path, expected: Path, command: Command) -> None:
     kept = {p: p.stat().st_mtime_ns for p in (home / VERSION / "shards").glob("[!.]*.parquet")}
     done = command("build", "--version", VERSION, "--out", home, "--workers", "2")
     assert done.returncode == 0, done.stderr
-    assert f", {len(kept)} shards kept from an earlier run" in done.stdout
+    assert f", {counted(len(kept), 'shard')} kept from an earlier run" in done.stdout
     assert {p: p.stat().st_mtime_ns for p in kept} == kept
     assert_same(home, expected)
 
@@ -205,7 +205,7 @@ def test_worker_that_dies_ends_the_build_in_one_line(
     assert process.returncode == 2
     line = one_line(err)
     assert line.startswith("synthnet: a worker process died (out of memory?): finished shards are")
-    assert "run the same command again, with fewer --workers" in line
+    assert "run the same command again; take fewer --workers" in line
     wait_for(lambda: not group(process.pid), seconds=30)
     assert 2 <= shards(tmp_path) < 11
     finish(tmp_path, mini_home, command)
@@ -265,7 +265,7 @@ def test_two_builds_at_once_do_not_mix(
     os.kill(first.pid, signal.SIGCONT)
     assert second.returncode == 2
     assert one_line(second.stderr) == (
-        f"synthnet: another build is writing to {tmp_path / VERSION}: "
+        f"synthnet: another build is writing to {tmp_path / VERSION} (process {first.pid}): "
         "wait for it (--wait) or choose another --out"
     )
     assert first.poll() is None
@@ -318,8 +318,8 @@ def test_data_of_another_recipe_is_refused(mini_copy: Path) -> None:
     manifest = store.open_dataset(VERSION, mini_copy).manifest
     other = dataclasses.replace(manifest, recipe_digest="0" * 64)
     store.write_manifest(mini_copy / VERSION, other)
-    wanted = "holds 1.0-mini of another recipe: remove it or choose another --out"
-    with pytest.raises(StoreError, match=wanted):
+    line = "holds 1.0-mini of another recipe: remove it or choose another --out"
+    with pytest.raises(StoreError, match=line):
         build(VERSION, root=mini_copy)
 
 
@@ -369,9 +369,9 @@ def test_unfinished_dataset_is_built_on_first_use_and_says_so(
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", environment["PYTHONPATH"])
     (mini_copy / VERSION / "manifest.json").unlink()
-    found = ensure_built(VERSION, mini_copy)
+    dataset = ensure_built(VERSION, mini_copy)
     out, err = capfd.readouterr()
-    assert found.manifest == store.open_dataset(VERSION, mini_home).manifest
+    assert dataset.manifest == store.open_dataset(VERSION, mini_home).manifest
     assert f"synthNet {VERSION} is not in {mini_copy / VERSION} yet: building it\n" in err
     assert out == ""
     assert_same(mini_copy, mini_home)

@@ -81,10 +81,10 @@ def test_files_alone_are_verified_on_request(
     capsys.readouterr()
     (mini_copy / VERSION / SHARD).write_bytes(b"no Parquet")
     assert cli.main([*arguments, "--json"]) == 1
-    found = {c["check"]: c["problems"] for c in json.loads(capsys.readouterr().out)["checks"]}
-    assert list(found) == ["manifest", "digests", "shards", "limits"]
-    assert SHARD in found["digests"][0]
-    assert SHARD in found["shards"][0]
+    problems = {c["check"]: c["problems"] for c in json.loads(capsys.readouterr().out)["checks"]}
+    assert list(problems) == ["manifest", "digests", "shards", "limits", "unpacked"]
+    assert SHARD in problems["digests"][0]
+    assert SHARD in problems["shards"][0]
 
 
 def test_files_of_another_recipe_are_noticed(mini_copy: Path) -> None:

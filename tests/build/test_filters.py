@@ -110,8 +110,8 @@ def test_a_good_mesh_and_a_good_spectrum_pass() -> None:
 def test_bad_mesh_is_refused_by_its_check_and_not_by_an_earlier_one(name: str) -> None:
     mesh, finding = BAD_MESHES[name]
     # Of connected surfaces only one with a boundary has a torus's number, and none a sphere's.
-    wanted = Topology(0 if name == "boundary" else 2)
-    assert check_mesh(mesh, LIMITS, wanted) == (name, finding)
+    expected = Topology(0 if name == "boundary" else 2)
+    assert check_mesh(mesh, LIMITS, expected) == (name, finding)
 
 
 @pytest.mark.parametrize("name", SPECTRUM_CHECKS)
@@ -130,8 +130,8 @@ def test_the_first_failure_is_the_one_reported() -> None:
 
 def test_a_surface_turned_inside_out_is_refused() -> None:
     inside_out = Mesh(GOOD_MESH.vertices, GOOD_MESH.faces[:, ::-1])
-    found = check_mesh(inside_out, LIMITS, Topology(2))
-    assert found == ("orientation", "the enclosed volume is -0.167")
+    refusal = check_mesh(inside_out, LIMITS, Topology(2))
+    assert refusal == ("orientation", "the enclosed volume is -0.167")
 
 
 def test_an_open_surface_needs_no_volume() -> None:
@@ -147,20 +147,20 @@ def test_a_surface_of_one_side_needs_no_orientation() -> None:
     corners = [[np.cos(i), np.sin(i), np.sin(3.0 * i)] for i in range(5)]
     mesh = mesh_of(corners, band)
     assert check_mesh(mesh, LIMITS, Topology(0, 1, orientable=False)) is None
-    found = check_mesh(mesh, LIMITS, Topology(0, 1))
-    assert found is not None
-    assert found[0] == "orientation"
+    refusal = check_mesh(mesh, LIMITS, Topology(0, 1))
+    assert refusal is not None
+    assert refusal[0] == "orientation"
 
 
 def test_the_euler_characteristic_is_compared_with_the_declared_one() -> None:
-    found = check_mesh(GOOD_MESH, LIMITS, Topology(0))
-    assert found == ("euler_characteristic", "Euler characteristic 2 instead of 0")
+    refusal = check_mesh(GOOD_MESH, LIMITS, Topology(0))
+    assert refusal == ("euler_characteristic", "Euler characteristic 2 instead of 0")
 
 
 def test_a_face_with_a_corner_twice_is_degenerate() -> None:
-    found = check_mesh(mesh_of(CORNERS, [*FACES, [1, 1, 2]]), LIMITS, Topology(2))
-    assert found is not None
-    assert found[0] == "degenerate_face"
+    refusal = check_mesh(mesh_of(CORNERS, [*FACES, [1, 1, 2]]), LIMITS, Topology(2))
+    assert refusal is not None
+    assert refusal[0] == "degenerate_face"
 
 
 def test_an_altitude_at_the_limit_is_refused_and_one_above_is_not() -> None:
@@ -180,15 +180,15 @@ def test_trivial_eigenvalue_and_residual_may_be_at_the_limit(sign: int) -> None:
 
 
 def test_a_zero_first_eigenvalue_is_refused_before_it_divides() -> None:
-    found = check_spectrum(spectrum_of(0.0, 1.0), LIMITS)
-    assert found == ("non_positive_eigenvalue", "first eigenvalue is 0")
+    refusal = check_spectrum(spectrum_of(0.0, 1.0), LIMITS)
+    assert refusal == ("non_positive_eigenvalue", "first eigenvalue is 0")
 
 
 def test_what_is_not_finite_beside_the_eigenvalues_is_refused_too() -> None:
-    found = check_spectrum(spectrum_of(2.0, trivial=math.nan), LIMITS)
-    assert found == ("non_finite_eigenvalue", "1 eigenvalues are not finite")
-    found = check_spectrum(spectrum_of(2.0, residual=math.nan), LIMITS)
-    assert found == ("residual", "relative residual is nan, above 1e-05")
+    refusal = check_spectrum(spectrum_of(2.0, trivial=math.nan), LIMITS)
+    assert refusal == ("non_finite_eigenvalue", "1 eigenvalues are not finite")
+    refusal = check_spectrum(spectrum_of(2.0, residual=math.nan), LIMITS)
+    assert refusal == ("residual", "relative residual is nan, above 1e-05")
 
 
 def test_equal_eigenvalues_are_ascending() -> None:

@@ -9,6 +9,7 @@ import shlex
 import shutil
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from synthnet import spectrum, store
 from synthnet.build import filters, importing, sources, surfaces
 from synthnet.build.importing import Settings, file_outcomes, import_meshes
 from synthnet.build.jobs import BuildReport, Watcher, exclusive
-from synthnet.build.workers import given
+from synthnet.build.workers import Workers
 from synthnet.commands import cli
 from synthnet.errors import BuildError, MeshImportError, RecipeError, StoreError
 from synthnet.loaders.pyg import SynthNet
@@ -53,19 +54,19 @@ def seamed(mesh: trimesh.Trimesh) -> str:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Two directories of files that each meet one rule, or none."""
-    place = tmp_path / "My Meshes"
-    (place / "below").mkdir(parents=True)
-    SPHERE.export(place / "a.ply")
-    SPHERE.export(place / "b.STL", file_type="stl")
-    (place / "below" / "c.obj").write_text(seamed(TORUS))
-    (place / "d.off").write_text("OFF\n3 nonsense")
-    (SPHERE + FAR).export(place / "e.ply")
-    (place / "f.txt").write_text("no mesh")
-    return place
+    directory = tmp_path / "My Meshes"
+    (directory / "below").mkdir(parents=True)
+    SPHERE.export(directory / "a.ply")
+    SPHERE.export(directory / "b.STL", file_type="stl")
+    (directory / "below" / "c.obj").write_text(seamed(TORUS))
+    (directory / "d.off").write_text("OFF\n3 nonsense")
+    (SPHERE + FAR).export(directory / "e.ply")
+    (directory / "f.txt").write_text("no mesh")
+    return directory
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Path:
+def scans(tmp_path: Path) -> Path:
     """An empty directory for mesh files."""
     (tmp_path / "scans").mkdir()
     return tmp_path / "scans"
@@ -82,7 +83,7 @@ def run(tmp_path: Path) -> Run:
     ) -> BuildReport:
         with ThreadPoolExecutor(1) as pool:
             settings = Settings(**options)  # type: ignore[arg-type]
-            engine = given(pool, 1)
+            engine = nullcontext(Workers(pool, lambda: 1))
             return import_meshes(places, name, settings, root=root, engine=engine, watcher=watcher)
 
     return imported
@@ -103,7 +104,7 @@ def test_folder_becomes_a_dataset(folder: Path, run: Run) -> None:
     assert ids == [f"my_meshes-{number:05d}" for number in (0, 1, 2, 4)]
 
 
-def told(report: BuildReport) -> dict[str, str]:
+def outcomes_by_file(report: BuildReport) -> dict[str, str]:
     """What became of each file, by its name."""
     return {str(row["file"]): str(row["what"]) for row in file_outcomes(report.dataset)}
 
@@ -114,8 +115,8 @@ def test_labels_are_those_of_the_surface(folder: Path, run: Run) -> None:
     merged = np.sort(np.concatenate([part.eigenvalues for part in parts]))[:10]
     assert both.eigenvalues == pytest.approx(merged, rel=1e-5)
     for sample, mesh in ((ply, SPHERE), (stl, SPHERE), (torus, TORUS)):
-        wanted = spectrum.compute(Mesh(np.array(mesh.vertices), np.array(mesh.faces)))
-        assert sample.eigenvalues == pytest.approx(wanted.eigenvalues, rel=1e-5)
+        expected = spectrum.compute(Mesh(np.array(mesh.vertices), np.array(mesh.faces)))
+        assert sample.eigenvalues == pytest.approx(expected.eigenvalues, rel=1e-5)
         assert 0 < float(sample.spec.parameters["error_bound"]) < 1e-10
         assert sample.certificate.count >= 11
         assert sample.split == "test"
@@ -146,9 +147,9 @@ def test_verify_finds_an_altered_label(folder: Path, run: Run, tmp_path: Path) -
     rejections = dataset.manifest.rejections
     digest = dataset.manifest.recipe_digest
     store.write_shard(path, samples, rejections, family="my_meshes", recipe_digest=digest)
-    found = {c.name: len(c.problems) for c in verify("mine", root=tmp_path / "root").checks}
-    assert found["digests"] == 1
-    assert found["labels"] == 4
+    counts = {c.name: len(c.problems) for c in verify("mine", root=tmp_path / "root").checks}
+    assert counts["digests"] == 1
+    assert counts["labels"] == 4
 
 
 def test_second_import_has_nothing_to_do(folder: Path, run: Run, tmp_path: Path) -> None:
@@ -209,13 +210,13 @@ def test_any_number_of_workers_makes_the_same_bytes(
     monkeypatch.setattr(sources, "SHARD_FILES", 2)
     for workers in (1, 2):
         import_meshes([folder], "mine", root=tmp_path / str(workers), workers=workers)
-    one, two = (contents(tmp_path / name / "mine") for name in "12")
-    assert one == two
-    assert len(one) == 4
+    first, second = (contents(tmp_path / name / "mine") for name in "12")
+    assert first == second
+    assert len(first) == 4
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "difference"),
     [
         ("changed", r"1 changed: my_meshes/a\.ply"),
         ("added", r"1 new: my_meshes/z\.ply"),
@@ -227,7 +228,7 @@ def test_any_number_of_workers_makes_the_same_bytes(
 )
 def test_other_import_under_the_same_name_overwrites_nothing(
     change: str,
-    told: str,
+    difference: str,
     folder: Path,
     run: Run,
     tmp_path: Path,
@@ -249,12 +250,12 @@ def test_other_import_under_the_same_name_overwrites_nothing(
     places = [other] if change == "other" else [folder]
     advice = r".*: remove .*mine or choose another"
     for missing in ("", "manifest.json"):  # also where the first was never finished
-        wanted = rf"is of another import than this \({told}\){advice}"
+        expected = rf"is of another import than this \({difference}\){advice}"
         if missing:
-            wanted = f"is of other directories, files, options or rules{advice}"
+            expected = f"is of other directories, files, options or rules{advice}"
             (tmp_path / "root" / "mine" / missing).unlink()
             del files[missing]
-        with pytest.raises(StoreError, match=wanted):
+        with pytest.raises(StoreError, match=expected):
             run(*places, components="largest" if change == "option" else "keep")
         assert contents(tmp_path / "root" / "mine") == files
 
@@ -292,8 +293,8 @@ def test_unit_area_is_recorded(folder: Path, run: Run) -> None:
         scale = float(sample.spec.parameters["scale"])
         mesh = TORUS if "below" in str(sample.spec.parameters["file"]) else SPHERE
         assert scale == pytest.approx(mesh.area**-0.5, rel=1e-6)
-        wanted = spectrum.compute(Mesh(np.array(mesh.vertices), np.array(mesh.faces)))
-        assert sample.eigenvalues * scale**2 == pytest.approx(wanted.eigenvalues, rel=1e-5)
+        expected = spectrum.compute(Mesh(np.array(mesh.vertices), np.array(mesh.faces)))
+        assert sample.eigenvalues * scale**2 == pytest.approx(expected.eigenvalues, rel=1e-5)
 
 
 def test_largest_component_is_kept_if_asked(folder: Path, run: Run) -> None:
@@ -330,6 +331,37 @@ def test_each_component_is_a_shape_if_asked(folder: Path, run: Run, tmp_path: Pa
     assert verify("mine", root=tmp_path / "root").problems == ()
 
 
+def test_500_spheres_in_a_file_are_one_shape_with_all_shares(scans: Path, run: Run) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    many = [
+        ball.copy().apply_scale(2.0 if i == 0 else 1.0).apply_translation([5 * i, 0, 0])
+        for i in range(500)
+    ]
+    trimesh.util.concatenate(many).export(scans / "many.off", digits=17)
+    (sample,) = run(scans).dataset.samples()
+    facts = sample.spec.parameters
+    assert (facts["components"], facts["largest_share"]) == (500, round(4 / 503, 6))
+    assert facts["shares"] == f"{4 / 503:.6f} {1 / 503:.6f}*499"
+    assert sample.certificate.count > 500
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_fins_are_cut_by_the_command_line_if_asked(scans: Path, tmp_path: Path, cut: bool) -> None:
+    points = SPHERE.vertices.tolist()
+    a, b = SPHERE.edges_unique[0]
+    points.append(3 * (SPHERE.vertices[a] + SPHERE.vertices[b]))
+    faces = [*SPHERE.faces.tolist(), [a, b, len(SPHERE.vertices)]]
+    fin = trimesh.Trimesh(points, faces, process=False)
+    fin.export(scans / "fin.off", digits=17)
+    where = ["--name", "mine", "--out", str(tmp_path / "root"), "--workers", "1"]
+    assert cli.main(["import", str(scans), *where, *["--cut-fins"] * cut]) == (0 if cut else 2)
+    (row,) = file_outcomes(store.open_dataset("mine", str(tmp_path / "root")))
+    if cut:
+        assert "1 edges cut from fins" in str(row["what"])
+    else:
+        assert str(row["what"]).startswith("non_manifold_edge: 1 edges have more than two faces")
+
+
 def test_a_file_alone_is_imported(folder: Path, run: Run) -> None:
     dataset = run(folder / "a.ply", folder / "b.STL").dataset
     assert [row["file"] for row in file_outcomes(dataset)] == ["a.ply", "b.STL"]
@@ -355,7 +387,16 @@ def test_shapes_are_found_by_the_name_of_their_file(
         dataset.find("d.off")
     where = ["--dataset", "mine", "--out", str(tmp_path / "root")]
     assert cli.main(["show", "c.obj", *where]) == 0
-    assert "my_meshes-00003" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "my_meshes-00003" in shown
+    bound = dataset.find("c.obj").spec.parameters["error_bound"]
+    assert f"each within a relative {bound:.1g} of the mesh's, rounding included" in shown
+    assert cli.main(["info", "--shape", "d.off", *where]) == 0
+    assert "unreadable: line 2" in capsys.readouterr().out
+    assert cli.main(["info", "--shape", "c.obj", "--json", *where]) == 0
+    assert json.loads(capsys.readouterr().out)["id"] == "my_meshes-00003"
+    assert cli.main(["info", "--shape", "none.obj", *where]) == 2
+    assert "no file 'none.obj' in mine" in capsys.readouterr().err
     assert cli.main(["info", "--ids", *where]) == 0
     assert "my_meshes-00003  below/c.obj" in capsys.readouterr().out
     assert cli.main(["gallery", "c.obj", *where, "--png", str(tmp_path / "c.png"), "--json"]) == 0
@@ -386,11 +427,11 @@ def strip(aspect: float) -> trimesh.Trimesh:
 def test_thin_meshes_are_labelled_within_the_limit_or_refused_and_verify_agrees(
     tmp_path: Path, run: Run
 ) -> None:
-    place = tmp_path / "thin"
-    place.mkdir()
+    directory = tmp_path / "thin"
+    directory.mkdir()
     for number in range(7):
-        strip(10.0**-number).export(place / f"{number}.off", digits=17)
-    dataset = run(place).dataset
+        strip(10.0**-number).export(directory / f"{number}.off", digits=17)
+    dataset = run(directory).dataset
     assert {"0.off", "1.off", "2.off", "3.off"} <= {
         str(sample.spec.parameters["file"]) for sample in dataset.samples()
     }
@@ -400,29 +441,29 @@ def test_thin_meshes_are_labelled_within_the_limit_or_refused_and_verify_agrees(
     assert verify("mine", root=tmp_path / "root").problems == ()
 
 
-def test_copies_of_a_file_are_in_one_split(place: Path, run: Run) -> None:
+def test_copies_of_a_file_are_in_one_split(scans: Path, run: Run) -> None:
     for i in range(12):
         mesh = SPHERE.copy().apply_scale(1 + i / 10)
-        mesh.export(place / f"{i:02d}.off")
-        mesh.export(place / f"{i:02d}-copy.off")
-    samples = list(run(place, split="hash").dataset.samples())
-    for one, copy in zip(samples[1::2], samples[::2], strict=True):
-        assert (one.split, one.spec.group) == (copy.split, copy.spec.group)
+        mesh.export(scans / f"{i:02d}.off")
+        mesh.export(scans / f"{i:02d}-copy.off")
+    samples = list(run(scans, split="hash").dataset.samples())
+    for original, copy in zip(samples[1::2], samples[::2], strict=True):
+        assert (original.split, original.spec.group) == (copy.split, copy.spec.group)
     assert len({sample.split for sample in samples}) > 1
 
 
-def test_far_coordinates_keep_their_shape(place: Path, run: Run) -> None:
-    SPHERE.copy().apply_translation([5e5, 4e6, 0]).export(place / "a.ply", encoding="ascii")
+def test_far_coordinates_keep_their_shape(scans: Path, run: Run) -> None:
+    SPHERE.copy().apply_translation([5e5, 4e6, 0]).export(scans / "a.ply", encoding="ascii")
     lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in np.add(SPHERE.vertices, [5e5, 4e6, 0])]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in SPHERE.faces]
-    (place / "b.obj").write_text("\n".join(lines))
-    *_, sample = run(place).dataset.samples()
+    (scans / "b.obj").write_text("\n".join(lines))
+    *_, sample = run(scans).dataset.samples()
     assert np.abs(sample.mesh.vertices).max() < 1.1
     assert sample.eigenvalues[:3] == pytest.approx([2, 2, 2], rel=0.05)
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "message"),
     [
         ("1.0", "--name must be a letter"),
         ("../up", "--name must be a letter"),
@@ -430,9 +471,9 @@ def test_far_coordinates_keep_their_shape(place: Path, run: Run) -> None:
     ],
 )
 def test_name_that_will_not_do_is_refused(
-    name: str, told: str, folder: Path, run: Run, tmp_path: Path
+    name: str, message: str, folder: Path, run: Run, tmp_path: Path
 ) -> None:
-    with pytest.raises(MeshImportError, match=told):
+    with pytest.raises(MeshImportError, match=message):
         run(folder, name=name)
     assert not (tmp_path / "root").exists()
 
@@ -442,7 +483,7 @@ def test_directories_that_will_not_do_are_refused(folder: Path, run: Run, tmp_pa
     (tmp_path / "other" / "my-meshes").mkdir(parents=True)
     shutil.copy(folder / "a.ply", tmp_path / "other" / "my-meshes")
     (tmp_path / "link").symlink_to(folder)
-    for places, wanted in (
+    for places, expected in (
         ([tmp_path / "none"], "none is not there"),
         ([tmp_path / "empty"], r"has no \.obj, \.off, \.ply, \.stl, .* file"),
         ([folder, tmp_path / "other" / "my-meshes"], "would both be the family my_meshes"),
@@ -450,7 +491,7 @@ def test_directories_that_will_not_do_are_refused(folder: Path, run: Run, tmp_pa
         ([folder, tmp_path / "link"], "are the same or one within the other: give one of them"),
         ([folder / "below", folder], "are the same or one within the other: give one of them"),
     ):
-        with pytest.raises(MeshImportError, match=wanted):
+        with pytest.raises(MeshImportError, match=expected):
             run(*places)
     assert not (tmp_path / "root").exists()
 
@@ -461,12 +502,12 @@ def test_directories_that_will_not_do_are_refused(folder: Path, run: Run, tmp_pa
 def test_dataset_is_never_among_the_meshes(
     root: str, name: str, folder: Path, run: Run, tmp_path: Path
 ) -> None:
-    place = tmp_path / "here" / "scans"
-    place.parent.mkdir()
-    shutil.copytree(folder, place)
+    directory = tmp_path / "here" / "scans"
+    directory.parent.mkdir()
+    shutil.copytree(folder, directory)
     before = contents(tmp_path)
     with pytest.raises(MeshImportError, match=r"dataset's directory .* are the same or one"):
-        run(place, name=name, root=place.parent / root)
+        run(directory, name=name, root=directory.parent / root)
     assert contents(tmp_path) == before
 
 
@@ -496,18 +537,18 @@ def test_files_that_cannot_be_opened_are_rejections(
         return scan(path)
 
     monkeypatch.setattr(os, "scandir", denied)
-    found = told(run(folder))
-    assert found["gone.obj"] == "unreadable: cannot be opened (No such file or directory)"
-    assert re.fullmatch(r"unreadable: cannot be opened \(.*symbolic links\)", found["loop.obj"])
-    assert found["secret/"] == "unreadable: cannot be opened (Permission denied)"
-    assert found["pipe.stl"] == "unreadable: is no file"
-    assert len(found) == 9
-    assert found["a.ply"] == ""
+    outcomes = outcomes_by_file(run(folder))
+    assert outcomes["gone.obj"] == "unreadable: cannot be opened (No such file or directory)"
+    assert re.fullmatch(r"unreadable: cannot be opened \(.*symbolic links\)", outcomes["loop.obj"])
+    assert outcomes["secret/"] == "unreadable: cannot be opened (Permission denied)"
+    assert outcomes["pipe.stl"] == "unreadable: is no file"
+    assert len(outcomes) == 9
+    assert outcomes["a.ply"] == ""
 
 
 def test_links_to_directories_are_not_followed(folder: Path, run: Run) -> None:
     (folder / "below" / "up").symlink_to(folder)
-    assert len(told(run(folder))) == 5
+    assert len(outcomes_by_file(run(folder))) == 5
 
 
 def test_file_that_changes_or_goes_in_between_is_a_rejection(folder: Path, run: Run) -> None:
@@ -516,10 +557,10 @@ def test_file_that_changes_or_goes_in_between_is_a_rejection(folder: Path, run: 
             TORUS.export(folder / "a.ply")
             (folder / "b.STL").unlink()
 
-    found = told(run(folder, watcher=Meddler()))
-    assert found["a.ply"] == "changed: its bytes are others than when the import began"
-    assert found["b.STL"] == "unreadable: cannot be opened (No such file or directory)"
-    assert found["below/c.obj"] == ""
+    outcomes = outcomes_by_file(run(folder, watcher=Meddler()))
+    assert outcomes["a.ply"] == "changed: its bytes are others than when the import began"
+    assert outcomes["b.STL"] == "unreadable: cannot be opened (No such file or directory)"
+    assert outcomes["below/c.obj"] == ""
 
 
 def test_directory_that_goes_in_between_stops_the_import(folder: Path, run: Run) -> None:
@@ -541,11 +582,11 @@ def test_files_of_odd_names(
     for name in names:
         shutil.copy(folder / "a.ply", folder / os.fsdecode(name))
     (folder / "x: y.off").write_text("OFF\n3 nonsense")
-    found = told(run(folder))
-    assert found["a: b.ply"] == found["é.ply"] == found[r"\udcff.ply"] == ""
-    assert found[r"new\nline.ply"] == found[r"\x1b[31m.ply"] == ""
-    assert found["x: y.off"] == "unreadable: line 2: '3 nonsense': no whole numbers"
-    assert len(found) == 11
+    outcomes = outcomes_by_file(run(folder))
+    assert outcomes["a: b.ply"] == outcomes["é.ply"] == outcomes[r"\udcff.ply"] == ""
+    assert outcomes[r"new\nline.ply"] == outcomes[r"\x1b[31m.ply"] == ""
+    assert outcomes["x: y.off"] == "unreadable: line 2: '3 nonsense': no whole numbers"
+    assert len(outcomes) == 11
     where = ["--name", "mine", "--out", str(tmp_path / "root")]
     assert cli.main(["import", str(folder), *where]) == 0
     assert cli.main(["info", "--version", "mine", "--out", str(tmp_path / "root")]) == 0
@@ -560,14 +601,14 @@ def test_too_large_files_are_rejections(
     size = (folder / "below" / "c.obj").stat().st_size
     monkeypatch.setattr(sources, "MOST_BYTES", size - 1)
     monkeypatch.setattr(repair, "MOST_VERTICES", 161)
-    found = told(run(folder))
-    assert found["below/c.obj"] == f"too_large: {size:,} bytes, more than {size - 1:,}"
-    assert found["a.ply"] == found["b.STL"] == "too_large: 162 vertices, more than 161"
-    assert len(found) == 5
+    outcomes = outcomes_by_file(run(folder))
+    assert outcomes["below/c.obj"] == f"too_large: {size:,} bytes, more than {size - 1:,}"
+    assert outcomes["a.ply"] == outcomes["b.STL"] == "too_large: 162 vertices, more than 161"
+    assert len(outcomes) == 5
 
 
 @pytest.mark.parametrize(
-    ("error", "wanted"),
+    ("error", "expected"),
     [
         (MemoryError(), "memory: its surface or label needs more memory than there is"),
         (ValueError("a vertex\nno triangle"), "solver: a vertex no triangle"),
@@ -575,7 +616,7 @@ def test_too_large_files_are_rejections(
 )
 def test_label_that_fails_is_the_file_s_own_rejection(
     error: Exception,
-    wanted: str,
+    expected: str,
     folder: Path,
     run: Run,
     monkeypatch: pytest.MonkeyPatch,
@@ -588,12 +629,12 @@ def test_label_that_fails_is_the_file_s_own_rejection(
         return compute(mesh, k, **options)
 
     monkeypatch.setattr(spectrum, "compute", failing)
-    found = told(run(folder))
-    assert found["below/c.obj"] == wanted
-    assert found["a.ply"] == ""
+    outcomes = outcomes_by_file(run(folder))
+    assert outcomes["below/c.obj"] == expected
+    assert outcomes["a.ply"] == ""
 
 
-def test_mobius_band_is_not_called_repaired(place: Path, run: Run) -> None:
+def test_mobius_band_is_not_called_repaired(scans: Path, run: Run) -> None:
     n = 12
     angle = 2 * np.pi * np.arange(n) / n
     side = np.stack([np.cos(angle / 2) * np.cos(angle), np.cos(angle / 2) * np.sin(angle)], 1)
@@ -606,45 +647,47 @@ def test_mobius_band_is_not_called_repaired(place: Path, run: Run) -> None:
         for face in ([i, i + n, c], [i + n, d, c])
     ]
     vertices = np.concatenate([middle - side, middle + side])
-    trimesh.Trimesh(vertices, faces, process=False).export(place / "a.off")
-    (row,) = file_outcomes(run(place).dataset)
+    trimesh.Trimesh(vertices, faces, process=False).export(scans / "a.off")
+    (row,) = file_outcomes(run(scans).dataset)
     assert (row["outcome"], row["what"]) == ("as it was", "not orientable")
 
 
 @pytest.mark.parametrize("n", [9, 10, 11, 12, 25])
 def test_smallest_surfaces_are_labelled_and_verified(
-    n: int, place: Path, tmp_path: Path, run: Run
+    n: int, scans: Path, tmp_path: Path, run: Run
 ) -> None:
     """Pyramids over a polygon: n + 2 vertices."""
     angle = 2 * np.pi * np.arange(n) / n
     rim = np.column_stack([np.cos(angle), 1.1 * np.sin(angle), 0.1 * np.sin(3 * angle)])
     faces = [[i, (i + 1) % n, n] for i in range(n)] + [[(i + 1) % n, i, n + 1] for i in range(n)]
     mesh = trimesh.Trimesh([*rim, [0, 0, 1], [0, 0, -1]], faces, process=False)
-    mesh.export(place / "a.off")
-    assert run(place).dataset.manifest.rows == 1
+    mesh.export(scans / "a.off")
+    assert run(scans).dataset.manifest.rows == 1
     assert verify("mine", root=tmp_path / "root").problems == ()
 
 
-def test_ten_vertices_are_too_few(place: Path, run: Run) -> None:
-    trimesh.creation.box().export(place / "a.off")
-    assert told(run(place)) == {"a.off": "few_vertices: 8 vertices, a spectrum needs at least 11"}
+def test_ten_vertices_are_too_few(scans: Path, run: Run) -> None:
+    trimesh.creation.box().export(scans / "a.off")
+    assert outcomes_by_file(run(scans)) == {
+        "a.off": "few_vertices: 8 vertices, a spectrum needs at least 11"
+    }
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e5])
-def test_any_unit_is_verified(size: float, place: Path, tmp_path: Path, run: Run) -> None:
-    TORUS.copy().apply_scale(size).export(place / "a.off", digits=17)
-    (sample,) = run(place).dataset.samples()
-    wanted = spectrum.compute(Mesh(np.array(TORUS.vertices), np.array(TORUS.faces)))
-    assert sample.eigenvalues * size**2 == pytest.approx(wanted.eigenvalues, rel=1e-5)
+def test_any_unit_is_verified(size: float, scans: Path, tmp_path: Path, run: Run) -> None:
+    TORUS.copy().apply_scale(size).export(scans / "a.off", digits=17)
+    (sample,) = run(scans).dataset.samples()
+    expected = spectrum.compute(Mesh(np.array(TORUS.vertices), np.array(TORUS.faces)))
+    assert sample.eigenvalues * size**2 == pytest.approx(expected.eigenvalues, rel=1e-5)
     assert verify("mine", root=tmp_path / "root").problems == ()
 
 
-def test_eigenvalues_next_to_zero_are_verified(place: Path, tmp_path: Path, run: Run) -> None:
+def test_eigenvalues_next_to_zero_are_verified(scans: Path, tmp_path: Path, run: Run) -> None:
     """One vertex of a torus far away: relative to itself no solver is exact to 1e-8 there."""
     spiked = TORUS.copy()
     spiked.vertices[7] *= 1e4
-    spiked.export(place / "a.off", digits=17)
-    (sample,) = run(place).dataset.samples()
+    spiked.export(scans / "a.off", digits=17)
+    (sample,) = run(scans).dataset.samples()
     assert sample.eigenvalues[0] < 1e-4 * 40 * np.pi / spiked.area
     assert verify("mine", root=tmp_path / "root").problems == ()
 
@@ -668,16 +711,16 @@ def test_verify_compares_the_shapes_with_the_list_of_files(
     record = store.write_shard(path, altered, manifest.rejections, **options)
     listed = {**manifest.recipe, "limits": "1.0-mini"}
     store.write_manifest(dataset.directory, replace(manifest, shards=(record,), recipe=listed))
-    found = {c.name: list(c.problems) for c in verify("mine", root=tmp_path / "root").checks}
-    assert found["manifest"] == ["manifest: its digest is not that of its options and files"]
-    assert found["recipe"] == [
+    problems = {c.name: list(c.problems) for c in verify("mine", root=tmp_path / "root").checks}
+    assert problems["manifest"] == ["manifest: its digest is not that of its options and files"]
+    assert problems["recipe"] == [
         "my_meshes-00000: file or SHA-256 differ from the manifest's list",
         "my_meshes-00001: group or splits differ from those of its file",
         "my_meshes-00001: isometries are not the identity alone",
         "my_meshes-00009: not in the manifest's list of files",
         "my_meshes-00002: 0 times among those stored or rejected",
     ]
-    assert found["digests"] == found["shards"] == found["labels"] == []
+    assert problems["digests"] == problems["shards"] == problems["labels"] == []
 
 
 def test_import_without_a_list_of_files_cannot_be_verified(
@@ -706,6 +749,12 @@ def test_predictor_is_evaluated_on_an_import(
     result = json.loads((tmp_path / "ones.json").read_text())
     assert result["dataset"]["version"] == "mine"
     assert result["dataset"]["shapes"] == 4
+    submit = ["submit", str(tmp_path / "ones.json"), *where, "--board", str(tmp_path / "board")]
+    assert eigbench_cli.main(submit) == 2
+    assert "the labels of mine are not pinned" in capsys.readouterr().err
+    (tmp_path / "board" / "benchmark" / "results").mkdir(parents=True)
+    assert eigbench_cli.main([*submit, "--dry-run"]) == 0
+    assert "would have rank 1 of 1" in capsys.readouterr().out
 
 
 def test_reasons_are_those_of_the_documentation() -> None:
@@ -713,19 +762,24 @@ def test_reasons_are_those_of_the_documentation() -> None:
     reasons = set(re.findall(r'Refused\(\s*"(\w+)"', code))
     reasons |= {sources.UNREADABLE, sources.TOO_LARGE, surfaces.CHANGED, surfaces.MEMORY}
     reasons |= {filters.SOLVER, filters.CERTIFICATE, *filters.SPECTRUM_CHECKS}
-    assert len(reasons) == 17
+    assert len(reasons) == 18
     assert reasons <= set(re.findall(r"`(\w+)`", PAGE))
 
 
 def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     where = ["--name", "mine", "--out", str(tmp_path / "root"), "--workers", "1"]
+    for name in ("more.txt", "a.mtl", "b.MTL", "LICENSE"):
+        (folder / name).write_text("no mesh")
     assert cli.main(["import", str(folder), *where]) == 0
     out = capsys.readouterr().out
+    assert "5 other files, not read as meshes: 2 .mtl, 2 .txt, 1 without a suffix" in out
     assert "5 files: 3 as it was, 1 repaired, 1 rejected" in out
     assert "a.ply" in out  # though nothing befell it
     assert "2 components, the largest has 80.0% of the area" in out
     assert cli.main(["import", str(folder), *where, "--json"]) == 0
-    assert len(json.loads(capsys.readouterr().out)["files"]) == 5
+    printed = json.loads(capsys.readouterr().out)
+    assert len(printed["files"]) == 5
+    assert printed["not_meshes"] == {".mtl": 2, ".txt": 2, "without a suffix": 1}
     assert cli.main(["info", "--version", "mine", "--out", str(tmp_path / "root")]) == 0
 
 
@@ -735,23 +789,23 @@ PAGE = (Path(__file__).parents[2] / "docs" / "import.md").read_text()
 def test_the_command_for_thingi10k_imports_a_folder_of_its_layout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = tmp_path / "Thingi10K" / "raw_meshes"
-    place.mkdir(parents=True)
-    SPHERE.export(place / "32770.stl")
-    (SPHERE + FAR).export(place / "36082.stl")
-    (place / "37322.stl").write_bytes(b"solid")
+    directory = tmp_path / "Thingi10K" / "raw_meshes"
+    directory.mkdir(parents=True)
+    SPHERE.export(directory / "32770.stl")
+    (SPHERE + FAR).export(directory / "36082.stl")
+    (directory / "37322.stl").write_bytes(b"solid")
     monkeypatch.chdir(tmp_path)
     (line,) = re.findall(r"^synthnet import Thingi10K.*$", PAGE, flags=re.M)
     command = [*shlex.split(line)[1:], "--out", str(tmp_path / "root"), "--workers", "1"]
     assert cli.main(command) == 0
     out = capsys.readouterr().out
-    for number, told in (
+    for number, outcome in (
         ("32770", "repaired"),
         ("36082", "1 components left out"),
         ("37322", "rejected"),
     ):
         (row,) = (row for row in out.splitlines() if f"{number}.stl" in row)
-        assert told in row
+        assert outcome in row
     stored = store.open_dataset("thingi10k", str(tmp_path / "root"))
     areas = [geometry.area(sample.mesh) for sample in stored.samples()]
     assert areas == pytest.approx([1.0, 1.0], rel=1e-6)
@@ -761,8 +815,8 @@ def test_page_shows_what_became_of_the_hostile_files() -> None:
     data = Path(__file__).parents[2] / "docs" / "data" / "import-hostile.json"
     files = json.loads(data.read_text())["files"]
     assert len(files) == 10
-    for one in files:
-        assert f"| `{one['file']}` | {one['outcome']} | {one['what']} |\n" in PAGE
+    for file in files:
+        assert f"| `{file['file']}` | {file['outcome']} | {file['what']} |\n" in PAGE
 
 
 def test_number_of_workers_is_checked(
@@ -803,7 +857,7 @@ def test_folder_without_one_good_file_exits_with_2(
 
 @pytest.mark.slow
 def test_altered_files_become_certified_shapes_or_rejections() -> None:
-    found = fuzz_import.measure(cases=36, seed=1)
-    assert found["problems"] == []
-    assert sum(sum(row.values()) for row in found["outcomes"].values()) == 36
-    assert "unreadable" in {name for row in found["outcomes"].values() for name in row}
+    measured = fuzz_import.measure(cases=36, seed=1)
+    assert measured["problems"] == []
+    assert sum(sum(row.values()) for row in measured["outcomes"].values()) == 36
+    assert "unreadable" in {name for row in measured["outcomes"].values() for name in row}

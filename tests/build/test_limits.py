@@ -124,9 +124,9 @@ def test_shards_and_manifest_do_not_depend_on_limits(
     pinned = {id: Limit(np.arange(1.0, 11), np.full(10, 1e-6)) for id in ids}
     monkeypatch.setattr(versions.limits, "pinned", lambda _: pinned)
     build(resolved, root=tmp_path / "other", engine=threads())
-    found = contents(tmp_path / "other" / "tiny")
-    assert without(found, "limits") == plain
-    assert len(found) == len(plain) + 2
+    files = contents(tmp_path / "other" / "tiny")
+    assert without(files, "limits") == plain
+    assert len(files) == len(plain) + 2
 
 
 def test_a_recipe_of_ones_own_has_no_pins(recipe_1_0: Recipe, round_shapes: Recipe) -> None:
@@ -224,10 +224,10 @@ def test_the_command_finds_pinned_limits_there(
 ) -> None:
     arguments = ["build", "--version", VERSION, "--out", str(mini_home), "--limits"]
     assert cli.main(arguments) == 0
-    said = capsys.readouterr().out
-    assert "is built already" in said.splitlines()[0]
-    assert "nothing to do" not in said.splitlines()[0]
-    assert "its limits are there: nothing to compute" in said
+    printed = capsys.readouterr().out
+    assert "is built already" in printed.splitlines()[0]
+    assert "nothing to do" not in printed.splitlines()[0]
+    assert "its limits are there: nothing to compute" in printed
     assert cli.main([*arguments, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["limits"]["nothing_to_do"] is True
 
@@ -243,12 +243,12 @@ def test_the_command_computes_those_of_a_sealed_set(
     assert done.returncode == 0, done.stderr
     assert "limits computed in" in done.stdout
     assert "limits of torus: done" in done.stderr
-    found = store.open_dataset(name, tmp_path / "home")
-    assert len(list(limits.read(found))) == found.manifest.rows
-    assert without(contents(found.directory), "limits") == contents(home / name)
+    sealed_dataset = store.open_dataset(name, tmp_path / "home")
+    assert len(list(limits.read(sealed_dataset))) == sealed_dataset.manifest.rows
+    assert without(contents(sealed_dataset.directory), "limits") == contents(home / name)
     report = verify(name, root=tmp_path / "home", sample=10)
     assert report.problems == ()
-    assert {c.name: c.examined for c in report.checks}["limits"] == found.manifest.rows
+    assert {c.name: c.examined for c in report.checks}["limits"] == sealed_dataset.manifest.rows
 
 
 # Read
@@ -275,9 +275,9 @@ def test_damaged_limits_are_not_read(dataset: StoredDataset, damage: str) -> Non
 
 def test_a_limit_is_found_by_its_id(dataset: StoredDataset) -> None:
     last = list(limits.read(dataset))[-1]
-    found = limits.find(dataset, last.id)
-    assert found is not None
-    np.testing.assert_array_equal(found.eigenvalues, last.eigenvalues)
+    limit = limits.find(dataset, last.id)
+    assert limit is not None
+    np.testing.assert_array_equal(limit.eigenvalues, last.eigenvalues)
     assert limits.find(dataset, "torus-99999") is None
     shutil.rmtree(dataset.directory / limits.DIRECTORY)
     assert limits.find(dataset, last.id) is None
@@ -297,37 +297,37 @@ def test_psnr_is_that_of_the_paper() -> None:
 def test_show_and_info_say_what_is_there(
     dataset: StoredDataset, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = ["--version", VERSION, "--out", str(dataset.directory.parent)]
+    location = ["--version", VERSION, "--out", str(dataset.directory.parent)]
     row = next(row for row in limits.read(dataset) if not row.above_20_db)
     failing = sum(not row.above_20_db for row in limits.read(dataset))
-    cli.main(["show", row.id, *place, "--json"])
-    said = json.loads(capsys.readouterr().out)["limit"]
-    assert said["eigenvalues"] == row.eigenvalues.tolist()
-    assert (said["bar"], said["error"]) == (row.bar.tolist(), row.error.tolist())
-    assert said["above_20_db"] is False
-    cli.main(["show", row.id, *place])
+    cli.main(["show", row.id, *location, "--json"])
+    printed = json.loads(capsys.readouterr().out)["limit"]
+    assert printed["eigenvalues"] == row.eigenvalues.tolist()
+    assert (printed["bar"], printed["error"]) == (row.bar.tolist(), row.error.tolist())
+    assert printed["above_20_db"] is False
+    cli.main(["show", row.id, *location])
     lines = capsys.readouterr().out.splitlines()
     at = lines.index("limits, the eigenvalues of the surface (1/length²)")
     assert [float(v) for v in lines[at + 1].split()] == pytest.approx(row.eigenvalues, rel=1e-5)
     assert lines[at + 4] == "errors, eigenvalue / limit - 1 (PSNR 20 dB or less)"
     assert lines[at + 5].split() == [f"{value:.2%}" for value in row.error]
-    cli.main(["info", *place])
-    assert f"limits     of 335 labels; {failing} (" in capsys.readouterr().out
-    cli.main(["info", *place, "--json"])
+    cli.main(["info", *location])
+    assert f"limits     of 335 labels; {failing} of them (" in capsys.readouterr().out
+    cli.main(["info", *location, "--json"])
     assert json.loads(capsys.readouterr().out)["limits"] == {"labels": 335, "failing": failing}
 
     limits.path_of(dataset.directory, record_of(dataset)).unlink()  # as a run leaves it
-    cli.main(["info", *place])
+    cli.main(["info", *location])
     assert f"limits     of {335 - record_of(dataset).rows} labels; " in capsys.readouterr().out
     shutil.rmtree(dataset.directory / limits.DIRECTORY)
-    cli.main(["info", *place])
+    cli.main(["info", *location])
     assert "limits     none (--limits)\n" in capsys.readouterr().out
-    cli.main(["show", row.id, *place, "--json"])
+    cli.main(["show", row.id, *location, "--json"])
     assert json.loads(capsys.readouterr().out)["limit"] is None
-    cli.main(["show", row.id, *place])
+    cli.main(["show", row.id, *location])
     assert "limits" not in capsys.readouterr().out
-    said = info._say_limits({"labels": 0, "failing": 0}, recipe.Kind.IMPORTED)
-    assert said == "none (meshes alone)"
+    text = info._say_limits({"labels": 0, "failing": 0}, recipe.Kind.IMPORTED)
+    assert text == "none (meshes alone)"
 
 
 # Verified

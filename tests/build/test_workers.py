@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import platform
 import shutil
 import signal
 import subprocess
@@ -14,11 +15,12 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from synthnet.build import jobs
 from synthnet.build.jobs import work
-from synthnet.build.terms import Terms, terms_of
+from synthnet.build.terms import Terms, is_ours, terms_of
 from synthnet.build.versions import build, shard_job
 from synthnet.build.workers import Workers, dask_cluster, given
 from synthnet.commands.cli import main
@@ -154,10 +156,10 @@ def cluster(
             stderr=subprocess.DEVNULL,
         )
 
-    one = ["--host", "127.0.0.1"]
-    processes = [start("scheduler", "--port", "0", *one)]
+    host = ["--host", "127.0.0.1"]
+    processes = [start("scheduler", "--port", "0", *host)]
     try:
-        processes += [start("worker", "--nthreads", "1", "--no-nanny", *one) for _ in range(2)]
+        processes += [start("worker", "--nthreads", "1", "--no-nanny", *host) for _ in range(2)]
         end = time.monotonic() + 30
         while not file.exists() and time.monotonic() < end:
             time.sleep(0.05)
@@ -235,3 +237,35 @@ def test_worker_with_another_processor_is_refused(small: Recipe, terms: Terms) -
         BuildError, match=r"has a processor of another kind .* than the build \(m68"
     ):
         work(shard_job(plan_shards(small)[0], other))
+
+
+BLAS = "from synthnet.build.terms import blas_kernels; print(blas_kernels())"
+
+
+def test_worker_with_another_blas_kernel_is_refused(
+    small: Recipe, terms: Terms, environment: dict[str, str]
+) -> None:
+    if "openblas" not in terms.blas:
+        pytest.skip(f"only OpenBLAS is told which kernels to take, here is {terms.blas}")
+    core = "Haswell" if platform.machine() == "x86_64" else "ARMV8"
+    done = subprocess.run(
+        [sys.executable, "-c", BLAS],
+        env={**environment, "OPENBLAS_CORETYPE": core},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert core.lower() in done.stdout.lower()
+    other = dataclasses.replace(terms, blas=done.stdout.strip())
+    if other == terms:
+        other = dataclasses.replace(terms, blas="openblas 0 none")
+    with pytest.raises(BuildError, match=r"computes with other BLAS kernels .* OPENBLAS_CORETYPE"):
+        work(shard_job(plan_shards(small)[0], other))
+
+
+def test_blas_kernels_are_those_of_numpy_and_scipy_alone() -> None:
+    """PyTorch and others bring their own, which only some processes load."""
+    packages = Path(np.__file__).parent.parent
+    assert is_ours(packages / "numpy.libs" / "libopenblas.so")
+    assert is_ours(Path("/usr/lib/libblas.so"))
+    assert not is_ours(packages / "torch" / "lib" / "libmkl.so")

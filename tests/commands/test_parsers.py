@@ -43,10 +43,10 @@ def test_there_are_commands() -> None:
 
 @pytest.mark.parametrize("name", PARSERS)
 def test_help_has_an_example_that_is_understood(name: str) -> None:
-    found = re.findall(r"^example: (.*)$", PARSERS[name].epilog or "", re.MULTILINE)
-    assert len(found) == 1
-    program, *words = shlex.split(found[0])
-    assert f"{found[0]} ".startswith(f"{name} ")
+    examples = re.findall(r"^example: (.*)$", PARSERS[name].epilog or "", re.MULTILINE)
+    assert len(examples) == 1
+    program, *words = shlex.split(examples[0])
+    assert f"{examples[0]} ".startswith(f"{name} ")
     assert callable(PROGRAMS[program]().parse_args(words).run)
 
 
@@ -61,9 +61,10 @@ def test_help_says_what_the_command_is_for(name: str) -> None:
 
 @every_command
 def test_help_says_every_default(name: str) -> None:
-    for action in COMMANDS[name]._actions:
-        if action.nargs == 0 or action.required:  # it takes no value, or must be given
-            continue
+    actions = COMMANDS[name]._actions
+    optional = [action for action in actions if action.nargs != 0 and not action.required]
+    assert len(actions) > 2  # --help, --json and --traceback take no value
+    for action in optional:
         what = f"{name} {action.option_strings or action.dest}"
         text = str(action.help) % {**vars(action), "prog": name}
         assert "(default: " in text, what
@@ -102,7 +103,7 @@ SPHERES = [f"sphere-0000{number}" for number in (0, 1, 2, 4, 7)]  # of 1.0-mini
 
 
 @pytest.mark.parametrize(
-    ("line", "wanted"),
+    ("line", "expected"),
     [
         ("synthnet bui", ["build"]),
         ("synthnet info 1.0-", ["1.0-mini", "1.0-small"]),
@@ -119,7 +120,7 @@ SPHERES = [f"sphere-0000{number}" for number in (0, 1, 2, 4, 7)]  # of 1.0-mini
     ],
 )
 def test_the_shell_completes(
-    line: str, wanted: list[str], mini_home: Path, environment: dict[str, str], tmp_path: Path
+    line: str, expected: list[str], mini_home: Path, environment: dict[str, str], tmp_path: Path
 ) -> None:
     text, answer = line.format(home=mini_home), tmp_path / "answer"
     program = text.partition(" ")[0]
@@ -142,5 +143,5 @@ def test_the_shell_completes(
         cwd=tmp_path,
     )
     assert done.returncode == 0, done.stderr
-    assert {word.strip() for word in answer.read_text().split("\n")} == {*wanted}, done.stderr
+    assert {word.strip() for word in answer.read_text().split("\n")} == {*expected}, done.stderr
     assert done.stdout == ""

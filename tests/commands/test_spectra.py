@@ -57,11 +57,11 @@ def test_spectra_of_files_are_shown_written_and_certified(
     for row in rows:
         np.testing.assert_allclose(np.array(row.split(",")[3:], float), expected, rtol=1e-6)
     for file in files[:2]:
-        code, said, _ = run("certify", file, out)
+        code, printed, _ = run("certify", file, out)
         assert code == 0
-        assert said.startswith("certified: 12 eigenvalues within 1e-06")
-    code, said, _ = run("spectrum", files[0], "--json")
-    (facts,) = json.loads(said)
+        assert printed.startswith("certified: 12 eigenvalues within 1e-06")
+    code, printed, _ = run("spectrum", files[0], "--json")
+    (facts,) = json.loads(printed)
     assert code == 0
     assert facts["eigenvalues"] == pytest.approx(expected[:10].tolist(), rel=1e-6)
     assert max(facts["error_bound"]) < 1e-9
@@ -88,13 +88,13 @@ def test_an_answer_is_judged(run: Run, files: list[Path], tmp_path: Path) -> Non
     values = compute(trimesh.load(files[0]), 8).eigenvalues
     answer = tmp_path / "answer.csv"
     answer.write_text("eigenvalue\n" + "\n".join(map(str, [0.0, *np.delete(values, 1)])))
-    code, said, _ = run("certify", files[0], answer)
+    code, printed, _ = run("certify", files[0], answer)
     assert code == 1
-    assert said.startswith("1 missed below ")
+    assert printed.startswith("1 missed below ")
     answer.write_text(", ".join(map(str, values * 1.02)))
-    code, said, _ = run("certify", files[0], answer, "--json")
+    code, printed, _ = run("certify", files[0], answer, "--json")
     assert code == 1
-    assert [row["index"] for row in json.loads(said)["off"]] == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert [row["index"] for row in json.loads(printed)["off"]] == [1, 2, 3, 4, 5, 6, 7, 8]
     assert run("certify", files[0], answer, "--tolerance", 0.05)[0] == 0
 
 

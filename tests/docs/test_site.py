@@ -72,16 +72,13 @@ def test_navigation_goes_to_the_first_page_only(conf):
     assert other == ["# b\n"]
 
 
-def test_the_first_page_and_the_lost_page_are_written_with_links_to_the_site(
-    conf, tmp_path, monkeypatch
-):
+def test_the_first_page_and_the_lost_page_are_written(conf, tmp_path):
     (tmp_path / f"{conf.root_doc}.html").write_text("first")
     app = SimpleNamespace(builder=SimpleNamespace(format="html"), outdir=tmp_path)
-    monkeypatch.setenv("SITE_ROOT", "/synthnet/")
     conf.add_index(app, None)
     assert (tmp_path / "index.html").read_text() == "first"
     links = re.findall(r"href=\"(.+?)\"", (tmp_path / "404.html").read_text())
-    assert links == [f"/synthnet/{page}.html" for page in ("index", "board/index", "search")]
+    assert links == ["index.html", "board/index.html", "search.html"]
 
 
 def test_the_board_is_in_the_side_bar_of_every_page(conf):

@@ -68,6 +68,7 @@ def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(blocks, "DOCS", tmp_path)
     monkeypatch.setattr("evidence.blocks.BLOCKS", table)
     monkeypatch.setattr("evidence.__main__.BLOCKS", table)
+    monkeypatch.setattr("evidence.reproduction.fill", lambda *, check: [])
     return page
 
 

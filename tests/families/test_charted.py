@@ -260,8 +260,8 @@ def test_meshes_are_sound(family: str, kind: str, recipe_2_0: recipe.Recipe) -> 
         parameters = drawn(family, surface, triangulation=kind, seed=surface)
         mesh = FAMILIES[family].generate(parameters)
         assert (mesh.vertices.dtype, mesh.faces.dtype) == (np.float64, np.int64)
-        wanted = FAMILIES[family].topology(parameters)
-        assert filters.check_mesh(mesh.stored(), recipe_2_0.filters, wanted) is None
+        expected = FAMILIES[family].topology(parameters)
+        assert filters.check_mesh(mesh.stored(), recipe_2_0.filters, expected) is None
         assert 0.4 < len(mesh.vertices) / 1500 < 2.5
 
 
@@ -317,8 +317,8 @@ def test_the_two_drums_have_the_same_spectrum(lean: float) -> None:
 
 def test_drums_turn_inwards_where_they_say() -> None:
     for form, lean in ((0, 0.0), (1, 0.0), (0, 0.3), (1, 0.3)):
-        found = drum.positions(form, 1.0, lean)
-        outline = np.array([found[name] for name in drum.OUTLINES[form].split()])
+        positions = drum.positions(form, 1.0, lean)
+        outline = np.array([positions[name] for name in drum.OUTLINES[form].split()])
         before, after = np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0)
         bends = turned(np.stack([before, outline, after], axis=1))
         names = np.array(drum.OUTLINES[form].split())
@@ -342,8 +342,8 @@ def test_a_pretzel_that_is_not_bent_lies_on_its_quartic() -> None:
     centres = centre * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     squares = ((vertices[:, None, :2] - centres) ** 2).sum(axis=2)
     product = np.prod((squares - radius**2) / (squares + radius**2), axis=1)
-    wanted = parameters["thickness"] ** 2 * (1 - (vertices[:, :2] ** 2).sum(axis=1)) * product
-    np.testing.assert_allclose(vertices[:, 2] ** 2, wanted, atol=1e-13)
+    expected = parameters["thickness"] ** 2 * (1 - (vertices[:, :2] ** 2).sum(axis=1)) * product
+    np.testing.assert_allclose(vertices[:, 2] ** 2, expected, atol=1e-13)
 
 
 def test_the_rolled_sheet_has_the_spectrum_of_the_flat_one() -> None:
@@ -407,7 +407,7 @@ def of_open_cylinder(height: float) -> list[float]:
 
 def of_annulus(inner: float) -> list[float]:
     """Squares of the zeros of J'ₘ(k) Y'ₘ(k r) − J'ₘ(k r) Y'ₘ(k), twice for m > 0."""
-    found = []
+    squares = []
     for m in range(9):
 
         def cross(k: float, m: int = m) -> float:
@@ -419,8 +419,8 @@ def of_annulus(inner: float) -> list[float]:
         ends = np.linspace(0.1, 10.0, 500)
         signs = np.sign([cross(k) for k in ends])
         for i in np.flatnonzero(signs[1:] != signs[:-1]):
-            found += [optimize.brentq(cross, ends[i], ends[i + 1]) ** 2] * (1 + (m > 0))
-    return found
+            squares += [optimize.brentq(cross, ends[i], ends[i + 1]) ** 2] * (1 + (m > 0))
+    return squares
 
 
 @pytest.mark.parametrize(
@@ -445,19 +445,19 @@ def test_labels_with_a_boundary_approach_the_closed_form(
         parameters = {**parameters, "triangulation": kind}
         label = spectrum.compute(FAMILIES[family].generate(parameters)).eigenvalues
         np.testing.assert_allclose(label, limit, rtol=2e-2)
-    found = FAMILIES[family].limit_spectrum(parameters)
-    np.testing.assert_allclose(found.eigenvalues, limit, rtol=1e-6)
+    computed = FAMILIES[family].limit_spectrum(parameters)
+    np.testing.assert_allclose(computed.eigenvalues, limit, rtol=1e-6)
 
 
 @pytest.mark.parametrize("family", ["annulus", "spherical_cap", "elliptic_disc"])
 def test_flat_and_round_surfaces_with_boundary_have_their_area(family: str) -> None:
     parameters = drawn(family, vertices=20000)
-    wanted = {
+    expected = {
         "annulus": lambda inner: math.pi * (1 - inner**2),
         "spherical_cap": lambda angle: 2 * math.pi * (1 - math.cos(angle)),
         "elliptic_disc": lambda flatness: math.pi * flatness,
     }[family](*one_shape(parameters).values())
-    assert geometry.area(FAMILIES[family].generate(parameters)) == pytest.approx(wanted, rel=2e-3)
+    assert geometry.area(FAMILIES[family].generate(parameters)) == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.parametrize("family", FLAT)
@@ -513,11 +513,11 @@ def test_a_bent_tube_has_no_crease_where_its_ends_begin() -> None:
 def test_a_blob_without_amplitude_is_a_sphere_and_forms_differ() -> None:
     mesh = FAMILIES["blob"].generate({"amplitude": 0.0, "degree": 4, "form": 1, **HOW})
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1, rtol=1e-12)
-    one, other = (
+    first, second = (
         FAMILIES["blob"].generate({"amplitude": 1.0, "degree": 4, "form": form, **HOW})
         for form in (1, 2)
     )
-    assert np.abs(one.vertices - other.vertices).max() > 0.1
+    assert np.abs(first.vertices - second.vertices).max() > 0.1
 
 
 # --- the recipe ------------------------------------------------------------------------

@@ -264,11 +264,11 @@ def test_the_torus_that_touches_itself_is_refused(limits: FilterSettings) -> Non
     parameters = parameters_of("torus", "high")
     assert parameters["tube_radius"] == 1.0
     mesh = FAMILIES["torus"].generate(parameters).stored()
-    found = filters.check_mesh(mesh, limits, Topology(0))
+    refusal = filters.check_mesh(mesh, limits, Topology(0))
     # All 30 inner vertices are the origin, with a ring of two triangles each side.
-    assert found is not None
-    assert found[0] == "degenerate_face"
-    assert found[1].startswith("60 of 1200 faces")
+    assert refusal is not None
+    assert refusal[0] == "degenerate_face"
+    assert refusal[1].startswith("60 of 1200 faces")
 
 
 # --- inverted cones -------------------------------------------------------------------
@@ -382,9 +382,9 @@ def test_faces_of_a_hull_do_not_hang_on_the_last_bit(family: str, shape: dict[st
 def test_hemispheres_are_joined_as_any_halves_are(a: int, b: int) -> None:
     halves = [primitives.sphere(radius=1.0, resolution=resolution) for resolution in (a, b)]
     expected = primitives.join_halves(*halves)
-    found = primitives.join_hemispheres(*halves)
-    np.testing.assert_array_equal(found.vertices, expected.vertices)
-    np.testing.assert_array_equal(found.faces, expected.faces)
+    joined = primitives.join_hemispheres(*halves)
+    np.testing.assert_array_equal(joined.vertices, expected.vertices)
+    np.testing.assert_array_equal(joined.faces, expected.faces)
 
 
 def test_hull_of_most_of_two_hemispheres_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -397,9 +397,9 @@ def test_hull_of_most_of_two_hemispheres_is_known(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(primitives, "_hull", count)
     halves = [primitives.sphere(radius=1.0, resolution=resolution) for resolution in (60, 70)]
-    found = primitives.join_hemispheres(*halves)
+    joined = primitives.join_hemispheres(*halves)
     assert len(sought) == 1
-    assert sought[0] < len(found.vertices) / 6
+    assert sought[0] < len(joined.vertices) / 6
 
 
 def test_hemispheres_with_a_gap_are_joined_by_their_whole_hull(
@@ -409,8 +409,8 @@ def test_hemispheres_with_a_gap_are_joined_by_their_whole_hull(
     expected = primitives.join_halves(*halves)
     band = primitives._band
     monkeypatch.setattr(primitives, "_band", lambda *arguments: band(*arguments)[1:])
-    found = primitives.join_hemispheres(*halves)
-    np.testing.assert_array_equal(found.faces, expected.faces)
+    joined = primitives.join_hemispheres(*halves)
+    np.testing.assert_array_equal(joined.faces, expected.faces)
 
 
 def test_convex_hull_drops_inner_points_and_fans_flat_facets_from_their_first_vertex() -> None:
@@ -573,7 +573,7 @@ POLYHEDRA = ("rectangular_prism", "tetrahedron")
 
 @pytest.mark.parametrize("family", PRIMITIVES)
 def test_triangulations_of_the_surface_approach_its_area_by_a_quarter(family: str) -> None:
-    meshes = [FAMILIES[family].refine(SMALL[family], level) for level in (1, 2, 3)]
+    meshes = [FAMILIES[family].at_level(SMALL[family], level) for level in (1, 2, 3)]
     missing = [AREAS[family] - geometry.area(mesh) for mesh in meshes]
     if family in POLYHEDRA:
         np.testing.assert_allclose(missing, 0, atol=1e-12)
@@ -596,4 +596,4 @@ def test_meshes_are_inscribed_and_their_labels_above_the_limit(family: str) -> N
 
 def test_a_level_below_one_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^level must be at least 1, got 0$"):
-        FAMILIES["sphere"].refine(LEAST["sphere"], 0)
+        FAMILIES["sphere"].at_level(LEAST["sphere"], 0)

@@ -17,7 +17,7 @@ PARAMETERS = {
 
 
 def torus(tube_radius: float, k: int = 10) -> np.ndarray:
-    found = FAMILIES["torus"].limit_eigenvalues(
+    values = FAMILIES["torus"].limit_eigenvalues(
         {
             "torus_radius": 1.0,
             "tube_radius": tube_radius,
@@ -26,8 +26,8 @@ def torus(tube_radius: float, k: int = 10) -> np.ndarray:
         },
         k,
     )
-    assert found is not None
-    return found
+    assert values is not None
+    return values
 
 
 def test_sphere_is_l_times_l_plus_one() -> None:
@@ -37,8 +37,8 @@ def test_sphere_is_l_times_l_plus_one() -> None:
 
 def test_sphere_is_a_surface_of_revolution() -> None:
     quarter = math.pi / 2
-    found = limits.of_revolution([Arc(quarter, np.sin), Arc(quarter, np.cos)], 24)
-    np.testing.assert_allclose(found, limits.of_sphere(1.0, 24), rtol=1e-10)
+    values = limits.of_revolution([Arc(quarter, np.sin), Arc(quarter, np.cos)], 24)
+    np.testing.assert_allclose(values, limits.of_sphere(1.0, 24), rtol=1e-10)
 
 
 def test_two_discs_back_to_back_have_the_zeros_of_bessel_functions() -> None:
@@ -49,8 +49,8 @@ def test_two_discs_back_to_back_have_the_zeros_of_bessel_functions() -> None:
         for zero in (special.jn_zeros(m, 5), special.jnp_zeros(m, 5))
     ]
     expected = np.sort(np.concatenate(zeros))[:15] ** 2 / 4
-    found = limits.of_revolution([limits.line(0, 2), limits.line(2, 0)], 15)
-    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    values = limits.of_revolution([limits.line(0, 2), limits.line(2, 0)], 15)
+    np.testing.assert_allclose(values, expected, rtol=1e-10)
 
 
 @pytest.mark.parametrize("beta", [0.2, 0.7, 1.3])
@@ -77,8 +77,8 @@ def test_thin_torus_is_a_flat_one() -> None:
     # Circles of length 2π and 2πa; the first ten lie along the long one if a is below 1/5.
     # The curvature changes them by a share of order a².
     for tube_radius, share in ((0.1, 0.03), (0.01, 0.0003)):
-        found = torus(tube_radius)
-        np.testing.assert_allclose(found, np.repeat(np.arange(1, 6) ** 2, 2), rtol=share)
+        values = torus(tube_radius)
+        np.testing.assert_allclose(values, np.repeat(np.arange(1, 6) ** 2, 2), rtol=share)
 
 
 @pytest.mark.parametrize("height", [0.01, 0.3, 3.0, 100.0])
@@ -87,40 +87,40 @@ def test_ends_converge_to_a_relative_1e_8(
     family: str, height: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     parameters = {**PARAMETERS[family], "height": height}
-    found = FAMILIES[family].limit_eigenvalues(parameters)
+    values = FAMILIES[family].limit_eigenvalues(parameters)
     monkeypatch.setattr(limits, "PIECES", 2 * limits.PIECES)
     monkeypatch.setattr(limits, "LAYERS", limits.LAYERS + 3)
     finer = FAMILIES[family].limit_eigenvalues(parameters)
-    assert found is not None
+    assert values is not None
     assert finer is not None
-    assert (found != finer).any()
-    np.testing.assert_allclose(found, finer, rtol=1e-8)
+    assert (values != finer).any()
+    np.testing.assert_allclose(values, finer, rtol=1e-8)
 
 
 @pytest.mark.parametrize("tube_radius", [0.1, 0.5, 0.99])
 def test_tori_converge_to_a_relative_1e_8(
     tube_radius: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = torus(tube_radius)
+    values = torus(tube_radius)
     monkeypatch.setattr(limits, "PIECES", 2 * limits.PIECES)
     finer = torus(tube_radius)
-    assert (found != finer).any()
-    np.testing.assert_allclose(found, finer, rtol=1e-8)
+    assert (values != finer).any()
+    np.testing.assert_allclose(values, finer, rtol=1e-8)
 
 
 def test_a_frustum_of_equal_radii_is_a_cylinder() -> None:
     size = {"radius": 1.0, "height": 2.0, "resolution": 9, "split": 1}
-    one = FAMILIES["cylinder"].limit_eigenvalues(size)
-    two = FAMILIES["conical_frustum"].limit_eigenvalues({**size, "scaling": 1.0})
-    assert one is not None
-    assert two is not None
-    np.testing.assert_allclose(one, two, rtol=1e-12)
+    cylinder = FAMILIES["cylinder"].limit_eigenvalues(size)
+    frustum = FAMILIES["conical_frustum"].limit_eigenvalues({**size, "scaling": 1.0})
+    assert cylinder is not None
+    assert frustum is not None
+    np.testing.assert_allclose(cylinder, frustum, rtol=1e-12)
 
 
 def test_a_surface_twice_the_size_has_a_quarter_of_the_eigenvalues() -> None:
     size = {"resolution": 9, "split": 1}
-    one = FAMILIES["cylinder"].limit_eigenvalues({"radius": 1.0, "height": 0.7, **size})
-    two = FAMILIES["cylinder"].limit_eigenvalues({"radius": 2.0, "height": 1.4, **size})
-    assert one is not None
-    assert two is not None
-    np.testing.assert_allclose(one, 4 * two, rtol=1e-11)
+    single = FAMILIES["cylinder"].limit_eigenvalues({"radius": 1.0, "height": 0.7, **size})
+    double = FAMILIES["cylinder"].limit_eigenvalues({"radius": 2.0, "height": 1.4, **size})
+    assert single is not None
+    assert double is not None
+    np.testing.assert_allclose(single, 4 * double, rtol=1e-11)

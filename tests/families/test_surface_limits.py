@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from evidence.limits import linear
+from evidence import scikit_fem
 from synthnet import recipe
 from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES, PRIMITIVES, drum, elements, limits, surface_limits
@@ -34,11 +34,6 @@ def drawn(family: str, count: int) -> Iterator[Parameters]:
 def of_atlas(family: str, parameters: Parameters, k: int = 10) -> limits.Limit:
     atlas = FAMILIES[family].atlas
     return surface_limits.limit(atlas(**parameters), k)
-
-
-def extrapolated(family: str, parameters: Parameters, levels: tuple[int, int]) -> np.ndarray:
-    """The spectrum by linear elements on two meshes: another method from mesh to solver."""
-    return limits.extrapolate(*linear(family, dict(parameters), levels))
 
 
 # --- elements --------------------------------------------------------------------------
@@ -146,10 +141,10 @@ def test_layers_leave_the_surface_as_it_is(family: str) -> None:
 @pytest.mark.parametrize("family", ["sphere", "flat_rectangle", "open_cylinder"])
 def test_closed_forms_are_met_within_the_bars(family: str) -> None:
     for parameters in drawn(family, 3):
-        found = of_atlas(family, parameters)
+        limit = of_atlas(family, parameters)
         known = FAMILIES[family].limit_eigenvalues(parameters)
-        assert (np.abs(found.eigenvalues - known) <= found.bar).all()
-        assert (np.abs(found.eigenvalues / known - 1) < 1e-6).all()
+        assert (np.abs(limit.eigenvalues - known) <= limit.bar).all()
+        assert (np.abs(limit.eigenvalues / known - 1) < 1e-6).all()
 
 
 @pytest.mark.parametrize(
@@ -157,38 +152,33 @@ def test_closed_forms_are_met_within_the_bars(family: str) -> None:
 )
 def test_surfaces_of_revolution_agree_with_the_one_dimensional_solver(family: str) -> None:
     for parameters in drawn(family, 3):
-        found = of_atlas(family, parameters)
+        limit = of_atlas(family, parameters)
         known = FAMILIES[family].limit_eigenvalues(parameters)
-        assert (np.abs(found.eigenvalues - known) <= found.bar).all()
+        assert (np.abs(limit.eigenvalues - known) <= limit.bar).all()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", KNOWN)
 def test_twenty_five_of_a_family_agree_with_what_is_known_of_them(family: str) -> None:
     for parameters in drawn(family, 25):
-        found = of_atlas(family, parameters)
+        limit = of_atlas(family, parameters)
         known = FAMILIES[family].limit_spectrum(parameters)
-        assert (np.abs(found.eigenvalues - known.eigenvalues) <= found.bar + known.bar).all()
+        assert (np.abs(limit.eigenvalues - known.eigenvalues) <= limit.bar + known.bar).all()
 
 
 QUICK = ("simplex", "mobius_band", "ellipsoid", "drum")
 
 
 @pytest.mark.parametrize("family", [n if n in QUICK else slow(n) for n in UNKNOWN])
-def test_linear_elements_extrapolate_to_the_same_spectrum(family: str) -> None:
-    """From 4,000, 16,000 and 64,000 vertices: the rest is theirs, for it falls with each level.
-
-    Of 25 surfaces a family: ``python -m evidence measure limits``.
-    """
+def test_scikit_fem_has_the_same_spectrum(family: str) -> None:
+    """Of 25 surfaces a family: ``python -m evidence measure limits``."""
     for parameters in drawn(family, 1 if family in QUICK else 2):
-        found = FAMILIES[family].limit_spectrum(parameters)
-        coarse, fine = (
-            np.abs(extrapolated(family, parameters, levels) / found.eigenvalues - 1)
-            for levels in ((1, 2), (2, 3))
-        )
-        assert (fine <= np.maximum(coarse / 2, 2e-4)).all()
-        assert fine.max() < 5e-3
-        assert (found.bar <= 1e-3 * found.eigenvalues).all()
+        limit = FAMILIES[family].limit_spectrum(parameters)
+        other = scikit_fem.limit(FAMILIES[family].atlas(**parameters), 10, close=1e-4)
+        apart = np.abs(other.eigenvalues - limit.eigenvalues)
+        assert (apart <= limit.bar + other.bar).all()
+        assert (apart <= 1e-3 * limit.eigenvalues).all()
+        assert (limit.bar <= 1e-3 * limit.eigenvalues).all()
 
 
 @pytest.mark.parametrize("lean", [0.0, 0.17])
@@ -205,12 +195,12 @@ def test_the_two_drums_sound_alike(lean: float) -> None:
 def test_a_box_as_thin_as_a_sheet_is_a_sheet_twice() -> None:
     """Even functions obey Neumann's condition on the edges, odd ones Dirichlet's nearly."""
     thin = {"width": 1.0, "height": 1e-4, "depth": 0.7}
-    found = of_atlas("rectangular_prism", thin).eigenvalues
+    values = of_atlas("rectangular_prism", thin).eigenvalues
     i, j = np.indices((6, 6))
     even = ((i / 1.0) ** 2 + (j / 0.7) ** 2).ravel()[1:]
     odd = ((i[1:, 1:] / 1.0) ** 2 + (j[1:, 1:] / 0.7) ** 2).ravel()
     expected = np.pi**2 * np.sort(np.concatenate([even, odd]))[:10]
-    np.testing.assert_allclose(found, expected, rtol=1e-3)
+    np.testing.assert_allclose(values, expected, rtol=1e-3)
 
 
 def test_a_regular_tetrahedron_is_a_flat_torus_under_a_half_turn() -> None:
@@ -221,18 +211,18 @@ def test_a_regular_tetrahedron_is_a_flat_torus_under_a_half_turn() -> None:
     """
     corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(8)
     faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
-    found = surface_limits.limit(polyhedron(*(corners[face][None] for face in faces)), 10)
+    limit = surface_limits.limit(polyhedron(*(corners[face][None] for face in faces)), 10)
     a, b = np.indices((9, 9)) - 4
     norms = np.sort((a * a + a * b + b * b).ravel())[1::2]
     expected = 4 / 3 * np.pi**2 * norms[:10]
-    assert (np.abs(found.eigenvalues - expected) <= found.bar).all()
+    assert (np.abs(limit.eigenvalues - expected) <= limit.bar).all()
 
 
 def test_a_surface_twice_the_size_has_a_quarter_of_the_eigenvalues() -> None:
     size = {"width": 1.0, "height": 0.4, "depth": 2.0}
-    one = of_atlas("rectangular_prism", size)
-    two = of_atlas("rectangular_prism", {name: 2 * value for name, value in size.items()})
-    np.testing.assert_allclose(one.eigenvalues, 4 * two.eigenvalues, rtol=1e-9)
+    single = of_atlas("rectangular_prism", size)
+    double = of_atlas("rectangular_prism", {name: 2 * value for name, value in size.items()})
+    np.testing.assert_allclose(single.eigenvalues, 4 * double.eigenvalues, rtol=1e-9)
 
 
 def test_bars_cover_what_more_elements_change(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -241,10 +231,10 @@ def test_bars_cover_what_more_elements_change(monkeypatch: pytest.MonkeyPatch) -
         {"width": 1.0, "height": 0.01, "depth": 100.0},
         {"width": 1.0, "height": 100.0, "depth": 90.0},
     ]
-    found = [of_atlas("tetrahedron", each) for each in parameters]
+    coarse = [of_atlas("tetrahedron", each) for each in parameters]
     monkeypatch.setattr(surface_limits, "ELEMENTS", 4 * surface_limits.ELEMENTS)
     monkeypatch.setattr(surface_limits, "LEFT", 1e-7)
-    for limit, each in zip(found, parameters, strict=True):
+    for limit, each in zip(coarse, parameters, strict=True):
         finer = of_atlas("tetrahedron", each).eigenvalues
         assert (limit.eigenvalues != finer).any()
         assert (np.abs(limit.eigenvalues - finer) <= limit.bar).all()
@@ -255,11 +245,11 @@ def test_bars_cover_what_more_elements_change(monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_family_has_a_limit(family: str) -> None:
     parameters = next(drawn(family, 1))
-    found = FAMILIES[family].limit_spectrum(parameters, 4)
-    assert found.eigenvalues.shape == found.bar.shape == (4,)
-    assert (found.eigenvalues > 0).all()
-    assert (np.diff(found.eigenvalues) >= 0).all()
-    relative = found.bar / found.eigenvalues
+    limit = FAMILIES[family].limit_spectrum(parameters, 4)
+    assert limit.eigenvalues.shape == limit.bar.shape == (4,)
+    assert (limit.eigenvalues > 0).all()
+    assert (np.diff(limit.eigenvalues) >= 0).all()
+    relative = limit.bar / limit.eigenvalues
     assert (relative <= (1e-4 if family in UNKNOWN else limits.KNOWN * (1 + 1e-9))).all()
     assert (relative > 0).all()
 
@@ -269,10 +259,10 @@ def test_the_target_is_given_up_where_it_would_take_too_much(
 ) -> None:
     monkeypatch.setattr(surface_limits, "MOST", 0)
     plate = polyhedron(flat(rectangle(np.array([0.0, 1.0]), np.array([0.0, 30.0]))))
-    found = surface_limits.limit(plate, 10)
+    limit = surface_limits.limit(plate, 10)
     known = limits.of_rectangle(1.0, 30.0, 10)
-    assert found.bar.max() > surface_limits.TARGET * known[-1]
-    assert (np.abs(found.eigenvalues - known) <= found.bar).all()
+    assert limit.bar.max() > surface_limits.TARGET * known[-1]
+    assert (np.abs(limit.eigenvalues - known) <= limit.bar).all()
 
 
 def test_what_the_solver_fails_on_leaves_the_bar_that_was_reached(
@@ -288,10 +278,10 @@ def test_what_the_solver_fails_on_leaves_the_bar_that_was_reached(
 
     monkeypatch.setattr(surface_limits, "spectrum", failing)
     most = 60
-    found = surface_limits.limit(atlas, 10)
+    limit = surface_limits.limit(atlas, 10)
     known = limits.of_rectangle(1.0, 30.0, 10)
-    assert found.bar.max() > surface_limits.TARGET * known[-1]
-    assert (np.abs(found.eigenvalues - known) <= found.bar).all()
+    assert limit.bar.max() > surface_limits.TARGET * known[-1]
+    assert (np.abs(limit.eigenvalues - known) <= limit.bar).all()
     most = 0
     with pytest.raises(SpectrumError, match="no convergence"):
         surface_limits.limit(atlas, 10)

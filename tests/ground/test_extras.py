@@ -70,10 +70,10 @@ USES = {
 
 # Commands that need an extra, and the end of their line.
 COMMANDS = {
-    "synthnet build --version 1.0-mini": (
+    "synthnet build 1.0-mini": (
         "synthnet: building shapes needs Open3D: pip install 'synthnet[build]'"
     ),
-    "synthnet gallery --version 1.0-mini --png x.png": (
+    "synthnet gallery --dataset 1.0-mini --png x.png": (
         "synthnet: drawing needs Matplotlib: pip install 'synthnet[pictures]'"
     ),
     "synthnet build --engine mpi": (
@@ -128,6 +128,24 @@ print(json.dumps(lines))
     done = run(code, tmp_path)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == LINES
+
+
+def loaded(code: str, cwd: Path) -> set[str]:
+    """Return what code loads that is not Python's own, by its top name."""
+    code = f"before = {{*sys.modules}}\n{code}\nprint(json.dumps([*{{*sys.modules}} - before]))"
+    done = run(code, cwd)
+    assert done.returncode == 0, done.stderr
+    return {name.partition(".")[0] for name in json.loads(done.stdout)} - sys.stdlib_module_names
+
+
+def test_import_of_the_package_loads_nothing_and_the_spectrum_only_what_computes(
+    tmp_path: Path,
+) -> None:
+    """How long both take: ``python -m evidence measure start``."""
+    assert loaded("import synthnet", tmp_path) == {"synthnet"}
+    spectrum = loaded("import synthnet.spectrum", tmp_path)
+    assert {"synthnet", "numpy", "numba", "scipy"} <= spectrum
+    assert not spectrum & {*OPTIONAL, "pyarrow", "pandas", "fsspec", "rich", "tabulate"}
 
 
 def test_code_that_needs_an_extra_names_it_in_one_line(tmp_path: Path) -> None:

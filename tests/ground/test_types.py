@@ -36,9 +36,9 @@ def test_faces_that_are_no_integers_are_refused(dtype: type) -> None:
         Mesh(np.eye(3), TRIANGLE.astype(dtype))
 
 
-@pytest.mark.parametrize(("face", "found"), [([0, 1, 3], "0 to 3"), ([-1, 0, 1], "-1 to 1")])
-def test_faces_that_name_no_vertex_are_refused(face: list[int], found: str) -> None:
-    with pytest.raises(ValueError, match=f"faces must name vertices 0 to 2, got {found}"):
+@pytest.mark.parametrize(("face", "indices"), [([0, 1, 3], "0 to 3"), ([-1, 0, 1], "-1 to 1")])
+def test_faces_that_name_no_vertex_are_refused(face: list[int], indices: str) -> None:
+    with pytest.raises(ValueError, match=f"faces must name vertices 0 to 2, got {indices}"):
         Mesh(np.eye(3), np.array([face]))
 
 

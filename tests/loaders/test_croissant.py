@@ -108,8 +108,8 @@ def test_labels_load_without_the_meshes(described):
 def test_splits_are_named_and_are_those_of_the_records(described):
     dataset = mlcroissant.Dataset(str(described))
     assert tuple(row["splits/name"] for row in dataset.records("splits")) == SPLITS
-    found = {plain(record["labels/split"]) for record in dataset.records("labels")}
-    assert found == set(SPLITS)
+    names = {plain(record["labels/split"]) for record in dataset.records("labels")}
+    assert names == set(SPLITS)
 
 
 def test_every_file_has_its_digest_and_size(described):
@@ -143,10 +143,10 @@ def test_columns_are_those_of_the_store_with_their_types():
 
 @pytest.mark.parametrize("version", [*recipe.available(), "1.0-x100"])
 def test_every_version_has_words_of_its_own(version):
-    about, wanted = croissant._about(version)
+    about, expected = croissant._about(version)
     assert about == croissant.ABOUT[version[:3]]
     assert about.semantic == f"{version[:3]}.0"
-    assert (croissant._part(wanted) == "") == (version in croissant.ABOUT)
+    assert (croissant._part(expected) == "") == (version in croissant.ABOUT)
 
 
 def test_the_same_dataset_gives_the_same_bytes(described):
@@ -163,11 +163,11 @@ def test_a_sealed_set_is_refused(sealed_set):
 
 
 def test_command_writes_beside_the_manifest(run, mini_copy):
-    place = mini_copy / VERSION / "croissant.json"
-    assert run("croissant", "--version", VERSION, "--out", mini_copy) == (0, f"{place}\n", "")
+    location = mini_copy / VERSION / "croissant.json"
+    assert run("croissant", "--version", VERSION, "--out", mini_copy) == (0, f"{location}\n", "")
     code, out, _ = run("croissant", "--version", VERSION, "--out", mini_copy, "--json")
-    assert (code, json.loads(out)) == (0, {"croissant": str(place)})
-    assert json.loads(place.read_text())["name"] == "synthNet 1.0-mini"
+    assert (code, json.loads(out)) == (0, {"croissant": str(location)})
+    assert json.loads(location.read_text())["name"] == "synthNet 1.0-mini"
     code, out, _ = run("verify", "--version", VERSION, "--out", mini_copy, "--files")
     assert code == 0
 

@@ -27,10 +27,10 @@ def bumpy(n: int = 8) -> tuple[Any, Any]:
 
 def test_values_are_those_of_compute() -> None:
     vertices, faces = bumpy()
-    found = eigenvalues(vertices, faces, 6)
-    assert found.dtype == torch.float64
+    values = eigenvalues(vertices, faces, 6)
+    assert values.dtype == torch.float64
     expected = compute((vertices, faces), 6).eigenvalues
-    np.testing.assert_allclose(found.detach().numpy(), expected, rtol=1e-9)
+    np.testing.assert_allclose(values.detach().numpy(), expected, rtol=1e-9)
 
 
 def test_gradient_is_that_of_finite_differences() -> None:
@@ -61,22 +61,22 @@ def test_each_eigenvalue_of_a_cluster_has_the_gradient_of_its_mean() -> None:
         [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]
     )
     values = eigenvalues(octahedron, faces, 2)  # the first three agree
-    one, other = (
+    gradient, other = (
         torch.autograd.grad(values[i], octahedron, retain_graph=True)[0] for i in range(2)
     )
-    np.testing.assert_allclose(one.numpy(), other.numpy(), atol=1e-12)
+    np.testing.assert_allclose(gradient.numpy(), other.numpy(), atol=1e-12)
     step = 1e-6 * torch.randn(6, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     moved = octahedron.detach() + step
     change = (eigenvalues(moved, faces, 3) - eigenvalues(octahedron.detach(), faces, 3)).mean()
-    assert change.item() == pytest.approx((one * step).sum().item(), rel=1e-3)
+    assert change.item() == pytest.approx((gradient * step).sum().item(), rel=1e-3)
 
 
 def test_a_batch_is_its_meshes_and_single_precision_stays() -> None:
     (a, faces), (b, more) = bumpy(6), bumpy(8)
     single = a.detach().to(torch.float32).requires_grad_()
-    found = eigenvalues([single, b], [faces, more.numpy()], 3)
-    assert found.shape == (2, 3)
-    found.sum().backward()
+    batch = eigenvalues([single, b], [faces, more.numpy()], 3)
+    assert batch.shape == (2, 3)
+    batch.sum().backward()
     assert single.grad is not None
     assert single.grad.dtype == torch.float32
     expected = torch.autograd.grad(eigenvalues(a, faces, 3).sum(), a)[0]

@@ -23,9 +23,9 @@ VERSION = "1.0-mini"
 @pytest.fixture(scope="module")
 def home(mini_home: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the dataset in which the library may put its cache."""
-    place = tmp_path_factory.mktemp("hf") / "home"
-    shutil.copytree(mini_home, place)
-    return place
+    path = tmp_path_factory.mktemp("hf") / "home"
+    shutil.copytree(mini_home, path)
+    return path
 
 
 @pytest.fixture(autouse=True)
@@ -48,12 +48,12 @@ def test_the_network_is_blocked() -> None:
 @pytest.mark.parametrize("split", SPLITS)
 def test_split_holds_its_shapes(split: str, home: Path) -> None:
     pytest.importorskip("datasets")
-    found = synthnet.load_dataset(VERSION, split=split, root=home)
+    dataset = synthnet.load_dataset(VERSION, split=split, root=home)
     planned = [s for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes]
-    assert found["id"][:] == [s.spec.id for s in planned if s.split == split]
-    assert set(found["split"][:]) == {split}
-    assert str(found.split) == split
-    assert found.column_names == [*store.SCHEMA.names, "surface_eigenvalues", "surface_bar"]
+    assert dataset["id"][:] == [s.spec.id for s in planned if s.split == split]
+    assert set(dataset["split"][:]) == {split}
+    assert str(dataset.split) == split
+    assert dataset.column_names == [*store.SCHEMA.names, "surface_eigenvalues", "surface_bar"]
 
 
 def test_splits_are_all_there_is(home: Path) -> None:
@@ -66,8 +66,8 @@ def test_splits_are_all_there_is(home: Path) -> None:
 def test_rows_are_those_of_the_store(home: Path) -> None:
     pytest.importorskip("datasets")
     stored = store.open_dataset(VERSION, home)
-    found = synthnet.load_dataset(VERSION, split="test", root=home)
-    for row in found:
+    dataset = synthnet.load_dataset(VERSION, split="test", root=home)
+    for row in dataset:
         sample = stored.find(str(row["id"]))
         for name, expected in (
             ("vertices", sample.mesh.vertices),
@@ -79,15 +79,15 @@ def test_rows_are_those_of_the_store(home: Path) -> None:
             assert array.shape == expected.shape
             assert np.array_equal(array, expected), (sample.spec.id, name)
         assert str(row["family"]) == sample.spec.family
-    assert len(found) > 0
+    assert len(dataset) > 0
 
 
 def test_limits_are_those_of_the_shapes(home: Path, tmp_path: Path) -> None:
     pytest.importorskip("datasets")
-    found = synthnet.load_dataset(VERSION, split="test", root=home)
+    dataset = synthnet.load_dataset(VERSION, split="test", root=home)
     known = {row.id: row for row in limits.read(store.open_dataset(VERSION, home))}
-    assert len(found) == 34
-    for row in found:
+    assert len(dataset) == 34
+    for row in dataset:
         limit = known[str(row["id"])]
         assert (row["surface_eigenvalues"], row["surface_bar"]) == (
             limit.eigenvalues.tolist(),
@@ -96,7 +96,7 @@ def test_limits_are_those_of_the_shapes(home: Path, tmp_path: Path) -> None:
     shutil.copytree(home / VERSION, tmp_path / VERSION)
     shutil.rmtree(tmp_path / VERSION / limits.DIRECTORY)
     added = synthnet.load_dataset(VERSION, split="test", root=tmp_path)  # from the pins
-    assert added["surface_eigenvalues"][:] == found["surface_eigenvalues"][:]
+    assert added["surface_eigenvalues"][:] == dataset["surface_eigenvalues"][:]
     names = ["surface_eigenvalues", "surface_bar"]
     assert added.column_names == [*store.SCHEMA.names, *names]
 
@@ -108,15 +108,15 @@ def test_split_is_train_unless_said(home: Path) -> None:
 
 def test_dataset_lies_beside_the_shards(home: Path) -> None:
     pytest.importorskip("datasets")
-    found = synthnet.load_dataset(VERSION, split="test", root=home)
-    assert found.cache_files
-    for file in found.cache_files:
+    dataset = synthnet.load_dataset(VERSION, split="test", root=home)
+    assert dataset.cache_files
+    for file in dataset.cache_files:
         assert Path(file["filename"]).is_relative_to(home / VERSION)
 
 
 def test_unknown_split_is_refused(home: Path) -> None:
-    wanted = "split must be one of train, validation, test, got 'dev'"
-    with pytest.raises(ValueError, match=wanted):
+    message = "split must be one of train, validation, test, got 'dev'"
+    with pytest.raises(ValueError, match=message):
         synthnet.load_dataset(VERSION, split="dev", root=home)
 
 

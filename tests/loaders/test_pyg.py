@@ -1,8 +1,14 @@
 import copy
+import dataclasses
 import functools
+import json
 import multiprocessing
+import os
 import pickle
 import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,12 +18,13 @@ from torch_geometric.loader import DataLoader
 from torch_geometric.transforms import Compose, FaceToEdge, NormalizeScale
 
 from synthnet import spectrum, store
-from synthnet.errors import RecipeError, StoreError
+from synthnet.errors import DamagedError, RecipeError, StoreError
 from synthnet.loaders import mapped
 from synthnet.loaders.pyg import SynthNet, surface_spectra
+from synthnet.loaders.transformed import TransformedItems
 from synthnet.mesh.geometry import volume
 from synthnet.recipe import Kind
-from synthnet.store import limits
+from synthnet.store import limits, unpacked
 from synthnet.types import SPLITS, Mesh
 
 MINI = "1.0-mini"
@@ -86,9 +93,9 @@ def test_pinned_limits_are_added_to_a_dataset_that_was_built_without(
 ):
     shutil.copytree(unpacking_home / MINI, tmp_path / MINI)
     shutil.rmtree(tmp_path / MINI / limits.DIRECTORY)
-    found = SynthNet(tmp_path, MINI, "test", augment=False, target="surface")
+    dataset = SynthNet(tmp_path, MINI, "test", augment=False, target="surface")
     expected = open_split("test", augment=False, target="surface")
-    assert torch.equal(found.y, expected.y)
+    assert torch.equal(dataset.y, expected.y)
 
 
 def test_a_surface_needs_limits(unpacking_home, tmp_path, monkeypatch):
@@ -96,7 +103,7 @@ def test_a_surface_needs_limits(unpacking_home, tmp_path, monkeypatch):
     shutil.rmtree(tmp_path / MINI / limits.DIRECTORY)
     plain = store.open_dataset(MINI, tmp_path)
     monkeypatch.setattr(store.StoredDataset, "kind", Kind.SCALED)
-    remedy = "has no limits of its surfaces: run `synthnet build --version 1.0-mini --limits`$"
+    remedy = "has no limits of its surfaces: run `synthnet build 1.0-mini --limits`$"
     with pytest.raises(StoreError, match=remedy):
         surface_spectra(plain)
     monkeypatch.setattr(store.StoredDataset, "kind", Kind.IMPORTED)
@@ -115,14 +122,14 @@ def test_grouped_splits_are_the_shards_splits(open_split, samples):
 
 def test_paper_splits_are_the_shards_splits(open_split, samples):
     for split in SPLITS:
-        found = [(d.shape_id, d.instance) for d in open_split(split, protocol="paper")]
+        instances = [(d.shape_id, d.instance) for d in open_split(split, protocol="paper")]
         expected = [
             (s.spec.id, i)
             for s in samples.values()
             for i, name in enumerate(s.paper_splits)
             if name == split
         ]
-        assert found == expected != []
+        assert instances == expected != []
 
 
 def test_nine_instances_are_the_isometries_of_the_shape(open_split, samples):
@@ -170,14 +177,15 @@ def test_it_is_an_in_memory_dataset_that_loads_in_batches(open_split):
     assert batch.edge_index.shape[1] == batch.face.shape[1] * 3  # closed: each edge twice
 
 
+@pytest.mark.filterwarnings("ignore:This DataLoader will create")  # on a machine of one core
 @pytest.mark.parametrize("start", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])
 def test_worker_processes_read_the_same_items(open_split, start):
     if start not in multiprocessing.get_all_start_methods():
         pytest.skip(f"this platform cannot {start} processes")
     test = open_split("test", augment=False)[:6]
     loader = DataLoader(test, batch_size=2, num_workers=2, multiprocessing_context=start)
-    found = torch.cat([batch.pos for batch in loader])
-    assert torch.equal(found, torch.cat([data.pos for data in test]))
+    positions = torch.cat([batch.pos for batch in loader])
+    assert torch.equal(positions, torch.cat([data.pos for data in test]))
 
 
 def test_slices_shuffles_copies_and_pickles_agree(open_split):
@@ -228,6 +236,7 @@ def test_mapped_pages_are_handed_back(open_split, monkeypatch):
     monkeypatch.setattr(mapped, "RELEASE_BYTES", 1)
     test = open_split("test", augment=False)
     plain = [data.pos for data in test]
+    assert len(plain) > 1
     assert all(torch.equal(data.pos, pos) for data, pos in zip(test, plain, strict=True))
 
 
@@ -258,12 +267,26 @@ def test_pre_transform_is_applied_to_every_instance_once(open_split):
                 assert same(a[key], value), key
 
 
+def test_a_callable_has_the_same_key_in_every_process():
+    """Sets of texts are passed through in another order there; weights need a gradient."""
+    code = (
+        "import functools, torch; from synthnet.loaders.transformed import fingerprint; "
+        "torch.manual_seed(0); names = {'pos', 'face', 'x', 'y'}; "
+        "print(fingerprint(functools.partial(print, names, torch.nn.Linear(2, 2))))"
+    )
+    keys = set()
+    for seed in ("1", "2", "3"):
+        how = {"env": {**os.environ, "PYTHONHASHSEED": seed}, "check": True, "text": True}
+        keys.add(subprocess.run([sys.executable, "-c", code], capture_output=True, **how).stdout)
+    assert len(keys) == 1
+
+
 def test_a_changed_pre_transform_is_another_dataset(open_split):
-    one = open_split("test", pre_transform=Centre(0.0))
-    two = open_split("test", pre_transform=Centre(5.0))
-    assert one.processed_dir != two.processed_dir
-    assert one[0].pos.mean() == pytest.approx(0, abs=1e-5)
-    assert two[0].pos.mean() == pytest.approx(5, abs=1e-4)
+    first = open_split("test", pre_transform=Centre(0.0))
+    second = open_split("test", pre_transform=Centre(5.0))
+    assert first.processed_dir != second.processed_dir
+    assert first[0].pos.mean() == pytest.approx(0, abs=1e-5)
+    assert second[0].pos.mean() == pytest.approx(5, abs=1e-4)
     a = open_split("test", pre_transform=lambda data: Data(x=data.pos * 2, y=data.y))
     b = open_split("test", pre_transform=lambda data: Data(x=data.pos * 3, y=data.y))
     assert torch.allclose(a[0].x * 1.5, b[0].x)
@@ -317,8 +340,8 @@ class Weighted:
 def test_a_pre_transform_with_another_state_is_another_dataset(open_split, make):
     plain = open_split("test", augment=False)[0]
     for by in (2.0, 3.0):
-        found = open_split("test", augment=False, pre_transform=make(by))[0]
-        assert torch.allclose(found.x, plain.pos * by)
+        item = open_split("test", augment=False, pre_transform=make(by))[0]
+        assert torch.allclose(item.x, plain.pos * by)
 
 
 def test_a_copy_of_a_random_dataset_stays_random(open_split):
@@ -397,6 +420,130 @@ def test_a_missing_version_is_built_on_first_use(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr("synthnet.build.versions.subprocess.run", run)
     with pytest.raises(KeyboardInterrupt):
         SynthNet(tmp_path, MINI)
-    command = ["-m", "synthnet", "build", "--version", MINI, "--out", str(tmp_path), "--wait"]
+    command = ["-m", "synthnet", "build", MINI, "--out", str(tmp_path), "--wait"]
     assert calls[0][1:] == command
     assert f"synthNet {MINI} is not in {tmp_path / MINI} yet: building it" in capfd.readouterr().err
+
+
+# What was unpacked is checked before it is used
+
+
+def altered(path, position=-1):
+    """Alter a byte of a file, and leave its size and its times."""
+    times = path.stat()
+    content = bytearray(path.read_bytes())
+    content[position] ^= 1
+    path.write_bytes(bytes(content))
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+
+def truncated(path):
+    path.write_bytes(path.read_bytes()[:-1])
+
+
+@pytest.fixture
+def unpacked_copy(open_split, unpacking_home, tmp_path):
+    """A home with a copy of what is unpacked, and the positions of its test shapes."""
+    expected = [data.pos.clone() for data in open_split("test", augment=False)]
+    shutil.copytree(unpacking_home / MINI, tmp_path / MINI)
+    return tmp_path, expected
+
+
+FILES = ("vertices.npy", "faces.npy", "y.npy", "isometries.npy", "shapes.parquet")
+
+
+@pytest.mark.parametrize("damage", [altered, truncated, Path.unlink])
+@pytest.mark.parametrize("name", [*FILES, unpacked.CONTENTS])
+def test_damaged_files_are_unpacked_anew_and_never_loaded(unpacked_copy, name, damage, capfd):
+    home, expected = unpacked_copy
+    where = mapped.directory(store.open_dataset(MINI, home))
+    before = {path.name: path.read_bytes() for path in where.iterdir()}
+    assert set(before) == {*FILES, unpacked.CONTENTS}
+    damage(where / name)
+    capfd.readouterr()
+    opened = SynthNet(home, MINI, "test", augment=False)
+    for data in SynthNet(home, MINI, "train", augment=False):
+        assert data.face.max() < data.num_nodes  # every mesh is read, and all are whole
+    assert all(torch.equal(data.pos, pos) for data, pos in zip(opened, expected, strict=True))
+    printed = [line for line in capfd.readouterr().err.splitlines() if line]
+    (line,) = printed
+    assert line.endswith("synthNet 1.0-mini anew for PyTorch Geometric") or (
+        (name, damage) == (unpacked.CONTENTS, Path.unlink)
+        and line == "Unpacking synthNet 1.0-mini for PyTorch Geometric"
+    )
+    assert {path.name: path.read_bytes() for path in where.iterdir()} == before
+    assert list(unpacked.problems(where)) == []
+
+
+def test_a_mesh_damaged_after_opening_is_unpacked_anew(unpacked_copy, capfd):
+    home, expected = unpacked_copy
+    opened = SynthNet(home, MINI, "test", augment=False)
+    where = mapped.directory(store.open_dataset(MINI, home))
+    altered(where / "vertices.npy", 200)  # a torus is the first: no test shape
+    capfd.readouterr()
+    train = SynthNet(home, MINI, "train", augment=False)
+    assert capfd.readouterr().err == ""  # large files are checked by the mesh
+    assert list(unpacked.problems(where)) == [
+        f"{where / 'vertices.npy'} is damaged (its SHA-256 is another)"
+    ]
+    everything = [*train, *SynthNet(home, MINI, "validation", augment=False)]
+    assert "is damaged (its SHA-256 is another): unpacking" in capfd.readouterr().err
+    assert len(everything) + len(opened) == 335
+    assert all(torch.equal(data.pos, pos) for data, pos in zip(opened, expected, strict=True))
+
+
+def test_transformed_items_are_checked_too(unpacked_copy, capfd):
+    home, _ = unpacked_copy
+    options = {"augment": False, "pre_transform": Centre(1.0)}
+    first = SynthNet(home, MINI, "test", **options)
+    expected = [data.pos.clone() for data in first]
+    where = Path(first.processed_dir)
+    for name, damage in (("000.bin", altered), ("000.bin", truncated), ("index.json", altered)):
+        damage(where / name)
+        capfd.readouterr()
+        again = SynthNet(home, MINI, "test", **options)
+        positions = [data.pos for data in again]
+        assert all(torch.equal(a, b) for a, b in zip(positions, expected, strict=True))
+        assert f"{where / name} is damaged" in capfd.readouterr().err
+
+
+def test_what_was_unpacked_of_other_shards_is_not_used(unpacked_copy, capfd):
+    home, _ = unpacked_copy
+    dataset = store.open_dataset(MINI, home)
+    SynthNet(home, MINI, "test")
+    manifest = dataset.manifest
+    first = dataclasses.replace(manifest.shards[0], sha256="0" * 64)
+    shards = (first, *manifest.shards[1:])
+    other = store.StoredDataset(dataset.directory, dataclasses.replace(manifest, shards=shards))
+    with pytest.raises(DamagedError, match="was unpacked from other shards"):
+        unpacked.check(mapped.directory(dataset), other)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda c: c["files"].update({"../y.npy": c["files"]["y.npy"]}), r"'../y.npy' is no entry"),
+        (lambda c: c["files"]["y.npy"].pop("size"), "'y.npy' is no entry"),
+        (lambda c: c.pop("files"), "'files'"),
+        (lambda c: c.update(files=[]), "'list' object has no attribute 'items'"),
+    ],
+)
+def test_a_table_of_contents_names_files_of_its_folder(unpacked_copy, change, message):
+    home, _ = unpacked_copy
+    dataset = store.open_dataset(MINI, home)
+    where = mapped.directory(dataset)
+    content = json.loads((where / unpacked.CONTENTS).read_text())
+    del content[store.DIGEST]
+    change(content)
+    (where / unpacked.CONTENTS).write_text(store.with_digest(content))
+    with pytest.raises(DamagedError, match=message):
+        unpacked.check(where, dataset)
+
+
+@pytest.mark.parametrize("kind", ["object", "<U3"])
+def test_transformed_items_are_numbers(tmp_path, kind):
+    entry = {"dtype": kind, "dim": 0, "shape": [], "offsets": [0, 0]}
+    index = {"digests": ["0" * 64], "attributes": {"x": entry}}
+    (tmp_path / "index.json").write_text(json.dumps(index))
+    with pytest.raises(DamagedError, match="x is of "):
+        TransformedItems(tmp_path)

@@ -127,5 +127,5 @@ def test_every_instance_has_the_spectrum_of_the_shape(family: str, instance: int
     isometry = isometries_of(0)[instance]
     for precision, tolerance in ((mesh, 1e-9), (mesh.stored(), 1e-6)):
         expected = spectrum.compute(precision).eigenvalues
-        found = spectrum.compute(isometries.apply(precision, isometry)).eigenvalues
-        np.testing.assert_allclose(found, expected, rtol=tolerance)
+        values = spectrum.compute(isometries.apply(precision, isometry)).eigenvalues
+        np.testing.assert_allclose(values, expected, rtol=tolerance)

@@ -25,8 +25,8 @@ SPHERE = trimesh.creation.icosphere(subdivisions=1)
 
 @pytest.fixture(scope="module")
 def reader() -> Iterator[Reader]:
-    with Reader() as one:
-        yield one
+    with Reader() as shared:
+        yield shared
 
 
 @pytest.fixture
@@ -70,10 +70,10 @@ def test_truncated_and_altered_files_are_read_or_refused(
         try:
             outcomes.add(type(reader.read(path)).__name__)
         except UnreadableError as error:
-            told = str(error)
-            assert told.isprintable()
-            assert str(tmp_path) not in told
-            assert "process" not in told  # that reads: it did not die
+            message = str(error)
+            assert message.isprintable()
+            assert str(tmp_path) not in message
+            assert "process" not in message  # that reads: it did not die
             outcomes.add("refused")
     assert outcomes == {"Mesh", "refused"}
 
@@ -100,11 +100,11 @@ def test_file_of_other_bytes_is_told(reader: Reader, sphere: Path) -> None:
 
 
 def test_process_that_died_before_is_no_file_s_fault(sphere: Path) -> None:
-    with Reader() as one:
-        one.read(sphere)
-        os.kill(pid_of(one), signal.SIGKILL)
-        assert len(one.read(sphere).faces) == 80
-    assert one._process is None
+    with Reader() as reader:
+        reader.read(sphere)
+        os.kill(pid_of(reader), signal.SIGKILL)
+        assert len(reader.read(sphere).faces) == 80
+    assert reader._process is None
 
 
 def test_file_of_which_two_processes_die_is_refused(
@@ -116,33 +116,33 @@ def test_file_of_which_two_processes_die_is_refused(
         begin(self)
         os.kill(pid_of(self), signal.SIGKILL)
 
-    with Reader() as one, monkeypatch.context() as patched:
+    with Reader() as reader, monkeypatch.context() as patched:
         patched.setattr(Reader, "_begin", doomed)
         with pytest.raises(UnreadableError, match="the process that reads it died twice"):
-            one.read(sphere)
+            reader.read(sphere)
         patched.undo()
-        assert len(one.read(sphere).faces) == 80
+        assert len(reader.read(sphere).faces) == 80
 
 
 def test_file_that_hangs_is_refused(sphere: Path) -> None:
-    with Reader() as one:
-        one.read(sphere)
-        os.kill(pid_of(one), signal.SIGSTOP)
-        one.patience = 0.5
+    with Reader() as reader:
+        reader.read(sphere)
+        os.kill(pid_of(reader), signal.SIGSTOP)
+        reader.patience = 0.5
         with pytest.raises(UnreadableError, match=r"not read within 0\.5 s$"):
-            one.read(sphere)
-        one.patience = 30
-        assert len(one.read(sphere).faces) == 80
+            reader.read(sphere)
+        reader.patience = 30
+        assert len(reader.read(sphere).faces) == 80
 
 
 def test_file_that_takes_too_much_processor_time_is_refused(sphere: Path, tmp_path: Path) -> None:
     long = tmp_path / "long.obj"
     long.write_bytes(b"v 0 0 0\n" * 6_000_000)  # some seconds
-    with Reader(seconds=0.01) as one:
+    with Reader(seconds=0.01) as reader:
         with pytest.raises(UnreadableError, match=r"not read within 0\.01 s of processor time"):
-            one.read(long)
-        one.seconds = 60
-        assert len(one.read(sphere).faces) == 80
+            reader.read(long)
+        reader.seconds = 60
+        assert len(reader.read(sphere).faces) == 80
 
 
 def test_file_that_wants_all_memory_is_refused(tmp_path: Path) -> None:
@@ -150,9 +150,9 @@ def test_file_that_wants_all_memory_is_refused(tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.write(bytes(80) + (10**7).to_bytes(4, "little"))
         file.truncate(84 + 50 * 10**7)
-    told = r"needs more than 0\.9 GB of memory"
-    with Reader(gigabytes=0.9) as one, pytest.raises(UnreadableError, match=told):
-        one.read(path)
+    message = r"needs more than 0\.9 GB of memory"
+    with Reader(gigabytes=0.9) as reader, pytest.raises(UnreadableError, match=message):
+        reader.read(path)
 
 
 def test_limits_are_at_most_those_of_who_started_it(monkeypatch: pytest.MonkeyPatch) -> None:

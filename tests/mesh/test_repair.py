@@ -37,10 +37,10 @@ def refused(vertices: np.ndarray, faces: np.ndarray, **options: object) -> str:
 
 
 def test_clean_mesh_is_left_as_it_is() -> None:
-    found = done(CUBE, FACES)
-    assert (found.repairs, found.orientable) == ({}, True)
-    np.testing.assert_array_equal(found.mesh.vertices, CUBE)
-    np.testing.assert_array_equal(found.mesh.faces, FACES)
+    repaired = done(CUBE, FACES)
+    assert (repaired.repairs, repaired.orientable) == ({}, True)
+    np.testing.assert_array_equal(repaired.mesh.vertices, CUBE)
+    np.testing.assert_array_equal(repaired.mesh.faces, FACES)
 
 
 @pytest.mark.parametrize("family", PRIMITIVES)
@@ -48,26 +48,33 @@ def test_every_family_is_left_as_it_is(family: str) -> None:
     version = recipe.load("1.0")
     spec = draw_shape(version, family, 0)
     mesh = FAMILIES[family].generate(spec.parameters).stored()
-    found = repair.repair(mesh)
-    assert found.repairs == {}
-    np.testing.assert_array_equal(found.mesh.faces, mesh.faces)
+    repaired = repair.repair(mesh)
+    assert repaired.repairs == {}
+    np.testing.assert_array_equal(repaired.mesh.faces, mesh.faces)
 
 
 def test_soup_of_triangles_becomes_a_surface() -> None:
-    found = done(CUBE[FACES].reshape(-1, 3), np.arange(36).reshape(-1, 3))
-    assert found.repairs == {"merged vertices": 28}
-    facts = MeshFacts(found.mesh)
+    repaired = done(CUBE[FACES].reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    assert repaired.repairs == {"merged vertices": 28}
+    facts = MeshFacts(repaired.mesh)
     assert (facts.n_vertices, facts.euler_characteristic, facts.is_closed) == (8, 2, True)
-    assert volume(found.mesh) == pytest.approx(1)
+    assert volume(repaired.mesh) == pytest.approx(1)
 
 
 @pytest.mark.parametrize(("apart", "merged"), [(1e-8, True), (1e-6, False)])
 def test_nearly_equal_positions_are_merged(apart: float, merged: bool) -> None:
     soup = CUBE[FACES].reshape(-1, 3) + np.arange(36)[:, None] % 2 * apart
     corners = np.arange(36).reshape(-1, 3)
-    found = done(soup, corners)
-    assert (found.components == 1) == merged
-    assert (found.repairs == {"merged vertices": 28}) == merged
+    repaired = done(soup, corners)
+    assert (repaired.components == 1) == merged
+    assert (repaired.repairs == {"merged vertices": 28}) == merged
+
+
+def test_of_merged_vertices_the_first_stays_and_the_order_is_kept() -> None:
+    pair = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1e-8, 0], [1, 1, 0], [1e-8, 1, 0]])
+    repaired = done(pair, np.array([[0, 1, 2], [5, 3, 4]]))
+    np.testing.assert_array_equal(repaired.mesh.vertices, pair[[0, 1, 2, 4]])
+    assert repaired.mesh.faces.tolist() == [[0, 1, 2], [2, 1, 3]]
 
 
 def test_merging_goes_by_the_size_of_the_mesh() -> None:
@@ -107,20 +114,20 @@ def test_a_few_slivers_are_merged_away() -> None:
     """An edge cut in two 1e-9 from its end, in both of its faces."""
     vertices = np.concatenate([CUBE, [[1e-9, 0, 0]]])
     faces = [f for f in FACES.tolist() if not {0, 1} <= set(f)]
-    found = done(vertices, [*faces, [0, 3, 8], [8, 3, 1], [0, 8, 5], [8, 1, 5]])
-    assert found.repairs == {"merged vertices": 1, "faces with repeated corners": 2}
-    assert MeshFacts(found.mesh).is_closed
+    repaired = done(vertices, [*faces, [0, 3, 8], [8, 3, 1], [0, 8, 5], [8, 1, 5]])
+    assert repaired.repairs == {"merged vertices": 1, "faces with repeated corners": 2}
+    assert MeshFacts(repaired.mesh).is_closed
 
 
 @pytest.mark.parametrize(
-    ("limit", "told"),
+    ("limit", "message"),
     [("MOST_FACES", "12 faces, more than 7"), ("MOST_VERTICES", "8 vertices, more than 7")],
 )
 def test_what_is_too_large_is_refused(
-    limit: str, told: str, monkeypatch: pytest.MonkeyPatch
+    limit: str, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(repair, limit, 7)
-    with pytest.raises(repair.Refused, match=f"too_large: {told}"):
+    with pytest.raises(repair.Refused, match=f"too_large: {message}"):
         done(CUBE, FACES)
 
 
@@ -132,23 +139,23 @@ def test_faces_whose_area_is_no_number_are_flat() -> None:
 def test_small_repairs_are_counted_and_the_surface_is_the_same() -> None:
     faces = [*FACES, FACES[0], FACES[1][::-1], [0, 0, 1], [2, 5, 2]]
     vertices = [*CUBE, [9, 9, 9], [np.nan, 0, 0]]
-    found = done(vertices, faces)
-    assert found.repairs == {
+    repaired = done(vertices, faces)
+    assert repaired.repairs == {
         "faces with repeated corners": 2,
         "duplicate faces": 2,
         "loose vertices": 2,
     }
-    np.testing.assert_array_equal(found.mesh.vertices, CUBE)
-    np.testing.assert_array_equal(found.mesh.faces, FACES)
+    np.testing.assert_array_equal(repaired.mesh.vertices, CUBE)
+    np.testing.assert_array_equal(repaired.mesh.faces, FACES)
 
 
 def test_faces_are_turned_to_agree_and_outwards() -> None:
     mixed = FACES.copy()
     mixed[[2, 5, 7]] = mixed[[2, 5, 7], ::-1]
-    found = done(CUBE, mixed)
-    assert found.repairs == {"turned faces": 3}
-    assert MeshFacts(found.mesh).n_repeated_half_edges == 0
-    assert volume(found.mesh) == pytest.approx(1)
+    repaired = done(CUBE, mixed)
+    assert repaired.repairs == {"turned faces": 3}
+    assert MeshFacts(repaired.mesh).n_repeated_half_edges == 0
+    assert volume(repaired.mesh) == pytest.approx(1)
     inside_out = done(CUBE + 100, FACES[:, ::-1])
     assert inside_out.repairs == {"turned faces": 12}
     assert volume(inside_out.mesh) == pytest.approx(1)
@@ -157,9 +164,9 @@ def test_faces_are_turned_to_agree_and_outwards() -> None:
 def test_open_surface_is_turned_as_most_of_it_is() -> None:
     opened = FACES[2:].copy()
     opened[0] = opened[0, ::-1]
-    found = done(CUBE, opened)
-    assert found.repairs == {"turned faces": 1}
-    np.testing.assert_array_equal(found.mesh.faces[1:], opened[1:])
+    repaired = done(CUBE, opened)
+    assert repaired.repairs == {"turned faces": 1}
+    np.testing.assert_array_equal(repaired.mesh.faces[1:], opened[1:])
 
 
 def strip(turns: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
@@ -180,10 +187,10 @@ def strip(turns: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
 
 def test_mobius_band_stays_as_it_is() -> None:
     vertices, faces = strip(1)
-    found = done(vertices, faces)
-    assert not found.orientable
-    assert found.repairs == {}
-    np.testing.assert_array_equal(found.mesh.faces, faces)
+    repaired = done(vertices, faces)
+    assert not repaired.orientable
+    assert repaired.repairs == {}
+    np.testing.assert_array_equal(repaired.mesh.faces, faces)
     assert done(*strip(0)).orientable
 
 
@@ -191,17 +198,17 @@ def test_pinched_vertex_is_split() -> None:
     """Two fans that meet in one vertex, and are one surface elsewhere."""
     vertices, faces = strip(0)
     faces = np.where(faces == 6, 0, faces)  # opposite points of a rim become one
-    found = done(vertices, faces)
-    assert found.repairs == {"loose vertices": 1, "pinched vertices": 1}
-    assert MeshFacts(found.mesh).n_vertices == 24
-    assert (found.mesh.vertices[found.mesh.faces] == vertices[faces]).all()
+    repaired = done(vertices, faces)
+    assert repaired.repairs == {"loose vertices": 1, "pinched vertices": 1}
+    assert MeshFacts(repaired.mesh).n_vertices == 24
+    assert (repaired.mesh.vertices[repaired.mesh.faces] == vertices[faces]).all()
 
 
 def test_two_cubes_that_share_a_corner_are_two_components() -> None:
     faces = np.concatenate([FACES, np.where(FACES == 0, 7, FACES + 8)])
-    found = done(np.concatenate([CUBE, CUBE + 1]), faces)
-    assert found.components == 2
-    assert found.repairs == {"loose vertices": 1, "pinched vertices": 1}
+    repaired = done(np.concatenate([CUBE, CUBE + 1]), faces)
+    assert repaired.components == 2
+    assert repaired.repairs == {"loose vertices": 1, "pinched vertices": 1}
 
 
 TWO = np.concatenate([CUBE, 5 + 2 * CUBE]), np.concatenate([FACES, FACES + 8])
@@ -219,11 +226,11 @@ TWO = np.concatenate([CUBE, 5 + 2 * CUBE]), np.concatenate([FACES, FACES + 8])
 def test_several_components(
     options: dict[str, object], size: float, repairs: dict[str, int]
 ) -> None:
-    found = done(*TWO, **options)
-    np.testing.assert_allclose(found.shares, [0.8, 0.2])
-    assert found.components == (1 if options else 2)
-    assert found.repairs == repairs
-    assert area(found.mesh) == pytest.approx(size)
+    repaired = done(*TWO, **options)
+    np.testing.assert_allclose(repaired.shares, [0.8, 0.2])
+    assert repaired.components == (1 if options else 2)
+    assert repaired.repairs == repairs
+    assert area(repaired.mesh) == pytest.approx(size)
 
 
 def test_components_are_chosen_before_they_are_judged() -> None:
@@ -238,9 +245,9 @@ def test_components_are_chosen_before_they_are_judged() -> None:
 def test_each_component_is_turned_by_itself() -> None:
     vertices, faces = TWO[0], TWO[1].copy()
     faces[[1, 3, 14]] = faces[[1, 3, 14], ::-1]
-    found = done(vertices, faces)
-    assert found.repairs == {"turned faces": 3}
-    np.testing.assert_array_equal(found.mesh.faces, TWO[1])
+    repaired = done(vertices, faces)
+    assert repaired.repairs == {"turned faces": 3}
+    np.testing.assert_array_equal(repaired.mesh.faces, TWO[1])
 
 
 # Repairs that can be left out
@@ -261,20 +268,20 @@ def with_cap(count: int) -> tuple[np.ndarray, np.ndarray]:
 def test_flat_caps_go_and_the_surface_stays(count: int) -> None:
     vertices, faces = with_cap(count)
     assert repair.flat_faces(Mesh(vertices, faces)) == count
-    found = done(vertices, faces)
-    facts = MeshFacts(found.mesh)
-    assert found.repairs == {"flat faces": count}
+    repaired = done(vertices, faces)
+    facts = MeshFacts(repaired.mesh)
+    assert repaired.repairs == {"flat faces": count}
     assert (facts.n_vertices, facts.is_closed, facts.euler_characteristic) == (8 + count, True, 2)
-    assert not repair.flat_faces(found.mesh)
-    assert (area(found.mesh), volume(found.mesh)) == pytest.approx((6, 1))
+    assert not repair.flat_faces(repaired.mesh)
+    assert (area(repaired.mesh), volume(repaired.mesh)) == pytest.approx((6, 1))
     assert refused(vertices, faces, without=("caps",)) == "degenerate_face"
 
 
 def test_a_flat_cap_on_the_boundary_is_dropped() -> None:
     vertices, faces = [*CUBE[:4], [0.5, 0, 0]], [[0, 2, 3], [0, 3, 4], [4, 3, 1], [0, 4, 1]]
-    found = done(vertices, faces)
-    assert found.repairs == {"flat faces": 1}
-    assert (len(found.mesh.faces), area(found.mesh)) == (3, pytest.approx(1))
+    repaired = done(vertices, faces)
+    assert repaired.repairs == {"flat faces": 1}
+    assert (len(repaired.mesh.faces), area(repaired.mesh)) == (3, pytest.approx(1))
 
 
 def test_a_flat_face_that_no_flip_takes_away_is_refused() -> None:
@@ -299,11 +306,11 @@ def test_cubes_with_a_common_edge_are_two_surfaces(shared: bool, orientation: in
     if shared:
         _, first, number = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
         vertices, faces = vertices[first], number.ravel()[faces]
-    found = done(vertices, faces)
+    repaired = done(vertices, faces)
     name, count = ("cut edges", 1) if shared else ("touching vertices", 2)
-    assert found.repairs[name] == count
-    assert (found.components, MeshFacts(found.mesh).is_closed) == (2, True)
-    assert area(found.mesh) == pytest.approx(12)
+    assert repaired.repairs[name] == count
+    assert (repaired.components, MeshFacts(repaired.mesh).is_closed) == (2, True)
+    assert area(repaired.mesh) == pytest.approx(12)
     left_out = "cut" if shared else "apart"
     without = {left_out, "cut"}
     assert refused(vertices, faces, without=tuple(without)) == "non_manifold_edge"
@@ -333,20 +340,20 @@ def test_a_solid_that_touches_itself_is_cut_there() -> None:
                 faces += [[ring[0], ring[1], ring[2]], [ring[0], ring[2], ring[3]]]
     vertices = np.array(list(corners), float)
     assert (MeshFacts(Mesh(vertices, np.array(faces))).edge_valences > 2).sum() == 1
-    found = done(vertices, faces)
-    assert found.repairs["cut edges"] == 1
-    facts = MeshFacts(found.mesh)
+    repaired = done(vertices, faces)
+    assert repaired.repairs["cut edges"] == 1
+    facts = MeshFacts(repaired.mesh)
     assert (facts.is_closed, facts.n_components, facts.euler_characteristic) == (True, 1, 2)
-    assert volume(found.mesh) == pytest.approx(5)
+    assert volume(repaired.mesh) == pytest.approx(5)
 
 
 def test_a_fin_is_cut_off_only_if_asked() -> None:
     vertices, faces = [*CUBE, [0.5, 0.5, 2]], [*FACES, [4, 7, 8]]
     assert refused(vertices, faces) == "non_manifold_edge"
-    found = done(vertices, faces, cut_fins=True)
-    assert found.repairs == {"edges cut from fins": 1}
-    assert found.components == 2
-    assert area(found.mesh) == pytest.approx(6 + np.sqrt(0.5))
+    repaired = done(vertices, faces, cut_fins=True)
+    assert repaired.repairs == {"edges cut from fins": 1}
+    assert repaired.components == 2
+    assert area(repaired.mesh) == pytest.approx(6 + np.sqrt(0.5))
 
 
 def klein(n: int = 24, m: int = 12) -> tuple[np.ndarray, np.ndarray]:
@@ -363,10 +370,10 @@ def klein(n: int = 24, m: int = 12) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_klein_bottle_that_passes_through_itself_stays_one_surface() -> None:
     vertices, faces = klein()
-    found = done(vertices, faces)
-    facts = MeshFacts(found.mesh)
-    assert found.repairs == {"touching vertices": 24}
-    assert (facts.is_closed, facts.euler_characteristic, found.orientable) == (True, 0, False)
+    repaired = done(vertices, faces)
+    facts = MeshFacts(repaired.mesh)
+    assert repaired.repairs == {"touching vertices": 24}
+    assert (facts.is_closed, facts.euler_characteristic, repaired.orientable) == (True, 0, False)
     assert refused(vertices, faces, without=("apart", "cut")) == "non_manifold_edge"
 
 
@@ -397,12 +404,56 @@ def test_unit_area() -> None:
     np.testing.assert_allclose(mesh.vertices.mean(axis=0), 0, atol=1e-12)
 
 
+def test_an_open_surface_that_touches_itself_stays_one_but_a_seam_is_closed() -> None:
+    """A strip is rolled so far that its end stands on its middle, where an edge is."""
+    turns = np.array([[0.0, 0], [1, 0], [2, 0], [2, 1], [1, 1], [1, 0]])
+    points = np.concatenate([np.insert(turns, 1, z, axis=1) for z in (0.0, 1.0)])
+    strip = [[i, i + 1, i + 7] for i in range(5)] + [[i, i + 7, i + 6] for i in range(5)]
+    repaired = done(points, strip)
+    assert repaired.repairs == {"touching vertices": 2}
+    assert (len(repaired.mesh.vertices), repaired.components) == (12, 1)
+    assert refused(points, strip, without=("apart", "cut")) == "non_manifold_edge"
+    # The same with a seam: the last two faces have vertices of their own
+    own = np.concatenate([points, points])
+    apart = [[i + 12 for i in face] if min(face) % 6 == 4 else list(face) for face in strip]
+    assert refused(own, apart, without=("cut",)) == "non_manifold_edge"
+
+
+@pytest.mark.parametrize(
+    ("name", "vertices", "faces", "outcome"),
+    [
+        ("merge", CUBE[FACES].reshape(-1, 3), np.arange(36).reshape(-1, 3), 12),
+        ("duplicates", CUBE, [*FACES, FACES[0]], "non_manifold_edge"),
+        ("orientation", CUBE, [FACES[0, ::-1], *FACES[1:]], 1),
+    ],
+)
+def test_a_repair_that_is_left_out_is_not_made(
+    name: str, vertices: np.ndarray, faces: np.ndarray, outcome: int | str
+) -> None:
+    assert len(done(vertices, faces).repairs) == 1
+    if isinstance(outcome, str):
+        assert refused(vertices, faces, without=(name, "cut")) == outcome
+        return
+    repaired = done(vertices, faces, without=(name,))
+    assert (repaired.components, repaired.repairs) == (outcome, {})
+    np.testing.assert_array_equal(repaired.mesh.faces, faces)
+
+
+def test_a_pinch_that_is_not_to_be_split_is_refused() -> None:
+    vertices = np.concatenate([CUBE, 1 + CUBE[1:]])  # two cubes that share a corner
+    corner = int(np.flatnonzero((CUBE == 1).all(axis=1))[0])
+    second = np.where(FACES == 0, corner, FACES + 7)
+    faces = np.concatenate([FACES, second])
+    assert done(vertices, faces).repairs == {"pinched vertices": 1}
+    assert refused(vertices, faces, without=("pinches",)) == "pinched_vertex"
+
+
 def test_an_open_surface_is_not_turned_by_its_volume() -> None:
     inwards = FACES[2:, ::-1]  # a box without its bottom
     assert volume(repair.centred(Mesh(CUBE, inwards))) < 0
-    found = done(CUBE, inwards)
-    assert found.repairs == {}
-    np.testing.assert_array_equal(found.mesh.faces, inwards)
+    repaired = done(CUBE, inwards)
+    assert repaired.repairs == {}
+    np.testing.assert_array_equal(repaired.mesh.faces, inwards)
 
 
 def test_the_least_number_of_vertices_is_enough() -> None:

@@ -69,41 +69,41 @@ def test_every_picture_has_words_for_who_cannot_see_it():
 
 @pytest.mark.parametrize("version", CARDS)
 def test_facts_are_those_of_the_pinned_build(version):
-    found = facts(version)
+    data = facts(version)
     build = json.loads((DOCS / "data" / f"build-{version}.json").read_text())
-    assert found["recipe_digest"] == recipe.load(version).digest
+    assert data["recipe_digest"] == recipe.load(version).digest
     lock = pq.read_table(Path(recipe.__file__).parent / "versions" / f"{version}.lock.parquet")
     labels = np.array(lock["eigenvalues"].to_pylist())
     families = np.array([id.rpartition("-")[0] for id in lock["id"].to_pylist()])
-    assert [f["family"] for f in found["families"]] == [f["family"] for f in build["families"]]
-    for family, built in zip(found["families"], build["families"], strict=True):
+    assert [f["family"] for f in data["families"]] == [f["family"] for f in build["families"]]
+    for family, built in zip(data["families"], build["families"], strict=True):
         assert sum(family["splits"].values()) == built["kept"]
         for counts in family["counts"].values():
             assert sum(counts) == built["kept"]
         mine = labels[families == family["family"]]
         for measure, column in (("first", 0), ("last", -1)):
-            wanted = np.percentile(mine[:, column], (0, 5, 50, 95, 100))
-            np.testing.assert_allclose(family["percentiles"][measure], wanted, rtol=1e-3)
+            expected = np.percentile(mine[:, column], (0, 5, 50, 95, 100))
+            np.testing.assert_allclose(family["percentiles"][measure], expected, rtol=1e-3)
     reasons = {reason for row in build["families"] for reason in row["rejected"]}
-    assert {rejection["reason"] for rejection in found["rejections"]} == reasons
+    assert {rejection["reason"] for rejection in data["rejections"]} == reasons
 
 
 @pytest.mark.parametrize("version", CARDS)
 def test_card_has_the_facts(version):
-    found = facts(version)
+    data = facts(version)
     splits = {row[0]: row[1:] for row in cells(version, "splits")}
     sizes = {row[0]: row[1:] for row in cells(version, "sizes")}
     totals = dict.fromkeys(SPLITS, 0)
-    for family in found["families"]:
+    for family in data["families"]:
         title = FAMILIES[family["family"]].title
         assert splits[title] == [f"{family['splits'][split]:,}" for split in SPLITS]
         low, _, middle, _, high = family["percentiles"]["vertices"]
-        told = [float(n) for n in re.findall(r"[\d.]+", sizes[title][0].replace(",", ""))]
-        np.testing.assert_allclose(told, [middle, low, high], rtol=0.006)
+        message = [float(n) for n in re.findall(r"[\d.]+", sizes[title][0].replace(",", ""))]
+        np.testing.assert_allclose(message, [middle, low, high], rtol=0.006)
         for split in SPLITS:
             totals[split] += family["splits"][split]
     assert splits["All"] == [f"{totals[split]:,}" for split in SPLITS]
-    for rejection in found["rejections"]:
+    for rejection in data["rejections"]:
         assert f"`{rejection['reason']}` {rejection['id']}" in CARDS[version].read_text()
 
 

@@ -101,10 +101,10 @@ def test_eigenfunctions_are_drawn_in_blue_and_orange(sample):
 
 
 def test_signs_do_not_hang_on_the_sign_that_was_found(sample):
-    found = spectrum.compute(sample.mesh, 5).eigenvectors
+    vectors = spectrum.compute(sample.mesh, 5).eigenvectors
     flips = np.array([1.0, -1.0, -1.0, 1.0, -1.0])
-    np.testing.assert_array_equal(draw.signed(found), draw.signed(found * flips))
-    np.testing.assert_array_equal(np.abs(draw.signed(found)), np.abs(found))
+    np.testing.assert_array_equal(draw.signed(vectors), draw.signed(vectors * flips))
+    np.testing.assert_array_equal(np.abs(draw.signed(vectors)), np.abs(vectors))
 
 
 def test_a_sheet_has_a_row_for_each_five_meshes(sample):

@@ -22,29 +22,29 @@ PARAMETERS = {
 
 @pytest.mark.parametrize("family", PARAMETERS)
 def test_only_parameters_that_differ_are_named(family):
-    (found,) = candidates("1.0-mini", family)
-    assert found.varying == PARAMETERS[family]
+    (group,) = candidates("1.0-mini", family)
+    assert group.varying == PARAMETERS[family]
 
 
 def test_seeds_say_nothing_to_a_reader():
-    (found,) = candidates("2.0-mini", "annulus")
-    assert found.varying == ("inner", "triangulation", "vertices")
+    (group,) = candidates("2.0-mini", "annulus")
+    assert group.varying == ("inner", "triangulation", "vertices")
 
 
 def test_every_family_has_candidates_and_none_is_of_another():
-    found = candidates("2.0-mini")
-    assert len(found) == 25
-    for one in found:
-        assert {spec.family for spec in one.specs} == {one.family}
+    groups = candidates("2.0-mini")
+    assert len(groups) == 25
+    for group in groups:
+        assert {spec.family for spec in group.specs} == {group.family}
 
 
 def test_a_sheet_shows_low_and_high_values_of_every_parameter():
-    (found,) = candidates("1.0", "cone")
-    ids = [spec.id for spec, _ in chosen("1.0-mini", found, 15)]
+    (group,) = candidates("1.0", "cone")
+    ids = [spec.id for spec, _ in chosen("1.0-mini", group, 15)]
     assert len(set(ids)) == 15
-    taken = [spec for spec in found.specs if spec.id in ids]
-    for name in found.varying:
-        everyone = [spec.parameters[name] for spec in found.specs]
+    taken = [spec for spec in group.specs if spec.id in ids]
+    for name in group.varying:
+        everyone = [spec.parameters[name] for spec in group.specs]
         thirds = np.quantile(everyone, [1 / 3, 2 / 3])
         counts = np.bincount(np.digitize([s.parameters[name] for s in taken], thirds), minlength=3)
         assert counts.min() >= 3
@@ -88,11 +88,11 @@ def test_an_import_is_read(tmp_path, tiny_samples):
     mesh = tiny_samples["torus"][0].mesh
     (scans / "a.obj").write_text(obj(mesh))
     importing.import_meshes([scans], "mine", importing.Settings(), root=tmp_path, workers=1)
-    (found,) = candidates("mine", root=tmp_path)
-    assert found.family == "scans"
-    assert found.varying == ()
-    ((spec, read),) = chosen("mine", found, 3, tmp_path)
-    assert spec.id == found.specs[0].id
+    (group,) = candidates("mine", root=tmp_path)
+    assert group.family == "scans"
+    assert group.varying == ()
+    ((spec, read),) = chosen("mine", group, 3, tmp_path)
+    assert spec.id == group.specs[0].id
     assert len(read.faces) == len(mesh.faces)
 
 
@@ -104,16 +104,16 @@ def test_repairs_of_some_files_of_an_import_only(names, tmp_path, tiny_samples):
     for name, repeated in zip(names, (0, 2), strict=True):
         (scans / name).write_text(obj(mesh, repeated))
     importing.import_meshes([scans], "mine", importing.Settings(), root=tmp_path, workers=1)
-    (found,) = candidates("mine", root=tmp_path)
-    merged = [spec.parameters.get("merged_vertices") for spec in found.specs]
+    (group,) = candidates("mine", root=tmp_path)
+    merged = [spec.parameters.get("merged_vertices") for spec in group.specs]
     assert merged == ([None, 2] if names[0] == "a.obj" else [2, None])
-    assert found.varying == ("file",)
-    shapes = list(chosen("mine", found, 2, tmp_path))
-    captions = [gallery.caption(spec, found.varying) for spec, _ in shapes]
+    assert group.varying == ("file",)
+    shapes = list(chosen("mine", group, 2, tmp_path))
+    captions = [gallery.caption(spec, group.varying) for spec, _ in shapes]
     assert sorted(lines[1] for lines in captions) == [
         f"file{gallery.NO_BREAK}{name}" for name in sorted(names)
     ]
-    assert gallery.sheet(shapes, found.varying, "mine").startswith(b"\x89PNG")
+    assert gallery.sheet(shapes, group.varying, "mine").startswith(b"\x89PNG")
 
 
 def test_an_import_of_which_no_file_was_kept(tmp_path, run):
@@ -121,16 +121,16 @@ def test_an_import_of_which_no_file_was_kept(tmp_path, run):
     scans.mkdir()
     (scans / "a.obj").write_text("no mesh")
     importing.import_meshes([scans], "mine", importing.Settings(), root=tmp_path, workers=1)
-    (found,) = candidates("mine", root=tmp_path)
-    assert (found.family, found.total, found.specs, found.varying) == ("scans", 0, (), ())
+    (group,) = candidates("mine", root=tmp_path)
+    assert (group.family, group.total, group.specs, group.varying) == ("scans", 0, (), ())
     picture = tmp_path / "a.png"
     where = ["--version", "mine", "--out", tmp_path, "--png", picture]
-    for family, told in (([], ""), (["scans"], " of family scans")):
+    for family, message in (([], ""), (["scans"], " of family scans")):
         assert run("gallery", *family, *where) == (
             2,
             "",
-            f"synthnet: mine has no shape{told} to draw, every one was rejected: "
-            "`synthnet info --version mine` says why\n",
+            f"synthnet: mine has no shape{message} to draw, every one was rejected: "
+            "`synthnet info mine` says why\n",
         )
     assert not picture.exists()
     code, out, _ = run("info", "--version", "mine", "--out", tmp_path)
@@ -146,20 +146,20 @@ def test_a_family_of_which_every_candidate_is_refused(run, tmp_path, monkeypatch
 
 
 def test_captions_are_short_lines_that_break_between_parameters():
-    (found,) = candidates("2.0-mini", "pretzel")
-    lines = gallery.caption(found.specs[0], found.varying)
-    assert lines[0] == found.specs[0].id
+    (group,) = candidates("2.0-mini", "pretzel")
+    lines = gallery.caption(group.specs[0], group.varying)
+    assert lines[0] == group.specs[0].id
     assert all(len(line) <= gallery.LINE for line in lines)
-    told = " ".join(lines[1:]).replace(gallery.NO_BREAK, " ").split(", ")
-    assert [part.rpartition(" ")[0] for part in told] == list(found.varying)
+    message = " ".join(lines[1:]).replace(gallery.NO_BREAK, " ").split(", ")
+    assert [part.rpartition(" ")[0] for part in message] == list(group.varying)
 
 
 def test_the_shapes_are_those_of_the_version():
     for version in ("1.0-mini", "2.0-mini"):
         planned = [s.spec for plan in plan_shards(recipe.load(version)) for s in plan.shapes]
-        found = candidates(version)
-        assert [spec for one in found for spec in one.specs] == planned
-        assert sum(one.total for one in found) == len(planned)
+        groups = candidates(version)
+        assert [spec for group in groups for spec in group.specs] == planned
+        assert sum(group.total for group in groups) == len(planned)
     (spheres,) = candidates("1.0", "sphere")
     assert list(spheres.specs) == [draw_shape(recipe.load("1.0"), "sphere", i) for i in range(50)]
 

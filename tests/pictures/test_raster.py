@@ -94,8 +94,8 @@ def test_shade_does_not_hang_on_the_orientation(mobius):
     turned = mobius.faces.copy()
     some = rng.random(len(turned)) < 0.5
     turned[some] = turned[some][:, ::-1]
-    one, other = (render(Mesh(mobius.vertices, f), 90, 70) for f in (mobius.faces, turned))
-    assert np.abs(one.astype(int) - other.astype(int)).max() <= 1  # the weights' last bits
+    picture, other = (render(Mesh(mobius.vertices, f), 90, 70) for f in (mobius.faces, turned))
+    assert np.abs(picture.astype(int) - other.astype(int)).max() <= 1  # the weights' last bits
 
 
 def test_shade_says_where_a_face_looks():

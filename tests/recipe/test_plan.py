@@ -80,8 +80,8 @@ def test_each_family_of_a_subset_has_the_shares_of_the_recipe(
 def test_each_family_of_a_subset_has_all_three_splits(
     plans: dict[str, list[ShardPlan]], version: str
 ) -> None:
-    found = {(shape.spec.family, shape.split) for shape in shapes_of(plans[version]).values()}
-    assert len(found) == 10 * 3
+    pairs = {(shape.spec.family, shape.split) for shape in shapes_of(plans[version]).values()}
+    assert len(pairs) == 10 * 3
 
 
 @pytest.mark.parametrize("version", ["1.0", *SUBSETS])
@@ -134,12 +134,12 @@ def test_no_shape_is_in_another_split_than_its_equal_in_the_full_version(
     plans: dict[str, list[ShardPlan]],
 ) -> None:
     split_of = {s.spec.group: s.split for s in shapes_of(plans["1.0"]).values()}
-    found = [s for plan in plan_shards(recipe.load("1.0-x2")) for s in plan.shapes]
-    spheres = [s for s in found if s.spec.family == "sphere" and s.spec.group in split_of]
+    shapes = [s for plan in plan_shards(recipe.load("1.0-x2")) for s in plan.shapes]
+    spheres = [s for s in shapes if s.spec.family == "sphere" and s.spec.group in split_of]
     assert len(spheres) > 20
-    assert all(s.split == split_of.get(s.spec.group, s.split) for s in found)
+    assert all(s.split == split_of.get(s.spec.group, s.split) for s in shapes)
     own: dict[str, set[str]] = defaultdict(set)
-    for shape in found:
+    for shape in shapes:
         own[shape.spec.group].add(shape.split)
     assert {len(splits) for splits in own.values()} == {1}
 

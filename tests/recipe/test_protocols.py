@@ -26,12 +26,12 @@ def shapes() -> list[PlannedShape]:
 
 
 def taken(shapes: list[PlannedShape], protocol: str, split: str) -> set[str]:
-    wanted = recipe.load(VERSION)
+    version = recipe.load(VERSION)
     return {
         shape.spec.id
         for shape in shapes
-        for fold in splits.folds(wanted, protocol, split)
-        if shape.split == split and splits.takes(fold, wanted, split, shape.spec.id)
+        for fold in splits.folds(version, protocol, split)
+        if shape.split == split and splits.takes(fold, version, split, shape.spec.id)
     }
 
 
@@ -85,14 +85,14 @@ SAME = {  # of each family, sizes with which the families of a group are one sur
 
 @pytest.mark.parametrize("group", splits.SAME_SURFACES)
 def test_families_that_are_held_out_together_share_a_surface(group: tuple[str, ...]) -> None:
-    wanted = recipe.load("2.0")
+    version = recipe.load("2.0")
     spectra = []
     for family in group:
-        drawn = dict(draw_shape(wanted, family, 0).parameters)
+        drawn = dict(draw_shape(version, family, 0).parameters)
         sizes = {**SAME[group[0]], **SAME.get(family, {})}
         chosen = {key: sizes.get(key, value) for key, value in drawn.items()}
-        found = FAMILIES[family].limit_spectrum(chosen, 10)
-        spectra.append((found.eigenvalues, found.bar))
+        limit = FAMILIES[family].limit_spectrum(chosen, 10)
+        spectra.append((limit.eigenvalues, limit.bar))
     (first, bar), *others = spectra
     assert others
     for eigenvalues, own in others:
@@ -100,8 +100,8 @@ def test_families_that_are_held_out_together_share_a_surface(group: tuple[str, .
 
 
 def test_genus_and_boundary_hold_out_what_their_names_say() -> None:
-    wanted = recipe.load("2.0")
-    (genus,), (boundary,) = (splits.folds(wanted, name) for name in ("genus", "boundary"))
+    version = recipe.load("2.0")
+    (genus,), (boundary,) = (splits.folds(version, name) for name in ("genus", "boundary"))
     assert set(boundary.families) == {name for name, f in CHARTED.items() if f.boundaries}
     closed = {name: f for name, f in CHARTED.items() if not f.boundaries}
     assert set(genus.families) == {
@@ -110,7 +110,7 @@ def test_genus_and_boundary_hold_out_what_their_names_say() -> None:
 
 
 @pytest.mark.parametrize(
-    ("protocol", "split", "told"),
+    ("protocol", "split", "message"),
     [
         ("mine", "test", "protocol of 2.0-mini must be one of grouped, paper, family, resolution"),
         ("family/torus", "test", "must be one of .*, family/FAMILY: 'family/torus'"),
@@ -119,8 +119,8 @@ def test_genus_and_boundary_hold_out_what_their_names_say() -> None:
         ("imported/scans", "test", "test on a dataset of `synthnet import`"),
     ],
 )
-def test_a_protocol_that_is_not_there_is_refused(protocol: str, split: str, told: str) -> None:
-    with pytest.raises(RecipeError, match=told):
+def test_a_protocol_that_is_not_there_is_refused(protocol: str, split: str, message: str) -> None:
+    with pytest.raises(RecipeError, match=message):
         splits.folds(recipe.load(VERSION), protocol, split)
 
 
@@ -143,6 +143,7 @@ def test_dataset_of_a_protocol_has_the_shapes_of_its_split(
     for split in ("train", "test") if protocol != "family" else ("test",):
         dataset = SimpleNamespace(version=VERSION, protocol=protocol, split=split)
         mine = SynthNet._held_out_or_not(dataset, stored)
+        assert mine.any()
         assert {stored.ids[i] for i in np.flatnonzero(mine)} == taken(shapes, protocol, split)
 
 

@@ -374,15 +374,15 @@ def test_sizes_are_meshes_of_one_surface() -> None:
 
 
 @pytest.mark.parametrize(
-    ("vertices", "told"),
+    ("vertices", "line"),
     [
         ("49", "size a: vertices must be at least 50, got 49"),
         ("{ integers = [10, 90] }", "size a: vertices must be at least 50, got 10"),
         ('"many"', "size a: vertices must be a number or one of"),
     ],
 )
-def test_sizes_that_no_mesh_has_are_refused(vertices: str, told: str) -> None:
-    with pytest.raises(RecipeError, match=told):
+def test_sizes_that_no_mesh_has_are_refused(vertices: str, line: str) -> None:
+    with pytest.raises(RecipeError, match=line):
         recipe.parse(SIZED.replace("vertices = 500", f"vertices = {vertices}"))
 
 
@@ -417,7 +417,7 @@ def test_recipe_says_what_is_held_out(held_out: str, folds: tuple[recipe.Fold, .
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "line"),
     [
         (with_protocol(""), "protocol mine has held_out and nothing else, got {}"),
         (with_protocol("held_out = 3"), "protocol mine: held_out must be 'each family', 'nothing'"),
@@ -440,6 +440,6 @@ def test_recipe_says_what_is_held_out(held_out: str, folds: tuple[recipe.Fold, .
         ("protocols.mine = 3\n" + SIZED, "protocol mine must be a table, got 3"),
     ],
 )
-def test_protocols_that_make_no_sense_are_refused(text: str, told: str) -> None:
-    with pytest.raises(RecipeError, match=told):
+def test_protocols_that_make_no_sense_are_refused(text: str, line: str) -> None:
+    with pytest.raises(RecipeError, match=line):
         recipe.parse(text)

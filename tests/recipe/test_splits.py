@@ -49,11 +49,11 @@ def test_paper_gives_all_instances_their_shares_exactly(paper: dict[str, tuple[s
 
 
 def test_no_group_crosses_under_grouped(specs: list[ShapeSpec], grouped: dict[str, str]) -> None:
-    found = defaultdict(set)
+    splits_of_group = defaultdict(set)
     for spec in specs:
-        found[spec.group].add(grouped[spec.id])
-    assert {len(crossed) for crossed in found.values()} == {1}
-    assert len(found) < len(specs)  # there are groups of several, so this says something
+        splits_of_group[spec.group].add(grouped[spec.id])
+    assert {len(crossed) for crossed in splits_of_group.values()} == {1}
+    assert len(splits_of_group) < len(specs)  # there are groups of several, so this says something
 
 
 def test_equal_shapes_stay_together_under_grouped(
@@ -70,7 +70,7 @@ def test_equal_shapes_stay_together_under_grouped(
             tori[p["tube_radius"]].append(split)
     for shapes in (spheres, halves, tori):
         assert max(map(len, shapes.values())) > 1
-        assert all(len(set(found)) == 1 for found in shapes.values())
+        assert all(len(set(assigned)) == 1 for assigned in shapes.values())
 
 
 def test_there_are_mirror_images_among_the_split_spheres(specs: list[ShapeSpec]) -> None:
@@ -121,8 +121,8 @@ def test_a_new_family_does_not_move_the_others(
     specs: list[ShapeSpec], recipe_1_0: Recipe, grouped: dict[str, str]
 ) -> None:
     more = [*specs, *specs_of([1] * 30 + [3] * 5, family="ellipsoid")]
-    found = splits.grouped(more, recipe_1_0.splits, recipe_1_0.seed)
-    assert {spec.id: found[spec.id] for spec in specs} == grouped
+    assigned = splits.grouped(more, recipe_1_0.splits, recipe_1_0.seed)
+    assert {spec.id: assigned[spec.id] for spec in specs} == grouped
     spheres = [spec for spec in specs if spec.family == "sphere"]
     alone = splits.grouped(spheres, recipe_1_0.splits, recipe_1_0.seed)
     assert alone == {spec.id: grouped[spec.id] for spec in spheres}
@@ -140,15 +140,15 @@ def test_every_shape_gets_one_split_and_no_group_crosses(
     sizes: list[int], shares: SplitSettings, seed: int
 ) -> None:
     specs = specs_of(sizes) + specs_of(sizes[::-1], family="torus")
-    found = splits.grouped(specs, shares, seed)
-    assert set(found) == {spec.id for spec in specs}
-    assert set(found.values()) <= set(SPLITS)
+    assigned = splits.grouped(specs, shares, seed)
+    assert set(assigned) == {spec.id for spec in specs}
+    assert set(assigned.values()) <= set(SPLITS)
     splits_of_group = defaultdict(set)
     for spec in specs:
-        splits_of_group[spec.group].add(found[spec.id])
+        splits_of_group[spec.group].add(assigned[spec.id])
     assert all(len(crossed) == 1 for crossed in splits_of_group.values())
     for family in ("cone", "torus"):
-        counts = Counter(split for i, split in found.items() if i.startswith(family))
+        counts = Counter(split for i, split in assigned.items() if i.startswith(family))
         quotas = splits.quotas(sum(sizes), shares)
         assert counts["train"] <= quotas[0]
         assert counts["validation"] <= quotas[1]
@@ -158,15 +158,15 @@ def test_every_shape_gets_one_split_and_no_group_crosses(
 
 @given(st.integers(1, 500), st.integers(0, 2**32))
 def test_single_shapes_meet_their_quotas_exactly(total: int, seed: int) -> None:
-    found = Counter(splits.grouped(specs_of([1] * total), SHARES, seed).values())
-    assert [found[split] for split in SPLITS] == splits.quotas(total, SHARES)
+    counts = Counter(splits.grouped(specs_of([1] * total), SHARES, seed).values())
+    assert [counts[split] for split in SPLITS] == splits.quotas(total, SHARES)
 
 
 @given(st.integers(0, 40), st.integers(1, 9), st.integers(0, 2**32))
 def test_paper_splits_meet_their_quotas_exactly(shapes: int, instances: int, seed: int) -> None:
-    found = splits.paper(specs_of([1] * shapes), instances, SHARES, seed)
-    assert all(len(of_shape) == instances for of_shape in found.values())
-    counts = Counter(split for of_shape in found.values() for split in of_shape)
+    assigned = splits.paper(specs_of([1] * shapes), instances, SHARES, seed)
+    assert all(len(of_shape) == instances for of_shape in assigned.values())
+    counts = Counter(split for of_shape in assigned.values() for split in of_shape)
     assert [counts[split] for split in SPLITS] == splits.quotas(shapes * instances, SHARES)
 
 
@@ -174,9 +174,9 @@ def test_paper_splits_meet_their_quotas_exactly(shapes: int, instances: int, see
 def test_quotas_add_up_and_are_within_one_of_the_share(total: int, a: float, b: float) -> None:
     low, high = sorted((a, b))
     shares = SplitSettings(low, high - low, 1 - high)
-    found = splits.quotas(total, shares)
-    assert sum(found) == total
-    for quota, share in zip(found, dataclasses.astuple(shares), strict=True):
+    quotas = splits.quotas(total, shares)
+    assert sum(quotas) == total
+    for quota, share in zip(quotas, dataclasses.astuple(shares), strict=True):
         assert abs(quota - share * total) < 1 + 1e-6
 
 
@@ -198,9 +198,9 @@ def test_quotas_by_largest_remainder(total: int, expected: list[int]) -> None:
 
 def test_seeds_and_protocols_give_different_splits(specs: list[ShapeSpec]) -> None:
     cones = [spec for spec in specs if spec.family == "cone"]
-    found = [splits.grouped(cones, SHARES, seed) for seed in (0, 1)]
+    by_group = [splits.grouped(cones, SHARES, seed) for seed in (0, 1)]
     one_instance = [splits.paper(cones, 1, SHARES, seed) for seed in (0, 1)]
     flat = [{i: split for i, (split,) in of.items()} for of in one_instance]
     # Independent splits agree with probability 0.7² + 0.2² + 0.1² = 0.54.
-    for a, b in ((found[0], found[1]), (flat[0], flat[1]), (found[0], flat[0])):
+    for a, b in ((by_group[0], by_group[1]), (flat[0], flat[1]), (by_group[0], flat[0])):
         assert sum(a[i] == b[i] for i in a) / len(a) == pytest.approx(0.54, abs=0.07)

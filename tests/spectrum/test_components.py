@@ -42,13 +42,13 @@ def union(meshes: Sequence[Mesh], k: int) -> np.ndarray:
 def test_two_components_have_the_union_of_their_spectra() -> None:
     meshes = [sphere(20), sphere(16, radius=1.5)]
     mesh = together(meshes)
-    found = spectrum.compute(mesh, k=12)
-    assert found.components == 2
-    np.testing.assert_allclose(found.eigenvalues, union(meshes, 12), rtol=1e-8)
+    result = spectrum.compute(mesh, k=12)
+    assert result.components == 2
+    np.testing.assert_allclose(result.eigenvalues, union(meshes, 12), rtol=1e-8)
     stiffness, mass = spectrum.fem_matrices(mesh)
-    vectors = found.eigenvectors
+    vectors = result.eigenvectors
     np.testing.assert_allclose(vectors.T @ (mass @ vectors), np.eye(12), atol=1e-9)
-    defects = stiffness @ vectors - (mass @ vectors) * found.eigenvalues
+    defects = stiffness @ vectors - (mass @ vectors) * result.eigenvalues
     assert np.abs(defects).max() < 1e-8
 
 
@@ -59,20 +59,32 @@ def test_the_count_is_that_of_all_components() -> None:
     assert proof.count == reference.count_below(stiffness, mass, proof.shift)
 
 
+@pytest.mark.parametrize("k", range(1, 13))
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-5, 0.1])
+def test_the_count_is_right_where_components_have_nearly_the_same_spectrum(
+    k: int, apart: float
+) -> None:
+    """A component is solved up to its own k-th pair: above that, others must not tell of it."""
+    mesh = together([sphere(8, radius=1 + i * apart) for i in range(3)])
+    proof = spectrum.compute(mesh, k=k).certificate
+    stiffness, mass = spectrum.fem_matrices(mesh)
+    assert proof.count == reference.count_below(stiffness, mass, proof.shift)
+
+
 @pytest.mark.parametrize("copies", [2, 11, 60])
 def test_equal_components(copies: int) -> None:
     mesh = sphere(8)
-    found = spectrum.compute(together([mesh] * copies))
-    assert found.components == copies
-    np.testing.assert_allclose(found.eigenvalues, union([mesh] * copies, 10), rtol=1e-8)
+    result = spectrum.compute(together([mesh] * copies))
+    assert result.components == copies
+    np.testing.assert_allclose(result.eigenvalues, union([mesh] * copies, 10), rtol=1e-8)
 
 
 @pytest.mark.parametrize("scale", [1e-2, 1e-5, 1e-8])
 def test_debris_changes_nothing(scale: float) -> None:
     mesh = sphere(20)
-    found = spectrum.compute(together([mesh, *[tetrahedron(scale)] * 5]))
-    assert found.components == 6
-    np.testing.assert_allclose(found.eigenvalues, union([mesh], 10), rtol=1e-8)
+    result = spectrum.compute(together([mesh, *[tetrahedron(scale)] * 5]))
+    assert result.components == 6
+    np.testing.assert_allclose(result.eigenvalues, union([mesh], 10), rtol=1e-8)
 
 
 def test_k_is_at_most_the_vertices_less_the_components() -> None:
@@ -89,6 +101,6 @@ def test_k_is_at_most_the_vertices_less_the_components() -> None:
 )
 def test_any_components(sizes: list[tuple[int, float]], k: int) -> None:
     meshes = [sphere(*size) for size in sizes]
-    found = spectrum.compute(together(meshes), k=k)
-    np.testing.assert_allclose(found.eigenvalues, union(meshes, k), rtol=1e-8)
-    assert found.components == len(meshes)
+    result = spectrum.compute(together(meshes), k=k)
+    np.testing.assert_allclose(result.eigenvalues, union(meshes, k), rtol=1e-8)
+    assert result.components == len(meshes)

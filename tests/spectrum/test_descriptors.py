@@ -16,6 +16,7 @@ from synthnet.spectrum.descriptors import (
     shape_dna,
     wave_kernel_signature,
 )
+from synthnet.types import Mesh
 
 SPHERE = FAMILIES["sphere"].generate({"radius": 1.5, "resolution": 20})
 FOUND = compute(SPHERE, 40)
@@ -27,22 +28,22 @@ def test_shape_dna_is_lapys(normalisation: str, method: str) -> None:
     lapy, shapedna = pytest.importorskip("lapy"), pytest.importorskip("lapy.shapedna")
     mesh = lapy.TriaMesh(SPHERE.vertices.astype(np.float64), SPHERE.faces)
     mesh.orient_()
-    found = shape_dna(FOUND, normalisation, area=AREA, volume=VOLUME)
+    descriptor = shape_dna(FOUND, normalisation, area=AREA, volume=VOLUME)
     if method == "surface":
         expected = shapedna.normalize_ev(mesh, FOUND.eigenvalues, method=method)
-        assert found == pytest.approx(expected, rel=1e-6)
+        assert descriptor == pytest.approx(expected, rel=1e-6)
     else:
-        assert found == pytest.approx(FOUND.eigenvalues * mesh.volume() ** (2 / 3), rel=1e-6)
+        assert descriptor == pytest.approx(FOUND.eigenvalues * mesh.volume() ** (2 / 3), rel=1e-6)
     weighted = shape_dna(FOUND, normalisation, area=AREA, volume=VOLUME, reweighted=True)
-    assert weighted == pytest.approx(shapedna.reweight_ev(found), rel=1e-12)
+    assert weighted == pytest.approx(shapedna.reweight_ev(descriptor), rel=1e-12)
 
 
 def test_normalised_shape_dna_does_not_know_the_size() -> None:
     large = compute((3 * SPHERE.vertices, SPHERE.faces), 10)
     for normalisation in ("area", "volume", "first"):
-        found = shape_dna(large, normalisation, area=9 * AREA, volume=27 * VOLUME)
+        descriptor = shape_dna(large, normalisation, area=9 * AREA, volume=27 * VOLUME)
         expected = shape_dna(FOUND, normalisation, area=AREA, volume=VOLUME)[:10]
-        assert found == pytest.approx(expected, rel=1e-6)
+        assert descriptor == pytest.approx(expected, rel=1e-6)
     assert shape_dna(large) == pytest.approx(FOUND.eigenvalues[:10] / 9, rel=1e-6)
 
 
@@ -70,6 +71,20 @@ def test_signatures_are_the_plain_formulas() -> None:
             weights = np.exp(-((e - np.log(values)) ** 2) / (2 * 0.3**2))
             plain = (weights * vectors[x] ** 2).sum() / weights.sum()
             assert waves[x, j] == pytest.approx(plain, rel=1e-12)
+
+
+def test_heat_kernel_signature_and_trace_are_lapys() -> None:
+    lapy, heat = pytest.importorskip("lapy"), pytest.importorskip("lapy.heat")
+    points = SPHERE.vertices.astype(np.float64) * [1.0, 1.3, 1.7]  # no eigenvalue is multiple
+    k, times = 20, np.array([[0.05, 0.3, 2.0]])
+    values, vectors = lapy.Solver(lapy.TriaMesh(points, SPHERE.faces)).eigs(k + 1, rng=0)
+    theirs = heat.diagonal(times, np.arange(len(points)), vectors, values[:, None], k + 1)
+    spectrum = compute((points, SPHERE.faces), k)
+    area = geometry.area(Mesh(points, SPHERE.faces))
+    ours = heat_kernel_signature(spectrum, times[0], area=area)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-6)
+    every = np.exp(-values[:, None] * times).sum(axis=0)
+    np.testing.assert_allclose(heat_trace(spectrum, times[0]), every, rtol=1e-7)
 
 
 def test_default_times_and_energies_are_the_papers() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -66,17 +67,19 @@ def pyvista() -> Any:
 )
 def test_meshes_of_other_libraries_give_the_same_numbers(make: Any) -> None:
     mesh = make()
-    found = as_mesh(mesh)
-    assert found.vertices.dtype == np.float64
-    np.testing.assert_array_equal(found.faces, F)
+    converted = as_mesh(mesh)
+    assert converted.vertices.dtype == np.float64
+    np.testing.assert_array_equal(converted.faces, F)
     np.testing.assert_array_equal(compute(mesh, 5).eigenvalues, compute(SPHERE, 5).eigenvalues)
 
 
 @pytest.mark.parametrize(
     ("mesh", "message"),
     [
-        (None, "this is no mesh but NoneType: give a mesh of synthnet, trimesh"),
-        ((V,), "this is no mesh but tuple"),
+        (None, "this is NoneType, no mesh: give a mesh of synthnet, trimesh"),
+        ("bunny.ply", "read the file first: trimesh.load_mesh"),
+        (Path("bunny.ply"), "read the file first: trimesh.load_mesh"),
+        ((V,), "this is tuple, no mesh"),
         ((np.where(V > 0.9, np.nan, V), F), r"\d+ vertices are NaN, the first is vertex \d+"),
         ((np.where(V > 0.9, np.inf, V), F), "vertices are infinite"),
         ((np.zeros((0, 3)), F[:0]), "an empty mesh: no triangles"),
@@ -121,10 +124,10 @@ NUMBERS = st.one_of(st.floats(width=32), st.integers(-3, 40), st.none(), st.text
     k=st.integers(-2, 9),
 )
 def test_any_lists_have_a_spectrum_or_a_line(vertices: Any, faces: Any, k: int) -> None:
-    found = result_or_line(lambda: compute((vertices, faces), k))
-    if not isinstance(found, str):
-        assert len(found.eigenvalues) == k
-        assert (np.diff(found.eigenvalues) >= 0).all()
+    result = result_or_line(lambda: compute((vertices, faces), k))
+    if not isinstance(result, str):
+        assert len(result.eigenvalues) == k
+        assert (np.diff(result.eigenvalues) >= 0).all()
 
 
 @settings(max_examples=200)
@@ -148,8 +151,8 @@ def test_eigenvectors_are_orthonormal_and_their_largest_entry_is_positive() -> N
 
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_spectra_of_many_are_those_of_each(workers: int) -> None:
-    found = list(spectra([SPHERE, (2 * V, F)], k=4, workers=workers))
-    np.testing.assert_array_equal(found[0].eigenvalues, compute(SPHERE, 4).eigenvalues)
-    assert found[1].eigenvalues == pytest.approx(found[0].eigenvalues / 4)
+    results = list(spectra([SPHERE, (2 * V, F)], k=4, workers=workers))
+    np.testing.assert_array_equal(results[0].eigenvalues, compute(SPHERE, 4).eigenvalues)
+    assert results[1].eigenvalues == pytest.approx(results[0].eigenvalues / 4)
     with pytest.raises(ValueError, match="workers must be at least 1"):
         next(spectra([SPHERE], workers=0))

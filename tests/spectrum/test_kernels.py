@@ -1,10 +1,13 @@
 """Machine code that is kept for the next process."""
 
 import os
+import stat
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import platformdirs
 import pytest
 
 from synthnet import kernels
@@ -67,6 +70,85 @@ def test_a_program_and_its_processes_say_once_that_they_compile(tmp_path: Path) 
         )
         return done.stderr
 
-    assert stderr() == f"{kernels.COMPILING.format(how='once')}\n"
+    assert stderr() == f"{kernels.COMPILING.format(how='kept from now on')}\n"
     assert stderr() == ""
     assert not list(tmp_path.glob("*compiling*"))
+
+
+@pytest.fixture(autouse=True)
+def checked_anew() -> Iterator[None]:
+    kernels.own.cache_clear()
+    yield
+    kernels.own.cache_clear()
+
+
+def test_the_folder_is_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    assert kernels.folder() == platformdirs.user_cache_path("synthnet-kernels")
+    path = tmp_path / "cache" / "kernels"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(path))
+    assert (kernels.folder(), kernels.own(path)) == (path, "")
+    assert stat.S_IMODE(path.stat().st_mode) == 0o700
+
+
+def test_a_folder_that_another_could_have_written_to_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    open_to_all, linked, file = (tmp_path / name for name in ("open", "linked", "file"))
+    open_to_all.mkdir()
+    open_to_all.chmod(0o777)
+    linked.symlink_to(open_to_all)
+    file.touch()
+    assert kernels.own(open_to_all) == f"others may write to {open_to_all}: remove it"
+    assert kernels.own(linked) == f"{linked} is no folder: remove it"
+    assert "cannot be made (File exists)" in kernels.own(file)
+    mine = tmp_path / "mine"
+    monkeypatch.setattr(kernels.os, "geteuid", lambda: os.getuid() + 1)
+    remedy = "is another user's: set NUMBA_CACHE_DIR to a folder of your own"
+    assert kernels.own(mine) == f"{mine} {remedy}"
+
+
+def test_what_lies_beside_a_module_is_never_loaded(tmp_path: Path) -> None:
+    """A kernel that is planted there would run: Numba unpickles it."""
+    (tmp_path / "part.py").write_text(SOURCE)
+    cache = tmp_path / "cache"
+    code = "import part; print(part._twice(2.0), part._twice.stats.cache_path)"
+
+    def run(open_to_all: bool) -> tuple[str, str]:
+        if open_to_all:
+            cache.chmod(0o777)
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "TMPDIR": str(tmp_path)}
+        del environment[kernels.SAID]
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env=environment,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stdout, done.stderr
+
+    out, err = run(open_to_all=False)
+    assert out.startswith(f"4.0 {cache}")
+    assert err == f"{kernels.COMPILING.format(how='kept from now on')}\n"
+    out, err = run(open_to_all=True)
+    how = f"anew by every process, as others may write to {cache}: remove it"
+    assert (out, err) == ("4.0 None\n", f"{kernels.COMPILING.format(how=how)}\n")
+    assert not list(tmp_path.glob("__pycache__/*.nb?"))
+    assert len(list(cache.rglob("*.nbi"))) == 1
+
+
+def test_a_folder_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    full = tmp_path / "cache"
+    full.touch()  # Numba can make no folder below it
+    monkeypatch.setattr(kernels, "own", lambda path: "")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(full))
+
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    compiled = kernels.kernel(twice)
+    assert f"as {full} cannot be written: set NUMBA_CACHE_DIR" in kernels.KEPT.pop(twice)
+    assert compiled.stats.cache_path is None
+    assert str(full) != kernels.config.CACHE_DIR

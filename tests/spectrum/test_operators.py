@@ -22,7 +22,7 @@ from synthnet.spectrum.operators import MASSES, as_sparse, discretise
 from synthnet.types import Mesh
 
 CHOICES = [(elements, mass) for elements, masses in MASSES.items() for mass in masses]
-ORDERS = {"linear": 2, "quadratic": 4, "tufted": 2}
+ORDERS = {"linear": 2, "quadratic": 4, "delaunay": 2, "tufted": 2}
 
 
 def sphere(resolution: int) -> Mesh:
@@ -47,8 +47,8 @@ def test_errors_fall_at_the_order_of_the_elements(name: str, elements: str, mass
     errors = []
     for cells in CELLS:
         mesh = shape.mesh(cells)
-        found = spectrum.compute(mesh, operator=Operator(shape.boundary(mesh), mass, elements))
-        errors.append(np.abs(found.eigenvalues / shape.exact[:10] - 1).max())
+        result = spectrum.compute(mesh, operator=Operator(shape.boundary(mesh), mass, elements))
+        errors.append(np.abs(result.eigenvalues / shape.exact[:10] - 1).max())
     least = 2 if shape.curved else ORDERS[elements]  # flat triangles are off by h² themselves
     assert np.log2(errors[0] / errors[1]) > least - 0.3
 
@@ -61,22 +61,22 @@ def test_none_is_missed_and_vectors_are_orthonormal(
     mesh = square(9)
     held = mesh.vertices[:, 0] == 0 if boundary == "mask" else boundary
     operator = Operator(held, mass, elements)
-    found = spectrum.compute(mesh, 15, operator=operator)
+    result = spectrum.compute(mesh, 15, operator=operator)
     values = dense(mesh, operator)
     zeros = int(boundary == "neumann")
-    np.testing.assert_allclose(found.eigenvalues, values[zeros : zeros + 15], rtol=1e-9)
-    shift = found.certificate.shift
-    assert found.certificate.count == np.count_nonzero(values < shift)
-    assert spectrum.count_below(mesh, shift, operator=operator) == [found.certificate.count]
-    assert np.isnan(found.trivial) == (boundary != "neumann")
+    np.testing.assert_allclose(result.eigenvalues, values[zeros : zeros + 15], rtol=1e-9)
+    shift = result.certificate.shift
+    assert result.certificate.count == np.count_nonzero(values < shift)
+    assert spectrum.count_below(mesh, shift, operator=operator) == [result.certificate.count]
+    assert np.isnan(result.trivial) == (boundary != "neumann")
     if boundary != "neumann":
         on = mesh.vertices[:, 0] == 0
-        assert (found.eigenvectors[on] == 0).all()
+        assert (result.eigenvectors[on] == 0).all()
     if elements != "quadratic":
         discrete = discretise(mesh, operator)
         matrix = as_sparse(discrete.matrices)[1]
         free = slice(None) if discrete.free is None else discrete.free
-        vectors = found.eigenvectors[free]
+        vectors = result.eigenvectors[free]
         np.testing.assert_allclose(vectors.T @ (matrix @ vectors), np.eye(15), atol=1e-8)
 
 
@@ -97,10 +97,10 @@ def test_random_discs_with_random_masks(seed: int, choice: tuple[str, str], seve
     zeros = int(components.unheld(discrete.matrices, numbers).sum())
     values = dense(mesh, operator)
     k = min(8, len(values) - zeros)
-    found = spectrum.compute(mesh, k, operator=operator)
-    assert found.components == count
+    result = spectrum.compute(mesh, k, operator=operator)
+    assert result.components == count
     assert np.count_nonzero(values < 1e-9 * values[-1]) == zeros
-    np.testing.assert_allclose(found.eigenvalues, values[zeros : zeros + k], rtol=1e-7)
+    np.testing.assert_allclose(result.eigenvalues, values[zeros : zeros + k], rtol=1e-7)
 
 
 @pytest.mark.parametrize("mass", ["consistent", "mean", "lumped"])
@@ -111,8 +111,8 @@ def test_exact_eigenvalues_are_within_the_bound(mass: str, aspect: float, held: 
     mask = np.zeros(len(mesh.vertices), dtype=bool)
     mask[mesh.faces[0, 0]] = held
     operator = Operator(mask, mass)
-    found = spectrum.compute(mesh, 4, operator=operator)
-    bound = found.certificate.error_bound
+    result = spectrum.compute(mesh, 4, operator=operator)
+    bound = result.certificate.error_bound
     assert bound is not None
     free = np.flatnonzero(~mask)
     with mpmath.workprec(BITS):
@@ -124,7 +124,7 @@ def test_exact_eigenvalues_are_within_the_bound(mass: str, aspect: float, held: 
                 consistent[i, j] *= share
             consistent[i, i] += (1 - share) * total
         zeros = int(not held)
-        for i, (value, off) in enumerate(zip(found.eigenvalues, bound, strict=True), start=zeros):
+        for i, (value, off) in enumerate(zip(result.eigenvalues, bound, strict=True), start=zeros):
             below, above = (
                 negative(stiffness, consistent, free, mpmath.mpf(value) + side * mpmath.mpf(off))
                 for side in (-1, 1)
@@ -176,11 +176,11 @@ def test_tufted_takes_what_is_no_manifold_and_flat_triangles_without_a_word() ->
     joined = np.concatenate(faces)
     used, renumbered = np.unique(joined, return_inverse=True)
     mesh = Mesh(np.concatenate(book)[used], renumbered.reshape(-1, 3))
-    found = spectrum.compute(mesh, 5, operator=Operator(elements="tufted"))  # warnings are errors
+    result = spectrum.compute(mesh, 5, operator=Operator(elements="tufted"))  # warnings are errors
     # Across the spine, pages agree in value: even modes cos(iπx), odd ones sin((i + ½)πx), twice
     rates = [(i * np.pi) ** 2 for i in range(3)] + 2 * [((i + 0.5) * np.pi) ** 2 for i in range(3)]
     exact = np.sort([rate + (j * np.pi) ** 2 for rate, j in product(rates, range(3))])
-    np.testing.assert_allclose(found.eigenvalues, exact[1:6], rtol=0.06)
+    np.testing.assert_allclose(result.eigenvalues, exact[1:6], rtol=0.06)
     with pytest.warns(UserWarning, match="edges have more than two faces"):
         spectrum.compute(mesh, 5)
     corners = np.array([[0.0, 0, 0], [2, 0, 0], [1, 0, 0], [1, 1, 0]])
@@ -193,26 +193,26 @@ def test_tufted_takes_what_is_no_manifold_and_flat_triangles_without_a_word() ->
 def test_a_component_that_is_not_held_keeps_its_zero() -> None:
     mesh = together(square(10), sphere(12))
     operator = Operator("dirichlet")
-    found = spectrum.compute(mesh, 10, operator=operator)
+    result = spectrum.compute(mesh, 10, operator=operator)
     values = dense(mesh, operator)
-    assert found.components == 2
-    np.testing.assert_allclose(found.eigenvalues, values[1:11], rtol=1e-8)
-    assert found.certificate.count == np.count_nonzero(values < found.certificate.shift)
+    assert result.components == 2
+    np.testing.assert_allclose(result.eigenvalues, values[1:11], rtol=1e-8)
+    assert result.certificate.count == np.count_nonzero(values < result.certificate.shift)
 
 
 @pytest.mark.parametrize(("elements", "mass"), CHOICES)
 def test_certify_judges_the_operator_that_is_named(elements: str, mass: str) -> None:
     mesh, operator = square(9), Operator("dirichlet", mass, elements)
-    found = spectrum.compute(mesh, 6, operator=operator)
-    assert spectrum.certify(mesh, found.eigenvalues, operator=operator).certified
-    assert spectrum.certify(mesh, np.delete(found.eigenvalues, 0), operator=operator).missed == (1,)
-    assert not spectrum.certify(mesh, found.eigenvalues).certified
+    pairs = spectrum.compute(mesh, 6, operator=operator)
+    assert spectrum.certify(mesh, pairs.eigenvalues, operator=operator).certified
+    assert spectrum.certify(mesh, np.delete(pairs.eigenvalues, 0), operator=operator).missed == (1,)
+    assert not spectrum.certify(mesh, pairs.eigenvalues).certified
     if elements == "quadratic":
         with pytest.raises(ValueError, match="say too little of quadratic elements"):
-            spectrum.certify(mesh, found.eigenvalues, found.eigenvectors, operator=operator)
+            spectrum.certify(mesh, pairs.eigenvalues, pairs.eigenvectors, operator=operator)
     else:
         verdict = spectrum.certify(
-            mesh, found.eigenvalues, found.eigenvectors, tolerance=1e-4, operator=operator
+            mesh, pairs.eigenvalues, pairs.eigenvectors, tolerance=1e-4, operator=operator
         )
         assert verdict.certified
         assert verdict.factorisations == 1
@@ -223,7 +223,7 @@ def test_certify_judges_the_operator_that_is_named(elements: str, mass: str) -> 
     [
         ({"boundary": "robin"}, "no boundary condition 'robin': 'neumann', 'dirichlet', or a mask"),
         ({"mass": "diagonal"}, "no mass 'diagonal': 'consistent', 'mean', 'lumped'"),
-        ({"elements": "cubic"}, "no elements 'cubic': 'linear', 'quadratic', 'tufted'"),
+        ({"elements": "cubic"}, "no elements 'cubic': 'linear', 'quadratic', 'delaunay', 'tufted'"),
         ({"elements": "quadratic", "mass": "lumped"}, "quadratic elements have no lumped mass"),
         ({"elements": "tufted", "mass": "mean"}, "tufted elements have no mean mass: lumped only"),
     ],
@@ -257,12 +257,12 @@ def test_repair_names_what_it_did_and_gives_the_mesh_of_the_vectors() -> None:
     ball = sphere(12)
     corners = ball.vertices[ball.faces].reshape(-1, 3)
     soup = Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
-    found = spectrum.compute(soup, 8, repair=True)
-    assert found.repairs == {"merged vertices": len(soup.vertices) - len(ball.vertices)}
-    assert found.mesh is not None
-    assert found.eigenvectors.shape == (len(found.mesh.vertices), 8)
+    result = spectrum.compute(soup, 8, repair=True)
+    assert result.repairs == {"merged vertices": len(soup.vertices) - len(ball.vertices)}
+    assert result.mesh is not None
+    assert result.eigenvectors.shape == (len(result.mesh.vertices), 8)
     plain = spectrum.compute(ball, 8)
-    np.testing.assert_allclose(found.eigenvalues, plain.eigenvalues, rtol=1e-6)
+    np.testing.assert_allclose(result.eigenvalues, plain.eigenvalues, rtol=1e-6)
     assert not plain.repairs
     assert plain.mesh is None
     with pytest.raises(Refused, match="few_vertices"):

@@ -25,15 +25,15 @@ def test_exact_eigenvalues_are_within_the_bound(aspect: float, kind: str, sharp:
         with pytest.raises(CertificateError, match="rounding moves the shift"):
             spectrum.compute(mesh, K, sharp=sharp)
         return
-    found = spectrum.compute(mesh, K, sharp=sharp)
-    bound = found.certificate.error_bound
+    result = spectrum.compute(mesh, K, sharp=sharp)
+    bound = result.certificate.error_bound
     assert bound is not None
     with mpmath.workprec(BITS):
         matrices = exact_matrices(mesh)
-        for i, (value, off) in enumerate(zip(found.eigenvalues, bound, strict=True), start=1):
+        for i, (value, off) in enumerate(zip(result.eigenvalues, bound, strict=True), start=1):
             assert within(matrices, i, value, off)
-        worst = int(np.argmax(bound / found.eigenvalues))
-        value, off = found.eigenvalues[worst], bound[worst]
+        worst = int(np.argmax(bound / result.eigenvalues))
+        value, off = result.eigenvalues[worst], bound[worst]
         if not sharp and off > ROUNDING * value:
             assert not within(matrices, worst + 1, value, off / LOOSE)
 
@@ -55,19 +55,19 @@ def test_sharp_eigenvalues_are_nearer_on_thin_triangles_and_the_same_on_others()
 
 def test_the_residual_alone_does_not_see_the_rounding_of_a_thin_strip() -> None:
     mesh = thin(1e-5, "needles", seed=0)
-    found = spectrum.compute(mesh, K)
-    bound = found.certificate.error_bound
+    result = spectrum.compute(mesh, K)
+    bound = result.certificate.error_bound
     assert bound is not None
-    assert (bound / found.eigenvalues).max() > 20 * found.certificate.residual
+    assert (bound / result.eigenvalues).max() > 20 * result.certificate.residual
 
 
 def test_on_an_ordinary_mesh_the_bound_is_rounding() -> None:
     sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 40})
-    found = spectrum.compute(sphere)
-    bound = found.certificate.error_bound
+    result = spectrum.compute(sphere)
+    bound = result.certificate.error_bound
     assert bound is not None
     assert bound.shape == (10,)
-    assert (bound / found.eigenvalues).max() < 1e-11
+    assert (bound / result.eigenvalues).max() < 1e-11
 
 
 def test_certificates_are_compared_without_the_bound() -> None:

@@ -63,21 +63,21 @@ def sliced(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_none_is_missed_over_several_slices(
     mesh: Mesh, operator: Operator, zeros: int, sliced: list[int]
 ) -> None:
-    found = spectrum.compute(mesh, 200, operator=operator)
+    result = spectrum.compute(mesh, 200, operator=operator)
     assert len(sliced) >= 3
     values = dense(mesh, operator)
-    np.testing.assert_allclose(found.eigenvalues, values[zeros : zeros + 200], rtol=1e-9)
-    proof = found.certificate
+    np.testing.assert_allclose(result.eigenvalues, values[zeros : zeros + 200], rtol=1e-9)
+    proof = result.certificate
     assert proof.count == np.count_nonzero(values < proof.shift)
     assert proof.residual <= 1e-7
     if operator.elements == "linear":
         assert proof.error_bound is not None
-        off = np.abs(found.eigenvalues - values[zeros : zeros + 200])
+        off = np.abs(result.eigenvalues - values[zeros : zeros + 200])
         assert (off <= proof.error_bound + 1e-11 * values[200]).all()
-        assert (proof.error_bound / found.eigenvalues).max() < 1e-5
+        assert (proof.error_bound / result.eigenvalues).max() < 1e-5
         discrete = discretise(mesh, operator)
         free = slice(None) if discrete.free is None else discrete.free
-        vectors, mass = found.eigenvectors[free], as_sparse(discrete.matrices)[1]
+        vectors, mass = result.eigenvectors[free], as_sparse(discrete.matrices)[1]
         np.testing.assert_allclose(vectors.T @ (mass @ vectors), np.eye(200), atol=1e-6)
 
 
@@ -90,17 +90,17 @@ def test_any_slices_give_the_spectrum(seed: int, pairs: int, beside: int) -> Non
         patch.setattr(solve, "LONG", pairs)
         patch.setattr(slices, "SLICE", pairs)
         patch.setattr(slices, "BESIDE", beside)
-        found = spectrum.compute(mesh, 80)
-    np.testing.assert_allclose(found.eigenvalues, dense(mesh)[1:81], rtol=1e-9)
+        result = spectrum.compute(mesh, 80)
+    np.testing.assert_allclose(result.eigenvalues, dense(mesh)[1:81], rtol=1e-9)
 
 
 def test_components_may_have_long_spectra(sliced: list[int]) -> None:
     first, second = ball(3), square(20)
     vertices = np.concatenate([first.vertices, second.vertices + 5.0])
     mesh = Mesh(vertices, np.concatenate([first.faces, second.faces + len(first.vertices)]))
-    found = spectrum.compute(mesh, 150)
+    result = spectrum.compute(mesh, 150)
     assert sliced
-    np.testing.assert_allclose(found.eigenvalues, dense(mesh)[2:152], rtol=1e-9)
+    np.testing.assert_allclose(result.eigenvalues, dense(mesh)[2:152], rtol=1e-9)
 
 
 def test_a_slice_that_lacks_a_pair_is_no_answer(
@@ -148,15 +148,25 @@ def test_where_slices_fail_one_search_is_the_answer(monkeypatch: pytest.MonkeyPa
     mesh = square(20)
     monkeypatch.setattr(solve, "DENSE_AT_MOST", 0)
     monkeypatch.setattr(solve, "search_in_slices", failing)
-    found = spectrum.compute(mesh, 100)
-    np.testing.assert_allclose(found.eigenvalues, dense(mesh)[1:101], rtol=1e-9)
+    result = spectrum.compute(mesh, 130)
+    np.testing.assert_allclose(result.eigenvalues, dense(mesh)[1:131], rtol=1e-9)
 
 
 @pytest.mark.slow
 def test_a_thousand_eigenvalues_of_a_sphere_are_clusters_around_the_smooth_ones() -> None:
-    found = spectrum.compute(ball(5), 1000)
+    result = spectrum.compute(ball(5), 1000)
     smooth = np.repeat([n * (n + 1.0) for n in range(1, 32)], [2 * n + 1 for n in range(1, 32)])
-    off = found.eigenvalues / smooth[:1000] - 1
-    assert found.certificate.count > 1000
+    off = result.eigenvalues / smooth[:1000] - 1
+    assert result.certificate.count > 1000
     assert (off > 0).all()
     assert off.max() < 0.1
+
+
+@pytest.mark.parametrize("mesh", [ball(3), square(25)], ids=["sphere", "square"])
+def test_one_search_finds_a_spectrum_that_just_needs_no_slices(
+    mesh: Mesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(solve, "DENSE_AT_MOST", 0)
+    monkeypatch.setattr(solve, "search_in_slices", None)  # is not called
+    result = spectrum.compute(mesh, solve.LONG)
+    np.testing.assert_allclose(result.eigenvalues, dense(mesh)[1 : solve.LONG + 1], rtol=1e-9)

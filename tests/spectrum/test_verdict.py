@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -10,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import linalg
 
+from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES
-from synthnet.spectrum import certify, compute, fem_matrices
+from synthnet.spectrum import certify, compute, fem_matrices, verdict
 from synthnet.types import Mesh
 
 SHAPES = {
@@ -31,24 +34,66 @@ def exact(mesh: Mesh) -> Any:
 VALUES = {name: exact(mesh) for name, mesh in SHAPES.items()}
 
 
+@contextmanager
+def without_a_solver() -> Iterator[None]:
+    """No eigenvectors can be found, so that everything is counted."""
+
+    def none(*_: Any) -> None:
+        raise SpectrumError
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(verdict, "of_matrices", none)
+        yield
+
+
 @pytest.mark.parametrize("name", SHAPES)
 def test_right_answers_are_certified(name: str) -> None:
     for answer in (VALUES[name][:9], np.append(VALUES[name][8::-1], 1e-15)):
-        verdict = certify(SHAPES[name], answer)
-        assert verdict.certified
-        assert str(verdict).startswith("certified: 9 eigenvalues within 1e-06, none missed below ")
-        assert verdict.count >= 10
+        judged = certify(SHAPES[name], answer)
+        assert judged.certified
+        assert str(judged).startswith("certified: 9 eigenvalues within 1e-06, none missed below ")
+        assert judged.count >= 10
+
+
+def test_one_count_says_what_a_hundred_do() -> None:
+    values = VALUES["torus"][:50]
+    few = certify(SHAPES["torus"], values)
+    with without_a_solver():
+        many = certify(SHAPES["torus"], values)
+    assert few.certified
+    assert (few.factorisations, few.count) == (1, many.count)
+    assert many.factorisations > 50
+    assert str(few) == str(many)
 
 
 @settings(max_examples=60)
-@given(st.sampled_from(sorted(SHAPES)), st.sets(st.integers(0, 10), max_size=4))
+@given(st.sampled_from(sorted(SHAPES)), st.integers(0, 2**32), st.sampled_from([1e-6, 1e-3, 0.1]))
+def test_counts_that_follow_are_those_of_factorisations(
+    name: str, seed: int, tolerance: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    answer = VALUES[name][np.sort(rng.integers(0, 20, rng.integers(1, 12)))]
+    answer = answer * (1 + rng.choice([0, 1e-7, 1e-2, 0.2]) * rng.standard_normal(len(answer)))
+    few = certify(SHAPES[name], answer, tolerance=tolerance)
+    with without_a_solver():
+        many = certify(SHAPES[name], answer, tolerance=tolerance)
+    assert few.factorisations <= many.factorisations
+    assert (few.missed, few.count) == (many.missed, many.count)
+    assert [index for index, _ in few.off] == [index for index, _ in many.off]
+    for (index, true), (_, located) in zip(few.off, many.off, strict=True):
+        distance = abs(few.eigenvalues[index - 1] - true)
+        assert abs(true - located) <= verdict.NEARER * distance + tolerance * true
+
+
+@settings(max_examples=60)
+@given(st.sampled_from(sorted(SHAPES)), st.sets(st.integers(0, 9), max_size=4))
 def test_what_is_missing_is_named_by_its_index(name: str, left_out: set[int]) -> None:
     values = VALUES[name][:12]
-    verdict = certify(SHAPES[name], np.delete(values, sorted(left_out)))
-    assert not verdict.off
-    assert len(verdict.missed) == len(left_out)
+    judged = certify(SHAPES[name], np.delete(values, sorted(left_out)))
+    assert not judged.off
+    assert len(judged.missed) == len(left_out)
     np.testing.assert_allclose(  # of a multiple eigenvalue any copy may be the missing one
-        values[np.array(verdict.missed, dtype=int) - 1], values[sorted(left_out)], rtol=1e-6
+        values[np.array(judged.missed, dtype=int) - 1], values[sorted(left_out)], rtol=1e-6
     )
 
 
@@ -56,32 +101,47 @@ def test_what_is_missing_is_named_by_its_index(name: str, left_out: set[int]) ->
 @pytest.mark.parametrize("by", [1e-4, -1e-4])
 def test_what_is_off_is_named_with_the_eigenvalue_it_stands_for(name: str, by: float) -> None:
     answer = VALUES[name][:6] * (1 + by)
-    verdict = certify(SHAPES[name], answer)
-    assert [index for index, _ in verdict.off] == [1, 2, 3, 4, 5, 6]
-    assert [true for _, true in verdict.off] == pytest.approx(VALUES[name][:6], rel=3e-6)
-    assert not verdict.missed
-    assert "is off by 0.01 %: no eigenvalue within 1e-06, it is " in str(verdict)
+    judged = certify(SHAPES[name], answer)
+    assert [index for index, _ in judged.off] == [1, 2, 3, 4, 5, 6]
+    assert [true for _, true in judged.off] == pytest.approx(VALUES[name][:6], rel=3e-6)
+    assert not judged.missed
+    assert "is off by 0.01 %: no eigenvalue within 1e-06, it is " in str(judged)
     assert certify(SHAPES[name], answer, tolerance=2e-4).certified
+
+
+def test_a_constant_that_is_given_for_an_eigenvector_misleads_nobody() -> None:
+    mesh = SHAPES["torus"]
+    result = compute(mesh, 8)
+    values, vectors = result.eigenvalues.copy(), result.eigenvectors.copy()
+    values[0] /= 10
+    vectors[:, 0] = 1
+    judged = certify(mesh, values, vectors)
+    assert judged.off == certify(mesh, values).off
+    assert judged.off[0][1] == pytest.approx(result.eigenvalues[0], rel=3e-6)
 
 
 def test_a_copy_too_many_is_off() -> None:
     values = VALUES["torus"]
-    verdict = certify(SHAPES["torus"], [values[0], *values[:2], values[1]])
-    assert not verdict.certified
-    assert len(verdict.off) >= 1
+    judged = certify(SHAPES["torus"], [values[0], *values[:2], values[1]])
+    assert not judged.certified
+    assert len(judged.off) >= 1
 
 
 def test_with_eigenvectors_one_factorisation_suffices_and_bad_ones_do_not_mislead() -> None:
     mesh = SHAPES["torus"]
-    found = compute(mesh, 8)
-    verdict = certify(mesh, found.eigenvalues, found.eigenvectors)
-    assert verdict.certified
-    assert verdict.factorisations == 1
-    wrong = found.eigenvectors[:, ::-1]
-    verdict = certify(mesh, found.eigenvalues, wrong)
-    assert verdict.certified  # by counts alone
-    assert verdict.factorisations > 1
-    missing = certify(mesh, found.eigenvalues[1:], found.eigenvectors[:, 1:])
+    result = compute(mesh, 8)
+    judged = certify(mesh, result.eigenvalues, result.eigenvectors)
+    assert judged.certified
+    assert judged.factorisations == 1
+    wrong = result.eigenvectors[:, ::-1]
+    assert certify(mesh, result.eigenvalues, wrong).certified  # by others, which are found
+    with without_a_solver():
+        judged = certify(mesh, result.eigenvalues, wrong)
+    assert judged.certified  # by counts alone
+    assert judged.factorisations > 1
+    shifted = certify(mesh, result.eigenvalues * (1 + 1e-4), result.eigenvectors)
+    assert len(shifted.off) == 8
+    missing = certify(mesh, result.eigenvalues[1:], result.eigenvectors[:, 1:])
     assert missing.missed in ((1,), (2,))  # a pair: either is the other
 
 
@@ -113,3 +173,13 @@ def test_zeros_of_components_may_be_given_all_or_none() -> None:
 def test_what_is_no_answer_is_one_line(answer: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         certify(SHAPES["sphere"], answer)
+
+
+def test_a_mesh_is_repaired_where_that_is_asked_for() -> None:
+    mesh = SHAPES["sphere"]
+    loose = Mesh(np.vstack([mesh.vertices, [[9.0, 9, 9]]]), mesh.faces)
+    with pytest.raises(ValueError, match=r"1 vertices belong to no triangle.*repair=True"):
+        certify(loose, VALUES["sphere"][:5])
+    judged = certify(loose, VALUES["sphere"][:5], repair=True)
+    assert judged.certified
+    assert judged.repairs == {"loose vertices": 1}

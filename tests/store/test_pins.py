@@ -124,5 +124,5 @@ def test_some_pins_are_what_is_computed_now(version: str) -> None:
         family, parameters = json.loads(key)
         if family == "pretzel":
             continue  # takes seconds
-        found = FAMILIES[family].limit_spectrum(parameters)
-        np.testing.assert_allclose(limits[id].eigenvalues, found.eigenvalues, rtol=1e-7)
+        limit = FAMILIES[family].limit_spectrum(parameters)
+        np.testing.assert_allclose(limits[id].eigenvalues, limit.eigenvalues, rtol=1e-7)

@@ -8,8 +8,9 @@ import errno
 import json
 import os
 import shutil
+import socket
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -67,8 +68,8 @@ def test_samples_come_back_exactly(
 ) -> None:
     samples = tiny_samples[family]
     write(tmp_path / "shards" / "a.parquet", samples)
-    found = list(store.read_samples(tmp_path / "shards" / "a.parquet"))
-    assert [exact(s) for s in found] == [exact(s) for s in samples]
+    stored = list(store.read_samples(tmp_path / "shards" / "a.parquet"))
+    assert [exact(s) for s in stored] == [exact(s) for s in samples]
 
 
 def test_awkward_numbers_come_back_exactly(tmp_path: Path) -> None:
@@ -84,10 +85,10 @@ def test_awkward_numbers_come_back_exactly(tmp_path: Path) -> None:
         paper_splits=("train", "test"),
     )
     write(tmp_path / "shards" / "a.parquet", [sample])
-    (found,) = store.read_samples(tmp_path / "shards" / "a.parquet")
-    assert exact(found) == exact(sample)
-    assert [type(v) for v in found.spec.parameters.values()] == [float, int, float]
-    assert np.signbit(found.mesh.vertices[0, 0])
+    (stored,) = store.read_samples(tmp_path / "shards" / "a.parquet")
+    assert exact(stored) == exact(sample)
+    assert [type(v) for v in stored.spec.parameters.values()] == [float, int, float]
+    assert np.signbit(stored.mesh.vertices[0, 0])
 
 
 def test_record_says_what_is_in_the_shard(
@@ -115,10 +116,10 @@ def test_same_samples_give_the_same_bytes(
     paths = [tmp_path / name / "torus-0000.parquet" for name in "ab"]
     for path in paths:
         write(path, tiny_samples["torus"], (REJECTION,))
-    one, two = (path.read_bytes() for path in paths)
-    assert one == two
+    first, second = (path.read_bytes() for path in paths)
+    assert first == second
     write(paths[1], tiny_samples["torus"][:-1], (REJECTION,))
-    assert one != paths[1].read_bytes()
+    assert first != paths[1].read_bytes()
 
 
 def test_samples_read_and_written_again_give_the_same_bytes(torus_shard: Path) -> None:
@@ -163,6 +164,16 @@ def test_shard_of_another_recipe_is_refused(torus_shard: Path) -> None:
         store.read_record(torus_shard, "e" * 64)
 
 
+def test_shard_of_other_shapes_than_planned_is_damaged(torus_shard: Path) -> None:
+    record = store.read_record(torus_shard, "d" * 64)
+    ids = [sample.spec.id for sample in store.read_samples(torus_shard)]
+    ids += [rejection.id for rejection in record.rejections]
+    assert store.read_record(torus_shard, "d" * 64, ids[::-1]) == record
+    for others in (ids[1:], [*ids[1:], "torus-99999"], [*ids, "torus-99999"]):
+        with pytest.raises(StoreError, match=r"\(it holds other shapes than it should\)"):
+            store.read_record(torus_shard, "d" * 64, others)
+
+
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.5, 0.9, 0.99, 0.9999])
 def test_truncated_shard_is_damaged(torus_shard: Path, share: float) -> None:
     content = torus_shard.read_bytes()
@@ -193,11 +204,11 @@ def test_flipped_byte_never_gives_other_data(torus_shard: Path, part: str) -> No
     messages = []
     for position in flipped(torus_shard, part, seed=20240726):
         try:
-            found = [exact(s) for s in store.read_samples(torus_shard)]
+            stored = [exact(s) for s in store.read_samples(torus_shard)]
         except StoreError as error:
             messages.append(str(error))
         else:
-            assert found == samples, f"byte {position} changed the data unnoticed"
+            assert stored == samples, f"byte {position} changed the data unnoticed"
     assert len(messages) > 50
     assert not any("\n" in message for message in messages)
 
@@ -205,9 +216,12 @@ def test_flipped_byte_never_gives_other_data(torus_shard: Path, part: str) -> No
 @pytest.mark.parametrize("part", ["data", "footer"])
 def test_altered_shard_is_never_taken_for_a_finished_one(torus_shard: Path, part: str) -> None:
     # A build that goes on keeps what read_record accepts, and must end with the same bytes.
+    refused = 0
     for _ in flipped(torus_shard, part, seed=20240727):
         with pytest.raises(StoreError, match=r"\A[^\n]+\Z"):
             store.read_record(torus_shard, "d" * 64)
+        refused += 1
+    assert refused == 150
 
 
 # Manifest
@@ -228,10 +242,10 @@ def manifest(tiny: Recipe, torus_shard: Path) -> Manifest:
 
 def test_manifest_comes_back(manifest: Manifest, tmp_path: Path) -> None:
     store.write_manifest(tmp_path, manifest)
-    found = store.read_manifest(tmp_path)
-    assert found == manifest
-    assert found is not None
-    assert (found.rows, found.rejections) == (4, (REJECTION,))
+    stored = store.read_manifest(tmp_path)
+    assert stored == manifest
+    assert stored is not None
+    assert (stored.rows, stored.rejections) == (4, (REJECTION,))
 
 
 def test_manifest_is_json_with_a_schema_version(manifest: Manifest, tmp_path: Path) -> None:
@@ -282,6 +296,57 @@ def test_manifest_that_lacks_a_key_is_refused(key: str, manifest: Manifest, tmp_
     del content[key]
     path.write_text(json.dumps(content))
     with pytest.raises(DamagedError, match=f"is damaged .*{key}"):
+        store.read_manifest(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m.update(version="../1.0"), r"'../1.0' is no name"),
+        (lambda m: m.update(version=1.0), "1.0 is no str"),
+        (lambda m: m.update(recipe_digest="d" * 63), "'d+' is no SHA-256"),
+        (lambda m: m.update(recipe=[]), r"\[\] is no dict"),
+        (lambda m: m.update(drawn={"..": 1, **m["drawn"]}), "'..' is no name"),
+        (lambda m: m.update(drawn={"a/b": 1, **m["drawn"]}), "'a/b' is no name"),
+        (lambda m: m["drawn"].update(torus=-1), "-1 is no number of something"),
+        (lambda m: m.update(packages={"numpy": 2}), "2 is no str"),
+        (lambda m: m.update(surprise=1), "unexpected keyword argument 'surprise'"),
+        (lambda m: m["shards"][0].update(file="/etc/passwd"), "'/etc/passwd' is no file of a"),
+        (lambda m: m["shards"][0].update(file="shards/../x-0000.parquet"), "is no file of a shard"),
+        (lambda m: m["shards"][0].update(file="torus-0000.parquet"), "is no file of a shard"),
+        (lambda m: m["shards"][0].update(sha256=None), "None is no SHA-256"),
+        (lambda m: m["shards"][0].update(rows=True), "True is no number of something"),
+        (lambda m: m["shards"][0].update(family="cone"), "of a family that was not drawn"),
+        (
+            lambda m: m["shards"][0]["rejections"].append(
+                {"id": 1, "family": "torus", "reason": "", "detail": ""}
+            ),
+            "1 is no str",
+        ),
+    ],
+)
+def test_manifest_is_read_by_its_schema(
+    change: Callable[[dict[str, Any]], None], message: str, manifest: Manifest, tmp_path: Path
+) -> None:
+    """Each forgery has a whole digest of its own."""
+    store.write_manifest(tmp_path, manifest)
+    path = tmp_path / "manifest.json"
+    content = json.loads(path.read_text())
+    del content[store.DIGEST]
+    change(content)
+    path.write_text(store.with_digest(content))
+    with pytest.raises(DamagedError, match=rf"is damaged \(.*{message}"):
+        store.read_manifest(tmp_path)
+
+
+def test_manifest_that_is_no_file_or_nested_without_end(tmp_path: Path) -> None:
+    path = tmp_path / "manifest.json"
+    path.write_text("[" * 100_000)
+    with pytest.raises(DamagedError, match="is damaged"):
+        store.read_manifest(tmp_path)
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(DamagedError, match="it is no file"):
         store.read_manifest(tmp_path)
 
 
@@ -349,14 +414,14 @@ def test_find_in_an_unknown_family_names_the_families(
 
 
 def test_find_of_an_unknown_number_says_where_the_ids_are(dataset: store.StoredDataset) -> None:
-    wanted = "no shape 'torus-00099' in tiny: `synthnet info tiny --ids` lists them"
-    with pytest.raises(StoreError, match=wanted):
+    message = "no shape 'torus-00099' in tiny: `synthnet info tiny --ids` lists them"
+    with pytest.raises(StoreError, match=message):
         dataset.find("torus-00099")
 
 
 def test_dataset_that_is_not_built_says_how_to_build_it(tmp_path: Path) -> None:
-    wanted = rf"no finished dataset in .*: run `synthnet build --version 1\.0 --out {tmp_path}`"
-    with pytest.raises(StoreError, match=wanted):
+    message = rf"no finished dataset in .*: run `synthnet build 1\.0 --out {tmp_path}`"
+    with pytest.raises(StoreError, match=message):
         store.open_dataset("1.0", tmp_path)
 
 
@@ -387,28 +452,31 @@ def test_home_expands_the_tilde(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
 # A disk that cannot be written or is full
 
 
-def unwritable_places(tmp_path: Path) -> Iterator[Path]:
-    (tmp_path / "file").write_text("no directory")
-    yield tmp_path / "file" / "home"  # so there is always one
-    if Path("/proc/self").exists():
-        yield Path("/proc/synthnet")
-    if os.geteuid() != 0:
-        (tmp_path / "closed").mkdir(mode=0o500)
-        yield tmp_path / "closed" / "home"
+@pytest.fixture(params=["below a file", "in /proc", "in a closed directory"])
+def unwritable(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    if request.param == "below a file":
+        (tmp_path / "file").write_text("no directory")
+        return tmp_path / "file" / "home"
+    if request.param == "in /proc":
+        if not Path("/proc/self").exists():
+            pytest.skip("this system has no /proc")
+        return Path("/proc/synthnet")
+    if os.geteuid() == 0:
+        pytest.skip("root may write into a closed directory")
+    (tmp_path / "closed").mkdir(mode=0o500)
+    return tmp_path / "closed" / "home"
 
 
-def test_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    for place in unwritable_places(tmp_path):
-        wanted = f"cannot write to {place} .*: choose another directory with --out or"
-        with pytest.raises(BuildError, match=wanted) as caught:
-            files.make_directory(place)
-        assert "\n" not in str(caught.value)
+def test_directory_that_cannot_be_made_is_named(unwritable: Path) -> None:
+    remedy = r"choose another directory with --out or [^\n]*"
+    line = rf"\Acannot write to {unwritable} [^\n]*: {remedy}\Z"
+    with pytest.raises(BuildError, match=line):
+        files.make_directory(unwritable)
 
 
-def test_manifest_below_a_file_is_not_a_crash(tmp_path: Path) -> None:
+def test_manifest_below_a_file_is_not_a_crash(unwritable: Path) -> None:
     # `synthnet build --out README.md/x` asks for the manifest before it makes a directory.
-    for place in unwritable_places(tmp_path):
-        assert store.read_manifest(place) is None
+    assert store.read_manifest(unwritable) is None
 
 
 def test_directory_that_can_be_written_is_left_empty(tmp_path: Path) -> None:
@@ -476,20 +544,115 @@ def test_directory_is_made_in_place_or_not_at_all(tmp_path: Path) -> None:
         (partial / "half").touch()
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    place = tmp_path / "place"
+    def is_whole() -> bool:
+        return (folder / "new").exists()
+
+    folder = tmp_path / "place"
     with pytest.raises(BuildError, match="no space left"):
-        files.make_in_place(place, "new", full)
-    assert not place.exists()
-    place.mkdir()
-    (place / "old").touch()
+        files.make_in_place(folder, is_whole, full)
+    assert not folder.exists()
+    folder.mkdir()
+    (folder / "old").touch()
     (tmp_path / ".place.partial").mkdir()  # left by a process that was killed
     with pytest.raises(BuildError, match="no space left"):
-        files.make_in_place(place, "new", full)
-    assert [p.name for p in place.iterdir()] == ["old"]
-    files.make_in_place(place, "new", good)
-    assert [p.name for p in place.iterdir()] == ["new"]
-    files.make_in_place(place, "new", full)  # it is complete: nothing is done
+        files.make_in_place(folder, is_whole, full)
+    assert [p.name for p in folder.iterdir()] == ["old"]
+    files.make_in_place(folder, is_whole, good)
+    assert [p.name for p in folder.iterdir()] == ["new"]
+    files.make_in_place(folder, is_whole, full)  # it is complete: nothing is done
     assert {p.name for p in tmp_path.iterdir()} <= {"place", ".place.lock"}
+
+
+# Locks
+
+
+def refuse(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    """Let the system refuse a lock."""
+
+    def flock(descriptor: int, operation: int) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("fcntl.flock", flock)
+
+
+@pytest.mark.parametrize("number", files.NO_LOCKS)
+def test_file_system_without_locks(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse(monkeypatch, number)
+    remedy = (
+        r"has no locks \(.*\): choose another --out or \$SYNTHNET_HOME on a local disk, or a URL$"
+    )
+    with pytest.raises(BuildError, match=remedy), files.locked(tmp_path / ".lock", wait=True):
+        pass
+
+
+def test_lock_that_cannot_be_had_for_another_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse(monkeypatch, errno.EIO)
+    error = r"cannot write .*\.lock \(Input/output error\)$"
+    with pytest.raises(BuildError, match=error), files.locked(tmp_path / ".lock", wait=False):
+        pass
+
+
+def test_lock_of_another_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / ".lock"
+    path.touch()
+
+    def denied(*_: object, **__: object) -> NoReturn:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+    monkeypatch.setattr(files.filelock.FileLock, "acquire", denied)
+    for owner, name in ((path.owner(), path.owner()), (None, "another user")):
+        if owner is None:
+            path.unlink()
+        remedy = (
+            rf"cannot lock {tmp_path}: {path} is {name}'s, choose another --out or \$SYNTHNET_HOME"
+        )
+        with pytest.raises(BuildError, match=remedy), files.locked(path, wait=True):
+            pass
+
+
+def test_lock_says_who_holds_it(tmp_path: Path) -> None:
+    path = tmp_path / ".lock"
+
+    def message() -> str:
+        with pytest.raises(BuildError) as caught, files.locked(path, wait=False):
+            pass
+        return str(caught.value)
+
+    with files.locked(path, wait=False):
+        assert path.read_text() == f"{socket.gethostname()} {os.getpid()}\n"
+        assert (
+            f"is writing to {tmp_path} (process {os.getpid()}): wait for it (--wait)" in message()
+        )
+        path.write_text("elsewhere\n")  # written by nobody, or by half
+        assert f"is writing to {tmp_path}: wait for it (--wait)" in message()
+        # A server of files may keep the lock of a machine that died.
+        path.write_text("elsewhere 4242\n")
+        gone = f"(process 4242 on elsewhere; if that is gone, remove {path})"
+        assert f"is writing to {tmp_path} {gone}: wait" in message()
+        path.unlink()  # as the message says
+        with files.locked(path, wait=False):
+            pass
+    assert subprocess.run(["flock", "-n", str(path), "true"], check=False).returncode == 0
+
+
+def test_lock_holds_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / ".lock"
+
+    def full(*_: object, **__: object) -> NoReturn:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    other = r"is writing to \S+: wait for it"
+    with (
+        files.locked(path, wait=False),
+        pytest.raises(BuildError, match=other),
+        files.locked(path, wait=False),
+    ):
+        pass
 
 
 def test_partial_files_are_removed_and_nothing_else(tmp_path: Path) -> None:
@@ -507,7 +670,7 @@ PACKAGE = Path(synthnet.__file__).parent
 
 def unsafe_lines(source: str) -> list[int]:
     """Lines that import a pickle, load by torch, or let NumPy load or save one."""
-    found = []
+    lines = []
     for node in ast.walk(ast.parse(source)):
         names: list[str] = []
         if isinstance(node, ast.Import):
@@ -526,8 +689,8 @@ def unsafe_lines(source: str) -> list[int]:
             }  # fmt: skip
             bad |= owner == "self" and name in {"load", "save", "collate"}  # of InMemoryDataset
         if bad:
-            found.append(node.lineno)
-    return found
+            lines.append(node.lineno)
+    return lines
 
 
 @pytest.mark.parametrize(

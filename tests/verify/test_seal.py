@@ -47,8 +47,8 @@ def home_copy(sealed_set: SealedSet, tmp_path: Path) -> Path:
 
 
 def shapes(version: str, salt: bytes = SALT, **terms: Any) -> list[ShapeSpec]:
-    wanted = seal.sealed_recipe(version, salt, **terms)
-    return [shape.spec for shard in plan_shards(wanted) for shape in shard.shapes]
+    sealed_version = seal.sealed_recipe(version, salt, **terms)
+    return [shape.spec for shard in plan_shards(sealed_version) for shape in shard.shapes]
 
 
 def written(path: Path, content: dict[str, Any]) -> Path:
@@ -70,16 +70,16 @@ def only_line(code: int, out: str, err: str) -> str:
 
 
 def test_new_salt_is_secret_random_and_never_overwritten(tmp_path: Path) -> None:
-    one, two = tmp_path / "one", tmp_path / "two"
-    for path in (one, two):
+    first, second = tmp_path / "one", tmp_path / "two"
+    for path in (first, second):
         seal.make_salt(path)
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
         assert len(seal.read_salt(path)) == 32
-    assert one.read_bytes() != two.read_bytes()
-    before = one.read_bytes()
+    assert first.read_bytes() != second.read_bytes()
+    before = first.read_bytes()
     with pytest.raises(SealError, match="is there already, and no salt is overwritten"):
-        seal.make_salt(one)
-    assert one.read_bytes() == before
+        seal.make_salt(first)
+    assert first.read_bytes() == before
 
 
 def test_salt_that_cannot_be_written(tmp_path: Path) -> None:
@@ -87,24 +87,33 @@ def test_salt_that_cannot_be_written(tmp_path: Path) -> None:
         seal.make_salt(tmp_path / "nowhere" / "salt")
 
 
-def test_salt_is_read_whatever_its_case_and_end(tmp_path: Path) -> None:
+def test_salt_is_read_whatever_its_end(tmp_path: Path) -> None:
     path = tmp_path / "salt"
-    path.write_text(f" {SALT.hex().upper()} \r\n")
-    assert seal.read_salt(path) == SALT
+    for end in ("", "\n", "\r\n"):
+        path.write_bytes(seal.salt_text(SALT).strip().encode() + end.encode())
+        assert seal.read_salt(path) == SALT
+
+
+MARK = seal.SALT_MARK.encode()
+HEX = SALT.hex().encode()
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
         (None, "there is no salt .*: `synthnet seal --new-salt` makes one"),
-        (b"", "must have 32 to 1024 bytes, got 0"),
-        (bytes(range(31)).hex().encode(), "must have 32 to 1024 bytes, got 31"),
-        (b"0123456789abcdef" * 129, "must have 32 to 1024 bytes, got 1032"),
-        (b"correct horse battery staple", "must be hexadecimal digits"),
-        (SALT.hex().encode() + b"a", "must be hexadecimal digits"),
-        (b"00 11" * 16, "must be hexadecimal digits"),
-        (b"\xff\x00" * 40, "must be hexadecimal digits"),
-        (b"deadbeef" * 8, "is not random, it has 4 different bytes"),
+        (b"", "is no salt: that is one line"),
+        (b"correct horse battery staple", "`synthnet seal --new-salt` alone makes one"),
+        (HEX, "is no salt"),  # some digest, or a salt that somebody thought of
+        (b"deadbeef" * 8, "is no salt"),
+        (MARK + HEX[:-2], "is no salt"),
+        (MARK + HEX + b"00", "is no salt"),
+        (MARK + HEX.upper(), "is no salt"),
+        (MARK + b" " + HEX, "is no salt"),
+        (MARK + HEX + b"\n" + MARK + HEX, "is no salt"),
+        (b"synthnet-salt-2:" + HEX, "is no salt"),
+        (b"\xff\x00" * 40, "is no salt"),
+        (b"0" * 10**6, "is no salt"),
     ],
 )
 def test_salt_that_will_not_do(content: bytes | None, message: str, tmp_path: Path) -> None:
@@ -112,6 +121,17 @@ def test_salt_that_will_not_do(content: bytes | None, message: str, tmp_path: Pa
         (tmp_path / "salt").write_bytes(content)
     with pytest.raises(SealError, match=message):
         seal.read_salt(tmp_path / "salt")
+
+
+def test_salt_that_others_may_read_draws_no_set(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "salt"
+    seal.make_salt(path)
+    path.chmod(0o640)
+    where = ["--salt-file", path, "--out", tmp_path / "home"]
+    line = only_line(*run("seal", "--version", "1.0-mini", *where, "--commitment"))
+    assert f"others may read the salt {path} (mode 640): make another one" in line
+    path.chmod(0o600)
+    assert run("seal", "--version", "1.0-mini", *where, "--commitment")[0] == 0
 
 
 def test_salt_that_is_a_directory(tmp_path: Path) -> None:
@@ -123,25 +143,25 @@ def test_salt_that_is_a_directory(tmp_path: Path) -> None:
 
 
 def test_commitment_and_seed_are_the_documented_hashes() -> None:
-    wanted = seal.sealed_recipe("1.0-mini", SALT, beacon="round 7")
+    sealed_version = seal.sealed_recipe("1.0-mini", SALT, beacon="round 7")
     digest = recipe.load("1.0-mini").digest
-    told = f'"digest":"{digest}","of":"1.0-mini","share":0.1}}'
+    ending = f'"digest":"{digest}","of":"1.0-mini","share":0.1}}'
 
     def hashed(purpose: str, text: str) -> str:
         head = f"synthnet seal/1 {purpose}\n{hashlib.sha256(text.encode()).hexdigest()}\n"
         return hashlib.sha256(head.encode() + SALT).hexdigest()
 
-    assert wanted.sealed is not None
-    assert wanted.sealed.commitment == hashed("commitment", "{" + told)
-    assert wanted.seed == int(hashed("seed", '{"beacon":"round 7",' + told), 16)
-    assert wanted.version == f"1.0-mini-sealed-{wanted.sealed.commitment[:12]}"
+    assert sealed_version.sealed is not None
+    assert sealed_version.sealed.commitment == hashed("commitment", "{" + ending)
+    assert sealed_version.seed == int(hashed("seed", '{"beacon":"round 7",' + ending), 16)
+    assert sealed_version.version == f"1.0-mini-sealed-{sealed_version.sealed.commitment[:12]}"
 
 
 def test_spelling_of_a_beacon_gives_no_choice() -> None:
-    one, two = (
+    first, second = (
         seal.sealed_recipe("1.0-mini", SALT, beacon=beacon) for beacon in ("Round  7", "round 7 ")
     )
-    assert one == two
+    assert first == second
 
 
 def test_every_term_changes_commitment_and_seed_and_the_beacon_the_seed_alone() -> None:
@@ -162,40 +182,44 @@ def test_every_term_changes_commitment_and_seed_and_the_beacon_the_seed_alone() 
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_sealed_set_has_its_share_of_every_family_and_all_in_the_test_split(version: str) -> None:
-    base, wanted = recipe.load(version), seal.sealed_recipe(version, SALT)
-    planned = [shape for shard in plan_shards(wanted) for shape in shard.shapes]
+    base, sealed_version = recipe.load(version), seal.sealed_recipe(version, SALT)
+    planned = [shape for shard in plan_shards(sealed_version) for shape in shard.shapes]
     for family in base.families:
         members = [s.spec for s in planned if s.spec.family == family]
         surfaces = base.drawn(family) // base.copies
-        assert len(members) == wanted.drawn(family) == base.copies * max(1, round(0.1 * surfaces))
+        assert (
+            len(members)
+            == sealed_version.drawn(family)
+            == base.copies * max(1, round(0.1 * surfaces))
+        )
         each = [{s.group for s in members[i :: base.copies]} for i in range(base.copies)]
         assert all(groups == each[0] for groups in each)  # every size of every surface
     assert {shape.split for shape in planned} == {"test"}
     assert {split for shape in planned for split in shape.paper_splits} <= {"test"}
-    assert wanted.label == base.label
-    assert wanted.filters == base.filters
+    assert sealed_version.label == base.label
+    assert sealed_version.filters == base.filters
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_no_shape_is_the_versions_own_or_that_of_another_salt(version: str) -> None:
     public = draw_shapes(recipe.load(version))
-    one, two = shapes(version), shapes(version, OTHER)
-    ids = [{s.id for s in specs} for specs in (public, one, two)]
-    assert [len(i) for i in ids] == [len(public), len(one), len(two)]
+    own, others = shapes(version), shapes(version, OTHER)
+    ids = [{s.id for s in specs} for specs in (public, own, others)]
+    assert [len(i) for i in ids] == [len(public), len(own), len(others)]
     assert len(set.union(*ids)) == sum(map(len, ids))
     groups = {s.group for s in public}
-    assert not groups & {s.group for s in one + two}
-    assert not {s.group for s in one if s.family not in DISCRETE} & {s.group for s in two}
+    assert not groups & {s.group for s in own + others}
+    assert not {s.group for s in own if s.family not in DISCRETE} & {s.group for s in others}
 
 
 def test_what_was_left_out_is_what_the_draw_has_in_common_with_the_version() -> None:
-    wanted = seal.sealed_recipe("1.0", SALT)
+    sealed_version = seal.sealed_recipe("1.0", SALT)
     public = {s.group for s in draw_shapes(recipe.load("1.0")) if s.family == "split_sphere"}
-    drawn = [draw_shape(wanted, "split_sphere", i) for i in range(2000)]
+    drawn = [draw_shape(sealed_version, "split_sphere", i) for i in range(2000)]
     new = [s for s in drawn if s.group not in public][:250]
     assert len(new) < new[-1].index  # or nothing is tested
-    found = [s for s in shapes("1.0") if s.family == "split_sphere"]
-    assert [(s.index, s.group) for s in found] == [(s.index, s.group) for s in new]
+    kept = [s for s in shapes("1.0") if s.family == "split_sphere"]
+    assert [(s.index, s.group) for s in kept] == [(s.index, s.group) for s in new]
 
 
 def test_family_without_other_shapes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -240,12 +264,13 @@ def test_recipe_file_is_never_sealed() -> None:
 
 @pytest.mark.slow
 def test_two_workers_make_the_same_bytes(sealed_set: SealedSet, tmp_path: Path) -> None:
-    wanted = seal.sealed_recipe(
+    sealed_version = seal.sealed_recipe(
         "1.0-mini", seal.read_salt(sealed_set.salt), share=0.01, beacon="round 7"
     )
-    made, _ = seal.make(wanted, root=tmp_path, workers=2)
+    made, _ = seal.make(sealed_version, root=tmp_path, workers=2)
     assert made == sealed_set.seal
-    assert contents(tmp_path) == contents(sealed_set.home)
+    name = sealed_set.seal.dataset
+    assert contents(tmp_path / name) == contents(sealed_set.home / name)
 
 
 class Stopped(Watcher):
@@ -261,29 +286,34 @@ class Stopped(Watcher):
 
 @pytest.mark.slow
 def test_interrupted_build_goes_on(sealed_set: SealedSet, tmp_path: Path) -> None:
-    wanted = seal.sealed_recipe(
+    sealed_version = seal.sealed_recipe(
         "1.0-mini", seal.read_salt(sealed_set.salt), share=0.01, beacon="round 7"
     )
     with pytest.raises(KeyboardInterrupt):
-        seal.make(wanted, root=tmp_path, workers=1, watcher=Stopped())
+        seal.make(sealed_version, root=tmp_path, workers=1, watcher=Stopped())
     with pytest.raises(StoreError, match=r"the sealed set .* is not in "):
         seal.open_checked(sealed_set.seal, tmp_path)
-    made, report = seal.make(wanted, root=tmp_path, workers=1)
+    made, report = seal.make(sealed_version, root=tmp_path, workers=1)
     assert report.reused >= 3
     assert made == sealed_set.seal
-    assert contents(tmp_path) == contents(sealed_set.home)
+    name = sealed_set.seal.dataset
+    assert contents(tmp_path / name) == contents(sealed_set.home / name)
 
 
 def test_directory_is_private(sealed_set: SealedSet) -> None:
     directory = sealed_set.home / sealed_set.seal.dataset
     assert stat.S_IMODE(directory.stat().st_mode) == 0o700
+    assert stat.S_IMODE((directory / "manifest.json").stat().st_mode) == 0o600
+    shards = [path for path in directory.rglob("*.parquet") if path.stat().st_mode & 0o077]
+    assert shards == []  # by processes that had the mode from the first byte
 
 
 def test_seal_tells_no_salt_seed_id_parameter_or_label(sealed_set: SealedSet) -> None:
     text = sealed_set.published.read_text().lower()
     dataset = seal.open_checked(sealed_set.seal, sealed_set.home)
-    wanted = seal.recipe_of(dataset)
-    secrets = [sealed_set.salt.read_text().strip(), str(wanted.seed), f"{wanted.seed:x}"]
+    sealed_version = seal.recipe_of(dataset)
+    salt = seal.read_salt(sealed_set.salt).hex()
+    secrets = [salt, str(sealed_version.seed), f"{sealed_version.seed:x}"]
     for sample in dataset.samples():
         tail = sample.spec.id.rpartition("-")[2]
         secrets += [tail, sample.spec.group, pins.digest(sample)]
@@ -295,28 +325,28 @@ def test_seal_tells_no_salt_seed_id_parameter_or_label(sealed_set: SealedSet) ->
 
 
 def test_seal_says_what_the_set_is(sealed_set: SealedSet) -> None:
-    found = sealed_set.seal
-    dataset = store.open_dataset(found.dataset, sealed_set.home)
-    assert seal.read(sealed_set.published) == found
-    assert found.drawn == dict.fromkeys(recipe.load("1.0-mini").families, 1)
-    assert sum(found.kept.values()) == dataset.manifest.rows
-    assert found.recipe_digest == dataset.manifest.recipe_digest
-    assert (found.beacon, found.share) == ("round 7", 0.01)
-    assert found.version_digest == recipe.load("1.0-mini").digest
+    record = sealed_set.seal
+    dataset = store.open_dataset(record.dataset, sealed_set.home)
+    assert seal.read(sealed_set.published) == record
+    assert record.drawn == dict.fromkeys(recipe.load("1.0-mini").families, 1)
+    assert sum(record.kept.values()) == dataset.manifest.rows
+    assert record.recipe_digest == dataset.manifest.recipe_digest
+    assert (record.beacon, record.share) == ("round 7", 0.01)
+    assert record.version_digest == recipe.load("1.0-mini").digest
 
 
 def test_digest_of_the_meshes_cannot_be_tried_without_the_seed(sealed_set: SealedSet) -> None:
     dataset = store.open_dataset(sealed_set.seal.dataset, sealed_set.home)
-    wanted = seal.recipe_of(dataset)
-    assert seal.digest(dataset, wanted.seed) == sealed_set.seal.meshes
-    assert seal.digest(dataset, wanted.seed + 1) != sealed_set.seal.meshes
+    sealed_version = seal.recipe_of(dataset)
+    assert seal.digest(dataset, sealed_version.seed) == sealed_set.seal.meshes
+    assert seal.digest(dataset, sealed_version.seed + 1) != sealed_set.seal.meshes
 
 
 def test_no_byte_of_the_file_can_be_altered(sealed_set: SealedSet, tmp_path: Path) -> None:
     path, whole = tmp_path / "seal.json", sealed_set.published.read_bytes()
     assert len(whole) > 1000
-    for place in range(len(whole)):
-        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+    for location in range(len(whole)):
+        path.write_bytes(whole[:location] + bytes([whole[location] ^ 1]) + whole[location + 1 :])
         with pytest.raises(SealError):
             seal.read(path)
 
@@ -375,16 +405,16 @@ def test_sealed_set_is_opened_by_its_name_and_is_no_version(sealed_set: SealedSe
     dataset = ensure_built(name, sealed_set.home)
     assert dataset.manifest.version == name
     assert name not in recipe.available()
-    wanted = seal.recipe_of(dataset)
-    assert wanted.digest == dataset.manifest.recipe_digest
+    sealed_version = seal.recipe_of(dataset)
+    assert sealed_version.digest == dataset.manifest.recipe_digest
 
 
 def test_sealed_set_is_read_by_pyg_and_datasets(home_copy: Path, sealed_set: SealedSet) -> None:
     name = sealed_set.seal.dataset
     pyg = pytest.importorskip("synthnet.pyg")
-    found = pyg.SynthNet(home_copy, name, split="test", augment=False)
+    items = pyg.SynthNet(home_copy, name, split="test", augment=False)
     labels = [s.eigenvalues for s in store.open_dataset(name, home_copy).samples()]
-    assert [item.y[0, 0].item() for item in found] == pytest.approx([y[0] for y in labels])
+    assert [item.y[0, 0].item() for item in items] == pytest.approx([y[0] for y in labels])
 
 
 def test_commands_on_a_built_version_take_its_name(sealed_set: SealedSet, run: Run) -> None:
@@ -420,9 +450,9 @@ def test_manifest_without_a_recipe_is_no_sealed_set(home_copy: Path, sealed_set:
 
 
 def test_set_at_a_url_is_refused() -> None:
-    wanted = seal.sealed_recipe("1.0-mini", SALT)
+    sealed_version = seal.sealed_recipe("1.0-mini", SALT)
     with pytest.raises(StoreError, match="is not on this machine"):
-        seal.make(wanted, root="memory://somewhere")
+        seal.make(sealed_version, root="memory://somewhere")
 
 
 def test_one_salt_has_no_second_set(sealed_set: SealedSet, run: Run) -> None:
@@ -501,9 +531,9 @@ def test_damaged_shard_is_noticed(sealed_set: SealedSet, home_copy: Path) -> Non
 
 def test_another_set_under_the_name_is_noticed(sealed_set: SealedSet, home_copy: Path) -> None:
     name = sealed_set.seal.dataset
-    wanted = seal.recipe_of(store.open_dataset(name, home_copy))
+    sealed_version = seal.recipe_of(store.open_dataset(name, home_copy))
     shutil.rmtree(home_copy / name)
-    other = dataclasses.replace(wanted, seed=wanted.seed + 1)
+    other = dataclasses.replace(sealed_version, seed=sealed_version.seed + 1)
     build(other, root=home_copy, workers=1)
     with pytest.raises(SealError, match="is not the set that was sealed: seal: its recipe digest"):
         seal.open_checked(sealed_set.seal, home_copy)
@@ -527,26 +557,26 @@ def test_whole_season(run: Run, tmp_path: Path) -> None:
     first = published.read_bytes()
     assert seal.read(published).commitment == commitment
     code, out, err = run(*draw, "--out", tmp_path / "home", "--json")
-    said = json.loads(out)
+    printed = json.loads(out)
     assert code == 0
-    assert said["commitment"] == commitment
-    assert salt.read_text().strip() not in out + err
+    assert printed["commitment"] == commitment
+    assert seal.read_salt(salt).hex() not in out + err
     assert published.read_bytes() == first
     where = ["verify", "--sealed", published, "--salt-file", salt, "--workers", 1]
     code, out, _ = run(*where, "--out", tmp_path / "elsewhere")
     assert code == 0
     assert out.rstrip().endswith(": verified")
     code, out, _ = run(*where, "--out", tmp_path / "elsewhere", "--json", "--sample", 2)
-    said = json.loads(out)
-    assert (code, said["ok"], said["version"]) == (0, True, seal.read(published).dataset)
-    examined = {check["check"]: check["examined"] for check in said["checks"]}
+    printed = json.loads(out)
+    assert (code, printed["ok"], printed["version"]) == (0, True, seal.read(published).dataset)
+    examined = {check["check"]: check["examined"] for check in printed["checks"]}
     assert (examined["commitment"], examined["seal"], examined["labels"]) == (1, 10, 2)
 
 
 def test_wrong_salt_is_a_difference_and_builds_nothing(
     sealed_set: SealedSet, run: Run, tmp_path: Path
 ) -> None:
-    (tmp_path / "salt").write_text(OTHER.hex())
+    (tmp_path / "salt").write_text(seal.salt_text(OTHER))
     where = ["--salt-file", tmp_path / "salt", "--out", tmp_path / "home"]
     code, out, _ = run("verify", "--sealed", sealed_set.published, *where)
     assert code == 1
@@ -604,7 +634,7 @@ def test_no_salt_and_no_other_file_is_overwritten(
     sealed_set: SealedSet, run: Run, tmp_path: Path
 ) -> None:
     salt, published = tmp_path / "salt", tmp_path / "seal.json"
-    salt.write_text(OTHER.hex())
+    files.write_secret(salt, seal.salt_text(OTHER))
     where = ["seal", "--version", "1.0-mini", "--salt-file", salt, "--out", tmp_path / "home"]
     line = only_line(*run(*where, "--new-salt"))
     assert "is there already, and no salt is overwritten" in line
@@ -613,7 +643,7 @@ def test_no_salt_and_no_other_file_is_overwritten(
         line = only_line(*run(*where, "--publish", published))
         assert "is there and is not this seal: nothing is overwritten" in line
         assert published.read_text() == text
-    assert salt.read_text() == OTHER.hex()
+    assert salt.read_text() == seal.salt_text(OTHER)
     assert not (tmp_path / "home").exists()
 
 

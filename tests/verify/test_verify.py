@@ -20,10 +20,10 @@ from synthnet import recipe, spectrum, store
 from synthnet.commands import cli
 from synthnet.errors import MissingPackageError, RecipeError, StoreError
 from synthnet.recipe.plan import plan_shards
-from synthnet.store import pins
+from synthnet.store import pins, unpacked
 from synthnet.types import Mesh, Rejection, Sample, ShapeSpec
 from synthnet.verify import checks, files, shapes
-from synthnet.verify.checks import VerifyReport, verify
+from synthnet.verify.checks import VerifyReport, verify, verify_files
 from synthnet.verify.shapes import lapy_eigenvalues
 
 VERSION = "1.0-mini"
@@ -40,6 +40,7 @@ EXAMINED = {
     "pins": 335,
     "labels": 12,
     "limits": 335,
+    "unpacked": 0,
 }
 
 
@@ -131,10 +132,10 @@ def alter_manifest(home: Path, of_shard: Mapping[str, Any] = {}, **changes: Any)
 def tamper_first(home: Path, change: Callable[[Sample], dict[str, Any]]) -> str:
     """Tamper with the first sample of a shard, and return its id."""
 
-    def one(samples: list[Sample]) -> list[Sample]:
+    def altered(samples: list[Sample]) -> list[Sample]:
         return [dataclasses.replace(samples[0], **change(samples[0])), *samples[1:]]
 
-    tamper(home, one)
+    tamper(home, altered)
     return next(store.read_samples(home / VERSION / SHARD)).spec.id
 
 
@@ -145,9 +146,9 @@ def failed(mini_copy: Path, pinned: None, run: Callable[..., tuple[int, str, str
     def verified() -> dict[str, list[str]]:
         where = ["--version", VERSION, "--out", mini_copy]
         code, out, _ = run("verify", *where, "--sample", 0, "--json")
-        said = json.loads(out)
-        assert (code, said["ok"]) == (1, False)
-        return {c["check"]: c["problems"] for c in said["checks"] if c["problems"]}
+        printed = json.loads(out)
+        assert (code, printed["ok"]) == (1, False)
+        return {c["check"]: c["problems"] for c in printed["checks"] if c["problems"]}
 
     return verified
 
@@ -171,8 +172,8 @@ def test_every_check_is_explained_on_the_command_line(
 ) -> None:
     assert list(checks.CHECKS) == [*EXAMINED]
     cli.main(["verify", "--version", VERSION, "--out", str(mini_home), "--sample", "0"])
-    said = capsys.readouterr().out
-    assert all(what in said for what in checks.CHECKS.values())
+    printed = capsys.readouterr().out
+    assert all(what in printed for what in checks.CHECKS.values())
 
 
 @pytest.mark.slow
@@ -194,9 +195,9 @@ def test_sample_is_drawn_by_its_seed(mini_home: Path, monkeypatch: pytest.Monkey
     seen.clear()
     report = verify(VERSION, root=mini_home, sample=1000)
     assert len(seen) == 335  # every shape once, when more are asked for
-    found = problems(report)["labels"]
-    assert sum("off LaPy's" in problem for problem in found) == 335
-    assert sum("LaPy has" in problem for problem in found) > 300  # ones are below most shifts
+    messages = problems(report)["labels"]
+    assert sum("off LaPy's" in problem for problem in messages) == 335
+    assert sum("LaPy has" in problem for problem in messages) > 300  # ones are below most shifts
 
 
 def test_lapy_agrees_on_every_family(mini_home: Path) -> None:
@@ -247,11 +248,11 @@ def test_altered_byte_is_found(mini_copy: Path, failed: Failed) -> None:
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
-    found = failed()
-    assert found["digests"][0].startswith(f"{SHARD}: SHA-256 is ")
-    assert f"{path} is damaged" in found["shards"][0]
-    assert len(found["recipe"]) == 20  # the shapes of that shard are lost
-    assert "manifest" not in found
+    failures = failed()
+    assert failures["digests"][0].startswith(f"{SHARD}: SHA-256 is ")
+    assert f"{path} is damaged" in failures["shards"][0]
+    assert len(failures["recipe"]) == 20  # the shapes of that shard are lost
+    assert "manifest" not in failures
 
 
 def test_altered_footer_is_found(mini_copy: Path, failed: Failed) -> None:
@@ -270,10 +271,10 @@ def test_truncated_shard_is_found(mini_copy: Path, failed: Failed) -> None:
 
 def test_removed_shard_is_found(mini_copy: Path, failed: Failed) -> None:
     (mini_copy / VERSION / SHARD).unlink()
-    found = failed()
-    assert found["digests"] == [f"{SHARD}: missing"]
-    assert "is missing: run `synthnet build` again" in found["shards"][0]
-    assert f"{FAMILY}-00000: neither stored nor rejected" in found["recipe"]
+    failures = failed()
+    assert failures["digests"] == [f"{SHARD}: missing"]
+    assert "is missing: run `synthnet build` again" in failures["shards"][0]
+    assert f"{FAMILY}-00000: neither stored nor rejected" in failures["recipe"]
 
 
 # Tampering that covers its tracks: shard and manifest agree
@@ -334,10 +335,10 @@ def test_moved_vertex_is_found(mini_copy: Path, failed: Failed) -> None:
         return {"mesh": Mesh(vertices, sample.mesh.faces)}
 
     id = tamper_first(mini_copy, move)
-    found = failed()
-    assert list(found) == ["meshes", "pins"]
-    assert found["meshes"][0].startswith(f"{id}: a vertex is ")
-    assert found["pins"][0].startswith(f"{id}: vertices differ by ")
+    failures = failed()
+    assert list(failures) == ["meshes", "pins"]
+    assert failures["meshes"][0].startswith(f"{id}: a vertex is ")
+    assert failures["pins"][0].startswith(f"{id}: vertices differ by ")
 
 
 def test_vertex_moved_too_little_for_the_moments_is_found(mini_copy: Path, failed: Failed) -> None:
@@ -382,9 +383,9 @@ def test_altered_count_of_a_certificate_is_found(
         return {"certificate": dataclasses.replace(proof, count=proof.count + change)}
 
     id = tamper_first(mini_copy, claim)
-    found = failed()["certificates"]
-    said = rf"{id}: \d+ eigenvalues are below \S+, the certificate has \d+"
-    assert re.fullmatch(said, found[-1])
+    messages = failed()["certificates"]
+    pattern = rf"{id}: \d+ eigenvalues are below \S+, the certificate has \d+"
+    assert re.fullmatch(pattern, messages[-1])
 
 
 def test_certificate_that_does_not_reach_the_label_is_found(
@@ -395,11 +396,11 @@ def test_certificate_that_does_not_reach_the_label_is_found(
         return {"certificate": dataclasses.replace(sample.certificate, shift=shift)}
 
     id = tamper_first(mini_copy, lower)
-    found = failed()["certificates"]
+    messages = failed()["certificates"]
     assert re.match(
-        rf"{id}: \d+ eigenvalues counted below \S+ do not cover the label's 10", found[0]
+        rf"{id}: \d+ eigenvalues counted below \S+ do not cover the label's 10", messages[0]
     )
-    assert len(found) == 2  # and there are fewer
+    assert len(messages) == 2  # and there are fewer
 
 
 @pytest.mark.parametrize("residual", [2e-6, np.nan, -1e-9])
@@ -410,8 +411,8 @@ def test_residual_out_of_its_limits_is_found(
         mini_copy,
         lambda s: {"certificate": dataclasses.replace(s.certificate, residual=residual)},
     )
-    said = f"{id}: residual is {residual:.3g}, not between 0 and 1e-06"
-    assert failed() == {"certificates": [said]}
+    message = f"{id}: residual is {residual:.3g}, not between 0 and 1e-06"
+    assert failed() == {"certificates": [message]}
 
 
 @pytest.mark.parametrize("lost", [1, 4])
@@ -425,8 +426,8 @@ def test_label_that_misses_an_eigenvalue_under_a_true_certificate_is_found(
         return {"eigenvalues": label, "certificate": proof}
 
     id = tamper_first(mini_copy, miss)
-    (found,) = failed()["certificates"]
-    assert re.fullmatch(rf"{id}: 1[01] eigenvalues are below \S+, the label has \d+", found)
+    (message,) = failed()["certificates"]
+    assert re.fullmatch(rf"{id}: 1[01] eigenvalues are below \S+, the label has \d+", message)
 
 
 def test_changed_split_is_found(mini_copy: Path, failed: Failed) -> None:
@@ -448,9 +449,9 @@ def test_changed_parameter_is_found(mini_copy: Path, failed: Failed) -> None:
         return {"spec": dataclasses.replace(sample.spec, parameters=parameters)}
 
     id = tamper_first(mini_copy, change)
-    found = failed()
-    assert found["recipe"] == [f"{id}: parameters differ from the recipe's draw"]
-    assert list(found) == ["recipe", "meshes", "pins"]
+    failures = failed()
+    assert failures["recipe"] == [f"{id}: parameters differ from the recipe's draw"]
+    assert list(failures) == ["recipe", "meshes", "pins"]
 
 
 def test_changed_isometry_is_found(mini_copy: Path, failed: Failed) -> None:
@@ -478,11 +479,11 @@ def test_foreign_shape_is_found(mini_copy: Path, failed: Failed) -> None:
 def test_dropped_row_is_found(mini_copy: Path, failed: Failed) -> None:
     dropped = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
     tamper(mini_copy, lambda samples: samples[1:])
-    found = failed()
-    assert found["manifest"] == [
+    failures = failed()
+    assert failures["manifest"] == [
         f"manifest: {FAMILY} has 19 shapes kept or rejected and 20 drawn, the recipe draws 20"
     ]
-    assert found["recipe"] == [f"{dropped}: neither stored nor rejected"]
+    assert failures["recipe"] == [f"{dropped}: neither stored nor rejected"]
 
 
 def test_repeated_row_is_found(mini_copy: Path, failed: Failed) -> None:
@@ -496,8 +497,8 @@ def test_row_dropped_as_if_it_had_been_rejected_is_found(mini_copy: Path, failed
     tamper(mini_copy, lambda samples: samples[1:])
     made_up = Rejection(dropped, FAMILY, "residual", "made up")
     alter_manifest(mini_copy, {"rejections": (made_up,)})
-    found = failed()
-    assert found["pins"] == [f"{dropped}: rejected here, but the pinned build kept it"]
+    failures = failed()
+    assert failures["pins"] == [f"{dropped}: rejected here, but the pinned build kept it"]
 
 
 # Tampering with the manifest
@@ -508,10 +509,10 @@ def test_altered_count_of_a_shard_is_found(what: str, mini_copy: Path, failed: F
     manifest = store.open_dataset(VERSION, mini_copy).manifest
     (true,) = (getattr(s, what) for s in manifest.shards if s.file == SHARD)
     alter_manifest(mini_copy, {what: true + 1})
-    found = failed()
-    (problem,) = found["shards"]
+    failures = failed()
+    (problem,) = failures["shards"]
     assert problem == f"{SHARD}: {true} {what}, the manifest has {true + 1}"
-    assert ("manifest" in found) == (what == "rows")
+    assert ("manifest" in failures) == (what == "rows")
 
 
 def test_altered_count_of_a_family_is_found(mini_copy: Path, failed: Failed) -> None:
@@ -551,23 +552,23 @@ def test_pins_come_back(fixture_pins: dict[str, pins.Pin], tmp_path: Path) -> No
     path = tmp_path / "9.9.lock.parquet"
     pins.write(path, fixture_pins.values())
     before = path.read_bytes()
-    found = _read_pins(path)
-    assert list(found) == list(fixture_pins)
+    stored = _read_pins(path)
+    assert list(stored) == list(fixture_pins)
     for id, pin in fixture_pins.items():
-        assert (found[id].id, found[id].digest) == (pin.id, pin.digest)
-        assert found[id].moments.tobytes() == pin.moments.tobytes()
-        assert found[id].eigenvalues.tobytes() == pin.eigenvalues.tobytes()
-        assert list(pins.differences(found[id], pin)) == []
-    pins.write(path, found.values())
+        assert (stored[id].id, stored[id].digest) == (pin.id, pin.digest)
+        assert stored[id].moments.tobytes() == pin.moments.tobytes()
+        assert stored[id].eigenvalues.tobytes() == pin.eigenvalues.tobytes()
+        assert list(pins.differences(stored[id], pin)) == []
+    pins.write(path, stored.values())
     assert path.read_bytes() == before
 
 
 def _read_pins(path: Path) -> dict[str, pins.Pin]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pins.resources, "files", lambda package: path.parent)
-        found = pins.read(path.name.removesuffix(".lock.parquet"))
-    assert found is not None
-    return found
+        stored = pins.read(path.name.removesuffix(".lock.parquet"))
+    assert stored is not None
+    return stored
 
 
 def test_pins_are_read_by_path(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -611,8 +612,8 @@ def test_eigenvalues_are_compared_within_the_tolerance(
 ) -> None:
     for factor, expected in ((0.9, []), (1.1, ["eigenvalues differ by 1.1e-06 relative"])):
         change = 1 + sign * factor * pins.TOLERANCE * (np.arange(10) == which)
-        found = dataclasses.replace(pin, eigenvalues=pin.eigenvalues * change)
-        assert [d.split(",")[0] for d in pins.differences(found, pin)] == expected
+        changed = dataclasses.replace(pin, eigenvalues=pin.eigenvalues * change)
+        assert [d.split(",")[0] for d in pins.differences(changed, pin)] == expected
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
@@ -622,8 +623,8 @@ def test_moments_are_compared_within_the_tolerance(pin: pins.Pin, which: int, si
     unit = size if which < 3 else size**2
     for factor, expected in ((0.9, []), (1.1, ["vertices differ by 1.1e-06 of their size"])):
         change = sign * factor * pins.TOLERANCE * unit * (np.arange(6) == which)
-        found = dataclasses.replace(pin, moments=pin.moments + change)
-        assert [d.split(",")[0] for d in pins.differences(found, pin)] == expected
+        changed = dataclasses.replace(pin, moments=pin.moments + change)
+        assert [d.split(",")[0] for d in pins.differences(changed, pin)] == expected
 
 
 def test_moments_by_hand(tiny_samples: dict[str, list[Sample]]) -> None:
@@ -656,3 +657,25 @@ def test_digest_is_of_all_that_is_exact(tiny_samples: dict[str, list[Sample]]) -
     assert {pins.digest(s) for s in same} == {pins.digest(sample)}
     digests = [pins.digest(s) for s in other]
     assert len({pins.digest(sample), *digests}) == 1 + len(other)
+
+
+def test_what_was_unpacked_is_verified_to_the_last_byte(mini_copy: Path) -> None:
+    dataset = store.open_dataset(VERSION, mini_copy)
+    where = unpacked.folder(dataset) / "any"
+    where.mkdir(parents=True)
+    for name in ("index.json", "large.bin"):
+        (where / name).write_bytes(name.encode())
+    unpacked.write_contents(where, dataset, by_item=(".bin",))
+
+    def checked() -> tuple[int, tuple[str, ...]]:
+        (check,) = (c for c in verify_files(VERSION, root=mini_copy).checks if c.name == "unpacked")
+        return check.examined, check.problems
+
+    assert checked() == (1, ())
+    (where / "large.bin").write_bytes(b"large.bit")
+    problem = f"{where / 'large.bin'} is damaged (its SHA-256 is another)"
+    assert checked() == (1, (f"{problem}: it is unpacked anew when it is opened",))
+    (where / unpacked.CONTENTS).write_text("{}")
+    examined, (problem,) = checked()
+    assert examined == 1
+    assert problem.startswith(f"{where / unpacked.CONTENTS} is damaged (")

@@ -87,23 +87,23 @@ def _name(
 ) -> None:
     """Write beside the marks what the sentences name: the solver, the best model, its drop."""
     trained = {row.submission.name for row in rows if not untrained(row.submission.result["model"])}
-    said: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9, "weight": "bold"}
+    font: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9, "weight": "bold"}
     for point in points:
         colour = KINDS[point.kind][0]
         if point.name == LAPY:
             at = (point.speed, point.error)
-            axes.annotate(point.name, at, (0, 10), ha="center", color=colour, **said)
+            axes.annotate(point.name, at, (0, 10), ha="center", color=colour, **font)
         elif point.name in trained:
             trained = set()  # the first is the best
             name = fill(escaped(point.name), 24)
             at = (point.speed, point.error)
-            axes.annotate(name, at, (-9, 3), ha="right", va="bottom", color=colour, **said)
+            axes.annotate(name, at, (-9, 3), ha="right", va="bottom", color=colour, **font)
     fallen = [p for p in points if p.unseen is not None and p.unseen > p.error]
     if fallen:
         most = max(fallen, key=lambda p: (p.unseen or 0) - p.error)
         at = (min(most.speed, FASTEST), float(np.sqrt(most.error * (most.unseen or 0))))
         colour = KINDS[most.kind][0]
-        axes.annotate(fill(DROP, 20), at, (16, 0), va="center", color=colour, **said)
+        axes.annotate(fill(DROP, 20), at, (16, 0), va="center", color=colour, **font)
 
 
 def _key(axes: mpl.axes.Axes, points: Sequence[Point], lines: int) -> None:
@@ -146,7 +146,7 @@ def sentences(board: Board, solver: str = "lapy") -> str:
         return ""
     least, name = _error(exact[0]), exact[0].submission.name
     nearer = [row for row in trained if _surely_nearer(row, solver)]
-    told = [
+    sentences = [
         "1. **A solver is exact for the mesh, not for the surface.** On the test shapes of "
         f"synthNet {board.version}, {name}'s eigenvalues are off by {_percent(least)} on average "
         f"(mean RPD {_digits(least)}), because triangles are flat."
@@ -158,17 +158,17 @@ def sentences(board: Board, solver: str = "lapy") -> str:
         gain = f"{least / _error(best):.2g} times less error at {ratio:.2g} times {name}'s speed"
         of += f"; the best, *{best.submission.name}*, has {gain}"
     verdict = "learning can beat it" if nearer else "no model surely beats it"
-    told.append(f"2. **On shapes like those of training, {verdict}.** {of}.")
+    sentences.append(f"2. **On shapes like those of training, {verdict}.** {of}.")
     still = {model: error for model, error in unseen.items() if error < least}
     names = " and ".join(f"*{model}* ({_digits(error)})" for model, error in still.items())
     verdict = "most models lose to it" if 2 * len(still) < len(unseen) else "most still do"
     median = float(np.median(list(unseen.values())))
-    told.append(
+    sentences.append(
         f"3. **On families never seen in training, {verdict}.** {len(still)} of {len(unseen)} "
         f"still have a smaller mean error than {name}{f', {names}' if still else ''}; "
         f"the median model is off by {_percent(median)} (RPD {_digits(median)})."
     )
-    return "\n".join(told)
+    return "\n".join(sentences)
 
 
 def _percent(rpd: float) -> str:
@@ -183,7 +183,7 @@ def _percent(rpd: float) -> str:
 
 
 def _surely_nearer(row: Ranked, solver: str) -> bool:
-    return any(one.slug == solver and one.sure and one.mean > 0 for one in row.apart)
+    return any(other.slug == solver and other.sure and other.mean > 0 for other in row.apart)
 
 
 def _error(row: Ranked) -> float:
@@ -206,16 +206,16 @@ def _solver_line(axes: mpl.axes.Axes, board: Board, slug: str) -> None:
         axes.plot(speeds, list(errors.values()), ".-", color=blue, lw=1.6, ms=10, zorder=2)
         for speed, (name, error) in zip(speeds, errors.items(), strict=True):
             note, colour = f"{name} meshes", KINDS["classical"][0]
-            said: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9, "color": colour}
-            axes.annotate(note, (speed, error), (7, -9), **said)
+            font: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9, "color": colour}
+            axes.annotate(note, (speed, error), (7, -9), **font)
 
 
 def by_size(submission: Submission) -> dict[str, float]:
     """Return the mean error over the instances of each size of mesh that a version makes."""
-    wanted = recipe.load(submission.truth.version)
+    version = recipe.load(submission.truth.version)
     values = scores.of_metric(submission.truth, submission.predictions, RANKED_BY).mean(axis=0)
     numbers = np.array([int(shape.rpartition("-")[2]) for shape in submission.truth.shapes])
     return {
-        size.name: float(values[numbers % wanted.copies == i].mean())
-        for i, size in enumerate(wanted.sizes or ())
+        size.name: float(values[numbers % version.copies == i].mean())
+        for i, size in enumerate(version.sizes or ())
     }

@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar
 from eigbench import results
 from eigbench.board.markdown import table
 
-Row = TypeVar("Row")  # of a table: a ranked submission, or a result of the scaling track
+Row = TypeVar("Row")  # what a table is of: a ranked submission, or a result of the scaling track
 Cell = tuple[str, float | str | None]
 
 DECLARED = "The run declared it: it does not follow from the predictions."

@@ -23,6 +23,7 @@ def table(rows: Sequence[Ranked]) -> Group[Ranked]:
 
     mean = "Total time divided by the number of meshes."
     memory = "Peak memory of the predictor's process, its libraries included, a GPU's not."
+    loaded = "Seconds until the predictor was loaded, once, before the clock of its answers."
     trained = f"What the training took. {DECLARED}"
     ms, ratio = speed()
     columns = [
@@ -33,6 +34,7 @@ def table(rows: Sequence[Ranked]) -> Group[Ranked]:
         ratio,
         *peers(rows),
         _fact("batch", "batch", "Number of meshes in a call.", _number("batch_size", 0)),
+        _fact("loading", "loading s", loaded, _loading),
         _fact("cores", "cores used", "CPU time divided by wall time.", _number("cores_used")),
         _fact("memory", "peak MB", memory, _number("peak_memory_mb", 0)),
         parameters(),
@@ -91,12 +93,21 @@ def peers(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
 def _fact(
     key: str, title: str, note: str, cell: Callable[[dict[str, Any]], Cell], *, higher: bool = False
 ) -> Column[Ranked]:
-    """Return a column of what a run cost."""
-    return Column(key, title, note, lambda row: cell(row.submission.result["cost"]), higher=higher)
+    """Return a column of what a run cost; on a board with verified rows no others' is shown."""
+
+    def shown(row: Ranked) -> Cell:
+        return ("not verified", None) if row.declared else cell(row.submission.result["cost"])
+
+    return Column(key, title, note, shown, higher=higher)
 
 
 def _number(name: str, decimals: int = 2) -> Callable[[dict[str, Any]], Cell]:
     return lambda facts: (number(facts[name], decimals), six_digits(facts[name]))
+
+
+def _loading(facts: dict[str, Any]) -> Cell:
+    """Return the seconds of loading; results before 2026-11 do not have them."""
+    return _number("loading_seconds")(facts) if "loading_seconds" in facts else ("not timed", None)
 
 
 def _lapys_own(facts: dict[str, Any]) -> Cell:

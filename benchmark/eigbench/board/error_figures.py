@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from eigbench.board import ranking
 from eigbench.board.figures import (
     FLOOR,
-    LINE_MARKS,
+    KINDS,
     PREDICTED,
     TRUE,
     check_finite,
@@ -24,7 +24,7 @@ from eigbench.board.ranking import RANKED_BY
 from eigbench.board.tables import family_title, in_order
 from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS, psnr
-from synthnet.pictures.palette import VERMILION
+from synthnet.pictures.palette import INK
 
 if TYPE_CHECKING:
     import matplotlib as mpl
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 LEAST = 1e-6  # relative error; a smaller one is drawn at the lower edge
 BINS = 40
-LINES = ("-", "--", ":", "-.")
+LINES, MARKERS = ("-", "--", ":", "-."), ("o", "s", "^", "D", "v", "P", "X")
 QUANTILES = {"best": 0.0, "median": 0.5, "worst": 1.0}
 
 
@@ -83,34 +83,43 @@ def _spectrum(axes: mpl.axes.Axes, submission: Submission, i: int, name: str) ->
 
 
 def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
-    """Draw the distribution of a metric by family: a box of quartiles, whiskers 5 to 95 %."""
+    """Draw the distribution of a metric by family: a box of quartiles, whiskers 5 to 95 %.
+
+    A box has the colour of its model's kind, and where there are several its number.
+    """
     names = in_order(submissions[0].truth.families.tolist())
+    several = len(submissions) > 1
     with style() as new_figure:
         height = 0.35 * len(names) * max(1.0, 0.4 * len(submissions)) + 1.2
         figure = new_figure(figsize=(7.2, height), layout="constrained")
         axes = figure.subplots()
         width = 0.8 / len(submissions)
-        from matplotlib import colormaps
-
-        palette = colormaps["viridis"](np.linspace(0.3, 1, len(submissions)))
-        for number, (submission, colour) in enumerate(zip(submissions, palette, strict=True)):
+        for number, submission in enumerate(submissions, start=1):
             values = ranking.per_mesh(submission, key)
             check_finite(submission, values, METRICS[key].title)
             values = np.maximum(values, FLOOR / 10)
+            name = escaped(submission.name)
+            positions = np.arange(len(names)) + (number - (len(submissions) + 1) / 2) * width
             boxes = axes.boxplot(
-                [values[submission.truth.families == name] for name in names],
-                positions=np.arange(len(names)) + (number - (len(submissions) - 1) / 2) * width,
+                [values[submission.truth.families == family] for family in names],
+                positions=positions,
                 widths=0.85 * width,
                 orientation="horizontal",
                 whis=(5, 95),
                 showfliers=False,
                 patch_artist=True,
                 manage_ticks=False,
-                medianprops={"color": VERMILION},
-                label=escaped(submission.name),
+                medianprops={"color": INK},
+                label=f"{number}  {name}" if several else name,
             )
             for box in boxes["boxes"]:
-                box.set(facecolor=colour, alpha=0.7)
+                box.set(facecolor=_colour(submission), alpha=0.7)
+            for whisker in boxes["whiskers"][1::2] if several else ():
+                (_, end), (_, position) = whisker.get_xdata(), whisker.get_ydata()
+                axes.annotate(
+                    str(number), (end, position), (3, 0), textcoords="offset points",
+                    va="center_baseline", fontsize=6, color=_colour(submission),
+                )  # fmt: skip
         axes.set_yticks(range(len(names)), [family_title(name) for name in names])
         axes.set_ylim(len(names) - 0.5, -0.5)
         axes.set_xscale("log")
@@ -118,15 +127,15 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
             f"{METRICS[key].title}: quartiles, whiskers 5 to 95 %; below {FLOOR / 10:g} at the edge"
         )
         axes.grid(axis="x", alpha=0.25)
-        axes.set_title(dataset_of(submissions[0]), fontsize=9, loc="left")
-        figure.legend(frameon=False, fontsize=7, loc="outside lower center", ncols=2)
+        _name(figure, axes, submissions)
     return figure
 
 
 def by_index(submissions: Sequence[Submission]) -> Figure:
     """Draw the relative error of each eigenvalue: its median over the meshes, a line a model.
 
-    Where there is one model only, bands hold half and nine tenths of the meshes.
+    A line has the colour of its model's kind; marker and dashes tell models of a kind apart. Where
+    there is one model only, bands hold half and nine tenths of the meshes.
 
     Raises
     ------
@@ -136,30 +145,43 @@ def by_index(submissions: Sequence[Submission]) -> Figure:
     with style() as new_figure:
         figure = new_figure(figsize=(7.2, 3.6 + 0.09 * len(submissions)), layout="constrained")
         axes = figure.subplots()
-        marks = cycle(LINE_MARKS)
-        lines = np.repeat(LINES, len(LINE_MARKS))
-        for submission, (marker, colour), line in zip(
-            submissions, marks, cycle(lines), strict=False
-        ):
+        lines = {kind: _lines(marker) for kind, (_, marker) in KINDS.items()}
+        for submission in submissions:
             errors = np.maximum(_relative(submission), LEAST)
             index = np.arange(1, errors.shape[1] + 1)
+            colour = _colour(submission)
             if len(submissions) == 1:
-                colour = PREDICTED
                 for share, alpha in ((5, 0.15), (25, 0.25)):
                     low, high = np.percentile(errors, (share, 100 - share), axis=0)
                     band = f"{100 - 2 * share} % of the meshes"
                     axes.fill_between(index, low, high, color=colour, alpha=alpha, lw=0, label=band)
-            median = np.median(errors, axis=0)
-            name = escaped(submission.name)
+            line, marker = next(lines[submission.result["model"]["kind"]])
+            median, name = np.median(errors, axis=0), escaped(submission.name)
             axes.plot(index, median, line, marker=marker, ms=4, color=colour, label=name)
         axes.set_yscale("log")
         axes.set_xticks(index)
         axes.set_xlabel("index of the eigenvalue")
         axes.set_ylabel(f"relative error, median; below {LEAST:g} at the edge")
         axes.grid(alpha=0.25)
-        axes.set_title(dataset_of(submissions[0]), fontsize=9, loc="left")
-        figure.legend(frameon=False, fontsize=7, loc="outside lower center", ncols=2)
+        _name(figure, axes, submissions)
     return figure
+
+
+def _colour(submission: Submission) -> str:
+    """Return the colour of a model's kind."""
+    return KINDS[submission.result["model"]["kind"]][0]
+
+
+def _lines(marker: str) -> Iterator[tuple[str, str]]:
+    """Return dashes and marker of each model of a kind in turn; the first has the kind's marker."""
+    markers = [marker, *(other for other in MARKERS if other != marker)]
+    return cycle((line, other) for line in LINES for other in markers)
+
+
+def _name(figure: Figure, axes: mpl.axes.Axes, submissions: Sequence[Submission]) -> None:
+    """Name the dataset above, the models below."""
+    axes.set_title(dataset_of(submissions[0]), fontsize=9, loc="left")
+    figure.legend(frameon=False, fontsize=7, loc="outside lower center", ncols=2)
 
 
 def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
@@ -188,10 +210,9 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
         for axes, submission, values, median in zip(
             panels, submissions, every, medians, strict=True
         ):
-            axes.hist(
-                values, edges, weights=np.full(len(values), 100 / len(values)), color=PREDICTED
-            )
-            axes.axvline(np.median(values), color=VERMILION, lw=1.2)
+            weights = np.full(len(values), 100 / len(values))
+            axes.hist(values, edges, weights=weights, color=_colour(submission))
+            axes.axvline(np.median(values), color=INK, lw=1.2)
             axes.set_title(f"{escaped(submission.name)}: median {median}", fontsize=8, loc="left")
             axes.set_ylabel("% of meshes", fontsize=7)
             axes.tick_params(labelsize=7)

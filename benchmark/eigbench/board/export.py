@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,11 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
+from eigbench.board import generalisation
+from eigbench.board.columns import six_digits
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.results.submission import Submission
+from eigbench.scoring import neighbours as near
 from eigbench.scoring import targets
 from eigbench.scoring.truth import SURFACE
 from synthnet.store.files import make_directory, sha256, write_atomically
@@ -41,7 +45,7 @@ def _row(row: Ranked) -> dict[str, object]:
         "slug": submission.slug,
         "name": submission.name,
         "kind": model["kind"],
-        "rank": [row.best, row.worst],
+        "rank": None if row.declared else [row.best, row.worst],
         "exact": row.exact,
         "scores": row.scores,
         "cost": {key: cost[key] for key in ("ms_per_mesh", "threads", "device", "hardware")},
@@ -55,6 +59,46 @@ def _row(row: Ranked) -> dict[str, object]:
             "predictions": sha256(submission.predictions_path),
         },
     }
+
+
+def generalised_as_json(board: generalisation.Board) -> str:
+    """Return the scores of a version's models under each of its protocols, with their drops."""
+    protocols = {
+        protocol: {
+            "meshes": board.count(protocol),
+            "nearest_of_training": six_digits(
+                float(np.median(distances := near.distances(board.version, protocol)))
+            ),
+            "share_within_1_percent": six_digits(float(np.mean(distances <= near.NEAR))),
+        }
+        for protocol in board.protocols
+    }
+    rows = [
+        {
+            "slug": row.submission.slug,
+            "name": row.submission.name,
+            "protocols": {
+                protocol: {
+                    key: {
+                        name: six_digits(value)
+                        for name, value in asdict(
+                            board.scored(row.submission, protocol, key)
+                        ).items()
+                    }
+                    for key in generalisation.SHOWN
+                }
+                for protocol in board.protocols
+            },
+        }
+        for row in board.rows
+    ]
+    content = {
+        "version": board.version,
+        "target": board.target,
+        "protocols": protocols,
+        "rows": rows,
+    }
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def tidy(submission: Submission) -> pa.Table:

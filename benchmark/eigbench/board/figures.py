@@ -21,13 +21,9 @@ from synthnet import recipe
 from synthnet.errors import needed_by
 from synthnet.pictures.palette import (
     BLUE,
-    GREEN,
     GREY,
     INK,
-    ORANGE,
     PALE,
-    PURPLE,
-    SKY,
     VERMILION,
 )
 from synthnet.store.files import write_atomically
@@ -41,7 +37,6 @@ KINDS = {"trivial": (GREY, "s"), "classical": (BLUE, "o"), "learned": (VERMILION
 TRUE, PREDICTED = INK, BLUE
 FLOOR = 1e-3  # smaller errors are drawn at the lower edge: an exact solver's would be 1e-11
 FASTEST = 100.0  # times LaPy; faster models are drawn at the right edge
-LINE_MARKS = (("s", ORANGE), ("^", SKY), ("D", GREEN), ("v", VERMILION), ("P", PURPLE), ("X", BLUE))
 SIZES = {"o": 12, "s": 11, "^": 15}  # of marks, in points: a number is inside
 SPEED = "times as fast as LaPy →"
 NAME_LINE, LEGEND = 0.185, 0.7  # inches of a name in the key, and of the kinds below
@@ -123,7 +118,7 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
 
 def _points(submissions: Sequence[Submission], key: str) -> tuple[list[Point], list[str]]:
     """Return the models that have a mean and a speed, the best first; and why the others do not."""
-    found, absent = [], []
+    models, absent = [], []
     for submission in sorted(submissions, key=lambda s: s.slug):
         mean = submission.scores["overall"][key]["mean"]
         reference = submission.result["cost"].get("reference")
@@ -131,10 +126,10 @@ def _points(submissions: Sequence[Submission], key: str) -> tuple[list[Point], l
             absent.append(f"{submission.name}: not {'finite' if mean is None else 'timed'}")
         else:
             kind = submission.result["model"]["kind"]
-            found.append((mean, submission.name, kind, reference["ratio"]))
+            models.append((mean, submission.name, kind, reference["ratio"]))
     sign = -1 if METRICS[key].higher_is_better else 1
-    found.sort(key=lambda one: sign * one[0])
-    return [Point(i, n, k, s, e) for i, (e, n, k, s) in enumerate(found, start=1)], absent
+    models.sort(key=lambda model: sign * model[0])
+    return [Point(i, n, k, s, e) for i, (e, n, k, s) in enumerate(models, start=1)], absent
 
 
 def _beyond(point: Point) -> str:

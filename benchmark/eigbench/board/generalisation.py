@@ -234,11 +234,11 @@ def signed(drop: float, key: str) -> str:
 
     Examples
     --------
-    >>> signed(0.25, "rpd"), signed(-0.25, "psnr20")
-    ('+0.2500', '−25.00 %')
+    >>> signed(0.25, "rpd"), signed(-0.25, "psnr20"), signed(2e-5, "rpd")
+    ('+0.2500', '−25.00 %', '±0')
     """
     text = score(abs(drop), key)
-    return "±0" if text == "exact" else f"{'+' if drop >= 0 else '−'}{text}"
+    return "±0" if text == "exact" or text.startswith("<") else f"{'+' if drop >= 0 else '−'}{text}"
 
 
 def table(board: Board, key: str, marks: Marks) -> Group[Ranked]:

@@ -5,6 +5,8 @@ A board is all results of one dataset, split and protocol. In a checkout::
     LEADERBOARD.md                              generated, one table a board
     README.md                                   generated between its marks of the leaderboard
     benchmark/boards/BOARD-TARGET.md, .json     generated, all that is known of a board
+    benchmark/boards/scaling.md, .json          generated, of the scaling track
+    benchmark/boards/reported.md                generated, the papers' own tables
     benchmark/results/BOARD/MODEL.json          added by `eigbench submit`
     benchmark/predictions/BOARD/MODEL.parquet   added by `eigbench submit`
     benchmark/timing/VERSION.json               of `eigbench time`: the cost of rows in one run
@@ -15,7 +17,6 @@ A board is all results of one dataset, split and protocol. In a checkout::
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +36,7 @@ from eigbench.board import (
 from eigbench.board.marks import marked
 from eigbench.board.ranking import Ranked
 from eigbench.errors import ResultError
-from eigbench.results import predictions, submission, timing
+from eigbench.results import predictions, submission, timing, verification
 from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
 from eigbench.scoring.targets import TARGETS
@@ -54,6 +55,31 @@ FIGURES = Path("benchmark", "figures")
 BOARDS = Path("benchmark", "boards")
 GENERATED = (f"{FIGURES}/*.svg", f"{BOARDS}/*")  # nothing else belongs there
 REPORTED = Path("benchmark", "reported")
+_TEXTS = {"type": "array", "maxItems": 100, "items": {"type": "string"}}
+REPORTED_SCHEMA = {  # of a file there
+    "type": "object",
+    "properties": {
+        "source": {"type": "string"},
+        "setting": {"type": "string"},
+        "notes": _TEXTS,
+        "tables": {
+            "type": "array",
+            "maxItems": 100,
+            "items": {
+                "type": "object",
+                "properties": {
+                    "title": {"type": "string"},
+                    "columns": _TEXTS,
+                    "rows": {"type": "array", "maxItems": 1000, "items": _TEXTS},
+                },
+                "required": ["title", "columns", "rows"],
+                "additionalProperties": False,
+            },
+        },
+    },
+    "required": ["source", "setting", "notes", "tables"],
+    "additionalProperties": False,
+}
 
 
 def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submission]:
@@ -76,12 +102,17 @@ def _rows(root: Path, board: str, on_row: Callable[[str], None] | None) -> list[
     for path in sorted((root / RESULTS).glob(f"{board}/*.json")):
         if on_row is not None:
             on_row(f"{path.parent.name}/{path.stem}")
-        row = submission.read(path, root / PREDICTIONS / path.parent.name / f"{path.stem}.parquet")
+        kept = root / PREDICTIONS / path.parent.name / f"{path.stem}.parquet"
+        row = submission.read(path, kept, below=root)
         check_fit(row)
+        verification.check(row.result, path, root)
         if (row.board, row.slug) != (path.parent.name, path.stem):
             raise ResultError(f"{path} belongs at {RESULTS / row.board / row.slug}.json")
         cost = timing.cost_of(row.result, times.get(row.truth.version, []))
-        rows.append(row if cost is None else replace(row, result={**row.result, "cost": cost}))
+        if cost is not None:
+            row = replace(row, result={**row.result, "cost": cost})
+            check_fit(row)
+        rows.append(row)
     return rows
 
 
@@ -98,7 +129,7 @@ def _check_strays(root: Path, rows: Sequence[Submission]) -> None:
     }
     for folder in (RESULTS, PREDICTIONS):
         for path in sorted((root / folder).rglob("*")):
-            if path.is_file() and path not in known:
+            if (path.is_symlink() or not path.is_dir()) and path not in known:
                 raise ResultError(f"{path} belongs to no row: remove it, or submit its result")
 
 
@@ -134,7 +165,8 @@ def check_fit(row: Submission) -> None:
     ------
     ResultError
         If it is partial, not of a test split, of a single training of a protocol, not in
-        Parquet, or has predictions that are not finite or not positive.
+        Parquet, has predictions that are not finite or not positive, or used more cores than its
+        threads.
     """
     split, protocol = (row.result["dataset"][key] for key in ("split", "protocol"))
     problem = predictions.unphysical(row.truth, row.predictions)
@@ -151,6 +183,11 @@ def check_fit(row: Submission) -> None:
         raise ResultError(f"{row.predictions_path} must be the Parquet file of `eigbench evaluate`")
     if problem:
         raise ResultError(f"{row.predictions_path}: {problem}")
+    if results.overused(cost := row.result["cost"]):
+        raise ResultError(
+            f"{row.result_path} used {cost['cores_used']:.1f} cores and declares "
+            f"{cost['threads']} threads: evaluate with --threads that allows for them"
+        )
 
 
 def generate(
@@ -175,7 +212,7 @@ def generate(
     for rows, protocols in every:
         submission = rows[0].submission
         name = f"{submission.board}-{submission.target}"
-        first = submission.board not in begun  # of its targets
+        first = submission.board not in begun  # so this is the first of the board's targets
         begun.add(submission.board)
         files = {
             "page": BOARDS / f"{name}.md",
@@ -184,21 +221,26 @@ def generate(
         }
         generated[files["page"]] = page.details(rows)
         generated[files["json"]] = export.as_json(rows)
-        generated[files["figure"]] = figures.error_against_time([row.submission for row in rows])
+        generated[files["figure"]] = figures.error_against_time(
+            [row.submission for row in rows if not row.declared]
+        )
         parts += page.board(rows, files)
         if protocols is not None:
             name = f"{protocols.version}-generalisation-{protocols.target}"
             shown = {
                 "page": BOARDS / f"{name}.md",
-                "Drop under each protocol": FIGURES / f"{name}.svg",
+                "json": BOARDS / f"{name}.json",
+                page.DROP: FIGURES / f"{name}.svg",
             }
             generated[shown["page"]] = page.generalised_details(protocols)
+            generated[shown["json"]] = export.generalised_as_json(protocols)
             generated[FIGURES / f"{name}.svg"] = generalisation_figure.draw(protocols)
             if submission.target == SURFACE:
                 path = FIGURES / f"{protocols.version}-answer.svg"
                 generated[path] = answer_figure.draw(protocols)
-                finding = finding or answer_figure.sentences(protocols)  # of the newest version
-                shown["Error to the surface against speed"] = path
+                # The newest version comes first
+                finding = finding or answer_figure.sentences(protocols)
+                shown[page.ANSWER] = path
             opening += page.generalised(protocols, shown)
             held_out.append(page.generalised_top(protocols, page.TOP))
         if first:
@@ -208,8 +250,10 @@ def generate(
     section, drawn = scaling_page.section(scaled)
     parts += section
     generated.update(drawn)
-    for paper in sorted(reported, key=lambda paper: str(paper["source"])):
-        parts += page.reported(paper)
+    if reported:
+        papers = sorted(reported, key=lambda paper: str(paper["source"]))
+        generated[BOARDS / "reported.md"] = page.reported(papers)
+        parts += page.reported_section(papers, BOARDS / "reported.md")
     generated[Path(PAGE)] = "\n".join([page.BANNER, *opening, *parts])
     if MARK in readme:
         generated[Path(README)] = _filled(readme, [*held_out, *tops], finding)
@@ -263,8 +307,19 @@ def _at(submissions: Iterable[Submission], target: str) -> list[Submission]:
 
 
 def read_reported(root: Path) -> list[dict[str, Any]]:
-    """Read the papers' own numbers."""
-    return [json.loads(path.read_text()) for path in sorted((root / REPORTED).glob("*.json"))]
+    """Read the papers' own numbers.
+
+    Raises
+    ------
+    ResultError
+        If a file holds no such tables.
+    """
+    papers = []
+    for path in sorted((root / REPORTED).glob("*.json")):
+        paper = results.load(path, below=root)
+        results.check_schema(paper, REPORTED_SCHEMA, path)
+        papers.append(paper)
+    return papers
 
 
 def add(row: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Path]:
@@ -273,8 +328,8 @@ def add(row: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Pa
     Raises
     ------
     ResultError
-        If it does not fit, see :func:`check_fit`, used more cores than its threads, or was not
-        timed beside LaPy and its times are to be shown: those of a version's own protocols are not.
+        If it does not fit, see :func:`check_fit`, or was not timed beside LaPy and its times are
+        to be shown: those of a version's own protocols are not.
     EigbenchError
         If another of that name is there and ``replace`` is not given.
     """
@@ -283,7 +338,7 @@ def add(row: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Pa
         root / RESULTS / row.board / f"{row.slug}.json",
         root / PREDICTIONS / row.board / f"{row.slug}.parquet",
     )
-    results.put((row.result_path, row.predictions_path), paths, replace=replace)
+    results.put((row.result_path, row.predictions_path), paths, root, replace=replace)
     return paths
 
 
@@ -312,9 +367,5 @@ def _check_new(row: Submission) -> None:
         raise ResultError(
             f"{row.result_path} was not timed beside LaPy: evaluate without --no-reference"
         )
-    if results.overused(cost := row.result["cost"]):
-        raise ResultError(
-            f"{row.result_path} used {cost['cores_used']:.1f} cores and declares "
-            f"{cost['threads']} threads: evaluate with --threads that allows for them"
-        )
-    generate([row], [])  # a row that cannot be drawn would break the page for all
+    if row.truth.version in recipe.available():  # of an import there is no page
+        generate([row], [])  # a row that cannot be drawn would break the page for all

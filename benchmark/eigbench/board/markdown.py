@@ -14,5 +14,14 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequen
 
 
 def cell(text: str) -> str:
-    """Return text that Markdown takes as it is."""
-    return re.sub(r"([\\|`*\[\]!])", r"\\\1", " ".join(text.split())).replace("<", "&lt;")
+    r"""Return text that Markdown and HTML take as it is: no markup, link, formula or entity.
+
+    Examples
+    --------
+    >>> cell("a_b <i> &lt; $x$"), cell("www.example.org")
+    ('a\\_b &lt;i> &amp;lt; \\$x\\$', 'www&#46;example.org')
+    """
+    plain = " ".join(text.split()).replace("&", "&amp;").replace("<", "&lt;")
+    escaped = re.sub(r"([\\|`*\[\]!_~$])", r"\\\1", plain)
+    escaped = re.sub(r"(?i)\b(www)\.", r"\1&#46;", escaped).replace("://", "&#58;//")
+    return re.sub(r"^([#>])", r"\\\1", escaped)

@@ -11,9 +11,10 @@ from eigbench.board.generalisation import Board
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.board.tables import (
     deviation,
+    error,
     family_title,
     in_order,
-    number,
+    interval,
     score,
     with_uncertainty,
 )
@@ -175,7 +176,7 @@ def _median(key: str) -> Column[Ranked]:
 def _interval(key: str) -> Column[Ranked]:
     def cell(scores: dict[str, float | None]) -> Cell:
         low, high = scores["low"], scores["high"]
-        return f"{score(low, key)} to {score(high, key)}", six_digits(low)
+        return interval(low, high, key), six_digits(low)
 
     note = f"95 % percentile-bootstrap interval of the mean over shapes. {METRIC_NOTES[key]}"
     return _of_metric(key, "-interval", note, cell)
@@ -209,7 +210,7 @@ def _indices(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
     def column(i: int) -> Column[Ranked]:
         def cell(row: Ranked) -> Cell:
             value = row.scores["per_index"][i]["mean"]
-            return "exact" if value == 0 else number(value), six_digits(value)
+            return error(value), six_digits(value)
 
         note = f"Mean relative error |p − g| / g of the non-zero eigenvalue number {i + 1}."
         return Column(f"index-{i + 1}", f"λ{i + 1}", note, cell)

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
+from eigbench.results.verification import is_verified
 from eigbench.scoring import bootstrap, scores, targets
 from eigbench.scoring.bootstrap import FEWEST
 from eigbench.scoring.metrics import METRICS
@@ -103,6 +104,9 @@ class Ranked:
         Every other row of the board, in the board's order.
     exact : bool
         Whether every answer is right within the bars of the target.
+    declared : bool
+        Whether it is on its author's word, on a board that has verified rows: it stands below
+        these, without a rank and a speed.
     """
 
     submission: Submission
@@ -110,6 +114,7 @@ class Ranked:
     worst: int
     apart: Sequence[Apart] = ()
     exact: bool = False
+    declared: bool = False
 
     @property
     def scores(self) -> dict[str, Any]:
@@ -118,7 +123,9 @@ class Ranked:
 
     @property
     def shown_rank(self) -> str:
-        """The rank as it is shown: ``exact``, ``3``, or ``3–5``."""
+        """The rank as it is shown: ``exact``, ``3``, ``3–5``, or ``declared`` for none."""
+        if self.declared:
+            return "declared"
         if self.exact:
             return "exact"
         return str(self.best) if self.best == self.worst else f"{self.best}–{self.worst}"
@@ -157,7 +164,10 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
         )
     truth = a.truth if family is None else a.truth.take(a.truth.families == family)
     chosen = slice(None) if family is None else a.truth.families == family
-    x, y = (scores.of_metric(one.truth, one.predictions, key)[:, chosen] for one in (a, b))
+    x, y = (
+        scores.of_metric(submission.truth, submission.predictions, key)[:, chosen]
+        for submission in (a, b)
+    )
     floor = targets.floor(truth, key)
     means = float(x.mean()), float(y.mean())
     worse_a, worse_b = not np.isfinite(x).all(), not np.isfinite(y).all()
@@ -182,28 +192,37 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
 def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Ranked]:
     """Return the submissions with their ranks: the exact ones by cost, then the best mean first.
 
-    The order of the input does not matter.
+    Where some are verified, these alone are ranked, and the others stand below them in the same
+    order; where none is, all are. The order of the input does not matter.
     """
+    verified = {s.result_path for s in submissions if is_verified(s.result)}
+    below = {s.result_path for s in submissions if verified and s.result_path not in verified}
     sign = -1 if METRICS[key].higher_is_better else 1
     exact = {s.result_path for s in submissions if s.scores["exact"] == 1}
 
-    def order(submission: Submission) -> tuple[bool, float, str]:
+    def order(submission: Submission) -> tuple[bool, bool, float, str]:
+        declared = submission.result_path in below
         if submission.result_path in exact:
-            return False, float(submission.result["cost"]["ms_per_mesh"]), submission.slug
+            cost = float(submission.result["cost"]["ms_per_mesh"])
+            return declared, False, 0.0 if declared else cost, submission.slug
         mean = submission.scores["overall"][key]["mean"]
-        return True, (np.inf if mean is None else sign * mean), submission.slug
+        return declared, True, (np.inf if mean is None else sign * mean), submission.slug
 
     rows = sorted(submissions, key=order)
     means, resampled = _resampled(rows, key)
     floor = 2 * (targets.floor(rows[0].truth, key) or 0) if rows else 0.0
-    found = []
+    placed = []
     for i, row in enumerate(rows):
         apart = _apart(i, rows, means, resampled, floor)
-        sure = [sign * one.mean for one in apart if one.sure]
-        best = 1 + sum(mean < 0 for mean in sure)
-        worst = len(rows) - sum(mean > 0 for mean in sure)
-        found.append(Ranked(row, best, worst, apart, row.result_path in exact))
-    return found
+        declared = row.result_path in below
+        best, worst = len(rows) - len(below) + 1, len(rows)
+        if not declared:
+            ranked_beside = apart[: len(rows) - len(below) - 1]
+            sure = [sign * other.mean for other in ranked_beside if other.sure]
+            worst = best - 1 - sum(mean > 0 for mean in sure)
+            best = 1 + sum(mean < 0 for mean in sure)
+        placed.append(Ranked(row, best, worst, apart, row.result_path in exact, declared))
+    return placed
 
 
 def _resampled(

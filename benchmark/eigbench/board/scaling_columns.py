@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from eigbench.board.columns import Cell, Column, Group, of_run, six_digits
-from eigbench.board.tables import number
+from eigbench.board.tables import error, number
 from eigbench.scaling import scores, surfaces
 from eigbench.scaling.results import Scaled
 from eigbench.scaling.scores import Medians, Verdict
@@ -140,7 +140,7 @@ def percent(share: float) -> str:
     >>> percent(0.0123), percent(4e-13)
     ('1.230 %', 'exact')
     """
-    return "exact" if share <= scores.EXACT else f"{number(100 * share, 3)} %"
+    return "exact" if share <= scores.EXACT else f"{error(100 * share, 3)} %"
 
 
 def ms(seconds: float) -> str:

@@ -64,7 +64,8 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
             hardware = f"; {label}" if len(by_setting) > 1 else ""
             title = escaped(f"{panel.size:,} vertices{hardware}")
             axes.set_title(title, fontsize=9, loc="left", pad=3)
-        (left, _), (low, _) = grid[0].get_xlim(), grid[0].get_ylim()  # of the models of all panels
+        # Which hold the models of all panels
+        (left, _), (low, _) = grid[0].get_xlim(), grid[0].get_ylim()
         for axes, (_, _, panel) in zip(grid, charts, strict=False):
             _solver(axes, panel, low)
         for axes in grid[len(charts) :]:

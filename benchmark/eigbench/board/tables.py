@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -11,10 +12,12 @@ from tabulate import tabulate
 from eigbench import results
 from eigbench.scoring.metrics import MAIN, METRICS
 from eigbench.scoring.physics import SHARES, TITLES
+from eigbench.scoring.truth import EXACT
 from synthnet.families import FAMILIES
 
 SPEED = "speed against LaPy"
 ROUNDING = 1e-12  # of a mean: a deviation below it is that of equal numbers
+LEAST = 1e-5  # relative: a smaller deviation from a law is not told in digits
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +52,28 @@ def number(value: float | None, decimals: int = 4) -> str:
     return f"{value:.{decimals}f}"
 
 
+def error(value: float | None, decimals: int = 4) -> str:
+    """Return an error with fixed decimals, without powers of ten.
+
+    One that only rounding can make is exact; any other that would be all zeros is below the last
+    decimal.
+
+    Examples
+    --------
+    >>> error(0.04567), error(3e-7), error(3e-7, 2), error(-2e-17), error(None)
+    ('0.0457', '< 0.0001', '< 0.01', 'exact', '∞/NaN')
+    """
+    if value is not None and abs(value) <= ROUNDING:
+        return "exact"
+    return _plain(value, decimals)
+
+
+def _plain(value: float | None, decimals: int) -> str:
+    if value is not None and 0 < value < 0.5 * 10**-decimals:
+        return f"< {10**-decimals:.{decimals}f}"
+    return number(value, decimals)
+
+
 def score(value: float | None, key: str) -> str:
     """Return a score as its metric is shown; shares in per cent.
 
@@ -57,15 +82,32 @@ def score(value: float | None, key: str) -> str:
     >>> score(0.04567, "rpd"), score(0.9606, "psnr20"), score(None, "psnr20"), score(0.0, "l2")
     ('0.0457', '96.06 %', '∞/NaN %', 'exact')
     """
-    if value == 0 and not METRICS[key].higher_is_better:
-        return "exact"
-    return _plain(value, key)
-
-
-def _plain(value: float | None, key: str) -> str:
     if METRICS[key].unit == "share":
-        return number(None if value is None else 100 * value, 2) + " %"
-    return number(value, METRICS[key].decimals)
+        return _plain(None if value is None else 100 * value, 2) + " %"
+    return _bare(value, key)
+
+
+def _bare(value: float | None, key: str) -> str:
+    metric = METRICS[key]
+    return (_plain if metric.higher_is_better else error)(value, metric.decimals)
+
+
+def _spread(value: float, key: str) -> str:
+    """Return half an interval, or a deviation, in the unit of a score, which is not repeated."""
+    metric = METRICS[key]
+    return _plain(100 * value, 2) if metric.unit == "share" else _plain(value, metric.decimals)
+
+
+def interval(low: float | None, high: float | None, key: str) -> str:
+    """Return an interval of scores.
+
+    Examples
+    --------
+    >>> interval(0.0412, 0.0467, "rpd"), interval(0.0, 0.0, "rpd")
+    ('0.0412 to 0.0467', 'exact')
+    """
+    ends = score(low, key), score(high, key)
+    return ends[0] if ends == ("exact", "exact") else " to ".join(ends)
 
 
 def with_uncertainty(cell: dict[str, float | None], key: str) -> str:
@@ -83,18 +125,20 @@ def with_uncertainty(cell: dict[str, float | None], key: str) -> str:
     '100 % (≥ 99.70 %)'
     >>> with_uncertainty({"mean": 0.0, "low": 0.0, "high": 0.0, "seed_std": None}, "rpd")
     'exact'
+    >>> with_uncertainty({"mean": 3e-7, "low": 0.0, "high": 8e-7, "seed_std": None}, "rpd")
+    '< 0.0001'
     """
     mean, low, high = cell["mean"], cell["low"], cell["high"]
     if METRICS[key].unit == "share" and low is not None and high is not None and mean in (0, 1):
         return f"100 % (≥ {score(low, key)})" if mean else f"0 % (≤ {score(high, key)})"
     text = score(mean, key)
-    if text == "exact":
-        return text
+    if text == "exact" or (text.startswith("<") and text == score(high, key)):
+        return text  # and so is its uncertainty
     if low is not None and high is not None:
-        text += f" ± {_plain((high - low) / 2, key).removesuffix(' %')}"
+        text += f" ± {_spread((high - low) / 2, key)}"
     if (deviation := cell["seed_std"]) is not None:
         known = 0.0 if deviation <= ROUNDING * abs(mean or 0) else deviation
-        text += f" ({_plain(known, key).removesuffix(' %')})"
+        text += f" ({_spread(known, key)})"
     return text
 
 
@@ -117,15 +161,15 @@ def overall(scored: dict[str, Any]) -> Table:
         cell = scored["overall"][key]
         d = metric.decimals
         deviation = "" if cell["seed_std"] is None else f"{cell['seed_std']:.{d}f}"
-        between = f"{number(cell['low'], d)} to {number(cell['high'], d)}"
+        between = f"{_bare(cell['low'], key)} to {_bare(cell['high'], key)}"
         rows.append(
             [
                 metric.heading,
                 # The PSNR of an exact spectrum is infinite
-                "" if key == "psnr" and cell["mean"] is None else number(cell["mean"], d),
+                "" if key == "psnr" and cell["mean"] is None else _bare(cell["mean"], key),
                 "" if key == "psnr" and cell["mean"] is None else between,
                 *([] if one_seed else [deviation]),
-                "" if key == "psnr20" else number(cell["median"], d),
+                "" if key == "psnr20" else _bare(cell["median"], key),
                 metric.unit,
             ]
         )
@@ -138,9 +182,7 @@ def families(scored: dict[str, Any]) -> Table:
     """Return the table by family, as the paper's Table 4, with all six metrics."""
     rows = []
     for name, family in scored["families"].items():
-        cells = [
-            number(family[key]["mean"], m.decimals) for key, m in METRICS.items() if key in MAIN
-        ]
+        cells = [_bare(family[key]["mean"], key) for key in METRICS if key in MAIN]
         rows.append([family_title(name), f"{family['count']:,}", *cells])
     headers = ["family", "instances", *(METRICS[key].title for key in MAIN)]
     return Table(headers, rows)
@@ -150,8 +192,8 @@ def per_index(scored: dict[str, Any]) -> Table:
     """Return the relative error of each eigenvalue."""
     cells = scored["per_index"]
     rows = [
-        ["mean relative error", *(number(cell["mean"]) for cell in cells)],
-        ["median relative error", *(number(cell["median"]) for cell in cells)],
+        ["mean relative error", *(error(cell["mean"]) for cell in cells)],
+        ["median relative error", *(error(cell["median"]) for cell in cells)],
     ]
     headers = ["", *(f"λ{i}" for i in range(1, len(cells) + 1))]
     return Table(headers, rows)
@@ -224,10 +266,25 @@ def times_faster(ratio: dict[str, Any]) -> str:
 
 
 def deviation(key: str, value: float | None) -> str:
-    """Return a number of the physics contract as text."""
+    """Return a number of the physics contract in per cent; what only rounding can make is exact.
+
+    Examples
+    --------
+    >>> deviation("rotation", 4e-16), deviation("rotation", 2e-8), deviation("rotation", 0.0123)
+    ('exact', '< 0.001 %', '1.2 %')
+    >>> deviation("scale_2", 3.04), deviation("positive", 0.584), deviation("rotation", None)
+    ('304 %', '58 %', 'not finite')
+    """
     if value is None:
         return "not finite"
-    return f"{100 * value:.0f} %" if key in SHARES else f"{value:.0e}"
+    if key in SHARES:
+        return f"{100 * value:.0f} %"
+    if value <= EXACT:
+        return "exact"
+    if value < LEAST:
+        return f"< {100 * LEAST:g} %"
+    digits = max(0, 1 - math.floor(math.log10(100 * value)))  # two that count
+    return f"{100 * value:.{digits}f} %"
 
 
 def physics(contract: dict[str, float | None]) -> Table:

@@ -16,12 +16,24 @@ from eigbench.scoring.truth import SURFACE, Truth
 from synthnet import recipe, store
 from synthnet.terminal import complete_with
 
-Command = Callable[..., argparse.ArgumentParser]  # of a name, a function, a text and an example
+# It takes a name, a function, a text and an example
+Command = Callable[..., argparse.ArgumentParser]
 
 
 def predictor(sub: argparse.ArgumentParser) -> None:
     """Add the predictor's file."""
     sub.add_argument("predictor", type=Path, metavar="FILE", help="the predictor's Python file")
+
+
+def row(sub: argparse.ArgumentParser, what: str) -> None:
+    """Add the result of a row, and where its predictions are."""
+    sub.add_argument("result", type=Path, metavar="RESULT.json", help=what)
+    sub.add_argument(
+        "--predictions",
+        type=Path,
+        metavar="FILE",
+        help="its predictions (default: beside the result)",
+    )
 
 
 def out(sub: argparse.ArgumentParser, default: str) -> None:
@@ -137,10 +149,10 @@ def unpinned(name: str | None, root: Path | None) -> store.StoredDataset | None:
         return store.StoredDataset(Path(name), manifest)
     if os.sep in name:
         raise EigbenchError(f"{name} holds no dataset (no manifest)")
-    found = store.open_unversioned(name, root)
-    if found is None:
+    stored = store.open_unversioned(name, root)
+    if stored is None:
         recipe.load(name, known=store.known_names(root))
-    return found
+    return stored
 
 
 def board(sub: argparse.ArgumentParser) -> None:

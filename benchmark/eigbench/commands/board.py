@@ -17,10 +17,13 @@ from eigbench.commands.arguments import Command
 from eigbench.results.submission import Submission
 from eigbench.scaling import results as scaling_results
 from eigbench.site import bundle, write
-from eigbench.site.write import DOCS
+from synthnet.errors import counted
+from synthnet.store import outside
 from synthnet.store.files import make_directory, write_text
 
-SHOWN = 40  # lines of a difference
+SHOWN = 40  # so many lines of a difference are printed
+SCORING = "scoring every row anew from its predictions"
+MOST_GENERATED = 64 * 2**20  # bytes of a generated page
 
 
 def add_commands(command: Command) -> None:
@@ -55,10 +58,43 @@ def add_commands(command: Command) -> None:
     sub.add_argument(
         "--docs",
         metavar="URL",
-        help=f"address of the documentation, relative to DIR; {{}} is a page's name, as in {DOCS} "
-        "(default: those of the checkout)",
+        help="address of the documentation, relative to DIR; {} is a page's name, as in "
+        f"{write.DOCS} (default: those of the checkout)",
+    )
+    sub.add_argument(
+        "--code",
+        metavar="URL",
+        default=write.CODE,
+        help="address of a file of the project, as https://HOST/OWNER/NAME/blob/main/{}, to link "
+        "code and weights of models there (default: %(default)s, which the page then has itself)",
     )
     arguments.board(sub)
+
+
+class Stages:
+    """What a long command is doing, on stderr: on a terminal one line that changes.
+
+    Elsewhere, as in a log, each stage is a line of its own when it begins, without its details.
+    """
+
+    def __init__(self) -> None:
+        self._status = Console(stderr=True).status("")
+        self._stage = ""
+
+    def __enter__(self) -> Stages:
+        if sys.stderr.isatty():
+            self._status.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._status.stop()
+
+    def __call__(self, stage: str, detail: str = "") -> None:
+        """Say which stage it is, and what of it."""
+        self._status.update(f"{stage} {detail}".rstrip())
+        if stage != self._stage and not sys.stderr.isatty():
+            print(f"eigbench: {stage}", file=sys.stderr, flush=True)
+        self._stage = stage
 
 
 def regenerate(options: argparse.Namespace) -> int:
@@ -67,9 +103,9 @@ def regenerate(options: argparse.Namespace) -> int:
     with Console(stderr=True).status("scoring") as status:
         rows = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
         scaled = scaling_results.read_board(root)
-        reported, readme = leaderboard.read_reported(root), _text(root / leaderboard.README)
+        reported, readme = leaderboard.read_reported(root), _text(root, leaderboard.README)
         generated = leaderboard.generate(rows, reported, scaled, readme)
-    stale = [p for p, text in generated.items() if _text(root / p) != text]
+    stale = [p for p, text in generated.items() if _text(root, p) != text]
     known = {root / path for path in generated}
     there = (path for pattern in leaderboard.GENERATED for path in root.glob(pattern))
     orphans = sorted(path for path in there if path not in known)
@@ -82,8 +118,10 @@ def regenerate(options: argparse.Namespace) -> int:
             print(f"eigbench: not up to date: run {again}", file=sys.stderr)
             return 1
         if not options.json:
-            print(f"{len(rows)} rows scored anew, every generated file is up to date")
+            print(f"{counted(len(rows), 'row')} scored anew, every generated file is up to date")
         return 0
+    for path in [*(root / path for path in stale), *orphans]:
+        outside.check_way(path, root)  # before anything is written or removed
     for path in stale:
         make_directory((root / path).parent)
         write_text(root / path, generated[path])
@@ -121,7 +159,7 @@ def _print_changes(
 ) -> None:
     """Print what would change in each stale file, and the figures that no board has."""
     for path in stale:
-        old, new = _text(root / path).splitlines(), generated[path].splitlines()
+        old, new = _text(root, path).splitlines(), generated[path].splitlines()
         titles = f"{path} as it is", f"{path} as generated"
         lines = list(difflib.unified_diff(old, new, *titles, n=0, lineterm=""))
         more = [f"... and {len(lines) - SHOWN} more lines"] if len(lines) > SHOWN else []
@@ -134,19 +172,23 @@ def site(options: argparse.Namespace) -> int:
     """Write the leaderboard as a static page."""
     root = arguments.board_root(options)
     docs = write.docs_from(options.out) if options.docs is None else options.docs
-    write.check_docs(docs)
+    write.check_address("--docs", docs)
+    write.check_address("--code", options.code)
     write.check_out(options.out)
     bundle.read()  # all three before the minute that scoring takes
-    with Console(stderr=True).status("scoring") as status:
-        rows = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
+    with Stages() as stage:
+        stage(SCORING)
+        rows = leaderboard.read(root, lambda row: stage(SCORING, row))
         content = write.files(
             rows,
             leaderboard.read_reported(root),
             scaling_results.read_board(root),
             docs=docs,
-            on_step=lambda step: status.update(f"drawing {step}"),
+            code=options.code,
+            on_step=stage,
         )
-    write.write(options.out, content)
+        stage(f"writing {options.out}")
+        write.write(options.out, content)
     size, count = sum(map(len, content.values())), len(content)
     if options.json:
         facts = {"out": str(options.out), "files": count, "bytes": size, "rows": len(rows)}
@@ -157,5 +199,9 @@ def site(options: argparse.Namespace) -> int:
     return 0
 
 
-def _text(path: Path) -> str:
-    return path.read_text() if path.is_file() else ""
+def _text(root: Path, path: Path | str) -> str:
+    """Return a generated page as it is; empty if there is none yet."""
+    try:
+        return outside.read(root / path, most=MOST_GENERATED, below=root).decode()
+    except FileNotFoundError:
+        return ""

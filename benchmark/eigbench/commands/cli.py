@@ -7,7 +7,18 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 
-from eigbench.commands import board, check, compare, evaluate, scaling, score, submit, timing
+from eigbench.commands import (
+    board,
+    check,
+    compare,
+    evaluate,
+    predict,
+    scaling,
+    score,
+    submit,
+    timing,
+    verify_row,
+)
 from eigbench.errors import EigbenchError
 from synthnet import terminal
 from synthnet.errors import SynthNetError
@@ -39,6 +50,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"eigbench {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for group in (check, evaluate, score, compare, timing, submit, board, scaling):
+    for group in (
+        check,
+        evaluate,
+        predict,
+        score,
+        compare,
+        timing,
+        submit,
+        board,
+        scaling,
+        verify_row,
+    ):
         group.add_commands(partial(add_command, commands))
     return parser

@@ -5,18 +5,22 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
+from rich.console import Console
 from tabulate import tabulate
 
+from eigbench import results
 from eigbench.board import error_figures, figures, ranking
 from eigbench.board.ranking import RANKED_BY, Difference
 from eigbench.board.tables import family_title, number
-from eigbench.commands import arguments
+from eigbench.commands import arguments, queries
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import submission
+from eigbench.results.submission import Submission
+from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.truth import SURFACE
 from synthnet.store.files import make_directory, write_text
@@ -81,15 +85,19 @@ def add_commands(command: Command) -> None:
 def compare(options: argparse.Namespace) -> int:
     """Print the paired differences of two results."""
     dataset = arguments.unpinned(options.dataset, options.root)
-    a, b = (
-        arguments.beside(submission.read(path, predictions, dataset), options.target)
-        for path, predictions in zip((options.a, options.b), options.predictions, strict=True)
-    )
-    overall = {key: ranking.difference(a, b, key) for key in METRICS}
-    families = {
-        family: ranking.difference(a, b, RANKED_BY, family)
-        for family in sorted(set(a.truth.families.tolist()))
-    }
+    _check_alike(options.a, options.b)
+    with Console(stderr=True).status("comparing"):
+        a, b = (
+            arguments.beside(submission.read(path, predictions, dataset), options.target)
+            for path, predictions in zip((options.a, options.b), options.predictions, strict=True)
+        )
+        for row in (a, b):
+            queries.note(dataset, "compare", row.name, row.result["predictions"]["sha256"])
+        overall = {key: _difference(a, b, key) for key in METRICS}
+        families = {
+            family: _difference(a, b, RANKED_BY, family)
+            for family in sorted(set(a.truth.families.tolist()))
+        }
     if options.json:
         differences = {
             "a": a.name,
@@ -108,6 +116,16 @@ def compare(options: argparse.Namespace) -> int:
     _print_table(f"{METRICS[RANKED_BY].title} by family", lines)
     print(f"\n{TIES}")
     return 0
+
+
+def _difference(a: Submission, b: Submission, key: str, family: str | None = None) -> Difference:
+    """Return how far two results are apart, in a few digits where the set is sealed."""
+    difference = ranking.difference(a, b, key, family)
+    return (
+        replace(difference, **scores.rounded(asdict(difference)))
+        if scores.is_sealed(a.truth)
+        else difference
+    )
 
 
 def _line(title: str, difference: Difference, key: str) -> list[str]:
@@ -136,29 +154,42 @@ def _plain(difference: Difference) -> dict[str, object]:
     }
 
 
+def _check_alike(a: Path, b: Path) -> None:
+    """Check that two results are of the same meshes, before what else may be wrong with them."""
+    first, second = (results.read(path)["dataset"] for path in (a, b))
+    for key in ("version", "split", "protocol"):
+        if first[key] != second[key]:
+            raise EigbenchError(
+                f"{a} and {b} cannot be compared: their {key} is {first[key]} and {second[key]}"
+            )
+
+
 def plot(options: argparse.Namespace) -> int:
     """Draw the pictures of one or several results."""
     dataset = arguments.unpinned(options.dataset, options.root)
-    read = (submission.read(path, None, dataset) for path in options.results)
-    unordered = [arguments.beside(row, options.target) for row in read]
-    if len({row.truth.digest for row in unordered}) > 1:
-        raise EigbenchError("the results are of different datasets, splits or protocols")
-    make_directory(options.out)
-    rows = [row.submission for row in ranking.ranked(unordered)]
-    drawn = {
-        "families.png": error_figures.families(rows, options.metric),
-        "index.png": error_figures.by_index(rows),
-        "histogram.png": error_figures.histogram(rows, options.metric),
-    }
-    written = [options.out / name for name in drawn]
-    for path, figure in zip(written, drawn.values(), strict=True):
-        figures.save(path, figure)
-    written.append(options.out / "error-time.svg")
-    write_text(written[-1], figures.error_against_time(rows, options.metric))
-    for row in rows:
-        path = options.out / f"spectra-{row.slug}.png"
-        figures.save(path, error_figures.spectra(row))
-        written.append(path)
+    with Console(stderr=True).status("drawing"):
+        read = (submission.read(path, None, dataset) for path in options.results)
+        unordered = [arguments.beside(row, options.target) for row in read]
+        if len({row.truth.digest for row in unordered}) > 1:
+            raise EigbenchError("the results are of different datasets, splits or protocols")
+        make_directory(options.out)
+        for row in unordered:
+            queries.note(dataset, "plot", row.name, row.result["predictions"]["sha256"])
+        rows = [row.submission for row in ranking.ranked(unordered)]
+        drawn = {
+            "families.png": error_figures.families(rows, options.metric),
+            "index.png": error_figures.by_index(rows),
+            "histogram.png": error_figures.histogram(rows, options.metric),
+        }
+        written = [options.out / name for name in drawn]
+        for path, figure in zip(written, drawn.values(), strict=True):
+            figures.save(path, figure)
+        written.append(options.out / "error-time.svg")
+        write_text(written[-1], figures.error_against_time(rows, options.metric))
+        for row in rows:
+            path = options.out / f"spectra-{row.slug}.png"
+            figures.save(path, error_figures.spectra(row))
+            written.append(path)
     if options.json:
         print(json.dumps({"files": list(map(str, written))}))
     else:

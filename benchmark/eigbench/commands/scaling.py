@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import fields
 from pathlib import Path
 
 from rich.console import Console
 from tabulate import tabulate
 
 from eigbench.board.tables import family_title
-from eigbench.commands import arguments
+from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.running.predictor import check_file
@@ -57,6 +56,7 @@ def add_commands(command: Command) -> None:
         "(default: %(default)g)",
     )
     sub.add_argument("--resume", action="store_true", help="add what the result at --out lacks")
+    predict.add_sandbox(sub)
 
     sub = command(
         "scaling",
@@ -74,8 +74,8 @@ def scale(options: argparse.Namespace) -> int:
     if out.suffix != ".json":
         raise EigbenchError(f"--out must end in .json, got {out}")
     check_file(options.predictor)
+    settings = predict.settings_of(options, Settings)
     make_parent(out)
-    settings = Settings(**{f.name: getattr(options, f.name) for f in fields(Settings)})
     with Console(stderr=True).status("loading the predictor") as status:
         result = scaling_run.run(
             options.predictor,

@@ -9,15 +9,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+
 from eigbench import results
 from eigbench.board import tables
-from eigbench.commands import arguments
+from eigbench.commands import arguments, queries
 from eigbench.commands.arguments import Command
 from eigbench.results import predictions
 from eigbench.scoring import scores, truth
 from eigbench.scoring.training import IMPORTED
 from synthnet import recipe, store
+from synthnet.errors import counted
 from synthnet.store import pins
+from synthnet.store.files import sha256
 from synthnet.terminal import WRONG_INPUT, complete_with
 from synthnet.types import PROTOCOLS, SPLITS
 from synthnet.verify import seal
@@ -95,11 +99,20 @@ def exit_code(problem: str) -> int:
     return 0
 
 
+def warn(finding: str) -> None:
+    """Print a finding, if there is one."""
+    if finding:
+        print(f"warning: {finding}", file=sys.stderr)
+
+
 def score(options: argparse.Namespace) -> int:
     """Score a file of predictions."""
-    labels = labels_of(options, dataset_of(options))
-    values = predictions.read(options.file, labels)
-    scored = scores.of_targets(labels, values)
+    dataset = dataset_of(options)
+    with Console(stderr=True).status("scoring"):
+        labels = labels_of(options, dataset)
+        values = predictions.read(options.file, labels)
+        scored = scores.of_targets(labels, values)
+    queries.note(dataset, "score", options.file.name, sha256(options.file))
     if options.target is not None:
         if scored[options.target] is None:
             raise arguments.unknown_surfaces(labels)
@@ -111,6 +124,7 @@ def score(options: argparse.Namespace) -> int:
         print(f"{options.file} on {described(result)}\n")
         print_scores(scored)
         print(EXPLAINED)
+    warn(predictions.looked_up("", labels, values))
     return exit_code(predictions.unphysical(labels, values))
 
 
@@ -132,5 +146,5 @@ def described(result: dict[str, Any]) -> str:
     part = "a part of " if result.get("partial") else ""
     return (
         f"{part}{results.title(result)}: "
-        f"{facts['shapes']:,} shapes, {facts['instances']:,} instances"
+        f"{counted(facts['shapes'], 'shape')}, {counted(facts['instances'], 'instance')}"
     )

@@ -12,9 +12,10 @@ from rich.console import Console
 
 from eigbench.board import leaderboard, page, scaling_page
 from eigbench.board.ranking import Ranked
-from eigbench.commands import arguments
+from eigbench.commands import arguments, score
 from eigbench.commands.arguments import Command
-from eigbench.results import submission
+from eigbench.errors import EigbenchError
+from eigbench.results import predictions, submission
 from eigbench.results.submission import Submission
 from eigbench.scaling import results as scaling_results
 
@@ -29,13 +30,7 @@ def add_commands(command: Command) -> None:
         "check a result and its predictions, and put both on the board",
         "results.json",
     )
-    sub.add_argument("result", type=Path, metavar="RESULT.json", help="made by `eigbench evaluate`")
-    sub.add_argument(
-        "--predictions",
-        type=Path,
-        metavar="FILE",
-        help="its predictions (default: beside the result)",
-    )
+    arguments.row(sub, "made by `eigbench evaluate`")
     sub.add_argument(
         "--dry-run",
         action="store_true",
@@ -43,6 +38,8 @@ def add_commands(command: Command) -> None:
     )
     sub.add_argument("--replace", action="store_true", help="replace the model's earlier result")
     arguments.board(sub)
+    arguments.dataset(sub, None, "with --dry-run, the import or directory that was predicted")
+    arguments.root(sub)
 
 
 def submit(options: argparse.Namespace) -> int:
@@ -50,7 +47,15 @@ def submit(options: argparse.Namespace) -> int:
     if scaling_results.is_scaled(options.result):
         return _submit_scaled(options)
     root = arguments.board_root(options, make=not options.dry_run)
-    row = submission.read(options.result, options.predictions)
+    dataset = arguments.unpinned(options.dataset, options.root)
+    if dataset is not None and not options.dry_run:
+        raise EigbenchError(
+            f"the labels of {options.dataset} are not pinned, so that no board has its results; "
+            "add --dry-run to check one"
+        )
+    row = submission.read(options.result, options.predictions, dataset)
+    kind = row.result["model"]["kind"]
+    score.warn(predictions.looked_up(kind, row.truth, row.predictions))
     if options.dry_run:
         return _try(row, root, options)
     paths = leaderboard.add(row, root, replace=options.replace)

@@ -14,7 +14,7 @@ from rich.console import Console
 from tabulate import tabulate
 
 from eigbench.board.tables import number
-from eigbench.commands import arguments
+from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import timing
@@ -49,11 +49,13 @@ def add_commands(command: Command) -> None:
     )
     arguments.dataset(sub, "1.0", "a version")
     arguments.root(sub)
-    arguments.count(sub, "--meshes", "N", "of the test split, always the same", 100)
+    count = "timed in each repeat, of the test split, always the same"
+    arguments.count(sub, "--meshes", "N", count, 100)
     arguments.count(sub, "--batch-size", "B", "meshes a call", 10)
-    repeats = "times that each batch is timed; the median counts"
+    repeats = "batches of each size, of other shapes; the median of their times counts"
     arguments.count(sub, "--repeats", "R", repeats, 3)
     arguments.time_limit(sub, 600.0)
+    predict.add_sandbox(sub)
     arguments.out(sub, "times.json")
 
 
@@ -64,8 +66,9 @@ def run_time(options: argparse.Namespace) -> int:
         check_file(path)
     if unknown := [path for path in options.against if path not in paths]:
         raise EigbenchError(f"--against {unknown[0]}: name it among the predictors too")
+    sandbox, readable = predict.held(options)
     make_parent(options.out)
-    labels = truth.load(options.dataset).head(options.meshes)
+    labels = clock.shapes_of(truth.load(options.dataset), options.meshes * options.repeats)
     console = Console(stderr=True)
     with console.status("reading the meshes") as status:
         instances = meshes.read(store.open_dataset(options.dataset, options.root), labels.ids)
@@ -76,15 +79,18 @@ def run_time(options: argparse.Namespace) -> int:
             batch_size=options.batch_size,
             repeats=options.repeats,
             time_limit=options.time_limit,
+            sandbox=sandbox,
+            readable=readable,
             on_step=status.update,
         )
-    found = described(timed, np.sort(instances.vertices(labels.ids)), options)
-    write_text(options.out, json.dumps(found, indent=1, ensure_ascii=False) + "\n")
+    content = described(timed, np.sort(instances.vertices(labels.ids)), options)
+    write_text(options.out, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
     if options.json:
-        print(json.dumps(found, indent=1, ensure_ascii=False))
+        print(json.dumps(content, indent=1, ensure_ascii=False))
     else:
-        print(table(found["rows"]))
-        print(f"\n{len(labels.ids)} meshes of {options.dataset}, one thread each: {options.out}")
+        print(table(content["rows"]))
+        about = f"{options.repeats} times {options.meshes} meshes of {options.dataset}"
+        print(f"\n{about}, one thread each: {options.out}")
     return 0
 
 
@@ -96,49 +102,50 @@ def described(
     ``vertices`` are those of the meshes, ascending as they were timed.
     """
     lapy, *others = timed
-    parts = np.split(vertices, range(options.batch_size, len(vertices), options.batch_size))
-    sizes = np.array([len(part) for part in parts])
+    step = options.batch_size * options.repeats
+    parts = np.split(vertices, range(step, len(vertices), step))
+    sizes = np.array([len(part) // options.repeats for part in parts])
     peers = {"LaPy": lapy.seconds}
     peers |= {t.loaded.meta["name"]: t.seconds for t in others if t.path in options.against}
     return {
         "timing_version": timing.VERSION,
         "dataset": options.dataset,
-        "meshes": len(vertices),
-        "vertices": [round(float(part.mean()), 1) for part in parts],  # mean of each batch
+        "meshes": options.meshes,
+        "vertices": [round(float(part.mean()), 1) for part in parts],  # mean of each size
         "repeats": options.repeats,
         "hardware": record.hardware(),
         "environment": record.environment(),
-        "rows": [_row(one, sizes, peers, options) for one in others],
+        "rows": [_row(row, sizes, peers, options) for row in others],
     }
 
 
 def _row(
-    one: Timed, sizes: np.ndarray, peers: dict[str, np.ndarray], options: argparse.Namespace
+    timed: Timed, sizes: np.ndarray, peers: dict[str, np.ndarray], options: argparse.Namespace
 ) -> dict[str, Any]:
-    file, variant = split(one.path)
-    each = 1e3 * one.seconds / sizes
+    file, variant = split(timed.path)
+    each = 1e3 * timed.seconds / sizes
     lapy = peers["LaPy"]
     return {
-        "name": one.loaded.meta["name"],
+        "name": timed.loaded.meta["name"],
         "code": f"{file.name}:{variant}" if variant else file.name,
-        "sources": one.status.sources,
-        "loading_seconds": one.loading,
+        "sources": timed.status.sources,
+        "loading_seconds": timed.loading,
         "cost": {
-            **record.times(one.seconds, one.cpu_seconds, sizes),
+            **record.times(timed.seconds, timed.cpu_seconds, sizes),
             "ms_by_batch": [float(f"{value:.5g}") for value in each],  # by size, ascending
             "batch_size": options.batch_size,
             "threads": 1,
             "device": "cpu",
-            "peak_memory_mb": one.status.peak_bytes / 2**20,
+            "peak_memory_mb": timed.status.peak_bytes / 2**20,
             "hardware": record.hardware(),
             "reference": {
                 "solver": "LaPy",
                 "meshes": int(sizes.sum()),
                 "ms_per_mesh": float(1e3 * lapy.sum() / sizes.sum()),
-                **timing.ratio(lapy, one.seconds),
+                **timing.ratio(lapy, timed.seconds),
             },
             "peers": {
-                name: timing.ratio(seconds, one.seconds)
+                name: timing.ratio(seconds, timed.seconds)
                 for name, seconds in peers.items()
                 if name != "LaPy"
             },

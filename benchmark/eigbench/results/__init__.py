@@ -2,6 +2,7 @@
 
 from eigbench.results.result import (
     SCHEMA_VERSION,
+    check_cost,
     check_schema,
     dataset_facts,
     declared,
@@ -18,6 +19,7 @@ from eigbench.results.result import (
 
 __all__ = [
     "SCHEMA_VERSION",
+    "check_cost",
     "check_schema",
     "dataset_facts",
     "declared",

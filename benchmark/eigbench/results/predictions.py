@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
+import json
 import zlib
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, BinaryIO
 from zipfile import BadZipFile
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictionsError
 from eigbench.scoring.truth import Truth
+from synthnet.errors import OutsideError
+from synthnet.store import outside, outside_tables
 from synthnet.store.files import one_line, write_atomically
 
+METADATA_KEY = b"eigbench"  # of a Parquet file: what was predicted, as JSON
+SEEDS = 20  # of a file at most
+SPARE = 4  # times as many values a row as there are eigenvalues are read, to say what is wrong
 DAMAGED = (
     *(OSError, EOFError, ValueError, TypeError, KeyError),
-    *(BadZipFile, zlib.error, pa.ArrowException),
+    *(BadZipFile, zlib.error, pa.ArrowException, OutsideError),
 )
 
 
 def write(path: Path, truth: Truth, predictions: NDArray[np.float64]) -> None:
-    """Write predictions of shape (seeds, n, k) as Parquet: id, seed, eigenvalues."""
+    """Write predictions of shape (seeds, n, k) as Parquet: id, seed, eigenvalues.
+
+    Its metadata name the dataset, the split and the protocol.
+    """
     seeds, count, k = predictions.shape
     flat = pa.array(predictions.reshape(-1), pa.float64())
     table = pa.table(
@@ -33,7 +41,8 @@ def write(path: Path, truth: Truth, predictions: NDArray[np.float64]) -> None:
             "id": list(truth.ids) * seeds,
             "seed": pa.array(np.repeat(np.arange(seeds), count), pa.int32()),
             "eigenvalues": pa.FixedSizeListArray.from_arrays(flat, k),
-        }
+        },
+        metadata={METADATA_KEY: json.dumps(_named(truth)).encode()},
     )
 
     def store(partial: Path) -> None:
@@ -50,7 +59,13 @@ def write(path: Path, truth: Truth, predictions: NDArray[np.float64]) -> None:
     write_atomically(path, store)
 
 
-def read(path: Path, truth: Truth) -> NDArray[np.float64]:
+def most_bytes(truth: Truth) -> int:
+    """Return the bytes that a file of predictions of a split may have."""
+    rows, k = SEEDS * len(truth.ids), truth.eigenvalues.shape[1]
+    return int(2**20 + rows * (2 * outside_tables.TEXT + 32 * k))
+
+
+def read(path: Path, truth: Truth, below: Path | None = None) -> NDArray[np.float64]:
     """Read predictions and put them in the order of a split. No code is run.
 
     Parameters
@@ -58,9 +73,11 @@ def read(path: Path, truth: Truth) -> NDArray[np.float64]:
     path : Path
         ``.parquet`` with the columns id, eigenvalues and, for several runs, seed; ``.npz``
         with the arrays ids (n,) and eigenvalues (n, k); or ``.csv`` with id, lambda_1, ...,
-        lambda_k and, for several runs, seed.
+        lambda_k and, for several runs, seed. docs/submit.md describes them.
     truth : Truth
         The split.
+    below : Path, optional
+        A folder above the file, as of :func:`synthnet.store.outside.opened`.
 
     Returns
     -------
@@ -69,26 +86,30 @@ def read(path: Path, truth: Truth) -> NDArray[np.float64]:
     Raises
     ------
     PredictionsError
-        If the file is missing, damaged or of an unknown kind, or its ids are not exactly
-        the split's, once a seed.
+        If the file is missing, damaged, larger than it can be, reached by a link, of an unknown
+        kind or of another dataset, or its ids are not exactly the split's, once a seed.
     """
     readers = {".parquet": _read_parquet, ".npz": _read_npz, ".csv": _read_csv}
     if path.suffix not in readers:
         raise PredictionsError(f"{path} must end in {', '.join(readers)}")
     k = truth.eigenvalues.shape[1]
     try:
-        ids, seeds, values = readers[path.suffix](path, k)
+        with outside.opened(path, most=most_bytes(truth), below=below) as file:
+            ids, seeds, values = readers[path.suffix](file, truth)
     except FileNotFoundError as error:
         raise PredictionsError(f"there is no file {path}") from error
     except DAMAGED as error:
-        raise PredictionsError(f"{path} cannot be read: {one_line(error)}") from error
+        raise PredictionsError(f"{path} cannot be read: {one_line(error)[:300]}") from error
     if not len(ids):
         raise PredictionsError(f"{path} has no predictions")
     if values.shape != (len(ids), k):
         raise PredictionsError(
             f"{path} has predictions of shape {values.shape}, it must be ({len(ids)}, {k})"
         )
-    return np.stack([_join(path, ids[seeds == s], values[seeds == s], truth) for s in _runs(seeds)])
+    runs = np.unique(seeds).tolist()
+    if len(runs) > SEEDS:
+        raise PredictionsError(f"{path} has {len(runs)} seeds, there can be {SEEDS} at most")
+    return np.stack([_join(path, ids[seeds == s], values[seeds == s], truth) for s in runs])
 
 
 def unphysical(truth: Truth, answers: NDArray[np.float64]) -> str:
@@ -107,9 +128,24 @@ def unphysical(truth: Truth, answers: NDArray[np.float64]) -> str:
     return ""
 
 
-def _runs(seeds: NDArray[np.int64]) -> Sequence[int]:
-    runs: list[int] = np.unique(seeds).tolist()
-    return runs
+def identical(truth: Truth, answers: NDArray[np.float64]) -> int:
+    """Return how many answered spectra, of all seeds, are the labels to the last bit.
+
+    A solver of its own differs from the labels by rounding; a model differs by more. Whoever has
+    them to the bit has them from the certified solver, or has looked them up.
+    """
+    return int((answers == truth.eigenvalues).all(axis=-1).sum())
+
+
+def looked_up(kind: str, truth: Truth, answers: NDArray[np.float64]) -> str:
+    """Return one line where answers are labels to the bit and no exact solver is declared."""
+    count = 0 if kind == "classical" else identical(truth, answers)
+    if not count:
+        return ""
+    return (
+        f"{count:,} of {answers.shape[0] * answers.shape[1]:,} spectra are the labels to the last "
+        "bit: only an exact solver can say where it has them from, and it declares itself classical"
+    )
 
 
 def _join(
@@ -126,39 +162,83 @@ def _join(
         if which:
             more = f" and {len(which) - 3} more" if len(which) > 3 else ""
             raise PredictionsError(
-                f"{path} {what} {', '.join(which[:3])}{more} "
+                f"{path} {what} {', '.join(map(_shown, which[:3]))}{more} "
                 f"({truth.version}, {truth.split}, {truth.protocol}): --dataset, --split and "
                 "--protocol say what was predicted"
             )
     return values[[row_of[id] for id in truth.ids]]
 
 
+def _shown(id: str) -> str:
+    """Return an id of a file as a message may show it."""
+    return ascii(id[:60])[1:-1] if len(id) > 60 or outside.strange(id) else id
+
+
+def _named(truth: Truth) -> dict[str, str]:
+    return {"dataset": truth.version, "split": truth.split, "protocol": truth.protocol}
+
+
 Read = tuple[NDArray[np.str_], NDArray[np.int64], NDArray[np.float64]]
 
 
-def _read_parquet(path: Path, k: int) -> Read:
-    with pq.ParquetFile(path, page_checksum_verification=True) as file:
-        table = file.read()
+def _read_parquet(file: BinaryIO, truth: Truth) -> Read:
+    k = truth.eigenvalues.shape[1]
+    columns = {"id": 1, "seed": 1, "eigenvalues": SPARE * k}
+    rows = SEEDS * len(truth.ids)
+    table = outside_tables.parquet(
+        file, columns, text="id", rows=rows, check=lambda schema: _check(schema, truth)
+    )
     ids = np.array(table["id"].to_pylist(), dtype=np.str_)
     seeds = _seeds(table["seed"].to_numpy() if "seed" in table.column_names else None, len(ids))
     values = np.array(table["eigenvalues"].to_pylist(), dtype=np.float64)
     return ids, seeds, values
 
 
-def _read_npz(path: Path, k: int) -> Read:
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-        ids, values = np.atleast_1d(arrays["ids"]).astype(np.str_), arrays["eigenvalues"]
+def _check(schema: pa.Schema, truth: Truth) -> None:
+    """Check a Parquet file's columns, and that it says of no other split that it is of that."""
+    if "eigenvalues" not in schema.names:
+        raise ValueError("it has no column eigenvalues")
+    if not outside_tables.is_text(schema.field("id").type):
+        raise ValueError(f"the ids have type {schema.field('id').type}, they must be text")
+    kind: Any = schema.field("eigenvalues").type
+    lists = (pa.types.is_list, pa.types.is_large_list, pa.types.is_fixed_size_list)
+    numbers = (pa.types.is_floating, pa.types.is_integer)
+    if not (any(a(kind) for a in lists) and any(a(kind.value_type) for a in numbers)):
+        raise ValueError(f"eigenvalues have type {kind}, they must be lists of numbers")
+    if "seed" in schema.names and not pa.types.is_integer(schema.field("seed").type):
+        raise ValueError("the seeds must be integers, none missing")
+    stored = (schema.metadata or {}).get(METADATA_KEY)
+    if stored is not None and (of := outside.parsed(stored)) != _named(truth):
+        of = of if isinstance(of, dict) else {}
+        what = ", ".join(str(of.get(key, "?")) for key in _named(truth))
+        raise ValueError(
+            f"it says that it is of {what}, not of {', '.join(_named(truth).values())}: "
+            "--dataset, --split and --protocol say what was predicted"
+        )
+
+
+def _read_npz(file: BinaryIO, truth: Truth) -> Read:
+    n, k = truth.eigenvalues.shape
+    size = n * (4 * outside_tables.TEXT + 16 * SPARE * k) + 2**20
+    arrays = outside_tables.npz(file, ("ids", "eigenvalues"), size=size)
+    ids, values = np.atleast_1d(arrays["ids"]).astype(np.str_), arrays["eigenvalues"]
     if values.dtype.kind not in "fiu":
         raise ValueError(f"eigenvalues have dtype {values.dtype}, they must be real numbers")
-    values = values.astype(np.float64)
-    return ids, _seeds(None, len(ids)), values
+    if ids.ndim != 1:
+        raise ValueError(f"ids have shape {ids.shape}, it must be (n,)")
+    return ids, _seeds(None, len(ids)), values.astype(np.float64)
 
 
-def _read_csv(path: Path, k: int) -> Read:
-    frame = pd.read_csv(path, dtype={"id": str})
-    if f"lambda_{k + 1}" in frame:
-        raise ValueError(f"it has lambda_{k + 1}, there are {k} eigenvalues")
-    values = frame[[f"lambda_{i}" for i in range(1, k + 1)]].to_numpy(dtype=np.float64)
+def _read_csv(file: BinaryIO, truth: Truth) -> Read:
+    k = truth.eigenvalues.shape[1]
+    numbers = [f"lambda_{i}" for i in range(1, k + 1)]
+    columns = ["id", "seed", *numbers, beyond := f"lambda_{k + 1}"]
+    frame = outside_tables.csv_table(
+        file, columns, text="id", numbers=numbers, rows=SEEDS * len(truth.ids)
+    )
+    if beyond in frame:
+        raise ValueError(f"it has {beyond}, there are {k} eigenvalues")
+    values = frame[numbers].to_numpy(dtype=np.float64)
     ids = frame["id"].to_numpy(dtype=np.str_)
     return ids, _seeds(frame["seed"].to_numpy() if "seed" in frame else None, len(ids)), values
 

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
+import os
+import re
 import shutil
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import jsonschema
-
 from eigbench.errors import EigbenchError, ResultError
+from eigbench.results import verification
+from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
-from synthnet.store.files import make_directory, one_line, sha256, write_atomically, write_text
+from synthnet.errors import OutsideError, counted
+from synthnet.store import outside
+from synthnet.store.files import make_directory, sha256, write_atomically, write_text
 
 SCHEMA_VERSION = 3  # 2: sources by their statements, the commit; 3: scores of both targets
+SPARE_CORES = 0.5  # more than the threads: the noise of timing
+APART = 10  # LaPy is timed on some of the batches; their mean time is this near that of all
+ERRORS = 100  # of a schema are looked at, to name the first
 
 
 def dataset_facts(truth: Truth) -> dict[str, Any]:
@@ -37,8 +45,7 @@ def dataset_facts(truth: Truth) -> dict[str, Any]:
 def setting(result: dict[str, Any]) -> str:
     """Return what times are compared within: hardware, device and threads."""
     facts = result["cost"]
-    threads = f"{facts['threads']} thread{'s' if facts['threads'] > 1 else ''}"
-    return f"{facts['hardware']}; {facts['device']}, {threads}"
+    return f"{facts['hardware']}; {facts['device']}, {counted(facts['threads'], 'thread')}"
 
 
 def write(path: Path, result: dict[str, Any]) -> None:
@@ -48,22 +55,22 @@ def write(path: Path, result: dict[str, Any]) -> None:
     write_text(path, text)
 
 
-def read(path: Path) -> dict[str, Any]:
-    """Read a result and check it.
+def read(path: Path, below: Path | None = None) -> dict[str, Any]:
+    """Read a result and check it; ``below`` is as of :func:`synthnet.store.outside.opened`.
 
     Raises
     ------
     ResultError
         If it is missing, no JSON, not of the schema, or contradicts itself.
     """
-    result = load(path)
+    result = load(path, below)
     validate(result, path)
     checked: dict[str, Any] = result
     return checked
 
 
-def load(path: Path) -> Any:
-    """Read JSON whose numbers are all finite.
+def load(path: Path, below: Path | None = None) -> Any:
+    """Read JSON that somebody hands in, as :func:`synthnet.store.outside.read_json` does.
 
     Raises
     ------
@@ -71,22 +78,29 @@ def load(path: Path) -> Any:
         If it is missing or no such JSON.
     """
     try:
-        return json.loads(path.read_text(), parse_constant=_no_constant, parse_float=_finite)
+        return outside.read_json(path, below=below)
     except FileNotFoundError as error:
         raise ResultError(f"there is no file {path}") from error
-    except (OSError, ValueError) as error:
-        raise ResultError(f"{path} cannot be read: {one_line(error)}") from error
+    except OutsideError as error:
+        raise ResultError(str(error)) from error
 
 
-def put(sources: Sequence[Path], targets: Sequence[Path], *, replace: bool = False) -> None:
+def put(
+    sources: Sequence[Path], targets: Sequence[Path], root: Path, *, replace: bool = False
+) -> None:
     """Copy files to their paths on a board, the last first; all, or none if a path is taken.
 
     Raises
     ------
     EigbenchError
         If another file is at a path and ``replace`` is not given.
+    OutsideError
+        If a folder on the way from the board's root to a path is a symbolic link.
     """
     for source, target in zip(sources, targets, strict=True):
+        outside.check_way(target, root)
+        if os.path.lexists(target) and (target.is_symlink() or not target.is_file()):
+            raise EigbenchError(f"{target} is no regular file: remove it")
         if target.exists() and sha256(target) != sha256(source) and not replace:
             raise EigbenchError(
                 f"{target} is there already: give --replace, or another name in META"
@@ -95,16 +109,6 @@ def put(sources: Sequence[Path], targets: Sequence[Path], *, replace: bool = Fal
         make_directory(target.parent)
         if not target.exists() or not target.samefile(source):
             write_atomically(target, lambda to, source=source: shutil.copyfile(source, to))  # type: ignore[misc]
-
-
-def _finite(digits: str) -> float:
-    if not math.isfinite(number := float(digits)):
-        raise ValueError(f"{digits} is too large a number")
-    return number
-
-
-def _no_constant(word: str) -> float:
-    raise ValueError(f"{word} is no JSON number")
 
 
 def title(result: dict[str, Any]) -> str:
@@ -127,12 +131,12 @@ def overused(cost: dict[str, Any]) -> bool:
     >>> overused({"cores_used": 1.1, "threads": 1}), overused({"cores_used": 1.9, "threads": 1})
     (False, True)
     """
-    return bool(cost["cores_used"] > cost["threads"] + 0.5)
+    return bool(cost["cores_used"] > cost["threads"] + SPARE_CORES)
 
 
 def schema() -> dict[str, Any]:
     """Return the published JSON Schema of results."""
-    text = resources.files("eigbench.results").joinpath("result.schema.json").read_text()
+    text = resources.files(__package__).joinpath("result.schema.json").read_text()
     loaded: dict[str, Any] = json.loads(text)
     return loaded
 
@@ -148,10 +152,40 @@ def validate(result: Any, path: Path) -> None:
     check_schema(result, schema(), path)
     for target, scored in result["scores"].items():
         if scored is not None:
-            _check_means(result["dataset"]["instances"], scored, f"{path}, {target}")
-    low, high = result["cost"]["ms_per_mesh_quartiles"]
-    if not low <= result["cost"]["ms_per_mesh"] <= high:
+            _check_means(result["dataset"], scored, f"{path}, {target}")
+    verification.check(result, path)
+    facts, families = result["dataset"], result["scores"]["mesh"]["families"].values()
+    if (shapes := sum(family["shapes"] for family in families)) > facts["shapes"]:
+        raise ResultError(f"{path}: the families have {shapes} shapes of {facts['shapes']}")
+    if facts["shapes"] > facts["instances"]:
+        raise ResultError(f"{path}: there are more shapes than instances")
+    check_cost(result["cost"], path)
+    if (reference := result["cost"].get("reference")) is not None:
+        if reference["meshes"] > facts["instances"]:
+            raise ResultError(f"{path}: LaPy is timed on more meshes than there are")
+        own = reference["ms_per_mesh"] / reference["ratio"]
+        apart = own / result["cost"]["ms_per_mesh_mean"]
+        if not 1 / APART <= apart <= APART:
+            raise ResultError(
+                f"{path}: LaPy's time and the ratio give {own:.3g} ms a mesh, the mean is "
+                f"{result['cost']['ms_per_mesh_mean']:.3g}"
+            )
+
+
+def check_cost(cost: dict[str, Any], path: Path) -> None:
+    """Check that the numbers of a cost agree with each other.
+
+    Raises
+    ------
+    ResultError
+        If the median is not between the quartiles, or more cores are used than there are.
+    """
+    low, high = cost["ms_per_mesh_quartiles"]
+    if not low <= cost["ms_per_mesh"] <= high:
         raise ResultError(f"{path}: the median time is not between the quartiles")
+    cores = re.search(r"([0-9]{1,5}) cores$", cost["hardware"])
+    if cores and cost["cores_used"] > int(cores[1]) + SPARE_CORES:
+        raise ResultError(f"{path}: {cost['cores_used']:.1f} cores used, of {cores[1]}")
 
 
 def check_schema(result: Any, required: dict[str, Any], path: Path) -> None:
@@ -162,13 +196,20 @@ def check_schema(result: Any, required: dict[str, Any], path: Path) -> None:
     ResultError
         With the keys of the first thing that is wrong.
     """
+    import jsonschema  # as late as here: beside some packages of Jupyter it takes a second
+
     _check_version(result, required, path)
     validator = jsonschema.Draft202012Validator(required)
-    error = next(iter(sorted(validator.iter_errors(result), key=lambda e: list(e.path))), None)
-    if error is not None:
-        keys = "/".join(map(str, error.path)) or "the top"
-        message = " ".join(error.message.split())
+    errors = itertools.islice(validator.iter_errors(result), ERRORS)
+    first = min(errors, key=lambda error: list(map(str, error.path)), default=None)
+    if first is not None:
+        keys = "/".join(map(str, first.path)) or "the top"
+        message = " ".join(first.message.split())
         raise ResultError(f"{path} is no result: at {keys}: {message[:200]}")
+    try:
+        outside.check(result)
+    except OutsideError as error:
+        raise ResultError(f"{path} is no result: it has {error}") from error
 
 
 def _check_version(result: Any, required: dict[str, Any], path: Path) -> None:
@@ -180,8 +221,10 @@ def _check_version(result: Any, required: dict[str, Any], path: Path) -> None:
             raise ResultError(f"{path} was made by {age} eigbench: evaluate its predictor again")
 
 
-def _check_means(instances: int, scored: dict[str, Any], where: str) -> None:
-    families = scored["families"].values()
+def _check_means(facts: dict[str, Any], scored: dict[str, Any], where: str) -> None:
+    instances, families = facts["instances"], scored["families"].values()
+    is_sealed = recipe.parse_name(facts["version"]).kind is recipe.Kind.SEALED
+    agree = 10.0 ** (1 - scores.DIGITS) if is_sealed else 1e-9
     count = sum(family["count"] for family in families)
     if count != instances:
         raise ResultError(f"{where}: the families have {count} instances, the dataset {instances}")
@@ -192,6 +235,6 @@ def _check_means(instances: int, scored: dict[str, Any], where: str) -> None:
             consistent = overall is None and any(mean is None for _, mean in means)
         else:
             weighted = sum(n * mean for n, mean in means) / count
-            consistent = math.isclose(weighted, overall, rel_tol=1e-9, abs_tol=1e-12)
+            consistent = math.isclose(weighted, overall, rel_tol=agree, abs_tol=1e-12)
         if not consistent:
             raise ResultError(f"{where}: the families' means of {key} do not give the overall mean")

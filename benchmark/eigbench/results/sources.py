@@ -9,18 +9,21 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import os
 import warnings
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from synthnet.store.files import sha256
+from synthnet.store import outside
 
 # What follows from the position (ctx), from the spelling (kind), or is written as a comment.
 UNSEEN = ("ctx", "kind", "type_comment", "type_ignores")
 
 CODE = "baselines"  # of a checkout: the folder with the predictors of its rows
+MOST_CODE = 2**20  # bytes of a file that is parsed
+MOST_WEIGHTS = 2**40  # bytes of any file
 EARLIER = "Made by an earlier version of its code."
 
 
@@ -32,12 +35,13 @@ def outdated(result: dict[str, Any], root: Path) -> bool:
     """
     folder, model = root / CODE, result["model"]
     file, _, variant = model["code"].partition(":")
-    code = folder / file
-    if not code.is_file():
+    try:
+        code = outside.read(folder / file, most=MOST_CODE, below=root)
+    except FileNotFoundError:
         return False
-    if not variant and model["name"] not in code.read_text(encoding="utf-8", errors="replace"):
+    if not variant and model["name"] not in code.decode("utf-8", errors="replace"):
         return False
-    return any(_current(folder / name) != made_by for name, made_by in model["sources"].items())
+    return any(_current(root, name) != made_by for name, made_by in model["sources"].items())
 
 
 def remark(result: dict[str, Any], path: Path) -> str:
@@ -46,29 +50,32 @@ def remark(result: dict[str, Any], path: Path) -> str:
     return EARLIER if board is not None and outdated(result, board.parent) else ""
 
 
-def _current(path: Path) -> str:
-    if not path.is_file():
+def _current(root: Path, name: str) -> str:
+    path = root / CODE / name
+    if not os.path.lexists(path):
         return ""
-    facts = path.stat()
-    return _remembered(path, facts.st_mtime_ns, facts.st_size)
+    facts = path.lstat()
+    return _remembered(path, root, facts.st_mtime_ns, facts.st_size)
 
 
 @lru_cache(maxsize=1024)
-def _remembered(path: Path, changed: int, size: int) -> str:
-    return digest(path)
+def _remembered(path: Path, root: Path, changed: int, size: int) -> str:
+    return digest(path, root)
 
 
-def digest(path: Path) -> str:
+def digest(path: Path, below: Path | None = None) -> str:
     """Return the digest of a file, 64 hexadecimal digits.
 
-    A Python file that does not parse counts by its bytes, like any other file.
+    A Python file that does not parse, or is no code by its size, counts by its bytes, like any
+    other file. ``below`` is as of :func:`synthnet.store.outside.opened`.
     """
-    if path.suffix == ".py":
-        try:
-            return digest_of_code(path.read_bytes())
-        except (SyntaxError, ValueError, RecursionError, MemoryError):
-            pass  # what the parser raises at code that it does not know, or that nests too deep
-    return sha256(path)
+    with outside.opened(path, most=MOST_WEIGHTS, below=below) as file:
+        if path.suffix == ".py" and os.fstat(file.fileno()).st_size <= MOST_CODE:
+            try:
+                return digest_of_code(file.read(MOST_CODE))
+            except (SyntaxError, ValueError, RecursionError, MemoryError):
+                file.seek(0)  # what the parser raises at code that it does not know, or too deep
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def digest_of_code(code: bytes | str) -> str:

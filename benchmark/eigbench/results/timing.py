@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+import math
+from collections.abc import Mapping, Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,7 @@ from eigbench.scoring import bootstrap
 FOLDER = Path("benchmark", "timing")
 VERSION = 1
 RESAMPLES = 2000
+AGREE = 1e-6  # relative, between a ratio and the quotient of the times
 
 
 def ratio(theirs: NDArray[np.float64], own: NDArray[np.float64]) -> dict[str, float]:
@@ -46,15 +50,47 @@ def read(root: Path) -> dict[str, list[dict[str, Any]]]:
     Raises
     ------
     ResultError
-        If a file is no such JSON.
+        If a file is no such JSON, or its numbers do not agree with each other.
     """
-    found: dict[str, list[dict[str, Any]]] = {}
+    times: dict[str, list[dict[str, Any]]] = {}
     for path in sorted((root / FOLDER).glob("*.json")):
-        timed = results.load(path)
+        timed = results.load(path, below=root)
         if not isinstance(timed, dict) or timed.get("timing_version") != VERSION:
             raise ResultError(f"{path} holds no times of `eigbench time`: make it anew")
-        found[path.stem] = timed["rows"]
-    return found
+        results.check_schema(timed, schema(), path)
+        means = {row["name"]: row["cost"]["ms_per_mesh_mean"] for row in timed["rows"]}
+        for row in timed["rows"]:
+            _check(row, means, path)
+        times[path.stem] = timed["rows"]
+    return times
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema of these files; each cost has what a result's has, and more."""
+    text = resources.files("eigbench.results").joinpath("timing.schema.json").read_text()
+    loaded: dict[str, Any] = json.loads(text)
+    shared, more = results.schema()["properties"], loaded["$defs"]["row"]["properties"]
+    more["sources"] = shared["model"]["properties"]["sources"]
+    known = shared["cost"]["properties"]
+    more["cost"]["properties"] = {**known, **more["cost"]["properties"]}
+    return loaded
+
+
+def _check(row: dict[str, Any], means: Mapping[str, float], path: Path) -> None:
+    """Check that a row's ratios are those of its times, and lie in their intervals."""
+    cost, where = row["cost"], f"{path}: {row['name']}"
+    results.check_cost(cost, path)
+    against = {"LaPy": (cost["reference"], cost["reference"]["ms_per_mesh"])}
+    against |= {name: (beside, means.get(name)) for name, beside in cost["peers"].items()}
+    for name, (beside, theirs) in against.items():
+        if not beside["low"] <= beside["ratio"] <= beside["high"]:
+            raise ResultError(f"{where}: its ratio to {name} is not in its interval")
+        own = cost["ms_per_mesh_mean"]
+        if theirs is not None and not math.isclose(theirs / own, beside["ratio"], rel_tol=AGREE):
+            raise ResultError(
+                f"{where}: its ratio to {name} is {beside['ratio']:.6g}, its times give "
+                f"{theirs / own:.6g}"
+            )
 
 
 def cost_of(result: dict[str, Any], timed: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
@@ -66,6 +102,5 @@ def cost_of(result: dict[str, Any], timed: Sequence[dict[str, Any]]) -> dict[str
     sources = result["model"]["sources"].items()
     for row in timed:
         if row["code"] == result["model"]["code"] and sources <= row["sources"].items():
-            cost: dict[str, Any] = row["cost"]
-            return cost
+            return {**row["cost"], "loading_seconds": row["loading_seconds"]}
     return None

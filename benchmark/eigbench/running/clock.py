@@ -8,6 +8,7 @@ them. So whatever slows the machine down slows all of them down.
 from __future__ import annotations
 
 import contextlib
+import secrets
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +16,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from eigbench.errors import EigbenchError
+from eigbench.running.box import NONE
 from eigbench.running.meshes import Instances
-from eigbench.running.process import Loaded, PredictorProcess, Status
+from eigbench.running.process import REFERENCE_FILE, Loaded, PredictorProcess, Status
 from eigbench.scoring.truth import Truth
 
 WARM_UP = 4  # meshes that each predictor gets before the clock counts
@@ -33,7 +36,7 @@ class Timed:
     loading : float
         Seconds until it was loaded.
     seconds, cpu_seconds : ndarray of shape (batches,)
-        Wall and CPU seconds of each batch: medians over the repetitions.
+        Wall and CPU seconds of a batch of each size: medians over those of that size.
     loaded, status
         Its META, and its peak memory and digests.
     """
@@ -54,42 +57,52 @@ def together(
     batch_size: int,
     repeats: int,
     time_limit: float,
+    sandbox: str = NONE,
+    readable: Sequence[Path] = (),
     on_step: Callable[[str], None] = lambda step: None,
 ) -> list[Timed]:
-    """Time predictors on all instances of a truth, one thread each.
+    """Time predictors on one instance of each shape of a truth, one thread each.
 
-    A batch holds meshes of about one size, so that its time tells what a mesh of that size costs.
-    Each goes ``repeats`` times to every predictor, and who is first changes from one time to the
-    next.
+    No shape is asked twice, so nothing is gained by remembering one. Sorted by size, the shapes go
+    into batches of about one size, ``repeats`` of each size: its time, their median, tells what a
+    mesh of that size costs. Batches come in an order that is drawn anew, every one goes to every
+    predictor, and who is first changes from one to the next.
 
     Raises
     ------
     PredictorError
         If one fails, answers with the wrong shape or type, hangs or dies.
     """
-    vertices = instances.vertices(truth.ids)
-    ids = [truth.ids[i] for i in np.argsort(vertices, kind="stable")]
     k = truth.eigenvalues.shape[1]
     training = str(truth.trainings[0])
-    batches = [ids[first : first + batch_size] for first in range(0, len(ids), batch_size)]
+    groups = by_size(truth, instances, batch_size, repeats)
+    asked = [(number, repeat) for number in range(len(groups)) for repeat in range(repeats)]
+    secrets.SystemRandom().shuffle(asked)
     with contextlib.ExitStack() as stack:
         processes = []
         for path in paths:
             on_step(f"loading {path.name}")
-            process = PredictorProcess(path, k, training=training, time_limit=time_limit)
+            process = PredictorProcess(
+                path,
+                k,
+                training=training,
+                time_limit=time_limit,
+                sandbox=NONE if path == REFERENCE_FILE else sandbox,
+                readable=readable,
+            )
             processes.append(stack.enter_context(process))
             process.warm_up(WARM_UP)
-        wall = np.empty((repeats, len(paths), len(batches)))
+        wall = np.empty((repeats, len(paths), len(groups)))
         cpu = np.empty_like(wall)
-        for number, batch in enumerate(batches):
+        for step, (number, repeat) in enumerate(asked):
+            batch = groups[number][repeat]
             meshes = [instances.mesh(id) for id in batch]
-            for repeat in range(repeats):
-                for turn in range(len(paths)):
-                    i = (turn + number + repeat) % len(paths)
-                    on_step(f"batch {number + 1} of {len(batches)}: {paths[i].name}")
-                    answered = processes[i].predict(batch, meshes)
-                    wall[repeat, i, number] = answered.seconds
-                    cpu[repeat, i, number] = answered.cpu_seconds
+            for turn in range(len(paths)):
+                i = (turn + step) % len(paths)
+                on_step(f"batch {step + 1} of {len(asked)}: {paths[i].name}")
+                answered = processes[i].predict(batch, meshes)
+                wall[repeat, i, number] = answered.seconds
+                cpu[repeat, i, number] = answered.cpu_seconds
         return [
             Timed(
                 path,
@@ -101,3 +114,31 @@ def together(
             )
             for i, path in enumerate(paths)
         ]
+
+
+def shapes_of(truth: Truth, count: int) -> Truth:
+    """Return one instance of each of ``count`` shapes, in a random order that is always the same.
+
+    Raises
+    ------
+    EigbenchError
+        If it has fewer.
+    """
+    first = np.sort(np.unique(truth.shapes[truth.order], return_index=True)[1])
+    if len(first) < count:
+        raise EigbenchError(
+            f"{truth.version} has {len(first)} shapes in its {truth.split} split, and none is "
+            f"timed twice: --meshes times --repeats may be {len(first)} at most"
+        )
+    return truth.take(np.sort(truth.order[first[:count]]))
+
+
+def by_size(
+    truth: Truth, instances: Instances, batch_size: int, repeats: int
+) -> list[list[list[str]]]:
+    """Return ids, ascending by size: for each size ``repeats`` batches of meshes near it."""
+    order = np.argsort(instances.vertices(truth.ids), kind="stable")
+    ids = [truth.ids[i] for i in order]
+    step = batch_size * repeats
+    groups = [ids[first : first + step] for first in range(0, len(ids), step)]
+    return [[group[repeat::repeats] for repeat in range(repeats)] for group in groups]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
 from eigbench.results.sources import digest
+from eigbench.running.box import NONE
 from eigbench.running.meshes import Instances
 from eigbench.running.process import (
     REFERENCE_FILE,
@@ -56,6 +57,12 @@ class Options:
     reference : bool
         Time LaPy, on one thread, on the batches that hold the first and the last
         :data:`REFERENCE` meshes of the first seed and training, each right after the predictor.
+    sandbox : str
+        What holds the predictor's process, see :mod:`eigbench.running.box`.
+    readable : tuple of Path
+        What it may read besides its own files.
+    packages : Path, optional
+        A directory of packages that come before the others.
     """
 
     device: str = "cpu"
@@ -65,6 +72,9 @@ class Options:
     time_limit: float = TIME_LIMIT
     resume: bool = False
     reference: bool = False
+    sandbox: str = NONE
+    readable: tuple[Path, ...] = ()
+    packages: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +179,11 @@ def evaluate(
         new=np.array([part.new for part in saved]),
         reference_seconds=np.array([part.reference_seconds for part in saved]),
         loaded=runs[0].loaded,
-        status=Status(max(r.status.peak_bytes for r in runs), runs[0].status.sources),
+        status=Status(
+            max(r.status.peak_bytes for r in runs),
+            {name: digest for run in runs for name, digest in run.status.sources.items()},
+            tuple(dict.fromkeys(attempt for r in runs for attempt in r.status.refused)),
+        ),
     )
 
 
@@ -317,12 +331,16 @@ def _process(
         training=training,
         threads=options.threads,
         time_limit=options.time_limit,
+        sandbox=options.sandbox,
+        readable=options.readable,
+        packages=options.packages,
     )
 
 
 def _reference_process(k: int, options: Options) -> PredictorProcess:
     limit = max(options.time_limit, TIME_LIMIT)  # the user's may be for a fast predictor
     alone = replace(options, device="cpu", threads=1, time_limit=limit)
+    alone = replace(alone, sandbox=NONE, packages=None)
     return _process(REFERENCE_FILE, k, alone)
 
 
@@ -344,6 +362,8 @@ def _fingerprint(task: _Task) -> dict[str, object]:
         "seed": task.seed,
         "training": task.training,
         "reference": task.options.reference,
+        "sandbox": task.options.sandbox,
+        "readable": [str(path) for path in task.options.readable],
     }
 
 

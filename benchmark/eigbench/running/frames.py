@@ -18,7 +18,6 @@ import tempfile
 from collections.abc import Callable, Sequence
 from typing import Any, BinaryIO, cast
 
-import jsonschema
 import numpy as np
 
 from synthnet.types import Mesh
@@ -31,6 +30,11 @@ STEP = 0.1  # seconds between two looks at who does not answer
 ALIGNED = 64  # bytes
 
 _TEXT = {"type": "string", "maxLength": 300}
+_PATHS = {
+    "type": "array",
+    "maxItems": 10_000,
+    "items": {"type": "string", "pattern": r"^[^\x00-\x1f]{1,1000}$"},
+}
 SCHEMAS = {  # of what a predictor's process says of itself
     LOADED: {
         "type": "object",
@@ -45,9 +49,10 @@ SCHEMAS = {  # of what a predictor's process says of itself
         "additionalProperties": False,
     },
     SOURCES: {
-        "type": "array",
-        "maxItems": 10_000,
-        "items": {"type": "string", "pattern": r"^[^\x00-\x1f]{1,1000}$"},
+        "type": "object",
+        "properties": {"files": _PATHS, "attempts": _PATHS},
+        "required": ["files", "attempts"],
+        "additionalProperties": False,
     },
     FAILED: {
         "type": "object",
@@ -146,14 +151,16 @@ def facts(kind: bytes, body: bytes) -> Any:
     FrameError
         If it is no JSON, or something else than such a frame may say.
     """
+    import jsonschema  # as late as here: beside some packages of Jupyter it takes a second
+
     try:
-        said = json.loads(body)
-        jsonschema.validate(said, SCHEMAS[kind])
+        content = json.loads(body)
+        jsonschema.validate(content, SCHEMAS[kind])
     except (ValueError, RecursionError) as error:
         raise FrameError("facts that are no JSON") from error
     except jsonschema.ValidationError as error:
         raise FrameError(f"facts of another form: {error.message[:200]}") from error
-    return said
+    return content
 
 
 def packed(meshes: Sequence[Mesh]) -> tuple[bytes, BinaryIO]:

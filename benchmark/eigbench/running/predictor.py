@@ -98,7 +98,7 @@ def split(path: Path) -> tuple[Path, str]:
 
 
 def check_file(path: Path) -> None:
-    """Check that there is a file at a path, or at that of ``FILE.py:NAME``.
+    """Check that there is a Python file at a path, or at that of ``FILE.py:NAME``.
 
     Raises
     ------
@@ -106,8 +106,12 @@ def check_file(path: Path) -> None:
         If there is none.
     """
     file, _ = split(path)
+    if file.is_dir():
+        raise PredictorError(f"{file} is a directory: name the predictor's file in it")
     if not file.is_file():
         raise PredictorError(f"there is no file {file}")
+    if file.suffix != ".py":
+        raise PredictorError(f"{file} is no Python file: its name must end in .py")
 
 
 def load(path: Path, *, device: str = "cpu", seed: int = 0, training: str = DEFAULT) -> Predictor:
@@ -137,6 +141,7 @@ def _through_a_door(
     try:
         loader = getattr(module, "load", None)
         asked = _asked(loader, arguments, path)
+        _check_parameters(loader, asked, path)
         meta = _meta(module, path, arguments["variant"])
         if callable(function := getattr(module, "predict", None)):
             return Predictor(function, meta, None)
@@ -157,6 +162,19 @@ def _through_a_door(
         f"{path} has no predictor: define predict(meshes), a class Predictor, "
         "load(device, seed) or a torch module named model"
     )
+
+
+def _check_parameters(loader: Any, asked: Mapping[str, str], path: Path) -> None:
+    """Check that a function ``load``, if there is one, takes a device and a seed."""
+    if not inspect.isfunction(loader):
+        return
+    signature = inspect.signature(loader)
+    try:
+        signature.bind("cpu", 0, **asked)
+    except TypeError as error:
+        raise PredictorError(
+            f"{path}: load{signature} cannot be called as load(device, seed): {error}"
+        ) from error
 
 
 def _asked(loader: Any, arguments: Mapping[str, str], path: Path) -> dict[str, str]:
@@ -182,14 +200,14 @@ def sources(path: Path, roots: Sequence[Path]) -> list[str]:
     """
     path, variant = split(path)
     root = path.resolve().parent
-    found = _beside(root / path.name)
+    files = _beside(root / path.name)
     if variant:
-        found |= _beside(root / path.stem / variant)
+        files |= _beside(root / path.stem / variant)
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
         if file and _is_theirs(name, file, roots):
-            found |= _beside(Path(file).resolve())
-    return sorted(Path(os.path.relpath(file, root)).as_posix() for file in found)
+            files |= _beside(Path(file).resolve())
+    return sorted(Path(os.path.relpath(file, root)).as_posix() for file in files)
 
 
 def _is_theirs(module: str, file: str, roots: Sequence[Path]) -> bool:
@@ -244,6 +262,8 @@ def checked(values: NDArray[Any], count: int, k: int) -> NDArray[np.float64]:
     """
     if values.dtype.kind == "c":
         raise PredictorError("the answer is complex, eigenvalues are real")
+    if values.dtype.kind == "O" and values.shape == () and values.item() is None:
+        raise PredictorError("predict returned None: end it with `return`, and the eigenvalues")
     if values.dtype.kind not in "fiu":
         raise PredictorError(f"the answer has dtype {values.dtype}, it must be real numbers")
     if values.shape != (count, k):
@@ -252,8 +272,7 @@ def checked(values: NDArray[Any], count: int, k: int) -> NDArray[np.float64]:
 
 
 def _module(path: Path) -> ModuleType:
-    if not path.is_file():
-        raise PredictorError(f"there is no file {path}")
+    check_file(path)
     path = path.resolve()
     sys.path.insert(0, str(path.parent))  # siblings can be imported
     spec = importlib.util.spec_from_file_location(path.stem, path)

@@ -22,13 +22,22 @@ from numpy.typing import NDArray
 from eigbench.errors import Died, OverMemory, OverTime, PredictorError
 from eigbench.results.sources import digest
 from eigbench.running import frames, predictor, supervisor, tree
+from eigbench.running.box import BUBBLEWRAP, NONE, Box
 from eigbench.running.meshes import warming
 from eigbench.running.worker import Job
 from eigbench.scoring.training import DEFAULT
+from synthnet.errors import OutsideError
 from synthnet.types import Mesh
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-GLANCE = 0.25  # seconds between two looks at memory that has no limit
+SIGNALLED = 128  # what bubblewrap adds to the number of a signal, as a shell does
+GLANCE = 0.25  # seconds between two looks at memory that has no limit, and at processor time
+GRACE = 5.0  # seconds in which a process ends that has closed its connection
+REFUSALS = ("FileNotFoundError", "PermissionError", "Errno", "is not installed")
+REFUSED = (
+    " (the sandbox shows the predictor's own files and no network: --readable PATH shows more, "
+    "--no-sandbox runs without)"
+)
 REFERENCE_FILE = Path(__file__).with_name("reference.py")  # LaPy, timed beside each predictor
 
 
@@ -59,10 +68,14 @@ class Answered:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """Peak memory of a predictor's processes so far, in bytes, and digests of its files."""
+    """Peak memory of a predictor's processes so far, in bytes, and digests of its files.
+
+    ``refused`` is what it has tried and its box has refused, as far as Python saw it.
+    """
 
     peak_bytes: int
     sources: dict[str, str]
+    refused: tuple[str, ...] = ()
 
 
 class PredictorProcess:
@@ -82,6 +95,12 @@ class PredictorProcess:
         Threads of BLAS and OpenMP.
     memory_limit : int, optional
         Most bytes that the process may have in memory (resident, where Linux tells).
+    sandbox : str
+        What holds it, see :mod:`eigbench.running.box`; ``none`` lets it do what its user may.
+    readable : sequence of Path
+        Files and directories that the box shows besides the predictor's own.
+    packages : Path, optional
+        A directory of packages that come before the others.
 
     Raises
     ------
@@ -102,34 +121,42 @@ class PredictorProcess:
         training: str = DEFAULT,
         threads: int = 1,
         memory_limit: int | None = None,
+        sandbox: str = NONE,
+        readable: Sequence[Path] = (),
+        packages: Path | None = None,
     ) -> None:
-        self.job = Job(str(path), device, seed, training, k)
+        path = path if sandbox == NONE else path.resolve()  # its working directory is another
+        self.job = Job(str(path), device, seed, training, k, watched=sandbox != NONE)
         self.threads, self.time_limit = threads, time_limit
         self.memory_limit = memory_limit
+        self.sandbox, self.readable, self.packages = sandbox, tuple(readable), packages
         self.loaded: Loaded
 
     def __enter__(self) -> Self:
         """Start the process and wait until the predictor is loaded."""
+        self._box = self._boxed()
         own, other = socket.socketpair()
         self._channel = frames.Channel(own)
         self._peak, self._looked = 0, time.monotonic()
         with other:
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", supervisor.__name__, str(other.fileno())],
+                self._command(other.fileno()),
                 pass_fds=[other.fileno()],
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
                 env=self._environment(),
             )
+        tree.hold(self._process.pid)
         self._tree = psutil.Process(self._process.pid)
+        self._since = self._tree.create_time()
+        self._meter = tree.Meter(self._tree)
         try:
             start = time.perf_counter()
             self._channel.send(frames.JOB, json.dumps(asdict(self.job)).encode())
-            said = self._facts(frames.LOADED, "while loading")
+            facts = self._facts(frames.LOADED, "while loading")
             loading = time.perf_counter() - start
-            meta = predictor.checked_meta(said.pop("meta"), Path(self.job.path))
-            self.loaded = Loaded(meta=meta, loading_seconds=loading, **said)
-            self._predictor = next(iter(tree.processes(self._tree)))
+            meta = predictor.checked_meta(facts.pop("meta"), Path(self.job.path))
+            self.loaded = Loaded(meta=meta, loading_seconds=loading, **facts)
         except BaseException:
             self.__exit__(None, None, None)
             raise
@@ -153,7 +180,7 @@ class PredictorProcess:
         size = 8 * len(meshes) * self.job.k
         body, file = frames.packed(meshes)
         with file:
-            cpu, start = tree.cpu_seconds(self._tree), time.perf_counter()
+            cpu, start = self._meter.read(), time.perf_counter()
             self._send(frames.MESHES, body, at, file)
             answer = self._receive(frames.ANSWER, at, most=size)
             if len(answer) != size:
@@ -162,23 +189,66 @@ class PredictorProcess:
                 np.frombuffer(answer, "<f8").reshape(len(meshes), self.job.k).astype(np.float64)
             )
             seconds = time.perf_counter() - start
-        return Answered(values, seconds, tree.cpu_seconds(self._tree) - cpu)
+        return Answered(values, seconds, self._meter.read() - cpu)
 
     def status(self) -> Status:
-        """Return the peak memory and the digests of the predictor's files."""
+        """Return the peak memory and the digests of the predictor's files.
+
+        The names of these files come from the predictor's process: only regular files below its
+        own file's folder are read, without following a symbolic link.
+        """
         self._look()
-        peak = max(self._peak, tree.peak_bytes(self._predictor.pid))
+        alive = [tree.peak_bytes(process.pid) for process in tree.processes(self._tree)]
         at = "when all was predicted"
         self._send(frames.CLOSING, b"", at)
         folder = predictor.split(Path(self.job.path))[0].resolve().parent
-        names = self._facts(frames.SOURCES, at)
-        return Status(peak, {n: digest(folder / n) for n in names if (folder / n).is_file()})
+        facts = self._facts(frames.SOURCES, at)
+        names, refused, digests = facts["files"], [], self._named()
+        if self._box is not None:
+            names = [n for n in names if self._box.shows(Path(os.path.normpath(folder / n)))]
+            refused = self._box.refused(facts["attempts"])
+        for name in names:
+            try:
+                digests[name] = digest(folder / name, folder)
+            except FileNotFoundError:
+                continue
+            except OutsideError as error:
+                raise PredictorError(f"a predictor lies in one folder: {error}") from error
+        return Status(max([self._peak, *alive]), digests, tuple(map(printable, refused)))
+
+    def _named(self) -> dict[str, str]:
+        """Return the digests of the files that the user shows to the predictor, by their names."""
+        return {
+            file.relative_to(path.parent).as_posix(): digest(file)
+            for path in self.readable
+            for file in (sorted(path.rglob("*")) if path.is_dir() else [path])
+            if file.is_file()
+        }
+
+    def _boxed(self) -> Box | None:
+        if self.sandbox == NONE:
+            return None
+        return Box(
+            self.sandbox,
+            Path(self.job.path),
+            self.job.training,
+            readable=self.readable,
+            packages=self.packages,
+            device=self.job.device,
+        )
+
+    def _command(self, descriptor: int) -> list[str]:
+        if self._box is not None:
+            return self._box.command(descriptor)
+        return [sys.executable, "-P", "-m", supervisor.__name__, str(descriptor)]
 
     def _environment(self) -> dict[str, str]:
         """Return the variables of the process: modules are found as here, threads are counted."""
-        path = os.pathsep.join(folder for folder in sys.path if folder)
+        path = os.pathsep.join(filter(None, sys.path))
         threads = dict.fromkeys(THREAD_VARIABLES, str(self.threads))
-        return {**os.environ, "PYTHONPATH": path, **threads}
+        packages = "" if self.packages is None else str(self.packages.resolve())
+        variables = {**os.environ, "PYTHONPATH": path, supervisor.PACKAGES: packages, **threads}
+        return variables if self._box is None else self._box.environment(variables)
 
     def _send(self, kind: bytes, body: bytes, at: str, file: BinaryIO | None = None) -> None:
         try:
@@ -222,22 +292,28 @@ class PredictorProcess:
             self._fail(body, at)
         if came != kind or len(body) > most:
             raise self._garbled(at, f"a frame of kind {came!r} and {len(body):,} bytes")
+        if self._process.poll() is not None:  # and yet its child answers
+            raise self._died(at)
         return body
 
     def _fail(self, body: bytes, at: str) -> NoReturn:
         """Raise what the predictor's process says went wrong."""
         try:
-            said = frames.facts(frames.FAILED, body)
+            facts = frames.facts(frames.FAILED, body)
         except frames.FrameError as error:
             raise self._garbled(at, str(error)) from error
-        message = " ".join(printable(said["message"]).split())
+        message = " ".join(printable(facts["message"]).split())
+        if self._box is not None and any(sign in message for sign in REFUSALS):
+            message += REFUSED
         failure = PredictorError(f"{message}, {at}" if at.startswith("on ") else message)
-        trace = "\n".join(map(printable, said["traceback"].splitlines()))
+        trace = "\n".join(map(printable, facts["traceback"].splitlines()))
         failure.add_note(f"In the predictor's process:\n{trace}")
         raise failure
 
     def _look(self) -> None:
-        self._peak = max(self._peak, tree.resident_bytes(self._tree))
+        below = tree.processes(self._tree)
+        self._peak = max(self._peak, tree.resident_bytes(below))
+        self._meter.read(below)
 
     def _garbled(self, at: str, what: str) -> PredictorError:
         return PredictorError(
@@ -246,7 +322,16 @@ class PredictorProcess:
         )
 
     def _died(self, at: str) -> PredictorError:
-        code = self._process.wait()
+        try:
+            code = self._process.wait(GRACE)
+        except subprocess.TimeoutExpired:
+            self._kill()
+            return Died(
+                f"the predictor's process closed its connection {at} and went on: its code must "
+                "not close the files and sockets that it has not opened"
+            )
+        if self.sandbox == BUBBLEWRAP and code > SIGNALLED:
+            code = SIGNALLED - code
         return Died(
             f"the predictor's process died {at} (exit code {code}; -9 is often lack of memory)"
         )
@@ -265,6 +350,10 @@ class PredictorProcess:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(0 if error and end is None else 5)
                 break
+        tree.end(self._since)
+        tree.release(self._process.pid)
+        if self._box is not None:
+            self._box.close()
 
     def _kill(self) -> None:
         """Kill what runs below the supervisor, then that."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
+from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -66,6 +67,7 @@ def make(
         "cost": cost(evaluation, options),
         "physics": contract,
         "environment": environment(),
+        "sandbox": options.sandbox,
         **checkout(code),
     }
 
@@ -117,20 +119,24 @@ def of_copies(evaluation: Evaluation) -> float | None:
     return float(seconds[~new].sum() / sizes[~new].sum() / each)
 
 
-def findings(cost: dict[str, Any]) -> list[str]:
-    """Return what makes a result's times doubtful, a line each."""
-    told = []
+def findings(cost: dict[str, Any], refused: Sequence[str] = ()) -> list[str]:
+    """Return what makes a run doubtful, a line each: its times, and what its box has refused."""
+    lines = []
+    if refused:
+        more = f" and {len(refused) - 3} more" if len(refused) > 3 else ""
+        first = ", ".join(refused[:3])
+        lines.append(f"the sandbox refused what the predictor tried: {first}{more}")
     if overused(cost):
-        told.append(
+        lines.append(
             f"{cost['cores_used']:.1f} cores were used with --threads {cost['threads']}: a board "
             "does not take the result"
         )
     if (ratio := cost["copies_ratio"]) is not None and ratio < REMEMBERS:
-        told.append(
+        lines.append(
             f"a copy of a shape takes {ratio:.2f} of the time of a new one: the predictor "
-            "remembers shapes; new ones alone are timed"
+            "remembers shapes, or the machine was busy; new ones alone are timed"
         )
-    return told
+    return lines
 
 
 def beside_reference(evaluation: Evaluation) -> dict[str, Any] | None:

@@ -12,14 +12,24 @@ import ctypes
 import os
 import signal
 import sys
+from pathlib import Path
 from types import FrameType
 
+from eigbench.running import landlock
+
+PACKAGES = "EIGBENCH_PACKAGES"  # a variable: a directory of packages that come before the others
 PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 
 
 def main() -> None:
-    """Run a predictor's process that is given the descriptor of a socket; exit as it does."""
-    descriptor = int(sys.argv[1])
+    """Run a predictor's process that is given the descriptor of a socket; exit as it does.
+
+    With a second argument, the file of Landlock's rules, it first holds itself to these.
+    """
+    descriptor, *rules = sys.argv[1:]
+    if rules:
+        landlock.enter(Path(rules[0]))
+    _find_packages()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the harness, which ends this
     if sys.platform == "linux":
         prctl = ctypes.CDLL(None, use_errno=True).prctl
@@ -31,9 +41,9 @@ def main() -> None:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         from eigbench.running.worker import work
 
-        work(descriptor)
+        work(int(descriptor))
         sys.exit(0)
-    os.close(descriptor)
+    os.close(int(descriptor))
     ended, status = os.wait()
     while ended != predictor:  # a process that the predictor has left behind
         ended, status = os.wait()
@@ -43,6 +53,17 @@ def main() -> None:
         signal.signal(-code, signal.SIG_DFL) if -code != signal.SIGKILL else None
         os.kill(os.getpid(), -code)
     sys.exit(code)
+
+
+def _find_packages() -> None:
+    """Let packages of the predictor's own be found, here and in what it starts.
+
+    Not before this process is held: a package may run code as soon as Python finds it.
+    """
+    if packages := os.environ.get(PACKAGES):
+        sys.path.insert(0, packages)
+        rest = os.environ.get("PYTHONPATH", "")
+        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (packages, rest)))
 
 
 def end_children() -> None:

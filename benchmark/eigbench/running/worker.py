@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import socket
+import sys
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,18 +22,28 @@ from eigbench.errors import PredictorError
 from eigbench.running import frames, predictor
 from synthnet.types import Mesh
 
-LONGEST = 10_000  # letters of a message
+LONGEST, LONGEST_PATH = 10_000, 900  # letters of a message, and of a path
+MOST_ATTEMPTS = 1000
+WATCHED = {  # Python's audit events, and what they are here
+    **dict.fromkeys(("open", "os.listdir", "os.scandir"), "read"),
+    **dict.fromkeys(("os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.truncate"), "write"),
+    **dict.fromkeys(("socket.connect", "socket.getaddrinfo"), "connect"),
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Which predictor to load, and how: its file, device, seed and training; k eigenvalues."""
+    """Which predictor to load, and how: its file, device, seed and training; k eigenvalues.
+
+    ``watched``: whether to note what it tries to reach.
+    """
 
     path: str
     device: str
     seed: int
     training: str
     k: int
+    watched: bool = False
 
 
 def work(descriptor: int) -> None:
@@ -46,6 +57,7 @@ def work(descriptor: int) -> None:
             _, body, _ = channel.receive()
             job = Job(**json.loads(body))
             accelerator = _accelerator(job.device)
+            attempts = _attempts() if job.watched else {}
             loaded = predictor.load(
                 Path(job.path), device=job.device, seed=job.seed, training=job.training
             )
@@ -53,20 +65,55 @@ def work(descriptor: int) -> None:
             while True:
                 kind, body, file = channel.receive()
                 if kind == frames.CLOSING:
-                    _tell(channel, frames.SOURCES, predictor.sources(Path(job.path), loaded.roots))
+                    files = predictor.sources(Path(job.path), loaded.roots)
+                    _tell(channel, frames.SOURCES, {"files": files, "attempts": list(attempts)})
                 else:
                     assert file is not None
                     answer = _answer(loaded, frames.unpacked(body, file), job)
                     channel.send(frames.ANSWER, answer.astype("<f8").tobytes())
         except PredictorError as error:
-            told = "".join(traceback.format_exception(error))
-            _tell(channel, frames.FAILED, {"message": str(error)[:LONGEST], "traceback": told})
+            trace = "".join(traceback.format_exception(error))
+            _tell(channel, frames.FAILED, {"message": str(error)[:LONGEST], "traceback": trace})
         except (EOFError, ConnectionError):
             pass  # the other side has what it wants
 
 
-def _tell(channel: frames.Channel, kind: bytes, facts: dict[str, Any] | list[str]) -> None:
+def _tell(channel: frames.Channel, kind: bytes, facts: dict[str, Any]) -> None:
     channel.send(kind, json.dumps(facts).encode())
+
+
+def _attempts() -> dict[str, None]:
+    """From now on note what Python opens, changes and connects to, whether it succeeds or not.
+
+    Python tells of each before it happens. Code that does not want to be seen can go without it:
+    the box holds all the same.
+    """
+    noted: dict[str, None] = {}
+
+    def look(event: str, arguments: tuple[Any, ...]) -> None:
+        if event not in WATCHED or len(noted) >= MOST_ATTEMPTS:
+            return
+        what = WATCHED[event]
+        where = arguments[0]
+        if event == "open" and (set("wax+") & set(arguments[1] or "") or _writes(arguments[2])):
+            what = "write"
+        if event == "socket.connect":
+            where = arguments[1]
+        if what == "connect":
+            where = str(where)
+        elif isinstance(where, str | bytes | os.PathLike):
+            where = os.path.abspath(os.fsdecode(where))  # noqa: PTH100  # it follows no link
+        else:
+            return  # a descriptor
+        if where.isprintable() and len(where) <= LONGEST_PATH:
+            noted[f"{what} {where}"] = None
+
+    sys.addaudithook(look)
+    return noted
+
+
+def _writes(flags: Any) -> bool:
+    return isinstance(flags, int) and bool(flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
 
 
 def _facts(loaded: predictor.Predictor, accelerator: str) -> dict[str, Any]:

@@ -22,7 +22,8 @@ from synthnet.store.files import write_text
 
 VERSION = 2  # 2: sources by their statements, the commit
 ANSWERED = "answered"
-FOLDER = Path("benchmark", "scaling")  # of the results on a board
+GRACE = 1.0  # seconds in which an answer at the limit is taken
+FOLDER = Path("benchmark", "scaling")  # where the results on a board lie
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,7 @@ class Scaled:
 
 def schema() -> dict[str, Any]:
     """Return the JSON Schema of these results; three parts are as in all others."""
-    text = resources.files("eigbench.scaling").joinpath("result.schema.json").read_text()
+    text = resources.files(__package__).joinpath("result.schema.json").read_text()
     loaded: dict[str, Any] = json.loads(text)
     for name in ("model", "environment", "checkout"):
         loaded["properties"][name] = results.schema()["properties"][name]
@@ -76,15 +77,15 @@ def is_scaled(path: Path) -> bool:
     return isinstance(loaded, dict) and "scaling_version" in loaded
 
 
-def read(path: Path) -> Scaled:
-    """Read a result and check it.
+def read(path: Path, below: Path | None = None) -> Scaled:
+    """Read a result and check it; ``below`` is as of :func:`synthnet.store.outside.opened`.
 
     Raises
     ------
     ResultError
         If it is missing, not of the schema, of other meshes, or contradicts itself.
     """
-    result = results.load(path)
+    result = results.load(path, below)
     validate(result, path)
     return Scaled(result, path)
 
@@ -121,6 +122,17 @@ def validate(result: Any, path: Path) -> None:
             raise ResultError(f"{path}: {key} is {mesh['outcome']}, its numbers say otherwise")
         if len(mesh["seconds"]) != len(mesh["cpu_seconds"]):
             raise ResultError(f"{path}: {key} has wall times and CPU times of other numbers")
+        if max(mesh["seconds"], default=0) > mesh["time_limit"] + GRACE:
+            raise ResultError(f"{path}: {key} is answered later than its time limit")
+    wall, cpu = (
+        sum(sum(mesh[kind]) for mesh in result["meshes"]) for kind in ("seconds", "cpu_seconds")
+    )
+    used = {"cores_used": cpu / wall if wall else 0.0, "threads": result["cost"]["threads"]}
+    if results.overused(used):
+        raise ResultError(
+            f"{path} used {used['cores_used']:.1f} cores and declares {used['threads']} threads: "
+            "scale with --threads that allows for them"
+        )
 
 
 def read_board(root: Path) -> list[Scaled]:
@@ -132,8 +144,8 @@ def read_board(root: Path) -> list[Scaled]:
         If one is damaged or misplaced.
     """
     rows = []
-    for path in sorted(p for p in (root / FOLDER).rglob("*") if p.is_file()):
-        row = read(path)
+    for path in sorted(p for p in (root / FOLDER).rglob("*") if p.is_symlink() or not p.is_dir()):
+        row = read(path, below=root)
         if path != (expected := _path(row, root)):
             raise ResultError(f"{path} belongs at {expected}")
         rows.append(row)
@@ -149,7 +161,7 @@ def add(row: Scaled, root: Path, *, replace: bool = False) -> Path:
         If another of that name is there and ``replace`` is not given.
     """
     target = _path(row, root)
-    results.put([row.path], [target], replace=replace)
+    results.put([row.path], [target], root, replace=replace)
     return target
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, PredictorError
 from eigbench.running import record
+from eigbench.running.box import NONE
 from eigbench.running.process import REFERENCE_FILE, Answered, PredictorProcess
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
@@ -24,8 +25,8 @@ from synthnet.types import Mesh
 
 REPEATS = 5  # calls on a mesh at most; their median is the time
 ENOUGH = 5.0  # seconds in all after which a mesh is not repeated
-LOADING = 600.0  # seconds for loading and warming up, whatever the limit of a mesh
-PATIENCE = 3600.0  # seconds for LaPy on such a mesh
+LOADING = 600.0  # seconds that loading and warming up may take, whatever the limit of a mesh
+PATIENCE = 3600.0  # seconds that LaPy may take on such a mesh
 TRAINING = "2.0/grouped"  # of predictors that are trained: it has meshes up to 100,000 vertices
 OUTCOMES = {OverTime: "over time", OverMemory: "over memory", Died: "died"}
 
@@ -46,6 +47,8 @@ class Settings:
         Most GiB of the predictor's process.
     resume : bool
         Keep the meshes of an earlier result at the same path, and add those that it lacks.
+    sandbox, readable
+        As of :class:`~eigbench.running.process.PredictorProcess`.
     """
 
     device: str = "cpu"
@@ -53,6 +56,8 @@ class Settings:
     time_limit: float = 600.0
     memory_limit: float = 16.0
     resume: bool = False
+    sandbox: str = NONE
+    readable: tuple[Path, ...] = ()
 
 
 def run(
@@ -217,6 +222,8 @@ def _process(path: Path, settings: Settings) -> PredictorProcess:
         threads=settings.threads,
         time_limit=max(settings.time_limit, LOADING),
         memory_limit=int(settings.memory_limit * 2**30),
+        sandbox=settings.sandbox,
+        readable=settings.readable,
     )
 
 

@@ -19,7 +19,7 @@ from eigbench.scaling import surfaces
 from eigbench.scaling.results import ANSWERED, Scaled
 
 EXACT = 1e-9  # relative, of every eigenvalue: solvers are within 1e-11, a good fit is not
-SAME = 1e-6  # relative, of two distances from a surface
+SAME = 1e-6  # relative: distances from a surface that differ by less are equal
 
 
 @dataclass(frozen=True, slots=True)

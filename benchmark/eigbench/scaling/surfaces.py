@@ -14,7 +14,7 @@ the label than that is as good as the label.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -69,7 +69,7 @@ SURFACES: Mapping[str, Parameters] = {
     },
     "open_cylinder": {"height": 2.0, "triangulation": "adaptive", "seed": 5},
 }
-# These levels of Family.refine give 64,000, 256,000 and 1,000,000 vertices, graded towards singular
+# Family.at_level gives 64,000, 256,000 and 1,000,000 vertices at these, graded towards singular
 # corners. The limit follows from the last two; the limit of the two before bounds its error, h⁴.
 LEVELS = (3, 4, 5)
 TIMED_BESIDE = 10_000  # vertices up to which every run times LaPy on the same meshes
@@ -160,7 +160,7 @@ def limit(surface: str) -> tuple[Array, Array]:
     if known is not None:
         return known, np.zeros(K)
     spectra = [
-        spectrum.compute(family.refine(parameters, level), K).eigenvalues for level in LEVELS
+        spectrum.compute(family.at_level(parameters, level), K).eigenvalues for level in LEVELS
     ]
     before, last = (extrapolate(*pair) for pair in pairwise(spectra))
     return last, np.abs(last - before)
@@ -235,7 +235,7 @@ def pinned(surface: str, size: int) -> Pinned:
 @lru_cache(maxsize=1)
 def read() -> Mapping[tuple[str, int], Pinned]:
     """Return the pins that the repository has, by surface and size."""
-    table = pins.shipped_table("eigbench.scaling", PINS)
+    table = pins.shipped_table(__package__, PINS)
     rows = [] if table is None else table.to_pylist()
     entries = (_from_row(row) for row in rows)
     return {(entry.surface, entry.size): entry for entry in entries}
@@ -272,26 +272,18 @@ _SCHEMA = pa.schema(
 
 
 def _to_row(entry: Pinned) -> dict[str, object]:
-    return {
-        "surface": entry.surface,
-        "size": entry.size,
-        "vertices": entry.vertices,
-        "digest": entry.pin.digest,
-        "moments": entry.pin.moments,
-        "eigenvalues": entry.label,
-        "count": entry.certificate.count,
-        "shift": entry.certificate.shift,
-        "residual": entry.certificate.residual,
-        "limit": entry.limit,
-        "limit_error": entry.limit_error,
-    }
+    """Return the values of a pin and of its parts, of which the schema takes its columns."""
+    row: dict[str, object] = {}
+    for part in (entry, entry.pin, entry.certificate):
+        row |= {field.name: getattr(part, field.name) for field in fields(part)}
+    return {name: row[name] for name in _SCHEMA.names}
 
 
 def _from_row(row: Mapping[str, Any]) -> Pinned:
+    arrays = {name: np.array(value) for name, value in row.items() if isinstance(value, list)}
     surface, size = row["surface"], row["size"]
-    moments, label, limit, error = (
-        np.array(row[name]) for name in ("moments", "eigenvalues", "limit", "limit_error")
-    )
     certificate = Certificate(row["count"], row["shift"], row["residual"])
-    pin = pins.Pin(f"{surface}-{size}", row["digest"], moments, label)
+    id, moments, label = f"{surface}-{size}", arrays["moments"], arrays["eigenvalues"]
+    pin = pins.Pin(id, row["digest"], moments, label)
+    limit, error = arrays["limit"], arrays["limit_error"]
     return Pinned(surface, size, row["vertices"], pin, certificate, limit, error)

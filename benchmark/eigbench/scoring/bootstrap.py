@@ -79,11 +79,11 @@ def _weights(strata: Sequence[int]) -> Array:
     """Draw within strata, of which each group has a number."""
     count = len(strata)
     order = np.argsort(strata, kind="stable")
-    _, start, place, sizes = np.unique(
+    _, start, stratum, sizes = np.unique(
         np.array(strata)[order], return_index=True, return_inverse=True, return_counts=True
     )
     drawn = _uniform(0, RESAMPLES * count).reshape(RESAMPLES, count)
-    taken = order[start[place] + (drawn * sizes[place]).astype(np.int64)]
+    taken = order[start[stratum] + (drawn * sizes[stratum]).astype(np.int64)]
     flat = (taken + count * np.arange(RESAMPLES)[:, None]).ravel()
     return np.bincount(flat, minlength=RESAMPLES * count).reshape(RESAMPLES, count).astype(float)
 

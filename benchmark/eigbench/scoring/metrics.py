@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-METRIC_VERSION = 1  # of the formulas below; results of another version are not compared
-EPSILON = 1e-12  # of RPD; the paper says "a small non-zero constant"
+# Counts changes of the formulas below; results of another version are not compared
+METRIC_VERSION = 1
+EPSILON = 1e-12  # what RPD adds; the paper says "a small non-zero constant"
 ACCURATE = 20.0  # decibels of PSNR above which the paper calls a prediction accurate
 
 
@@ -169,4 +170,4 @@ METRICS: dict[str, Metric] = {
     )
 }
 
-MAIN = tuple(key for key in METRICS if key != "psnr")  # the paper's six, of the main table
+MAIN = tuple(key for key in METRICS if key != "psnr")  # the paper's six, which its main table has

@@ -56,9 +56,9 @@ def share(version: str, protocol: str, within: float = NEAR) -> str:
 def _shapes(labels: Truth) -> Truth:
     """Return one instance of each shape, with the spectra of the surfaces where they are known."""
     _, first = np.unique(labels.shapes, return_index=True)
-    one = labels.take(np.sort(first))
-    known = None if labels.protocol.startswith(IMPORTED) else targets.at(one, SURFACE)
-    return one if known is None else known
+    single = labels.take(np.sort(first))
+    known = None if labels.protocol.startswith(IMPORTED) else targets.at(single, SURFACE)
+    return single if known is None else known
 
 
 def _form(labels: Truth) -> NDArray[np.float64]:

@@ -54,7 +54,7 @@ def permuted(mesh: Mesh, rng: np.random.Generator) -> Mesh:
     return Mesh(mesh.vertices[order], number[mesh.faces][rng.permutation(len(mesh.faces))])
 
 
-# Each change of a mesh, and by what it multiplies the eigenvalues.
+# How a mesh is changed, and by what that multiplies the eigenvalues.
 CHANGES: dict[str, tuple[Callable[[Mesh, np.random.Generator], Mesh], float]] = {
     "scale_2": (scaled(2.0), 0.25),
     "scale_half": (scaled(0.5), 4.0),

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from eigbench.scoring import bootstrap, targets
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.truth import Truth
+from synthnet import recipe
 
+DIGITS = 3  # of the scores of a sealed set
 CERTAIN = 3.0  # rule of three: where n of n succeed, the failing share is below 3/n, at 95 %
 
 
@@ -30,12 +32,36 @@ def _values(truth: Truth, settled: NDArray[np.float64], key: str) -> NDArray[np.
 
 
 def of_targets(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, dict[str, Any] | None]:
-    """Score predictions against every target; None where the surfaces' spectra are not known."""
+    """Score predictions against every target; None where the surfaces' spectra are not known.
+
+    Those of a sealed set have :data:`DIGITS` digits: every digit tells a little of its labels.
+    """
     known = {target: targets.at(truth, target) for target in targets.TARGETS}
-    return {
+    scored = {
         target: None if labels is None else score(labels, predictions)
         for target, labels in known.items()
     }
+    return rounded(scored) if is_sealed(truth) else scored
+
+
+def is_sealed(truth: Truth) -> bool:
+    """Return whether labels are those of a sealed set."""
+    return recipe.parse_name(truth.version).kind is recipe.Kind.SEALED
+
+
+def rounded(numbers: Any) -> Any:
+    """Return JSON-ready data with every fraction in it rounded to :data:`DIGITS` digits.
+
+    Examples
+    --------
+    >>> rounded({"mean": 0.0123456, "interval": [9876.5, None], "shapes": 12345})
+    {'mean': 0.0123, 'interval': [9880.0, None], 'shapes': 12345}
+    """
+    if isinstance(numbers, dict):
+        return {key: rounded(value) for key, value in numbers.items()}
+    if isinstance(numbers, list):
+        return [rounded(value) for value in numbers]
+    return float(f"{numbers:.{DIGITS}g}") if isinstance(numbers, float) else numbers
 
 
 def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:

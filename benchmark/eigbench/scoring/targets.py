@@ -27,7 +27,7 @@ from synthnet import recipe
 from synthnet.families.limits import Limit
 from synthnet.store import pins
 
-TARGETS = (SURFACE, MESH)  # the headline first
+TARGETS = (SURFACE, MESH)  # the headline comes first
 
 
 def at(truth: Truth, target: str) -> Truth | None:

@@ -70,8 +70,8 @@ class Shown:
     @property
     def title(self) -> str:
         """Name of the protocol for readers."""
-        told = OF_ALL.get(self.truth.protocol, self.protocol)
-        return f"{page.NAMES[self.truth.target]}; {told}"
+        protocol = OF_ALL.get(self.truth.protocol, self.protocol)
+        return f"{page.NAMES[self.truth.target]}; {protocol}"
 
 
 def shown(submissions: Sequence[Submission]) -> list[Shown]:

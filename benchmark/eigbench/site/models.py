@@ -20,7 +20,6 @@ from eigbench.site import scaling
 from eigbench.site.boards import Shown
 from synthnet import recipe
 
-EXACT = 1e-9  # a smaller deviation from a law is rounding
 SMALLEST = 1e-6  # a deviation from a law that fills its ray of the radar; 1 leaves it empty
 
 
@@ -31,14 +30,16 @@ def contents(shown: Sequence[Shown], scaled: Sequence[Scaled]) -> dict[str, dict
         for row in board.rows:
             rows.setdefault(row.submission.slug, []).append((board, row))
     names = {slug: mine[0][1].submission.name for slug, mine in rows.items()}
-    found = {slug: _ranked(mine, names) for slug, mine in rows.items()}
-    for one in scaled:
-        if one.slug not in found:
-            found[one.slug] = _only_scaled(one)
+    models = {slug: _ranked(mine, names) for slug, mine in rows.items()}
+    for entry in scaled:
+        if entry.slug not in models:
+            models[entry.slug] = _only_scaled(entry)
         where = {"board": scaling.KEY, "dataset": "Scaling track", "title": "one mesh a call"}
-        found[one.slug]["standings"].append({**where, "rank": "", "cells": ["", "", ""]})
-        found[one.slug]["command"][scaling.KEY] = f"eigbench scale {one.result['model']['code']}"
-    return found
+        models[entry.slug]["standings"].append({**where, "rank": "", "cells": ["", "", ""]})
+        models[entry.slug]["command"][scaling.KEY] = (
+            f"eigbench scale {entry.result['model']['code']}"
+        )
+    return models
 
 
 def _ranked(mine: Sequence[tuple[Shown, Ranked]], names: Mapping[str, str]) -> dict[str, Any]:
@@ -131,23 +132,11 @@ def _physics(submission: Submission) -> list[dict[str, Any]]:
     return [
         {
             "title": title,
-            "text": _deviation(key, measured[key]),
+            "text": deviation(key, measured[key]),
             "kept": _kept(key, measured[key]),
         }
         for key, title in TITLES.items()
     ]
-
-
-def _deviation(key: str, value: float | None) -> str:
-    """Return a deviation as text; one that only rounding can make is exact.
-
-    Examples
-    --------
-    >>> _deviation("rotation", 4e-16), _deviation("rotation", 1e-3), _deviation("positive", 1.0)
-    ('exact', '1e-03', '100 %')
-    """
-    rounding = key not in SHARES and value is not None and value < EXACT
-    return "exact" if rounding else deviation(key, value)
 
 
 def _kept(key: str, value: float | None) -> float:

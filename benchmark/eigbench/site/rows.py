@@ -9,39 +9,37 @@ import numpy as np
 from eigbench.board import ranking, tables
 from eigbench.board.columns import six_digits
 from eigbench.board.ranking import RANKED_BY
-from eigbench.board.tables import Table, family_title, number, score
+from eigbench.board.tables import Table, error, family_title, score
 from eigbench.results.submission import Submission
+from eigbench.results.verification import is_verified
 from eigbench.scoring.metrics import METRICS
-from eigbench.site import shapes
+from eigbench.site import origin, shapes
 from synthnet.store.files import sha256
 
 QUANTILES = {"worst": 1.0, "median": 0.5}
 NO_MESH = "The mesh is not shown: its file is not part of this project."
-FACTS = {
-    "authors": "authors",
-    "paper": "paper",
-    "licence": "licence",
-    "training_data": "training set",
-    "training_cost": "training cost",
-    "hardware": "trained on",
-    "code": "code",
-}
 
 
-def content(submission: Submission, own: str | None = None) -> dict[str, Any]:
+def content(submission: Submission, where: str, own: str | None, code: str) -> dict[str, Any]:
     """Return what the page shows of a row when it is opened.
 
     Parameters
     ----------
     submission : Submission
         The row.
+    where : str
+        Title of its board.
     own : str or None
         Its protocol, if that is the version's own: the row was timed under ``grouped`` then.
+    code : str
+        Address of a file of the checkout, with ``{}`` for its path.
     """
     result = submission.result
     cost = "Cost" if own is None else "Cost under the protocol grouped"
     return {
-        "facts": _facts(submission),
+        "facts": origin.facts(result, submission.result_path, code),
+        "verified": is_verified(result),
+        "bibtex": origin.bibtex(result, submission.result_path, submission.slug, where),
         "tables": [
             _table("Metrics", tables.overall(submission.scores)),
             _table("By family, means", tables.families(submission.scores)),
@@ -53,12 +51,6 @@ def content(submission: Submission, own: str | None = None) -> dict[str, Any]:
     }
 
 
-def _facts(submission: Submission) -> list[list[str]]:
-    model = submission.result["model"]
-    declared = [[title, model[key]] for key, title in FACTS.items() if key in model]
-    return [["kind", model["kind"]], *declared]
-
-
 def _table(title: str, table: Table) -> dict[str, Any]:
     return {"title": title, "headers": table.headers, "rows": table.rows}
 
@@ -67,7 +59,7 @@ def _indices(scored: dict[str, Any]) -> Table:
     """Return the errors by eigenvalue, a line each: for a narrow screen."""
     cells = scored["per_index"]
     lines = [
-        [f"λ{i}", number(cell["mean"]), number(cell["median"])] for i, cell in enumerate(cells, 1)
+        [f"λ{i}", error(cell["mean"]), error(cell["median"])] for i, cell in enumerate(cells, 1)
     ]
     return Table(["", "mean relative error", "median"], lines)
 
@@ -108,7 +100,7 @@ def _shape(submission: Submission, name: str, i: int) -> dict[str, Any]:
         "scores": [[METRICS[key].title, _score(key, value)] for key, value in errors.items()],
         "label": [six_digits(float(value)) for value in label],
         "predicted": [six_digits(float(value)) for value in predicted],
-        "errors": [number(float(value)) for value in np.abs(predicted - label) / np.abs(label)],
+        "errors": [error(float(value)) for value in np.abs(predicted - label) / np.abs(label)],
         "several": len(submission.predictions) > 1,
         "mesh": None if spec is None else shapes.location(submission.truth, shape),
         "why": NO_MESH if spec is None else "",

@@ -12,14 +12,15 @@ from eigbench.board.columns import Column, Group, six_digits
 from eigbench.board.scaling_columns import HARDWARE, KIND, MODEL, TRAINING, ms, percent
 from eigbench.board.scaling_figure import FASTEST
 from eigbench.board.tables import family_title
+from eigbench.results.verification import is_verified
 from eigbench.scaling import panels, scores, surfaces
 from eigbench.scaling.panels import Panel
 from eigbench.scaling.results import ANSWERED, Scaled
 from eigbench.scaling.scores import Verdict
-from eigbench.site import columns
+from eigbench.site import columns, origin
 from synthnet.store.files import sha256
 
-KEY = "scaling"
+KEY, TITLE = "scaling", "scaling track"
 
 
 def content(rows: Sequence[Scaled]) -> dict[str, Any]:
@@ -94,13 +95,9 @@ def _row(row: Scaled, every: Sequence[Column[Scaled]]) -> dict[str, Any]:
     }
 
 
-def opened(row: Scaled) -> dict[str, Any]:
+def opened(row: Scaled, code: str) -> dict[str, Any]:
     """Return what the page shows of a row of the scaling track when it is opened."""
     sizes = scores.sizes([row])
-    facts = [
-        ["kind", row.result["model"]["kind"]],
-        ["training set", results.declared(row.result, "training_data")],
-    ]
     headers = ["surface", *(f"{size:,}: {what}" for size in sizes for what in ("error", "ms"))]
     lines = [
         [family_title(surface), *(text for size in sizes for text in _of_mesh(row, surface, size))]
@@ -108,7 +105,9 @@ def opened(row: Scaled) -> dict[str, Any]:
     ]
     files = [["result, SHA-256", sha256(row.path)], *map(list, row.result["environment"].items())]
     return {
-        "facts": facts,
+        "facts": origin.facts(row.result, row.path, code),
+        "verified": is_verified(row.result),
+        "bibtex": origin.bibtex(row.result, row.path, row.slug, TITLE),
         "tables": [
             {"title": "By surface", "headers": headers, "rows": lines},
             {"title": "Files and versions", "headers": ["", ""], "rows": files},

@@ -12,20 +12,24 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from eigbench.board import page
 from eigbench.board.figures import FASTEST, FLOOR, KINDS
 from eigbench.board.ranking import RANKED_BY
 from eigbench.errors import EigbenchError
+from eigbench.results import sources
 from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
 from eigbench.scoring.metrics import MAIN, METRICS
-from eigbench.site import boards, bundle, models, rows, scaling, shapes
+from eigbench.site import boards, bundle, models, origin, rows, scaling, shapes
 from eigbench.site.bundle import CHECKOUT
+from synthnet.errors import counted
 from synthnet.store.files import make_directory
 from synthnet.version import __version__
 
 DATA = "data.js"
 FOLDERS = ("boards", "columns", "meshes", "models", "rows")
 DOCS = "../docs/{}.md"  # seen from a folder that is directly in the checkout
+CODE = "code/{}"  # of the page's folder, which has the files of its models
 REPORTED = "reported"
 
 
@@ -35,7 +39,8 @@ def files(
     scaled: Sequence[Scaled],
     *,
     docs: str = DOCS,
-    on_step: Callable[[str], None] = lambda step: None,
+    code: str = CODE,
+    on_step: Callable[[str, str], None] = lambda stage, detail: None,
 ) -> dict[str, bytes]:
     """Return the content of every file of the page, by its path in the folder.
 
@@ -44,40 +49,53 @@ def files(
     Raises
     ------
     EigbenchError
-        If the scripts were bundled from other sources, or ``docs`` has no ``{}`` for a page's name.
+        If the scripts were bundled from other sources, or ``docs`` or ``code`` has no ``{}`` for
+        the name of a page or a file.
     """
-    check_docs(docs)
+    check_address("--docs", docs)
+    check_address("--code", code)
     scripts = bundle.read()
     values: dict[str, Any] = {}
     meshes: dict[str, tuple[Submission, str]] = {}
     shown = boards.shown(submissions)
     for board in shown:
-        on_step(f"board {board.key}")
+        stage = f"board {board.key}, {counted(len(board.rows), 'row')}"
+        on_step(stage, "")
         first, rest = boards.contents(board)
         values |= {f"boards/{board.key}": first, f"columns/{board.key}": rest}
         for row in board.rows:
             submission = row.submission
-            on_step(f"row {board.key}/{submission.slug}")
+            on_step(stage, submission.slug)
             values[f"rows/{board.key}/{submission.slug}"] = opened = rows.content(
-                submission, board.own
+                submission, page.title(board.rows), board.own, code
             )
             for shape in opened["shapes"]:
                 if shape["mesh"] is not None:
                     meshes[shape["mesh"]] = (submission, shape["id"].partition("/")[0])
     for name in sorted(meshes):
-        on_step(f"mesh {Path(name).name}")
+        on_step(f"drawing {len(meshes)} shapes anew", Path(name).name)
         submission, shape_id = meshes[name]
         spec = shapes.spec_of(submission.truth, shape_id)
         if spec is not None:
             values[name] = shapes.packed(shapes.generated(spec))
     if scaled:
         values[f"boards/{scaling.KEY}"] = scaling.content(scaled)
-        values |= {f"rows/{scaling.KEY}/{row.slug}": scaling.opened(row) for row in scaled}
-    pages = models.contents(shown, scaled)
-    values |= {f"models/{slug}": page for slug, page in pages.items()}
+        values |= {f"rows/{scaling.KEY}/{row.slug}": scaling.opened(row, code) for row in scaled}
+    values |= {f"models/{slug}": model for slug, model in models.contents(shown, scaled).items()}
     if reported:
         values[f"boards/{REPORTED}"] = _reported(reported)
     scripts |= {f"{name}.js": script(name, value) for name, value in values.items()}
+    if code == CODE:
+        run = [
+            *((s.result, s.result_path) for s in submissions),
+            *((s.result, s.path) for s in scaled),
+        ]
+        models_of = (origin.files(result, path) for result, path in run)
+        scripts |= {
+            f"code/{sources.CODE}/{name}": file.read_bytes()
+            for mine in models_of
+            for name, file in mine.items()
+        }
     scripts[DATA] = script("index", _index(shown, bool(scaled), bool(reported), docs))
     return scripts
 
@@ -206,7 +224,7 @@ def check_out(out: Path) -> None:
 
 def _foreign(page: Path) -> list[Path]:
     """Return the paths in a page's folder that do not belong to the page."""
-    top = {*bundle.FILES, DATA, *FOLDERS}
+    top = {*bundle.FILES, DATA, *FOLDERS, "code"}
     return [path for path in sorted(page.iterdir()) if path.name not in top] + [
         path
         for folder in FOLDERS
@@ -215,18 +233,16 @@ def _foreign(page: Path) -> list[Path]:
     ]
 
 
-def check_docs(docs: str) -> None:
-    """Check that ``docs`` has ``{}`` for a page's name.
+def check_address(option: str, address: str) -> None:
+    """Check that an address has ``{}`` for the name of what it leads to.
 
     Raises
     ------
     EigbenchError
         If it has none.
     """
-    if "{}" not in docs:
-        raise EigbenchError(
-            f"--docs {docs} must have {{}} where the name of a page goes, as in {DOCS}"
-        )
+    if "{}" not in address:
+        raise EigbenchError(f"{option} {address} must have {{}} where a name goes, as in {DOCS}")
 
 
 def docs_from(out: Path) -> str:

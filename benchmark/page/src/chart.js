@@ -4,8 +4,8 @@ import { axisX, axisY, dot, gridX, gridY, line, plot, pointer, ruleX, ruleY, tip
 import { drawn, element } from "./dom.js";
 import { besides, dumbbells } from "./dumbbells.js";
 import { front } from "./front.js";
-import { faster, powers, signed, thousands } from "./numbers.js";
-import { label, legend, listed, sample, scatter, through, TIP, widthOf } from "./scatter.js";
+import { difference, faster, powers, signed, thousands } from "./numbers.js";
+import { label, legend, listed, sample, scatter, SYMBOLS, through, TIP, widthOf } from "./scatter.js";
 
 const TRUE = "currentColor";
 const PREDICTED = "var(--predicted)";
@@ -126,32 +126,33 @@ function spectrum(container, shape, said) {
 }
 
 /** How far each other row is from one: the paired difference and its interval, a line each. */
-function apart(container, others, name) {
+function apart(container, others, name, kinds) {
   const rows = others.filter((one) => one.mean !== null);
   if (!rows.length) return container.replaceChildren("No other row has finite scores.");
   const width = Math.min(820, widthOf(container));
   const { left, short } = besides(width, 280);
+  const colour = (one) => kinds[one.kind];
   const sizes = rows.map((one) => Math.abs(one.mean)).sort((a, b) => a - b);
   const least = Math.max(sizes.at(-1) / 1000, sizes[Math.floor(sizes.length / 4)], 1e-12); // what is smaller lies near zero, to scale
   const decades = [-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1, 0, 1].map((power) => 10 ** power).filter((value) => value >= least / 2 && value <= 2 * sizes.at(-1));
   const few = decades.filter((_, i) => (decades.length - 1 - i) % (width < 500 ? 2 : 1) === 0);
   const domain = [Math.min(0, ...rows.map((one) => one.low ?? one.mean)), Math.max(0, ...rows.map((one) => one.high ?? one.mean))];
   const ticks = [...few.map((value) => -value), 0, ...few].filter((value) => domain[0] <= value && value <= domain[1]);
-  const said = `Mean RPD of each other row minus that of ${name}, with 95 % intervals: ${rows.map((one) => `${one.name} ${signed(one.mean)}${one.sure ? "" : ", not decided"}`).join("; ")}.`;
+  const said = `Mean RPD of each other row minus that of ${name}, with 95 % intervals: ${rows.map((one) => `${one.name} ${difference(one.mean)}${one.sure ? "" : ", not decided"}`).join("; ")}.`;
   const svg = plot({
     width, height: 19 * rows.length + 56, marginLeft: left, marginTop: 6, marginBottom: 36, ariaLabel: said,
-    x: { type: "symlog", constant: least, label: "← the other is better · RPD of the other minus this one’s · worse →", domain },
+    x: { type: "symlog", constant: least, label: width < 500 ? "← better · RPD minus this one’s · worse →" : "← the other is better · RPD of the other minus this one’s · worse →", domain },
     y: { type: "point", domain: rows.map((one) => one.name), label: null },
     marks: [
       gridX(ticks, { strokeOpacity: 0.12 }), axisX(ticks, { tickFormat: signed }), axisY({ tickSize: 0, tickFormat: short }),
       ruleX([0], { stroke: "currentColor", strokeOpacity: 0.5 }),
-      ruleY(rows.filter((one) => one.low !== null), { y: "name", x1: "low", x2: "high", stroke: "var(--predicted)", strokeWidth: 2 }),
-      dot(rows, { x: "mean", y: "name", r: 4, stroke: "var(--predicted)", fill: (one) => (one.sure ? "var(--predicted)" : "var(--background)") }),
-      tip(rows, pointer({ x: "mean", y: "name", title: (one) => `${one.name}\n${signed(one.mean)}${one.low === null ? "" : ` (${signed(one.low)} to ${signed(one.high)})`}\n${one.sure ? (one.mean < 0 ? "surely better" : "surely worse") : "not decided"}`, ...TIP })),
+      ruleY(rows.filter((one) => one.low !== null), { y: "name", x1: "low", x2: "high", stroke: colour, strokeWidth: 2 }),
+      dot(rows, { x: "mean", y: "name", r: 4, symbol: (one) => SYMBOLS[one.kind], stroke: colour, fill: (one) => (one.sure ? colour(one) : "var(--background)") }),
+      tip(rows, pointer({ x: "mean", y: "name", title: (one) => `${one.name}\n${difference(one.mean)}${one.low === null ? "" : ` (${difference(one.low)} to ${difference(one.high)})`}\n${one.sure ? (one.mean < 0 ? "surely better" : "surely worse") : "not decided"}`, ...TIP })),
     ],
-    color: { type: "identity" },
+    color: { type: "identity" }, symbol: { type: "identity" },
   });
-  container.replaceChildren(element("figure", {}, label(svg, said)));
+  container.replaceChildren(element("figure", {}, label(svg, said), legend(rows, kinds)));
 }
 
 eigbench.charts = { apart, dumbbells, errorSpeed, scaling, spectrum };

@@ -10,8 +10,9 @@ const FLOOR = 1e-3; // errors below it are drawn at the edge
 /** Return the room for names beside an axis, and what shortens a name to it. */
 export function besides(width, widest) {
   const left = Math.min(widest, Math.round(width * 0.42));
-  const most = Math.floor(left / 5.8);
-  return { left, short: (text) => (text.length > most ? `${text.slice(0, most - 1)}…` : text) };
+  const most = Math.floor(left / 6.3);
+  const end = Math.floor(most / 3); // names that begin alike differ there
+  return { left, short: (text) => (text.length > most ? `${text.slice(0, most - 1 - end)}…${text.slice(-end)}` : text) };
 }
 
 /** Draw every protocol of a metric. */

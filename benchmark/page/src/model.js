@@ -2,7 +2,7 @@
 
 import { drawn, element, mark, plainTable } from "./dom.js";
 import { charts, get } from "./load.js";
-import { signed } from "./numbers.js";
+import { difference } from "./numbers.js";
 import { makeShapes } from "./shapes.js";
 import { encoded, decoded, modelPage } from "./state.js";
 
@@ -17,21 +17,26 @@ export function makeModel({ page, board, state, index, choose }) {
   const why = element("div", {});
   const beside = element("div", {});
   const opened = element("div", { class: "detail" }, element("p", {}, "Loading …"));
+  const badges = element("span", { class: "badges" }, badge("scores recomputed by CI from its predictions"));
+  const origin = element("div", {});
+  const cite = element("div", {});
   const back = encoded({ ...decoded(""), board: board.key, open: slug });
-  const made = element("div", {},
+  const kindOf = new Map(board.rows.map((row) => [row.slug, row.kind]));
+  const made = element("div", { style: `--predicted: ${index.kinds[page.kind]}` },
     element("p", {}, element("a", { href: back }, `← ${board.title}`)),
-    element("p", {}, mark(page.kind, index.kinds), ` ${page.kind}. `, element("span", { class: "badge" }, "scores recomputed by CI from its predictions")),
+    element("p", {}, mark(page.kind, index.kinds), ` ${page.kind} `, badges),
     standings(page, board.key, slug),
+    section("Where it comes from", origin),
     picker(apart, state.other, choose), beside,
     apart.length ? part(WHY, "Why this rank", element("p", { class: "small" }, "The RPD of each other row minus that of this one: the mean and its 95 % interval over shapes and seeds. Left of zero the other row is better. A filled mark is a sure difference, with Holm’s correction, and counts for the rank; an open one is a tie."), why) : null,
     page.families.length ? section("By family", page.families.map((strip) => heat(strip, board.key, slug))) : null,
     page.physics.length ? section("The laws of every spectrum", radar(page.physics)) : null,
     section(`On this board: ${board.title}`, opened),
-    again(page, board, slug));
+    again(page, board, cite));
   let shapes = null;
   let closed = false;
   const draw = () => {
-    if (apart.length) eigbench.charts.apart(why, apart.map(([, name, mean, low, high, sure]) => ({ name, mean, low, high, sure })), page.name);
+    if (apart.length) eigbench.charts.apart(why, apart.map(([other, name, mean, low, high, sure]) => ({ name, kind: kindOf.get(other), mean, low, high, sure })), page.name, index.kinds);
   };
   return {
     element: made,
@@ -49,6 +54,9 @@ export function makeModel({ page, board, state, index, choose }) {
       if (closed || !content) return;
       if (second) beside.replaceChildren(sideBySide(page, second, other));
       shapes = makeShapes(page.name, content);
+      if (content.verified) badges.append(" ", badge("run by a maintainer"));
+      origin.replaceChildren(facts(content.facts));
+      cite.replaceChildren(...entry(content.bibtex));
       opened.replaceChildren(...shapes.elements);
       await shapes.start();
     },
@@ -63,6 +71,7 @@ export function makeModel({ page, board, state, index, choose }) {
   };
 }
 
+const badge = (text) => element("span", { class: "badge" }, text);
 const section = (title, ...children) => part(null, title, ...children);
 const part = (id, title, ...children) => element("section", { id }, element("h3", {}, title), ...children);
 
@@ -99,9 +108,9 @@ function sideBySide(page, second, other) {
     if (!found) return null;
     const [, , mean, low, high, sure] = found;
     const their = theirs.get(mine.board);
-    const difference = mean === null ? "not finite" : `${signed(mean)} (${signed(low)} to ${signed(high)})`;
+    const apart = mean === null ? "not finite" : `${difference(mean)} (${difference(low)} to ${difference(high)})`;
     const verdict = !sure ? "not decided" : mean < 0 ? second.name : page.name;
-    return [`${mine.dataset}, ${mine.title}`, mine.cells[0], their.cells[0], difference, verdict, mine.cells[2], their.cells[2]];
+    return [`${mine.dataset}, ${mine.title}`, mine.cells[0], their.cells[0], apart, verdict, mine.cells[2], their.cells[2]];
   }).filter(Boolean);
   const headers = ["board", `RPD, ${page.name}`, `RPD, ${second.name}`, "paired difference, 95 %", "better", `speed, ${page.name}`, `speed, ${second.name}`];
   return plainTable({ title: `Beside ${second.name}`, headers, rows });
@@ -141,20 +150,41 @@ function radar(laws) {
   return element("div", { class: "pair laws" }, element("figure", {}, svg, element("figcaption", {}, "At the rim a law holds to 1e-6, or for every spectrum; at the centre the deviation is as large as the eigenvalues.")), table);
 }
 
+/** Who made it, of which files, with what training, and when. */
+function facts(entries) {
+  const link = ([text, url]) => {
+    const href = url ?? (/^https:\/\/\S+$/.test(text) ? text : null);
+    return href ? element("a", { href, rel: "noreferrer" }, text) : text;
+  };
+  const parts = (texts) => texts.flatMap((one, i) => (i ? [", ", link(one)] : [link(one)]));
+  return element("dl", { class: "facts" }, entries.map(([title, texts]) => element("div", {}, element("dt", {}, title), element("dd", {}, parts(texts)))));
+}
+
 /** How to run it again, cite it and share its page. */
-function again(page, board, slug) {
+function again(page, board, cite) {
   const command = page.command[board.key];
-  const cite = `${page.name}, on the eigbench leaderboard, ${board.title}.`;
-  const copy = element("button", { type: "button", click: async () => {
-    try {
-      await navigator.clipboard.writeText(location.href);
-      copy.textContent = "Copied";
-    } catch {
-      copy.textContent = "The address of this page is its link";
-    }
-  } }, "Copy the link to this page");
   return section("Run it again, cite it, share it",
     command ? element("p", {}, "In ", element("code", {}, "baselines/"), ", or where its file lies: ", element("code", { class: "command" }, command)) : null,
-    element("p", {}, "Cite the row as: ", element("q", {}, cite), " ", element("code", {}, `#${slug}`)),
-    element("p", { class: "buttons" }, copy));
+    cite,
+    element("p", { class: "buttons" }, copier("Copy the link to this page", () => location.href, "The address of this page is its link")));
+}
+
+/** An entry of BibTeX, with the address of this page where it is on the web. */
+function entry(bibtex) {
+  const web = /^https?:$/.test(location.protocol);
+  const text = web ? bibtex.replace(/\n\}$/, `\n  url = {${location.href.replaceAll("%", "\\%")}},\n}`) : bibtex;
+  return [element("pre", { class: "cite", tabindex: "0", role: "region", "aria-label": "BibTeX" }, text), element("p", { class: "buttons" }, copier("Copy the citation", () => text, "Select the text and copy it"))];
+}
+
+/** Return a button that copies a text, and says where a browser forbids it what to do. */
+function copier(title, text, otherwise) {
+  const button = element("button", { type: "button", click: async () => {
+    try {
+      await navigator.clipboard.writeText(text());
+      button.textContent = "Copied";
+    } catch {
+      button.textContent = otherwise;
+    }
+  } }, title);
+  return button;
 }

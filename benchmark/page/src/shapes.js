@@ -1,4 +1,4 @@
-// What a row has on its board: facts, the worst and the median shape, tables.
+// What a row has on its board: the worst and the median shape, tables.
 
 import { element, plainTable } from "./dom.js";
 import { get, script } from "./load.js";
@@ -9,7 +9,6 @@ export function makeShapes(name, content) {
   const tables = content.tables.map((table) => plainTable(table));
   return {
     elements: [
-      facts(content.facts),
       ...(cards.length ? [element("div", { class: "shapes" }, cards.map((one) => one.element))] : []),
       element("div", { class: "tables" }, tables),
     ],
@@ -17,13 +16,6 @@ export function makeShapes(name, content) {
     redraw: () => cards.forEach((one) => one.redraw()),
     close: () => cards.forEach((one) => one.close()),
   };
-}
-
-function facts(pairs) {
-  return element("dl", { class: "facts" }, pairs.map(([title, text]) => {
-    const link = /^https:\/\/\S+$/.test(text) ? element("a", { href: text, rel: "noreferrer" }, text) : text;
-    return element("div", {}, element("dt", {}, title), element("dd", {}, link));
-  }));
 }
 
 /** Return the card of a shape: the mesh, and predicted against true eigenvalues. */

@@ -136,7 +136,7 @@ function cell(board, row, key) {
 
 /** Set the uncertainty of a number apart: 0.0119 ± 0.0019 (0.0001). */
 function uncertain(text) {
-  const match = text.match(/^(.+?)( ± \S+)?( \(.+\).*)?$/);
+  const match = text.match(/^(.+?)( ± (?:< )?\S+)?( \(.+\).*)?$/);
   if (!match?.[2] && !match?.[3]) return text;
   return [match[1], match[2] && element("span", { class: "spread" }, match[2]), match[3] && element("span", { class: "seeds" }, match[3])];
 }

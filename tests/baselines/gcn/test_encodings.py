@@ -11,6 +11,7 @@ from torch_geometric.data import Data
 from baselines.gcn.encodings import (
     CHANNELS,
     MeshError,
+    PrincipalAxes,
     encoding,
     gauss_map,
     normalised_lengths,
@@ -151,7 +152,7 @@ def test_scale_free_encodings_do_not_change_with_scale_and_place(meshes: list[Me
     assert len(meshes) == 10
     for mesh in meshes:
         there = Mesh(3.0 * mesh.vertices.astype(np.float64) + 7.0, mesh.faces)
-        a, b = (encoding("ALG", scale_free=True)(data_of(one)) for one in (mesh, there))
+        a, b = (encoding("ALG", scale_free=True)(data_of(shape)) for shape in (mesh, there))
         torch.testing.assert_close(a.x, b.x, rtol=1e-4, atol=1e-5)
         assert (b.area / a.area).item() == pytest.approx(9.0)
 
@@ -198,3 +199,34 @@ def test_no_faces_and_nan() -> None:
     pos[2, 1] = torch.nan
     with pytest.raises(MeshError, match=r"vertex 2 is \[0.0, nan, 0.0\]"):
         encoding("ALG")(Data(pos=pos, face=torch.tensor([[0], [1], [2]])))
+
+
+# Principal axes
+
+
+def lopsided() -> Mesh:
+    """A tetrahedron without symmetry: its moments of second and third order differ."""
+    vertices = np.array([[0, 0, 0], [3, 0.4, 0], [0.2, 2, 0.1], [0.5, 0.3, 1]], float)
+    return Mesh(vertices, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
+
+
+def test_isometric_copies_have_one_encoding_in_principal_axes(
+    orthogonal: tuple[np.ndarray, ...],
+) -> None:
+    encode = encoding("ALG", scale_free=True, principal_axes=True)
+    here = encode(data_of(lopsided()))
+    assert not torch.allclose(here.x, encoding("ALG", scale_free=True)(data_of(lopsided())).x)
+    for matrix in orthogonal:
+        there = encode(data_of(moved(lopsided(), matrix, 2.0)))
+        torch.testing.assert_close(there.x, here.x, rtol=1e-5, atol=1e-6)
+
+
+def test_principal_axes_diagonalise_the_moments_of_the_surface() -> None:
+    # A box of 6 by 2 by 4 around the origin, in other axes: by hand the second moments of its
+    # surface are largest along 6, then 4, then 2.
+    corners = np.array([[x, y, z] for x in (-3, 3) for y in (-1, 1) for z in (-2, 2)], float)
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    turned = data_of(moved(Mesh(corners, np.array(faces)), np.eye(3)[[2, 0, 1]]))
+    positions = PrincipalAxes()(turned).pos.abs()
+    torch.testing.assert_close(positions, torch.tensor([[3.0, 2.0, 1.0]]).double().expand(8, 3))

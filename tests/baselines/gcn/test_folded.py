@@ -56,8 +56,8 @@ def plain_of(model: GCN) -> Network:
     return network
 
 
-def norm_apart(found: torch.Tensor, wanted: torch.Tensor) -> float:
-    return float((found - wanted).norm() / wanted.norm())
+def norm_apart(actual: torch.Tensor, expected: torch.Tensor) -> float:
+    return float((actual - expected).norm() / expected.norm())
 
 
 @pytest.mark.parametrize("config", CONFIGS, ids=IDS)
@@ -66,10 +66,10 @@ def test_outputs_are_those_of_the_plain_network(
 ) -> None:
     data = encoded(meshes, config)
     model = model_of(config)
-    wanted = plain_of(model)(Batch.from_data_list(data)).detach()
-    found = folded.outputs(model, [graph(one) for one in data], threads=threads)
-    assert norm_apart(found, wanted) < 1e-5
-    assert torch.equal(model(Batch.from_data_list(data)), wanted)
+    expected = plain_of(model)(Batch.from_data_list(data)).detach()
+    outputs = folded.outputs(model, [graph(item) for item in data], threads=threads)
+    assert norm_apart(outputs, expected) < 1e-5
+    assert torch.equal(model(Batch.from_data_list(data)), expected)
 
 
 @pytest.mark.parametrize("config", CONFIGS, ids=IDS)
@@ -81,21 +81,19 @@ def test_gradients_are_those_of_the_plain_network(
     ours = model_of(config)
     plain, doubles = plain_of(ours), plain_of(ours).double()
     batch = Batch.from_data_list(data)
-    wanted = rpd_loss(plain(batch), y)
-    wanted.backward()
+    expected = rpd_loss(plain(batch), y)
+    expected.backward()
     exact = batch.apply(lambda value: value.double() if value.is_floating_point() else value)
     rpd_loss(doubles(exact), y.double()).backward()
-    graphs = [graph(one) for one in data]
-    found = folded.batch_loss(
-        ours, graphs, None, y, lambda p, g, _: rpd_loss(p, g), threads=threads
-    )
-    found.backward()
-    assert found.item() == pytest.approx(wanted.item(), rel=1e-5)
+    graphs = [graph(item) for item in data]
+    loss = folded.batch_loss(ours, graphs, None, y, lambda p, g, _: rpd_loss(p, g), threads=threads)
+    loss.backward()
+    assert loss.item() == pytest.approx(expected.item(), rel=1e-5)
     models = (ours, plain, doubles)
     flat = [torch.cat([p.grad.flatten() for p in m.parameters()]) for m in models]
     # An activation next to zero may have either sign in single precision, and there the gradient
     # jumps: on one processor the plain network's is 4e-5 from that in doubles, ours 1e-7.
-    assert min(norm_apart(flat[0], one) for one in flat[1:]) < 1e-5
+    assert min(norm_apart(flat[0], other) for other in flat[1:]) < 1e-5
 
 
 @pytest.mark.parametrize("config", CONFIGS[:6], ids=IDS[:6])
@@ -114,7 +112,7 @@ def test_gradients_of_moved_meshes_are_those_of_the_plain_network(
     ours = model_of(config)
     plain = plain_of(ours)
     rpd_loss(plain(Batch.from_data_list(encoded(moved, config))), y).backward()
-    graphs = [graph(one) for one in encoded(meshes, config)]
+    graphs = [graph(item) for item in encoded(meshes, config)]
     isometries = torch.from_numpy(np.stack(matrices)).float()
     folded.batch_loss(ours, graphs, isometries, y, lambda p, g, _: rpd_loss(p, g)).backward()
     flat = [torch.cat([p.grad.flatten() for p in m.parameters()]) for m in (ours, plain)]
@@ -130,16 +128,16 @@ def processor(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.usefixtures("processor")
 def test_bfloat16_is_near(meshes: list[Mesh]) -> None:
     config = GCNConfig("ALG")
-    model, graphs = model_of(config), [graph(one) for one in encoded(meshes, config)]
-    wanted = folded.outputs(model, graphs)
-    apart = norm_apart(folded.outputs(model, graphs, torch.bfloat16), wanted)
+    model, graphs = model_of(config), [graph(item) for item in encoded(meshes, config)]
+    expected = folded.outputs(model, graphs)
+    apart = norm_apart(folded.outputs(model, graphs, torch.bfloat16), expected)
     assert 1e-6 < apart < 0.02  # eight bits of mantissa, and another result than float32's
 
 
 @pytest.mark.usefixtures("processor")
 def test_gradients_in_bfloat16_are_near(meshes: list[Mesh]) -> None:
     config = GCNConfig("ALG")
-    graphs = [graph(one) for one in encoded(meshes, config)]
+    graphs = [graph(item) for item in encoded(meshes, config)]
     y = torch.rand(len(graphs), 10) + 1
     flat = []
     for dtype in (torch.bfloat16, torch.float32):
@@ -171,14 +169,14 @@ def test_features_turn_as_the_mesh_does(
 def test_join_keeps_meshes_apart(meshes: list[Mesh]) -> None:
     graphs = [encoder(GCNConfig("ALG"))(mesh) for mesh in meshes[:3]]
     joined = join(graphs)
-    sizes = [len(one.features) for one in graphs]
+    sizes = [len(part.features) for part in graphs]
     assert joined.starts == (0, sizes[0], sizes[0] + sizes[1], sum(sizes))
-    for one, start, end in zip(graphs, joined.starts, joined.starts[1:], strict=False):
+    for part, start, end in zip(graphs, joined.starts, joined.starts[1:], strict=False):
         first, last = joined.offsets[start], joined.offsets[end]
         inside = joined.neighbours[first:last]
         assert inside.min() >= start
         assert inside.max() < end
-        assert torch.equal(inside - start, one.neighbours)
+        assert torch.equal(inside - start, part.neighbours)
 
 
 @pytest.mark.parametrize("sizes", [[5], [1, 1, 1], [10, 3, 3, 3, 1], [4, 9, 2, 9]])
@@ -191,7 +189,7 @@ def test_chunks_hold_every_mesh_once_and_respect_the_limit(sizes: list[int]) -> 
 
 def test_threads_give_the_same_bits(meshes: list[Mesh]) -> None:
     config = GCNConfig("ALG", True)
-    graphs = [graph(one) for one in encoded(meshes, config)] * 3
+    graphs = [graph(item) for item in encoded(meshes, config)] * 3
     model = model_of(config)
     answers = [folded.outputs(model, graphs, threads=count) for count in (1, 2)]
     assert torch.equal(*answers)
@@ -225,11 +223,11 @@ def test_options_out_of_range(options: dict, message: str) -> None:
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
 def test_meshes_on_the_gpu_give_the_same(meshes: list[Mesh]) -> None:
     config = GCNConfig("ALG", True)
-    graphs: list[Graphs] = [graph(one) for one in encoded(meshes, config)]
-    wanted = folded.outputs(model_of(config), graphs)
-    moved = [one.to("cuda") for one in graphs]
+    graphs: list[Graphs] = [graph(item) for item in encoded(meshes, config)]
+    expected = folded.outputs(model_of(config), graphs)
+    moved = [item.to("cuda") for item in graphs]
     model = model_of(config).to("cuda")
-    assert norm_apart(folded.outputs(model, moved).cpu(), wanted) < 1e-4
+    assert norm_apart(folded.outputs(model, moved).cpu(), expected) < 1e-4
     y, still = torch.ones(len(meshes), 10, device="cuda"), torch.eye(3, device="cuda")
     still = still.repeat(len(meshes), 1, 1)
     folded.batch_loss(model, moved, still, y, lambda p, g, _: rpd_loss(p, g)).backward()
@@ -238,13 +236,13 @@ def test_meshes_on_the_gpu_give_the_same(meshes: list[Mesh]) -> None:
 
 def test_the_sparse_matrix_of_a_gpu_is_the_same_product(meshes: list[Mesh]) -> None:
     config = GCNConfig("ALG", True)
-    one = join([graph(data) for data in encoded(meshes, config)])
-    a = torch.rand(len(one.features), 5, requires_grad=True)
-    weight = torch.rand(len(one.features), 14)
-    found = []
-    for sparse in (None, folded.adjacency(one, torch.float32)):
-        both = folded.Aggregate.apply(a, one, sparse, torch.float32)
+    joined = join([graph(data) for data in encoded(meshes, config)])
+    a = torch.rand(len(joined.features), 5, requires_grad=True)
+    weight = torch.rand(len(joined.features), 14)
+    results = []
+    for sparse in (None, folded.adjacency(joined, torch.float32)):
+        both = folded.Aggregate.apply(a, joined, sparse, torch.float32)
         (gradient,) = torch.autograd.grad((both * weight).sum(), a)
-        found.append((both.detach(), gradient))
-    for ours, theirs in zip(*found, strict=True):
-        torch.testing.assert_close(ours, theirs)
+        results.append((both.detach(), gradient))
+    (product, gradient), theirs = results
+    torch.testing.assert_close((product, gradient), theirs)

@@ -45,7 +45,7 @@ def test_the_encoding_of_a_right_triangle_by_hand() -> None:
 
 def batch_of(samples: dict[str, list[Sample]]) -> Batch:
     graphs = []
-    for sample in [one for members in samples.values() for one in members]:
+    for sample in [member for members in samples.values() for member in members]:
         graphs.append(encode(data_of(sample.mesh)))
         graphs[-1].y = torch.from_numpy(sample.eigenvalues[None].astype(np.float32))
     return Batch.from_data_list(graphs)

@@ -51,8 +51,8 @@ def sampled() -> Sampled:
 def test_a_training_uses_what_its_protocol_leaves(
     sampled: Sampled, split: str, protocol: str
 ) -> None:
-    found = sampled.instances(split, protocol)
-    ids = {f"{sampled.ids[shape]}/{instance}" for shape, instance in found.tolist()}
+    instances = sampled.instances(split, protocol)
+    ids = {f"{sampled.ids[shape]}/{instance}" for shape, instance in instances.tolist()}
     assert ids == set(truth.load(VERSION, split, protocol).ids)
 
 
@@ -65,8 +65,8 @@ def test_meshes_of_every_size_cost_about_the_same() -> None:
     ids = [f"blob-{i:05d}" for i in range(4000)]
     for n in (500, 1000, 4000, 20_000):
         taken = sum(is_taken(id, n, 1000) for id in ids)
-        wanted = len(ids) * min(1, 1000 / n)
-        assert abs(taken - wanted) <= 4 * np.sqrt(wanted * (1 - min(1, 1000 / n)))
+        expected = len(ids) * min(1, 1000 / n)
+        assert abs(taken - expected) <= 4 * np.sqrt(expected * (1 - min(1, 1000 / n)))
 
 
 def test_a_share_is_loaded_without_the_test_split(mini_home: Path) -> None:
@@ -80,7 +80,7 @@ def test_a_share_is_loaded_without_the_test_split(mini_home: Path) -> None:
     assert len(toruses) == 36  # of 40, each of 600 vertices: a tenth is for the test
 
 
-def run_of(place: Path, seed: int, protocol: str, **changes: object) -> Path:
+def run_of(path: Path, seed: int, protocol: str, **changes: object) -> Path:
     torch.manual_seed(seed)
     record = {
         "config": weights.describe(replace(CONFIG, **changes)),
@@ -92,8 +92,8 @@ def run_of(place: Path, seed: int, protocol: str, **changes: object) -> Path:
         "log": [],
         "losses": [],
     }
-    weights.save_model(place, GCN(CONFIG.model), record)
-    return place
+    weights.save_model(path, GCN(CONFIG.model), record)
+    return path
 
 
 @pytest.fixture
@@ -121,11 +121,11 @@ def test_each_training_answers_with_its_own_weights(
 
 
 def test_meta_of_several_trainings(gathered: tuple[Path, dict[str, Path]]) -> None:
-    found = trainings.meta(str(gathered[0]), "Mine")
-    assert found["name"] == "Mine"
-    assert found["training_data"].startswith("synthNet 2.0 train, what the protocol leaves of it")
-    assert "1 to 2 min each of 2 trainings, 30 epochs in batches of 16" in found["training_cost"]
-    assert found["hardware"] == "CPU, 1 × 2 threads"
+    meta = trainings.meta(str(gathered[0]), "Mine")
+    assert meta["name"] == "Mine"
+    assert meta["training_data"].startswith("synthNet 2.0 train, what the protocol leaves of it")
+    assert "1 to 2 min each of 2 trainings, 30 epochs in batches of 16" in meta["training_cost"]
+    assert meta["hardware"] == "CPU, 1 × 2 threads"
 
 
 def test_two_training_sets_of_the_same_meshes_are_one_training(
@@ -135,8 +135,8 @@ def test_two_training_sets_of_the_same_meshes_are_one_training(
     trainings.gather(
         tmp_path / "more.safetensors", {**runs, "2.0/twin": runs["2.0/genus"]}, vertices=1000
     )
-    found = trainings.meta(str(tmp_path / "more.py"), "Mine")
-    assert "of 2 trainings" in found["training_cost"]
+    meta = trainings.meta(str(tmp_path / "more.py"), "Mine")
+    assert "of 2 trainings" in meta["training_cost"]
 
 
 def test_what_was_not_trained_is_one_line(gathered: tuple[Path, dict[str, Path]]) -> None:

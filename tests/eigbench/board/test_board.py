@@ -21,6 +21,7 @@ from eigbench.results.sources import outdated
 from eigbench.scaling import results as scaling_results
 from eigbench.scoring import targets
 from eigbench.scoring.metrics import METRICS
+from matplotlib.colors import to_rgba
 
 from synthnet.store.files import sha256
 
@@ -72,10 +73,10 @@ def board(generated, tmp_path):
 
 
 def test_evaluated_result_is_borne_out_by_its_predictions(weyl, mini_truth):
-    one = submission.read(weyl.out)
-    assert one.truth.digest == mini_truth.digest
-    assert (one.name, one.slug, one.board) == ("Weyl", "weyl", BOARD)
-    assert one.predictions.shape == (1, 306, 10)
+    row = submission.read(weyl.out)
+    assert row.truth.digest == mini_truth.digest
+    assert (row.name, row.slug, row.board) == ("Weyl", "weyl", BOARD)
+    assert row.predictions.shape == (1, 306, 10)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +84,8 @@ def test_evaluated_result_is_borne_out_by_its_predictions(weyl, mini_truth):
     [
         (lambda r: r.update(metric_version=2), r"has metric version 2, these are version 1"),
         (lambda r: r["dataset"].update(split_digest="0" * 64), r"its split_digest is 0{16}, that"),
-        (lambda r: r["dataset"].update(shapes=33), r"its shapes is 33, that of 1.0-mini here is"),
+        (lambda r: r["dataset"].update(shapes=35), r"its shapes is 35, that of 1.0-mini here is"),
+        (lambda r: r["dataset"].update(shapes=33), r"the families have 34 shapes of 33"),
         (lambda r: r["dataset"].update(version="9.9"), r"9.9, whose labels are not pinned"),
         (lambda r: r["predictions"].update(sha256="0" * 64), r"is not the file that .* made with"),
         (lambda r: r["predictions"].update(seeds=2), r"has 1 seeds, .* names 2"),
@@ -184,10 +186,29 @@ def test_seeds_that_differ_widen_the_ranks(make_submission, mini_truth):
     assert ranks([steady, spread]) == {"Steady": (1, 2), "Spread": (1, 2)}
 
 
+def test_seeds_of_two_rows_are_drawn_apart(make_submission, mini_truth):
+    """Drawn together, seeds that happen to be alike would make a small difference sure."""
+    g = mini_truth.eigenvalues
+    spread = np.stack([g * f for f in (1.0, 1.05, 1.1)])
+    rows = [
+        submission.read(make_submission(name, spread * factor))
+        for name, factor in (("Nearer", 1.01), ("Farther", 1.02))
+    ]
+    assert ranking.difference(*rows, "rpd").verdict == "tie"
+
+
 def test_ranks_do_not_depend_on_the_order_of_the_input(read):
     there = [r.submission.name for r in ranking.ranked(list(read.values()))]
     back = [r.submission.name for r in ranking.ranked(list(read.values())[::-1])]
     assert there == back
+
+
+@pytest.mark.parametrize("key", ["rpd", "psnr"])
+def test_ranks_follow_the_metric_whether_more_of_it_is_better_or_less(read, key):
+    rows = ranking.ranked(list(read.values()), key)
+    last = [(row.submission.name, row.best, row.worst) for row in rows[2:]]
+    assert last == [("Twenty | <percent>", 3, 3), ("Far", 4, 4)]
+    assert [(row.best, row.worst) for row in rows[:2]] == [(1, 2), (1, 2)]
 
 
 @pytest.mark.parametrize("key", METRICS)
@@ -208,8 +229,8 @@ def test_difference_is_that_of_the_means(read):
     seeds = np.sqrt(10) * (0.21 / 1.21 - 0.2 / 1.2)  # the same for every mesh: only seeds differ
     assert d.high - d.low == pytest.approx(np.sqrt(2) * seeds, rel=1e-6)
     assert d.low < d.a - d.b < d.high
-    one = ranking.difference(read["far"], read["far"], "invlap")
-    assert (one.low, one.high) == (0, 0)
+    difference = ranking.difference(read["far"], read["far"], "invlap")
+    assert (difference.low, difference.high) == (0, 0)
 
 
 def test_difference_in_a_family_is_of_its_meshes(read, mini_truth):
@@ -222,8 +243,8 @@ def test_what_is_not_finite_is_last(make_submission, read, mini_truth):
     values = mini_truth.eigenvalues.copy()
     values[7, 3] = np.nan
     bad = submission.read(make_submission("Bad", values))
-    found = ranking.ranked([bad, *read.values()])
-    assert (found[-1].submission.name, found[-1].best, found[-1].worst) == ("Bad", 5, 5)
+    rows = ranking.ranked([bad, *read.values()])
+    assert (rows[-1].submission.name, rows[-1].best, rows[-1].worst) == ("Bad", 5, 5)
     assert ranking.difference(bad, read["far"], "rpd").verdict == "b"
     assert ranking.difference(read["far"], bad, "rpd").verdict == "a"
     assert ranking.difference(bad, bad, "rpd").verdict == "tie"
@@ -234,13 +255,13 @@ def test_what_is_not_finite_is_last(make_submission, read, mini_truth):
 def test_a_difference_whose_interval_covers_zero_is_a_tie(make_submission, mini_truth):
     rng = np.random.default_rng(0)
     noisy = [1 + 0.05 * rng.standard_normal(mini_truth.eigenvalues.shape) for _ in range(2)]
-    one, other = (
+    row, other = (
         submission.read(make_submission(f"noisy {i}", factor * mini_truth.eigenvalues))
         for i, factor in enumerate(noisy)
     )
-    found = ranking.difference(one, other, "rpd")
-    assert found.low < 0 < found.high
-    assert (found.verdict, found.why) == ("tie", "interval")
+    difference = ranking.difference(row, other, "rpd")
+    assert difference.low < 0 < difference.high
+    assert (difference.verdict, difference.why) == ("tie", "interval")
 
 
 def test_results_of_two_splits_are_not_compared(read):
@@ -253,11 +274,9 @@ def test_results_of_two_splits_are_not_compared(read):
 
 
 def test_page_is_the_same_to_the_byte_for_shuffled_input(board):
-    found = leaderboard.read(board)
+    rows = leaderboard.read(board)
     reported = [{"source": s, "setting": "", "tables": [], "notes": []} for s in "ab"]
-    assert leaderboard.generate(found, reported) == leaderboard.generate(
-        found[::-1], reported[::-1]
-    )
+    assert leaderboard.generate(rows, reported) == leaderboard.generate(rows[::-1], reported[::-1])
 
 
 def test_page_and_figure_do_not_depend_on_the_style_of_the_user(board):
@@ -294,11 +313,13 @@ def test_a_boards_own_page_has_every_metric_and_its_cost(board):
 
 def test_json_of_a_board_has_its_scores_ranks_and_digests(board):
     for target in ("surface", "mesh"):
-        told = json.loads((board / "benchmark" / "boards" / f"{BOARD}-{target}.json").read_text())
-        assert (told["board"], told["target"]) == (BOARD, target)
-        assert [row["name"] for row in told["rows"]][-1] == "Far"
-        assert len(told["rows"]) == 4
-        for row in told["rows"]:
+        board_json = json.loads(
+            (board / "benchmark" / "boards" / f"{BOARD}-{target}.json").read_text()
+        )
+        assert (board_json["board"], board_json["target"]) == (BOARD, target)
+        assert [row["name"] for row in board_json["rows"]][-1] == "Far"
+        assert len(board_json["rows"]) == 4
+        for row in board_json["rows"]:
             result = board / "benchmark" / "results" / BOARD / f"{row['slug']}.json"
             answers = board / "benchmark" / "predictions" / BOARD / f"{row['slug']}.parquet"
             assert row["sha256"] == {"result": sha256(result), "predictions": sha256(answers)}
@@ -307,18 +328,18 @@ def test_json_of_a_board_has_its_scores_ranks_and_digests(board):
 
 def test_export_writes_a_line_an_eigenvalue_with_both_targets(eigbench, board, mini_truth):
     out = board / "tables"
-    code, said, _ = eigbench("export", "--board", board, "--out", out)
+    code, printed, _ = eigbench("export", "--board", board, "--out", out)
     assert code == 0
-    assert f"{BOARD}.parquet" in said
+    assert f"{BOARD}.parquet" in printed
     table = pd.read_parquet(out / f"{BOARD}.parquet")
     assert len(table) == 306 * 10 * 5  # four rows, one of them of two seeds
-    one = table[(table["row"] == "one-percent") & (table["index"] == 4)]
-    np.testing.assert_array_equal(one["mesh"], mini_truth.eigenvalues[:, 3])
+    lines = table[(table["row"] == "one-percent") & (table["index"] == 4)]
+    np.testing.assert_array_equal(lines["mesh"], mini_truth.eigenvalues[:, 3])
     surface = targets.at(mini_truth, "surface").eigenvalues
-    np.testing.assert_array_equal(one["surface"], surface[:, 3])
-    ids = [f"{s}/{i}" for s, i in zip(one["shape"], one["instance"], strict=True)]
+    np.testing.assert_array_equal(lines["surface"], surface[:, 3])
+    ids = [f"{s}/{i}" for s, i in zip(lines["shape"], lines["instance"], strict=True)]
     assert ids == list(mini_truth.ids)
-    assert one["prediction"].between(1.009 * one["mesh"], 1.031 * one["mesh"]).all()
+    assert lines["prediction"].between(1.009 * lines["mesh"], 1.031 * lines["mesh"]).all()
     as_text = pd.read_csv(out / f"{BOARD}.csv")
     assert len(as_text) == len(table)
     assert list(as_text) == list(table)
@@ -326,9 +347,12 @@ def test_export_writes_a_line_an_eigenvalue_with_both_targets(eigbench, board, m
 
 def test_page_shows_the_papers_numbers_as_reported_and_not_run():
     reported = leaderboard.read_reported(CHECKOUT)
-    page = leaderboard.generate([], reported)[Path("LEADERBOARD.md")]
+    generated = leaderboard.generate([], reported)
+    page = generated[Path("LEADERBOARD.md")]
     assert "No result has been submitted yet." in page
     assert "## Reported by the paper, not run here" in page
+    assert "(benchmark/boards/reported.md)" in page
+    page = generated[Path("benchmark/boards/reported.md")]
     assert "| GCN, RPDLoss | 0.2816 | 0.0370 | 0.3378 | 84.5% | 36.59 | 16.66 |" in page
 
 
@@ -451,7 +475,9 @@ def test_first_rows_stand_between_the_marks_of_the_readme(eigbench, board):
     lines = readme.read_text().splitlines()
     assert lines[:2] == ["Mine", "<!-- begin leaderboard -->"]
     assert lines[2] == (
-        "synthNet 1.0-mini, test split, protocol grouped, against the surface, 4 rows:"
+        "synthNet 1.0-mini, test split, protocol grouped, against the surface, 4 rows. 34 shapes, "
+        "306 instances; 53 % of the shapes have one of training within 1 %: a test of "
+        "interpolation."
     )
     assert lines[-2:] == ["<!-- end leaderboard -->", "end"]
     assert [line.split(" | ")[0:2] for line in lines if re.match(r"\| \d", line)] == [
@@ -467,7 +493,7 @@ def test_readme_shows_five_rows_of_a_board(read):
     readme = "<!-- begin leaderboard --><!-- end leaderboard -->"
     text = leaderboard.generate(rows, [], (), readme)[Path("README.md")]
     assert text.count("One percent") == 5
-    assert "7 rows:" in text
+    assert "7 rows. " in text
 
 
 def test_readme_without_marks_is_left_alone(eigbench, board):
@@ -523,6 +549,15 @@ def test_partial_result_on_the_board_fails_the_check(board, mini_truth, make_sub
     path.write_text(json.dumps(result, indent=1) + "\n")
     with pytest.raises(ResultError, match="is partial"):
         leaderboard.read(board)
+
+
+def test_nothing_is_put_where_a_link_lies(board, tmp_path):
+    source = tmp_path / "new.json"
+    source.write_text("{}")
+    target = board / "benchmark" / "results" / BOARD / "linked.json"
+    target.symlink_to("/dev/zero")
+    with pytest.raises(EigbenchError, match="is no regular file: remove it"):
+        results.put([source], [target], board, replace=True)
 
 
 def test_missing_predictions_fail_the_check(board):
@@ -611,10 +646,10 @@ def test_submit_refuses_a_partial_result(eigbench, predictor_file, mini_home, tm
 
 
 def test_submit_refuses_what_was_not_timed_beside_lapy(made, tmp_path):
-    one = submission.read(made["far"])
-    cost = {**one.result["cost"], "reference": None}
+    row = submission.read(made["far"])
+    cost = {**row.result["cost"], "reference": None}
     with pytest.raises(ResultError, match="was not timed beside LaPy: evaluate without --no-ref"):
-        leaderboard.add(replace(one, result={**one.result, "cost": cost}), tmp_path)
+        leaderboard.add(replace(row, result={**row.result, "cost": cost}), tmp_path)
 
 
 def test_ratio_to_lapy_is_on_the_page(read):
@@ -638,9 +673,9 @@ def test_ratio_to_lapy_is_on_the_page(read):
 
 
 def test_submit_refuses_another_split(made, tmp_path):
-    one = submission.read(made["far"])
+    row = submission.read(made["far"])
     other = replace(
-        one, result={**one.result, "dataset": {**one.result["dataset"], "split": "train"}}
+        row, result={**row.result, "dataset": {**row.result["dataset"], "split": "train"}}
     )
     with pytest.raises(ResultError, match="is of the split train: a board takes test only"):
         leaderboard.add(other, tmp_path)
@@ -659,9 +694,9 @@ def test_submit_refuses_predictions_that_no_spectrum_has(
 
 
 def test_submit_refuses_predictions_that_are_no_parquet(eigbench, made, mini_truth, tmp_path):
-    one = submission.read(made["far"])
+    row = submission.read(made["far"])
     kept = tmp_path / "p.npz"
-    np.savez(kept, ids=np.array(mini_truth.ids), eigenvalues=one.predictions[0])
+    np.savez(kept, ids=np.array(mini_truth.ids), eigenvalues=row.predictions[0])
     result = json.loads(made["far"].read_text())
     result["predictions"]["sha256"] = sha256(kept)
     (tmp_path / "r.json").write_text(json.dumps(result))
@@ -674,8 +709,8 @@ def test_submit_refuses_predictions_that_are_no_parquet(eigbench, made, mini_tru
 
 @pytest.mark.parametrize("name", ["Net $\\foo$", "a\\|b", "[x](y) `z` *w*", "<img>"])
 def test_any_name_can_stand_on_the_page(make_submission, mini_truth, name):
-    one = submission.read(make_submission(name, mini_truth.eigenvalues * 1.1))
-    generated = leaderboard.generate([one], [])
+    entry = submission.read(make_submission(name, mini_truth.eigenvalues * 1.1))
+    generated = leaderboard.generate([entry], [])
     page = generated[Path("LEADERBOARD.md")]
     assert "<img" not in page
     for row in re.findall(r"^\| 1 \|.*$", page, flags=re.M):
@@ -701,10 +736,10 @@ def test_compare_tells_ties_from_differences(eigbench, made, mini_truth):
     _, out, _ = eigbench("compare", made["twenty"], made["one"])
     assert out.count("B is better") == better
     code, out, _ = eigbench("compare", made["one"], made["one"], "--json")
-    found = json.loads(out)
-    assert {d["verdict"] for d in found["overall"].values()} == {"tie"}
-    assert {d["why"] for d in found["overall"].values()} == {"equal"}
-    assert {d["high"] for d in found["overall"].values()} == {0.0}
+    comparison = json.loads(out)
+    assert {d["verdict"] for d in comparison["overall"].values()} == {"tie"}
+    assert {d["why"] for d in comparison["overall"].values()} == {"equal"}
+    assert {d["high"] for d in comparison["overall"].values()} == {0.0}
 
 
 def test_compare_takes_predictions_from_elsewhere(eigbench, made, tmp_path):
@@ -766,11 +801,13 @@ def test_spectra_show_the_best_the_median_and_the_worst_of_each_family(read, min
 def test_error_by_index_is_the_median_over_the_meshes(read, mini_truth):
     figure = error_figures.by_index([read["one"], read["twenty"]])
     (axes,) = figure.axes
-    one, twenty = axes.get_lines()
-    wanted = np.abs(read["one"].predictions[0] / mini_truth.eigenvalues - 1)
-    np.testing.assert_allclose(one.get_ydata(), np.median(wanted, axis=0), rtol=1e-9)
+    percent, twenty = axes.get_lines()
+    known = np.abs(read["one"].predictions[0] / mini_truth.eigenvalues - 1)
+    np.testing.assert_allclose(percent.get_ydata(), np.median(known, axis=0), rtol=1e-9)
     np.testing.assert_allclose(twenty.get_ydata(), 0.205, rtol=1e-9)  # the mean of two seeds
-    assert (one.get_color(), one.get_marker()) != (twenty.get_color(), twenty.get_marker())
+    kinds = [read[name].result["model"]["kind"] for name in ("one", "twenty")]
+    assert [percent.get_color(), twenty.get_color()] == [figures.KINDS[kind][0] for kind in kinds]
+    assert [percent.get_marker(), twenty.get_marker()] == [figures.KINDS[kind][1] for kind in kinds]
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == [read["one"].name, read["twenty"].name]
 
@@ -787,14 +824,39 @@ def test_error_by_index_of_one_model_has_bands(read):
         np.testing.assert_allclose((low, high), (0.01, 0.03), rtol=1e-6)
 
 
+def test_figures_of_single_models_colour_by_kind_and_tell_models_of_a_kind_apart(read):
+    colour, marker = figures.KINDS[read["one"].result["model"]["kind"]]
+    twice = [read["one"], replace(read["one"], result=renamed(read["one"], "Other"))]
+    (axes,) = error_figures.by_index(twice).axes
+    assert {line.get_color() for line in axes.get_lines()} == {colour}
+    looks = [(line.get_linestyle(), line.get_marker()) for line in axes.get_lines()]
+    assert looks[0] == ("-", marker)
+    assert looks[0] != looks[1]
+    figure = error_figures.families(twice)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "1  One percent",
+        "2  Other",
+    ]
+    (axes,) = figure.axes
+    assert {box.get_facecolor() for box in axes.patches} == {to_rgba(colour, 0.7)}
+    families = set(read["one"].truth.families.tolist())
+    assert sorted(text.get_text() for text in axes.texts) == sorted("12" * len(families))
+    (axes,) = error_figures.histogram([read["one"]]).axes
+    assert {bar.get_facecolor() for bar in axes.patches} == {to_rgba(colour)}
+
+
+def renamed(row, name):
+    return {**row.result, "model": {**row.result["model"], "name": name}}
+
+
 def test_histogram_counts_every_mesh_once(read):
     assert METRICS
     for key in METRICS:
         figure = error_figures.histogram([read["one"], read["twenty"]], key)
-        for axes, one in zip(figure.axes, ("one", "twenty"), strict=True):
+        for axes, name in zip(figure.axes, ("one", "twenty"), strict=True):
             heights = [patch.get_height() for patch in axes.patches]
             assert sum(heights) == pytest.approx(100)
-            median = np.median(ranking.per_mesh(read[one], key))
+            median = np.median(ranking.per_mesh(read[name], key))
             np.testing.assert_allclose(axes.get_lines()[0].get_xdata(), median)
 
 
@@ -825,15 +887,15 @@ def test_plot_of_a_metric_that_is_infinite_on_finite_answers_says_so(
     answers[:3] = mini_truth.eigenvalues[:3]
     answers[3] = 0
     two = make_submission("Exact on three", answers)
-    for key, told in (("psnr", "PSNR is infinite on 3 of"), ("invlap", "is infinite on 1 of")):
+    for key, message in (("psnr", "PSNR is infinite on 3 of"), ("invlap", "is infinite on 1 of")):
         options = ["--out", tmp_path, "--metric", key, "--target", "mesh"]
         code, _, err = eigbench("plot", two, *options)
         assert code == 2
-        assert f"{told} {len(answers)} instances, though the predictions are finite" in err
-        one = submission.read(two)
+        assert f"{message} {len(answers)} instances, though the predictions are finite" in err
+        row = submission.read(two)
         for draw in (error_figures.histogram, error_figures.families):
-            with pytest.raises(EigbenchError, match=told):
-                draw([one], key)
+            with pytest.raises(EigbenchError, match=message):
+                draw([row], key)
     assert eigbench("plot", two, "--out", tmp_path, "--metric", "rpd")[0] == 0
 
 
@@ -843,13 +905,13 @@ def test_plot_of_a_metric_that_is_infinite_on_finite_answers_says_so(
 @pytest.fixture(scope="session")
 def real(tmp_path_factory):
     """A copy of this repository's board."""
-    place = tmp_path_factory.mktemp("real")
+    location = tmp_path_factory.mktemp("real")
     for name in (leaderboard.PAGE, leaderboard.README):
-        shutil.copy(CHECKOUT / name, place)
+        shutil.copy(CHECKOUT / name, location)
     ignored = shutil.ignore_patterns("__pycache__", "node_modules", "dist")
     for name in ("benchmark", "baselines"):  # rows are marked if their sources are others by now
-        shutil.copytree(CHECKOUT / name, place / name, ignore=ignored)
-    return place
+        shutil.copytree(CHECKOUT / name, location / name, ignore=ignored)
+    return location
 
 
 @pytest.mark.slow
@@ -875,8 +937,8 @@ def test_every_first_row_is_on_the_board(real):
 def first_rows(real):
     """The results of the baselines of this repository."""
     names = {path.name for path in (CHECKOUT / "baselines").glob("*.py")}
-    found = [results.read(path) for path in (real / "benchmark/results").glob("*/*.json")]
-    return [result for result in found if result["model"]["code"].partition(":")[0] in names]
+    rows = [results.read(path) for path in (real / "benchmark/results").glob("*/*.json")]
+    return [result for result in rows if result["model"]["code"].partition(":")[0] in names]
 
 
 def test_first_rows_are_timed_on_lapys_machine_or_beside_it(first_rows):

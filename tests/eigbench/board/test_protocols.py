@@ -1,5 +1,6 @@
 """Protocols that ask for generalisation: labels, a training at a time, and their section."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -47,8 +48,8 @@ def test_each_shape_of_the_test_split_is_under_one_training_of_family(parts):
     assert whole.ids == family.ids
     assert whole.digest == family.digest
     assert set(whole.trainings) == {"2.0/grouped"}  # the subset's test is in the full one's
-    wanted = [f"2.0/family/{name}" for name in family.families]
-    assert family.trainings.tolist() == wanted
+    labels = [f"2.0/family/{name}" for name in family.families]
+    assert family.trainings.tolist() == labels
 
 
 def test_a_training_may_see_all_but_what_is_tested(parts):
@@ -66,7 +67,7 @@ def test_labels_of_an_import_are_pinned_and_trained_on_is_the_whole_version():
 
 
 @pytest.mark.parametrize(
-    ("question", "told"),
+    ("question", "message"),
     [
         (("2.0", "test", "imported"), "protocol imported: say which, imported/NAME"),
         (("2.0", "train", "imported/real-28"), "has a test split only: train on grouped"),
@@ -75,8 +76,8 @@ def test_labels_of_an_import_are_pinned_and_trained_on_is_the_whole_version():
         (("1.0", "test", "imported/real-28"), r"1\.0 has no protocol imported"),
     ],
 )
-def test_an_import_that_cannot_be_tested_is_refused(question, told):
-    with pytest.raises(EigbenchError, match=told):
+def test_an_import_that_cannot_be_tested_is_refused(question, message):
+    with pytest.raises(EigbenchError, match=message):
         truth.load(*question)
 
 
@@ -85,38 +86,40 @@ def source(mini_home, mini_truth):
     return meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
 
 
-def folded(wanted):
+def folded(labels):
     """The first instances, every third of another training."""
-    wanted = wanted.head(12)
+    labels = labels.head(12)
     names = np.array([f"1.0-mini/{1 + i % 3}" for i in range(12)])
-    return replace(wanted, trainings=names)
+    return replace(labels, trainings=names)
 
 
 @pytest.mark.slow
 def test_every_instance_is_predicted_by_the_training_it_asks_for(
     predictor_file, mini_truth, source, tmp_path
 ):
-    wanted = folded(mini_truth)
+    labels = folded(mini_truth)
     code, options = predictor_file(TRAINED), Options(seeds=2, batch_size=2)
-    found = evaluate(code, wanted, source, options, tmp_path / "parts")
-    np.testing.assert_array_equal(found.predictions[:, :, 0], [[1 + i % 3 for i in range(12)]] * 2)
-    assert found.sizes.sum() == 24
-    again = evaluate(code, wanted, source, replace(options, resume=True), tmp_path / "parts")
-    np.testing.assert_array_equal(again.predictions, found.predictions)
-    np.testing.assert_array_equal(again.seconds, found.seconds)  # kept, not run again
+    evaluation = evaluate(code, labels, source, options, tmp_path / "parts")
+    np.testing.assert_array_equal(
+        evaluation.predictions[:, :, 0], [[1 + i % 3 for i in range(12)]] * 2
+    )
+    assert evaluation.sizes.sum() == 24
+    again = evaluate(code, labels, source, replace(options, resume=True), tmp_path / "parts")
+    np.testing.assert_array_equal(again.predictions, evaluation.predictions)
+    np.testing.assert_array_equal(again.seconds, evaluation.seconds)  # kept, not run again
 
 
 def test_what_is_not_trained_is_run_once_and_a_model_trained_for_itself_refused(
     predictor_file, mini_truth, source, tmp_path
 ):
-    wanted = folded(mini_truth)
+    labels = folded(mini_truth)
     code = predictor_file(UNTRAINED.replace("KIND", "classical"))
-    assert (evaluate(code, wanted, source, Options(), tmp_path / "a").predictions == 1).all()
+    assert (evaluate(code, labels, source, Options(), tmp_path / "a").predictions == 1).all()
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["seed-0"]
     code = predictor_file(UNTRAINED.replace("KIND", "learned"))
-    told = "is learned, .* and the protocol grouped asks for a training of its own, 1.0-mini/1"
-    with pytest.raises(PredictorError, match=told):
-        evaluate(code, wanted, source, Options(), tmp_path / "b")
+    message = "is learned, .* and the protocol grouped asks for a training of its own, 1.0-mini/1"
+    with pytest.raises(PredictorError, match=message):
+        evaluate(code, labels, source, Options(), tmp_path / "b")
 
 
 @pytest.fixture(scope="module")
@@ -124,8 +127,8 @@ def held_out(parts, make_submission):
     """A solver; a model that is 1 % off, 5 % where genus was held out; one run i.i.d. only."""
 
     def made(name, protocol, factor, **model):
-        wanted = parts[protocol]
-        return submission.read(make_submission(name, wanted.eigenvalues * factor, wanted, **model))
+        labels = parts[protocol]
+        return submission.read(make_submission(name, labels.eigenvalues * factor, labels, **model))
 
     whole = [
         made("Solver", "grouped", 1.001, kind="classical", training_data="none"),
@@ -152,8 +155,8 @@ def test_the_drop_is_against_the_same_shapes_and_nothing_that_is_untrained_has_o
 
 def test_section_shows_scores_beside_the_iid_column_with_the_drop(held_out, tmp_path):
     whole, model = held_out
-    for one in [*whole, model]:
-        leaderboard.add(one, tmp_path)
+    for entry in [*whole, model]:
+        leaderboard.add(entry, tmp_path)
     pages = leaderboard.generate(leaderboard.read(tmp_path), [])
     assert pages == leaderboard.generate([model, *whole[::-1]], [])
     text = pages[leaderboard.Path(leaderboard.PAGE)]
@@ -169,6 +172,12 @@ def test_section_shows_scores_beside_the_iid_column_with_the_drop(held_out, tmp_
     assert "| Solver | 0.0050 | 0.0050 | 0.0050 | 0.0050 | 0.0050 |" in text
     details = pages[leaderboard.BOARDS / "2.0-mini-generalisation-mesh.md"]
     assert "| Model | 100.00 % | not run | not run | 100.00 % (+0.00) | not run |" in details
+    scored = json.loads(pages[leaderboard.BOARDS / "2.0-mini-generalisation-mesh.json"])
+    assert scored["protocols"]["genus"]["meshes"] == 9
+    (there,) = (row for row in scored["rows"] if row["name"] == "Model")
+    expected = {"score": 10 * 0.05 / 2.05, "drop": 10 * (0.05 / 2.05 - 0.01 / 2.01)}
+    assert there["protocols"]["genus"]["rpd"] == pytest.approx(expected, rel=1e-5)
+    assert there["protocols"]["family"]["rpd"] == {"score": None, "drop": None}
     lines = details.partition("## How near training comes")[2].splitlines()
     near = {line.split(" | ")[0][2:]: line.split(" | ")[1] for line in lines if line[:1] == "|"}
     assert (near["genus 1 and more unseen"], near["i.i.d."]) == ("9", "75")
@@ -190,10 +199,10 @@ def test_readme_shows_what_the_first_rows_lose(held_out):
 
 
 def test_what_is_trained_on_another_version_has_no_drop(parts, make_submission):
-    told = {"kind": "learned", "training_data": "synthNet 1.0-small train, grouped"}
+    model = {"kind": "learned", "training_data": "synthNet 1.0-small train, grouped"}
     whole, genus = (
-        submission.read(make_submission("M", wanted.eigenvalues * 1.01, wanted, **told))
-        for wanted in (parts["grouped"], parts["genus"])
+        submission.read(make_submission("M", labels.eigenvalues * 1.01, labels, **model))
+        for labels in (parts["grouped"], parts["genus"])
     )
     board = generalisation.Board(ranking.ranked([whole]), {"genus": [genus]})
     cell = board.scored(whole, "genus", "rpd")
@@ -203,15 +212,15 @@ def test_what_is_trained_on_another_version_has_no_drop(parts, make_submission):
 
 def test_a_remark_beside_a_result_stands_below_its_table(held_out, tmp_path):
     whole, model = held_out
-    for one in [*whole, model]:
-        leaderboard.add(one, tmp_path)
+    for row in [*whole, model]:
+        leaderboard.add(row, tmp_path)
     results = tmp_path / leaderboard.RESULTS
     (results / model.board / "model.remark.txt").write_text("tuned\non these\n")
     (results / whole[0].board / "solver.remark.txt").write_text("a | b\n")
     readme = "<!-- begin leaderboard --><!-- end leaderboard -->"
     pages = leaderboard.generate(leaderboard.read(tmp_path), [], (), readme)
-    for place in ("LEADERBOARD.md", "README.md"):
-        text = pages[leaderboard.Path(place)]
+    for location in ("LEADERBOARD.md", "README.md"):
+        text = pages[leaderboard.Path(location)]
         assert "\n\n**Solver**: a \\| b\n" in text
         assert "\n\n¹ Model, genus 1 and more unseen: tuned on these\n" in text
     held = pages[leaderboard.Path("LEADERBOARD.md")].partition(MESH)[2]
@@ -230,8 +239,8 @@ def test_a_remark_beside_a_result_stands_below_its_table(held_out, tmp_path):
 def test_a_wrong_remark_is_one_line(name, content, message, held_out, tmp_path):
     solver = held_out[0][0]
     leaderboard.add(solver, tmp_path)
-    place = tmp_path / leaderboard.RESULTS / solver.board / f"{name}.remark.txt"
-    place.write_bytes(content)
+    location = tmp_path / leaderboard.RESULTS / solver.board / f"{name}.remark.txt"
+    location.write_bytes(content)
     with pytest.raises(ResultError, match=message):
         leaderboard.read(tmp_path)
 
@@ -242,11 +251,11 @@ def test_submit_says_that_a_remark_stays(held_out, eigbench, tmp_path):
     code, out, _ = eigbench(*arguments)
     assert code == 0
     assert "the remark on" not in out
-    place = tmp_path / leaderboard.RESULTS / solver.board / "solver.remark.txt"
-    place.write_text("tuned")
+    location = tmp_path / leaderboard.RESULTS / solver.board / "solver.remark.txt"
+    location.write_text("tuned")
     code, out, _ = eigbench(*arguments, "--replace")
     assert code == 0
-    assert f"the remark on the earlier result stays: {place}" in out
+    assert f"the remark on the earlier result stays: {location}" in out
 
 
 def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(
@@ -256,8 +265,8 @@ def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(
     leaderboard.add(model, tmp_path)
     with pytest.raises(ResultError, match="Model has a result under genus and none under grouped"):
         leaderboard.read(tmp_path)
-    wanted = truth.load("2.0-mini", "test", "family/pretzel")
-    single = submission.read(make_submission("Model", wanted.eigenvalues, wanted))
+    labels = truth.load("2.0-mini", "test", "family/pretzel")
+    single = submission.read(make_submission("Model", labels.eigenvalues, labels))
     with pytest.raises(ResultError, match=r"is of family/pretzel alone: .* --protocol family"):
         leaderboard.add(single, tmp_path)
 
@@ -265,9 +274,9 @@ def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(
 def test_a_model_that_says_nothing_of_its_training_is_not_taken_for_untrained(
     parts, make_submission
 ):
-    wanted = parts["grouped"]
-    values = wanted.eigenvalues * 1.01
-    silent = submission.read(make_submission("Silent", values, wanted, kind="learned"))
+    labels = parts["grouped"]
+    values = labels.eigenvalues * 1.01
+    silent = submission.read(make_submission("Silent", values, labels, kind="learned"))
     silent.result["model"].pop("training_data", None)
     board = generalisation.Board(ranking.ranked([silent]), {})
     assert board.scored(silent, "genus", "rpd") == generalisation.HeldOut(None)
@@ -279,8 +288,8 @@ def test_the_drop_is_between_the_same_seeds(parts, make_submission):
     three = submission.read(
         make_submission("M", whole.eigenvalues * factors, whole, kind="learned")
     )
-    one = submission.read(make_submission("M", genus.eigenvalues * 1.01, genus, kind="learned"))
-    board = generalisation.Board(ranking.ranked([three]), {"genus": [one]})
+    single = submission.read(make_submission("M", genus.eigenvalues * 1.01, genus, kind="learned"))
+    board = generalisation.Board(ranking.ranked([three]), {"genus": [single]})
     assert board.scored(three, "genus", "rpd").drop == pytest.approx(0)
 
 
@@ -290,17 +299,17 @@ def test_a_drop_between_two_codes_is_refused(held_out, parts, make_submission, t
     changed = make_submission(
         "Model", parts["genus"].eigenvalues, parts["genus"], kind="learned", sources=other
     )
-    for one in (whole[1], submission.read(changed)):
-        leaderboard.add(one, tmp_path)
+    for row in (whole[1], submission.read(changed)):
+        leaderboard.add(row, tmp_path)
     with pytest.raises(ResultError, match="are of other code, or other weights"):
         leaderboard.read(tmp_path)
 
 
 def test_a_solver_of_two_codes_is_shown_because_no_drop_is(parts, make_submission, tmp_path):
     other = {"solver.py": "0" * 64}
-    for wanted, more in ((parts["grouped"], {}), (parts["genus"], {"sources": other})):
+    for labels, more in ((parts["grouped"], {}), (parts["genus"], {"sources": other})):
         path = make_submission(
-            "Solver", wanted.eigenvalues, wanted, kind="classical", training_data="none", **more
+            "Solver", labels.eigenvalues, labels, kind="classical", training_data="none", **more
         )
         leaderboard.add(submission.read(path), tmp_path)
     assert len(leaderboard.read(tmp_path)) == 2
@@ -309,7 +318,7 @@ def test_a_solver_of_two_codes_is_shown_because_no_drop_is(parts, make_submissio
 def test_the_answer_has_every_row_and_the_solver_by_size(held_out, parts, make_submission):
     whole, model = held_out
     genus = model.at("surface")
-    rows = [one.at("surface") for one in whole]
+    rows = [row.at("surface") for row in whole]
     rows[0].result["cost"]["ms_by_batch"] = [1.0, 2.0, 3.0, 4.0, 50.0, 60.0]
     board = generalisation.Board(ranking.ranked(rows), {"genus": [genus]})
     text = answer_figure.draw(board, solver="solver")
@@ -323,7 +332,7 @@ def test_the_answer_has_every_row_and_the_solver_by_size(held_out, parts, make_s
 
 def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, make_submission):
     whole, model = held_out
-    rows = ranking.ranked([one.at("surface") for one in whole])
+    rows = ranking.ranked([row.at("surface") for row in whole])
     board = generalisation.Board(
         rows, {"family": [model.at("surface")], "genus": [model.at("surface")]}
     )
@@ -342,10 +351,10 @@ def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, m
 
 
 def test_errors_by_size_are_those_of_the_shapes_of_that_size(parts, make_submission):
-    wanted = parts["grouped"]
-    number = np.array([int(shape[-5:]) % 3 for shape in wanted.shapes])
-    values = wanted.eigenvalues * (1.1 + 0.1 * number)[:, None]
-    one = submission.read(make_submission("Sizes", values, wanted))
+    labels = parts["grouped"]
+    number = np.array([int(shape[-5:]) % 3 for shape in labels.shapes])
+    values = labels.eigenvalues * (1.1 + 0.1 * number)[:, None]
+    row = submission.read(make_submission("Sizes", values, labels))
     expected = [10 * share / (2 + share) for share in (0.1, 0.2, 0.3)]
-    assert list(answer_figure.by_size(one)) == ["coarse", "medium", "fine"]
-    np.testing.assert_allclose(list(answer_figure.by_size(one).values()), expected)
+    assert list(answer_figure.by_size(row)) == ["coarse", "medium", "fine"]
+    np.testing.assert_allclose(list(answer_figure.by_size(row).values()), expected)

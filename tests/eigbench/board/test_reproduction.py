@@ -15,6 +15,7 @@ from eigbench.results import submission
 
 from baselines.gcn import queue, weights
 from baselines.gcn.configs import CONFIGS, PAPER
+from evidence import __main__ as evidence
 from evidence import reproduction
 
 ROOT = Path(__file__).parents[3]
@@ -24,8 +25,7 @@ ROOT = Path(__file__).parents[3]
 def directory(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A directory of their own, in which training and page read and write."""
     baselines = tmp_path / "baselines"
-    baselines.mkdir()
-    (baselines / "gcn").symlink_to(ROOT / "baselines" / "gcn")
+    shutil.copytree(ROOT / "baselines" / "gcn", baselines / "gcn")
     shutil.copy(ROOT / "baselines" / "reproduction.py", baselines)
     monkeypatch.setattr(queue, "LOADER", baselines / "reproduction.py")
     monkeypatch.setattr(queue, "RESULTS", tmp_path / "results")
@@ -42,7 +42,7 @@ def rows_of(page: str, first: str) -> list[list[str]]:
 
 
 def test_page_of_this_repository_is_up_to_date() -> None:
-    assert reproduction.main(["--check"]) == 0
+    assert reproduction.fill(check=True) == []
     text = reproduction.PAGE.read_text()
     shown = re.findall(r"!\[[^\]]+\]\([\w.-]+\)", text)
     assert len(shown) == len(reproduction.pictures()) > 0
@@ -53,7 +53,7 @@ def test_what_was_not_run_says_so(directory: Path) -> None:
     for config in PAPER:
         assert rows_of(page, f"{config}-scale-free")[0].count("not run") == 6
     ours = [line for line in page.splitlines() if "| ours, " in line]
-    assert len(ours) == (3 + 3 + 3) + (5 + 1) + (8 + 1) + (3 + 3 + 3)
+    assert len(ours) == (3 + 3 + 3) + (5 + 3) + (8 + 3) + (3 + 3 + 3)
     assert not any(re.search(r"\d", line.partition("| ours, ")[2]) for line in ours)
     assert page.count("\nNot run.\n") == 2  # the losses and the spectra
     assert "| reported " in page
@@ -76,14 +76,23 @@ def test_findings_are_judged_by_paired_intervals(
     monkeypatch.setattr(
         reproduction, "read", lambda config, protocol: made.get(config) if protocol else None
     )
-    (found,) = [
+    converged = {"converged": True}
+    monkeypatch.setattr(reproduction, "record", lambda config, protocol: converged)
+    (finding,) = [
         row
         for row in rows_of(reproduction.findings(), "RPDLoss beats PolarLoss")
         if "not" not in row
     ]
-    assert found[-1] == verdict
+    assert finding[-1] == verdict
     shares = ["100.00%" if factor < 2 else "0.00%" for factor in (better, worse)]
-    assert found[2] == " against ".join(shares)
+    assert finding[2] == " against ".join(shares)
+
+    converged["converged"] = False  # nothing is concluded from runs that are not
+    (finding,) = (
+        row for row in rows_of(reproduction.findings(), finding[0]) if "not run" not in row
+    )
+    assert finding[2] == " against ".join(shares)
+    assert finding[3::2] == ["not converged", "not converged"]
 
 
 @pytest.fixture
@@ -100,18 +109,18 @@ def test_a_training_of_the_queue_goes_on_and_stands_on_the_page(
 ):
     assert queue.main([*short, "--minutes", "0.001"]) == 0
     assert "the time is up" in capsys.readouterr().out
-    one = queue.Training("table1-rpd")
-    checkpoint = queue.folder(one, directory / "runs") / queue.CHECKPOINT
+    training = queue.Training("table1-rpd")
+    checkpoint = queue.folder(training, directory / "runs") / queue.CHECKPOINT
     begun = weights.read(checkpoint)[1]
-    assert not one.weights().exists()
+    assert not training.weights().exists()
     monkeypatch.setattr(queue, "LONGEST", begun["minutes"] + 0.05)
 
     assert queue.main(short) == 0
-    record = weights.read(one.weights())[1]
+    record = weights.read(training.weights())[1]
     assert record["steps"] > begun["steps"]
     assert len(record["sessions"]) == 2
     assert not record["converged"]
-    result = json.loads(one.result().read_text())
+    result = json.loads(training.result().read_text())
     assert result["partial"] is False
     assert result["model"]["parameters"] == 198_794
     assert result["model"]["code"] == "reproduction.py:table1_rpd"
@@ -121,10 +130,10 @@ def test_a_training_of_the_queue_goes_on_and_stands_on_the_page(
     assert queue.main(short) == 0
     assert before == {path: path.stat().st_mtime_ns for path in before}
     assert queue.main(short[1:]) == 0
-    assert re.search(r"table1-rpd +grouped +0 +is scored", capsys.readouterr().out)
+    assert re.search(r"table1-rpd +grouped +0 +is finished", capsys.readouterr().out)
 
-    assert reproduction.main([]) == 0
-    assert reproduction.main(["--check"]) == 0
+    assert {"reproduction.md", "reproduction-times.svg"} <= {*reproduction.fill()}
+    assert evidence.main(["fill", "reproduction", "--check"]) == 0
     page = reproduction.PAGE.read_text()
     (run,) = rows_of(page, "table1-rpd")[:1]
     assert run[3] == str(record["steps"])
@@ -132,21 +141,23 @@ def test_a_training_of_the_queue_goes_on_and_stands_on_the_page(
     score = result["scores"]["mesh"]["families"]["cone"]["invlap"]["mean"]
     assert f"{score:.4f}" in page
     reproduction.PAGE.write_text(page.replace(f"{score:.4f}", "0.1234"))
-    assert reproduction.main(["--check"]) == 1
-    assert reproduction.main([]) == 0
+    assert evidence.main(["fill", "reproduction", "--check"]) == 1
+    assert reproduction.fill() == ["reproduction.md"]
     picture = reproduction.PAGE.with_name("reproduction-times.svg")
     picture.write_text(picture.read_text().replace("seconds", "minutes"))
-    assert reproduction.main(["--check"]) == 1
+    assert reproduction.fill(check=True) == [picture.name]
     picture.unlink()
-    assert reproduction.main(["--check"]) == 1
+    assert reproduction.fill(check=True) == [picture.name]
 
 
 @pytest.mark.slow
 def test_a_training_that_fails_is_told_and_writes_no_row(directory, short, capfd):
     options = ["none" if option == "1.0-mini" else option for option in short]
     assert queue.main(options) == 1
-    told = "gcn.queue: table1-rpd, grouped, seed 0: baselines.gcn.train has ended with exit code 2"
-    assert told in capfd.readouterr().err
+    message = (
+        "gcn.queue: table1-rpd, grouped, seed 0: baselines.gcn.train has ended with exit code 2"
+    )
+    assert message in capfd.readouterr().err
     assert not list((directory / "baselines" / "reproduction").iterdir())
 
 
@@ -168,36 +179,51 @@ def trained(path: Path, **record: Any) -> None:
 
 
 def test_weights_that_were_trained_and_never_scored_are_scored(ran, tmp_path, capsys):
-    one = queue.Training("table1-rpd-scale-free")
-    out = queue.folder(one, tmp_path / "runs")
+    training = queue.Training("table1-rpd-scale-free")
+    out = queue.folder(training, tmp_path / "runs")
     for name in (queue.CHECKPOINT, queue.WEIGHTS):
         trained(out / name, converged=True)
-    options = ["--run", "--runs", str(tmp_path / "runs"), "--only", one.config]
+    options = ["--run", "--runs", str(tmp_path / "runs"), "--only", training.config]
     assert queue.main(options) == 1  # nothing is written here in eigbench's place
     assert "grouped, seed 0: eigbench has written no result of this seed" in capsys.readouterr().err
     assert "reproduction.py:table1_rpd_scale_free" in ran[0][2]
     assert ran[0][ran[0].index("--seeds") + 1] == "1"
-    assert one.weights().read_bytes() == (out / queue.WEIGHTS).read_bytes()
+    assert training.weights().read_bytes() == (out / queue.WEIGHTS).read_bytes()
 
 
 def test_a_training_killed_before_it_wrote_its_weights_goes_on_to_do_so(ran, tmp_path):
-    one = queue.Training("table1-rpd-scale-free")
-    out = queue.folder(one, tmp_path / "runs")
+    training = queue.Training("table1-rpd-scale-free")
+    out = queue.folder(training, tmp_path / "runs")
     trained(out / queue.CHECKPOINT, converged=True)
-    assert queue.left(one, out) > 0
+    assert queue.left(training, out) > 0
     trained(out / queue.WEIGHTS, steps=40)  # of an earlier session
-    assert queue.left(one, out) > 0
+    assert queue.left(training, out) > 0
     trained(out / queue.WEIGHTS, steps=50)
-    assert queue.left(one, out) == 0
+    assert queue.left(training, out) == 0
+
+
+def test_what_was_scored_before_it_had_converged_is_not_finished(ran, tmp_path, monkeypatch):
+    monkeypatch.setattr(queue.Training, "scored", lambda training: True)
+    by_rule, by_clock = queue.Training("table1-rpd-scale-free"), queue.Training("table1-rpd")
+    assert not by_rule.finished()  # there are no weights
+    for record, expected in (
+        ({"minutes": 200.0}, (False, True)),
+        ({"converged": True}, (True, True)),
+        ({"steps": 100}, (True, True)),
+        ({}, (False, False)),
+    ):
+        for training in (by_rule, by_clock):
+            trained(training.weights(), **record)
+        assert (by_rule.finished(), by_clock.finished()) == expected
 
 
 def test_time_left_is_that_of_the_clock_or_of_the_rule(tmp_path):
     by_rule, by_clock = queue.Training("table1-rpd-scale-free"), queue.Training("table1-rpd")
-    for one, expected in ((by_rule, float("inf")), (by_clock, 179.0)):
-        out = queue.folder(one, tmp_path)
-        assert queue.left(one, out) in (float("inf"), 180.0)
+    for training, expected in ((by_rule, float("inf")), (by_clock, 179.0)):
+        out = queue.folder(training, tmp_path)
+        assert queue.left(training, out) in (float("inf"), 180.0)
         trained(out / queue.CHECKPOINT)
-        assert queue.left(one, out) == expected
+        assert queue.left(training, out) == expected
 
 
 def test_a_second_queue_is_refused(ran, tmp_path, capsys):
@@ -218,10 +244,10 @@ def test_a_queue_without_time_trains_nothing(ran, tmp_path, capsys):
 
 def test_the_queue_begins_with_the_papers_best_row_and_ends_with_second_seeds() -> None:
     every = queue.trainings()
-    assert str(every[0]) == "table2-alg-virtual-scale-free, grouped, seed 0"
-    assert len(set(every)) == len(every) == 12 + 4 + 3 + 12 + 4
-    assert [one.seed for one in every] == sorted(one.seed for one in every)
-    assert len({one.weights() for one in every}) == len(every)
+    assert str(every[0]) == "table2-alg-virtual-long, grouped, seed 0"
+    assert len(set(every)) == len(every) == 13 + 5 + 3 + 12 + 5
+    assert [training.seed for training in every] == sorted(training.seed for training in every)
+    assert len({training.weights() for training in every}) == len(every)
 
 
 def test_every_table_of_the_paper_has_a_configuration_a_row() -> None:

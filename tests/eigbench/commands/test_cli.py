@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from eigbench.board import tables
+from eigbench.board import foreseen, tables
 from eigbench.commands import check
 from eigbench.commands.score import EXPLAINED
 from eigbench.results import predictions
@@ -99,8 +99,8 @@ def test_score_prints_the_tables(eigbench, weyl):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (["--dataset", "1.0"], "lacks "),
-        (["--dataset", "1.0-mini", "--split", "train"], "lacks "),
+        (["--dataset", "1.0"], "it is of 1.0-mini, test, grouped, not of 1.0, test, grouped"),
+        (["--dataset", "1.0-mini", "--split", "train"], "not of 1.0-mini, train, grouped"),
         (["--dataset", "3.0"], "unknown version '3.0'"),
         (["--dataset", "1.0-mni"], "did you mean 1.0-mini?"),
         (["--dataset", "no/where"], "no/where holds no dataset (no manifest)"),
@@ -156,11 +156,11 @@ def test_dataset_may_be_a_directory(eigbench, predictor_file, mini_home, tmp_pat
 
 
 def test_dataset_of_another_recipe_is_refused(eigbench, predictor_file, mini_home, tmp_path):
-    place = tmp_path / "home" / "1.0-mini"
-    shutil.copytree(mini_home / "1.0-mini", place)
-    manifest = store.read_manifest(place)
+    location = tmp_path / "home" / "1.0-mini"
+    shutil.copytree(mini_home / "1.0-mini", location)
+    manifest = store.read_manifest(location)
     other = dataclasses.replace(manifest, recipe_digest=manifest.recipe_digest[::-1])
-    store.write_manifest(place, other)
+    store.write_manifest(location, other)
     code, _, err = eigbench(
         *("evaluate", predictor_file(WEYL), "--dataset", "1.0-mini"),
         *("--root", tmp_path / "home", "--out", tmp_path / "r.json"),
@@ -184,7 +184,7 @@ def test_dataset_that_is_not_built_is_refused(eigbench, predictor_file, tmp_path
     )
     assert code == 2
     assert "no finished dataset in" in err
-    assert "synthnet build --version 1.0-mini" in err
+    assert "synthnet build 1.0-mini" in err
 
 
 @pytest.mark.parametrize(
@@ -258,6 +258,14 @@ def test_check_finds_what_a_board_does_not_take_or_no_spectrum_does(
     assert finding in out
 
 
+def test_an_answer_that_is_a_number_in_one_batch_only_is_found():
+    whole, singly = np.ones((2, 10)), np.ones((2, 10))
+    singly[1, 3] = np.nan
+    (difference,) = check._differences("one mesh at a time", ["a", "b"], whole, singly)
+    assert difference == "other answers for one mesh at a time: up to inf relative, first for b"
+    assert check._differences("shuffled order", ["a", "b"], singly, singly) == []
+
+
 def test_whole_result_is_not_replaced_by_a_partial_one(eigbench, weyl, mini_home, tmp_path):
     out = tmp_path / "r.json"
     shutil.copy(weyl.out, out)
@@ -277,7 +285,10 @@ def test_evaluate_says_what_it_will_cost_and_where_the_columns_are_explained(
     code, printed, err = eigbench("evaluate", path, *where)
     assert code == 0
     assert "warning: LaPy is not timed (--no-reference): the speed column stays empty" in err
-    assert "predicting 306 meshes: less than a minute more" in err
+    lines = err.splitlines()
+    foreseen = next(i for i, line in enumerate(lines) if line.startswith("306 meshes to predict: "))
+    assert "LaPy took less than a minute for as many on the board (" in lines[foreseen]  # of 1.0
+    assert foreseen < lines.index("predicting 306 meshes: less than a minute more")
     assert printed.endswith("predictions {}; {}\n".format(out.with_suffix(".parquet"), EXPLAINED))
 
     path.write_text("META = {'name': 'Another'}\n" + path.read_text())
@@ -286,6 +297,55 @@ def test_evaluate_says_what_it_will_cost_and_where_the_columns_are_explained(
     assert code == 2
     assert f"{out} is the result of the model my_model: give Another another --out" in err
     assert out.read_bytes() == before
+
+
+def test_what_a_run_costs_is_foreseen_by_its_own_row_or_by_lapys(
+    make_submission, mini_truth, tmp_path
+):
+    def put(name, board, ms, **model):
+        result = json.loads(make_submission(name, mini_truth.eigenvalues, **model).read_text())
+        result["cost"] |= {"ms_per_mesh_mean": ms, "reference": None}
+        folder = tmp_path / "benchmark" / "results" / board
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f"{name}.json").write_text(json.dumps(result))
+
+    def line(seeds=1):
+        return foreseen.line(tmp_path, mini_truth, "mine.py", seeds)
+
+    assert line().startswith("306 meshes to predict; no result of them is recorded here")
+    put("Other", "1.0-mini-test-grouped", 9_999.0)
+    put("LaPy", "1.0-test-grouped", 1_000.0)
+    assert line().startswith(
+        "306 meshes to predict: LaPy took about 5 min for as many on the board"
+    )
+    put("LaPy", "1.0-mini-test-grouped", 10.0)
+    assert line().startswith("306 meshes to predict: LaPy took less than a minute")
+    put("Mine", "1.0-mini-test-grouped", 2_000.0, code="mine.py")
+    (tmp_path / "benchmark" / "results" / "1.0-mini-test-grouped" / "half.json").write_text("{}")
+    assert line(3).startswith("918 meshes to predict: the row of mine.py took about 31 min")
+
+
+def test_a_result_on_another_dataset_is_not_replaced(eigbench, weyl, mini_home, tmp_path):
+    out = tmp_path / "r.json"
+    result = json.loads(weyl.out.read_text())
+    result["dataset"]["version"] = "2.0-mini"
+    out.write_text(json.dumps(result))
+    before = out.read_bytes()
+    where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", out]
+    code, _, err = eigbench("evaluate", weyl.code, *where)
+    assert code == 2
+    assert f"{out} is a result on 2.0-mini, protocol grouped: give another --out" in err
+    assert out.read_bytes() == before
+
+
+def test_results_on_two_datasets_cannot_be_compared(eigbench, weyl, tmp_path):
+    other = tmp_path / "other.json"
+    result = json.loads(weyl.out.read_text())
+    result["dataset"]["version"] = "2.0-mini"
+    other.write_text(json.dumps(result))
+    code, _, err = eigbench("compare", weyl.out, other)
+    assert code == 2
+    assert "cannot be compared: their version is 1.0-mini and 2.0-mini" in err
 
 
 def test_another_models_result_is_not_replaced(eigbench, weyl, mini_home, predictor_file, tmp_path):

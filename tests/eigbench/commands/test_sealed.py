@@ -1,15 +1,18 @@
-"""Scores on a sealed set: the very numbers of its labels, and only with the set of the seal."""
+"""Scores on a sealed set: those of its labels in few digits, and only with the set of the seal."""
 
 import hashlib
 import json
 import shutil
+import stat
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 from eigbench import results
 from eigbench.board.ranking import RANKED_BY
+from eigbench.commands import queries
 from eigbench.results import predictions
-from eigbench.scoring import scores, truth
+from eigbench.scoring import scores, targets, truth
 
 from synthnet import store
 from synthnet.verify import seal
@@ -24,8 +27,8 @@ def sealed_truth(sealed_set):
 def answers(sealed_truth, tmp_path):
     """A file of predictions, each off by a part of its own."""
     rng = np.random.default_rng(0)
-    found = sealed_truth.eigenvalues * rng.uniform(0.8, 1.2, sealed_truth.eigenvalues.shape)
-    predictions.write(tmp_path / "answers.parquet", sealed_truth, found[None])
+    predicted = sealed_truth.eigenvalues * rng.uniform(0.8, 1.2, sealed_truth.eigenvalues.shape)
+    predictions.write(tmp_path / "answers.parquet", sealed_truth, predicted[None])
     return tmp_path / "answers.parquet"
 
 
@@ -45,13 +48,15 @@ def only_line(code, out, err):
 def test_score_is_that_of_the_labels(score, sealed_truth, sealed_set, answers):
     code, out, err = score("--json")
     assert (code, err) == (0, "")
-    said = json.loads(out)
+    printed = json.loads(out)
     values = predictions.read(answers, sealed_truth)
-    assert said["scores"] == json.loads(json.dumps(scores.of_targets(sealed_truth, values)))
-    assert said["scores"]["mesh"]["overall"][RANKED_BY]["mean"] > 0.01
-    assert said["dataset"]["version"] == sealed_set.seal.dataset
-    assert said["dataset"]["recipe_digest"] == sealed_set.seal.recipe_digest
-    assert said["dataset"]["shapes"] == sum(sealed_set.seal.kept.values())
+    assert printed["scores"] == json.loads(json.dumps(scores.of_targets(sealed_truth, values)))
+    assert printed["scores"]["mesh"]["overall"][RANKED_BY]["mean"] > 0.01
+    whole = scores.score(targets.at(sealed_truth, "mesh"), values)["overall"][RANKED_BY]["mean"]
+    assert printed["scores"]["mesh"]["overall"][RANKED_BY]["mean"] == float(f"{whole:.3g}") != whole
+    assert printed["dataset"]["version"] == sealed_set.seal.dataset
+    assert printed["dataset"]["recipe_digest"] == sealed_set.seal.recipe_digest
+    assert printed["dataset"]["shapes"] == sum(sealed_set.seal.kept.values())
 
 
 def test_score_is_the_same_by_the_name_of_the_set(eigbench, score, sealed_set, answers):
@@ -111,7 +116,8 @@ def test_what_a_sealed_set_has_not(score, more, message):
 
 def test_predictions_of_the_version_are_not_of_the_set(eigbench, sealed_set, weyl):
     where = ["--sealed", sealed_set.published, "--root", sealed_set.home]
-    assert " lacks " in only_line(*eigbench("score", weyl.predictions, *where))
+    line = only_line(*eigbench("score", weyl.predictions, *where))
+    assert f"it is of 1.0-mini, test, grouped, not of {sealed_set.seal.dataset}, test" in line
 
 
 def test_evaluate_runs_a_predictor_on_the_set_and_no_board_takes_it(
@@ -123,22 +129,133 @@ def test_evaluate_runs_a_predictor_on_the_set_and_no_board_takes_it(
     assert code == 0, err
     result = results.read(out)
     assert result["dataset"]["version"] == sealed_set.seal.dataset
-    code, said, _ = eigbench("score", out.with_suffix(".parquet"), *where, "--json")
+    code, printed, _ = eigbench("score", out.with_suffix(".parquet"), *where, "--json")
     assert code == 0
-    assert json.loads(said)["scores"] == result["scores"]
+    assert json.loads(printed)["scores"] == result["scores"]
     line = only_line(*eigbench("submit", out, "--board", tmp_path / "board"))
     assert f"is of the sealed set {sealed_set.seal.dataset}, which cannot be on a board" in line
     directory = sealed_set.home / sealed_set.seal.dataset
-    code, said, _ = eigbench("compare", out, out, "--dataset", directory)
+    code, printed, _ = eigbench("compare", out, out, "--dataset", directory)
     assert code == 0
-    assert "tie" in said
+    assert "tie" in printed
+
+
+def test_a_result_that_lies_is_not_told_the_truth(eigbench, sealed_set, weyl, tmp_path):
+    """The true number would be a query of the set that nobody has noted."""
+    out = tmp_path / "entry.json"
+    where = ["--sealed", sealed_set.published, "--root", sealed_set.home]
+    assert eigbench("evaluate", weyl.code, *where, "--no-reference", "--out", out)[0] == 0
+    result = json.loads(out.read_text())
+    result["scores"]["mesh"]["overall"]["rpd"]["high"] *= 1.5
+    out.write_text(json.dumps(result))
+    directory = sealed_set.home / sealed_set.seal.dataset
+    line = only_line(*eigbench("compare", out, out, "--dataset", directory))
+    assert f"{out}: its scores are not those of its predictions\n" in line
+
+
+def fractions(value):
+    if isinstance(value, dict | list):
+        inner = value.values() if isinstance(value, dict) else value
+        return [number for part in inner for number in fractions(part)]
+    return [value] if isinstance(value, float) else []
+
+
+def test_no_score_has_more_than_three_digits(eigbench, score, sealed_set, answers, weyl, tmp_path):
+    out = tmp_path / "entry.json"
+    where = ["--sealed", sealed_set.published, "--root", sealed_set.home]
+    code, _, err = eigbench("evaluate", weyl.code, *where, "--no-reference", "--out", out)
+    assert code == 0, err
+    directory = sealed_set.home / sealed_set.seal.dataset
+    compared = json.loads(eigbench("compare", out, out, "--dataset", directory, "--json")[1])
+    scored = [
+        json.loads(score("--json")[1])["scores"],
+        json.loads(out.read_text())["scores"],
+        compared["overall"],
+        compared["families"],
+    ]
+    for numbers in map(fractions, scored):
+        assert len(numbers) > 10
+        assert [x for x in numbers if float(f"{x:.3g}") != x] == []
+
+
+def test_every_score_is_noted_before_it_is_told(
+    eigbench, score, sealed_set, sealed_truth, answers, tmp_path, monkeypatch
+):
+    dataset = store.open_dataset(sealed_set.seal.dataset, sealed_set.home)
+    log = queries.log_of(dataset)
+    log.unlink(missing_ok=True)
+    assert score()[0] == 0
+    first = log.read_text()
+    assert score("--json")[0] == 0
+    assert log.read_text().startswith(first)
+    assert stat.S_IMODE(log.stat().st_mode) == 0o600
+    entries = [json.loads(line) for line in log.read_text().splitlines()]
+    assert [set(entry) for entry in entries] == [{"time", "command", "model", "predictions"}] * 2
+    assert entries[0]["model"] == answers.name
+    assert entries[0]["predictions"] == hashlib.sha256(answers.read_bytes()).hexdigest()
+    assert datetime.fromisoformat(entries[0]["time"]) <= datetime.now(UTC)
+    log.unlink()
+    log.symlink_to(tmp_path / "elsewhere")
+    line = only_line(*score())
+    assert f"cannot note the query in {log} (" in line
+    assert "no score of a sealed set is shown without" in line
+    log.unlink()
+    assert "1.0-mini" not in store.there(sealed_set.home)  # the log is no dataset
+    assert eigbench("score", answers, "--sealed", sealed_set.published, "--root", tmp_path)[0] == 2
+    assert not log.exists()
+
+
+LOOKS = """
+import gc, json, os, sys
+from pathlib import Path
+
+META = {"name": "A spy", "kind": "trivial", "training_data": "none"}
+MARK = "it sees what is in its process"
+
+def predict(meshes):
+    seen = [repr(sys.argv), repr(dict(os.environ)), os.getcwd()]
+    for pid in ("self", str(os.getppid())):
+        seen.append(Path("/proc", pid, "cmdline").read_text())
+        for file in Path("/proc", pid, "fd").iterdir():
+            try:
+                seen.append(os.readlink(file))
+            except OSError:
+                pass
+    for found in gc.get_objects():
+        if found is not seen and isinstance(found, (dict, list, tuple)):
+            for value in list(found.values() if isinstance(found, dict) else found):
+                if isinstance(value, (str, bytes, int)):
+                    seen.append(str(value)[:10000])
+    NOTES.write_text(json.dumps(seen))
+    return [[1.0] * 10 for _ in meshes]
+"""
+
+
+def test_the_seed_is_nowhere_in_the_predictors_process(
+    eigbench, sealed_set, predictor_file, tmp_path, monkeypatch
+):
+    """An attempt to write it into a score finds nothing to write: meshes alone are sent."""
+    notes = tmp_path / "notes.json"
+    code = predictor_file(LOOKS.replace("NOTES", f"Path({str(notes)!r})"))
+    monkeypatch.setenv("SYNTHNET_HOME", str(sealed_set.home))
+    where = ["--sealed", sealed_set.published, "--out", tmp_path / "entry.json"]
+    code, _, err = eigbench("evaluate", code, *where, "--no-reference", "--no-sandbox")
+    assert code == 0, err
+    seen = "\n".join(json.loads(notes.read_text()))
+    assert "it sees what is in its process" in seen
+    dataset = store.open_dataset(sealed_set.seal.dataset, sealed_set.home)
+    recipe = seal.recipe_of(dataset)
+    secrets = [str(recipe.seed), f"{recipe.seed:x}", seal.read_salt(sealed_set.salt).hex()]
+    secrets += [sealed_set.seal.commitment, sealed_set.seal.dataset, str(sealed_set.home)]
+    secrets += [sample.spec.id for sample in dataset.samples()]
+    assert [secret for secret in secrets if secret in seen] == []
 
 
 def test_nothing_that_is_published_of_a_score_tells_a_label(score, sealed_truth):
-    said = score("--json")[1]
+    printed = score("--json")[1]
     labels = [repr(value)[:10] for value in sealed_truth.eigenvalues.ravel().tolist()]
-    told = [*sealed_truth.shapes.tolist(), *sealed_truth.groups.tolist(), *labels]
-    assert [one for one in set(told) if one in said] == []
+    secrets = [*sealed_truth.shapes.tolist(), *sealed_truth.groups.tolist(), *labels]
+    assert [secret for secret in set(secrets) if secret in printed] == []
 
 
 def test_seal_is_checked_before_a_predictor_is_run(eigbench, sealed_set, predictor_file, tmp_path):

@@ -19,9 +19,9 @@ def result(weyl):
     return copy.deepcopy(weyl.result)
 
 
-def at(thing, place):
+def at(thing, path):
     """Follow a path of keys; ``*`` is the first there is."""
-    for key in filter(None, place.split("/")):
+    for key in filter(None, path.split("/")):
         if key == "*":
             thing = next(iter(thing.values())) if isinstance(thing, dict) else thing[0]
         else:
@@ -69,22 +69,24 @@ LEVELS = [
 ]
 
 
-@pytest.mark.parametrize("place", LEVELS)
-def test_unknown_key_is_refused(result, place):
-    at(result, place)["surprise"] = 1
+@pytest.mark.parametrize("path", LEVELS)
+def test_unknown_key_is_refused(result, path):
+    at(result, path)["surprise"] = 1
     with pytest.raises(ResultError, match=r"result\.json is no result: at .*surprise"):
         results.validate(result, HERE)
 
 
-OPTIONAL = ("model", "cost")  # what a META leaves out; "reference" of rows older than it
+# What a META leaves out, "reference" of rows older than it, and the sandbox of a run.
+OPTIONAL = ("model", "cost", "")
 
 
-@pytest.mark.parametrize("place", LEVELS)
-def test_missing_key_is_refused(result, place):
-    level = at(result, place)
+@pytest.mark.parametrize("path", LEVELS)
+def test_missing_key_is_refused(result, path):
+    level = at(result, path)
     assert level
     for key in list(level):
-        if place in OPTIONAL and key not in results.schema()["properties"][place]["required"]:
+        schema = results.schema()
+        if path in OPTIONAL and key not in schema["properties"].get(path, schema)["required"]:
             continue
         kept = level.pop(key)
         with pytest.raises(ResultError, match=f"'{key}' is a required property"):
@@ -93,7 +95,7 @@ def test_missing_key_is_refused(result, place):
 
 
 @pytest.mark.parametrize(
-    ("place", "key", "value"),
+    ("path", "key", "value"),
     [
         ("", "schema_version", "3"),
         ("", "metric_version", "1"),
@@ -126,8 +128,8 @@ def test_missing_key_is_refused(result, place):
         ("environment", "python", 3.11),
     ],
 )
-def test_wrong_value_is_refused_and_its_place_named(result, place, key, value):
-    at(result, place)[key] = value
+def test_wrong_value_is_refused_and_its_place_named(result, path, key, value):
+    at(result, path)[key] = value
     with pytest.raises(ResultError, match=rf"at (.*/)?{key}: "):
         results.validate(result, HERE)
 
@@ -232,8 +234,8 @@ def test_median_time_is_between_its_quartiles(result):
         results.validate(result, HERE)
 
 
-@pytest.mark.parametrize(("place", "key"), [("cost", "hardware"), ("model", "training_data")])
-def test_text_of_two_lines_is_refused(result, place, key):
-    result[place][key] = "a machine\n## a heading"
-    with pytest.raises(ResultError, match=f"at {place}/{key}: "):
+@pytest.mark.parametrize(("part", "key"), [("cost", "hardware"), ("model", "training_data")])
+def test_text_of_two_lines_is_refused(result, part, key):
+    result[part][key] = "a machine\n## a heading"
+    with pytest.raises(ResultError, match=f"at {part}/{key}: "):
         results.validate(result, HERE)

@@ -32,7 +32,7 @@ def ids(mini_truth):
     return set(mini_truth.head(LIMIT).ids)
 
 
-def assert_refused(answer, message, place):
+def assert_refused(answer, message, folder):
     code, out, err = answer
     assert code == 2
     assert out == ""
@@ -41,18 +41,18 @@ def assert_refused(answer, message, place):
     lines = [line for line in err.splitlines() if line.startswith("eigbench: ")]
     assert len(lines) == 1
     assert message in lines[0]
-    assert not (place / "out.json").exists()
-    assert not (place / "out.parquet").exists()
+    assert not (folder / "out.json").exists()
+    assert not (folder / "out.parquet").exists()
 
 
 def named(err):
     """Ids that a message names as the first of a batch."""
-    (told,) = re.findall(r"that begins with ([\w/-]+(?:, [\w/-]+)*)", err)
-    return set(told.split(", "))
+    (names,) = re.findall(r"that begins with ([\w/-]+(?:, [\w/-]+)*)", err)
+    return set(names.split(", "))
 
 
-def batches_kept(place):
-    return sorted(path.name for path in place.glob(".out.json.parts/seed-0/*.npz"))
+def batches_kept(folder):
+    return sorted(path.name for path in folder.glob(".out.json.parts/seed-0/*.npz"))
 
 
 ONE_SHORT = "def predict(meshes): return weyl(meshes)[:, :9]"
@@ -60,7 +60,7 @@ CASES = {
     "wrong shape": (ONE_SHORT, "9), it must be ("),
     "complex": ("def predict(meshes): return weyl(meshes) + 0j", "eigenvalues are real"),
     "text": ("def predict(meshes): return weyl(meshes).astype(str)", "must be real numbers"),
-    "nothing": ("def predict(meshes): pass", "dtype object, it must be real numbers"),
+    "nothing": ("def predict(meshes): pass", "predict returned None"),
     "writes to vertices": (
         "def predict(meshes):\n    meshes[0].vertices = meshes[0].vertices + 1\n"
         "    return weyl(meshes)",
@@ -117,11 +117,15 @@ CASES = {
         "def predict(meshes):\n    import no_such_thing",
         "No module named 'no_such_thing'",
     ),
+    "takes too little": (
+        "def load(device): pass",
+        "load(device) cannot be called as load(device, seed): too many positional arguments",
+    ),
     "has no door": ("x = 1", "has no predictor: define predict(meshes)"),
 }
 
 
-AT_A_BATCH = set(CASES) - {"dies at import", "needs a package", "has no door"}
+AT_A_BATCH = set(CASES) - {"dies at import", "needs a package", "takes too little", "has no door"}
 
 
 # One of each kind: a wrong answer, a changed input, an exception, a dead process, a bad file.

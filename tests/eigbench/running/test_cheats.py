@@ -1,15 +1,22 @@
 """Predictors that try to gain without predicting: docs/threats.md has the whole list."""
 
+import os
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from eigbench.errors import PredictorError
 from eigbench.running import meshes
 from eigbench.running.evaluate import Options, evaluate, predict_meshes
+from eigbench.running.process import PredictorProcess
 
 from synthnet import store
+
+pytestmark = pytest.mark.attack
+linux = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
 
 COUNTS = """
 from pathlib import Path
@@ -29,9 +36,9 @@ def test_who_counts_the_questions_answers_others(predictor_file, mini_truth, min
     np.save(tmp_path / "table.npy", mini_truth.eigenvalues[mini_truth.order])
     source = meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
     question = (predictor_file(COUNTS), mini_truth, source, Options(batch_size=16))
-    found = evaluate(*question, tmp_path / "parts").predictions[0]
-    assert np.isfinite(found).all()
-    assert (found == mini_truth.eigenvalues).all(axis=1).mean() < 0.1
+    predicted = evaluate(*question, tmp_path / "parts").predictions[0]
+    assert np.isfinite(predicted).all()
+    assert (predicted == mini_truth.eigenvalues).all(axis=1).mean() < 0.1
 
 
 CLOCKLESS = """
@@ -50,10 +57,10 @@ def predict(meshes):
 def test_a_clock_that_is_stopped_in_the_predictors_process_stops_nothing(
     predictor_file, mini_truth, mini_home, tmp_path
 ):
-    wanted = mini_truth.head(3)
-    source = meshes.read(store.open_dataset("1.0-mini", mini_home), wanted.ids)
-    found = evaluate(predictor_file(CLOCKLESS), wanted, source, Options(), tmp_path / "parts")
-    assert found.seconds.min() >= 0.2
+    labels = mini_truth.head(3)
+    source = meshes.read(store.open_dataset("1.0-mini", mini_home), labels.ids)
+    evaluation = evaluate(predictor_file(CLOCKLESS), labels, source, Options(), tmp_path / "parts")
+    assert evaluation.seconds.min() >= 0.2
 
 
 PICKLED = """
@@ -76,10 +83,163 @@ def predict(meshes):
 """
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="its descriptors are found by their numbers")
+@linux
 @pytest.mark.parametrize("kind", [b"a", b"l", b"s", b"f"])
 def test_what_a_predictor_sends_does_not_run_in_the_harness(predictor_file, kind):
     code = predictor_file(PICKLED.replace("KIND", repr(kind)))
     with pytest.raises(PredictorError, match="the predictor's process sent "):
         predict_meshes(code, ["a"], meshes.warming(1), 10, Options())
     assert not Path(code.parent, "went-off").exists()
+
+
+ONES = "    return np.ones((len(meshes), 10))\n"
+
+
+def asked(code, count=1, **options):
+    """Return what a predictor answers, with the loaded process' facts and its status."""
+    with PredictorProcess(code, 10, time_limit=60, **options) as process:
+        answered = process.predict(["a"] * count, meshes.warming(count))
+        return process.loaded, answered, process.status()
+
+
+def test_what_is_solved_while_loading_is_seconds_of_loading(predictor_file):
+    code = "import time\nimport numpy as np\ntime.sleep(1.5)\ndef predict(meshes):\n" + ONES
+    loaded, answered, _ = asked(predictor_file(code))
+    assert loaded.loading_seconds >= 1.5
+    assert answered.seconds < loaded.loading_seconds
+
+
+LATER = """
+import threading, time
+import numpy as np
+
+class Answer:
+    def __init__(self, count): self.count = count
+    def __array__(self, dtype=None, copy=None):
+        time.sleep(0.5)
+        return np.ones((self.count, 10))
+
+def predict(meshes):
+    return Answer(len(meshes))
+"""
+
+
+def test_work_after_the_answer_is_within_the_clock(predictor_file):
+    _, answered, _ = asked(predictor_file(LATER))
+    assert answered.seconds >= 0.5
+
+
+# Each child burns for a while and is forgotten by the system, since nobody waits for it.
+FORGOTTEN = (
+    """
+import os, signal, time
+import numpy as np
+
+signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+
+def predict(meshes):
+    for _ in range(2):
+        if (child := os.fork()) == 0:
+            end = time.process_time() + 1.0
+            while time.process_time() < end: pass
+            os._exit(0)
+        try:
+            os.waitpid(child, 0)
+        except ChildProcessError:
+            pass
+"""
+    + ONES
+)
+
+
+@linux
+def test_children_that_nobody_waits_for_are_counted(predictor_file):
+    _, answered, _ = asked(predictor_file(FORGOTTEN))
+    assert answered.cpu_seconds > 1.0  # of 2; what ran since the last look of each is missed
+    assert answered.cpu_seconds < 3.0
+
+
+ORPHANS = (
+    """
+import os, signal, subprocess, sys, time
+from pathlib import Path
+import numpy as np
+
+def predict(meshes):
+    sleep = [sys.executable, "-c", "import time; time.sleep(600)"]
+    new = subprocess.Popen(sleep, start_new_session=True)
+    Path(__file__).with_suffix(".pids").write_text(f"{os.getpid()} {new.pid}")
+    os.kill(os.getppid(), signal.SIGKILL)
+    time.sleep(0.5)
+"""
+    + ONES
+)
+
+
+@linux
+def test_nothing_outlives_a_predictor_that_kills_what_watches_it(predictor_file):
+    code = predictor_file(ORPHANS)
+    with pytest.raises(PredictorError, match=r"died on the batch .* \(exit code -9"):
+        asked(code)
+    pids = [int(pid) for pid in code.with_suffix(".pids").read_text().split()]
+    assert len(pids) == 2
+    assert not [pid for pid in pids if psutil.pid_exists(pid)]
+
+
+MUTE = """
+import os, socket, time
+import numpy as np
+
+def predict(meshes):
+    for fd in range(3, 256):
+        try:
+            socket.socket(fileno=os.dup(fd)).shutdown(socket.SHUT_RDWR)
+        except OSError:
+            pass
+    time.sleep(600)
+"""
+
+
+@linux
+def test_a_predictor_that_closes_the_connection_and_sleeps_is_ended(predictor_file, monkeypatch):
+    monkeypatch.setattr("eigbench.running.process.GRACE", 0.5)
+    start = time.monotonic()
+    with pytest.raises(PredictorError, match=r"closed its connection on the batch .* and went on"):
+        asked(predictor_file(MUTE))
+    assert time.monotonic() - start < 60
+
+
+NAMES = (
+    """
+import numpy as np
+from eigbench.running import predictor
+
+predictor.sources = lambda path, roots: [path.name, {name!r}]
+
+def predict(meshes):
+"""
+    + ONES
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("../secret", "secret is not below"),
+        ("/etc/hostname", "hostname is not below"),
+        ("link", "link is reached by a symbolic link"),
+        ("pipe", "pipe is no regular file"),
+    ],
+)
+def test_names_of_files_elsewhere_are_not_read(predictor_file, tmp_path, name, message):
+    (tmp_path / "link").symlink_to("/etc/hostname")
+    os.mkfifo(tmp_path / "pipe")
+    code = predictor_file(NAMES.replace("{name!r}", repr(name)))
+    with pytest.raises(PredictorError, match=rf"a predictor lies in one folder: .*{message}"):
+        asked(code)
+
+
+def test_files_that_are_not_there_are_left_out(predictor_file):
+    code = predictor_file(NAMES.replace("{name!r}", "'gone.txt'"))
+    _, _, status = asked(code)
+    assert list(status.sources) == ["my_model.py"]

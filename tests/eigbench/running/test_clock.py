@@ -1,12 +1,14 @@
 """One clock for all rows: what is timed, what the file holds, and where the board shows it."""
 
+import itertools
 import json
 
 import numpy as np
 import pytest
 from eigbench.board import leaderboard
+from eigbench.errors import EigbenchError, PredictorError
 from eigbench.results import submission, timing
-from eigbench.running import clock, meshes
+from eigbench.running import box, clock, meshes
 
 from synthnet import store
 
@@ -26,7 +28,7 @@ def two(predictor_file):
 
 
 def test_every_predictor_gets_every_batch_and_batches_go_by_size(two, mini_truth, mini_home):
-    labels = mini_truth.head(7)
+    labels = clock.shapes_of(mini_truth, 14)
     instances = meshes.read(store.open_dataset("1.0-mini", mini_home), labels.ids)
     steps = []
     timed = clock.together(
@@ -38,21 +40,52 @@ def test_every_predictor_gets_every_batch_and_batches_go_by_size(two, mini_truth
         time_limit=60,
         on_step=steps.append,
     )
-    assert [one.loaded.meta["name"] for one in timed] == ["fast", "slow"]
-    assert steps.count("batch 3 of 3: slow.py") == 2
-    first = [step for step in steps if step.startswith("batch 1 of 3")]
-    assert first == [f"batch 1 of 3: {name}.py" for name in ("fast", "slow", "slow", "fast")]
-    for one, seconds in zip(timed, (0.002, 0.02), strict=True):
-        assert (one.seconds >= seconds * np.array([3, 3, 1])).all()
+    assert [row.loaded.meta["name"] for row in timed] == ["fast", "slow"]
+    turns = [step for step in steps if step.startswith(("batch 1 of 6", "batch 2 of 6"))]
+    names = ("1 of 6: fast", "1 of 6: slow", "2 of 6: slow", "2 of 6: fast")
+    assert turns == [f"batch {name}.py" for name in names]
+    assert steps.count("batch 6 of 6: slow.py") == 1
+    for row, seconds in zip(timed, (0.002, 0.02), strict=True):
+        assert (row.seconds >= seconds * np.array([3, 3, 1])).all()
     assert timed[1].seconds.sum() > 2 * timed[0].seconds.sum()
+
+
+@pytest.mark.skipif(box.available() == box.NONE, reason="no sandbox works here")
+def test_predictors_are_timed_in_the_box(predictor_file, mini_truth, mini_home, tmp_path):
+    secret = tmp_path / "elsewhere" / "labels.csv"
+    secret.parent.mkdir()
+    secret.write_text("1,2,3")
+    file = predictor_file(f"open({str(secret)!r})\ndef predict(meshes): ...", "spy.py")
+    labels = clock.shapes_of(mini_truth, 4)
+    instances = meshes.read(store.open_dataset("1.0-mini", mini_home), labels.ids)
+    how = {"batch_size": 2, "repeats": 1, "time_limit": 60, "sandbox": box.available()}
+    with pytest.raises(PredictorError, match=r"the sandbox shows the predictor's own files"):
+        clock.together([file], labels, instances, **how)
+
+
+def test_no_shape_is_asked_twice_and_the_batches_of_a_size_are_alike(mini_truth, mini_home):
+    labels = clock.shapes_of(mini_truth, 14)
+    assert len(set(labels.shapes.tolist())) == 14
+    instances = meshes.read(store.open_dataset("1.0-mini", mini_home), labels.ids)
+    groups = clock.by_size(labels, instances, 3, 2)
+    assert [[len(batch) for batch in group] for group in groups] == [[3, 3], [3, 3], [1, 1]]
+    asked = [id for group in groups for batch in group for id in batch]
+    assert sorted(asked) == sorted(labels.ids)
+    sizes = [instances.vertices([id for batch in group for id in batch]) for group in groups]
+    assert all(a.max() <= b.min() for a, b in itertools.pairwise(sizes))
+
+
+def test_too_few_shapes_is_one_line(mini_truth):
+    with pytest.raises(EigbenchError, match=r"has 34 shapes .* --repeats may be 34 at most"):
+        clock.shapes_of(mini_truth, 35)
 
 
 def test_ratio_is_that_of_the_whole_times_with_an_interval_over_batches():
     own, theirs = np.array([1.0, 1.0, 2.0]), np.array([2.0, 3.0, 4.0])
-    found = timing.ratio(theirs, own)
-    assert found["ratio"] == 9 / 4
-    assert found["low"] == 2.0
-    assert found["high"] == 3.0
+    ratio = timing.ratio(theirs, own)
+    assert ratio["ratio"] == 9 / 4
+    assert ratio["low"] == 2.0
+    assert ratio["high"] == 3.0
     assert timing.ratio(own, own) == {"ratio": 1.0, "low": 1.0, "high": 1.0}
 
 
@@ -66,9 +99,10 @@ def test_ratio_is_that_of_the_whole_times_with_an_interval_over_batches():
     ],
 )
 def test_times_are_of_the_files_that_a_result_names(sources, counts):
-    timed = [{"code": "a.py", "sources": {"a.py": "1", "b.py": "2"}, "cost": {"ms_per_mesh": 5}}]
+    facts = {"sources": {"a.py": "1", "b.py": "2"}, "cost": {"ms_per_mesh": 5}}
+    timed = [{"code": "a.py", "loading_seconds": 0.5, **facts}]
     cost = timing.cost_of({"model": {"code": "a.py", "sources": sources}}, timed)
-    assert cost == ({"ms_per_mesh": 5} if counts else None)
+    assert cost == ({"ms_per_mesh": 5, "loading_seconds": 0.5} if counts else None)
 
 
 @pytest.mark.slow
@@ -77,14 +111,14 @@ def test_command_writes_times_that_the_board_shows(
 ):
     board = tmp_path / "board"
     out = board / "benchmark" / "timing" / "1.0-mini.json"
-    wanted = [*two, "--against", two[1], "--dataset", "1.0-mini", "--root", mini_home]
-    code, said, err = eigbench("time", *wanted, "--meshes", 12, "--repeats", 1, "--out", out)
+    arguments = [*two, "--against", two[1], "--dataset", "1.0-mini", "--root", mini_home]
+    code, printed, err = eigbench("time", *arguments, "--meshes", 12, "--repeats", 1, "--out", out)
     assert code == 0, err
-    assert "× faster than slow" in said
-    told = json.loads(out.read_text())
-    fast, slow = told["rows"]
-    assert told["meshes"] == 12
-    assert told["vertices"] == sorted(told["vertices"])
+    assert "× faster than slow" in printed
+    times = json.loads(out.read_text())
+    fast, slow = times["rows"]
+    assert times["meshes"] == 12
+    assert times["vertices"] == sorted(times["vertices"])
     assert slow["cost"]["peers"]["slow"] == {"ratio": 1.0, "low": 1.0, "high": 1.0}
     assert fast["cost"]["peers"]["slow"]["ratio"] > 2
     known = make_submission(

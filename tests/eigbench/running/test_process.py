@@ -61,9 +61,9 @@ def source(mini_home, mini_truth):
 def run(predictor_file, source, tmp_path):
     """Return a function that evaluates code on some of the test split, with options."""
 
-    def evaluated(code, wanted, **options):
+    def evaluated(code, labels, **options):
         path = predictor_file(code)
-        return evaluate(path, wanted, source, Options(**options), tmp_path / "parts")
+        return evaluate(path, labels, source, Options(**options), tmp_path / "parts")
 
     return evaluated
 
@@ -79,14 +79,15 @@ def peer(predictor_file, monkeypatch):
     return put
 
 
+@pytest.mark.attack
 def test_neither_ids_nor_labels_are_in_the_memory_of_the_predictors_process(run, mini_truth):
-    wanted = mini_truth.head(30)
-    code = SPY.format(labels=" ".join(map(float.hex, wanted.eigenvalues[:, 1].tolist())))
-    assert run(code, wanted, batch_size=10).predictions.shape == (1, 30, 10)
+    labels = mini_truth.head(30)
+    code = SPY.format(labels=" ".join(map(float.hex, labels.eigenvalues[:, 1].tolist())))
+    assert run(code, labels, batch_size=10).predictions.shape == (1, 30, 10)
 
 
 @pytest.mark.parametrize(
-    ("planted", "told"),
+    ("planted", "message"),
     [
         pytest.param("", None, marks=pytest.mark.slow),
         ("kept = ['cone-00042/3']", "found the id cone-00042/3"),
@@ -94,13 +95,13 @@ def test_neither_ids_nor_labels_are_in_the_memory_of_the_predictors_process(run,
         ("kept = {'array': np.array([2.0, 1.25])}", "found an array of labels"),
     ],
 )
-def test_the_spy_finds_what_is_there(run, mini_truth, planted, told):
+def test_the_spy_finds_what_is_there(run, mini_truth, planted, message):
     """The test above can fail: the same search finds what is planted."""
     code = SPY.format(labels=(1.25).hex()).replace("def predict", f"{planted}\n\ndef predict")
-    if told is None:
+    if message is None:
         run(code, mini_truth.head(30))
     else:
-        with pytest.raises(PredictorError, match=told):
+        with pytest.raises(PredictorError, match=message):
             run(code, mini_truth.head(30))
 
 
@@ -116,6 +117,7 @@ def predict(meshes):
 """
 
 
+@pytest.mark.attack
 def test_meshes_come_in_an_order_drawn_anew_and_copies_of_shapes_come_last(
     predictor_file, mini_truth, source, tmp_path
 ):
@@ -124,10 +126,10 @@ def test_meshes_come_in_an_order_drawn_anew_and_copies_of_shapes_come_last(
     orders = []
     for run in range(2):
         options = Options(batch_size=20)
-        found = evaluate(code, mini_truth, source, options, tmp_path / f"parts-{run}")
-        np.testing.assert_array_equal(found.predictions[0, :, 0], expected)  # in the truth's order
-        assert found.sizes.tolist() == [20, 14, *[20] * 13, 12]
-        assert found.new.tolist() == [True] * 2 + [False] * 14
+        result = evaluate(code, mini_truth, source, options, tmp_path / f"parts-{run}")
+        np.testing.assert_array_equal(result.predictions[0, :, 0], expected)  # in the truth's order
+        assert result.sizes.tolist() == [20, 14, *[20] * 13, 12]
+        assert result.new.tolist() == [True] * 2 + [False] * 14
         _, *batches = code.with_suffix(".seen").read_text().splitlines()  # the first warms up
         code.with_suffix(".seen").unlink()
         orders.append(batches)
@@ -158,6 +160,7 @@ def predict(meshes): return Answer(len(meshes))
 """
 
 
+@pytest.mark.attack
 def test_work_that_is_put_off_until_the_answer_is_read_is_timed(run, mini_truth):
     assert run(LAZY, mini_truth.head(10)).seconds.min() >= 0.3
 
@@ -211,10 +214,10 @@ def test_lapy_is_timed_on_the_batches_of_the_first_and_last_meshes(
 ):
     monkeypatch.setattr("eigbench.running.evaluate.REFERENCE", 8)
     peer(SLEEPER)
-    found = run(SLEEPER, mini_truth, batch_size=size, reference=True)
-    assert found.sizes.tolist() == batches
-    assert np.isfinite(found.reference_seconds).tolist() == timed
-    assert np.nanmin(found.reference_seconds) >= 0.01
+    evaluation = run(SLEEPER, mini_truth, batch_size=size, reference=True)
+    assert evaluation.sizes.tolist() == batches
+    assert np.isfinite(evaluation.reference_seconds).tolist() == timed
+    assert np.nanmin(evaluation.reference_seconds) >= 0.01
 
 
 STUCK = """
@@ -243,6 +246,7 @@ def test_a_signal_ends_an_evaluation_and_the_predictors_process(
 ):
     code = predictor_file(STUCK)
     options = ["--dataset", "1.0-mini", "--limit", "30", "--batch-size", "10", "--no-reference"]
+    options += ["--no-sandbox"]  # it writes its number beside itself
     process = subprocess.Popen(
         [sys.executable, "-m", "eigbench", "evaluate", code, *options, "--out", "out.json"],
         cwd=code.parent,
@@ -261,8 +265,8 @@ def test_a_signal_ends_an_evaluation_and_the_predictors_process(
     process.send_signal(number)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    told = "eigbench: interrupted; finished work is kept, --resume continues from it"
-    assert err.splitlines()[-1] == told
+    message = "eigbench: interrupted; finished work is kept, --resume continues from it"
+    assert err.splitlines()[-1] == message
     assert len([*code.parent.glob(".out.json.parts/*/*.npz")]) == 1
     assert not Path("/proc", pid.read_text()).exists()
 
@@ -283,8 +287,8 @@ def test_lapys_time_is_kept_with_an_interrupted_run(run, peer, mini_truth, tmp_p
 
 def test_reference_answers_the_labels(mini_truth, source):
     ids = mini_truth.ids[:3]
-    found = reference.predict([source.mesh(id) for id in ids])
-    assert found == pytest.approx(mini_truth.eigenvalues[:3], rel=1e-8)
+    answers = reference.predict([source.mesh(id) for id in ids])
+    assert answers == pytest.approx(mini_truth.eigenvalues[:3], rel=1e-8)
 
 
 def test_without_reference_there_is_no_ratio(run, mini_truth):
@@ -354,6 +358,7 @@ def predict(meshes):
 """
 
 
+@pytest.mark.attack
 @pytest.mark.skipif(sys.platform != "linux", reason="its processes end in another order elsewhere")
 def test_time_and_memory_of_helpers_count(predictor_file):
     settings = {"device": "cpu", "seed": 0, "training": "", "threads": 1, "time_limit": 60}
@@ -378,6 +383,7 @@ def predict(meshes):
 """
 
 
+@pytest.mark.attack
 @pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
 @pytest.mark.parametrize("end", ["pass", "os._exit(1)"])
 def test_nothing_that_a_predictor_starts_outlives_it(predictor_file, end):
@@ -408,21 +414,23 @@ def predict(meshes):
 """
 
 
+@pytest.mark.attack
 def test_what_a_predictor_remembers_of_a_shape_is_no_speed(
     predictor_file, mini_truth, source, tmp_path
 ):
     code = predictor_file(REMEMBERS)
-    found = evaluate(code, mini_truth, source, Options(batch_size=20), tmp_path / "parts")
-    cost = record.cost(found, Options(batch_size=20))
+    evaluation = evaluate(code, mini_truth, source, Options(batch_size=20), tmp_path / "parts")
+    cost = record.cost(evaluation, Options(batch_size=20))
     assert cost["ms_per_mesh_mean"] > 5  # every new shape costs that
     assert cost["copies_ratio"] < 0.2
-    (told,) = record.findings({**cost, "cores_used": 1.0})
-    assert "the predictor remembers shapes" in told
+    (finding,) = record.findings({**cost, "cores_used": 1.0})
+    assert "the predictor remembers shapes" in finding
     assert record.findings({**cost, "copies_ratio": 0.9, "cores_used": 1.0}) == []
-    (told,) = record.findings({**cost, "copies_ratio": None, "cores_used": 1.9})
-    assert told.startswith("1.9 cores were used with --threads 1")
+    (finding,) = record.findings({**cost, "copies_ratio": None, "cores_used": 1.9})
+    assert finding.startswith("1.9 cores were used with --threads 1")
 
 
+@pytest.mark.attack
 def test_a_frame_that_is_too_long_is_refused_before_it_is_read():
     own, other = socket.socketpair()
     with frames.Channel(own) as channel, other:
@@ -431,6 +439,7 @@ def test_a_frame_that_is_too_long_is_refused_before_it_is_read():
             channel.receive(100, lambda: None)
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize(
     ("kind", "body"),
     [
@@ -439,7 +448,8 @@ def test_a_frame_that_is_too_long_is_refused_before_it_is_read():
             frames.LOADED,
             b'{"meta": {}, "parameters": -1, "seeded": true, "trained": true, "accelerator": ""}',
         ),
-        (frames.SOURCES, b'["a.py", "b\\u0000.py"]'),
+        (frames.SOURCES, b'{"files": ["a.py", "b\\u0000.py"], "attempts": []}'),
+        (frames.SOURCES, b'["a.py"]'),
         (frames.SOURCES, b"\xff"),
         (frames.FAILED, b"[" * 100_000),
         (frames.FAILED, b'{"message": 3, "traceback": ""}'),
@@ -450,6 +460,7 @@ def test_facts_of_another_form_are_refused(kind, body):
         frames.facts(kind, body)
 
 
+@pytest.mark.attack
 def test_a_frame_brings_read_only_meshes_as_they_are():
     given = [*meshes.warming(3), Mesh(np.eye(3), np.empty((0, 3), dtype=np.int64))]
     own, other = socket.socketpair()
@@ -460,9 +471,9 @@ def test_a_frame_brings_read_only_meshes_as_they_are():
         sender.send(frames.MESHES, body, file)
         kind, came, descriptor = taker.receive()
     assert kind == frames.MESHES
-    found = frames.unpacked(came, descriptor)
-    assert isinstance(found, tuple)
-    for mesh, expected in zip(found, given, strict=True):
+    received = frames.unpacked(came, descriptor)
+    assert isinstance(received, tuple)
+    for mesh, expected in zip(received, given, strict=True):
         np.testing.assert_array_equal(mesh.vertices, expected.vertices)
         np.testing.assert_array_equal(mesh.faces, expected.faces)
         assert (mesh.vertices.dtype, mesh.faces.dtype) == (np.float64, np.int64)
@@ -470,6 +481,7 @@ def test_a_frame_brings_read_only_meshes_as_they_are():
         assert not mesh.faces.flags.writeable
 
 
+@pytest.mark.attack
 def test_a_predictors_words_cannot_act_on_the_terminal(predictor_file):
     code = "def predict(meshes): raise ValueError('a\\x1b[2Jb\\u202e')"
     with pytest.raises(PredictorError, match=r"ValueError: a�\[2Jb�, on|raise"):

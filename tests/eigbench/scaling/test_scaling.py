@@ -1,6 +1,7 @@
 """The scaling track: the fixed meshes, running a predictor over them, and what the page says."""
 
 import copy
+import hashlib
 import itertools
 import json
 from dataclasses import replace
@@ -69,10 +70,10 @@ def test_small_meshes_are_pinned_and_their_labels_solved_anew_agree():
 def test_a_mesh_is_the_same_each_time_and_has_about_the_wanted_vertices():
     assert len(surfaces.SURFACES) == 6
     for surface in surfaces.SURFACES:
-        one, two = surfaces.mesh(surface, 1_000), surfaces.mesh(surface, 1_000)
-        assert np.array_equal(one.vertices, two.vertices)
-        assert np.array_equal(one.faces, two.faces)
-        assert 0.9 * 1_000 < len(one.vertices) < 1.3 * 1_000
+        mesh, again = surfaces.mesh(surface, 1_000), surfaces.mesh(surface, 1_000)
+        assert np.array_equal(mesh.vertices, again.vertices)
+        assert np.array_equal(mesh.faces, again.faces)
+        assert 0.9 * 1_000 < len(mesh.vertices) < 1.3 * 1_000
 
 
 def test_meshes_have_the_topology_of_their_surface():
@@ -100,15 +101,15 @@ def test_limit_by_extrapolation_is_the_closed_form(monkeypatch):
     family = replace(FAMILIES["open_cylinder"], limit=None)
     monkeypatch.setattr(surfaces, "FAMILIES", {"open_cylinder": family})
     monkeypatch.setattr(surfaces, "LEVELS", (1, 2, 3))  # as in the pins, 16 times coarser
-    found, bound = surfaces.limit("open_cylinder")
-    assert (np.abs(found - known) <= bound).all()
-    np.testing.assert_allclose(found, known, rtol=1e-6)
+    estimate, bound = surfaces.limit("open_cylinder")
+    assert (np.abs(estimate - known) <= bound).all()
+    np.testing.assert_allclose(estimate, known, rtol=1e-6)
 
 
 def test_pins_survive_being_written_in_any_order(tmp_path):
-    found = list(surfaces.read().values())
+    pins = list(surfaces.read().values())
     paths = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
-    for path, rows in zip(paths, (found, found[::-1]), strict=True):
+    for path, rows in zip(paths, (pins, pins[::-1]), strict=True):
         surfaces.write(path, rows)
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
@@ -139,9 +140,9 @@ def test_what_is_not_in_the_set_or_not_pinned_is_said(monkeypatch):
 def test_a_run_writes_what_the_schema_wants(eigbench, predictor_file, tmp_path, monkeypatch):
     monkeypatch.setattr(surfaces, "SURFACES", ONE)
     out = tmp_path / "scaling.json"
-    code, told, _ = eigbench("scale", predictor_file(EIGHTY), "--sizes", 1000, "--out", out)
+    code, printed, _ = eigbench("scale", predictor_file(EIGHTY), "--sizes", 1000, "--out", out)
     assert code == 0
-    assert told.startswith("Eighty, one mesh a call\n")
+    assert printed.startswith("Eighty, one mesh a call\n")
     (mesh,) = scaling_results.read(out).meshes.values()
     assert (mesh["surface"], mesh["size"], mesh["outcome"]) == ("ellipsoid", 1000, "answered")
     assert mesh["eigenvalues"] == [80.0 + i for i in range(10)]
@@ -155,7 +156,7 @@ def test_a_run_writes_what_the_schema_wants(eigbench, predictor_file, tmp_path, 
 
 
 @pytest.mark.parametrize(
-    ("happens", "outcome", "told"),
+    ("happens", "outcome", "detail"),
     [
         ("time.sleep(60)", "over time", "more than 2 s on the batch of 1"),
         ("kept = np.ones(2**27); time.sleep(60)", "over memory", "more than 0.25 GiB"),
@@ -165,20 +166,20 @@ def test_a_run_writes_what_the_schema_wants(eigbench, predictor_file, tmp_path, 
     ],
 )
 def test_what_goes_wrong_at_one_size_loses_only_that(
-    predictor_file, tmp_path, only, happens, outcome, told
+    predictor_file, tmp_path, only, happens, outcome, detail
 ):
     only(ONE)
     code = predictor_file(AT_TEN_THOUSAND.format(happens))
     settings = Settings(time_limit=2.0, memory_limit=0.25)
     out = tmp_path / "scaling.json"
     result = scaling_run.run(code, [10_000, 1_000], settings, out)
-    assert [one["outcome"] for one in result["meshes"]] == ["answered", outcome]
-    assert told in result["meshes"][1]["detail"]
+    assert [mesh["outcome"] for mesh in result["meshes"]] == ["answered", outcome]
+    assert detail in result["meshes"][1]["detail"]
     assert result["meshes"][1]["eigenvalues"] is None
     assert scaling_results.read(out).result == result
     cell = scaling_scores.medians(Scaled(result, out), 10_000)
-    said = {"over time": "over 2 s", "over memory": "over 0.25 GiB"}.get(outcome, outcome)
-    assert (cell.answered, cell.total, cell.failures) == (0, 1, (said,))
+    failure = {"over time": "over 2 s", "over memory": "over 0.25 GiB"}.get(outcome, outcome)
+    assert (cell.answered, cell.total, cell.failures) == (0, 1, (failure,))
 
 
 @pytest.mark.slow
@@ -296,7 +297,7 @@ def test_scaling_lists_and_verifies(eigbench, monkeypatch, only):
     code, out, _ = eigbench("scaling", "--verify", "--sizes", 1000)
     assert code == 0
     assert "1 meshes and their labels are the pinned ones" in out
-    pins = {key: replace(one, vertices=7) for key, one in surfaces.read().items()}
+    pins = {key: replace(pin, vertices=7) for key, pin in surfaces.read().items()}
     monkeypatch.setattr(surfaces, "read", lambda: pins)
     code, out, _ = eigbench("scaling", "--verify", "--sizes", 1000, "--json")
     assert code == 1
@@ -330,14 +331,18 @@ def rows(made):
     ]
 
 
+def page_of(rows) -> str:
+    return scaling_page.section(rows)[1][scaling_page.PAGE]
+
+
 def test_a_prediction_wins_where_it_is_faster_and_below_the_discretisation_error(rows):
     small, large = (scaling_scores.verdict(rows, size) for size in (1_000, 10_000))
     assert (small.solver, small.seconds, small.compared) == ("Exact", 0.1, 6)
     assert small.faster == {"far-off": (6, 0), "near": (6, 6)}
     assert large.faster == {"near": (6, 0)}  # 0.5 % is more than the error of such meshes
-    text = "\n".join(scaling_page.section(rows)[0])
-    told = "spectrum: at 1,000 vertices Near (classical, 6 of 6). None at another size."
-    assert told in text
+    text = page_of(rows)
+    sentence = "spectrum: at 1,000 vertices Near (classical, 6 of 6). None at another size."
+    assert sentence in text
     assert (
         "- 10,000 vertices, discretisation error 0.122 %: the fastest exact solver (mostly Exact)"
         in text
@@ -348,9 +353,9 @@ def test_a_prediction_wins_where_it_is_faster_and_below_the_discretisation_error
 def test_what_is_all_but_exact_is_a_prediction(made):
     fit = made("Fit", {10_000: (0.5, 1 + 5e-7)})  # as a basis of polynomials on an ellipsoid
     solver = made("Solver", {10_000: (1.0, 1 + 1e-11)})
-    found = scaling_scores.verdict([fit, solver], 10_000)
-    assert (found.solver, found.seconds) == ("Solver", 1.0)
-    assert found.faster == {"fit": (6, 6)}
+    verdict = scaling_scores.verdict([fit, solver], 10_000)
+    assert (verdict.solver, verdict.seconds) == ("Solver", 1.0)
+    assert verdict.faster == {"fit": (6, 6)}
 
 
 def test_a_prediction_does_not_win_where_a_coarser_mesh_is_as_good_and_faster(made):
@@ -383,6 +388,21 @@ def test_page_says_what_was_not_run_and_what_took_too_long(rows):
     assert "Slow" in lines
 
 
+def test_json_has_the_medians_of_each_row_and_nothing_for_what_took_too_long(rows):
+    board = json.loads(scaling_page.section(rows)[1][scaling_page.JSON])
+    by_name = {row["name"]: row for row in board["rows"]}
+    assert set(by_name) == {row.name for row in rows}
+    near = by_name["Near"]["sizes"]["10000"]
+    assert near["error"] == pytest.approx(0.005)
+    assert near["seconds"] == 0.02
+    late = by_name["Exact too"]["sizes"]["10000"]
+    assert (late["answered"], late["error"]) == (0, None)
+    assert late["failures"] == ["over 600 s"]
+    assert "10000" not in by_name["Far | off"]["sizes"]
+    path = next(row.path for row in rows if row.name == "Near")
+    assert by_name["Near"]["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
 def test_page_without_a_solver_or_a_winner_says_so(made):
     alone = made("Near", {1_000: (0.01, 1.005)})
     assert "nothing can be said" in "\n".join(scaling_page.section([alone])[0])
@@ -408,9 +428,9 @@ def test_times_of_two_machines_are_not_compared(made):
         made("Near", {1_000: (0.01, 1.005)}, hardware="another"),
     ]
     text = "\n".join(scaling_page.section(rows)[0])
-    assert text.count("### Scaling: ") == 4
+    assert text.count("### Scaling: ") == 2
     assert "nothing can be said" in text
-    assert "Faster, on some surface: none" in text
+    assert "Faster, on some surface: none" in page_of(rows)
 
 
 def test_time_of_an_equally_good_coarser_mesh_is_on_the_line_between_the_sizes(rows):
@@ -426,7 +446,8 @@ def test_time_of_an_equally_good_coarser_mesh_is_on_the_line_between_the_sizes(r
 
 def test_page_and_figure_are_the_same_in_any_order(rows):
     expected = leaderboard.generate([], [], rows)
-    assert list(expected) == [scaling_page.FIGURE, Path("LEADERBOARD.md")]
+    files = [scaling_page.FIGURE, scaling_page.PAGE, scaling_page.JSON, Path("LEADERBOARD.md")]
+    assert list(expected) == files
     for order in list(itertools.permutations(rows))[::40]:
         again = [copy.deepcopy(row) for row in order]
         for row in again:
@@ -441,8 +462,8 @@ def test_submit_places_a_result_and_the_board_is_checked(eigbench, rows, tmp_pat
     assert not (board / leaderboard.RESULTS).exists()  # a board may be of this track alone
     assert eigbench("leaderboard", "--board", board)[0] == 0
     assert eigbench("leaderboard", "--check", "--board", board)[0] == 0
-    place = board / scaling_results.FOLDER / "near.json"
-    assert place.read_bytes() == rows[2].path.read_bytes()
+    location = board / scaling_results.FOLDER / "near.json"
+    assert location.read_bytes() == rows[2].path.read_bytes()
     changed = json.loads(rows[2].path.read_text())
     changed["meshes"][0]["seconds"] = [0.5]
     rows[2].path.write_text(json.dumps(changed))
@@ -451,7 +472,7 @@ def test_submit_places_a_result_and_the_board_is_checked(eigbench, rows, tmp_pat
     assert "is there already: give --replace, or another name in META" in err
     assert eigbench("submit", rows[2].path, "--board", board, "--replace")[0] == 0
     assert eigbench("leaderboard", "--check", "--board", board)[0] == 1
-    place.rename(place.with_name("other.json"))
+    location.rename(location.with_name("other.json"))
     code, _, err = eigbench("leaderboard", "--board", board)
     assert code == 2
     assert "other.json belongs at" in err
@@ -474,9 +495,9 @@ def test_submit_places_a_result_and_the_board_is_checked(eigbench, rows, tmp_pat
     ],
 )
 def test_a_damaged_result_is_refused(made, change, message):
-    one = made("Near", {1_000: (0.01, 1.005)})
-    result = copy.deepcopy(one.result)
+    row = made("Near", {1_000: (0.01, 1.005)})
+    result = copy.deepcopy(row.result)
     change(result)
-    one.path.write_text(json.dumps(result))
+    row.path.write_text(json.dumps(result))
     with pytest.raises(ResultError, match=message):
-        scaling_results.read(one.path)
+        scaling_results.read(row.path)

@@ -24,10 +24,10 @@ def batch(rows=7, *, seed=0):
 @pytest.mark.parametrize("sign", [1, -1])
 def test_loss_equals_the_mean_of_the_metric(loss, metric, sign):
     p, g = batch()
-    found = loss(torch.tensor(sign * p), torch.tensor(g))
-    assert found.shape == ()
-    assert found.dtype == torch.float64
-    assert found.item() == pytest.approx(metric(sign * p, g).mean(), rel=1e-12, abs=1e-12)
+    value = loss(torch.tensor(sign * p), torch.tensor(g))
+    assert value.shape == ()
+    assert value.dtype == torch.float64
+    assert value.item() == pytest.approx(metric(sign * p, g).mean(), rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize(("loss", "metric"), PAIRS)

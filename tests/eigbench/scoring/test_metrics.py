@@ -127,8 +127,8 @@ def test_metrics_equal_the_numbers_worked_by_hand(p, g, expected):
     functions = {key: metric.function for key, metric in METRICS.items()} | {"psnr": metrics.psnr}
     assert set(functions) == set(expected)
     for key, function in functions.items():
-        wanted = pytest.approx(expected[key], rel=1e-11, abs=1e-14, nan_ok=True)
-        assert value(function, p, g) == wanted, key
+        equal = pytest.approx(expected[key], rel=1e-11, abs=1e-14, nan_ok=True)
+        assert value(function, p, g) == equal, key
 
 
 def test_psnr_of_exactly_20_decibels_is_not_accurate():
@@ -177,21 +177,21 @@ def test_inverse_laplacian_punishes_small_predictions_more_than_large_ones():
 
 @given(p=spectra, g=spectra)
 def test_rpd_of_positive_spectra_lies_between_zero_and_k(p, g):
-    found = metrics.relative_percent_difference(p, g)
-    assert ((found >= 0) & (found <= 10)).all()
+    values = metrics.relative_percent_difference(p, g)
+    assert ((values >= 0) & (values <= 10)).all()
 
 
 @given(p=real_spectra, g=spectra)
 def test_rpd_lies_between_zero_and_k_for_any_sign(p, g):
-    found = metrics.relative_percent_difference(p, g)
-    assert ((found >= 0) & (found <= 10)).all()
+    values = metrics.relative_percent_difference(p, g)
+    assert ((values >= 0) & (values <= 10)).all()
 
 
 @given(p=real_spectra, g=spectra)
 def test_polar_loss_lies_between_zero_and_three(p, g):
     p[:, 0] += np.where(np.abs(p).max(axis=1) < 1e-3, 1.0, 0.0)  # zero has no direction
-    found = metrics.polar_loss(p, g)
-    assert ((found >= -1e-12) & (found <= 3 + 1e-12)).all()
+    values = metrics.polar_loss(p, g)
+    assert ((values >= -1e-12) & (values <= 3 + 1e-12)).all()
 
 
 @given(p=spectra, g=spectra)
@@ -207,9 +207,9 @@ def test_symmetric_metrics_do_not_tell_prediction_from_label(p, g):
 
 @given(p=spectra, g=spectra)
 def test_norms_obey_l2_at_most_l1_at_most_root_k_times_l2(p, g):
-    one, two = metrics.l1_norm(p, g), metrics.l2_norm(p, g)
-    assert (two <= one * (1 + 1e-12)).all()
-    assert (one <= math.sqrt(10) * two * (1 + 1e-12)).all()
+    l1, l2 = metrics.l1_norm(p, g), metrics.l2_norm(p, g)
+    assert (l2 <= l1 * (1 + 1e-12)).all()
+    assert (l1 <= math.sqrt(10) * l2 * (1 + 1e-12)).all()
 
 
 @pytest.mark.parametrize("c", [1e-4, 0.3, 7.0, 1e5])
@@ -232,9 +232,9 @@ def test_norms_scale_with_the_unit_of_length(function):
 
 
 def has_one_float64_a_mesh(metric, p, g):
-    found = metric.function(p, g)
-    assert found.shape == (len(p),)
-    assert found.dtype == np.float64
+    values = metric.function(p, g)
+    assert values.shape == (len(p),)
+    assert values.dtype == np.float64
 
 
 def treats_each_mesh_alone(metric, p, g):
@@ -270,8 +270,8 @@ def improves_in_the_direction_it_declares(metric, p, g):
 
 def does_not_depend_on_the_order_of_the_indices(metric, p, g):
     order = np.random.default_rng(3).permutation(p.shape[1])
-    found = metric.function(p[:, order], g[:, order])
-    np.testing.assert_allclose(found, metric.function(p, g), rtol=1e-12)
+    values = metric.function(p[:, order], g[:, order])
+    np.testing.assert_allclose(values, metric.function(p, g), rtol=1e-12)
 
 
 def takes_an_empty_batch(metric, p, g):
@@ -313,12 +313,12 @@ def test_prediction_that_is_not_finite_is_never_finite_and_never_raises(function
     g = np.tile(np.arange(1.0, 11.0), (2, 1))
     p = g * 1.1
     p[0, position] = broken
-    found = function(p, g)
-    assert np.isfinite(found[1])  # its neighbour keeps its value
+    values = function(p, g)
+    assert np.isfinite(values[1])  # its neighbour keeps its value
     if function is metrics.psnr_above_20:
-        assert found[0] == 0  # a share: it counts as not accurate
+        assert values[0] == 0  # a share: it counts as not accurate
     else:
-        assert not np.isfinite(found[0])
+        assert not np.isfinite(values[0])
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)

@@ -36,8 +36,8 @@ def test_a_shape_of_another_size_is_the_same_shape(split):
 def test_distance_is_the_largest_relative_difference(split):
     split([[1.0, 1.0, 1.0]], ["grouped"], {"grouped": [[1.0, 1.0, 1.03]]})
     apart = np.log(1.03) * np.array([-1, -1, 2]) / 3
-    (found,) = neighbours.distances("made", "grouped")
-    assert found == pytest.approx(np.abs(apart).max())
+    (distance,) = neighbours.distances("made", "grouped")
+    assert distance == pytest.approx(np.abs(apart).max())
 
 
 def test_each_shape_is_compared_with_the_training_it_asks_for(split):

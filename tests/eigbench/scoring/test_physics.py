@@ -81,10 +81,10 @@ def test_every_change_of_a_mesh_changes_it(questions):
 
 def test_changes_keep_the_area_or_scale_it(questions):
     _, meshes = questions
-    found = np.array([areas(mesh).sum() for mesh in meshes]).reshape(7, -1)
+    total_areas = np.array([areas(mesh).sum() for mesh in meshes]).reshape(7, -1)
     expected = [4, 0.25, 1, 1, 1, 1]
-    for ratio, row in zip(expected, found[1:], strict=True):
-        np.testing.assert_allclose(row, ratio * found[0], rtol=1e-9)
+    for ratio, row in zip(expected, total_areas[1:], strict=True):
+        np.testing.assert_allclose(row, ratio * total_areas[0], rtol=1e-9)
 
 
 def test_permutation_keeps_the_surface(questions):

@@ -69,12 +69,12 @@ def test_several_seeds_give_the_mean_and_the_spread_of_their_means(by_hand):
 
 def test_one_seed_repeated_changes_nothing_but_the_spread(random_case):
     truth, predictions = random_case
-    one = scores.score(truth, predictions[:1])
-    two = scores.score(truth, predictions[[0, 0]])
-    assert {cell.pop("seed_std") for cell in one["overall"].values()} == {None}
-    assert {cell.pop("seed_std") for cell in two["overall"].values()} == {0.0}
+    single = scores.score(truth, predictions[:1])
+    twice = scores.score(truth, predictions[[0, 0]])
+    assert {cell.pop("seed_std") for cell in single["overall"].values()} == {None}
+    assert {cell.pop("seed_std") for cell in twice["overall"].values()} == {0.0}
     for key in METRICS:
-        assert two["overall"][key] == pytest.approx(one["overall"][key], rel=1e-14)
+        assert twice["overall"][key] == pytest.approx(single["overall"][key], rel=1e-14)
 
 
 def test_weighted_mean_over_families_is_the_overall_mean(random_case, by_hand):

@@ -134,7 +134,7 @@ def test_the_pinned_limits_are_those_of_the_pinned_labels():
 @pytest.mark.parametrize(("bar", "verdict"), [(0.02, "a"), (0.04, "tie")])
 def test_a_difference_that_the_bars_could_make_is_a_tie(pin, two, bar, verdict):
     pin(0.9, bar)  # so that both answers are far beyond the bars
-    a, b = (one.at("surface") for _, one in two)
+    a, b = (row.at("surface") for _, row in two)
     difference = ranking.difference(a, b, "rpd")
     first, second = (1.02 / 0.9 - 1, 1.08 / 0.9 - 1)
     apart = 10 * (second / (2 + second) - first / (2 + first))
@@ -171,23 +171,23 @@ def test_compare_is_at_the_target_that_is_asked_for(eigbench, pin, make_submissi
     line = next(line for line in out.splitlines() if line.startswith("RPD "))
     assert line.split()[1] == f"{10 * (1.02 / 0.9 - 1) / (1.02 / 0.9 + 1):.4f}"
     assert json.loads(eigbench("compare", *paths, "--json")[1])["target"] == "surface"
-    told = json.loads(eigbench("compare", *paths, "--target", "mesh", "--json")[1])
-    assert told["target"] == "mesh"
-    assert told["overall"]["rpd"]["a"] == pytest.approx(10 * 0.02 / 2.02)
-    assert told["overall"]["psnr"]["floor"] is None
+    comparison = json.loads(eigbench("compare", *paths, "--target", "mesh", "--json")[1])
+    assert comparison["target"] == "mesh"
+    assert comparison["overall"]["rpd"]["a"] == pytest.approx(10 * 0.02 / 2.02)
+    assert comparison["overall"]["psnr"]["floor"] is None
 
 
 def test_score_has_both_targets_or_the_one_that_is_asked_for(eigbench, two, monkeypatch):
-    path, one = two[0]
-    wanted = [path.with_suffix(".parquet"), "--dataset", "1.0-mini"]
-    both = json.loads(eigbench("score", *wanted, "--json")[1])["scores"]
-    assert both == json.loads(json.dumps(one.result["scores"]))
-    alone = json.loads(eigbench("score", *wanted, "--target", "surface", "--json")[1])["scores"]
+    path, row = two[0]
+    arguments = [path.with_suffix(".parquet"), "--dataset", "1.0-mini"]
+    both = json.loads(eigbench("score", *arguments, "--json")[1])["scores"]
+    assert both == json.loads(json.dumps(row.result["scores"]))
+    alone = json.loads(eigbench("score", *arguments, "--target", "surface", "--json")[1])["scores"]
     assert alone == {"surface": both["surface"]}
-    out = eigbench("score", *wanted)[1]
+    out = eigbench("score", *arguments)[1]
     assert out.index("Against the surface") < out.index("Against the mesh")
     monkeypatch.setattr(targets, "_pinned", lambda version: None)
-    code, _, err = eigbench("score", *wanted, "--target", "surface")
+    code, _, err = eigbench("score", *arguments, "--target", "surface")
     assert code == 2
     assert "the surfaces' spectra of 1.0-mini, grouped, are not known: give --target mesh" in err
-    assert "Against the surface: not known for this dataset" in eigbench("score", *wanted)[1]
+    assert "Against the surface: not known for this dataset" in eigbench("score", *arguments)[1]

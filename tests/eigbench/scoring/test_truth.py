@@ -34,10 +34,10 @@ def built(mini_home):
 
 @pytest.mark.parametrize("key", SIZES, ids=" ".join)
 def test_sizes_of_a_split(splits, key):
-    found = splits[key]
-    assert (len(found.ids), len(set(found.shapes.tolist()))) == SIZES[key]
-    assert found.eigenvalues.shape == (len(found.ids), 10)
-    assert (found.version, found.split, found.protocol) == key
+    split = splits[key]
+    assert (len(split.ids), len(set(split.shapes.tolist()))) == SIZES[key]
+    assert split.eigenvalues.shape == (len(split.ids), 10)
+    assert (split.version, split.split, split.protocol) == key
 
 
 @pytest.mark.parametrize("protocol", ["grouped", "paper"])
@@ -59,9 +59,9 @@ def test_no_shape_crosses_the_grouped_splits(splits):
 
 @pytest.mark.parametrize("key", SIZES, ids=" ".join)
 def test_ids_name_the_shape_the_family_and_the_instance(splits, key):
-    found = splits[key]
-    assert len(found.ids) == SIZES[key][0]
-    for id, shape, family in zip(found.ids, found.shapes, found.families, strict=True):
+    split = splits[key]
+    assert len(split.ids) == SIZES[key][0]
+    for id, shape, family in zip(split.ids, split.shapes, split.families, strict=True):
         assert id.rpartition("/")[0] == shape
         assert shape.rpartition("-")[0] == family
         assert 0 <= int(id.rpartition("/")[2]) < 9
@@ -75,45 +75,45 @@ def test_split_and_labels_are_those_of_the_built_dataset(splits, built, key):
         for instance, paper_split in enumerate(sample.paper_splits):
             if (sample.split if protocol == "grouped" else paper_split) == split:
                 labels[f"{sample.spec.id}/{instance}"] = sample.eigenvalues
-    found = splits[key]
-    assert list(found.ids) == list(labels)
-    np.testing.assert_allclose(found.eigenvalues, list(labels.values()), rtol=1e-6)
+    loaded = splits[key]
+    assert list(loaded.ids) == list(labels)
+    np.testing.assert_allclose(loaded.eigenvalues, list(labels.values()), rtol=1e-6)
 
 
 def test_labels_are_positive_and_ascending(splits):
     assert list(splits) == list(SIZES)
-    for found in splits.values():
-        assert (found.eigenvalues[:, 0] > 0).all()
-        assert (np.diff(found.eigenvalues, axis=1) >= 0).all()
+    for split in splits.values():
+        assert (split.eigenvalues[:, 0] > 0).all()
+        assert (np.diff(split.eigenvalues, axis=1) >= 0).all()
 
 
 def test_instances_of_a_shape_have_one_label(splits):
-    found = splits["1.0-mini", "test", "grouped"]
-    assert len(np.unique(found.shapes)) == 34
-    for shape in np.unique(found.shapes):
-        assert len(np.unique(found.eigenvalues[found.shapes == shape], axis=0)) == 1
+    split = splits["1.0-mini", "test", "grouped"]
+    assert len(np.unique(split.shapes)) == 34
+    for shape in np.unique(split.shapes):
+        assert len(np.unique(split.eigenvalues[split.shapes == shape], axis=0)) == 1
 
 
 def test_digest_is_the_same_for_every_load(splits):
     digest = splits["1.0-mini", "test", "grouped"].digest
     assert digest == truth.load("1.0-mini", "test", "grouped").digest
     assert len(digest) == 64
-    assert len({found.digest for found in splits.values()}) == len(SIZES)
+    assert len({split.digest for split in splits.values()}) == len(SIZES)
 
 
 def test_digest_changes_with_the_last_bit_of_one_label(splits):
-    found = splits["1.0-mini", "test", "grouped"]
-    changed = found.eigenvalues.copy()
+    split = splits["1.0-mini", "test", "grouped"]
+    changed = split.eigenvalues.copy()
     changed[200, 3] = np.nextafter(changed[200, 3], 0)
-    assert dataclasses.replace(found, eigenvalues=changed).digest != found.digest
+    assert dataclasses.replace(split, eigenvalues=changed).digest != split.digest
 
 
 def test_digest_changes_with_an_id_and_with_the_order(splits):
-    found = splits["1.0-mini", "test", "grouped"]
-    renamed = ("cone-99999/0", *found.ids[1:])
-    assert dataclasses.replace(found, ids=renamed).digest != found.digest
-    swapped = (found.ids[1], found.ids[0], *found.ids[2:])
-    assert dataclasses.replace(found, ids=swapped).digest != found.digest
+    split = splits["1.0-mini", "test", "grouped"]
+    renamed = ("cone-99999/0", *split.ids[1:])
+    assert dataclasses.replace(split, ids=renamed).digest != split.digest
+    swapped = (split.ids[1], split.ids[0], *split.ids[2:])
+    assert dataclasses.replace(split, ids=swapped).digest != split.digest
 
 
 @pytest.mark.parametrize("count", [1, 30, 305])
@@ -156,8 +156,8 @@ def test_unknown_split_is_refused():
 
 
 def test_unknown_protocol_is_refused():
-    told = "protocol of 1.0-mini must be one of grouped, paper: 'random'"
-    with pytest.raises(RecipeError, match=told):
+    message = "protocol of 1.0-mini must be one of grouped, paper: 'random'"
+    with pytest.raises(RecipeError, match=message):
         truth.load("1.0-mini", "test", "random")
 
 

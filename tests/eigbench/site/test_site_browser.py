@@ -10,7 +10,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlparse
 
 import pytest
-from eigbench.site import write
+from eigbench.site import origin, write
 from playwright.sync_api import Page, expect
 
 pytestmark = pytest.mark.slow
@@ -25,10 +25,10 @@ IMPORTED = "2.0-mini-test-imported-real-28-mesh"
 @pytest.fixture(scope="module")
 def folders(made_content, real_content, tmp_path_factory):
     """The page of a made-up board with everything there is, and of this repository."""
-    place = tmp_path_factory.mktemp("pages")
+    folder = tmp_path_factory.mktemp("pages")
     for name, content in (("made", made_content), ("real", real_content)):
-        write.write(place / name, content)
-    return place
+        write.write(folder / name, content)
+    return folder
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def visit(browser, folders) -> Iterator:
                 route.abort()
 
         page.route("**/*", check)
-        page.on("console", lambda told: problems.append(f"{told.type}: {told.text}"))
+        page.on("console", lambda message: problems.append(f"{message.type}: {message.text}"))
         page.on("pageerror", lambda error: problems.append(f"error: {error}"))
         if name == "made" and "board=" not in fragment:
             fragment = f"#board={FIRST}" + (f"&{fragment[1:]}" if fragment else "")
@@ -88,9 +88,9 @@ def meshes(page: Page, count: int = 2) -> None:
 @pytest.mark.parametrize("name", ["made", "real"])
 def test_page_loads_from_a_file_with_every_row(visit, made_board, real_board, name):
     page = visit(name=name)
-    found = (made_board if name == "made" else real_board)[0]
+    rows = (made_board if name == "made" else real_board)[0]
     board = page.evaluate("location.hash")
-    first = [one.name for one in found if f"={one.board}-" in f"{board}-"]
+    first = [row.name for row in rows if f"={row.board}-" in f"{board}-"]
     assert sorted(names(page)) == sorted(first)
     expect(page.locator("#status")).to_have_text(
         f"{len(first)} of {len(first)} rows shown, sorted by rank, ascending."
@@ -194,14 +194,14 @@ def test_a_head_says_what_its_column_means_to_all(visit):
 
 def test_chart_has_the_front_and_its_points_lead_to_models(visit, real_board):
     page = visit(name="real")
-    told = page.locator("#chart svg[role=img]").get_attribute("aria-label")
-    first = [one.at("surface") for one in real_board[0] if one.board == "2.0-test-grouped"]
+    label = page.locator("#chart svg[role=img]").get_attribute("aria-label")
+    first = [row.at("surface") for row in real_board[0] if row.board == "2.0-test-grouped"]
     at = {
-        one.name: (
-            -one.result["cost"]["reference"]["ratio"],
-            one.scores["overall"]["rpd"]["mean"],
+        row.name: (
+            -row.result["cost"]["reference"]["ratio"],
+            row.scores["overall"]["rpd"]["mean"],
         )
-        for one in first
+        for row in first
     }
     front = {  # by the definition: nobody is as fast and better, or as good and faster
         name
@@ -209,7 +209,7 @@ def test_chart_has_the_front_and_its_points_lead_to_models(visit, real_board):
         if not any(x <= slow and y <= rpd and (x, y) != (slow, rpd) for x, y in at.values())
     }
     assert 1 < len(front) < len(at)
-    shown = told.partition("Pareto front: ")[2]
+    shown = label.partition("Pareto front: ")[2]
     assert {name for name in at if f"{name} (" in shown} == front
     chart = page.locator("#chart svg[role=img]").first
     mark = chart.locator("g path").filter(has_not=page.locator("title")).last
@@ -246,14 +246,14 @@ def test_every_point_is_named_or_listed_and_no_name_is_nearer_to_another(visit, 
     page = visit(view, name=name, size={"width": width, "height": 900})
     expect(page.locator("#chart svg[role=img]").first).to_be_visible()
     rows = {
-        one.evaluate("link => link.closest('tr').id.slice(4)"): one.text_content()
-        for one in page.locator("#table tbody .title").all()
+        link.evaluate("link => link.closest('tr').id.slice(4)"): link.text_content()
+        for link in page.locator("#table tbody .title").all()
     }
     assert rows
     drawn = set()
     for figure in page.locator("#chart figure").all():
         chart = figure.evaluate(NAMES_OF_A_CHART)
-        at = {one["slug"]: (one["x"], one["y"]) for one in chart["points"]}
+        at = {point["slug"]: (point["x"], point["y"]) for point in chart["points"]}
         named = dict(chart["names"])
         assert named
         drawn |= set(at)
@@ -286,8 +286,8 @@ def test_where_a_prediction_can_win_is_shaded_and_who_wins_is_said(visit):
     expect(charts).to_have_count(2)
     expect(charts.first).to_have_attribute("aria-label", re.compile("On most surfaces win: Near"))
     expect(charts.last).to_have_attribute("aria-label", re.compile("On most surfaces win: none"))
-    for chart in charts.all():
-        assert chart.locator("[fill='var(--front)'] path").count() == 1
+    shaded = charts.locator("[fill='var(--front)']")
+    assert [area.locator("path").count() for area in shaded.all()] == [1, 1]
 
 
 # --- a row -------------------------------------------------------------------------------
@@ -340,10 +340,10 @@ def test_another_board_is_one_step_of_back(visit):
 
 def test_why_a_rank_shows_the_paired_difference_to_every_other_row(visit):
     page = visit("#model=one-percent")
-    told = page.get_by_role("img", name=re.compile("of each other row minus that of One percent"))
+    chart = page.get_by_role("img", name=re.compile("of each other row minus that of One percent"))
     others = ("Other percent", "Twenty | <percent>", "Far")
-    expect(told).to_be_visible()
-    assert all(f"{name} " in told.get_attribute("aria-label") for name in others)
+    expect(chart).to_be_visible()
+    assert all(f"{name} " in chart.get_attribute("aria-label") for name in others)
     page = visit()
     page.get_by_role("link", name=re.compile("^why .*: One percent")).click()
     expect(page.get_by_role("heading", name="Why this rank")).to_be_in_viewport()
@@ -357,6 +357,49 @@ def test_why_a_rank_shows_the_paired_difference_to_every_other_row(visit):
     expect(page.get_by_role("table", name="Beside Far")).to_have_count(0)
 
 
+def test_a_page_says_where_its_model_comes_from_and_how_to_cite_it(visit, real_board, browser):
+    row = next(
+        row
+        for row in real_board[0]
+        if "checkout" in row.result
+        and any(name.endswith(".safetensors") for name in row.result["model"]["sources"])
+    )
+    page = visit(f"#board={row.board}-surface&model={row.slug}", name="real")
+    meshes(page)
+    facts = page.locator(".facts")
+    titles = ["row by", "code", "weights", "training set", "commit of the code"]
+    titles += ["result of"] * bool(origin.date(row.result_path))  # a shallow clone knows no days
+    for title in titles:
+        expect(facts.locator("dt").filter(has_text=re.compile(f"^{title}$"))).to_have_count(1)
+    links = facts.locator("a[href^='code/']").all()
+    assert {link.text_content() for link in links} >= {row.result["model"]["code"].split(":")[0]}
+    for link in links:
+        assert Path(unquote(urlparse(link.evaluate("one => one.href")).path)).is_file()
+    entry = page.locator(".cite").text_content()
+    assert entry.startswith(f"@misc{{eigbench-{row.slug},")
+    assert row.name in entry
+    assert "run by a maintainer" not in page.locator("#model").text_content()
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    button = page.get_by_role("button", name="Copy the citation")
+    button.click()
+    expect(page.get_by_role("button", name="Copied")).to_have_count(1)
+    assert page.evaluate("navigator.clipboard.readText()") == entry
+
+
+def test_a_row_that_a_maintainer_has_run_says_so(altered):
+    def alter(folder):
+        path = folder / "rows" / FIRST / "far.js"
+        text = path.read_text()
+        assert '"verified":false' in text
+        path.write_text(text.replace('"verified":false', '"verified":true'))
+
+    page = altered(alter)
+    page.evaluate(f"location.hash = '#board={FIRST}&model=far'")
+    expect(page.locator(".badge")).to_have_text(
+        ["scores recomputed by CI from its predictions", "run by a maintainer"]
+    )
+
+
 def test_the_shown_rows_can_be_had_as_csv_and_json(visit):
     page = visit()
     page.get_by_label("trivial").uncheck()
@@ -368,13 +411,13 @@ def test_the_shown_rows_can_be_had_as_csv_and_json(visit):
     assert [line[0] for line in lines[1:]] == names(page)
     assert len({len(line) for line in lines}) == 1
     assert "rpd-median" in lines[0]  # of another view
-    place = lines[0].index("rpd")
-    assert float(lines[1][place]) == pytest.approx(10 * 0.01 / 2.01, rel=1e-4)
+    column = lines[0].index("rpd")
+    assert float(lines[1][column]) == pytest.approx(10 * 0.01 / 2.01, rel=1e-4)
     with page.expect_download() as download:
         page.get_by_role("button", name="JSON").click()
     rows = json.loads(Path(download.value.path()).read_text())["rows"]
     assert [row["model"] for row in rows] == names(page)
-    assert rows[0]["rpd"]["value"] == float(lines[1][place])
+    assert rows[0]["rpd"]["value"] == float(lines[1][column])
 
 
 def test_a_mesh_turns_by_keys_by_a_drag_and_by_buttons(visit):
@@ -503,9 +546,9 @@ VIEWS = (
 )
 
 
-@pytest.mark.parametrize("width", [320, 390])
+@pytest.mark.parametrize("width", [320, 390, 1440])
 @pytest.mark.parametrize("view", VIEWS)
-def test_a_phone_does_not_scroll_sideways(visit, view, width, overflow):
+def test_no_view_scrolls_sideways(visit, view, width, overflow):
     page = visit(view, size={"width": width, "height": 800})
     if "model=far" in view:
         meshes(page)
@@ -587,8 +630,8 @@ def test_theme_is_the_systems_until_one_is_chosen(visit):
     page = visit(scheme="dark")
 
     def ground():
-        found = page.evaluate("getComputedStyle(document.body).backgroundColor")
-        return sum(map(int, re.findall(r"\d+", found)[:3]))
+        colour = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        return sum(map(int, re.findall(r"\d+", colour)[:3]))
 
     assert ground() < 150
     page.get_by_label("Theme").select_option("light")
@@ -631,12 +674,12 @@ def altered(browser, folders, tmp_path) -> Iterator:
     contexts = []
 
     def opened(alter) -> Page:
-        place = tmp_path / "altered"
-        shutil.copytree(folders / "made", place)
-        alter(place)
+        folder = tmp_path / "altered"
+        shutil.copytree(folders / "made", folder)
+        alter(folder)
         contexts.append(browser.new_context(viewport=WIDE))
         page = contexts[-1].new_page()
-        page.goto(f"{(place / 'index.html').as_uri()}#board={FIRST}")
+        page.goto(f"{(folder / 'index.html').as_uri()}#board={FIRST}")
         return page
 
     yield opened
@@ -646,12 +689,12 @@ def altered(browser, folders, tmp_path) -> Iterator:
 
 @pytest.mark.parametrize(("name", "where"), [("data.js", "#status"), ("chart.js", "#chart")])
 def test_a_file_of_the_first_view_that_is_missing_is_said(altered, name, where):
-    page = altered(lambda place: (place / name).unlink())
+    page = altered(lambda folder: (folder / name).unlink())
     expect(page.locator(where)).to_have_text(f"{name} of this page's folder cannot be loaded")
 
 
 def test_columns_that_cannot_be_loaded_are_said(altered):
-    page = altered(lambda place: shutil.rmtree(place / "columns"))
+    page = altered(lambda folder: shutil.rmtree(folder / "columns"))
     expect(page.locator("#table")).to_contain_text("One percent")
     page.get_by_label("Columns").select_option("medians")
     expect(page.locator("#status")).to_have_text(
@@ -660,7 +703,7 @@ def test_columns_that_cannot_be_loaded_are_said(altered):
 
 
 def test_a_board_that_cannot_be_loaded_does_not_leave_the_one_before(altered):
-    page = altered(lambda place: (place / "boards" / "2.0-mini-test-grouped-surface.js").unlink())
+    page = altered(lambda folder: (folder / "boards" / "2.0-mini-test-grouped-surface.js").unlink())
     expect(page.locator("#table")).to_contain_text("One percent")
     page.get_by_label("Dataset").select_option("synthNet 2.0-mini")
     expect(page.locator("#status")).to_have_text(
@@ -690,8 +733,8 @@ def test_text_of_a_board_has_no_links_but_its_own(altered):
         r"[up](/etc/passwd) [far](https://example.org/d) **e \*\* f** \*\*g\*\* \`h\`"
     )
 
-    def alter(place):
-        path = place / "boards" / "1.0-mini-test-grouped-mesh.js"
+    def alter(folder):
+        path = folder / "boards" / "1.0-mini-test-grouped-mesh.js"
         text, count = re.subn(
             r'"notes":\[.*?\],"columns"',
             lambda _: f'"notes":[{json.dumps(notes)}],"columns"',
@@ -702,15 +745,15 @@ def test_text_of_a_board_has_no_links_but_its_own(altered):
 
     page = altered(alter)
     page.get_by_text("How to read this").click()
-    told = page.locator("#notes details p").last
-    expect(told).to_have_text("[name](https://example.org/a) b]c out up far e ** f **g** `h`")
-    links = told.locator("a")
+    paragraph = page.locator("#notes details p").last
+    expect(paragraph).to_have_text("[name](https://example.org/a) b]c out up far e ** f **g** `h`")
+    links = paragraph.locator("a")
     assert [link.get_attribute("href") for link in links.all()] == [
         "../docs/rules.md#x",
         "https://example.org/d",
     ]
-    assert told.locator("strong").all_text_contents() == ["e ** f"]
-    assert told.locator("code").count() == 0
+    assert paragraph.locator("strong").all_text_contents() == ["e ** f"]
+    assert paragraph.locator("code").count() == 0
 
 
 # --- filters, seeds, tips ------------------------------------------------------------------
@@ -725,21 +768,21 @@ def test_a_filter_leaves_the_front_as_it_is(visit):
     drawn = front.get_attribute("d")
     page.get_by_label("classical").uncheck()
     assert "One percent" not in names(page)
-    told = chart.get_attribute("aria-label")
-    assert whole.partition("Pareto")[2] == told.partition("Pareto")[2]
-    assert "4 rows, 1 of them faint" in told
+    label = chart.get_attribute("aria-label")
+    assert whole.partition("Pareto")[2] == label.partition("Pareto")[2]
+    assert "4 rows, 1 of them faint" in label
     assert front.get_attribute("d") == drawn
     expect(page.locator("#chart")).to_contain_text("Pareto front: One percent.")
     expect(page.locator("#chart")).to_contain_text("faint: left out by the filters")
 
 
 def test_an_imported_shape_says_that_one_of_several_seeds_is_shown(visit, real_board):
-    one = next(
-        one
-        for one in real_board[0]
-        if one.truth.protocol.startswith("imported/") and len(one.predictions) > 1
+    row = next(
+        row
+        for row in real_board[0]
+        if row.truth.protocol.startswith("imported/") and len(row.predictions) > 1
     )
-    page = visit(f"#board={one.board}-mesh&model={one.slug}", name="real")
+    page = visit(f"#board={row.board}-mesh&model={row.slug}", name="real")
     expect(page.locator(".shape").first).to_contain_text("Predicted by the first seed.")
 
 

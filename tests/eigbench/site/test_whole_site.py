@@ -3,9 +3,12 @@
 import re
 import subprocess
 import sys
+import threading
+from functools import partial
 from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from urllib.parse import unquote, urldefrag, urlparse
+from urllib.parse import parse_qs, unquote, urldefrag, urlparse
 
 import pytest
 from eigbench.site import write
@@ -15,20 +18,9 @@ pytest.importorskip("sphinx", reason="the site's tools are not installed: pip in
 pytestmark = pytest.mark.slow
 
 CHECKOUT = Path(__file__).parents[3]
-PAGES = (
-    "index.html",
-    "LEADERBOARD.html",
-    "docs/start.html",
-    "docs/concepts.html",
-    "docs/labels.html",
-    "docs/pictures.html",
-    "docs/dataset-card-2.0.html",
-    "docs/reproduction.html",
-    "docs/tutorials/train.html",
-    "benchmark/boards/2.0-test-grouped-surface.html",
-    "search.html",
-    "404.html",
-)
+WIDTHS = (320, 390, 1440)
+PHONE = {"width": 390, "height": 800}
+SOURCES = "_modules"  # pages of code, all by one template: one of them stands for them
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +49,9 @@ class Links(HTMLParser):
 
 
 def links(path):
-    found = Links()
-    found.feed(path.read_text())
-    return found
+    parser = Links()
+    parser.feed(path.read_text())
+    return parser
 
 
 def test_no_page_shows_the_marks_of_its_markdown(site):
@@ -86,35 +78,173 @@ def test_every_link_inside_the_site_leads_to_what_is_there(site):
     assert lost == []
 
 
-def test_every_link_of_the_board_to_the_docs_leads_to_a_page(site, browser):
+OPENED = """() => {
+  for (const one of document.querySelectorAll("details")) one.open = true;
+  const links = [...document.querySelectorAll("a[href]")];
+  return links.map((one) => [one.getAttribute("href"), one.href]);
+}"""
+
+
+def test_every_link_of_every_board_and_model_leads_to_what_is_there(site, browser):
+    folder = site / "board"
+    boards = {path.stem for path in folder.glob("boards/*.js")}
+    models = {path.stem for path in folder.glob("models/*.js")}
+    rows = {
+        path.relative_to(folder / "rows").with_suffix("") for path in folder.glob("rows/*/*.js")
+    }
+    assert len(boards) > 10
+    assert len(models) > 20
+    of_a_model = sorted({row.name: row.parent.name for row in sorted(rows)}.items())
+    views = [f"#board={key}" for key in sorted(boards)]
+    views += [f"#board={board}&model={model}" for model, board in of_a_model]
+    anchors = {}
+    lost, kinds = [], set()
     page = browser.new_page()
-    page.goto((site / "board" / "index.html").as_uri())
-    expect(page.locator("#links a")).not_to_have_count(0)
-    hrefs = page.locator("a[href]").evaluate_all("links => links.map((one) => one.href)")
-    docs = [href for href in hrefs if "/docs/" in href]
-    assert len(docs) >= 5
-    for href in docs:
-        path = Path(unquote(urlparse(href).path))
-        assert unquote(urlparse(href).fragment) in links(path).anchors, href
+    page.set_default_timeout(60_000)
+    for view in views:
+        page.goto("about:blank")
+        page.goto(f"{(folder / 'index.html').as_uri()}{view}")
+        expect(page.locator("#status")).not_to_be_empty()
+        if "model=" in view:
+            expect(page.locator(".detail")).not_to_have_text("Loading …")
+        for given, address in page.evaluate(OPENED):
+            if given.startswith("#"):
+                kinds.add("view")
+                state = parse_qs(given[1:])
+                if "board" in state:
+                    board, model = state["board"][0], state.get("model", [""])[0]
+                    there = Path(board, model) in rows if model else board in boards
+                else:  # to a place on the same page
+                    there = page.locator(given).count() == 1
+            elif address.startswith("file:"):
+                path = Path(unquote(urlparse(address).path))
+                kinds.add(path.relative_to(site).parts[0] if path.is_relative_to(site) else "out")
+                there = path.is_file()
+                if there and path.suffix == ".html":
+                    known = anchors.setdefault(path, links(path).anchors)
+                    there = unquote(urlparse(address).fragment) in known
+            else:
+                there = address.startswith("https://")
+            if not there:
+                lost.append((view, given))
+    page.close()
+    assert lost == []
+    assert {"view", "docs", "board"} <= kinds
+    assert "out" not in kinds
+
+
+# --- search, and what is not there ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [{"width": 1440, "height": 900}, PHONE], ids=["wide", "phone"])
+def test_a_word_is_searched_for_and_found_from_a_file(site, browser, size):
+    phone = {"has_touch": True, "is_mobile": True} if size == PHONE else {}
+    context = browser.new_context(viewport=size, **phone)
+    page = context.new_page()
+    page.goto((site / "docs" / "start.html").as_uri())
+    field = page.get_by_role("searchbox").or_(page.locator("input[name=q]")).first
+    if size == PHONE:
+        page.locator(".mobile-header label[for=__navigation]").tap()
+    expect(field).to_be_in_viewport()
+    field.fill("isospectral")
+    field.press("Enter")
+    hits = page.locator("#search-results li a")
+    expect(hits.first).to_be_visible(timeout=30_000)
+    assert urlparse(page.url).path.endswith("/search.html")
+    titles = hits.all_text_contents()
+    assert any("glossary" in title.lower() or "concepts" in title.lower() for title in titles)
+    hits.first.click()
+    page.wait_for_load_state()
+    assert Path(unquote(urlparse(page.url).path)).is_file()
+    expect(page.locator("article")).to_contain_text(re.compile("isospectral", re.IGNORECASE))
+    context.close()
+
+
+@pytest.fixture
+def hosted(site):
+    """Address of the site on a host that has it in a folder, and its 404.html for the rest."""
+
+    class Host(SimpleHTTPRequestHandler):
+        def do_GET(self):
+            self._serve(super().do_GET)
+
+        def do_HEAD(self):
+            self._serve(super().do_HEAD)
+
+        def _serve(self, known):
+            path = urlparse(self.path).path
+            self.path = path.removeprefix("/some/project")
+            if path.startswith("/some/project/") and Path(self.translate_path(self.path)).is_file():
+                known()
+            else:
+                body = (site / "404.html").read_bytes()
+                self.send_response(404)
+                self.send_header("Content-Type", "text/html; charset=utf-8")
+                self.send_header("Content-Length", str(len(body)))
+                self.end_headers()
+                if self.command == "GET":
+                    self.wfile.write(body)
+
+        def log_message(self, *_):
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Host, directory=site)) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/some/project/"
+        server.shutdown()
+
+
+@pytest.mark.parametrize("lost", ["gone.html", "docs/gone.html", "a/b/c/d.html", "board/a/"])
+def test_a_page_that_is_not_there_leads_back_from_any_depth(hosted, browser, lost):
+    page = browser.new_page()
+    page.goto(hosted + lost)
+    targets = ("index.html", "board/index.html", "search.html")
+    for link, target in zip(page.locator("main a").all(), targets, strict=True):
+        expect(link).to_have_attribute("href", re.compile(f"{re.escape(target)}$"))
+    expect(page.locator("main a").first).to_have_attribute("href", "/some/project/index.html")
+    page.locator("main a").first.click()
+    expect(page).to_have_url(f"{hosted}index.html")
+    expect(page.locator("h1")).to_contain_text("synthNet")
     page.close()
 
 
+# --- every page -----------------------------------------------------------------------------
+
+
+def pages_of_the_docs(site):
+    every = sorted(site.rglob("*.html"))
+    code = [path for path in every if SOURCES in path.parts]
+    pages = [
+        path
+        for path in every
+        if path not in code and "board" not in path.relative_to(site).parts[:1]
+    ]
+    assert len(pages) > 50
+    return [*pages, code[-1]]
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("name", PAGES)
-def test_axe_finds_nothing_serious_in_the_docs(site, browser, violations, name, scheme):
+def test_axe_finds_nothing_serious_in_the_docs(site, browser, violations, scheme):
     context = browser.new_context(color_scheme=scheme, viewport={"width": 1440, "height": 900})
     page = context.new_page()
-    page.goto((site / name).as_uri())
-    found = violations(page)
-    assert [one for one in found if re.match("serious|critical", one)] == []
+    serious = {}
+    for path in pages_of_the_docs(site):
+        page.goto(path.as_uri())
+        for violation in violations(page):
+            if re.match("serious|critical", violation):
+                serious.setdefault(violation, path.relative_to(site).as_posix())
     context.close()
+    assert serious == {}
 
 
-@pytest.mark.parametrize("width", [320, 390, 1440])
-@pytest.mark.parametrize("name", PAGES)
-def test_no_page_of_the_docs_scrolls_sideways(site, browser, overflow, name, width):
+@pytest.mark.parametrize("width", WIDTHS)
+def test_no_page_of_the_docs_scrolls_sideways(site, browser, overflow, width):
     context = browser.new_context(viewport={"width": width, "height": 900})
     page = context.new_page()
-    page.goto((site / name).as_uri())
-    assert overflow(page) == 0
+    wide = []
+    for path in pages_of_the_docs(site):
+        page.goto(path.as_uri())
+        if overflow(page):
+            wide.append(path.relative_to(site).as_posix())
     context.close()
+    assert wide == []

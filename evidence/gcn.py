@@ -126,7 +126,7 @@ def plain_graph(mesh: Mesh) -> object:
 def row(task: str, dtype: torch.dtype, peer: Callable, ours: Callable, rounds: int) -> dict:
     """Return the milliseconds of both sides, and the difference of their answers."""
     both = {"peer": peer, "ours": ours}
-    in_turn(both)  # warms up
+    in_turn(both)  # this call warms up
     timed = in_turn(both, rounds, clock=clock)
     truth, answer = timed["peer"].answer, timed["ours"].answer
     difference = float((truth - answer).norm() / truth.norm())

@@ -1,0 +1,71 @@
+"""What a run of a predictor will cost, by the times that a board has of it, or of LaPy."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from eigbench import results
+from eigbench.board.leaderboard import RESULTS
+from eigbench.errors import EigbenchError
+from eigbench.scoring.truth import Truth
+from synthnet import recipe
+from synthnet.errors import counted
+
+
+def line(root: Path, labels: Truth, code: str, seeds: int) -> str:
+    """Return what is known of a run before it starts, as one line.
+
+    Parameters
+    ----------
+    root : Path
+        Directory of the board; it may have none.
+    labels : Truth
+        What is to be predicted.
+    code : str
+        The predictor's file: a row made of a file of that name tells most.
+    seeds : int
+        Runs over all meshes.
+    """
+    count = len(labels.ids) * seeds
+    start = f"{counted(count, 'mesh', 'meshes')} to predict"
+    for board in _boards(labels):
+        rows = list(_readable(sorted((root / RESULTS / board).glob("*.json"))))
+        own = [(row, f"the row of {code}") for row in rows if row["model"]["code"] == code]
+        lapy = [(row, "LaPy") for row in rows if row["model"]["name"] == "LaPy"]
+        if candidates := [*own, *lapy]:
+            row, name = candidates[0]
+            return f"{start}: {name} took {_took(row, count)}"
+    return f"{start}; no result of them is recorded here: the first batch will show the time"
+
+
+def _readable(paths: Sequence[Path]) -> Iterator[dict[str, Any]]:
+    """Yield the results that are whole; of the others `eigbench leaderboard` speaks."""
+    for path in paths:
+        with contextlib.suppress(EigbenchError):
+            yield results.read(path)
+
+
+def _boards(labels: Truth) -> Iterator[str]:
+    """Yield the boards whose times hold: its own, and that of the version whose part it is."""
+    yield f"{labels.version}-test-{labels.protocol.replace('/', '-')}"
+    if labels.version in recipe.available():
+        yield f"{recipe.load(labels.version).base}-test-grouped"
+
+
+def _took(row: dict[str, Any], count: int) -> str:
+    seconds = row["cost"]["ms_per_mesh_mean"] / 1e3 * count
+    return f"{about(seconds)} for as many on the board ({results.setting(row)})"
+
+
+def about(seconds: float) -> str:
+    """Return a duration as a rough number of minutes.
+
+    Examples
+    --------
+    >>> about(20), about(700)
+    ('less than a minute', 'about 12 min')
+    """
+    return "less than a minute" if seconds < 60 else f"about {seconds / 60:.0f} min"

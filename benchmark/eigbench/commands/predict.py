@@ -1,0 +1,242 @@
+"""The command predict: it runs a predictor over a split, and writes its answers."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import TypeVar
+
+from rich.console import Console
+
+from eigbench.board import foreseen
+from eigbench.commands import arguments, score
+from eigbench.commands.arguments import Command
+from eigbench.errors import EigbenchError, PredictorError
+from eigbench.results import predictions
+from eigbench.running import box, meshes, record
+from eigbench.running.evaluate import Evaluation, Options, evaluate
+from eigbench.running.predictor import check_file
+from eigbench.running.process import Loaded
+from eigbench.scaling import run as scaling_run
+from eigbench.scoring import truth
+from eigbench.scoring.training import IMPORTED
+from synthnet import store, terminal
+from synthnet.errors import counted
+from synthnet.store.files import make_parent
+
+Settings = TypeVar("Settings", Options, scaling_run.Settings)
+CORRECTED = 1.5  # by how much an estimate of time is off when it is told anew
+UNHELD = (
+    "warning: no sandbox works here, so the file's code runs with your rights: install bubblewrap "
+    "(--no-sandbox leaves this line out)"
+)
+
+
+def add_commands(command: Command) -> None:
+    """Add predict to the command line."""
+    sub = command(
+        "predict",
+        predict,
+        "run a predictor over a split and write its answers; this runs the file's code",
+        "my_model.py --dataset 1.0 --out predictions.parquet",
+    )
+    add_run(sub)
+    sub.add_argument(
+        "--out",
+        type=Path,
+        default=Path("predictions.parquet"),
+        metavar="FILE",
+        help="the predictions (default: %(default)s)",
+    )
+
+
+def add_run(sub: argparse.ArgumentParser) -> None:
+    """Add the predictor, what it is asked, and how it is run."""
+    arguments.predictor(sub)
+    score.add_split(sub)
+    arguments.root(sub)
+    arguments.process(sub)
+    arguments.count(sub, "--batch-size", "B", "meshes a call", 200)
+    arguments.count(sub, "--seeds", "N", "runs, with seeds 0 to N - 1", 1)
+    arguments.time_limit(sub, 3600.0)
+    sub.add_argument("--resume", action="store_true", help="go on with an interrupted run")
+    add_sandbox(sub)
+
+
+def add_sandbox(sub: argparse.ArgumentParser) -> None:
+    """Add what the predictor's process is held by; :func:`held` reads it."""
+    how = sub.add_mutually_exclusive_group()
+    how.add_argument(
+        "--no-sandbox",
+        dest="sandbox",
+        action="store_const",
+        const=box.NONE,
+        default="auto",
+        help="run the file's code with your rights (default: in a sandbox, where one works)",
+    )
+    how.add_argument(
+        "--require-sandbox",
+        dest="sandbox",
+        action="store_const",
+        const="required",
+        help="refuse to run the file's code where no sandbox works",
+    )
+    add_readable(sub)
+
+
+def add_readable(sub: argparse.ArgumentParser) -> None:
+    """Add what the sandbox shows besides the predictor's own files."""
+    sub.add_argument(
+        "--readable",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="a file or directory that the sandbox shows besides the predictor's own, such as "
+        "weights; may be repeated (default: none)",
+    )
+
+
+def settings_of(options: argparse.Namespace, settings: type[Settings]) -> Settings:
+    """Return how a predictor is to be run, as one of the classes of settings; see :func:`held`."""
+    kind, readable = held(options)
+    given = {f.name: getattr(options, f.name) for f in fields(settings) if f.name in options}
+    return settings(**{**given, "sandbox": kind, "readable": readable})
+
+
+def held(options: argparse.Namespace) -> tuple[str, tuple[Path, ...]]:
+    """Return the sandbox and what it shows besides, and say so where none works.
+
+    Raises
+    ------
+    EigbenchError
+        If a sandbox is required and none works, or something to be shown is not there.
+    """
+    for path in options.readable:
+        if not path.exists():
+            raise EigbenchError(f"--readable: there is nothing at {path}")
+    kind = box.chosen(options.sandbox)
+    if kind == box.NONE and options.sandbox != box.NONE:
+        print(UNHELD, file=sys.stderr)
+    return kind, tuple(options.readable)
+
+
+def predict(options: argparse.Namespace) -> int:
+    """Run a predictor over a split and write its predictions."""
+    out: Path = options.out
+    if out.suffix != ".parquet":
+        raise EigbenchError(f"--out must end in .parquet, got {out}")
+    check_file(options.predictor)
+    directory = score.dataset_of(options)
+    labels = score.labels_of(options, directory)
+    dataset = meshes_of(labels, directory, options.root)
+    settings = settings_of(options, Options)
+    make_parent(out)
+    parts = out.with_name(f".{out.name}.parts")
+    evaluation = answers(options.predictor, labels, dataset, settings, parts)
+    predictions.write(out, labels, evaluation.predictions)
+    shutil.rmtree(parts, ignore_errors=True)
+    cost = record.cost(evaluation, settings)
+    if options.json:
+        facts = {
+            "predictions": str(out),
+            "model": evaluation.loaded.meta["name"],
+            "instances": len(labels.ids),
+            "ms_per_mesh": cost["ms_per_mesh"],
+            "sandbox": settings.sandbox,
+        }
+        print(json.dumps(facts, indent=1))
+    else:
+        print(
+            f"{evaluation.loaded.meta['name']}: {len(labels.ids):,} instances, "
+            f"{cost['ms_per_mesh']:.3g} ms a mesh, sandbox {settings.sandbox}\n"
+            f"predictions {out}; now: eigbench score {out}{_split(options)}"
+        )
+    for finding in record.findings(cost, evaluation.status.refused):
+        print(f"warning: {finding}", file=sys.stderr)
+    return score.exit_code(predictions.unphysical(labels, evaluation.predictions))
+
+
+def _split(options: argparse.Namespace) -> str:
+    """Return the options that name the split again, for the next command."""
+    given = {name: getattr(options, name) for name in ("sealed", "root", "split", "protocol")}
+    given["dataset"] = None if options.sealed else options.dataset
+    usual = {"split": "test", "protocol": "grouped"}
+    return "".join(f" --{k} {v}" for k, v in given.items() if v not in (None, usual.get(k)))
+
+
+def meshes_of(
+    labels: truth.Truth, directory: store.StoredDataset | None, root: Path | None
+) -> store.StoredDataset:
+    """Return the dataset on disk whose meshes are predicted; it must be that of the labels."""
+    kind, _, name = labels.protocol.partition("/")
+    version = name if kind == IMPORTED else labels.version
+    dataset = directory or store.open_dataset(version, root)
+    if kind == IMPORTED:
+        same = truth.of_import(dataset, labels.version).recipe_digest == labels.recipe_digest
+        problem = f"does not hold the meshes whose labels are pinned as {name}"
+    else:
+        same = dataset.manifest.recipe_digest == labels.recipe_digest
+        problem = f"was not built from the recipe of {labels.version}"
+    if not same:
+        raise EigbenchError(f"{dataset.directory} {problem}: check it with `synthnet verify`")
+    return dataset
+
+
+def answers(
+    predictor: Path,
+    labels: truth.Truth,
+    dataset: store.StoredDataset,
+    settings: Options,
+    parts: Path,
+    on_loaded: Callable[[Loaded], None] | None = None,
+    *,
+    estimated: bool = True,
+) -> Evaluation:
+    """Run a predictor over a split, with progress and, if ``estimated``, the time it may take."""
+    console = Console(stderr=True, highlight=False)
+    with console.status("reading the meshes"):
+        instances = meshes.read(dataset, labels.ids)
+    loading = console.status("loading the predictor")
+    progress = terminal.progress("predicting", console)
+    meshes_in_all = len(labels.ids) * settings.seeds
+    task = progress.add_task("predicting", total=meshes_in_all)
+    of = f"predicting {counted(meshes_in_all, 'mesh', 'meshes')}"
+    taken = foretold = 0.0
+
+    def on_batch(count: int, seconds: float) -> None:
+        nonlocal taken, foretold
+        loading.stop()
+        progress.start()
+        progress.advance(task, count)
+        done, taken = progress.tasks[task].completed, taken + seconds
+        whole = taken * meshes_in_all / done
+        off = max(whole, foretold) > CORRECTED * min(whole, foretold)  # the first batch compiles
+        if estimated and off and done < meshes_in_all:
+            foretold = whole
+            console.print(f"{of}: {foreseen.about(whole - taken)} more")
+
+    try:
+        loading.start()
+        return evaluate(
+            predictor,
+            labels,
+            instances,
+            settings,
+            parts,
+            on_batch=on_batch,
+            on_restart=lambda: console.print("code or settings have changed: starting anew"),
+            on_loaded=on_loaded,
+        )
+    except PredictorError as error:
+        if any(parts.glob("*/*.npz")):
+            raise PredictorError(f"{error} (--resume goes on from the last good batch)") from error
+        raise
+    finally:
+        loading.stop()
+        progress.stop()

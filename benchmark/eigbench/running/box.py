@@ -1,0 +1,372 @@
+"""The box: what a predictor's process can reach, and how the system holds it to that.
+
+It is a list of what is shown; all else is not there. Shown, to be read alone: the interpreter and
+its packages, the predictor's own files, what the user names, and the labels of the training that is
+asked for. It may write to a directory of its own, which is removed with it. There is no network.
+Hidden are datasets, the pinned labels of other shapes, boards, the home and the working directory.
+
+bubblewrap (https://github.com/containers/bubblewrap) holds it to the list where that is installed
+and may make namespaces, else :mod:`eigbench.running.landlock`.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import synthnet
+from eigbench.errors import PredictorError
+from eigbench.running import landlock, predictor, supervisor
+from eigbench.scoring import truth
+from synthnet import kernels, store
+from synthnet.store import pins
+from synthnet.types import SPLITS
+
+ROOTS = (Path(synthnet.__path__[0]), Path(__file__).parents[1])  # synthnet and eigbench
+BUBBLEWRAP, LANDLOCK, NONE = "bubblewrap", "landlock", "none"
+ISOLATED = (
+    *("--unshare-all", "--die-with-parent", "--cap-drop", "ALL"),
+    *("--proc", "/proc", "--dev", "/dev"),
+)
+SYSTEM = (
+    *("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/etc/alternatives"),
+    *("/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d", "/etc/localtime"),
+    *("/etc/group", "/etc/nsswitch.conf", "/etc/passwd", "/sys/devices/system"),
+)
+DEVICES = ("/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom")
+PACKAGES = ("site-packages", "dist-packages")  # names of directories that libraries lie in
+KEPT = (  # variables, or beginnings of their names, that the process inherits
+    *("PATH", "LANG", "LC_", "TZ", "LD_LIBRARY_PATH", "PYTHON", "NUMBA_", "SYNTHNET_COMPILING"),
+    supervisor.PACKAGES,
+    *("OMP_", "OPENBLAS_", "MKL_", "KMP_", "CUDA_", "NVIDIA_", "TORCH_", "COVERAGE_"),
+)
+ASKS = re.compile(rb"\btraining\b")  # in the code of a predictor whose `load` takes it
+NOISE = ("/dev", "/etc", "/proc", "/run", "/sys", "/usr", "/var")  # where libraries look round
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """A path with all below it is shown or hidden; a later rule overrules an earlier one."""
+
+    path: Path
+    shown: bool = True
+
+
+@functools.cache
+def available() -> str:
+    """Return the best sandbox that works here: ``bubblewrap``, ``landlock``, or ``none``."""
+    if sys.platform != "linux":
+        return NONE
+    if _works(["bwrap", *ISOLATED, "--ro-bind", "/", "/", "--", "true"]):
+        return BUBBLEWRAP
+    return LANDLOCK if landlock.version() else NONE
+
+
+def _works(command: Sequence[str]) -> bool:
+    try:
+        done = subprocess.run(command, capture_output=True, check=False, timeout=30)
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return done.returncode == 0
+
+
+def chosen(sandbox: str) -> str:
+    """Return the sandbox of a run.
+
+    Parameters
+    ----------
+    sandbox : str
+        ``auto`` for the best that there is, ``required`` for that or an error, or ``none``.
+
+    Raises
+    ------
+    PredictorError
+        If one is required and none works here.
+    """
+    if sandbox == NONE:
+        return NONE
+    if sandbox == "required" and available() == NONE:
+        raise PredictorError(
+            "no sandbox works here: install bubblewrap (apt-get install bubblewrap), or use Linux "
+            "6.7 or newer, or a container that may make namespaces; --no-sandbox runs without"
+        )
+    return available()
+
+
+class Box:
+    """What one process of a predictor gets: a folder of its own, its rules and its command.
+
+    Its folder is made at once and removed by :meth:`close`.
+
+    Parameters
+    ----------
+    kind : str
+        ``bubblewrap`` or ``landlock``.
+    file : Path
+        The predictor's file.
+    training : str
+        What it may be trained on: labels of the training and validation shapes are shown.
+    readable : sequence of Path
+        What the user shows besides.
+    packages : Path, optional
+        A directory of packages that come before the others.
+    device : str
+        A device beginning with ``cuda`` shows those of the system.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        file: Path,
+        training: str,
+        *,
+        readable: Sequence[Path] = (),
+        packages: Path | None = None,
+        device: str = "cpu",
+    ) -> None:
+        self.kind = kind
+        self.accelerated = device.startswith("cuda")
+        self.directory = predictor.split(file)[0].resolve().parent
+        self.folder = Path(tempfile.mkdtemp(prefix="eigbench-box-"))
+        try:
+            self.private = self.folder / "private"
+            self.private.mkdir()
+            own = list(_own(predictor.split(file)[0].resolve()))
+            self._copy_kernels([rule.path for rule in own if rule.path.is_dir()])
+            handed = self.folder / "labels"
+            handed.mkdir()
+            if any(ASKS.search(path.read_bytes()) for path in _code(own)):
+                hand_over(training, handed)
+            self.rules = [
+                *_libraries(),
+                *own,
+                *(Rule(path.resolve()) for path in (*readable, packages) if path is not None),
+                Rule(handed),
+            ]
+        except BaseException:
+            self.close()
+            raise
+        self.labels = handed
+
+    def close(self) -> None:
+        """Remove the folder and what the process has left in it."""
+        for folder, names, _ in os.walk(self.folder):  # it may have closed some
+            for path in (Path(folder, name) for name in names):
+                if not path.is_symlink():
+                    path.chmod(0o700)
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def command(self, descriptor: int) -> list[str]:
+        """Return the command that runs a predictor's supervisor in the box."""
+        start = [sys.executable, "-P", "-m", supervisor.__name__, str(descriptor)]
+        if self.kind == BUBBLEWRAP:
+            return ["bwrap", *self._mounts(), "--chdir", str(self.directory), "--", *start]
+        note = self.folder / "landlock.json"
+        note.write_text(json.dumps(self._grants()))
+        return [*start, str(note)]
+
+    def environment(self, inherited: Mapping[str, str]) -> dict[str, str]:
+        """Return the variables of the process: of the inherited ones those that it needs."""
+        kept = {name: text for name, text in inherited.items() if name.startswith(KEPT)}
+        inside = str(self.private)
+        return {
+            **kept,
+            "HOME": inside,
+            "TMPDIR": inside,
+            "NUMBA_CACHE_DIR": f"{inside}/numba",
+            "PYTHONDONTWRITEBYTECODE": "1",
+            pins.VARIABLE: str(self.labels),
+        }
+
+    def shows(self, path: Path) -> bool:
+        """Whether a path can be read in the box."""
+        shown = path.is_relative_to(self.private)
+        for rule in self.rules:
+            if path.is_relative_to(rule.path):
+                shown = rule.shown
+        return shown
+
+    def refused(self, attempts: Sequence[str]) -> list[str]:
+        """Return those of a predictor's attempts that the box has refused.
+
+        Parameters
+        ----------
+        attempts : sequence of str
+            ``read PATH``, ``write PATH`` or ``connect HOST``, as its process saw them begin.
+        """
+        refusals = []
+        for attempt in attempts:
+            what, _, where = attempt.partition(" ")
+            path = Path(os.path.normpath(where))
+            if what == "read":
+                way = any(rule.path.is_relative_to(path) for rule in self.rules)  # looked through
+                hidden = not way and not self.shows(path) and path not in self.private.parents
+                bad = hidden and not _noise(path) and os.path.lexists(path)
+            elif what == "write":
+                bad = not path.is_relative_to(self.private) and not _noise(path)
+            else:
+                bad = True
+            if bad and attempt not in refusals:
+                refusals.append(attempt)
+        return refusals
+
+    def _copy_kernels(self, packages: Sequence[Path]) -> None:
+        """Copy the kernels that are compiled already: a copy, since it loads machine code."""
+        rooms = itertools.chain(ROOTS[0].glob("*/"), [self.directory], packages)
+        for path in kernels.compiled(rooms):
+            copy = self.private / "numba" / path.relative_to(kernels.folder())
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, copy)
+
+    def _mounts(self) -> list[str]:
+        """Return bubblewrap's arguments for the rules, in their order."""
+        mounts = list(ISOLATED)
+        if self.accelerated:
+            mounts += ["--dev-bind", "/dev", "/dev", "--tmpfs", "/dev/shm"]
+            mounts += ["--ro-bind", "/sys", "/sys"]
+        mounts += ["--bind", str(self.private), str(self.private)]
+        for rule in self.rules:
+            path = str(rule.path)
+            if not rule.shown:
+                mounts += ["--tmpfs", path]
+            elif rule.path.is_symlink():
+                mounts += ["--symlink", str(rule.path.readlink()), path]
+            else:
+                mounts += ["--ro-bind", path, path]
+        hidden = (str(rule.path) for rule in self.rules if not rule.shown)
+        for path in (*hidden, "/"):
+            mounts += ["--remount-ro", path]
+        return mounts
+
+    def _grants(self) -> dict[str, str | list[str]]:
+        """Return Landlock's rules: it can only grant, so what holds a hidden path is split."""
+        granted = [*_granted(self.rules), Path("/proc")]
+        packages = [root.parent for root in ROOTS]
+        split = [rule.path.parent for rule in self.rules if not rule.shown]
+        writable = [self.private, *map(Path, DEVICES)]
+        if self.accelerated:
+            granted.append(Path("/sys"))
+            writable += Path("/dev").glob("nvidia*")
+        return {
+            "directory": str(self.directory),
+            "shown": [str(path) for path in granted],
+            "listed": [str(path) for path in (self.directory, *packages, *split)],
+            "writable": [str(path) for path in writable],
+        }
+
+
+def hand_over(training: str, folder: Path) -> None:
+    """Write the pinned labels of the shapes that a training and its validation use, no others.
+
+    :func:`synthnet.store.pins.read` finds them in the folder that ``SYNTHNET_PINS`` names. Of a
+    training that has no pinned labels nothing is written.
+    """
+    for name, content in _handed(training).items():
+        (folder / name).write_bytes(content)
+
+
+@functools.lru_cache(maxsize=2)  # a run has several processes of one training
+def _handed(training: str) -> dict[str, bytes]:
+    version, _, protocol = training.partition("/")
+    labels, limits = pins.read(version), pins.read_limits(version)
+    if labels is None:
+        return {}
+    used = {
+        id
+        for split in SPLITS
+        if split != "test"
+        for id in truth.load(version, split, protocol).shapes.tolist()
+    }
+    with tempfile.TemporaryDirectory() as made:
+        pins.write(
+            Path(made, pins.labels_file(version)), [labels[id] for id in labels if id in used]
+        )
+        if limits is not None:
+            mine = {id: limits[id] for id in limits if id in used}
+            pins.write_limits(Path(made, pins.limits_file(version)), mine)
+        return {path.name: path.read_bytes() for path in Path(made).iterdir()}
+
+
+def _libraries() -> Iterator[Rule]:
+    """Yield what every predictor may read: the system's libraries, Python and its packages."""
+    prefixes = {sys.prefix, sys.exec_prefix, sys.base_prefix, sys.base_exec_prefix}
+    prefixes |= {str(Path(prefix).resolve()) for prefix in prefixes}  # one may be a link
+    folders = [
+        *SYSTEM,
+        *sorted(prefixes),
+        *(folder for folder in sys.path if Path(folder).name in PACKAGES),
+    ]
+    done: list[Path] = []
+    for path in map(Path, folders):
+        if path.exists() and not any(path.is_relative_to(other) for other in done):
+            done.append(path)
+            yield Rule(path)
+    home = store.home()
+    if isinstance(home, Path) and home.is_dir() and any(home.is_relative_to(p) for p in done):
+        yield Rule(home, shown=False)
+    for root in ROOTS:
+        if not any(root.is_relative_to(other) for other in done):
+            yield Rule(root)
+            # An editable installation's metadata lies beside the package, and libraries read it
+            yield from (Rule(path) for path in sorted(root.parent.glob("*.egg-info")))
+        for folder in sorted({path.parent for path in root.rglob("*.parquet")}):
+            yield Rule(folder, shown=False)
+            yield from (
+                Rule(path) for path in sorted(folder.iterdir()) if path.suffix != ".parquet"
+            )
+
+
+def _own(file: Path) -> Iterator[Rule]:
+    """Yield a predictor's own files, as docs/submit.md has them.
+
+    In its directory: Python files, packages, and what has the name of one of these before its
+    first dot or as a directory. No link, since it may lead anywhere.
+    """
+    entries = sorted(entry for entry in file.parent.iterdir() if not entry.is_symlink())
+    names = {entry.stem for entry in entries if entry.suffix == ".py" and entry.is_file()}
+    names |= {entry.name for entry in entries if (entry / "__init__.py").is_file()}
+    names -= set(predictor.NOT_THEIRS)
+    for entry in entries:
+        named = entry.name in names if entry.is_dir() else entry.name.split(".")[0] in names
+        if named:
+            yield Rule(entry)
+            # What is compiled there may be of other code than the sources beside it.
+            yield from (Rule(path, shown=False) for path in sorted(entry.rglob("__pycache__")))
+
+
+def _code(own: Sequence[Rule]) -> Iterator[Path]:
+    """Yield the Python files of a predictor's own files and packages."""
+    for rule in own:
+        paths = rule.path.rglob("*.py") if rule.path.is_dir() else [rule.path]
+        yield from (path for path in paths if path.suffix == ".py" and kernels.is_source(path))
+
+
+def _noise(path: Path) -> bool:
+    return any(path.is_relative_to(folder) for folder in NOISE)
+
+
+def _granted(rules: Sequence[Rule]) -> Iterator[Path]:
+    """Yield paths that may be granted with all below them, so that nothing hidden is."""
+    for rank, rule in enumerate(rules):
+        if rule.shown:
+            yield from _without(rule.path, [r.path for r in rules[rank + 1 :] if not r.shown])
+
+
+def _without(path: Path, hidden: Sequence[Path]) -> Iterator[Path]:
+    """Yield the largest paths below a path that hold nothing hidden."""
+    below = [other for other in hidden if other.is_relative_to(path)]
+    if not below:
+        yield path
+    elif path not in below:
+        for child in sorted(path.iterdir()):
+            yield from _without(child, below)

@@ -1,0 +1,147 @@
+"""Landlock: a process gives up, for itself and all that it starts, what it need not reach.
+
+Three calls of the Linux kernel (landlock(7)) by ctypes, since 5.13: a set of rules is made, paths
+are added to it, and the process is held to it. A filter of its calls (seccomp(2)) keeps it from
+making sockets. No privilege is needed, and no mount.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import json
+import os
+import platform
+import struct
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446  # the same numbers on every machine
+VERSION, PATH_BENEATH = 1, 1
+PR_SET_NO_NEW_PRIVS = 38
+CAPABILITIES, NO_SETS = struct.pack("=Ii", 0x20080522, 0), bytes(24)  # root may look past Landlock
+EXECUTE, WRITE_FILE, READ_FILE, READ_DIR, TRUNCATE, IOCTL_DEV = 0, 1, 2, 3, 14, 15  # bits
+RIGHTS = {1: 13, 2: 14, 3: 15, 4: 15, 5: 16}  # by the kernel's version: how many bits it knows
+NETWORK_SINCE, SCOPED_SINCE = 4, 6  # connecting and listening by TCP; signals to others
+
+# Of seccomp: what a step of a filter does, and what becomes of a call.
+LOAD, EQUAL, GREATER, RETURN = 0x20, 0x15, 0x25, 0x06
+ALLOW, REFUSE = 0x7FFF0000, 0x00050000 | errno.EACCES
+PR_SET_SECCOMP, SECCOMP_MODE_FILTER = 22, 2
+X32 = 0x40000000  # from here on, x86-64 has a second set of calls
+IO_URING_SETUP = 425  # it makes sockets, too
+SOCKET = {  # by machine: how the kernel names it, and the number of socket(2)
+    "x86_64": (0xC000003E, 41),
+    "aarch64": (0xC00000B7, 198),
+    "riscv64": (0xC00000F3, 198),
+}
+
+READ = 1 << EXECUTE | 1 << READ_FILE | 1 << READ_DIR
+OF_FILES = 1 << EXECUTE | 1 << WRITE_FILE | 1 << READ_FILE | 1 << TRUNCATE | 1 << IOCTL_DEV
+
+
+def version() -> int:
+    """Return the version of Landlock that the kernel has; 0 where there is none."""
+    if sys.platform != "linux" or platform.machine() not in ("x86_64", "aarch64", "riscv64"):
+        return 0
+    return max(int(_libc().syscall(CREATE_RULESET, None, 0, VERSION)), 0)
+
+
+def enter(note: Path) -> None:
+    """Hold this process to what a file lists, in a directory that it names.
+
+    Its JSON has the arguments of :func:`restrict`, and a ``directory``. A process that runs several
+    threads must not be held: the kernel holds only one.
+    """
+    grants = json.loads(note.read_text())
+    os.chdir(grants.pop("directory"))
+    restrict(**{name: [Path(path) for path in paths] for name, paths in grants.items()})
+
+
+def restrict(shown: Iterable[Path], listed: Iterable[Path], writable: Sequence[Path]) -> None:
+    """Hold this process to some paths, and to no network.
+
+    Parameters
+    ----------
+    shown : iterable of Path
+        Files, and directories with all below them, that may be read and executed.
+    listed : iterable of Path
+        Directories whose names may be read, and those of all directories below them.
+    writable : sequence of Path
+        What may be written to as well, directories with all below them.
+
+    Raises
+    ------
+    OSError
+        If the kernel refuses.
+    """
+    kernel = version()
+    every = (1 << RIGHTS[min(kernel, max(RIGHTS))]) - 1
+    facts = [every]
+    if kernel >= NETWORK_SINCE:
+        facts.append(0b11)
+    if kernel >= SCOPED_SINCE:
+        facts.append(0b11)  # sockets without a path, and signals
+    attribute = struct.pack(f"={len(facts)}Q", *facts)
+    rules = _call(CREATE_RULESET, attribute, len(attribute), 0)
+    for path in shown:
+        _allow(rules, path, READ & every)
+    for path in listed:
+        _allow(rules, path, 1 << READ_DIR)
+    for path in writable:
+        _allow(rules, path, every)
+    if _libc().prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) or _libc().capset(CAPABILITIES, NO_SETS):
+        raise OSError(ctypes.get_errno(), "privileges could not be given up")
+    _call(RESTRICT_SELF, rules, 0)
+    os.close(rules)
+    _refuse_sockets()
+
+
+def _refuse_sockets() -> None:
+    """Let this process and all that it starts make no socket, of whatever kind; pairs it may.
+
+    Landlock knows TCP alone, and that not in every kernel. A filter of seccomp(2) looks at the
+    number of each call of the system.
+    """
+    architecture, number = SOCKET[platform.machine()]
+    refused = (number, IO_URING_SETUP)
+    last = len(refused) + 1  # steps from before the first of them to the one that refuses
+    steps = [
+        (LOAD, 0, 0, 4),  # the architecture
+        (EQUAL, 1, 0, architecture),
+        (RETURN, 0, 0, REFUSE),
+        (LOAD, 0, 0, 0),  # the call's number
+        (GREATER, last, 0, X32 - 1),
+        *((EQUAL, last - 1 - i, 0, call) for i, call in enumerate(refused)),
+        (RETURN, 0, 0, ALLOW),
+        (RETURN, 0, 0, REFUSE),
+    ]
+    filters = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *step) for step in steps))
+    program = struct.pack("@HP", len(steps), ctypes.addressof(filters))
+    if _libc().prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, program, 0, 0):
+        raise OSError(ctypes.get_errno(), "sockets could not be given up")
+
+
+def _allow(rules: int, path: Path, rights: int) -> None:
+    try:
+        beneath = os.open(path, os.O_PATH | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return  # what is not there need not be shown
+    try:
+        rights &= -1 if path.is_dir() else OF_FILES
+        _call(ADD_RULE, rules, PATH_BENEATH, struct.pack("=Qi", rights, beneath), 0)
+    finally:
+        os.close(beneath)
+
+
+def _call(number: int, *arguments: int | bytes) -> int:
+    wide = (ctypes.c_long(a) if isinstance(a, int) else a for a in arguments)
+    done = _libc().syscall(ctypes.c_long(number), *wide)
+    if done < 0:
+        raise OSError(ctypes.get_errno(), f"Landlock's call {number} was refused")
+    return int(done)
+
+
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None, use_errno=True)

@@ -1,0 +1,449 @@
+"""Files that are handed in to do harm: each is refused with one line, soon, and without memory.
+
+All are read in one process of its own, which tells what it said, and what it took. The table is
+`docs/threats.md`'s; `pytest -m attack` runs it, and that of the predictors.
+"""
+
+from __future__ import annotations
+
+import copy
+import io
+import json
+import os
+import resource
+import socket
+import subprocess
+import sys
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from eigbench import results
+from eigbench.board import leaderboard
+from eigbench.errors import EigbenchError
+from eigbench.results import predictions, submission, timing
+from eigbench.scaling import results as scaling_results
+from eigbench.scoring.truth import Truth
+
+from synthnet.errors import SynthNetError
+
+pytestmark = pytest.mark.attack
+
+CHECKOUT = Path(__file__).parents[3]
+RESULT = CHECKOUT / "benchmark/results/1.0-test-grouped/rayleigh-ritz-degree-5.json"
+SCALED = CHECKOUT / "benchmark/scaling/rayleigh-ritz-degree-5.json"
+TIMED = CHECKOUT / timing.FOLDER / "1.0.json"
+SECONDS, MEGABYTES = 1.0, 200
+
+IDS = [f"cone-{i:05d}/0" for i in range(20)]
+VALUES = np.ones((20, 10))
+
+
+def truth(version: str = "made") -> Truth:
+    shapes = np.array([id.partition("/")[0] for id in IDS])
+    trainings = np.full(20, "made/grouped")
+    families = np.full(20, "cone")
+    digest = "0" * 64
+    return Truth(
+        version, "test", "grouped", tuple(IDS), shapes, shapes, families, trainings, VALUES, digest
+    )
+
+
+# --- what is read, by the name of the file ---------------------------------------------
+
+READERS: dict[str, Callable[[Path, Path], object]] = {
+    "p.parquet": lambda path, below: predictions.read(path, truth(), below),
+    "p.npz": lambda path, below: predictions.read(path, truth(), below),
+    "p.csv": lambda path, below: predictions.read(path, truth(), below),
+    "r.json": results.read,
+    "r.remark.txt": submission._remark,
+    "s.json": scaling_results.read,
+    "1.0.json": lambda path, below: timing.read(below),
+    "paper.json": lambda path, below: leaderboard.read_reported(below),
+}
+FOLDERS = {"1.0.json": timing.FOLDER, "paper.json": leaderboard.REPORTED}
+
+Make = Callable[[Path], object]
+
+
+def content(data: bytes | str) -> Make:
+    raw = data.encode() if isinstance(data, str) else data
+    return lambda path: path.write_bytes(raw)
+
+
+def fifo(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def listening(path: Path) -> None:
+    here = os.open(".", os.O_RDONLY)
+    os.chdir(path.parent)  # a socket's path is short
+    try:
+        with socket.socket(socket.AF_UNIX) as bound:
+            bound.bind(path.name)
+    finally:
+        os.fchdir(here)
+        os.close(here)
+
+
+def sparse(path: Path) -> None:
+    with path.open("wb") as file:
+        file.truncate(2**40)
+
+
+def link(target: str) -> Make:
+    return lambda path: path.symlink_to(target)
+
+
+def folder_link(path: Path) -> None:
+    """The file's folder is a link to one beside it, which has a good file."""
+    path.parent.rename(path.parent.with_name("elsewhere"))
+    path.parent.symlink_to("elsewhere")
+    parquet()(path)
+
+
+def parquet(
+    ids: Any = IDS, values: Any = None, *, seeds: Any = None, patch: Any = None, **how: Any
+) -> Make:
+    def make(path: Path) -> None:
+        columns = {"id": ids, "eigenvalues": VALUES.tolist() if values is None else values}
+        columns |= {} if seeds is None else {"seed": seeds}
+        pq.write_table(pa.table(columns), path, **how)
+        if patch is not None:
+            path.write_bytes(patch(path.read_bytes()))
+
+    return make
+
+
+def renamed(raw: bytes) -> bytes:
+    """The column of the eigenvalues has another name where its pages are described."""
+    at = raw.rindex(b"eigenvalues")
+    return raw[:at] + b"eigenvalueZ" + raw[at + 11 :]
+
+
+def repeated(text: str, count: int) -> pa.Array:
+    """A text that is stored once and told apart by numbers."""
+    return pa.DictionaryArray.from_arrays(pa.array(np.zeros(count, np.int32)), pa.array([text]))
+
+
+def npy(shape: tuple[int, ...], dtype: str = "<f8", data: bytes | None = None) -> bytes:
+    """An NPY file whose header says what it likes."""
+    file = io.BytesIO()
+    header = {"descr": dtype, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, header)
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize if data is None else 0
+    return file.getvalue() + (bytes(size) if data is None else data)
+
+
+def npz(**arrays: bytes) -> Make:
+    def make(path: Path) -> None:
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, array in {"ids": npy((20,), "<U14"), **arrays}.items():
+                archive.writestr(f"{name}.npy", array)
+
+    return make
+
+
+HEAD = "id," + ",".join(f"lambda_{i}" for i in range(1, 11))
+LINE = "\n{}," + ",".join("1" * 10)
+
+
+def csv(head: str = HEAD, lines: int = 20, more: str = "") -> Make:
+    rows = "".join(LINE.format(IDS[i % 20]) for i in range(lines))
+    return content(head + rows + more)
+
+
+def changed(source: Path, **changes: Any) -> Make:
+    """A file of JSON with values at paths of keys changed, or with its text changed."""
+
+    def make(path: Path) -> None:
+        value = copy.deepcopy(json.loads(source.read_text()))
+        for keys, new in changes.items():
+            *way, last = [int(k) if k.isdigit() else k for k in keys.split("__")]
+            level = value
+            for key in way:
+                level = level[key]
+            level[last] = new(level[last]) if callable(new) else new
+        path.write_text(json.dumps(value))
+
+    return make
+
+
+def result(**changes: Any) -> Make:
+    return changed(RESULT, **changes)
+
+
+def named(name: str) -> Make:
+    return result(model__name=name)
+
+
+def text(pattern: str, new: str) -> Make:
+    def make(path: Path) -> None:
+        whole = RESULT.read_text()
+        assert pattern in whole
+        path.write_text(whole.replace(pattern, new, 1))
+
+    return make
+
+
+PARTIAL = '"partial": false'
+
+# What it is, the file's name, how it is made, and what is said of it.
+CASES: list[tuple[str, str, Make, str]] = [
+    ("link", "p.parquet", link("/etc/hostname"), "reached by a symbolic link"),
+    ("link-to-zero", "p.csv", link("/dev/zero"), "reached by a symbolic link"),
+    ("link-to-nothing", "r.json", link("nothing"), "reached by a symbolic link"),
+    ("link-as-remark", "r.remark.txt", link("/etc/passwd"), "reached by a symbolic link"),
+    ("link-as-times", "1.0.json", link(str(TIMED)), "reached by a symbolic link"),
+    ("link-as-paper", "paper.json", link(str(TIMED)), "reached by a symbolic link"),
+    ("linked-folder", "p.parquet", folder_link, "reached by a symbolic link"),
+    ("fifo", "p.npz", fifo, "is no regular file"),
+    ("fifo-as-result", "r.json", fifo, "is no regular file"),
+    ("socket", "p.csv", listening, "cannot be read"),
+    ("folder", "p.parquet", Path.mkdir, "is no regular file"),
+    ("sparse-terabyte", "p.csv", sparse, "1,099,511,627,776 bytes, at most"),
+    ("sparse-result", "r.json", sparse, "1,099,511,627,776 bytes, at most"),
+    # Parquet
+    ("parquet-rows", "p.parquet", parquet([""] * 10**6, [[1.0]] * 10**6), "1,000,000 rows"),
+    (
+        "parquet-values-of-a-row",
+        "p.parquet",
+        parquet(["a"], pa.array([np.zeros(2 * 10**7)]), compression="zstd"),
+        "the column eigenvalues unpacks to more than it can have",
+    ),
+    (
+        "parquet-values-under-another-name",
+        "p.parquet",
+        parquet(["a"], pa.array([np.zeros(2 * 10**7)]), compression="zstd", patch=renamed),
+        "columns whose names are not those of its schema",
+    ),
+    (
+        "parquet-dictionary",
+        "p.parquet",
+        parquet(repeated("a" * 10**7, 20), compression="zstd"),
+        "the column id unpacks to more than it can have",
+    ),
+    ("parquet-text", "p.parquet", parquet(repeated("a" * 2000, 20)), "a text of 2,000 bytes"),
+    (
+        "parquet-prefixes",
+        "p.parquet",
+        parquet(
+            [f"{'a' * 10**5}{i}" for i in range(20)],
+            use_dictionary=False,
+            column_encoding={"id": "DELTA_BYTE_ARRAY"},
+        ),
+        "is encoded as DELTA_BYTE_ARRAY",
+    ),
+    (
+        "parquet-footer-length",
+        "p.parquet",
+        parquet(patch=lambda raw: raw[:-8] + b"\xff\xff\xff\x7fPAR1"),
+        "no footer of Parquet, or one that is too long",
+    ),
+    (
+        "parquet-footer-nested",
+        "p.parquet",
+        content(b"PAR1" + b"\x1c" * 1000 + (1000).to_bytes(4, "little") + b"PAR1"),
+        "a footer that is not Parquet's",
+    ),
+    ("parquet-columns", "p.parquet", parquet(values=[{str(i): 1 for i in range(200)}] * 20), "col"),
+    ("parquet-numbers-as-ids", "p.parquet", parquet(range(20)), "they must be text"),
+    ("parquet-seeds", "p.parquet", parquet(IDS * 21, [[1.0] * 10] * 420), "420 rows"),
+    (
+        "parquet-of-another-split",
+        "p.parquet",
+        lambda path: predictions.write(path, truth("other"), VALUES[None]),
+        "it says that it is of other, test, grouped, not of made, test, grouped",
+    ),
+    # NPZ
+    ("npz-rows", "p.npz", npz(eigenvalues=npy((10**12, 10), data=b"")), "more than it can have"),
+    ("npz-negative", "p.npz", npz(eigenvalues=npy((-20, 10), data=b"")), "cannot be read"),
+    ("npz-pickle", "p.npz", npz(eigenvalues=npy((20, 10), "|O", b"cos\n")), "dtype object"),
+    (
+        "npz-bomb",
+        "p.npz",
+        npz(eigenvalues=npy((20, 10), data=bytes(5 * 10**7))),
+        "another length than its header says",
+    ),
+    ("npz-short", "p.npz", npz(eigenvalues=npy((20, 10), data=b"")), "another length"),
+    (
+        "npz-text",
+        "p.npz",
+        npz(ids=npy((20,), "<U100000"), eigenvalues=npy((20, 10))),
+        "more than it can have",
+    ),
+    ("npz-members", "p.npz", npz(**{f"a{i}": b"" for i in range(200)}), "at most 100 are read"),
+    # CSV
+    ("csv-line", "p.csv", csv(more="\n" + "1" * 10**5), "a line of more than"),
+    ("csv-head", "p.csv", csv(head="id" + ",a" * 5000), "columns, at most 100"),
+    ("csv-rows", "p.csv", csv(lines=401), "more than 400 lines"),
+    ("csv-column-twice", "p.csv", csv(head=HEAD + ",id"), "the column 'id' is there twice"),
+    ("csv-bytes", "p.csv", content(b"\xff\xfe\x00"), "cannot be read"),
+    ("csv-words", "p.csv", csv(more=LINE.format("x").replace("1", "one")), "cannot be read"),
+    ("csv-bidi", "p.csv", csv(more=LINE.format("a\u202eb")), r"not in the split: a\\u202eb"),
+    # JSON
+    ("json-400-digits", "r.json", text(PARTIAL, f'"a": {"9" * 400}'), "a number of 400 digits"),
+    ("json-5000-digits", "r.json", text(PARTIAL, f'"a": {"9" * 5000}'), "a number of 5000 digits"),
+    ("json-exponent", "r.json", text(PARTIAL, '"a": 1e999'), "too large a number"),
+    ("json-deep", "r.json", content(b"[" * 10**6), "JSON that is too deep"),
+    ("json-levels", "r.json", content("[" * 50 + "]" * 50), "JSON of more than 32 levels"),
+    ("json-many", "r.json", content(f"[{'0,' * 10**6}0]"), "more than 50,000 keys and values"),
+    ("json-errors", "r.json", result(scores__mesh__per_index=[0] * 40_000), "is no result"),
+    ("json-surrogate", "r.json", named("a\ud800"), r"U\+D800, which cannot be printed"),
+    ("json-nan", "r.json", text(PARTIAL, '"a": NaN'), "NaN is no JSON number"),
+    ("json-infinity", "r.json", text(PARTIAL, '"a": -Infinity'), "-Infinity is no JSON number"),
+    (
+        "json-key-twice",
+        "r.json",
+        text(PARTIAL, PARTIAL + "," + PARTIAL),
+        "'partial' is there twice",
+    ),
+    ("json-utf-16", "r.json", content("{}".encode("utf-16")), "cannot be read"),
+    ("json-long-text", "r.json", named("a" * 10**5), "a text of 100,000 characters"),
+    # Texts
+    ("bidi", "r.json", named("Weyl\u202etxt"), r"U\+202E, which cannot be printed"),
+    ("bidi-isolate", "r.json", result(model__licence="\u2066MIT"), r"U\+2066"),
+    ("terminal", "r.json", named("Weyl\x1b[2J"), r"U\+001B"),
+    ("two-lines", "r.json", named("Weyl\n## 1st"), r"U\+000A"),
+    ("no-width", "r.json", named("Weyl\u200b"), r"U\+200B"),
+    ("not-composed", "r.json", named("Poincare\u0301"), r"not composed \(NFC\)"),
+    ("bidi-in-a-key", "r.json", result(environment={"\u202e": ""}), r"U\+202E"),
+    ("remark-bidi", "r.remark.txt", content("first\u202e"), r"U\+202E"),
+    ("remark-bytes", "r.remark.txt", content(b"\xff"), "is not UTF-8 text"),
+    ("remark-size", "r.remark.txt", content("a" * 10**6), "1,000,000 bytes, at most"),
+    ("code-elsewhere", "r.json", result(model__code="../../.ssh/id"), "at model/code"),
+    ("source-above", "r.json", result(model__sources={"../a": "0" * 64}), "at model/sources"),
+    ("source-absolute", "r.json", result(model__sources={"/a": "0" * 64}), "at model/sources"),
+    ("version-as-path", "r.json", result(dataset__version="../1.0"), "at dataset/version"),
+    # Numbers
+    ("too-fast", "r.json", result(cost__reference__ratio=lambda r: 100 * r), "LaPy's time and the"),
+    ("quartiles", "r.json", result(cost__ms_per_mesh=1e-9), "not between the quartiles"),
+    ("cores", "r.json", result(cost__cores_used=40.0), "40.0 cores used, of 2"),
+    ("negative", "r.json", result(cost__peak_memory_mb=-1), "at cost/peak_memory_mb"),
+    ("endless", "r.json", result(cost__ms_per_mesh_mean=1e30), "at cost/ms_per_mesh_mean"),
+    ("meshes", "r.json", result(cost__reference__meshes=10**6), "LaPy is timed on more meshes"),
+    ("shapes", "r.json", result(dataset__shapes=10**5), "more shapes than instances"),
+    ("instances", "r.json", result(dataset__instances=10**5), "the families have 14886 instances"),
+    ("parameters", "r.json", result(model__parameters=10**20), "at model/parameters"),
+    ("shares", "r.json", result(physics__positive=1.5), "at physics/positive"),
+    ("seeds", "r.json", result(predictions__seeds=10**6), "at predictions/seeds"),
+    ("scaled-cores", "s.json", changed(SCALED, cost__threads=0), "at cost/threads"),
+    (
+        "scaled-helpers",
+        "s.json",
+        changed(SCALED, meshes__0__cpu_seconds=lambda all: [9e9 for _ in all]),
+        "cores and declares 1 threads",
+    ),
+    (
+        "scaled-late",
+        "s.json",
+        changed(SCALED, meshes__0__time_limit=1e-9, meshes__0__seconds=lambda s: [9.0 for _ in s]),
+        "later than its time limit",
+    ),
+    (
+        "times-ratio",
+        "1.0.json",
+        changed(TIMED, rows__3__cost__reference__ratio=9),
+        "not in its int",
+    ),
+    (
+        "times-own",
+        "1.0.json",
+        changed(TIMED, rows__3__cost__ms_per_mesh_mean=lambda m: m / 2),
+        "its times give",
+    ),
+    ("times-keys", "1.0.json", changed(TIMED, rows__3={}), "is a required property"),
+    ("paper-keys", "paper.json", content("{}"), "is a required property"),
+    ("paper-list", "paper.json", content("[]"), "is no result: at the top"),
+]
+
+
+def path_of(folder: Path, case: str, file: str) -> Path:
+    return folder / case / FOLDERS.get(file, Path("deep", "er")) / file
+
+
+@pytest.fixture(scope="module")
+def reports(
+    tmp_path_factory: pytest.TempPathFactory, environment: dict[str, str]
+) -> dict[str, dict[str, Any]]:
+    """What the process that reads all of them says of each, by its case."""
+    folder = tmp_path_factory.mktemp("attacks")
+    for case, file, make, _ in CASES:
+        path = path_of(folder, case, file)
+        path.parent.mkdir(parents=True)
+        make(path)
+    done = subprocess.run(
+        [sys.executable, __file__, folder],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return {line["case"]: line for line in map(json.loads, done.stdout.splitlines())}
+
+
+@pytest.mark.parametrize(("case", "message"), [(case, message) for case, *_, message in CASES])
+def test_it_is_refused_with_one_line_soon_and_without_memory(
+    reports: dict[str, dict[str, Any]], case: str, message: str
+) -> None:
+    line = reports[case]
+    assert line["message"] is not None, "it passed"
+    with pytest.raises(EigbenchError, match=message):
+        raise EigbenchError(line["message"])
+    assert line["message"].isprintable()
+    assert len(line["message"]) < 800
+    assert line["seconds"] < SECONDS
+    assert line["megabytes"] < MEGABYTES
+
+
+@pytest.mark.parametrize("file", ["p.parquet", "p.npz", "p.csv"])
+def test_a_good_file_passes(file: str, tmp_path: Path) -> None:
+    ids = npy((20,), "<U14", np.array(IDS, "<U14").tobytes())
+    values = npy((20, 10))
+    make = {"p.parquet": parquet(), "p.npz": npz(ids=ids, eigenvalues=values), "p.csv": csv()}
+    make[file](tmp_path / file)
+    assert predictions.read(tmp_path / file, truth()).shape == (1, 20, 10)
+
+
+def test_good_results_and_times_pass(tmp_path: Path) -> None:
+    for source, read in ((RESULT, results.read), (SCALED, scaling_results.read)):
+        changed(source)(tmp_path / "r.json")
+        assert read(tmp_path / "r.json")
+    (tmp_path / timing.FOLDER).mkdir(parents=True)
+    changed(TIMED)(tmp_path / timing.FOLDER / "1.0.json")
+    assert timing.read(tmp_path)["1.0"]
+
+
+def test_nothing_is_written_or_removed_through_a_link(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    board = tmp_path / "board"
+    board.mkdir()
+    (board / "benchmark").symlink_to("../elsewhere")
+    with pytest.raises(SynthNetError, match="benchmark is a symbolic link"):
+        results.put([RESULT], [board / "benchmark" / "results" / "r.json"], board)
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+def main(folder: Path) -> None:
+    """Read all cases, and print a line of JSON for each."""
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for case, file, _, _ in CASES:
+        start, message = time.process_time(), None
+        try:
+            READERS[file](path_of(folder, case, file), folder / case)
+        except (EigbenchError, SynthNetError) as error:
+            message = str(error)
+        grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+        facts = {"case": case, "message": message, "seconds": time.process_time() - start}
+        print(json.dumps({**facts, "megabytes": grown / 2**10}), flush=True)  # noqa: T201
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,283 @@
+"""Declared and verified rows: what a verification covers, who is ranked, what is found."""
+
+import copy
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from eigbench import results
+from eigbench.board import leaderboard, ranking
+from eigbench.commands import verify_row
+from eigbench.errors import EigbenchError, ResultError
+from eigbench.results import predictions, submission, verification
+from eigbench.results.sources import digest
+from eigbench.running import box
+
+SAID = {
+    "date": "2026-11-24",
+    "by": "A maintainer",
+    "commit": None,
+    "machine": "this one",
+    "sandbox": "bubblewrap",
+    "packages": {"numpy": "2.0.0"},
+    "scores": {"surface": None, "mesh": {"mean": 1.0, "low": 0.9, "high": 1.1, "declared": 1.0}},
+    "sealed": {"share": 0.1, "shapes": 9, "instances": 9, "mean": 1.0, "low": 0.9, "high": 1.1},
+}
+
+
+BOXED = pytest.mark.skipif(box.available() == box.NONE, reason="no sandbox works here")
+
+
+def as_verified(result, **changes):
+    made = {**copy.deepcopy(result), "verified": {**copy.deepcopy(SAID), **changes}}
+    made["verified"]["digest"] = verification.digest(made)
+    return made
+
+
+@pytest.fixture
+def verified(make_submission, mini_truth):
+    """The path of a result that says it is verified."""
+    path = make_submission("Verified", 1.1 * mini_truth.eigenvalues)
+    results.write(path, as_verified(results.read(path)))
+    return path
+
+
+def test_a_verification_that_is_whole_is_read(verified):
+    assert verification.is_verified(submission.read(verified).result)
+
+
+@pytest.mark.parametrize(
+    ("keys", "value"),
+    [
+        (("verified", "scores", "mesh", "mean"), 0.5),
+        (("verified", "by"), "Another"),
+        (("verified", "sandbox"), "landlock"),
+        (("model", "sources", "weyl.py"), "0" * 64),
+        (("predictions", "sha256"), "0" * 64),
+        (("dataset", "split_digest"), "0" * 64),
+        (("model", "name"), "Another"),
+        (("model", "kind"), "classical"),
+        (("cost", "ms_per_mesh_mean"), 0.5),
+    ],
+)
+def test_a_verification_covers_what_it_says_and_what_it_is_of(verified, keys, value):
+    result = json.loads(verified.read_text())
+    level = result
+    for key in keys[:-1]:
+        level = level[key]
+    assert level[keys[-1]] != value
+    level[keys[-1]] = value
+    verified.write_text(json.dumps(result))
+    with pytest.raises(ResultError, match="its verification was altered"):
+        results.read(verified)
+
+
+@pytest.fixture
+def keys(tmp_path):
+    """Two new keys of SSH, and a checkout that allows the first of them."""
+    if shutil.which("ssh-keygen") is None:
+        pytest.skip("OpenSSH is not installed")
+    made = [tmp_path / name for name in ("mine", "other")]
+    for key in made:
+        command = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)]
+        subprocess.run(command, check=True)
+    signers = tmp_path / verification.SIGNERS
+    signers.parent.mkdir()
+    public = made[0].with_suffix(".pub").read_text()
+    signers.write_text(f'"A maintainer" {public}')
+    return made
+
+
+@pytest.mark.parametrize("name", ["A maintainer", "Another"])
+def test_where_signers_are_named_one_of_them_must_have_signed(verified, keys, tmp_path, name):
+    mine, other = keys
+    result = as_verified(results.read(verified), by=name)
+    verification.check(result, verified)  # without signers nothing is asked
+    with pytest.raises(ResultError, match="is not signed: verify it again with --key"):
+        verification.check(result, verified, tmp_path)
+    for key in (mine, other):
+        signature = verification.sign(result["verified"]["digest"], key)
+        result["verified"]["signature"] = signature
+        if key is mine and name == "A maintainer":
+            verification.check(result, verified, tmp_path)
+        else:
+            with pytest.raises(ResultError, match="its signature is none of"):
+                verification.check(result, verified, tmp_path)
+
+
+def test_a_signed_result_is_written_and_read(verified, keys, tmp_path):
+    result = as_verified(results.read(verified))
+    result["verified"]["signature"] = verification.sign(result["verified"]["digest"], keys[0])
+    results.write(verified, result)
+    verification.check(results.read(verified), verified, tmp_path)
+
+
+def test_code_that_ran_without_a_sandbox_is_not_verified(verified):
+    result = as_verified(results.read(verified), sandbox="none")
+    verified.write_text(json.dumps(result))
+    with pytest.raises(ResultError, match="at verified/sandbox: 'none' is not one of"):
+        results.read(verified)
+
+
+def test_a_signature_of_another_digest_is_none(verified, keys, tmp_path):
+    result = results.read(verified)
+    result["verified"]["signature"] = verification.sign("0" * 64, keys[0])
+    with pytest.raises(ResultError, match="its signature is none of"):
+        verification.check(result, verified, tmp_path)
+
+
+def test_a_key_that_cannot_sign_is_one_line(tmp_path):
+    with pytest.raises(EigbenchError, match=r"^--key .* cannot sign: "):
+        verification.sign("0" * 64, tmp_path / "none")
+
+
+def test_verified_rows_are_ranked_and_declared_ones_stand_below(make_submission, mini_truth):
+    labels = mini_truth.eigenvalues
+    paths = {f: make_submission(f"Times {f}", f * labels) for f in (1.0, 1.1, 1.2, 1.3)}
+    rows = {factor: submission.read(path) for factor, path in paths.items()}
+    before = ranking.ranked(list(rows.values()))
+    assert [row.shown_rank for row in before] == ["exact", "2", "3", "4"]
+    for factor in (1.1, 1.3):
+        results.write(paths[factor], as_verified(results.read(paths[factor])))
+        rows[factor] = submission.read(paths[factor])
+    after = ranking.ranked(list(rows.values()))
+    assert [(row.submission.name, row.shown_rank) for row in after] == [
+        ("Times 1.1", "1"),
+        ("Times 1.3", "2"),
+        ("Times 1.0", "declared"),
+        ("Times 1.2", "declared"),
+    ]
+    page = leaderboard.generate(list(rows.values()), [])[
+        leaderboard.BOARDS / "1.0-mini-test-grouped-mesh.md"
+    ]
+    (line,) = (line for line in page.splitlines() if line.startswith("| declared | Times 1.0 |"))
+    assert "not verified" in line
+
+
+def test_spectra_that_are_labels_to_the_bit_are_counted(mini_truth):
+    answers = np.stack([mini_truth.eigenvalues * (1 + 1e-15), mini_truth.eigenvalues * 1.1])
+    answers[0, :2] = np.nextafter(mini_truth.eigenvalues[:2], 0)
+    answers[1, 7] = mini_truth.eigenvalues[7]
+    same = int((answers[0] == mini_truth.eigenvalues).all(axis=1).sum()) + 1
+    assert predictions.identical(mini_truth, answers) == same
+    assert predictions.looked_up("learned", mini_truth, answers).startswith(
+        f"{same} of 612 spectra"
+    )
+    assert predictions.looked_up("classical", mini_truth, answers) == ""
+    assert predictions.looked_up("learned", mini_truth, 1.1 * answers) == ""
+
+
+def test_score_and_submit_flag_them(eigbench, make_submission, mini_truth, tmp_path):
+    path = make_submission("Looked up", mini_truth.eigenvalues)
+    code, _, stderr = eigbench("score", path.with_suffix(".parquet"), "--dataset", "1.0-mini")
+    assert code == 0
+    assert "306 of 306 spectra are the labels to the last bit" in stderr
+    code, _, stderr = eigbench("submit", path, "--board", tmp_path)
+    assert (code, "to the last bit" in stderr) == (0, True)
+
+
+ADDRESSES = ("evil @ file:///tmp/evil.tar.gz", "evil @ https://example.org/evil-1-py3-none-any.whl")
+PATHS = ("/tmp/evil", "./evil", "file:///tmp/evil", "-r list.txt", "--index-url=x")
+HEADER = """# /// script
+# requires-python = ">=3.11"
+# dependencies = [{0}]
+# ///
+"""
+
+
+def test_the_code_of_a_row_is_found_by_its_digests(weyl, tmp_path):
+    row = submission.read(weyl.out)
+    for folder, text in (("a", "x = 1\n"), ("b", weyl.code.read_text() + "# a comment\n")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "weyl.py").write_text(text)
+    assert verify_row._code(row, tmp_path) == tmp_path / "b" / "weyl.py"
+    with pytest.raises(ResultError, match=r"has no weyl\.py with the code and weights"):
+        verify_row._code(row, tmp_path / "a")
+
+
+def test_a_header_of_pep_723_is_read(tmp_path, capsys):
+    code, folder = tmp_path / "my_model.py", tmp_path / "packages"
+    code.write_text("x = 1\n")
+    assert verify_row._install(code, folder) is None
+    assert "it gets those of this environment" in capsys.readouterr().out
+    code.write_text(HEADER.format('"synthnet", "eigbench >= 0.1"') + "x = 1\n")
+    assert verify_row._install(code, folder) == folder
+    assert list(folder.iterdir()) == []
+    folder.rmdir()
+    for bad, message in (
+        ("}", "is no TOML"),
+        ("1", "are a list of texts"),
+        *((f'"{text}"', "comes from an address") for text in ADDRESSES),
+        *((f'"{text}"', "a dependency of PEP 723: ") for text in PATHS),
+    ):
+        code.write_text(HEADER.format(bad))
+        with pytest.raises(ResultError, match=message):
+            verify_row._install(code, folder)
+        folder.rmdir() if folder.exists() else None
+
+
+def test_only_the_files_that_a_result_names_are_copied(weyl, tmp_path):
+    row = submission.read(weyl.out)
+    code = tmp_path / "weyl.py"
+    for name in (code.name, "helper.py", "weyl.npy"):
+        (tmp_path / name).write_text("x = 1\n")
+    copied = verify_row._copied(row, code, tmp_path / "copied")
+    assert [path.name for path in copied.parent.iterdir()] == list(row.result["model"]["sources"])
+
+
+TABLE = """
+from pathlib import Path
+import numpy as np
+
+table = np.load(Path(__file__).with_name("my_model.npz"))
+answers = dict(zip(table["keys"].tolist(), table["labels"]))
+
+def predict(meshes):
+    keys = [float(np.round(np.abs(mesh.vertices).sum(), 6)) for mesh in meshes]
+    return np.array([answers.get(key, np.ones(10)) for key in keys])
+"""
+
+
+@BOXED
+@pytest.mark.slow
+def test_verify_row_runs_an_honest_row_again_and_says_so(eigbench, weyl, mini_home, tmp_path):
+    out = tmp_path / "result.json"
+    shutil.copy(weyl.out, out)
+    shutil.copy(weyl.predictions, out.with_suffix(".parquet"))
+    how = ["--source", weyl.code.parent, "--root", mini_home, "--share", 0.3, "--by", "Me"]
+    code, printed, wrong = eigbench("verify-row", out, *how)
+    assert (code, wrong.count("not verified")) == (0, 0), wrong
+    assert "Weyl is verified by Me" in printed
+    verified = submission.read(out).result["verified"]
+    assert verified["scores"]["mesh"]["declared"] == verified["scores"]["mesh"]["mean"]
+    assert verified["sealed"]["shapes"] > 50
+    assert verified["digest"] == verification.digest(results.read(out))
+
+
+@BOXED
+@pytest.mark.slow
+def test_a_table_of_the_public_splits_answers_fails_on_the_fresh_draw(
+    eigbench, make_submission, mini_truth, mini_home, tmp_path
+):
+    from eigbench.running import meshes
+
+    from synthnet import store
+
+    source = meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
+    keys = [float(np.round(np.abs(source.mesh(id).vertices).sum(), 6)) for id in mini_truth.ids]
+    labels = mini_truth.eigenvalues * (1 + 1e-5)
+    np.savez(tmp_path / "my_model.npz", keys=keys, labels=labels)
+    code = tmp_path / "my_model.py"
+    code.write_text(TABLE)
+    files = [code, code.with_suffix(".npz")]
+    sources = {file.name: digest(file) for file in files}
+    row = make_submission("A table", labels, kind="learned", code=code.name, sources=sources)
+    before = row.read_bytes()
+    how = ["--source", tmp_path, "--root", mini_home, "--share", 0.3, "--by", "Me"]
+    code, _, stderr = eigbench("verify-row", row, *how)
+    assert code == 1
+    assert "on shapes that nobody has seen, rpd is" in stderr
+    assert "when run again" not in stderr
+    assert row.read_bytes() == before

@@ -1,0 +1,315 @@
+"""The box: what a predictor in it cannot reach, and what it answers there all the same."""
+
+import importlib.util
+import os
+import py_compile
+import socket
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from eigbench.errors import PredictorError
+from eigbench.running import box, landlock, meshes
+from eigbench.running.process import PredictorProcess
+from eigbench.scoring import targets, truth
+
+import synthnet
+from synthnet import kernels
+from synthnet.store import pins
+
+BASELINES = Path(__file__).parents[3] / "baselines"
+KINDS = [
+    pytest.param(
+        box.BUBBLEWRAP,
+        marks=pytest.mark.skipif(
+            box.available() != box.BUBBLEWRAP, reason="bubblewrap is not installed, or may not"
+        ),
+    ),
+    pytest.param(
+        box.LANDLOCK,
+        marks=pytest.mark.skipif(landlock.version() == 0, reason="the kernel has no Landlock"),
+    ),
+]
+PROBE = """
+import ctypes, os, socket
+from pathlib import Path
+import numpy as np
+import synthnet
+
+PACKAGE = Path(synthnet.__file__).parent
+
+def attempt(): {attempt}
+
+def predict(meshes):
+    {call}
+    return np.ones((len(meshes), 10))
+"""
+ATTEMPTS = {
+    "labels of a dataset": ("open(r'{secret}')", "read {secret}"),
+    "the names of a home": ("os.listdir(r'{secret.parent}')", "read {secret.parent}"),
+    "pinned labels": (
+        "open(PACKAGE / 'recipe' / 'versions' / '1.0.lock.parquet')",
+        "1.0.lock.parquet",
+    ),
+    "a file beside it that is none of its own": ("open('notes.txt')", "notes.txt"),
+    "a link of its own": ("open('my_model.link')", "my_model.link"),
+    "another's socket": ("socket.create_connection(('127.0.0.1', {port}))", "connect"),
+    "its own code": ("open(__file__, 'w')", "write"),
+    "a file elsewhere": ("open(r'{secret.parent}/left', 'w')", "write {secret.parent}/left"),
+    "a file at the top": ("open('/left', 'w')", "write /left"),
+}
+
+
+@pytest.fixture
+def secret(tmp_path_factory):
+    """A file that no predictor may read, in a directory that stands for a home."""
+    path = tmp_path_factory.mktemp("home") / "labels.csv"
+    path.write_text("1,2,3")
+    return path
+
+
+@pytest.fixture
+def listening():
+    """The port of a socket on this machine to which somebody may connect."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+@pytest.fixture
+def asked(predictor_file, secret, listening, monkeypatch):
+    """Return a function that runs an attempt, caught or not, and returns the box's report."""
+
+    def ask(attempt, kind, *, caught=False, readable=()):
+        call = "attempt()"
+        if caught:
+            call = "\n    ".join(("try:", "    attempt()", "except OSError:", "    pass"))
+        code = attempt.format(secret=secret, port=listening)
+        file = predictor_file(PROBE.format(attempt=code, call=call))
+        file.with_name("notes.txt").write_text("of another")
+        link = file.with_name("my_model.link")
+        link.unlink(missing_ok=True)
+        if link.name in attempt:
+            link.symlink_to(secret)
+        monkeypatch.chdir(file.parent)
+        with PredictorProcess(file, 10, time_limit=120, sandbox=kind, readable=readable) as process:
+            process.warm_up(1)
+            return process.status()
+
+    return ask
+
+
+@pytest.mark.parametrize("what", ATTEMPTS)
+def test_outside_the_box_each_attempt_succeeds(asked, what):
+    """The two tests below can fail: nothing else refuses these."""
+    if what == "a file at the top" and not os.access("/", os.W_OK):
+        pytest.skip("only root may write there")
+    if what == "a link of its own":  # that it has read it is seen when its sources are
+        with pytest.raises(PredictorError, match=r"my_model\.link is reached by a symbolic link"):
+            asked(ATTEMPTS[what][0], box.NONE)
+        return
+    assert asked(ATTEMPTS[what][0], box.NONE).refused == ()
+    if what == "a file at the top":
+        Path("/left").unlink()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("what", ATTEMPTS)
+def test_in_the_box_each_attempt_fails_and_is_reported(asked, secret, kind, what):
+    attempt, report = ATTEMPTS[what]
+    with pytest.raises(PredictorError, match="the sandbox shows the predictor's own files"):
+        asked(attempt, kind)
+    refused = asked(attempt, kind, caught=True).refused
+    assert refused
+    assert all(report.format(secret=secret) in message for message in refused)
+    assert not secret.with_name("left").exists()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_the_user_shows_can_be_read_and_is_a_source(asked, secret, kind):
+    status = asked("open(r'{secret}').read()", kind, readable=[secret])
+    assert status.refused == ()
+    assert sorted(status.sources) == ["labels.csv", "my_model.py"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_has_a_directory_of_its_own_that_is_gone_afterwards(asked, kind, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    code = "Path(os.environ['TMPDIR'], 'mine').write_text(str(Path.home()))"
+    assert asked(code, kind).refused == ()
+    assert not list(tmp_path.glob("eigbench-box-*"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_inherits_no_secret_from_the_environment(asked, kind, monkeypatch):
+    monkeypatch.setenv("MY_TOKEN", "secret")
+    with pytest.raises(PredictorError, match="KeyError: 'MY_TOKEN'"):
+        asked("os.environ['MY_TOKEN']", kind)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_processes_outside_are_out_of_reach(asked, kind):
+    """Neither their memory and files nor their lives: by signal 0, which only asks."""
+    for attempt in (
+        f"os.listdir('/proc/{os.getpid()}/root')",
+        f"open('/proc/{os.getpid()}/environ').read()",
+        f"os.kill({os.getpid()}, 0)",
+    ):
+        if "kill" in attempt and kind == box.LANDLOCK and landlock.version() < 6:
+            continue
+        with pytest.raises(PredictorError, match=r"(Permission|FileNotFound|ProcessLookup)Error"):
+            asked(attempt, kind)
+
+
+@pytest.fixture
+def forgets():
+    """What is read of the pins handed over is not kept for other tests."""
+    targets._pinned.cache_clear()
+    yield
+    targets._pinned.cache_clear()
+
+
+@pytest.mark.usefixtures("forgets")
+def test_the_labels_that_are_handed_over_are_those_of_the_training(tmp_path, monkeypatch):
+    training = "2.0/family/pretzel"
+    box.hand_over(training, tmp_path)
+    whole = {split: truth.load("2.0", split, "family/pretzel") for split in ("train", "validation")}
+    handed = pq.read_table(tmp_path / pins.labels_file("2.0"))["id"].to_pylist()
+    assert set(handed) == {id for labels in whole.values() for id in labels.shapes.tolist()}
+    assert set(handed) == set(pq.read_table(tmp_path / pins.limits_file("2.0"))["id"].to_pylist())
+    monkeypatch.setenv(pins.VARIABLE, str(tmp_path))
+    for split, labels in whole.items():
+        there = truth.load("2.0", split, "family/pretzel")
+        assert there.digest == labels.digest
+        surfaces = [pins.read_limits("2.0")[id].eigenvalues for id in there.shapes[:5]]
+        assert np.array_equal(surfaces, targets.at(labels, "surface").eigenvalues[:5])
+    with pytest.raises(Exception, match="has nothing in the split test"):
+        truth.load("2.0", "test", "family/pretzel")
+
+
+NO_SOCKET = """
+def attempt():
+    for family, kind in ((socket.AF_UNIX, socket.SOCK_STREAM), (socket.AF_INET, socket.SOCK_DGRAM)):
+        try:
+            socket.socket(family, kind)
+        except PermissionError:
+            continue
+        raise RuntimeError("a socket")
+    socket.socketpair()
+"""
+
+
+@pytest.mark.skipif(landlock.version() == 0, reason="the kernel has no Landlock")
+def test_landlock_goes_with_no_socket_at_all(predictor_file):
+    """Landlock itself does not see sockets that lie in files, or packets of UDP."""
+    call = (
+        NO_SOCKET + "def predict(meshes):\n    attempt()\n    return np.ones((len(meshes), 10))\n"
+    )
+    file = predictor_file("import socket\nimport numpy as np\n" + call)
+    with PredictorProcess(file, 10, time_limit=120, sandbox=box.LANDLOCK) as process:
+        process.warm_up(1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_packages_of_a_rows_own_are_found_in_the_box_only(predictor_file, tmp_path, kind):
+    """What Python runs by itself when it starts would run before Landlock holds it."""
+    packages, left = tmp_path / "packages", tmp_path / "left"
+    packages.mkdir()
+    (packages / "sitecustomize.py").write_text(f"open({str(left)!r}, 'w')")
+    (packages / "of_its_own.py").write_text("NUMBER = 2.5")
+    code = "import numpy as np\nimport of_its_own\ndef predict(meshes):\n"
+    code += "    return np.full((len(meshes), 10), of_its_own.NUMBER)\n"
+    file = predictor_file(code)
+    with PredictorProcess(file, 10, time_limit=120, sandbox=kind, packages=packages) as process:
+        process.warm_up(1)
+    assert not left.exists()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_was_compiled_beside_a_package_is_not_run(predictor_file, kind):
+    file = predictor_file(
+        "import numpy as np\nimport package\ndef predict(meshes):\n"
+        "    return np.full((len(meshes), 10), package.VALUE)\n"
+    )
+    package = file.with_name("package")
+    package.mkdir()
+    source, other = package / "__init__.py", package / "other.py"
+    source.write_text("VALUE = 1.0\n")
+    other.write_text("raise RuntimeError('compiled elsewhere')\n")
+    compiled = Path(importlib.util.cache_from_source(str(source)))
+    py_compile.compile(
+        str(other), str(compiled), invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH
+    )
+    other.unlink()
+    with pytest.raises(PredictorError, match="compiled elsewhere"):
+        PredictorProcess(file, 10, time_limit=120).__enter__()
+    with PredictorProcess(file, 10, time_limit=120, sandbox=kind) as process:
+        process.warm_up(1)
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: Path(path).symlink_to("/dev/zero")])
+def test_a_file_beside_the_code_that_never_ends_is_not_read(predictor_file, make):
+    file = predictor_file("def predict(meshes): ...")
+    make(file.with_name("zz.py"))
+    box.Box(box.LANDLOCK, file, "2.0/grouped").close()
+
+
+def test_a_folder_that_a_process_has_closed_is_removed(predictor_file):
+    made = box.Box(box.LANDLOCK, predictor_file("def predict(meshes): ..."), "2.0/grouped")
+    closed = made.private / "closed"
+    closed.mkdir()
+    (closed / "left").touch()
+    closed.chmod(0)
+    made.close()
+    assert not made.folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "asks"), [("device, seed", False), ("device, seed, training", True)]
+)
+def test_labels_are_handed_over_to_a_predictor_that_asks_for_a_training(
+    predictor_file, monkeypatch, parameters, asks
+):
+    monkeypatch.setattr(box, "hand_over", lambda training, folder: (folder / training).touch())
+    file = predictor_file(f'META = {{"training_data": "none"}}\ndef load({parameters}): ...')
+    made = box.Box(box.LANDLOCK, file, "labels-of-a-training")
+    try:
+        assert (made.folder / "labels" / "labels-of-a-training").exists() == asks
+    finally:
+        made.close()
+
+
+def test_kernels_are_copied_as_the_code_is_now(predictor_file, tmp_path, monkeypatch):
+    room = Path(synthnet.__path__[0]) / "spectrum"
+    now, kept = f"fem.f_{kernels.stamp(room)}-1.py311.nbi", tmp_path / "kernels" / "spectrum_1"
+    kept.mkdir(parents=True)
+    for name in (now, "fem.f_0123456789ab-1.py311.nbi", "fem.g-1.py311.nbi"):
+        (kept / name).touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(kept.parent))
+    made = box.Box(box.LANDLOCK, predictor_file("def predict(meshes): ..."), "2.0/grouped")
+    try:
+        copied = [path.name for path in made.private.rglob("*.nbi")]
+    finally:
+        made.close()
+    assert copied == [now]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ["weyl", "mean", "kriging", "ritz_mlp"])
+def test_baselines_answer_the_same_to_the_bit(kind, name):
+    answers = []
+    for sandbox in (box.NONE, kind):
+        code = BASELINES / f"{name}.py"
+        with PredictorProcess(code, 10, time_limit=600, sandbox=sandbox) as process:
+            answered = process.predict(list("abcdefgh"), meshes.warming(8))
+            answers.append((answered.values.tobytes(), process.status().sources))
+            assert process.status().refused == ()
+    assert answers[0] == answers[1]
+
+
+def test_who_requires_a_sandbox_where_none_works_is_told_what_to_do(monkeypatch):
+    monkeypatch.setattr(box, "available", lambda: box.NONE)
+    assert box.chosen("auto") == box.chosen("none") == box.NONE
+    with pytest.raises(PredictorError, match="no sandbox works here: install bubblewrap"):
+        box.chosen("required")

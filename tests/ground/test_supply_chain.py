@@ -1,0 +1,74 @@
+"""What the workflows may do and run, and that what is installed has one version."""
+
+import json
+import re
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+WRITES = {
+    "pages.yml": {"publish": {"pages": "write", "id-token": "write"}}
+}  # and nothing else does
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
+def test_workflows_may_read_alone(path: Path) -> None:
+    workflow = yaml.safe_load(path.read_text())
+    assert workflow["permissions"] == {"contents": "read"}
+    jobs = workflow["jobs"]
+    permissions = {name: job["permissions"] for name, job in jobs.items() if "permissions" in job}
+    assert permissions == WRITES.get(path.name, {})
+    for name in permissions:  # who may write runs no code of a package
+        assert [step for step in jobs[name]["steps"] if "run" in step] == []
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
+def test_actions_are_named_by_commit_and_leave_no_token(path: Path) -> None:
+    lines = [line for line in path.read_text().splitlines() if "uses:" in line]
+    assert lines
+    for line in lines:
+        assert re.search(r"uses: [\w-]+/[\w-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+$", line), line
+    for job in yaml.safe_load(path.read_text())["jobs"].values():
+        for step in job["steps"]:
+            if step.get("uses", "").startswith("actions/checkout@"):
+                assert step["with"]["persist-credentials"] is False
+
+
+def pins() -> dict[str, str]:
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    split = [line.split("==") for line in lines if line and not line.startswith("#")]
+    return {re.sub("[-_.]+", "-", name).lower(): version for name, version in split}
+
+
+def test_every_package_has_one_version() -> None:
+    lines = [
+        line for line in (ROOT / "constraints.txt").read_text().splitlines() if line[:1] != "#"
+    ]
+    assert [line for line in lines if not re.fullmatch(r"[\w.-]+==[\w.]+", line)] == []
+    assert len(pins()) == len(lines)
+
+
+@pytest.mark.slow
+def test_the_list_of_packages_has_the_pinned_versions(tmp_path: Path) -> None:
+    """The tool checks what it writes against the schema of CycloneDX."""
+    out = tmp_path / "sbom.json"
+    venv.create(tmp_path / "venv", with_pip=True)
+    python = str(tmp_path / "venv" / "bin" / "python")
+    packages = ["-c", str(ROOT / "constraints.txt"), "cyclonedx-bom"]
+    subprocess.run([python, "-m", "pip", "install", "-q", *packages], check=True)
+    command = [python, "-m", "cyclonedx_py", "environment", "--output-reproducible"]
+    project = ["--pyproject", str(ROOT / "pyproject.toml"), "--output-file", str(out)]
+    subprocess.run([*command, *project, sys.executable], check=True, capture_output=True)
+    bill = json.loads(out.read_text())
+    assert bill["bomFormat"] == "CycloneDX"
+    listed = {re.sub("[-_.]+", "-", c["name"]).lower(): c["version"] for c in bill["components"]}
+    expected = pins()
+    assert {"numpy", "scipy", "numba", "pyarrow"} <= set(listed)
+    for name in ("numpy", "scipy", "numba", "pyarrow"):
+        assert listed[name] == expected[name]
