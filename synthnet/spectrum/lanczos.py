@@ -25,6 +25,7 @@ from synthnet.spectrum.ldl import Factor, dot_four, solve_two, subtract_four
 from synthnet.spectrum.ordering import Ordering
 
 LOST = 1e-8  # relative; eigenvalues are as good as from a basis orthogonal to 1e-16 (Simon)
+FAR = 100  # times as much: one step less without a correction would not be enough
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +79,9 @@ class Lanczos:
     strict : bool
         Whether to make every vector orthogonal to all before it, instead of two of four
         until a loss is seen.
+    lean : bool
+        Whether to keep the basis alone, and of its products with B those of the newest two. Two
+        more products a step take less time than reading a second long basis.
     seed : int
         Seed of the two vectors to start from.
     """
@@ -92,6 +96,7 @@ class Lanczos:
         limit: int,
         known: NDArray[np.float64] | None = None,
         strict: bool = False,
+        lean: bool = False,
         seed: int = 0,
     ) -> None:
         n = len(matrices.lumped)
@@ -100,25 +105,35 @@ class Lanczos:
         zeros = matrices.zeros
         self.first = first = zeros + len(known)  # the basis proper begins here
         self.matrices, self.ordering, self.factor, self.sigma = matrices, ordering, factor, sigma
-        self.strict, self.limit = strict, limit + len(known)
+        self.lean, self.limit = lean, limit + len(known)
+        self.skipped = 0 if strict else 2  # steps after each two that are orthogonal to all
         self.basis = np.empty((self.limit, n))
-        self.weighted = np.empty((self.limit, n))  # B times the basis
+        self.weighted = np.empty((2 if lean else self.limit, n))  # B times the basis
         self.projected = np.zeros((self.limit, self.limit))
         area = matrices.lumped.sum()
         self.basis[:zeros] = 1 / np.sqrt(area)
-        self.weighted[:zeros] = matrices.lumped / np.sqrt(area)
         self.basis[zeros:first] = known
-        self.weighted[zeros:first] = multiply(matrices, matrices.mass, known)
+        if not lean:
+            self.weighted[:zeros] = matrices.lumped / np.sqrt(area)
+            self.weighted[zeros:first] = multiply(matrices, matrices.mass, known)
         self.size = first + 2
         self.basis[first : self.size] = np.random.default_rng(seed).random((2, n)) - 0.5
-        _start(matrices.indptr, matrices.indices, matrices.mass, self.basis, self.weighted, first)
+        _start(
+            matrices.indptr,
+            matrices.indices,
+            matrices.mass,
+            self.basis,
+            self.weighted,
+            first,
+            lean,
+        )
 
     def extend(self, steps: int) -> bool:
         """Add two vectors a step; return whether there was room for all of them."""
         matrices = self.matrices
         steps = min(steps, (self.limit - self.size) // 2)
         if steps > 0:
-            self.size, self.strict = _extend(
+            self.size, self.skipped = _extend(
                 self.ordering,
                 self.factor.pivots,
                 self.factor.panels,
@@ -131,7 +146,8 @@ class Lanczos:
                 self.size,
                 self.first,
                 steps,
-                self.strict,
+                self.skipped,
+                self.lean,
             )
         return self.size + 2 <= self.limit
 
@@ -163,7 +179,17 @@ class Lanczos:
         """
         weights = np.concatenate([pairs.inside[:, :count], pairs.outside[:, :count]]).T
         used = slice(self.first, self.size)
-        return weights @ self.basis[used], weights @ self.weighted[used]
+        vectors = weights @ self.basis[used]
+        if self.lean:
+            return vectors, multiply(self.matrices, self.matrices.mass, vectors)
+        return vectors, weights @ self.weighted[used]
+
+    def weighted_known(self, count: int) -> NDArray[np.float64]:
+        """Return B times the last of the known vectors, as rows of shape (count, n)."""
+        known = slice(self.first - count, self.first)
+        if self.lean:
+            return multiply(self.matrices, self.matrices.mass, self.basis[known])
+        return self.weighted[known]
 
 
 @kernel
@@ -174,11 +200,16 @@ def _start(
     basis: NDArray[np.float64],
     weighted: NDArray[np.float64],
     first: int,
+    lean: bool,
 ) -> None:
     coefficients = np.empty((2, first))
-    new, product = basis[first : first + 2], weighted[first : first + 2]
-    _project(basis, weighted, new, 0, first, coefficients)
-    _project(basis, weighted, new, 0, first, coefficients)
+    new = basis[first : first + 2]
+    product = weighted[:2] if lean else weighted[first : first + 2]
+    left, right = (basis, product) if lean else (weighted, new)
+    for _ in range(2):
+        if lean:
+            multiply_two(indptr, indices, mass, new, product)
+        _project(basis, left, right, new, 0, first, coefficients)
     multiply_two(indptr, indices, mass, new, product)
     _orthonormalise(new, product)
 
@@ -197,66 +228,80 @@ def _extend(
     size: int,
     first: int,
     steps: int,
-    strict: bool,
-) -> tuple[int, bool]:
+    skipped: int,
+    lean: bool,
+) -> tuple[int, int]:
     """Add vectors; the sub-blocks of ``projected`` are those of the block tridiagonal matrix."""
     coefficients = np.empty((2, basis.shape[0]))
     for _ in range(steps):
         m = size
         new = basis[m : m + 2]
-        new[:] = weighted[m - 2 : m]
+        product = weighted[:2] if lean else weighted[m : m + 2]
+        left, right = (basis, product) if lean else (weighted, new)
+        new[:] = product if lean else weighted[m - 2 : m]
         solve_two(ordering, pivots, panels, new)
         near = max(m - 4, 0)
-        _project(basis, weighted, new, near, m, coefficients)
+        if lean:
+            multiply_two(indptr, indices, mass, new, product)
+        _project(basis, left, right, new, near, m, coefficients)
         for i in range(2):
             for j in range(2):
                 projected[m - 2 + i, m - 2 + j] = coefficients[j, m - 2 + i - near]
         off = 0.5 * (projected[m - 2, m - 1] + projected[m - 1, m - 2])
         projected[m - 2, m - 1] = projected[m - 1, m - 2] = off
-        # What is left of earlier vectors by rounding: all of them in two steps of four.
+        # What is left of earlier vectors by rounding: all of them in two steps of four, at first.
         lost = 0.0
-        if strict or m < first + 8 or (m // 2) % 4 < 2:
-            _project(basis, weighted, new, 0, m, coefficients)
+        if lean:
+            multiply_two(indptr, indices, mass, new, product)
+        if m < first + 8 or (m // 2) % (2 + skipped) < 2:
+            _project(basis, left, right, new, 0, m, coefficients)
             for i in range(2):
                 for j in range(near):
                     lost = max(lost, abs(coefficients[i, j]))
         else:
-            _project(basis, weighted, new, near, m, coefficients)
-            _project(basis, weighted, new, 0, first, coefficients)
-        multiply_two(indptr, indices, mass, new, weighted[m : m + 2])
-        r, s, t = _orthonormalise(new, weighted[m : m + 2])
+            _project(basis, left, right, new, near, m, coefficients)
+            _project(basis, left, right, new, 0, first, coefficients)
+        multiply_two(indptr, indices, mass, new, product)
+        r, s, t = _orthonormalise(new, product)
         projected[m, m - 2] = projected[m - 2, m] = r
         projected[m, m - 1] = projected[m - 1, m] = s
         projected[m + 1, m - 1] = projected[m - 1, m + 1] = t
-        if lost > LOST * max(r, t):
-            strict = True
+        lost /= max(r, t)
+        if lost > LOST:
+            skipped = skipped // 2 if lean and lost < FAR * LOST else 0
         size += 2
-    return size, strict
+    return size, skipped
 
 
 @kernel
 def _project(
     basis: NDArray[np.float64],
-    weighted: NDArray[np.float64],
+    left: NDArray[np.float64],
+    right: NDArray[np.float64],
     new: NDArray[np.float64],
     low: int,
     high: int,
     coefficients: NDArray[np.float64],
 ) -> None:
-    """Make two vectors B-orthogonal to the basis from ``low`` to ``high``."""
-    y, z = new[0], new[1]
+    """Make two vectors B-orthogonal to the basis from ``low`` to ``high``.
+
+    The products of the two with the basis are those of ``left`` and ``right``: B times the basis
+    and the two, or the basis and B times the two.
+    """
+    y, z = right[0], right[1]
     k = low
     while k + 4 <= high:
-        w = weighted
+        w = left
         a, b = dot_four(y, z, w[k], w[k + 1], w[k + 2], w[k + 3])
         for i in range(4):
             coefficients[0, k - low + i] = a[i]
             coefficients[1, k - low + i] = b[i]
         k += 4
     while k < high:
-        coefficients[0, k - low] = _dot(y, weighted[k])
-        coefficients[1, k - low] = _dot(z, weighted[k])
+        coefficients[0, k - low] = _dot(y, left[k])
+        coefficients[1, k - low] = _dot(z, left[k])
         k += 1
+    y, z = new[0], new[1]
     k = low
     while k + 4 <= high:
         a0, a1, a2, a3 = coefficients[0, k - low : k - low + 4]

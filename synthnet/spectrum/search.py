@@ -42,6 +42,8 @@ class Setting:
         Whether to keep the basis orthogonal to rounding at every step.
     seed : int
         Seed of the vectors to start from.
+    lean : bool
+        Whether to keep only the basis, and not its products with B.
     """
 
     shift: float
@@ -51,6 +53,7 @@ class Setting:
     vectors: int
     strict: bool
     seed: int
+    lean: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,10 +162,13 @@ def _find(problem: _Problem, k: int, known: Candidate | None = None, seed: int =
         limit=min(setting.vectors + 8 * k, most),
         known=deflated,
         strict=setting.strict,
+        lean=setting.lean,
         seed=setting.seed + 100 * seed,
     )
     tolerance, best = setting.residual, None
     steps, room = k + 2, True
+    if setting.lean and not len(deflated):
+        steps = k - k // 8  # nearly enough, as a rule
     while room:
         room = lanczos.extend(steps)
         steps = 2
@@ -219,9 +225,7 @@ def _vectors(
         return vectors, weighted
     return (
         np.concatenate([known.vectors, vectors]),
-        np.concatenate(
-            [lanczos.weighted[lanczos.first - len(known.vectors) : lanczos.first], weighted]
-        ),
+        np.concatenate([lanczos.weighted_known(len(known.vectors)), weighted]),
     )
 
 
@@ -250,5 +254,7 @@ def _rayleigh_ritz(
         values, turn = linalg.eigh(vectors @ stiff.T, vectors @ weighted.T, check_finite=False)
     except linalg.LinAlgError as error:
         raise SpectrumError(f"the eigenvectors found are not independent: {error}") from error
-    defects = turn.T @ stiff - values[:, None] * (turn.T @ weighted)
+    defects = turn.T @ weighted
+    defects *= values[:, None]
+    np.subtract(turn.T @ stiff, defects, out=defects)
     return values, turn.T @ vectors, defects
