@@ -354,18 +354,19 @@ def loss_curves() -> Figure | None:
 def curves(panels: Sequence[mpl.axes.Axes], configs: Sequence[str]) -> None:
     """Draw the losses of some rows, and their scores on the validation split."""
     left, right = panels
-    for config, colour in zip(configs, (BLUE, VERMILION, GREEN), strict=True):
+    names = [row[0].removeprefix("GCN, ") for row in REPORTED["tables"][0]["rows"]]
+    for config, name, colour in zip(configs, names, (BLUE, VERMILION, GREEN), strict=True):
         log = record(config, "grouped")["log"]
         losses = [row["loss"] / log[0]["loss"] for row in log]
-        left.plot([row["steps"] for row in log], losses, color=colour, label=config)
+        left.plot([row["steps"] for row in log], losses, color=colour, lw=0.8)
         scored = [row for row in log if "validation_rpd" in row]
         errors = [row["validation_rpd"] for row in scored]
-        right.plot([row["steps"] for row in scored], errors, "o-", color=colour, ms=3)
+        right.plot([row["steps"] for row in scored], errors, color=colour, label=name)
     left.set_ylabel("loss over its first value")
+    left.set_yscale("log")
     right.set_ylabel("validation RPD")
-    for axes in panels:
-        axes.set_ylim(bottom=0)
-    left.legend(frameon=False, fontsize=7, loc="lower left")
+    right.set_ylim(bottom=0)
+    right.legend(frameon=False, title="trained by")
 
 
 def pictures() -> dict[Path, Figure]:
