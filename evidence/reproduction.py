@@ -179,6 +179,18 @@ def ours(config: str) -> dict[str, tuple[str, str]]:
     return {who: row for who, row in named.items() if row in planned()}
 
 
+def of_one_seed() -> str:
+    """Return what intervals do not show, if any row of the findings was trained once."""
+    names = {name for finding in FINDINGS for name in (finding.better, finding.worse)}
+    results = [read(f"{name}{LEARNS}", "grouped") for name in sorted(names)]
+    if all(result is None or len(result.predictions) > 1 for result in results):
+        return ""
+    return (
+        " Rows of one seed are among them: an interval then does not show how far another seed "
+        "would be."
+    )
+
+
 def side_by_side(table: int) -> str:
     """Return one of Tables 1 to 3: the paper's row, then ours."""
     given = REPORTED["tables"][table]
@@ -394,7 +406,8 @@ def page(drawn: Iterable[Path]) -> str:
         if TIMES in names
         else "",
         "## What holds of the paper's findings",
-        "Under `grouped`, against the mesh, by the paired interval over test shapes and seeds.",
+        "Under `grouped`, against the mesh, by the paired interval over test shapes and seeds."
+        + of_one_seed(),
         findings(),
         "## How much is leakage",
         LEAKAGE,
