@@ -121,7 +121,7 @@ function heat({ title, families, lines }, key, slug) {
   const shade = (value) => (value === null ? null : `background: rgb(213 94 0 / ${(0.45 * Math.min(1, Math.max(0, Math.log10(Math.max(value, GOOD) / GOOD) / 4))).toFixed(3)})`);
   return element("div", { class: "scroll", role: "region", "aria-label": title, tabindex: "0" },
     element("table", { class: "plain heat" },
-      element("caption", {}, `${title}: mean RPD of each family; darker is worse`),
+      element("caption", {}, `${title}: mean RPD of each family; the stronger the colour, the worse`),
       element("thead", {}, element("tr", {}, element("td"), families.map((name) => element("th", { scope: "col" }, element("span", {}, name))))),
       element("tbody", {}, lines.map((line) => element("tr", { class: line.board === key ? "open" : null },
         element("th", { scope: "row" }, element("a", { href: modelPage(line.board, slug) }, line.title)),
