@@ -211,6 +211,12 @@ def test_check_passes_a_good_predictor(eigbench, weyl):
     assert "100 %" in out
 
 
+def test_check_names_a_file_that_is_missing_before_it_makes_a_sandbox(eigbench, tmp_path):
+    code, out, err = eigbench("check", tmp_path / "none.py")  # nor is any other file there
+    assert (code, out) == (2, "")
+    assert err.splitlines()[-1] == f"eigbench: there is no file {tmp_path / 'none.py'}"
+
+
 BATCH = """
 def predict(meshes):
     spectra = np.array([one(mesh) for mesh in meshes])
