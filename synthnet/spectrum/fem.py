@@ -242,7 +242,7 @@ def multiply(
     matrices: Matrices, values: NDArray[np.float64], rows: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the products of vectors, the rows of a (c, n) array, with A or B by its values."""
-    even = rows if len(rows) % 2 == 0 else np.concatenate([rows, rows[-1:]])
+    even = np.ascontiguousarray(rows if len(rows) % 2 == 0 else np.vstack([rows, rows[-1]]))
     product = np.empty_like(even)
     for i in range(0, len(even), 2):
         multiply_two(matrices.indptr, matrices.indices, values, even[i : i + 2], product[i : i + 2])

@@ -184,13 +184,6 @@ class Lanczos:
             return vectors, multiply(self.matrices, self.matrices.mass, vectors)
         return vectors, weights @ self.weighted[used]
 
-    def weighted_known(self, count: int) -> NDArray[np.float64]:
-        """Return B times the last of the known vectors, as rows of shape (count, n)."""
-        known = slice(self.first - count, self.first)
-        if self.lean:
-            return multiply(self.matrices, self.matrices.mass, self.basis[known])
-        return self.weighted[known]
-
 
 @kernel
 def _start(

@@ -132,9 +132,7 @@ def _ritz(
         rough_mass *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
     heavy = functions[there].T @ weighted
     values, turn = linalg.eigh(gram, heavy)  # which reads the lower triangle
-    defects = weighted @ turn
-    defects *= values
-    np.subtract(stiff @ turn, defects, out=defects)
+    defects = stiff @ turn - (weighted @ turn) * values
     squares = float(np.sum(np.square(defects) / lumped[:, None])) / matrices.least
     rough = np.square(turn).T @ rough_energy + values * (np.square(turn).T @ rough_mass)
     rounding = OPERATIONS * UNIT * (rough + values[-1])

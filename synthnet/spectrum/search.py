@@ -168,7 +168,7 @@ def _find(problem: _Problem, k: int, known: Candidate | None = None, seed: int =
     tolerance, best = setting.residual, None
     steps, room = k + 2, True
     if setting.lean and not len(deflated):
-        steps = k - k // 8  # nearly enough, as a rule
+        steps = k - k // 8  # around a shift amid the eigenvalues, nearly enough
     while room:
         room = lanczos.extend(steps)
         steps = 2
@@ -223,10 +223,8 @@ def _vectors(
     vectors, weighted = lanczos.vectors(pairs, count)
     if known is None:
         return vectors, weighted
-    return (
-        np.concatenate([known.vectors, vectors]),
-        np.concatenate([lanczos.weighted_known(len(known.vectors)), weighted]),
-    )
+    before = fem.multiply(lanczos.matrices, lanczos.matrices.mass, known.vectors)
+    return np.concatenate([known.vectors, vectors]), np.concatenate([before, weighted])
 
 
 def _polished(
@@ -254,7 +252,5 @@ def _rayleigh_ritz(
         values, turn = linalg.eigh(vectors @ stiff.T, vectors @ weighted.T, check_finite=False)
     except linalg.LinAlgError as error:
         raise SpectrumError(f"the eigenvectors found are not independent: {error}") from error
-    defects = turn.T @ weighted
-    defects *= values[:, None]
-    np.subtract(turn.T @ stiff, defects, out=defects)
+    defects = turn.T @ stiff - values[:, None] * (turn.T @ weighted)
     return values, turn.T @ vectors, defects

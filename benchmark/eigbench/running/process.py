@@ -105,9 +105,9 @@ class PredictorProcess:
     Raises
     ------
     PredictorError
-        On entering and in each method: if the predictor fails, answers with the wrong shape
-        or type, changes its input; :class:`OverTime`, :class:`OverMemory` and :class:`Died` if
-        it hangs, takes too much or dies.
+        At once if there is no such file. On entering and in each method: if the predictor fails,
+        answers with the wrong shape or type, changes its input; :class:`OverTime`,
+        :class:`OverMemory` and :class:`Died` if it hangs, takes too much or dies.
     """
 
     def __init__(
@@ -125,6 +125,7 @@ class PredictorProcess:
         readable: Sequence[Path] = (),
         packages: Path | None = None,
     ) -> None:
+        predictor.check_file(path)  # a box has no way to say that there is none
         path = path if sandbox == NONE else path.resolve()  # its working directory is another
         self.job = Job(str(path), device, seed, training, k, watched=sandbox != NONE)
         self.threads, self.time_limit = threads, time_limit
