@@ -216,5 +216,6 @@ def draw(data: dict) -> None:
         axes.set_ylabel("seconds")
         axes.grid(True, which="both", alpha=0.2)
         axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize="small")
+    handles = axes.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=3, frameon=False, fontsize="small")
     figure.savefig(DOCS / "peers.svg", metadata={"Date": None, "Creator": None})
