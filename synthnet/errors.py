@@ -7,6 +7,7 @@ The command line prints it and exits with code 2.
 import difflib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 # Packages that an installation may lack, by the name that is imported: the package's own
 # name, and the extra of this project that brings it.
@@ -74,6 +75,15 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     """
     near = difflib.get_close_matches(word, list(known), n=1)
     return f"; did you mean {near[0]}?" if near else ""
+
+
+def missing(path: Path) -> str:
+    """Return that there is no such file, and which one beside it may have been meant."""
+    try:
+        names = [other.name for other in path.parent.iterdir()]
+    except OSError:  # nor is the directory there, or it may not be read
+        names = []
+    return f"there is no file {path}{suggestion(path.name, names)}"
 
 
 def install(module: str) -> str:

@@ -54,7 +54,18 @@ class Parser(argparse.ArgumentParser):
                 return  # what follows are no options, or those of a command
             name = word.partition("=")[0]
             if name.startswith("--") and " " not in name and name not in known:
-                self.error(f"unrecognized arguments: {word}{suggestion(name, known)}")
+                self.error(f"unrecognized arguments: {word}{self._hint(name)}")
+
+    def _hint(self, option: str) -> str:
+        """Return what may have been meant by an unknown option."""
+        known = self._option_string_actions
+        if option == "--version" and "--dataset" in known:
+            return "; did you mean --dataset?"
+        groups = [] if self._subparsers is None else self._subparsers._group_actions
+        commands = [command for group in groups for command in dict(group.choices or {}).values()]
+        if any(option in command._option_string_actions for command in commands):
+            return "; it is an option of commands: put it after the command's name"
+        return suggestion(option, known)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Say which of the choices may have been meant."""

@@ -20,7 +20,7 @@ from tabulate import tabulate
 
 from synthnet import terminal
 from synthnet.commands.options import at_least, print_json
-from synthnet.errors import SpectrumError, SynthNetError
+from synthnet.errors import SpectrumError, SynthNetError, missing
 from synthnet.mesh.formats import SUFFIXES, UnreadableError
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.mesh.reading import Reader
@@ -303,6 +303,8 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
     """
     try:
         text = path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise AnswerError(missing(path)) from error
     except OSError as error:
         raise AnswerError(f"{path} cannot be opened ({error.strerror})") from error
     except UnicodeDecodeError as error:

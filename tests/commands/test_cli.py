@@ -104,6 +104,10 @@ def test_version_that_is_not_built(arguments: list[str], run: Run, tmp_path: Pat
             "--datset; did you mean --dataset? (`synthnet show --help`",
         ),
         (["--verison"], "--verison; did you mean --version? (`synthnet --help`"),
+        (
+            ["--traceback", "build", VERSION],
+            "--traceback; it is an option of commands: put it after",
+        ),
         (["gallery", "tours", "--dataset", VERSION], "inverted_cone; did you mean torus?"),
         (["build", "--workers", "two"], "argument --workers: invalid int value: 'two'"),
         (["build", "--workers", "0"], "workers must be at least 1, got 0"),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from eigbench.errors import PredictionsError
 from eigbench.scoring.truth import Truth
-from synthnet.errors import OutsideError
+from synthnet.errors import OutsideError, missing
 from synthnet.store import outside, outside_tables
 from synthnet.store.files import one_line, write_atomically
 
@@ -97,7 +97,7 @@ def read(path: Path, truth: Truth, below: Path | None = None) -> NDArray[np.floa
         with outside.opened(path, most=most_bytes(truth), below=below) as file:
             ids, seeds, values = readers[path.suffix](file, truth)
     except FileNotFoundError as error:
-        raise PredictionsError(f"there is no file {path}") from error
+        raise PredictionsError(missing(path)) from error
     except DAMAGED as error:
         raise PredictionsError(f"{path} cannot be read: {one_line(error)[:300]}") from error
     if not len(ids):

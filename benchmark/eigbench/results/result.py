@@ -19,7 +19,7 @@ from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
-from synthnet.errors import OutsideError, counted
+from synthnet.errors import OutsideError, counted, missing
 from synthnet.store import outside
 from synthnet.store.files import make_directory, sha256, write_atomically, write_text
 
@@ -80,7 +80,7 @@ def load(path: Path, below: Path | None = None) -> Any:
     try:
         return outside.read_json(path, below=below)
     except FileNotFoundError as error:
-        raise ResultError(f"there is no file {path}") from error
+        raise ResultError(missing(path)) from error
     except OutsideError as error:
         raise ResultError(str(error)) from error
 

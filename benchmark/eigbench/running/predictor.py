@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
 from eigbench.scoring.training import DEFAULT
-from synthnet.errors import install, suggestion
+from synthnet.errors import install, missing, suggestion
 from synthnet.types import Mesh
 
 META_KEYS = (
@@ -109,7 +109,7 @@ def check_file(path: Path) -> None:
     if file.is_dir():
         raise PredictorError(f"{file} is a directory: name the predictor's file in it")
     if not file.is_file():
-        raise PredictorError(f"there is no file {file}")
+        raise PredictorError(missing(file))
     if file.suffix != ".py":
         raise PredictorError(f"{file} is no Python file: its name must end in .py")
 

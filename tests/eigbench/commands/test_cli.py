@@ -45,6 +45,10 @@ def test_help_of_score_says_plainly_that_no_code_is_run(eigbench):
         (["compare", "a", "b", "--target", "surfase"], "did you mean surface?"),
         (["evalute", "m.py"], "did you mean evaluate? (`eigbench --help` shows how)"),
         (["evaluate", "--datset", "1.0"], "did you mean --dataset? (`eigbench evaluate --help`"),
+        (
+            ["evaluate", "m.py", "--version", "1.0"],
+            "unrecognized arguments: --version; did you mean --dataset?",
+        ),
         (["evaluate", "m.py", "--batch-size", "0"], "must be at least 1, got 0"),
         (["evaluate", "m.py", "--limit", "-1"], "must be at least 1, got -1"),
         (["evaluate", "m.py", "--seeds", "two"], "invalid positive value: 'two'"),
