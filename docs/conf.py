@@ -87,6 +87,39 @@ def add_index(app: Sphinx, failed: Exception | None) -> None:
         shutil.copyfile(ROOT / "docs" / "templates" / "404.html", app.outdir / "404.html")
 
 
+def give_phones(page: str, narrow: dict[str, str]) -> str:
+    """Return a page on which narrow screens load the narrow twin of a figure, where it has one.
+
+    Examples
+    --------
+    >>> print(give_phones('<img src="f/a.svg">', {"a.svg": "b.svg"}))
+    <picture><source media="(max-width: 36rem)" srcset="f/b.svg"><img src="f/a.svg"></picture>
+    """
+
+    def with_twin(image: re.Match[str]) -> str:
+        directory, name = image[1], image[2]
+        if name not in narrow:
+            return image[0]
+        source = f'<source media="(max-width: 36rem)" srcset="{directory}{narrow[name]}">'
+        return f"<picture>{source}{image[0]}</picture>"
+
+    return re.sub(r'<img [^>]*?src="([^"]*/)([^"/]+)"[^>]*>', with_twin, page)
+
+
+def add_narrow_figures(app: Sphinx, failed: Exception | None) -> None:
+    """Copy the figures NAME-narrow.svg beside NAME.svg, and let narrow screens load them."""
+    if failed is not None or app.builder.format != "html":
+        return
+    narrow = {}
+    for source, (_, name) in app.env.images.items():
+        twin = Path(app.srcdir, source).with_stem(f"{Path(source).stem}-narrow")
+        if twin.exists():
+            narrow[name] = twin.name
+            shutil.copyfile(twin, app.outdir / "_images" / twin.name)
+    for path in app.outdir.rglob("*.html"):
+        path.write_text(give_phones(path.read_text(), narrow))
+
+
 def reachable(page: str) -> str:
     """Return a page whose wide tables and code the keyboard can scroll, with heading levels.
 
@@ -166,6 +199,7 @@ def setup(app: Sphinx) -> None:
     warnings.filterwarnings("error", message="Could not render math expression")
     app.connect("source-read", add_navigation)
     app.connect("build-finished", make_reachable)
+    app.connect("build-finished", add_narrow_figures)
     app.connect("build-finished", add_index)
     app.connect("build-finished", check_hosts)
     app.add_node(mathmpl.latex_math, override=True, html=(visit_formula, depart_formula))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from eigbench.board.figures import (
     as_svg,
     escaped,
     legend,
+    number_marks,
     scatter,
     style,
 )
@@ -27,27 +29,67 @@ from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.training import untrained
 from synthnet import recipe
+from synthnet.pictures.palette import GREY
 
 if TYPE_CHECKING:
     import matplotlib as mpl
 
 UNSEEN = "family"  # the protocol whose scores stand beside those on familiar shapes
 LAPY = "LaPy"  # whose name stands beside its mark: all speeds are beside it
-OPEN = "the same model, on families it has never seen"
+OPEN = "the same model on unseen families"
 DROP = "the same models on families never seen"
-WIDTH, PLOT = 7.4, 4.9  # inches, without the names below
-COLUMNS = 2  # of names
-LARGEST_ERROR = 2.0  # rows with larger errors, which look at next to nothing, are left out
+LARGEST_ERROR = 2.0  # rows with larger errors, which look at next to nothing, are only named
+NEAR = 9.0  # points: an open mark that is nearer to another model's stands beside it
 
 
-def draw(board: Board, solver: str = "synthnet-certified") -> str:
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The measures of the figure.
+
+    Parameters
+    ----------
+    width, plot, top, left : float
+        Inches: of the figure; of the axes, their labels and the legend; of the legend; and of
+        the labels at the left.
+    columns : int
+        Of names below the axes.
+    keys : int
+        Of marks in a line of the legend.
+    letters : int
+        Of a line of the note on the drop.
+    font : float
+        Points, of what stands inside the axes.
+    size : str
+        The note at a size of meshes.
+    open : str
+        What an open mark is.
+    """
+
+    width: float
+    plot: float
+    top: float
+    left: float
+    columns: int
+    keys: int
+    letters: int
+    font: float
+    size: str
+    open: str
+
+
+WIDE = Layout(7.4, 4.9, 0.34, 0.63, 2, 5, 20, 9, "{} meshes", OPEN)
+NARROW = Layout(3.7, 5.3, 0.56, 0.6, 1, 3, 11, 8, "{}", "on unseen families")  # for phones
+
+
+def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE) -> str:
     """Return an SVG of mean error to the surface against speed beside LaPy, both logarithmic.
 
     A filled mark is a model's error on shapes like those of its training, an open one that on
     families it has not seen; the numbers in the marks are those of the names below the axes, by
-    error. What the sentences speak of has its name beside its mark. The line is an exact solver
-    of the meshes, on the coarse, medium and fine ones of the same surfaces, beside LaPy on all of
-    them: what a user has who refines.
+    error. What the sentences speak of has its name beside its mark. Marks are means over meshes of
+    all sizes; the line is an exact solver on the coarse, medium and fine meshes of the same
+    surfaces, beside LaPy on all of them: what a user has who refines. A model whose error is too
+    large to be drawn, or that has no time, is named below with the reason.
 
     Parameters
     ----------
@@ -55,39 +97,84 @@ def draw(board: Board, solver: str = "synthnet-certified") -> str:
         A version's rows and protocols against the surface.
     solver : str
         The row that the line is of.
+    layout : Layout
+        :data:`WIDE`, or :data:`NARROW`.
     """
-    rows = sorted((row for row in board.rows if _error(row) <= LARGEST_ERROR), key=_error)
+    ranked = sorted(board.rows, key=_error)
+    rows = [row for row in ranked if not _absent(row)]
     points = [
         _point(number, row, board.scored(row.submission, UNSEEN, RANKED_BY).score)
         for number, row in enumerate(rows, start=1)
-        if row.submission.result["cost"].get("reference") is not None
     ]
+    names = [(str(p.number), p.name, KINDS[p.kind][0]) for p in points]
+    names += [("–", f"{r.submission.name}: {note}", GREY) for r in ranked if (note := _absent(r))]
     with style() as new_figure:
-        lines = -(-len(points) // COLUMNS)
-        high = PLOT + NAME_LINE * lines
-        figure = new_figure(figsize=(WIDTH, high))
+        lines = -(-len(names) // layout.columns)
+        high = layout.plot + NAME_LINE * lines
+        figure = new_figure(figsize=(layout.width, high))
         axes = figure.subplots()
-        figure.subplots_adjust(0.085, 1 - (PLOT - 0.62) / high, 0.99, 1 - 0.34 / high)
+        bottom, top = 1 - (layout.plot - 0.62) / high, 1 - layout.top / high
+        figure.subplots_adjust(layout.left / layout.width, bottom, 0.99, top)
         scatter(axes, points, floor=0.0)
-        _solver_line(axes, board, solver)
+        _solver_line(axes, board, solver, layout)
         axes.set_xlim(right=FASTEST * 1.6)
-        axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the spectrum of the surface")
-        _name(axes, points, board, rows)
-        _key(axes, points, lines)
-        unseen = axes.plot([], [], "^", color=KINDS["learned"][0], mfc="white", label=OPEN)
+        number_marks(axes, points, floor=0.0)
+        axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the surface")
+        _draw_drops(axes, points)
+        _name(axes, points, rows, layout)
+        _key(axes, names, layout)
+        unseen = axes.plot([], [], "^", color=KINDS["learned"][0], mfc="white", label=layout.open)
         blue = KINDS["classical"][0]
         line = axes.plot([], [], ".-", color=blue, lw=1.6, ms=10, label="exact solver")
-        legend(axes, KINDS, unseen + line, loc="lower left", bbox_to_anchor=(-0.06, 1.0), ncols=5,
-               columnspacing=1.2, handletextpad=0.4)  # fmt: skip
+        legend(axes, KINDS, line + unseen, loc="lower left", bbox_to_anchor=(-0.06, 1.0),
+               ncols=layout.keys, columnspacing=1.2, handletextpad=0.4)  # fmt: skip
         return as_svg(figure)
 
 
+def _absent(row: Ranked) -> str:
+    """Return why a model has no mark; empty where it has one."""
+    if row.submission.result["cost"].get("reference") is None:
+        return "not timed"
+    error = _error(row)
+    return "" if error <= LARGEST_ERROR else f"{error:.3g}, not drawn"
+
+
+def _draw_drops(axes: mpl.axes.Axes, points: Sequence[Point]) -> None:
+    """Draw an arrow from each model's mark to an open one, its error on unseen families.
+
+    An open mark that would hide another model's mark stands at its left; one that would hide its
+    own is left out. The axes must have their limits.
+    """
+    pixels = axes.transData.transform
+    near = NEAR * axes.figure.dpi / 72
+    marks = pixels([(min(p.speed, FASTEST), p.error) for p in points])
+    for point, mark in zip(points, marks, strict=True):
+        if point.unseen is None:
+            continue
+        x = min(point.speed, FASTEST)
+        at = pixels((x, point.unseen))
+        if at[1] < mark[1] + near:
+            continue
+        hidden = marks[np.abs(marks - at).max(axis=1) < near]
+        if len(hidden):
+            at[0] = hidden[:, 0].min() - 1.1 * near
+        end: tuple[float, float] = tuple(axes.transData.inverted().transform(at))
+        colour, marker = KINDS[point.kind]
+        arrow = {"arrowstyle": "-|>", "color": colour, "lw": 0.9, "shrinkB": 3, "mutation_scale": 8}
+        axes.annotate("", end, (x, point.error), arrowprops=arrow, zorder=1)
+        axes.plot(*end, marker, color=colour, mfc="white", ms=6, zorder=3)
+
+
 def _name(
-    axes: mpl.axes.Axes, points: Sequence[Point], board: Board, rows: Sequence[Ranked]
+    axes: mpl.axes.Axes, points: Sequence[Point], rows: Sequence[Ranked], layout: Layout
 ) -> None:
     """Write beside the marks what the sentences name: the solver, the best model, its drop."""
     trained = {row.submission.name for row in rows if not untrained(row.submission.result["model"])}
-    font: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9, "weight": "bold"}
+    font: dict[str, Any] = {
+        "textcoords": "offset points",
+        "fontsize": layout.font,
+        "weight": "bold",
+    }
     for point in points:
         colour = KINDS[point.kind][0]
         if point.name == LAPY:
@@ -97,25 +184,27 @@ def _name(
             trained = set()  # the first is the best
             name = fill(escaped(point.name), 24)
             at = (point.speed, point.error)
-            axes.annotate(name, at, (-9, 3), ha="right", va="bottom", color=colour, **font)
+            axes.annotate(name, at, (9, -3), va="top", color=colour, **font)
     fallen = [p for p in points if p.unseen is not None and p.unseen > p.error]
     if fallen:
         most = max(fallen, key=lambda p: (p.unseen or 0) - p.error)
         at = (min(most.speed, FASTEST), float(np.sqrt(most.error * (most.unseen or 0))))
         colour = KINDS[most.kind][0]
-        axes.annotate(fill(DROP, 20), at, (16, 0), va="center", color=colour, **font)
+        axes.annotate(fill(DROP, layout.letters), at, (14, 0), va="center", color=colour, **font)
 
 
-def _key(axes: mpl.axes.Axes, points: Sequence[Point], lines: int) -> None:
-    """Write the numbers and names of all marks below the axes, in columns."""
-    high = axes.get_window_extent().height / axes.figure.dpi
-    for i, point in enumerate(points):
+def _key(axes: mpl.axes.Axes, names: Sequence[tuple[str, str, str]], layout: Layout) -> None:
+    """Write the numbers and names of all models below the axes, in columns."""
+    box = axes.get_window_extent()
+    high, wide = box.height / axes.figure.dpi, box.width / axes.figure.dpi
+    lines = -(-len(names) // layout.columns)
+    for i, (number, name, colour) in enumerate(names):
         column, line = divmod(i, lines)
-        x, y = 1.06 * column / COLUMNS - 0.06, -(0.62 + NAME_LINE * line) / high
+        x = (layout.width * column / layout.columns + 0.19 - layout.left) / wide
+        y = -(0.62 + NAME_LINE * line) / high
         text: dict[str, Any] = {"transform": axes.transAxes, "va": "center", "fontsize": 8}
-        colour = KINDS[point.kind][0]
-        axes.text(x, y, str(point.number), ha="right", color=colour, weight="bold", **text)
-        axes.text(x + 0.012, y, escaped(point.name), **text)
+        axes.text(x, y, number, ha="right", color=colour, weight="bold", **text)
+        axes.text(x + 0.08 / wide, y, escaped(name), **text)
 
 
 def _point(number: int, row: Ranked, unseen: float | None) -> Point:
@@ -191,7 +280,7 @@ def _error(row: Ranked) -> float:
     return np.inf if mean is None else float(mean)
 
 
-def _solver_line(axes: mpl.axes.Axes, board: Board, slug: str) -> None:
+def _solver_line(axes: mpl.axes.Axes, board: Board, slug: str, layout: Layout) -> None:
     """Draw a solver's errors and speeds by the size of the meshes, if its times are known."""
     for row in board.rows:
         cost = row.submission.result["cost"]
@@ -205,9 +294,8 @@ def _solver_line(axes: mpl.axes.Axes, board: Board, slug: str) -> None:
         blue = KINDS["classical"][0]
         axes.plot(speeds, list(errors.values()), ".-", color=blue, lw=1.6, ms=10, zorder=2)
         for speed, (name, error) in zip(speeds, errors.items(), strict=True):
-            note, colour = f"{name} meshes", KINDS["classical"][0]
-            font: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9, "color": colour}
-            axes.annotate(note, (speed, error), (7, -9), **font)
+            font: dict[str, Any] = {"textcoords": "offset points", "fontsize": layout.font}
+            axes.annotate(layout.size.format(name), (speed, error), (7, -9), color=blue, **font)
 
 
 def by_size(submission: Submission) -> dict[str, float]:

@@ -37,7 +37,9 @@ KINDS = {"trivial": (GREY, "s"), "classical": (BLUE, "o"), "learned": (VERMILION
 TRUE, PREDICTED = INK, BLUE
 FLOOR = 1e-3  # smaller errors are drawn at the lower edge: an exact solver's would be 1e-11
 FASTEST = 100.0  # times LaPy; faster models are drawn at the right edge
-SIZES = {"o": 12, "s": 11, "^": 15}  # of marks, in points: a number is inside
+SIZES = {"o": 12, "s": 11, "^": 17}  # of marks, in points: a number is inside
+COVERS = 8.0  # points: a mark that is so near covers the number in another
+BESIDE = [(12.0, 0.0), (-12.0, 0.0), (0.0, -11.0), (0.0, 11.0)]  # points: where it stands then
 SPEED = "times as fast as LaPy →"
 NAME_LINE, LEGEND = 0.185, 0.7  # inches of a name in the key, and of the kinds below
 
@@ -57,7 +59,7 @@ class Point:
     error : float
         What the chart is of.
     unseen : float or None
-        The same error on what the training held out: an open mark above.
+        The same error on what the training held out.
     whole : bool
         Whether it answered every mesh; else its mark is open.
     """
@@ -106,6 +108,7 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
         # Positions are fixed: those of an automatic layout depend on the version of FreeType
         figure.subplots_adjust(0.075, 0.48 / high, 0.6, 1 - 0.1 / high)
         scatter(axes, points, floor=FLOOR)
+        number_marks(axes, points, floor=FLOOR)
         axes.set_ylabel(f"mean {METRICS[key].heading}; below {FLOOR:g} at the edge")
         beside = [
             (str(p.number), f"{p.name}{_beyond(p)}", KINDS[p.kind][0])
@@ -142,8 +145,8 @@ def _beyond(point: Point) -> str:
 def scatter(
     axes: mpl.axes.Axes, points: Sequence[Point], *, floor: float, fastest: float = FASTEST
 ) -> None:
-    """Draw error against speed, both logarithmic: in each mark the number of its model."""
-    for point in sorted(points, key=lambda p: -p.number):  # the better of two that overlap is above
+    """Draw error against speed, both logarithmic: a mark a model, without its number."""
+    for point in points:
         _mark(axes, point, min(point.speed, fastest), max(point.error, floor))
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -153,19 +156,40 @@ def scatter(
 
 def _mark(axes: mpl.axes.Axes, point: Point, x: float, y: float) -> None:
     colour, marker = KINDS[point.kind]
-    if point.unseen is not None and point.unseen > 1.02 * y:
-        arrow = {"arrowstyle": "-|>", "color": colour, "lw": 0.9, "shrinkB": 3, "mutation_scale": 8}
-        axes.annotate("", (x, point.unseen), (x, y), arrowprops=arrow, zorder=1)
-        axes.plot(x, point.unseen, marker, color=colour, mfc="white", ms=6, zorder=3)
-    above = 4 - point.number / 1000
+    above = 4 - point.number / 1000  # the better of two that overlap is above
     inside = "white" if not point.whole else colour
     edge, width = ("white", 0.7) if point.whole else (colour, 1.2)
     axes.plot(x, y, marker, mfc=inside, mec=edge, mew=width, ms=SIZES[marker], zorder=above)
-    low = -1.8 if marker == "^" else -0.2  # where a triangle is wide
-    axes.annotate(
-        str(point.number), (x, y), (0, low), textcoords="offset points", ha="center", va="center",
-        fontsize=6, color="white" if point.whole else colour, weight="bold", zorder=above,
-    )  # fmt: skip
+
+
+def number_marks(
+    axes: mpl.axes.Axes, points: Sequence[Point], *, floor: float, fastest: float = FASTEST
+) -> None:
+    """Write each model's number in its mark, or beside it where a better model's mark covers it.
+
+    The axes must have their limits.
+    """
+    marks = [(min(p.speed, fastest), max(p.error, floor)) for p in points]
+    pixels = axes.transData.transform(marks)
+    for point, mark, here in zip(points, marks, pixels, strict=True):
+        gaps = (pixels - here) * 72 / axes.figure.dpi
+        near = [
+            bool(other.number < point.number and np.abs(gap).max() < COVERS)
+            for other, gap in zip(points, gaps, strict=True)
+        ]
+        colour, marker = KINDS[point.kind]
+        # A triangle is wide below its middle
+        x, (y, size) = 0.0, (-2.8, 5.5) if marker == "^" else (-0.2, 6.0)
+        if any(near):
+            room = [np.linalg.norm(gaps - side, axis=1).min() for side in BESIDE]
+            x, y = BESIDE[int(np.argmax(room))]
+        elif point.whole:
+            colour = "white"
+        above = 5 if any(near) else 4 - point.number / 1000
+        axes.annotate(
+            str(point.number), mark, (x, y), textcoords="offset points", ha="center", va="center",
+            fontsize=size, color=colour, weight="bold", zorder=above,
+        )  # fmt: skip
 
 
 def name_key(axes: mpl.axes.Axes, entries: Sequence[tuple[str, str, str]]) -> None:

@@ -238,6 +238,8 @@ def generate(
             if submission.target == SURFACE:
                 path = FIGURES / f"{protocols.version}-answer.svg"
                 generated[path] = answer_figure.draw(protocols)
+                narrow = path.with_stem(f"{path.stem}-narrow")  # which the site shows on phones
+                generated[narrow] = answer_figure.draw(protocols, layout=answer_figure.NARROW)
                 # The newest version comes first
                 finding = finding or answer_figure.sentences(protocols)
                 shown[page.ANSWER] = path

@@ -28,9 +28,10 @@ DROP, ANSWER = "Drop under each protocol", "Error to the surface against speed"
 CAPTIONS = {
     DROP: "A panel is a protocol, a line a model: the filled mark is its error when what is tested "
     "was held out of its training, the open one that of the same model trained on everything.",
-    ANSWER: "Lower right is better. The line is an exact solver on fine, medium and coarse meshes "
-    "of the same surfaces: a model is of use where it lies below. An arrow leads from a model's "
-    "error on familiar shapes to its error on families that it has never seen.",
+    ANSWER: "Lower right is better. A mark is a mean over meshes of all sizes. The line is an "
+    "exact solver on fine, medium and coarse meshes of the same surfaces: a model is of use where "
+    "it lies below. An arrow leads from a model's error on familiar shapes to its error on "
+    "families that it has never seen.",
 }
 
 NAMES = {SURFACE: "against the surface", MESH: "against the mesh"}
@@ -42,8 +43,8 @@ EXPLAINED = {
     ),
     MESH: (
         "The target is the finite element spectrum of the very mesh, as in the paper. A solver of "
-        "the same elements is exact: every answer is within a relative 1e-9. Exact rows share the "
-        "first ranks, the faster first: their times show what exactness costs."
+        "the same elements is exact: every answer is within a relative 1e-9. Exact rows stand "
+        "above the ranking, the faster first: their times show what exactness costs."
     ),
 }
 

@@ -13,6 +13,7 @@ from eigbench.board.figures import (
     Point,
     as_svg,
     escaped,
+    number_marks,
     scatter,
     style,
 )
@@ -59,8 +60,9 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
         figure = new_figure(figsize=(WIDTH, high))
         grid = np.ravel(figure.subplots(down, ACROSS, sharex=True, sharey=True, squeeze=False))
         figure.subplots_adjust(0.08, below / high, 0.985, 1 - 0.25 / high, wspace=0.06, hspace=0.14)
+        drawn = []
         for axes, (label, mine, panel) in zip(grid, charts, strict=False):
-            _models(axes, panel, [(numbers[_key(row)], row) for row in mine])
+            drawn.append(_models(axes, panel, [(numbers[_key(row)], row) for row in mine]))
             hardware = f"; {label}" if len(by_setting) > 1 else ""
             title = escaped(f"{panel.size:,} vertices{hardware}")
             axes.set_title(title, fontsize=9, loc="left", pad=3)
@@ -72,6 +74,8 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
             axes.set_axis_off()
         grid[0].set_xlim(left, FASTEST * 1.6)
         grid[0].set_ylim(low, 1.0)
+        for axes, points in zip(grid, drawn, strict=False):
+            number_marks(axes, points, floor=0.0, fastest=FASTEST)
         figure.text(0.53, (below - 0.42) / high, SPEED, ha="center", fontsize=9)
         text = "mean relative error to the surface's spectrum"
         figure.text(0.012, 0.5 + below / high / 2, text, rotation=90, va="center", fontsize=9)
@@ -85,8 +89,8 @@ def _charts(label: str, rows: Sequence[Scaled]) -> list[tuple[str, Sequence[Scal
     return [(label, rows, panels.panel(rows, verdicts, verdict.size)) for verdict in verdicts]
 
 
-def _models(axes: mpl.axes.Axes, panel: Panel, rows: Sequence[tuple[int, Scaled]]) -> None:
-    """Draw the models of a size that were answered and can be compared with LaPy."""
+def _models(axes: mpl.axes.Axes, panel: Panel, rows: Sequence[tuple[int, Scaled]]) -> list[Point]:
+    """Draw the models of a size that were answered and can be compared with LaPy; return them."""
     points = []
     for number, row in rows:
         cell = scores.medians(row, panel.size)
@@ -96,6 +100,7 @@ def _models(axes: mpl.axes.Axes, panel: Panel, rows: Sequence[tuple[int, Scaled]
             points.append(Point(number, row.name, kind, speed, cell.distance, None, whole))
     scatter(axes, points, floor=0.0, fastest=FASTEST)
     axes.set_xlabel("")
+    return points
 
 
 def _solver(axes: mpl.axes.Axes, panel: Panel, low: float) -> None:

@@ -330,6 +330,20 @@ def test_the_answer_has_every_row_and_the_solver_by_size(held_out, parts, make_s
     assert "coarse meshes" not in answer_figure.draw(board, solver="solver")
 
 
+@pytest.mark.parametrize("layout", [answer_figure.WIDE, answer_figure.NARROW])
+def test_a_model_without_a_mark_is_named_with_the_reason(held_out, layout):
+    whole, _ = held_out
+    rows = [row.at("surface") for row in whole]
+    rows[1].scores["overall"]["rpd"]["mean"] = 3.0669
+    rows[2].result["cost"]["reference"] = None
+    text = answer_figure.draw(generalisation.Board(ranking.ranked(rows), {}), layout=layout)
+    far, untimed = rows[1].name, rows[2].name
+    assert f">{far}: 3.07, not drawn<" in text
+    assert f">{untimed}: not timed<" in text
+    assert text.count(">1</text>") == 2
+    assert ">2</text>" not in text
+
+
 def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, make_submission):
     whole, model = held_out
     rows = ranking.ranked([row.at("surface") for row in whole])
