@@ -45,7 +45,7 @@ def _row(row: Ranked) -> dict[str, object]:
         "slug": submission.slug,
         "name": submission.name,
         "kind": model["kind"],
-        "rank": None if row.declared else [row.best, row.worst],
+        "rank": row.ranks,
         "exact": row.exact,
         "scores": row.scores,
         "cost": {key: cost[key] for key in ("ms_per_mesh", "threads", "device", "hardware")},

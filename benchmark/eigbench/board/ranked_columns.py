@@ -50,12 +50,20 @@ def _result(row: Ranked) -> dict[str, Any]:
     return row.submission.result
 
 
+def _order(row: Ranked) -> int | None:
+    """Return what rows are sorted by, by rank: exact ones are first, declared ones last."""
+    if row.declared:
+        return None
+    return row.ranks[0] if row.ranks else 0
+
+
 RANK: Column[Ranked] = Column(
     "rank",
     "rank",
     f"By mean {METRICS[RANKED_BY].title}: the ranks that the row may have, at 95 %, from paired "
-    "differences to every other row. Exact: nothing but rounding sets it apart from the target.",
-    lambda row: (row.shown_rank, row.best),
+    "differences to every other row. Exact rows stand above the ranking: nothing but rounding sets "
+    "them apart from the target.",
+    lambda row: (row.shown_rank, _order(row)),
     numeric=False,
 )
 MODEL, KIND, HARDWARE, TRAINING = of_run(_result)

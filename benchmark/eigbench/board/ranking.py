@@ -9,7 +9,7 @@ with a chance of 95 %, and a row that is surely better or worse moves the others
 changes nothing else.
 
 Rows all of whose answers are right within the bars are exact. Nothing but rounding tells them
-apart: they share the first ranks, and the faster stands first.
+apart: they stand above the ranking, the faster first, and the others are ranked from 1.
 
 References
 ----------
@@ -98,8 +98,9 @@ class Ranked:
     ----------
     submission : Submission
         With the truth of the target.
-    best, worst : int
-        Its interval of ranks, from 1.
+    ranks : tuple of two ints, or None
+        The first and the last of the interval of its ranks, from 1; None where it is exact or
+        declared.
     apart : sequence of Apart
         Every other row of the board, in the board's order.
     exact : bool
@@ -110,8 +111,7 @@ class Ranked:
     """
 
     submission: Submission
-    best: int
-    worst: int
+    ranks: tuple[int, int] | None
     apart: Sequence[Apart] = ()
     exact: bool = False
     declared: bool = False
@@ -126,9 +126,9 @@ class Ranked:
         """The rank as it is shown: ``exact``, ``3``, ``3–5``, or ``declared`` for none."""
         if self.declared:
             return "declared"
-        if self.exact:
+        if self.ranks is None:
             return "exact"
-        return str(self.best) if self.best == self.worst else f"{self.best}–{self.worst}"
+        return "–".join(str(rank) for rank in dict.fromkeys(self.ranks))
 
 
 def per_mesh(submission: Submission, key: str) -> NDArray[np.float64]:
@@ -192,8 +192,9 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
 def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Ranked]:
     """Return the submissions with their ranks: the exact ones by cost, then the best mean first.
 
-    Where some are verified, these alone are ranked, and the others stand below them in the same
-    order; where none is, all are. The order of the input does not matter.
+    The exact ones have no rank. Where some are verified, these alone are ranked, and the others
+    stand below them in the same order; where none is, all are. The order of the input does not
+    matter.
     """
     verified = {s.result_path for s in submissions if is_verified(s.result)}
     below = {s.result_path for s in submissions if verified and s.result_path not in verified}
@@ -211,18 +212,23 @@ def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Rank
     rows = sorted(submissions, key=order)
     means, resampled = _resampled(rows, key)
     floor = 2 * (targets.floor(rows[0].truth, key) or 0) if rows else 0.0
+    unranked = {s.slug for s in submissions if s.result_path in below | exact}
     placed = []
     for i, row in enumerate(rows):
         apart = _apart(i, rows, means, resampled, floor)
+        ranks = None
+        if row.slug not in unranked:
+            beside = [sign * a.mean if a.sure else 0.0 for a in apart if a.slug not in unranked]
+            better, worse = sum(mean < 0 for mean in beside), sum(mean > 0 for mean in beside)
+            ranks = (1 + better, 1 + len(beside) - worse)
         declared = row.result_path in below
-        best, worst = len(rows) - len(below) + 1, len(rows)
-        if not declared:
-            ranked_beside = apart[: len(rows) - len(below) - 1]
-            sure = [sign * other.mean for other in ranked_beside if other.sure]
-            worst = best - 1 - sum(mean > 0 for mean in sure)
-            best = 1 + sum(mean < 0 for mean in sure)
-        placed.append(Ranked(row, best, worst, apart, row.result_path in exact, declared))
+        placed.append(Ranked(row, ranks, apart, row.result_path in exact, declared))
     return placed
+
+
+def count_ranked(rows: Sequence[Ranked]) -> int:
+    """Return how many rows of a board have a rank."""
+    return sum(row.ranks is not None for row in rows)
 
 
 def _resampled(

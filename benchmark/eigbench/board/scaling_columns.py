@@ -61,7 +61,8 @@ def _error(size: int) -> Column[Scaled]:
         "mesh; median over the surfaces."
     )
     own = percent(scores.floor(size))
-    return _median("error", size, "error", note, lambda m: (percent(m.error), m.error), own)
+    title = "error to the mesh"
+    return _median("error", size, title, note, lambda m: (percent(m.error), m.error), own)
 
 
 def _time(size: int) -> Column[Scaled]:
@@ -85,7 +86,12 @@ def _distance(size: int, verdicts: Sequence[Verdict]) -> Column[Scaled]:
 
     own = text(scores.floor(size))
     return _median(
-        "distance", size, "distance", note, lambda m: (text(m.distance), m.distance), own
+        "distance",
+        size,
+        "error to the surface",
+        note,
+        lambda m: (text(m.distance), m.distance),
+        own,
     )
 
 

@@ -159,18 +159,19 @@ def overall(scored: dict[str, Any]) -> Table:
     rows = []
     for key, metric in METRICS.items():
         cell = scored["overall"][key]
-        d = metric.decimals
-        deviation = "" if cell["seed_std"] is None else f"{cell['seed_std']:.{d}f}"
-        between = f"{_bare(cell['low'], key)} to {_bare(cell['high'], key)}"
+        share = metric.unit == "share"
+        shown = score if share else _bare
+        deviation = "" if cell["seed_std"] is None else _spread(cell["seed_std"], key)
+        between = f"{shown(cell['low'], key)} to {shown(cell['high'], key)}"
         rows.append(
             [
                 metric.heading,
                 # The PSNR of an exact spectrum is infinite
-                "" if key == "psnr" and cell["mean"] is None else _bare(cell["mean"], key),
+                "" if key == "psnr" and cell["mean"] is None else shown(cell["mean"], key),
                 "" if key == "psnr" and cell["mean"] is None else between,
                 *([] if one_seed else [deviation]),
                 "" if key == "psnr20" else _bare(cell["median"], key),
-                metric.unit,
+                "" if share else metric.unit,
             ]
         )
     spread = [] if one_seed else ["sd over seeds"]
@@ -182,7 +183,7 @@ def families(scored: dict[str, Any]) -> Table:
     """Return the table by family, as the paper's Table 4, with all six metrics."""
     rows = []
     for name, family in scored["families"].items():
-        cells = [_bare(family[key]["mean"], key) for key in METRICS if key in MAIN]
+        cells = [score(family[key]["mean"], key) for key in METRICS if key in MAIN]
         rows.append([family_title(name), f"{family['count']:,}", *cells])
     headers = ["family", "instances", *(METRICS[key].title for key in MAIN)]
     return Table(headers, rows)

@@ -11,7 +11,7 @@ from typing import Any
 from rich.console import Console
 
 from eigbench.board import leaderboard, page, scaling_page
-from eigbench.board.ranking import Ranked
+from eigbench.board.ranking import Ranked, count_ranked
 from eigbench.commands import arguments, score
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
@@ -101,7 +101,11 @@ def _try(row: Submission, root: Path, options: argparse.Namespace) -> int:
         at = _index(rows, row)
         near = rows[max(at - NEAR, 0) : at + NEAR + 1]
         rank = rows[at].shown_rank
-        print(f"{page.title(rows)}: {row.name} would have rank {rank} of {len(rows)}\n")
+        if rows[at].ranks is not None:
+            rank = f"have rank {rank} of {count_ranked(rows)}"
+        else:
+            rank = f"stand as {rank}, without a rank"
+        print(f"{page.title(rows)}: {row.name} would {rank}\n")
         print(f"{page.top_table(near)}\n")
     print("a rank is an interval: the true one is in it with a chance of 95 %; nothing was written")
     return 0
@@ -113,7 +117,8 @@ def _place(rows: Sequence[Ranked], row: Submission) -> dict[str, Any]:
     above, below = rows[max(at - NEAR, 0) : at], rows[at + 1 : at + NEAR + 1]
     return {
         "rows": len(rows),
-        "rank": [rows[at].best, rows[at].worst],
+        "ranked": count_ranked(rows),
+        "rank": rows[at].ranks,
         "exact": rows[at].exact,
         "above": [other.submission.name for other in above],
         "below": [other.submission.name for other in below],

@@ -10,7 +10,7 @@ from eigbench.board import page
 from eigbench.board.columns import Cell, six_digits
 from eigbench.board.cost_columns import speed
 from eigbench.board.ranked_columns import KIND
-from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.board.ranking import RANKED_BY, Ranked, count_ranked
 from eigbench.board.tables import deviation, family_title, in_order, score, with_uncertainty
 from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
@@ -90,7 +90,7 @@ def _standing(board: Shown, row: Ranked) -> dict[str, Any]:
         "dataset": recipe.title(board.truth.version),
         "title": board.short,
         "rank": row.shown_rank,
-        "of": len(board.rows),
+        "of": count_ranked(board.rows),
         "cells": [*shown, ratio.cell(row)[0]],
     }
 

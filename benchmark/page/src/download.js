@@ -17,7 +17,7 @@ export function renderDownloads(container, board, { rows, complete }) {
 /** Return rows as CSV, RFC 4180: each column as it is shown, and the number behind it where there is one. */
 function csv(board, rows) {
   const columns = Object.entries(board.columns);
-  const head = ["model", "kind", ...columns.flatMap(([key, { title, numeric }]) => (numeric ? [key, `${title}, as shown`] : [key]))];
+  const head = ["model", "kind", ...columns.flatMap(([key, { numeric }]) => (numeric ? [key, `${key}-shown`] : [key]))];
   const lines = rows.map((row) => [row.name, row.kind, ...columns.flatMap(([key, { numeric }]) => {
     const [text, value] = row.cells[key];
     return numeric ? [value ?? "", text] : [text];

@@ -81,7 +81,7 @@ function standings(page, key, slug) {
     element("tr", { class: board === key ? "open" : null },
       element("th", { scope: "row" }, dataset, ", ",
         element("a", { href: modelPage(board, slug), "aria-current": board === key ? "true" : null }, title)),
-      element("td", { class: "number" }, rank === "exact" || !of ? rank : `${rank} of ${of}`),
+      element("td", { class: "number" }, /^\d/.test(rank) ? `${rank} of ${of}` : rank),
       ...cells.map((text) => element("td", { class: "number" }, text))));
   const heads = ["board", "rank", "RPD ↓", "PSNR>20 ↑", "speed against LaPy"];
   return section("Where it stands",

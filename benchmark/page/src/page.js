@@ -6,7 +6,7 @@ import { renderFilters, renderWhich } from "./filters.js";
 import { charts, get, has, lost, put } from "./load.js";
 import { makeModel } from "./model.js";
 import { decoded, encoded, modelPage } from "./state.js";
-import { column, glossary, groupOf, isWhole, known, meanings, renderTable, rowsShown, sorted, sortKey } from "./table.js";
+import { column, glossary, groupOf, isWhole, keepHead, known, meanings, renderTable, rowsShown, sorted, sortKey } from "./table.js";
 import { wireTheme } from "./theme.js";
 import { wirePage } from "./tip.js";
 
@@ -16,6 +16,7 @@ let index = null;
 let board = null;
 let state = decoded(location.hash);
 let model = null; // the page of a model, while it is shown
+let missing = ""; // what is said of a linked model that the board does not have
 
 globalThis.eigbench = { put };
 get("index").then(start).catch((error) => {
@@ -54,6 +55,7 @@ async function start(loaded) {
       show();
     }
   });
+  addEventListener("scroll", () => keepHead(part("table")), { passive: true });
   let width = innerWidth;
   addEventListener("resize", () => {
     if (innerWidth === width) return; // a phone's address bar comes and goes
@@ -78,10 +80,14 @@ async function show() {
   const { board: key, model: slug } = state;
   let page = null; // of the model, if one is shown
   try {
-    const found = await Promise.all([get(`boards/${key}`), slug ? get(`models/${slug}`) : null]);
-    if (!page && !isWhole(found[0], state)) await complete(found[0]);
+    const found = await get(`boards/${key}`);
+    const has = found.rows?.some((row) => row.slug === slug);
+    const its = slug && has ? await get(`models/${slug}`) : null;
+    if (!its && !isWhole(found, state)) await complete(found);
     if (key !== state.board || slug !== state.model) return; // another was chosen meanwhile
-    [board, page] = found;
+    missing = slug && !has ? `There is no model “${slug}” on this board. ` : "";
+    if (missing) state = { ...state, model: "", other: "", part: "" };
+    [board, page] = [found, its];
   } catch (error) {
     if (key === state.board) clear(error.message);
     return;
@@ -158,6 +164,7 @@ function clear(why) {
 /** Change the view of the board: not worth a step of Back. */
 async function change(patch, form = true) {
   state = { ...state, ...patch };
+  missing = "";
   const of = board;
   if (!isWhole(of, state)) {
     try {
@@ -205,7 +212,7 @@ const metric = () => (Object.hasOwn(index.metrics, state.metric) ? state.metric 
 function tell(rows) {
   const key = sortKey(board, state);
   const order = key ? `, sorted by ${column(board, key).title}, ${state.down ? "descending" : "ascending"}` : "";
-  part("status").textContent = `${rows.length} of ${board.rows.length} rows shown${order}.`;
+  part("status").textContent = `${missing}${rows.length} of ${board.rows.length} rows shown${order}.`;
 }
 
 async function drawChart() {

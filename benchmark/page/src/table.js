@@ -100,8 +100,20 @@ export function renderTable(container, board, state, { rows, narrow, kinds, sort
   if (!narrow && table.scrollWidth > frame.clientWidth) { // it scrolls by itself; else its head sticks to the window
     frame.classList.add("scroll", "wide");
     frame.tabIndex = 0;
+    const rank = table.querySelector("th.rank");
+    if (rank) frame.style.setProperty("--after-rank", `${rank.offsetWidth}px`);
+    keepHead(container);
   }
   if (focus) document.getElementById(focus)?.focus({ preventScroll: true });
+}
+
+/** Keep the head of a table that scrolls sideways in the window: sticky would be so within its frame alone. */
+export function keepHead(container) {
+  const frame = container.querySelector(".board.wide");
+  if (!frame) return;
+  const head = frame.querySelector("thead");
+  const room = frame.clientHeight - head.offsetHeight;
+  head.style.transform = `translateY(${Math.min(Math.max(0, -frame.getBoundingClientRect().top), Math.max(0, room))}px)`;
 }
 
 function headCell(board, state, key, isSorted, sort) {

@@ -145,7 +145,7 @@ def test_a_difference_that_the_bars_could_make_is_a_tie(pin, two, bar, verdict):
     assert difference.verdict == verdict
     assert difference.why == ("floor" if verdict == "tie" else "")
     assert ranking.difference(b, a, "rpd").verdict == {"a": "b", "tie": "tie"}[verdict]
-    ranks = [(row.best, row.worst) for row in ranking.ranked([b, a])]
+    ranks = [row.ranks for row in ranking.ranked([b, a])]
     assert ranks == ([(1, 2), (1, 2)] if verdict == "tie" else [(1, 1), (2, 2)])
 
 

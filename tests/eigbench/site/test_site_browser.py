@@ -410,6 +410,7 @@ def test_the_shown_rows_can_be_had_as_csv_and_json(visit):
     assert download.value.suggested_filename == f"{FIRST}.csv"
     assert [line[0] for line in lines[1:]] == names(page)
     assert len({len(line) for line in lines}) == 1
+    assert len(set(lines[0])) == len(lines[0])
     assert "rpd-median" in lines[0]  # of another view
     column = lines[0].index("rpd")
     assert float(lines[1][column]) == pytest.approx(10 * 0.01 / 2.01, rel=1e-4)
@@ -591,17 +592,24 @@ def test_nothing_is_cut_on_a4_and_the_table_stays_a_table(visit, real_board, ove
         expect(page.locator("#table tbody tr").first).to_have_css("display", "table-row")
 
 
-def test_head_and_names_stay_while_the_table_is_scrolled(visit):
-    page = visit("#columns=families-rpd", size={"width": 800, "height": 150})
-    head, name = page.locator("#sort-name"), page.locator("#table tbody .title").last
-    before = head.bounding_box()
+def test_head_ranks_and_names_stay_while_page_and_table_are_scrolled(visit):
+    page = visit("#columns=families-rpd", name="real", size={"width": 1024, "height": 400})
     table = page.locator("#table .wide")
-    table.evaluate("table => table.scrollTo(200, 30)")
-    after = head.bounding_box()
-    assert table.evaluate("table => [table.scrollLeft, table.scrollTop]") == [200, 30]
-    assert after["y"] == before["y"]
-    assert table.bounding_box()["x"] <= after["x"] < before["x"]  # the ranks make room
-    assert name.bounding_box()["x"] >= table.bounding_box()["x"]
+    top = table.bounding_box()["y"]
+    page.evaluate("y => scrollTo(0, y)", top + 200)
+    table.evaluate("table => table.scrollTo(200, 0)")
+    frame = table.bounding_box()
+    assert (frame["x"], frame["y"]) == (frame["x"], pytest.approx(-200, abs=2))
+    head = page.locator("#table thead")
+    expect(head).to_have_css("transform", re.compile("matrix"))
+    assert head.bounding_box()["y"] == pytest.approx(0, abs=2)
+    row = page.locator("#table tbody tr").nth(12)
+    rank, name = row.locator(".rank").bounding_box(), row.locator("th.name").bounding_box()
+    assert rank["x"] == pytest.approx(frame["x"], abs=2)
+    assert name["x"] == pytest.approx(rank["x"] + rank["width"], abs=2)
+    above = page.evaluate("([x, y]) => document.elementFromPoint(x, y).closest('thead') !== null",
+                          [name["x"] + 20, 10])  # fmt: skip
+    assert above
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -725,6 +733,15 @@ def test_what_a_linked_view_names_and_is_not_there_is_dropped(visit, name, value
     page = visit(f"#{name}={value}")
     assert len(names(page)) == 4
     assert f"{name}=" not in page.evaluate("location.hash")
+
+
+def test_a_linked_model_that_the_board_does_not_have_is_said_and_the_board_is_shown(visit):
+    page = visit("#model=nobody")
+    assert len(names(page)) == 4
+    expect(page.locator("#status")).to_contain_text("no model “nobody” on this board. 4 of 4 rows")
+    assert "model=" not in page.evaluate("location.hash")
+    page.locator("#sort-rpd").click()
+    expect(page.locator("#status")).not_to_contain_text("nobody")
 
 
 def test_text_of_a_board_has_no_links_but_its_own(altered):
