@@ -72,7 +72,8 @@ def test_every_link_inside_the_site_leads_to_what_is_there(site):
             there = (path.parent / unquote(address.partition("?")[0])).resolve()
             there = path if not address else there
             known = pages.get(there)
-            if address and anchor and there == site / "board" / "index.html":  # the view of the board
+            # The fragment of the board is its view; that of source code is made by Sphinx
+            if address and anchor and there == site / "board" / "index.html":
                 views.add(anchor)
             elif not there.is_file() or (known and unquote(anchor) not in known.anchors):
                 lost.append(f"{path.relative_to(site)}: {target}")
