@@ -77,6 +77,42 @@ def add_navigation(app: Sphinx, name: str, source: list[str]) -> None:
         source[0] += f"\n```{{eval-rst}}\n{NAVIGATION}```\n"
 
 
+# Pages that the interactive board shows as well, with their views there; all of benchmark/boards.
+VIEWS = {"LEADERBOARD": "", "docs/page": "", "docs/scaling": "#board=scaling"}
+RESULT = re.compile(r"\[([^\]]+)\]\((?:\.\./)*benchmark/results/([\w.-]+)/([\w.-]+)\.json\)")
+
+
+def view_of(name: str) -> str | None:
+    """Return the fragment of the interactive board that shows what a page shows, if one does.
+
+    Examples
+    --------
+    >>> view_of("benchmark/boards/2.0-test-grouped-mesh")
+    '#board=2.0-test-grouped-mesh'
+    >>> view_of("benchmark/boards/2.0-generalisation-mesh")
+    '#board=2.0-test-grouped-mesh&columns=protocols-rpd'
+    >>> view_of("docs/labels")
+    """
+    if not name.startswith("benchmark/boards/"):
+        return VIEWS.get(name)
+    key = name.removeprefix("benchmark/boards/")
+    whole = key.replace("-generalisation-", "-test-grouped-")
+    return f"#board={whole}" + ("&columns=protocols-rpd" if whole != key else "")
+
+
+def link_board(app: Sphinx, name: str, source: list[str]) -> None:
+    """Link the interactive board, which GitHub does not show: below titles, and for results.
+
+    A link to a result, ``benchmark/results/BOARD/MODEL.json``, leads to the page of its model.
+    """
+    board = f"{'../' * name.count('/')}board/index.html"
+    source[0] = RESULT.sub(rf'<a href="{board}#board=\2-mesh&amp;model=\3">\1</a>', source[0])
+    if (view := view_of(name)) is not None:
+        link = f'<a href="{board}{escape(view)}">Sort, filter and compare interactively</a>'
+        door = f'\n\n<p class="door">{link}</p>\n'
+        source[0] = re.sub(r"^# .+$", lambda title: title[0] + door, source[0], count=1, flags=re.M)
+
+
 def add_index(app: Sphinx, failed: Exception | None) -> None:
     """Let the site open at its first page, and say on a page of its own that one is not there.
 
@@ -198,6 +234,7 @@ def setup(app: Sphinx) -> None:
     """Register the above; a formula that cannot be drawn is an error."""
     warnings.filterwarnings("error", message="Could not render math expression")
     app.connect("source-read", add_navigation)
+    app.connect("source-read", link_board)
     app.connect("build-finished", make_reachable)
     app.connect("build-finished", add_narrow_figures)
     app.connect("build-finished", add_index)

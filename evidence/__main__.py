@@ -14,7 +14,7 @@ from evidence.blocks import BLOCKS, ELSEWHERE, PAGE, fill
 from evidence.measurements import FILES, MEASUREMENTS, REPORTS, add_options
 from synthnet.errors import SynthNetError
 
-PICTURES = ("architecture", "growth", "peers", "1.0", "2.0", "readme", "poster")
+PICTURES = ("architecture", "concepts", "growth", "peers", "1.0", "2.0", "readme", "poster")
 PINS = {
     "version": "the shapes of a built version",
     "limits": "the spectra of the surfaces of a version's shapes, with error bars",
@@ -130,6 +130,10 @@ def run_draw(options: argparse.Namespace) -> int:
             from evidence.architecture import draw_architecture
 
             draw_architecture()
+        elif name == "concepts":
+            from evidence.concepts import draw
+
+            draw(numbers.read("concepts"))
         elif name == "growth":
             from evidence.growth import draw
 

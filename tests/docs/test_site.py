@@ -41,7 +41,8 @@ def test_examples_of_the_configuration_are_true(conf):
 
 
 def test_every_page_of_the_repository_is_in_the_navigation_once(conf):
-    named = re.findall(r"^   ([\w/.-]+)$", conf.NAVIGATION, flags=re.M)
+    entries = re.findall(r"^   (?:[\w, ]+ <)?([\w/.-]+)>?$", conf.NAVIGATION, flags=re.M)
+    named = [entry for entry in entries if not entry.startswith("benchmark/boards/")]
     pages = {page.relative_to(ROOT).with_suffix("").as_posix() for page in PAGES}
     assert sorted([conf.root_doc, *named]) == sorted(pages)
 
@@ -86,6 +87,45 @@ def test_the_board_is_in_the_side_bar_of_every_page(conf):
     door = (ROOT / "docs" / conf.templates_path[0] / "sidebar" / "doors.html").read_text()
     assert "pathto('board/index.html', 1)" in door
     assert "--out site/board" in (ROOT / "Makefile").read_text()
+
+
+BOARDS = {page.stem for page in (ROOT / "benchmark" / "boards").glob("*.md")}
+
+
+@pytest.mark.parametrize(
+    ("name", "link"),
+    [
+        ("LEADERBOARD", "board/index.html"),
+        ("docs/scaling", "../board/index.html#board=scaling"),
+        *(
+            (f"benchmark/boards/{board}", f"../../board/index.html#board={board}")
+            for board in sorted(BOARDS)
+            if "generalisation" not in board
+        ),
+    ],
+)
+def test_the_interactive_board_is_linked_below_the_title_of_a_board(conf, name, link):
+    source = [(ROOT / f"{name}.md").read_text()]
+    before = source[0]
+    conf.link_board(None, name, source)
+    title = re.search(r"^# .+\n", before, flags=re.M)[0]
+    _, _, below = source[0].partition(title)
+    assert below.startswith(f'\n<p class="door"><a href="{link}">')
+    assert len(re.findall('class="door"', source[0])) == 1
+
+
+def test_a_link_to_a_result_leads_to_the_page_of_its_model(conf):
+    source = ["# a\n[its row](../benchmark/results/2.0-test-grouped/lapy.json), [b](b.json)\n"]
+    conf.link_board(None, "docs/learned", source)
+    link = '<a href="../board/index.html#board=2.0-test-grouped-mesh&amp;model=lapy">its row</a>'
+    assert source == [f"# a\n{link}, [b](b.json)\n"]
+
+
+def test_every_result_that_a_page_links_is_there(conf):
+    linked = [match for page in PAGES for match in conf.RESULT.findall(page.read_text())]
+    assert len(linked) > 5
+    for _, board, model in linked:
+        assert (ROOT / "benchmark" / "results" / board / f"{model}.json").is_file()
 
 
 def test_every_module_named_in_the_reference_exists_and_is_named_once():

@@ -63,7 +63,7 @@ def test_no_page_shows_the_marks_of_its_markdown(site):
 def test_every_link_inside_the_site_leads_to_what_is_there(site):
     pages = {path: links(path) for path in site.rglob("*.html") if path.name != "404.html"}
     assert len(pages) > 60
-    lost = []
+    lost, views = [], set()
     for path, page in pages.items():
         for target in page.targets:
             if urlparse(target).scheme or target.startswith("//"):
@@ -73,9 +73,18 @@ def test_every_link_inside_the_site_leads_to_what_is_there(site):
             there = path if not address else there
             known = pages.get(there)
             # The fragment of the board is its view; that of source code is made by Sphinx
-            if not there.is_file() or (known and unquote(anchor) not in known.anchors):
+            if address and anchor and there == site / "board" / "index.html":
+                views.add(anchor)
+            elif not there.is_file() or (known and unquote(anchor) not in known.anchors):
                 lost.append(f"{path.relative_to(site)}: {target}")
     assert lost == []
+    for view in views:
+        named = {key: values[0] for key, values in parse_qs(view).items()}
+        assert (site / "board" / "boards" / f"{named['board']}.js").is_file(), view
+        if "model" in named:
+            row = Path(named["board"], f"{named['model']}.js")
+            assert (site / "board" / "rows" / row).is_file(), view
+    assert any("model=" in view for view in views)
 
 
 OPENED = """() => {
