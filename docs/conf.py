@@ -106,11 +106,23 @@ def link_board(app: Sphinx, name: str, source: list[str]) -> None:
     A link to a result, ``benchmark/results/BOARD/MODEL.json``, leads to the page of its model.
     """
     board = f"{'../' * name.count('/')}board/index.html"
-    source[0] = RESULT.sub(rf'<a href="{board}#board=\2-mesh&amp;model=\3">\1</a>', source[0])
+
+    def to_model(link: re.Match[str]) -> str:
+        text, key, model = link.groups()
+        target = "mesh" if "imported" in key else "surface"  # that of imported files is not known
+        return f'<a href="{board}#board={key}-{target}&amp;model={model}">{text}</a>'
+
+    source[0] = RESULT.sub(to_model, source[0])
     if (view := view_of(name)) is not None:
         link = f'<a href="{board}{escape(view)}">Sort, filter and compare interactively</a>'
         door = f'\n\n<p class="door">{link}</p>\n'
         source[0] = re.sub(r"^# .+$", lambda title: title[0] + door, source[0], count=1, flags=re.M)
+
+
+def make_room(app: Sphinx, name: str, _: str, context: dict[str, Any], *more: Any) -> None:
+    """Give the first page and the boards, whose tables are wide, the room of the contents aside."""
+    if name in (root_doc, "LEADERBOARD") or name.startswith("benchmark/boards/"):
+        context["meta"] = {**(context["meta"] or {}), "hide-toc": ""}
 
 
 def add_index(app: Sphinx, failed: Exception | None) -> None:
@@ -235,6 +247,7 @@ def setup(app: Sphinx) -> None:
     warnings.filterwarnings("error", message="Could not render math expression")
     app.connect("source-read", add_navigation)
     app.connect("source-read", link_board)
+    app.connect("html-page-context", make_room, priority=400)  # before the theme reads it
     app.connect("build-finished", make_reachable)
     app.connect("build-finished", add_narrow_figures)
     app.connect("build-finished", add_index)

@@ -117,7 +117,7 @@ def test_the_interactive_board_is_linked_below_the_title_of_a_board(conf, name, 
 def test_a_link_to_a_result_leads_to_the_page_of_its_model(conf):
     source = ["# a\n[its row](../benchmark/results/2.0-test-grouped/lapy.json), [b](b.json)\n"]
     conf.link_board(None, "docs/learned", source)
-    link = '<a href="../board/index.html#board=2.0-test-grouped-mesh&amp;model=lapy">its row</a>'
+    link = '<a href="../board/index.html#board=2.0-test-grouped-surface&amp;model=lapy">its row</a>'
     assert source == [f"# a\n{link}, [b](b.json)\n"]
 
 
