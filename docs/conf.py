@@ -113,6 +113,11 @@ def link_board(app: Sphinx, name: str, source: list[str]) -> None:
         return f'<a href="{board}#board={key}-{target}&amp;model={model}">{text}</a>'
 
     source[0] = RESULT.sub(to_model, source[0])
+    if name == root_doc:
+        boards = "[all boards](LEADERBOARD.md)"
+        source[0] = source[0].replace(
+            boards, f'{boards} · <a href="{board}">to sort and compare</a>'
+        )
     if (view := view_of(name)) is not None:
         link = f'<a href="{board}{escape(view)}">Sort, filter and compare interactively</a>'
         door = f'\n\n<p class="door">{link}</p>\n'

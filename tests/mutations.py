@@ -61,7 +61,7 @@ MUTATIONS: dict[str, tuple[str, str, str, str]] = {
     "few-seeds-too-narrow": (BOOTSTRAP, "np.sqrt(count / (count - 1)) * ", "", TEST_BOOTSTRAP),
     # Ranking
     "floor-of-one-side": (RANKING, "<= 2 * (floor or 0)", "<= (floor or 0)", TEST_FLOOR),
-    "never-worse": (RANKING, "best - 1 - sum(mean > 0 for mean in sure)", "best - 1", TEST_RANKING),
+    "never-worse": (RANKING, "1 + len(beside) - worse)", "1 + len(beside))", TEST_RANKING),
     "better-is-worse": (RANKING, "-1 if METRICS[key].higher_is_better else 1\n", "1\n", TEST_RANKING),
     "exact-by-name": (RANKING, 'float(submission.result["cost"]["ms_per_mesh"])', "0.0", TEST_RANKING),
     "infinite-is-better": (RANKING, '"ba"[worse_b]', '"ab"[worse_b]', TEST_RANKING),

@@ -21,8 +21,8 @@ from eigbench.board.figures import (
     scatter,
     style,
 )
-from eigbench.board.generalisation import Board
-from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.board.generalisation import Board, restricted
+from eigbench.board.ranking import RANKED_BY, Ranked, difference
 from eigbench.board.tables import number as _digits
 from eigbench.results.submission import Submission
 from eigbench.scoring import scores
@@ -248,13 +248,18 @@ def sentences(board: Board, solver: str = "lapy") -> str:
         of += f"; the best, *{best.submission.name}*, has {gain}"
     verdict = "learning can beat it" if nearer else "no model surely beats it"
     sentences.append(f"2. **On shapes like those of training, {verdict}.** {of}.")
-    still = {model: error for model, error in unseen.items() if error < least}
-    names = " and ".join(f"*{model}* ({_digits(error)})" for model, error in still.items())
-    verdict = "most models lose to it" if 2 * len(still) < len(unseen) else "most still do"
+    smaller = sum(error < least for error in unseen.values())
+    verdict = "most models lose to it" if 2 * smaller < len(unseen) else "most still do"
+    still = [
+        f"*{row.submission.name}* ({_digits(unseen[row.submission.name])})"
+        for row in trained
+        if row.submission.name in unseen and _surely_nearer_unseen(board, row, exact[0])
+    ]
     median = float(np.median(list(unseen.values())))
     sentences.append(
         f"3. **On families never seen in training, {verdict}.** {len(still)} of {len(unseen)} "
-        f"still have a smaller mean error than {name}{f', {names}' if still else ''}; "
+        f"{'is' if len(still) == 1 else 'are'} surely closer than {name}"
+        f"{', ' if still else ''}{' and '.join(still)}; "
         f"the median model is off by {_percent(median)} (RPD {_digits(median)})."
     )
     return "\n".join(sentences)
@@ -273,6 +278,15 @@ def _percent(rpd: float) -> str:
 
 def _surely_nearer(row: Ranked, solver: str) -> bool:
     return any(other.slug == solver and other.sure and other.mean > 0 for other in row.apart)
+
+
+def _surely_nearer_unseen(board: Board, row: Ranked, solver: Ranked) -> bool:
+    """Return whether a model is better than a solver on the families that it has not seen."""
+    own = board.submitted(row.submission, UNSEEN)
+    if own is None:
+        return False
+    other = restricted(solver.submission, own.truth)
+    return difference(own, other, RANKED_BY).verdict == "a"
 
 
 def _error(row: Ranked) -> float:

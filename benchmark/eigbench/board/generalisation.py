@@ -9,7 +9,7 @@ under the protocol ``grouped`` are its predictions under every other.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -187,6 +187,17 @@ def predicted(model: Submission, labels: Truth) -> NDArray[np.float64]:
     if missing:
         raise EigbenchError(f"{model.result_path} does not predict {missing[0]}")
     return np.asarray(model.predictions[:, [row_of[id] for id in labels.ids]])
+
+
+def restricted(model: Submission, labels: Truth) -> Submission:
+    """Return a submission as if it had predicted only some of its instances, with its result.
+
+    Raises
+    ------
+    EigbenchError
+        If it does not predict one of them.
+    """
+    return replace(model, truth=labels, predictions=predicted(model, labels))
 
 
 Marks = dict[tuple[str, str], tuple[str, str]]  # (model, protocol): the mark, the line below

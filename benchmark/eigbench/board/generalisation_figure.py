@@ -20,8 +20,8 @@ LINE, WIDTH = 0.2, 9.6  # inches: of a model, and of all panels with the names
 def draw(board: Board, key: str = RANKED_BY) -> str:
     """Return an SVG: each model's error on what its training held out, and without holding out.
 
-    The open mark is the same model trained on everything, on the very same shapes; a model without
-    it is not trained on the version, and has no drop.
+    The filled mark is the same model trained on everything, on the very same shapes; a model
+    without it is not trained on the version, and has no drop.
     """
     with style() as new_figure:
         high = LINE * len(board.rows) + 1.25
@@ -59,8 +59,8 @@ def _dumbbell(
     if before is not None:
         start = max(before, FLOOR)
         axes.plot([start, x], [line, line], color=colour, lw=1.6, alpha=0.6, zorder=1)
-        axes.plot(start, line, marker, color=colour, mfc="white", ms=5, zorder=2)
-    axes.plot(x, line, marker, color=colour, ms=5.5, zorder=3)
+        axes.plot(start, line, marker, color=colour, ms=5.5, zorder=2)
+    axes.plot(x, line, marker, color=colour, mfc="white", ms=5, zorder=3)
 
 
 def _two_lines(text: str) -> str:
@@ -76,8 +76,8 @@ def _legend(figure: Figure, axes: mpl.axes.Axes, kinds: set[str]) -> None:
         axes.plot([], [], marker, color=colour, mfc=fill, ls="", label=text)[0]
         for marker, colour, fill, text in [
             *(mark for mark in marks if mark[3] in kinds),
-            ("o", GREY, "white", "trained on everything"),
-            ("o", GREY, GREY, "trained without what is tested"),
+            ("o", GREY, GREY, "trained on everything"),
+            ("o", GREY, "white", "trained without what is tested"),
         ]
     ]
     figure.legend(handles=handles, loc="upper center", frameon=False, fontsize=7.5, ncols=5)

@@ -26,8 +26,8 @@ TOP = 5  # so many rows of a board stand in the README
 BY_COST = "cost"  # the group that has a table for each hardware
 DROP, ANSWER = "Drop under each protocol", "Error to the surface against speed"
 CAPTIONS = {
-    DROP: "A panel is a protocol, a line a model: the filled mark is its error when what is tested "
-    "was held out of its training, the open one that of the same model trained on everything.",
+    DROP: "A panel is a protocol, a line a model: the open mark is its error when what is tested "
+    "was held out of its training, the filled one that of the same model trained on everything.",
     ANSWER: "Lower right is better. A mark is a mean over meshes of all sizes. The line is an "
     "exact solver on fine, medium and coarse meshes of the same surfaces: a model is of use where "
     "it lies below. An arrow leads from a model's error on familiar shapes to its error on "
@@ -130,7 +130,8 @@ def introduction(rows: Sequence[Ranked]) -> list[str]:
         "one thread divided by the model's, both measured in the same run on some of the same "
         "batches. Scores, intervals and ranks follow from the predictions; kind, training, cost "
         "and physics are what the run declared. ℓ1 and ℓ2 scale as 1/length²; small shapes "
-        "dominate them.\n",
+        "dominate them. A ratio of whole times weighs large meshes most, the median of batches "
+        "does not, so the two may order rows differently.\n",
         _floor(rows),
     ]
 

@@ -102,14 +102,14 @@ def _is_known(board: Board, model: Submission, protocol: str) -> bool:
 
 
 def restricted(model: Submission, labels: Truth) -> Submission:
-    """Return a submission as if it had predicted only some of its instances."""
-    values = generalisation.predicted(model, labels)
+    """Return a submission as if it had predicted only some of its instances, with their scores."""
+    some = generalisation.restricted(model, labels)
     result = {
         **model.result,
         "dataset": results.dataset_facts(labels),
-        "scores": {labels.target: scores.score(labels, values)},
+        "scores": {labels.target: scores.score(labels, some.predictions)},
     }
-    return replace(model, result=result, truth=labels, predictions=values)
+    return replace(some, result=result)
 
 
 def contents(board: Shown) -> tuple[dict[str, Any], dict[str, Any]]:

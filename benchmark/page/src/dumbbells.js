@@ -36,7 +36,7 @@ export function dumbbells(container, { board, rows, metric, index }) {
     box.append(dumbbell(box, { points, protocol, title, share, domain, kinds: index.kinds }));
   const sample = (fill) => drawn("svg", { width: 12, height: 12, "aria-hidden": "true" }, drawn("circle", { cx: 6, cy: 6, r: 4.5, fill, stroke: "currentColor", "stroke-width": 1.5 }));
   container.append(legend(rows, index.kinds,
-    [sample("none"), "the same model trained on everything, on the same shapes"], [sample("currentColor"), "trained without what is tested"]));
+    [sample("none"), "trained without what is tested"], [sample("currentColor"), "the same model trained on everything, on the same shapes"]));
 }
 
 function dumbbell(box, { points, protocol, title, share, domain, kinds }) {
@@ -54,8 +54,8 @@ function dumbbell(box, { points, protocol, title, share, domain, kinds }) {
     marks: [
       gridX({ ticks: 5, strokeOpacity: 0.12 }), axisX({ ticks: 5, tickFormat: share ? (v) => `${v} %` : powers }), axisY({ tickSize: 0, tickFormat: short }),
       link(both, { x1: "before", x2: "after", y: "name", stroke: colour, strokeWidth: 2, strokeOpacity: 0.6 }),
-      dot(both, { ...look, x: "before", fill: "var(--background)" }),
-      dot(points, { ...look, x: "after", fill: colour }),
+      dot(both, { ...look, x: "before", fill: colour }),
+      dot(points, { ...look, x: "after", fill: "var(--background)" }),
       tip(points, pointer({ x: "after", y: "name", title: (one) => `${one.name}\n${one.shown}`, ...TIP })),
     ],
   }), said);

@@ -10,6 +10,7 @@ export function front(points, higher) {
   return best;
 }
 
+const MARGIN = 5; // pixels by which another point is farther from a name than its own
 const HALF = 6.5; // of the height of a name, in pixels
 const OFFSETS = [0, 12, -12, 18, -18];
 const ABOVE = [-9, 11, 0, -18, 18]; // a name on the front stands clear of its line
@@ -35,7 +36,7 @@ export function labels(points, frame, lines) {
       const left = anchor === "start" ? x + 8 : x - 8 - long;
       const here = [left, y + dy - HALF, left + long, y + dy + HALF];
       const inside = here[0] >= frame.left && here[2] <= frame.right && here[1] >= frame.top && here[3] <= frame.bottom;
-      const near = points.every((other) => other === point || distance(here, other) > distance(here, point) + 0.5);
+      const near = points.every((other) => other === point || distance(here, other) > distance(here, point) + MARGIN);
       if (!inside || !near || taken.some((other) => overlap(here, other))) continue;
       taken.push(here);
       written.push({ point, x: anchor === "start" ? x + 8 : x - 8, y: y + dy, anchor, text });

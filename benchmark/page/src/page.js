@@ -76,7 +76,8 @@ function redraw() {
 /** Show the board of the state, or the page of a model on it. */
 async function show() {
   const every = index.datasets.flatMap(({ boards }) => boards.map(([key]) => key));
-  if (!every.includes(state.board)) state.board = every[0];
+  const lostBoard = state.board && !every.includes(state.board) ? `There is no board “${state.board}”. ` : "";
+  if (!every.includes(state.board)) state = { ...state, board: every[0], model: "", other: "", part: "" };
   const { board: key, model: slug } = state;
   let page = null; // of the model, if one is shown
   try {
@@ -85,8 +86,8 @@ async function show() {
     const its = slug && has ? await get(`models/${slug}`) : null;
     if (!its && !isWhole(found, state)) await complete(found);
     if (key !== state.board || slug !== state.model) return; // another was chosen meanwhile
-    missing = slug && !has ? `There is no model “${slug}” on this board. ` : "";
-    if (missing) state = { ...state, model: "", other: "", part: "" };
+    missing = lostBoard + (slug && !has ? `There is no model “${slug}” on this board. ` : "");
+    if (slug && !has) state = { ...state, model: "", other: "", part: "" };
     [board, page] = [found, its];
   } catch (error) {
     if (key === state.board) clear(error.message);

@@ -40,7 +40,7 @@ function view(container, packed, label) {
   const count = (number) => number.toLocaleString("en");
   const counts = `${count(packed.vertex_count)} vertices, ${count(packed.face_count)} triangles` +
     (simplified ? `; simplified for display to ${count(packed.shown)}` : "");
-  const context = canvas.getContext("webgl2", { alpha: true, antialias: true });
+  const context = canvas.getContext("webgl2", { alpha: true, antialias: true, preserveDrawingBuffer: true }) // for print;
   if (!context) {
     container.replaceChildren(element("p", {}, `This browser has no WebGL, so the mesh (${counts}) cannot be shown.`));
     return { redraw: () => {}, close: () => {} };

@@ -138,7 +138,7 @@ def test_verified_rows_are_ranked_and_declared_ones_stand_below(make_submission,
     paths = {f: make_submission(f"Times {f}", f * labels) for f in (1.0, 1.1, 1.2, 1.3)}
     rows = {factor: submission.read(path) for factor, path in paths.items()}
     before = ranking.ranked(list(rows.values()))
-    assert [row.shown_rank for row in before] == ["exact", "2", "3", "4"]
+    assert [row.shown_rank for row in before] == ["exact", "1", "2", "3"]
     for factor in (1.1, 1.3):
         results.write(paths[factor], as_verified(results.read(paths[factor])))
         rows[factor] = submission.read(paths[factor])

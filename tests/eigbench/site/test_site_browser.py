@@ -744,6 +744,12 @@ def test_a_linked_model_that_the_board_does_not_have_is_said_and_the_board_is_sh
     expect(page.locator("#status")).not_to_contain_text("nobody")
 
 
+def test_a_linked_board_that_is_not_there_is_said_and_the_first_one_shown(visit):
+    page = visit("#board=nonsense&model=far")
+    said = re.compile(r"^There is no board “nonsense”\. (\d+) of \1 rows shown")
+    expect(page.locator("#status")).to_have_text(said)
+
+
 def test_text_of_a_board_has_no_links_but_its_own(altered):
     notes = (
         r"\[name\](https://example.org/a) [b\]c](docs/rules.md#x) [out](javascript:alert%281%29) "
