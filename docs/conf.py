@@ -116,7 +116,7 @@ def link_board(app: Sphinx, name: str, source: list[str]) -> None:
     if name == root_doc:
         boards = "[all boards](LEADERBOARD.md)"
         source[0] = source[0].replace(
-            boards, f'{boards} · <a href="{board}">to sort and compare</a>'
+            boards, f'{boards} · <a href="{board}">sort and compare them</a>'
         )
     if (view := view_of(name)) is not None:
         link = f'<a href="{board}{escape(view)}">Sort, filter and compare interactively</a>'

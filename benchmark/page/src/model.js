@@ -52,7 +52,7 @@ export function makeModel({ page, board, state, index, choose }) {
         return [null, null];
       });
       if (closed || !content) return;
-      if (second) beside.replaceChildren(sideBySide(page, second, other));
+      if (second) beside.replaceChildren(sideBySide(page, second, other), familiesBeside(page, second, board));
       shapes = makeShapes(page.name, content);
       if (content.verified) badges.append(" ", badge("run by a maintainer"));
       origin.replaceChildren(facts(content.facts));
@@ -114,6 +114,18 @@ function sideBySide(page, second, other) {
   }).filter(Boolean);
   const headers = ["board", `RPD, ${page.name}`, `RPD, ${second.name}`, "paired difference, 95 %", "better", `speed, ${page.name}`, `speed, ${second.name}`];
   return plainTable({ title: `Beside ${second.name}`, headers, rows });
+}
+
+/** Two models' mean RPD of each family of a board; empty where it has no families. */
+function familiesBeside(page, second, board) {
+  const line = (of) => of.families.flatMap(({ families, lines }) => lines.filter((one) => one.board === board.key).map(({ cells }) => ({ families, cells })))[0];
+  const [mine, their] = [line(page), line(second)];
+  if (!mine || !their) return "";
+  const cells = new Map(their.families.map((family, i) => [family, their.cells[i]]));
+  const smaller = (a, b) => (a === b ? "neither" : (a ?? Infinity) < (b ?? Infinity) ? page.name : second.name);
+  const rows = mine.families.map((family, i) => [family, mine.cells[i], cells.get(family)]).filter(([, a, b]) => a?.[0] && b?.[0])
+    .map(([family, a, b]) => [family, a[0], b[0], smaller(a[1], b[1])]);
+  return plainTable({ title: `Families, with ${second.name}`, headers: ["family", `RPD, ${page.name}`, `RPD, ${second.name}`, "smaller"], rows });
 }
 
 /** A heat strip: the mean RPD of each family, a line a protocol. */

@@ -77,7 +77,8 @@ function redraw() {
 async function show() {
   const every = index.datasets.flatMap(({ boards }) => boards.map(([key]) => key));
   const lostBoard = state.board && !every.includes(state.board) ? `There is no board “${state.board}”. ` : "";
-  if (!every.includes(state.board)) state = { ...state, board: every[0], model: "", other: "", part: "" };
+  if (lostBoard) state = { ...decoded(""), board: every[0] };
+  if (!state.board) state.board = every[0];
   const { board: key, model: slug } = state;
   let page = null; // of the model, if one is shown
   try {

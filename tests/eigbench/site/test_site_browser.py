@@ -352,6 +352,10 @@ def test_why_a_rank_shows_the_paired_difference_to_every_other_row(visit):
     table = page.get_by_role("table", name="Beside Far")
     expect(table).to_contain_text("One percent")
     expect(table.locator("tbody tr")).to_have_count(2)
+    families = page.get_by_role("table", name="Families, with Far").locator("tbody tr")
+    expect(families).to_have_count(10)
+    for line in families.all_text_contents():
+        assert re.search(r"0\.0498\d\.\d{4}One percent$", line), line
     assert "other=far" in page.evaluate("location.hash")
     page.go_back()
     expect(page.get_by_role("table", name="Beside Far")).to_have_count(0)
