@@ -57,7 +57,7 @@ def speed(protocol: str | None = None) -> list[Column[Ranked]]:
         f"Compare them within one hardware, device and number of threads only.{elsewhere}"
     )
     ratio_note = (
-        "How many times faster than LaPy on one thread, timed in the same run on some of the same "
+        "How many times as fast as LaPy on one thread, timed in the same run on some of the same "
         f"batches. It may be compared between machines for equal device and threads.{elsewhere}"
     )
     return [
@@ -84,7 +84,7 @@ def peers(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
                 )
             )
 
-        note = f"How many times faster than {name}, on one thread, in the same run."
+        note = f"How many times as fast as {name}, on one thread, in the same run."
         return _fact(f"against-{name}", f"against {name}", note, ratio, higher=True)
 
     return [column(name) for name in names]

@@ -88,7 +88,7 @@ def board(rows: Sequence[Ranked], files: dict[str, Path]) -> list[str]:
         *(f"{line}\n" for line in remarks(rows)),
         f"![Error against speed]({figure})\n",
         "*A number is a row of the table, by its name on the right: mean RPD, and how many times "
-        "faster it is than LaPy. Colour and mark tell the kind; lower right is better.*\n",
+        "as fast as LaPy it is. Colour and mark tell the kind; lower right is better.*\n",
     ]
 
 

@@ -18,7 +18,7 @@ function errorSpeed(container, { board, rows, key, index, open }) {
   const every = timed.map((row) => ({ ...ofRow(row, { key, title, edge: index.edge, share }), faint: !rows.includes(row) }));
   const best = front(every, higher); // of all rows: a filter makes nobody the best
   for (const one of best) one.first = true;
-  const box = element("figure", {}, element("figcaption", {}, `Mean ${title} against speed: how many times faster than LaPy in the same run, from raw mesh to eigenvalues`));
+  const box = element("figure", {}, element("figcaption", {}, `Mean ${title} against speed: how many times as fast as LaPy in the same run, from raw mesh to eigenvalues`));
   container.replaceChildren(box);
   const faint = every.filter((one) => one.faint).length;
   const said = `Mean ${title} against speed beside LaPy, ${every.length} rows${faint ? `, ${faint} of them faint: the filters leave them out` : ""}. On the Pareto front: ${best.map((one) => `${one.row.name} (${one.shown}, ${one.times})`).join("; ")}. The table has all numbers.`;
@@ -48,14 +48,14 @@ function ofRow(row, { key, title, edge, share }) {
   if (!share && value < edge.error) notes.push(shown);
   if (speed > edge.speed) notes.push(faster(speed));
   const name = row.name + (notes.length ? ` (${notes.join(", ")})` : "");
-  const tip = `${row.name}, ${row.kind}\n${title}: ${shown}\n${times} faster than LaPy`;
+  const tip = `${row.name}, ${row.kind}\n${title}: ${shown}\n${times} as fast as LaPy`;
   return { row, slug: row.slug, kind: row.kind, name, shown, times, value, time: 1 / speed, x: Math.min(speed, edge.speed), y, title: tip };
 }
 
 /** The scaling track: a chart a hardware and size, all with the same axes. */
 function scaling(container, { board, rows, index, open }) {
   const grid = element("div", { class: "charts" });
-  container.replaceChildren(element("p", { class: "small" }, "Error to the spectrum of the surface against speed: how many times faster than LaPy, one mesh a call; medians over the surfaces."), grid);
+  container.replaceChildren(element("p", { class: "small" }, "Error to the spectrum of the surface against speed: how many times as fast as LaPy, one mesh a call; medians over the surfaces."), grid);
   const several = new Set(board.panels.map(({ setting }) => setting)).size > 1;
   const byName = new Map(rows.map((row) => [row.setting + row.slug, row]));
   const charts = board.panels.map((panel) => {
@@ -81,7 +81,7 @@ function ofMesh(one, row, { surfaces }, fastest) {
   const times = one.speed === null ? "" : faster(one.speed);
   const notes = one.speed > fastest ? [times] : [];
   const wins = one.wins > surfaces / 2;
-  const tip = `${row.name}, ${row.kind}\nerror to the surface: ${one.shown}\n${times} faster than LaPy\nwins on ${one.wins} of ${surfaces} surfaces`;
+  const tip = `${row.name}, ${row.kind}\nerror to the surface: ${one.shown}\n${times} as fast as LaPy\nwins on ${one.wins} of ${surfaces} surfaces`;
   return { row, slug: row.slug, kind: row.kind, name: row.name + (notes.length ? ` (${notes})` : ""), shown: one.shown, times, x: one.speed === null ? null : Math.min(one.speed, fastest), y: 100 * one.error, open: one.answered < surfaces, wins, first: wins, title: tip };
 }
 
@@ -134,7 +134,7 @@ function apart(container, others, name, kinds) {
   const colour = (one) => kinds[one.kind];
   const sizes = rows.map((one) => Math.abs(one.mean)).sort((a, b) => a - b);
   const least = Math.max(sizes.at(-1) / 1000, sizes[Math.floor(sizes.length / 4)], 1e-12); // what is smaller lies near zero, to scale
-  const decades = [-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1, 0, 1].map((power) => 10 ** power).filter((value) => value >= least / 2 && value <= 2 * sizes.at(-1));
+  const decades = [-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1, 0, 1].map((power) => 10 ** power).filter((value) => value >= (width < 500 ? 3 * least : least / 2) && value <= 2 * sizes.at(-1));
   const few = decades.filter((_, i) => (decades.length - 1 - i) % (width < 500 ? 2 : 1) === 0);
   const domain = [Math.min(0, ...rows.map((one) => one.low ?? one.mean)), Math.max(0, ...rows.map((one) => one.high ?? one.mean))];
   const ticks = [...few.map((value) => -value), 0, ...few].filter((value) => domain[0] <= value && value <= domain[1]);

@@ -43,7 +43,7 @@ export function scatter(box, { points, below = [], steps = [], domain, share = f
   const marks = { x: "x", y: "y", r: 5, symbol: (one) => SYMBOLS[one.kind], fill, stroke, strokeWidth: (one) => (one.wins || one.open ? 1.5 : 0.75) };
   const svg = plot({
     width, height, marginLeft: LEFT, marginBottom: BOTTOM, marginRight: RIGHT, marginTop: TOP, y,
-    x: { type: "log", domain: domain.x, label: "times faster than LaPy →" },
+    x: { type: "log", domain: domain.x, label: "times as fast as LaPy →" },
     ariaLabel: said,
     marks: [
       gridX({ ticks: 5, strokeOpacity: 0.12 }), gridY({ ticks: 5, strokeOpacity: 0.12 }),
