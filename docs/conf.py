@@ -159,18 +159,15 @@ def give_phones(page: str, narrow: dict[str, str]) -> str:
     return re.sub(r'<img [^>]*?src="([^"]*/)([^"/]+)"[^>]*>', with_twin, page)
 
 
-def add_narrow_figures(app: Sphinx, failed: Exception | None) -> None:
-    """Copy the figures NAME-narrow.svg beside NAME.svg, and let narrow screens load them."""
-    if failed is not None or app.builder.format != "html":
-        return
+def copy_narrow_figures(app: Sphinx) -> dict[str, str]:
+    """Copy each figure NAME-narrow.svg beside NAME.svg; return the names of the narrow by those."""
     narrow = {}
     for source, (_, name) in app.env.images.items():
         twin = Path(app.srcdir, source).with_stem(f"{Path(source).stem}-narrow")
         if twin.exists():
             narrow[name] = twin.name
             shutil.copyfile(twin, app.outdir / "_images" / twin.name)
-    for path in app.outdir.rglob("*.html"):
-        path.write_text(give_phones(path.read_text(), narrow))
+    return narrow
 
 
 def reachable(page: str) -> str:
@@ -187,11 +184,12 @@ def reachable(page: str) -> str:
     return page.replace('role="heading">', 'role="heading" aria-level="2">')
 
 
-def make_reachable(app: Sphinx, failed: Exception | None) -> None:
-    """Let every page be read without a mouse, which the theme leaves out."""
+def finish_pages(app: Sphinx, failed: Exception | None) -> None:
+    """Let every page be read without a mouse and on a phone, which the theme leaves out."""
     if failed is None and app.builder.format == "html":
+        narrow = copy_narrow_figures(app)
         for path in app.outdir.rglob("*.html"):
-            path.write_text(reachable(path.read_text()))
+            path.write_text(reachable(give_phones(path.read_text(), narrow)))
 
 
 LOADED = re.compile(
@@ -253,8 +251,7 @@ def setup(app: Sphinx) -> None:
     app.connect("source-read", add_navigation)
     app.connect("source-read", link_board)
     app.connect("html-page-context", make_room, priority=400)  # before the theme reads it
-    app.connect("build-finished", make_reachable)
-    app.connect("build-finished", add_narrow_figures)
+    app.connect("build-finished", finish_pages)
     app.connect("build-finished", add_index)
     app.connect("build-finished", check_hosts)
     app.add_node(mathmpl.latex_math, override=True, html=(visit_formula, depart_formula))

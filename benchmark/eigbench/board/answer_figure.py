@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 UNSEEN = "family"  # the protocol whose scores stand beside those on familiar shapes
 LAPY = "LaPy"  # whose name stands beside its mark: all speeds are beside it
-OPEN = "the same model on unseen families"
 DROP = "the same models on families never seen"
 LARGEST_ERROR = 2.0  # rows with larger errors, which look at next to nothing, are only named
 NEAR = 9.0  # points: an open mark that is nearer to another model's stands beside it
@@ -77,7 +76,7 @@ class Layout:
     open: str
 
 
-WIDE = Layout(7.4, 4.9, 0.34, 0.63, 2, 5, 20, 9, "{} meshes", OPEN)
+WIDE = Layout(7.4, 4.9, 0.34, 0.63, 2, 5, 20, 9, "{} meshes", "the same model on unseen families")
 NARROW = Layout(3.7, 5.3, 0.56, 0.6, 1, 3, 11, 8, "{}", "on unseen families")  # for phones
 
 

@@ -173,19 +173,19 @@ def number_marks(
     pixels = axes.transData.transform(marks)
     for point, mark, here in zip(points, marks, pixels, strict=True):
         gaps = (pixels - here) * 72 / axes.figure.dpi
-        near = [
-            bool(other.number < point.number and np.abs(gap).max() < COVERS)
+        covered = any(
+            other.number < point.number and np.abs(gap).max() < COVERS
             for other, gap in zip(points, gaps, strict=True)
-        ]
+        )
         colour, marker = KINDS[point.kind]
         # A triangle is wide below its middle
         x, (y, size) = 0.0, (-2.8, 5.5) if marker == "^" else (-0.2, 6.0)
-        if any(near):
+        if covered:
             room = [np.linalg.norm(gaps - side, axis=1).min() for side in BESIDE]
             x, y = BESIDE[int(np.argmax(room))]
         elif point.whole:
             colour = "white"
-        above = 5 if any(near) else 4 - point.number / 1000
+        above = 5 if covered else 4 - point.number / 1000
         axes.annotate(
             str(point.number), mark, (x, y), textcoords="offset points", ha="center", va="center",
             fontsize=size, color=colour, weight="bold", zorder=above,

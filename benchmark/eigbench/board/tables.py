@@ -159,19 +159,17 @@ def overall(scored: dict[str, Any]) -> Table:
     rows = []
     for key, metric in METRICS.items():
         cell = scored["overall"][key]
-        share = metric.unit == "share"
-        shown = score if share else _bare
         deviation = "" if cell["seed_std"] is None else _spread(cell["seed_std"], key)
-        between = f"{shown(cell['low'], key)} to {shown(cell['high'], key)}"
+        between = f"{score(cell['low'], key)} to {score(cell['high'], key)}"
         rows.append(
             [
                 metric.heading,
                 # The PSNR of an exact spectrum is infinite
-                "" if key == "psnr" and cell["mean"] is None else shown(cell["mean"], key),
+                "" if key == "psnr" and cell["mean"] is None else score(cell["mean"], key),
                 "" if key == "psnr" and cell["mean"] is None else between,
                 *([] if one_seed else [deviation]),
                 "" if key == "psnr20" else _bare(cell["median"], key),
-                "" if share else metric.unit,
+                "" if metric.unit == "share" else metric.unit,
             ]
         )
     spread = [] if one_seed else ["sd over seeds"]

@@ -100,12 +100,11 @@ def _try(row: Submission, root: Path, options: argparse.Namespace) -> int:
     for rows in boards:
         at = _index(rows, row)
         near = rows[max(at - NEAR, 0) : at + NEAR + 1]
-        rank = rows[at].shown_rank
-        if rows[at].ranks is not None:
-            rank = f"have rank {rank} of {count_ranked(rows)}"
-        else:
-            rank = f"stand as {rank}, without a rank"
-        print(f"{page.title(rows)}: {row.name} would {rank}\n")
+        shown = rows[at].shown_rank
+        stand = f"have rank {shown} of {count_ranked(rows)}"
+        if rows[at].ranks is None:
+            stand = f"stand as {shown}, without a rank"
+        print(f"{page.title(rows)}: {row.name} would {stand}\n")
         print(f"{page.top_table(near)}\n")
     print("a rank is an interval: the true one is in it with a chance of 95 %; nothing was written")
     return 0

@@ -603,7 +603,7 @@ def test_head_ranks_and_names_stay_while_page_and_table_are_scrolled(visit):
     page.evaluate("y => scrollTo(0, y)", top + 200)
     table.evaluate("table => table.scrollTo(200, 0)")
     frame = table.bounding_box()
-    assert (frame["x"], frame["y"]) == (frame["x"], pytest.approx(-200, abs=2))
+    assert frame["y"] == pytest.approx(-200, abs=2)
     head = page.locator("#table thead")
     expect(head).to_have_css("transform", re.compile("matrix"))
     assert head.bounding_box()["y"] == pytest.approx(0, abs=2)
