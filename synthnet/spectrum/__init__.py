@@ -12,8 +12,9 @@ solver, in the order of use: :mod:`~synthnet.spectrum.fem` assembles the matrice
 :mod:`~synthnet.spectrum.rounding` bounds what rounding did, and
 :mod:`~synthnet.spectrum.solve` puts them together. :mod:`~synthnet.spectrum.verdict` judges the
 eigenvalues of others, :mod:`~synthnet.spectrum.inputs` takes their meshes,
-:mod:`~synthnet.spectrum.many` has spectra of many. Plain arrays in and out, compiled by Numba on
-first use and cached on disk.
+:mod:`~synthnet.spectrum.many` has spectra of many. :mod:`~synthnet.spectrum.curved` bends triangles
+to the surface that a mesh samples, and :mod:`~synthnet.spectrum.surface` estimates the spectrum of
+that. Plain arrays in and out, compiled by Numba on first use and cached on disk.
 """
 
 from synthnet.spectrum.inputs import as_mesh, check, repaired
@@ -27,6 +28,7 @@ from synthnet.spectrum.operators import (
     fem_matrices,
 )
 from synthnet.spectrum.solve import compile_solver, compute, count_below, of_matrices, smallest
+from synthnet.spectrum.surface import surface_eigenvalues
 from synthnet.spectrum.verdict import Verdict, certify
 
 __all__ = [
@@ -47,4 +49,5 @@ __all__ = [
     "repaired",
     "smallest",
     "spectra",
+    "surface_eigenvalues",
 ]

@@ -145,13 +145,14 @@ def pattern(faces: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArra
                     seen[j] = i
                     indices[count] = j
                     count += 1
-        _sort(indices[first:count])
+        sort(indices[first:count])
         indptr[i + 1] = count
     return indptr, indices[:count].copy()
 
 
 @kernel
-def _sort(numbers: NDArray[np.int32]) -> None:
+def sort(numbers: NDArray[np.int32]) -> None:
+    """Sort a few numbers, or many, in place."""
     if numbers.shape[0] > 32:
         numbers.sort()
         return
@@ -165,7 +166,7 @@ def _sort(numbers: NDArray[np.int32]) -> None:
 
 
 @kernel
-def _index(numbers: NDArray[np.int32], low: int, high: int, number: int) -> int:
+def index(numbers: NDArray[np.int32], low: int, high: int, number: int) -> int:
     """Return the index of a number in an ascending range of numbers."""
     while high - low > 8:
         middle = (low + high) // 2
@@ -232,7 +233,7 @@ def _add_triangles(
         for c in range(3):
             row = faces[f, c]
             for d in range(3):
-                p = _index(indices, indptr[row], indptr[row + 1], faces[f, d])
+                p = index(indices, indptr[row], indptr[row + 1], faces[f, d])
                 stiffness[p] += local[c, d]
                 mass[p] += area / 6 if c == d else area / 12
     return flat

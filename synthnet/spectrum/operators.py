@@ -24,7 +24,7 @@ from scipy import sparse
 
 from synthnet.errors import needed_by
 from synthnet.mesh.adjacency import edge_keys
-from synthnet.spectrum import delaunay, fem
+from synthnet.spectrum import curved, delaunay, fem
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import check
 from synthnet.types import Mesh
@@ -34,6 +34,7 @@ SHARES = {"consistent": 1.0, "mean": 0.5, "lumped": 0.0}  # of the consistent ma
 MASSES = {
     "linear": tuple(SHARES),
     "quadratic": ("consistent",),
+    "curved": ("consistent",),
     "delaunay": tuple(SHARES),
     "tufted": ("lumped",),
 }
@@ -55,11 +56,13 @@ class Operator:
         vertices, and on edges between two of them; Neumann on the rest.
     mass : str, optional
         Of linear elements ``"consistent"`` (the default), ``"lumped"`` (its row sums, a diagonal
-        matrix) or ``"mean"`` of both, whose errors have opposite signs. Quadratic elements have the
-        consistent one only, the tufted cover the lumped one only.
+        matrix) or ``"mean"`` of both, whose errors have opposite signs. Quadratic and curved elements
+        have the consistent one only, the tufted cover the lumped one only.
     elements : str
         ``"linear"``: as labels have, errors of order :math:`h^2`. ``"quadratic"``: with unknowns on
         edges too, on the same flat triangles; :math:`h^4` where these are the surface.
+        ``"curved"``: quadratic on triangles that are bent to the surface through the vertices, see
+        :mod:`synthnet.spectrum.curved`; :math:`h^4` on smooth surfaces, too.
         ``"delaunay"``: linear on the intrinsic Delaunay triangulation of the same flat triangles,
         see :mod:`synthnet.spectrum.delaunay`: for thin triangles, and where no entry of the
         stiffness off the diagonal may be positive.
@@ -79,7 +82,7 @@ class Operator:
 
     boundary: Literal["neumann", "dirichlet"] | NDArray[np.bool_] = "neumann"
     mass: Literal["consistent", "mean", "lumped"] | None = None
-    elements: Literal["linear", "quadratic", "delaunay", "tufted"] = "linear"
+    elements: Literal["linear", "quadratic", "curved", "delaunay", "tufted"] = "linear"
 
     def __post_init__(self) -> None:
         """Check the names; put the elements' own mass where none is given."""
@@ -101,6 +104,11 @@ class Operator:
     def share(self) -> float:
         """The share of the consistent mass; the rest is lumped."""
         return SHARES[str(self.mass)]
+
+    @property
+    def on_edges(self) -> bool:
+        """Whether edges have unknowns, too."""
+        return self.elements in ("quadratic", "curved")
 
 
 PLAIN = Operator()
@@ -153,15 +161,17 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     MissingPackageError
         If the tufted cover is asked for and robust_laplacian is not installed.
     """
-    _check(mesh)
+    check_used(mesh)
     n = len(mesh.vertices)
-    if operator.elements in ("linear", "quadratic"):
+    if operator.elements in ("linear", "quadratic", "curved"):
         _warn_of_sheets(mesh)
     free = isinstance(operator.boundary, str) and operator.boundary == "neumann"
     if operator.elements == "tufted":
         matrices = _tufted(mesh)
     elif operator.elements == "quadratic":
         matrices = _quadratic(mesh, _edges(mesh))
+    elif operator.elements == "curved":
+        matrices = curved.quadratic(curved.bend(mesh.vertices, mesh.faces))
     else:
         plain = delaunay.assemble(mesh) if operator.elements == "delaunay" else _linear(mesh)
         matrices = _with_mass(plain, operator.share)
@@ -183,7 +193,7 @@ def assemble(mesh: Mesh) -> Matrices:
         If there are no triangles, a coordinate is not finite, the size has no square in float64, a
         triangle has no area, or a vertex no triangle.
     """
-    _check(mesh)
+    check_used(mesh)
     return _linear(mesh)
 
 
@@ -240,7 +250,14 @@ def as_sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]
     return stiffness, mass
 
 
-def _check(mesh: Mesh) -> None:
+def check_used(mesh: Mesh) -> None:
+    """Check a mesh as :func:`synthnet.spectrum.check` does, and that every vertex has a triangle.
+
+    Raises
+    ------
+    ValueError
+        If there is anything wrong with it.
+    """
     check(mesh)
     unused = len(mesh.vertices) - np.count_nonzero(np.bincount(mesh.faces.ravel()))
     if unused:

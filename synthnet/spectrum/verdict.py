@@ -138,7 +138,7 @@ def certify(
     ------
     ValueError
         If it is no mesh, the answer is empty, not finite, negative or longer than the spectrum; if
-        eigenvectors are given for quadratic elements.
+        eigenvectors are given for quadratic or curved elements.
     Refused
         If it is to be repaired, and is no surface by a rule of :mod:`synthnet.mesh.repair`.
 
@@ -176,8 +176,10 @@ def _judged(
     below = counter(_above(values[-1], tolerance)) - zeros
     known = False
     if eigenvectors is not None:
-        if operator.elements == "quadratic":
-            raise ValueError("vectors at vertices say too little of quadratic elements: omit them")
+        if operator.on_edges:
+            raise ValueError(
+                f"vectors at vertices say too little of {operator.elements} elements: omit them"
+            )
         vectors = _vectors(eigenvectors, discrete, order, np.size(eigenvalues))
         known = below == len(values) and counter.learn(values, vectors)
     most = max(below, len(values))

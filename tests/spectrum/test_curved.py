@@ -1,0 +1,163 @@
+"""Triangles bent to the surface, and the estimate of its spectrum."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evidence.operators import disc, square
+from synthnet import spectrum
+from synthnet.families import FAMILIES
+from synthnet.spectrum import Operator, curved, surface_eigenvalues
+from synthnet.spectrum.operators import as_sparse, discretise
+from synthnet.types import Mesh
+
+CURVED = Operator(elements="curved")
+SPHERE = np.repeat([2.0, 6.0, 12.0], [3, 5, 2])
+
+
+def family(name: str, **parameters: float) -> Mesh:
+    return FAMILIES[name].generate(parameters)
+
+
+def sphere(resolution: int) -> Mesh:
+    return family("sphere", radius=1.0, resolution=resolution)
+
+
+def cylinder() -> Mesh:
+    return family("cylinder", radius=1.0, height=2.0, resolution=24, split=4)
+
+
+def bent(mesh: Mesh) -> curved.Patches:
+    return curved.bend(mesh.vertices.astype(np.float64), mesh.faces)
+
+
+def middles(patches: curved.Patches) -> np.ndarray:
+    return patches.vertices[patches.ends].mean(axis=1) + patches.rises
+
+
+def error(values: np.ndarray, exact: np.ndarray) -> float:
+    return float(np.abs(values / exact - 1).max())
+
+
+def test_middles_of_arcs_are_on_the_sphere_to_the_fourth_order() -> None:
+    off = [np.abs(np.linalg.norm(middles(bent(sphere(r))), axis=1) - 1).max() for r in (10, 20)]
+    flat = np.linalg.norm(middles(bent(sphere(20))) - bent(sphere(20)).rises, axis=1)
+    assert off[1] < 0.02 * (1 - flat.min())
+    assert off[0] / off[1] > 12
+
+
+def test_faces_of_a_box_stay_flat_and_give_quadratic_elements() -> None:
+    box = family("rectangular_prism", width=1.0, height=0.6, depth=1.7, subdivisions=2)
+    assert np.abs(bent(box).rises).max() < 1e-15
+    flat, same = (
+        spectrum.compute(box, operator=Operator(elements=e)) for e in ("quadratic", "curved")
+    )
+    np.testing.assert_allclose(same.eigenvalues, flat.eigenvalues, rtol=1e-10)
+
+
+def test_creases_are_bent_along_themselves() -> None:
+    patches = bent(cylinder())
+    points, ends = patches.vertices, patches.ends
+    on_rim = (np.abs(np.hypot(points[:, 0], points[:, 1]) - 1) < 1e-6) & (
+        np.abs(np.abs(points[:, 2]) - np.abs(points[:, 2]).max()) < 1e-6
+    )
+    level = points[ends[:, 0], 2] == points[ends[:, 1], 2]
+    rims = on_rim[ends].all(axis=1) & level
+    assert rims.sum() == 48
+    radii = np.hypot(*middles(patches)[rims, :2].T)
+    chord = 1 - np.cos(np.pi / 24)
+    assert np.abs(radii - 1).max() < 0.02 * chord
+    assert np.abs(patches.rises[rims, 2]).max() < 1e-12
+    spokes = (np.hypot(points[:, 0], points[:, 1]) < 1e-9)[ends].any(axis=1)
+    assert spokes.sum() == 48
+    assert np.abs(patches.rises[spokes]).max() < 1e-12  # the caps are flat
+
+
+def test_a_boundary_is_bent_and_its_corners_are_not() -> None:
+    radii = np.linalg.norm(middles(bent(disc(16))), axis=1)
+    rim = radii > 0.97
+    assert rim.sum() == 48
+    assert np.abs(radii[rim] - 1).max() < 1e-4
+    assert np.abs(bent(square(6)).rises).max() < 1e-15
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_faces_need_not_be_oriented_alike(share: float) -> None:
+    mesh = cylinder()
+    turned = np.random.default_rng(0).random(len(mesh.faces)) < share
+    faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)
+    as_it_is, other = bent(mesh), bent(Mesh(mesh.vertices, faces))
+    rises = {tuple(e): rise for e, rise in zip(other.ends, other.rises, strict=True)}
+    assert len(rises) == len(as_it_is.ends)
+    for ends, rise in zip(as_it_is.ends, as_it_is.rises, strict=True):
+        np.testing.assert_allclose(rises[tuple(ends)], rise, atol=1e-14)
+
+
+def test_an_edge_of_three_faces_stays_straight() -> None:
+    fan = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0.5], [0.9, 0.4, 0.5], [-1, 0, 0.5]], float)
+    faces = np.array([[0, 1, 2], [0, 1, 3], [1, 0, 4]])
+    patches = curved.bend(fan, faces)
+    shared = (patches.ends == [0, 1]).all(axis=1)
+    assert shared.sum() == 1
+    assert (patches.rises[shared] == 0).all()
+
+
+@given(st.integers(0, 2**32), st.floats(0.001, 1.0))
+@settings(max_examples=60)
+def test_mass_is_above_its_bound_on_any_mesh(seed: int, size: float) -> None:
+    """Random heights make creases, folds and thin triangles; random turns, bad orientations."""
+    rng = np.random.default_rng(seed)
+    mesh = square(5)
+    heights = size * rng.standard_normal(len(mesh.vertices))
+    vertices = mesh.vertices + rng.uniform(-0.08, 0.08, mesh.vertices.shape)
+    vertices[:, 2] += heights
+    turned = rng.random(len(mesh.faces)) < rng.choice([0.0, 0.3])
+    faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)
+    for matrices in (
+        discretise(Mesh(vertices, faces), CURVED).matrices,
+        curved.hierarchical(curved.bend(vertices, faces))[0],
+    ):
+        stiffness, mass = (matrix.toarray() for matrix in as_sparse(matrices))
+        scaled = mass / np.sqrt(np.outer(matrices.lumped, matrices.lumped))
+        assert np.linalg.eigvalsh(scaled)[0] >= matrices.least * (1 - 1e-9)
+        assert matrices.least > 0
+        values = np.linalg.eigvalsh(stiffness)
+        assert values[0] > -1e-12 * values[-1]
+        assert np.abs(stiffness.sum(axis=0)).max() < 1e-12 * values[-1]
+
+
+def test_the_estimate_is_near_curved_elements_and_ten_times_nearer_the_sphere_than_flat() -> None:
+    mesh = sphere(20)
+    values = surface_eigenvalues(mesh)
+    quadratic = spectrum.compute(mesh, operator=CURVED).eigenvalues
+    assert error(values, quadratic) < 1e-3
+    assert error(values, SPHERE) < 0.03 * error(spectrum.compute(mesh).eigenvalues, SPHERE)
+
+
+def test_the_estimate_converges_faster_than_linear_elements() -> None:
+    coarse, fine = (error(surface_eigenvalues(sphere(r)), SPHERE) for r in (10, 20))
+    assert coarse / fine > 7
+
+
+def test_each_component_has_its_surface() -> None:
+    one, other = sphere(10), sphere(14)
+    vertices = np.concatenate([one.vertices, other.vertices + 4.0])
+    both = Mesh(vertices, np.concatenate([one.faces, other.faces + len(one.vertices)]))
+    expected = np.sort(np.concatenate([surface_eigenvalues(one, 3), surface_eigenvalues(other, 3)]))
+    np.testing.assert_allclose(surface_eigenvalues(both, 6), expected, rtol=1e-9)
+
+
+def test_bad_meshes_end_in_one_line() -> None:
+    points, face = np.eye(3), np.array([[0, 1, 2]])
+    for vertices, faces, match in (
+        (points[:, :1] * np.ones(3), face, "have no area"),
+        (np.vstack([points, points[:1]]), face, "1 vertices belong to no triangle"),
+        (np.where(points == 1, np.nan, points), face, "NaN"),
+    ):
+        with pytest.raises(ValueError, match=match):
+            surface_eigenvalues((vertices, faces))
+    with pytest.raises(ValueError, match="k must be between 1 and"):
+        surface_eigenvalues(sphere(9), 10_000)
