@@ -122,8 +122,8 @@ def _of_mesh_options(command: argparse.ArgumentParser) -> None:
         "--elements",
         choices=tuple(MASSES),
         default="linear",
-        help="finite elements, tufted: for meshes that are no manifold, taken as they are "
-        "(default: %(default)s)",
+        help="finite elements, curved: on triangles bent to the surface that the mesh samples, "
+        "tufted: for meshes that are no manifold, taken as they are (default: %(default)s)",
     )
     command.add_argument(
         "--no-repair",

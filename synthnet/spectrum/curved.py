@@ -1,7 +1,7 @@
 r"""Triangles bent to the surface that a mesh samples: through its vertices, with its normals there.
 
 Flat triangles cut the corners of a curved surface. Their area and their distances are off by terms
-of order :math:`h^2`, as large as the error of linear elements, and no element on them can be better.
+of order :math:`h^2`, as large as the error of linear elements: no element on them can be better.
 Here the mesh gives the surface back. A normal at each vertex comes from the triangles around it.
 An edge becomes the arc that leaves its ends at right angles to the normals there, and a triangle
 the quadratic patch through its corners and the middles of its three arcs. Quadratic elements on
@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import fem
 from synthnet.spectrum.fem import Matrices
+from synthnet.types import Mesh
 
 CREASE = 45.0  # degrees between the normals of two triangles
 RISE = 0.2  # of an edge's length, the most that it is bent
@@ -70,22 +71,20 @@ class Patches(NamedTuple):
         From the middle of each edge to the middle of its arc, in length.
     """
 
-    vertices: NDArray[np.float64]
+    vertices: Floats
     faces: NDArray[np.int32]
     ends: NDArray[np.int32]
     sides: NDArray[np.int32]
-    rises: NDArray[np.float64]
+    rises: Floats
 
 
-def bend(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> Patches:
+def bend(mesh: Mesh) -> Patches:
     """Bend the edges of a mesh.
 
     Parameters
     ----------
-    vertices : ndarray of shape (n, 3), float64
-        Coordinates.
-    faces : ndarray of shape (m, 3), int
-        Corners of the triangles; they need not be oriented alike.
+    mesh : Mesh
+        Of n vertices and m faces, which need not be oriented alike.
 
     Returns
     -------
@@ -97,13 +96,13 @@ def bend(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> Patches:
     ValueError
         If a face has no area.
     """
-    vertices = np.ascontiguousarray(vertices, dtype=np.float64)
-    faces = np.ascontiguousarray(faces, dtype=np.int32)
+    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    if flat := fem.flat_triangles(vertices, faces):
+        raise ValueError(f"{flat} of {len(faces)} faces have no area: {fem.REMEDY}")
     start, around = _around(faces, len(vertices))
     ends, sides, beside, oriented = _edges(faces, start, around)
-    units, weights, flat = _units(vertices, faces)
-    if flat:
-        raise ValueError(f"{flat} of {len(faces)} faces have no area: {fem.REMEDY}")
+    units, weights = _units(vertices, faces)
     cosine = float(np.cos(np.radians(CREASE)))
     normals = _normals(faces, start, around, units, weights, oriented, cosine)
     rises = _rises(vertices, faces, ends, beside, units, normals, cosine)
@@ -206,7 +205,7 @@ def _around(faces: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArra
 def _edges(
     faces: NDArray[np.int32], start: NDArray[np.int32], around: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], bool]:
-    """Return the ends of edges, in ascending order, those of each face, and the sides 3 f + s of each.
+    """Return the ends of edges, ascending, those of each face, and the sides 3 f + s of each.
 
     Where an edge has one side, or more than two, its second one is -1 or -2. The last is whether
     every edge of two faces is passed by them in opposite directions.
@@ -254,30 +253,27 @@ def _edges(
 
 
 @kernel
-def _units(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Return unit normals of faces, Max's weights of their corners, and how many have no area.
+def _units(vertices: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats]:
+    """Return unit normals of faces, and Max's weights of their corners.
 
     A weight is the sine of the angle there over the lengths of both its sides.
     """
     units, weights = np.empty((faces.shape[0], 3)), np.empty((faces.shape[0], 3))
-    edges = np.empty((3, 3))  # from corner c to the next
-    flat = 0
+    edges = np.empty((3, 3))  # from a corner to the next
     for f in range(faces.shape[0]):
         unit = units[f]
-        for c in range(3):
+        for i in range(3):
             for x in range(3):
-                edges[c, x] = vertices[faces[f, (c + 1) % 3], x] - vertices[faces[f, c], x]
+                edges[i, x] = vertices[faces[f, (i + 1) % 3], x] - vertices[faces[f, i], x]
         _cross(edges[0], edges[1], unit)
         length = np.sqrt(_dot(unit, unit))
-        if not length > 0:
-            flat += 1
         for x in range(3):
             unit[x] /= length
         a, b, c = _dot(edges[0], edges[0]), _dot(edges[1], edges[1]), _dot(edges[2], edges[2])
-        weights[f, 0], weights[f, 1], weights[f, 2] = length / (a * c), length / (a * b), length / (b * c)
-    return units, weights, flat
+        weights[f, 0] = length / (a * c)
+        weights[f, 1] = length / (a * b)
+        weights[f, 2] = length / (b * c)
+    return units, weights
 
 
 @kernel
@@ -285,11 +281,11 @@ def _normals(
     faces: NDArray[np.int32],
     start: NDArray[np.int32],
     around: NDArray[np.int32],
-    units: NDArray[np.float64],
-    weights: NDArray[np.float64],
+    units: Floats,
+    weights: Floats,
     oriented: bool,
     cosine: float,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the normal at each corner: of the faces at its vertex that bend less than a crease."""
     normals = np.empty((faces.shape[0], 3, 3))
     signs = np.ones(np.diff(start).max())
@@ -317,9 +313,7 @@ def _normals(
 
 
 @part
-def _orient(
-    faces: NDArray[np.int32], corners: NDArray[np.int32], signs: NDArray[np.float64]
-) -> None:
+def _orient(faces: NDArray[np.int32], corners: NDArray[np.int32], signs: Floats) -> None:
     """Set signs with which faces around a vertex are oriented alike, from one to its neighbour."""
     signs[: corners.shape[0]] = 0.0
     for first in range(corners.shape[0]):
@@ -348,14 +342,14 @@ def _orient(
 
 @kernel
 def _rises(
-    vertices: NDArray[np.float64],
+    vertices: Floats,
     faces: NDArray[np.int32],
     ends: NDArray[np.int32],
     beside: NDArray[np.int32],
-    units: NDArray[np.float64],
-    normals: NDArray[np.float64],
+    units: Floats,
+    normals: Floats,
     cosine: float,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return from the middle of each edge to that of its arc: an eighth of its ends' tangents.
 
     A tangent is as long as the edge's part along it, and the arc the cubic with these two.
@@ -410,11 +404,11 @@ def _rises(
 
 @part
 def _of_rim(
-    vertices: NDArray[np.float64],
+    vertices: Floats,
     rim: NDArray[np.int32],
     i: int,
     cosine: float,
-    tangent: NDArray[np.float64],
+    tangent: Floats,
 ) -> None:
     """Set the tangent of the circle through a boundary's vertex and its neighbours, or zero."""
     tangent[:] = 0.0
@@ -429,7 +423,7 @@ def _of_rim(
 
 
 @part
-def _along(edge: NDArray[np.float64], tangent: NDArray[np.float64], least: float) -> None:
+def _along(edge: Floats, tangent: Floats, least: float) -> None:
     """Turn a direction into the part of an edge along it; where it is too short, into the edge."""
     square = _dot(tangent, tangent)
     if square > least * least:
@@ -444,12 +438,12 @@ def _corner(face: NDArray[np.int32], i: int) -> int:
 
 
 @part
-def _dot(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+def _dot(x: Floats, y: Floats) -> float:
+    return float(x[0] * y[0] + x[1] * y[1] + x[2] * y[2])
 
 
 @part
-def _cross(u: NDArray[np.float64], v: NDArray[np.float64], product: NDArray[np.float64]) -> None:
+def _cross(u: Floats, v: Floats, product: Floats) -> None:
     product[0] = u[1] * v[2] - u[2] * v[1]
     product[1] = u[2] * v[0] - u[0] * v[2]
     product[2] = u[0] * v[1] - u[1] * v[0]
@@ -457,10 +451,10 @@ def _cross(u: NDArray[np.float64], v: NDArray[np.float64], product: NDArray[np.f
 
 @part
 def _metric(
-    vertices: NDArray[np.float64],
+    vertices: Floats,
     face: NDArray[np.int32],
     side: NDArray[np.int32],
-    rises: NDArray[np.float64],
+    rises: Floats,
     l0: float,
     l1: float,
     l2: float,
@@ -510,7 +504,11 @@ def _densities(
             density = np.sqrt(max(g11 * g22 - g12 * g12, 0.0))
             least, most = min(least, density), max(most, density)
             scale = weights[q] / density
-            scales[f, 0, q], scales[f, 1, q], scales[f, 2, q] = g22 * scale, -g12 * scale, g11 * scale
+            scales[f, 0, q], scales[f, 1, q], scales[f, 2, q] = (
+                g22 * scale,
+                -g12 * scale,
+                g11 * scale,
+            )
             areas[f, q] = weights[q] * density
         folded[f] = least < FLATTEST * flat
         ratio = min(ratio, least / most)
@@ -522,10 +520,10 @@ def _scatter(
     faces: NDArray[np.int32],
     indptr: NDArray[np.int32],
     indices: NDArray[np.int32],
-    stiffness: NDArray[np.float64],
-    mass: NDArray[np.float64],
-    stiff: NDArray[np.float64],
-    heavy: NDArray[np.float64],
+    stiffness: Floats,
+    mass: Floats,
+    stiff: Floats,
+    heavy: Floats,
 ) -> None:
     """Add the corners' parts of the patches' matrices to those of the mesh."""
     for f in range(faces.shape[0]):

@@ -107,7 +107,7 @@ def assemble(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Matrice
     indptr, indices = pattern(faces, len(vertices))
     stiffness, mass = np.zeros(len(indices)), np.zeros(len(indices))
     flat = _add_triangles(vertices, faces, indptr, indices, stiffness, mass)
-    if flat := max(flat, _flat_triangles(vertices, faces)):
+    if flat := max(flat, flat_triangles(vertices, faces)):
         raise ValueError(f"{flat} of {len(faces)} faces have no area: {REMEDY}")
     lumped = np.add.reduceat(mass, indptr[:-1])
     return Matrices(indptr, indices, stiffness, mass, lumped)
@@ -180,7 +180,7 @@ def index(numbers: NDArray[np.int32], low: int, high: int, number: int) -> int:
 
 
 @kernel
-def _flat_triangles(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> int:
+def flat_triangles(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> int:
     """Return how many triangles have an area of zero, but for rounding.
 
     Fused products leave a rounding error where two corners are one point. This stands apart from

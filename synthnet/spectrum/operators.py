@@ -56,8 +56,8 @@ class Operator:
         vertices, and on edges between two of them; Neumann on the rest.
     mass : str, optional
         Of linear elements ``"consistent"`` (the default), ``"lumped"`` (its row sums, a diagonal
-        matrix) or ``"mean"`` of both, whose errors have opposite signs. Quadratic and curved elements
-        have the consistent one only, the tufted cover the lumped one only.
+        matrix) or ``"mean"`` of both, whose errors have opposite signs. Quadratic and curved
+        elements have the consistent one only, the tufted cover the lumped one only.
     elements : str
         ``"linear"``: as labels have, errors of order :math:`h^2`. ``"quadratic"``: with unknowns on
         edges too, on the same flat triangles; :math:`h^4` where these are the surface.
@@ -171,7 +171,7 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     elif operator.elements == "quadratic":
         matrices = _quadratic(mesh, _edges(mesh))
     elif operator.elements == "curved":
-        matrices = curved.quadratic(curved.bend(mesh.vertices, mesh.faces))
+        matrices = curved.quadratic(curved.bend(mesh))
     else:
         plain = delaunay.assemble(mesh) if operator.elements == "delaunay" else _linear(mesh)
         matrices = _with_mass(plain, operator.share)

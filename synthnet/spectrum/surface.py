@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import curved
+from synthnet.spectrum.curved import Patches
 from synthnet.spectrum.inputs import as_mesh
 from synthnet.spectrum.operators import check_used
 from synthnet.spectrum.solve import of_matrices
@@ -70,16 +71,43 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> NDArray[np.float64]:
     """
     mesh = as_mesh(mesh)
     check_used(mesh)
-    patches = curved.bend(mesh.vertices, mesh.faces)
+    patches = curved.bend(mesh)
     linear, stiffness, mass = curved.hierarchical(patches)
     found = of_matrices(linear, k)
-    residuals, diagonal = _residuals(
-        *(patches.faces, patches.sides, len(patches.ends)),
-        *(stiffness, mass, np.ascontiguousarray(found.eigenvectors), found.eigenvalues),
-    )
+    values = found.eigenvalues
+    energies = edge_energies(patches, stiffness, mass, found.eigenvectors, values)
+    return np.sort(values * np.exp(-energies / values))
+
+
+def edge_energies(
+    patches: Patches,
+    stiffness: NDArray[np.float64],
+    mass: NDArray[np.float64],
+    vectors: NDArray[np.float64],
+    values: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    r"""Return :math:`r^T C^{-1} r` of eigenpairs of linear elements, from below.
+
+    Parameters
+    ----------
+    patches : Patches
+        Of n vertices and m faces.
+    stiffness, mass : ndarray of shape (m, 6, 6), float64
+        As :func:`synthnet.spectrum.curved.hierarchical` returns them.
+    vectors : ndarray of shape (n, k), float64
+        B-orthonormal columns.
+    values : ndarray of shape (k,), float64
+        In 1/length², the θ.
+
+    Returns
+    -------
+    ndarray of shape (k,), float64
+        In 1/length².
+    """
+    of_patches = (patches.faces, patches.sides, len(patches.ends), stiffness, mass)
+    residuals, diagonal = _residuals(*of_patches, np.ascontiguousarray(vectors), values)
     own = np.ascontiguousarray(stiffness[:, 3:, 3:])
-    energies = _energies(patches.sides, own, diagonal, residuals, STEPS)
-    return np.sort(found.eigenvalues * np.exp(-energies / found.eigenvalues))
+    return _energies(patches.sides, own, diagonal, residuals, STEPS)
 
 
 @kernel
@@ -139,9 +167,7 @@ def _energies(
 
 
 @part
-def _weighted_squares(
-    r: NDArray[np.float64], diagonal: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _weighted_squares(r: NDArray[np.float64], diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
     squares = np.zeros(r.shape[1])
     for e in range(r.shape[0]):
         inverse = 1 / diagonal[e]
