@@ -6,7 +6,9 @@ Here the mesh gives the surface back. A normal at each vertex comes from the tri
 An edge becomes the arc that leaves its ends at right angles to the normals there, and a triangle
 the quadratic patch through its corners and the middles of its three arcs. Quadratic elements on
 these patches are isoparametric; their eigenvalues are those of a smooth surface up to terms of
-order :math:`h^4`, where the mesh is inscribed and its normals are good.
+order :math:`h^4`, where the mesh is inscribed and its normals are good. Max's weights make them so
+on smooth meshes; where faces of very different sizes meet, as on CAD parts beside a fillet, the
+large ones are flat parts of the surface, and weights are areas.
 
 Across a crease, where two triangles meet at more than :data:`CREASE`, the surface has a normal on
 each side. An edge along the crease is an arc in both sides' planes; at a boundary, it is the arc
@@ -36,6 +38,7 @@ from synthnet.types import Mesh
 
 CREASE = 45.0  # degrees between the normals of two triangles
 RISE = 0.2  # of an edge's length, the most that it is bent
+UNEVEN = 12.0  # times the smallest face at a vertex, above which large faces settle its normal
 FLATTEST = 0.3  # of a flat triangle's area, at a point of its patch: where it would fold over
 STRAIGHT = 0.1  # sine between two sides' normals, below which a crease has no direction of its own
 
@@ -102,9 +105,9 @@ def bend(mesh: Mesh) -> Patches:
         raise ValueError(f"{flat} of {len(faces)} faces have no area: {fem.REMEDY}")
     start, around = _around(faces, len(vertices))
     ends, sides, beside, oriented = _edges(faces, start, around)
-    units, weights = _units(vertices, faces)
+    units, areas, weights = _units(vertices, faces)
     cosine = float(np.cos(np.radians(CREASE)))
-    normals = _normals(faces, start, around, units, weights, oriented, cosine)
+    normals = _normals(faces, start, around, units, areas, weights, oriented, cosine)
     rises = _rises(vertices, faces, ends, beside, units, normals, cosine)
     return Patches(vertices, faces, ends, sides, rises)
 
@@ -253,12 +256,13 @@ def _edges(
 
 
 @kernel
-def _units(vertices: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats]:
-    """Return unit normals of faces, and Max's weights of their corners.
+def _units(vertices: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats, Floats]:
+    """Return unit normals of faces, twice their areas, and Max's weights of their corners.
 
     A weight is the sine of the angle there over the lengths of both its sides.
     """
     units, weights = np.empty((faces.shape[0], 3)), np.empty((faces.shape[0], 3))
+    areas = np.empty(faces.shape[0])
     edges = np.empty((3, 3))  # from a corner to the next
     for f in range(faces.shape[0]):
         unit = units[f]
@@ -273,7 +277,8 @@ def _units(vertices: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats]:
         weights[f, 0] = length / (a * c)
         weights[f, 1] = length / (a * b)
         weights[f, 2] = length / (b * c)
-    return units, weights
+        areas[f] = length
+    return units, areas, weights
 
 
 @kernel
@@ -282,6 +287,7 @@ def _normals(
     start: NDArray[np.int32],
     around: NDArray[np.int32],
     units: Floats,
+    areas: Floats,
     weights: Floats,
     oriented: bool,
     cosine: float,
@@ -293,6 +299,11 @@ def _normals(
         corners = around[start[i] : start[i + 1]]
         if not oriented:
             _orient(faces, corners, signs)
+        smallest, largest = np.inf, 0.0
+        for p in range(corners.shape[0]):
+            area = areas[corners[p] // 3]
+            smallest, largest = min(smallest, area), max(largest, area)
+        uneven = largest > UNEVEN * smallest
         for p in range(corners.shape[0]):
             f = corners[p] // 3
             a, b, c = units[f, 0], units[f, 1], units[f, 2]
@@ -302,7 +313,7 @@ def _normals(
                 x, y, z = units[g, 0], units[g, 1], units[g, 2]
                 sign = signs[p] * signs[q]
                 if sign * (a * x + b * y + c * z) > cosine:
-                    weight = sign * weights[g, corners[q] % 3]
+                    weight = sign * (areas[g] if uneven else weights[g, corners[q] % 3])
                     nx += weight * x
                     ny += weight * y
                     nz += weight * z

@@ -82,6 +82,29 @@ def test_a_boundary_is_bent_and_its_corners_are_not() -> None:
     assert np.abs(curved.bend(square(6)).rises).max() < 1e-15
 
 
+def test_a_large_flat_face_beside_a_fine_fillet_stays_flat() -> None:
+    """As CAD parts have them: the normals at its border are the face's, not the fillet's."""
+    turns = np.radians(90 * np.arange(1, 7) / 6)
+    profile = np.array([(0, 0), (10, 0), *zip(10 + np.sin(turns), 1 - np.cos(turns), strict=True)])
+    steps = np.arange(8)
+    points = np.array([(x, y, z) for x, z in profile for y in steps], dtype=float)
+    corner = (8 * np.arange(len(profile) - 1)[:, None] + steps[:-1]).ravel()
+    below = np.stack([corner, corner + 1, corner + 9], axis=1)
+    above = np.stack([corner, corner + 9, corner + 8], axis=1)
+    patches = curved.bend(Mesh(points, np.concatenate([below, above])))
+    middle = points[patches.ends].mean(axis=1)
+    across, inside = (
+        np.abs(np.diff(points[patches.ends, 0], axis=1)[:, 0]) > 1,
+        middle[:, 1] % 7 > 0,
+    )
+    large, fillet = across & inside, (middle[:, 0] > 10) & inside
+    slopes = np.abs(patches.rises[:, 2]) / np.linalg.norm(
+        np.diff(points[patches.ends], axis=1)[:, 0], axis=1
+    )
+    assert large.sum() == 13
+    assert slopes[large].max() < 0.1 * slopes[fillet].max()
+
+
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_faces_need_not_be_oriented_alike(share: float) -> None:
     mesh = cylinder()
