@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -167,8 +167,10 @@ def _draw_drops(axes: mpl.axes.Axes, points: Sequence[Point]) -> None:
 def _name(
     axes: mpl.axes.Axes, points: Sequence[Point], rows: Sequence[Ranked], layout: Layout
 ) -> None:
-    """Write beside the marks what the sentences name: the solver, the best model, its drop."""
-    trained = {row.submission.name for row in rows if not untrained(row.submission.result["model"])}
+    """Write beside the marks what the sentences name: the solver, the best rows, the drop."""
+    best = dict.fromkeys((True, False), LAPY)  # of those without training, and of the others
+    for row in reversed(rows):
+        best[untrained(row.submission.result["model"])] = row.submission.name
     font: dict[str, Any] = {
         "textcoords": "offset points",
         "fontsize": layout.font,
@@ -179,8 +181,7 @@ def _name(
         if point.name == LAPY:
             at = (point.speed, point.error)
             axes.annotate(point.name, at, (0, 10), ha="center", color=colour, **font)
-        elif point.name in trained:
-            trained = set()  # the first is the best
+        elif point.name in best.values():
             name = fill(escaped(point.name), 24)
             at = (point.speed, point.error)
             axes.annotate(name, at, (9, -3), va="top", color=colour, **font)
@@ -214,7 +215,10 @@ def _point(number: int, row: Ranked, unseen: float | None) -> Point:
 
 
 def sentences(board: Board, solver: str = "lapy") -> str:
-    """Return the figure in three sentences; empty where the solver or trained models are missing.
+    """Return the figure in four sentences; empty where the solver or trained models are missing.
+
+    The last one, of the nearest row without training, is there if that is surely nearer than the
+    solver.
 
     Parameters
     ----------
@@ -233,35 +237,62 @@ def sentences(board: Board, solver: str = "lapy") -> str:
     if not exact or not unseen:
         return ""
     least, name = _error(exact[0]), exact[0].submission.name
-    nearer = [row for row in trained if _surely_nearer(row, solver)]
-    sentences = [
-        "1. **A solver is exact for the mesh, not for the surface.** On the test shapes of "
+    every = [
+        "**A solver is exact for the mesh, not for the surface.** On the test shapes of "
         f"synthNet {board.version}, {name}'s eigenvalues are off by {_percent(least)} on average "
-        f"(mean RPD {_digits(least)}), because triangles are flat."
+        f"(mean RPD {_digits(least)}), because triangles are flat.",
+        _on_familiar_shapes(trained, exact[0]),
+        _on_unseen_families(board, trained, unseen, exact[0]),
+        *_without_training(board, trained, exact[0]),
     ]
+    return "\n".join(f"{number}. {sentence}" for number, sentence in enumerate(every, start=1))
+
+
+def _on_familiar_shapes(trained: Sequence[Ranked], solver: Ranked) -> str:
+    nearer = [row for row in trained if _surely_nearer(row, solver)]
     of = f"{len(nearer)} of {len(trained)} trained models are surely closer"
     if nearer:
         best = min(nearer, key=_error)
-        ratio = best.submission.result["cost"]["reference"]["ratio"]
-        gain = f"{least / _error(best):.2g} times less error at {ratio:.2g} times {name}'s speed"
-        of += f"; the best, *{best.submission.name}*, has {gain}"
+        of += f"; the best, *{best.submission.name}*, has {_gain(best, solver)}"
     verdict = "learning can beat it" if nearer else "no model surely beats it"
-    sentences.append(f"2. **On shapes like those of training, {verdict}.** {of}.")
-    smaller = sum(error < least for error in unseen.values())
+    return f"**On shapes like those of training, {verdict}.** {of}."
+
+
+def _on_unseen_families(
+    board: Board, trained: Sequence[Ranked], unseen: Mapping[str, float], solver: Ranked
+) -> str:
+    smaller = sum(error < _error(solver) for error in unseen.values())
     verdict = "most models lose to it" if 2 * smaller < len(unseen) else "most still do"
     still = [
         f"*{row.submission.name}* ({_digits(unseen[row.submission.name])})"
         for row in trained
-        if row.submission.name in unseen and _surely_nearer_unseen(board, row, exact[0])
+        if row.submission.name in unseen and _surely_nearer_unseen(board, row, solver)
     ]
     median = float(np.median(list(unseen.values())))
-    sentences.append(
-        f"3. **On families never seen in training, {verdict}.** {len(still)} of {len(unseen)} "
-        f"{'is' if len(still) == 1 else 'are'} surely closer than {name}"
+    return (
+        f"**On families never seen in training, {verdict}.** {len(still)} of {len(unseen)} "
+        f"{'is' if len(still) == 1 else 'are'} surely closer than {solver.submission.name}"
         f"{', ' if still else ''}{' and '.join(still)}; "
         f"the median model is off by {_percent(median)} (RPD {_digits(median)})."
     )
-    return "\n".join(sentences)
+
+
+def _without_training(board: Board, trained: Sequence[Ranked], solver: Ranked) -> Iterator[str]:
+    nearer = [row for row in board.rows if row not in trained and _surely_nearer(row, solver)]
+    if nearer:
+        best = min(nearer, key=_error)
+        beaten = all(_error(best) < _error(row) for row in trained)
+        verdict = "better elements beat both" if beaten else "better elements are nearer, too"
+        yield (
+            f"**Without training, {verdict}.** *{best.submission.name}* has "
+            f"{_gain(best, solver)}, and nothing to unlearn on unseen families."
+        )
+
+
+def _gain(row: Ranked, solver: Ranked) -> str:
+    """Return how much nearer a row is than the solver, and how much faster."""
+    times, ratio = _error(solver) / _error(row), row.submission.result["cost"]["reference"]["ratio"]
+    return f"{times:.2g} times less error at {ratio:.2g} times {solver.submission.name}'s speed"
 
 
 def _percent(rpd: float) -> str:
@@ -275,8 +306,9 @@ def _percent(rpd: float) -> str:
     return f"{100 * 2 * rpd / 10:.2g} %"
 
 
-def _surely_nearer(row: Ranked, solver: str) -> bool:
-    return any(other.slug == solver and other.sure and other.mean > 0 for other in row.apart)
+def _surely_nearer(row: Ranked, solver: Ranked) -> bool:
+    slug = solver.submission.slug
+    return any(other.slug == slug and other.sure and other.mean > 0 for other in row.apart)
 
 
 def _surely_nearer_unseen(board: Board, row: Ranked, solver: Ranked) -> bool:

@@ -370,6 +370,28 @@ def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, m
     assert answer_figure.sentences(board, solver="nobody") == ""
 
 
+@pytest.mark.parametrize(
+    ("factor", "sentence"),
+    [
+        (1.0001, "4. **Without training, better elements beat both.** *Bent* has "),
+        (1.02, None),  # farther than the solver
+    ],
+)
+def test_a_nearer_row_without_training_has_a_sentence(
+    held_out, parts, make_submission, factor, sentence
+):
+    whole, model = held_out
+    labels = parts["grouped"]
+    limits = submission.read(make_submission("Any", labels.eigenvalues, labels)).at("surface").truth
+    made = make_submission(
+        "Bent", limits.eigenvalues * factor, labels, kind="classical", training_data="none"
+    )
+    rows = ranking.ranked([row.at("surface") for row in [*whole, submission.read(made)]])
+    board = generalisation.Board(rows, {"family": [model.at("surface")]})
+    *_, last = answer_figure.sentences(board, solver="solver").splitlines()
+    assert last.startswith(sentence or "3. ")
+
+
 def test_errors_by_size_are_those_of_the_shapes_of_that_size(parts, make_submission):
     labels = parts["grouped"]
     number = np.array([int(shape[-5:]) % 3 for shape in labels.shapes])
