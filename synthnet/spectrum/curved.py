@@ -36,7 +36,7 @@ from synthnet.spectrum import fem
 from synthnet.spectrum.fem import Matrices
 from synthnet.types import Mesh
 
-CREASE = 45.0  # degrees between the normals of two triangles
+CREASE = 55.0  # degrees between the normals of two triangles: below those of a hexagon's sides
 RISE = 0.2  # of an edge's length, the most that it is bent
 UNEVEN = 12.0  # times the smallest face at a vertex, above which large faces settle its normal
 FLATTEST = 0.3  # of a flat triangle's area, at a point of its patch: where it would fold over
