@@ -36,6 +36,7 @@ from synthnet.types import Mesh
 
 UNIT = float(np.finfo(np.float64).eps)
 BLOCK = 64  # functions, of many: the products of all pairs would take longer than the solver
+MANY, CHUNK = 24, 1024  # functions from which BLAS adds up their products, and triangles at a time
 OPERATIONS = 16  # rounding units in the energy of a right-angled triangle, with room to spare
 
 
@@ -45,7 +46,9 @@ def sharpened(
     candidate: Candidate,
     numbers: NDArray[np.int32],
     share: float = 1.0,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    *,
+    with_vectors: bool = False,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]:
     r"""Return Ritz pairs of element energies, and how far each is from an exact eigenvalue at most.
 
     With the defects :math:`r_j = A\varphi_j - \rho_j B\varphi_j` of B-orthonormal Ritz vectors, all
@@ -71,6 +74,8 @@ def sharpened(
         The component of each row.
     share : float
         Of the consistent mass in B; the rest is lumped.
+    with_vectors : bool
+        Whether the vectors are wanted, too.
 
     Returns
     -------
@@ -78,7 +83,7 @@ def sharpened(
         In 1/length², ascending.
     bounds : ndarray of shape (c,), float64
         In 1/length²; infinite if there is none.
-    vectors : ndarray of shape (n, c), float64
+    vectors : ndarray of shape (n, c), float64, or None
         B-orthonormal columns; in blocks, each within its own.
     """
     count = len(candidate.vectors)
@@ -90,24 +95,24 @@ def sharpened(
     for first in range(0, count, size):
         rows = _without_means(candidate.vectors[first : first + size], discrete.matrices, numbers)
         functions = np.ascontiguousarray(discrete.at_vertices(rows).T)
-        blocks.append(_ritz(vertices, faces, functions, discrete, share))
+        blocks.append(_ritz(vertices, faces, functions, discrete, share, with_vectors))
     total = float(sum(block.squares for block in blocks))
     values = np.concatenate([block.values for block in blocks])
     bounds = np.concatenate([_bounds(i, blocks, above, total) for i in range(len(blocks))])
     if not candidate.values[-1] + bounds.max() < candidate.gap[1]:
         bounds[:] = np.inf
-    if len(blocks) == 1:
-        return values, bounds, blocks[0].vectors
     order = np.argsort(values, kind="stable")
-    vectors = np.concatenate([block.vectors for block in blocks], axis=1)
-    return values[order], bounds[order], vectors[:, order]
+    vectors = None
+    if with_vectors:
+        vectors = np.concatenate([block.vectors for block in blocks], axis=1)[:, order]
+    return values[order], bounds[order], vectors
 
 
 class _Block(NamedTuple):
     """Ritz pairs of some functions: the sum of their η², and the rounding of each."""
 
     values: NDArray[np.float64]
-    vectors: NDArray[np.float64]
+    vectors: NDArray[np.float64] | None
     squares: float
     rounding: NDArray[np.float64]
 
@@ -118,13 +123,21 @@ def _ritz(
     functions: NDArray[np.float64],
     discrete: Discrete,
     share: float,
+    with_vectors: bool,
 ) -> _Block:
     """Return the Ritz pairs of functions (n, c) by their energies."""
     matrices, count = discrete.matrices, functions.shape[1]
     stiff, weighted = np.zeros_like(functions), np.zeros_like(functions)
     gram = np.zeros((count, count))
     rough_energy, rough_mass = np.zeros((2, count))
-    _apply(vertices, faces, functions, stiff, weighted, gram, rough_energy, rough_mass)
+    many = count > MANY
+    for first in range(0, len(faces), CHUNK if many else len(faces)):
+        chunk = faces[first : first + CHUNK] if many else faces
+        slopes = np.empty((len(chunk) if many else 0, 3, count))
+        rough = (rough_energy, rough_mass)
+        _apply(vertices, chunk, functions, stiff, weighted, gram, *rough, slopes)
+        slopes = slopes.reshape(-1, count)
+        gram += slopes.T @ slopes
     there = slice(None) if discrete.free is None else discrete.free
     stiff, weighted, lumped = stiff[there], weighted[there], matrices.lumped
     if share < 1:
@@ -132,11 +145,15 @@ def _ritz(
         rough_mass *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
     heavy = functions[there].T @ weighted
     values, turn = linalg.eigh(gram, heavy)  # which reads the lower triangle
-    defects = stiff @ turn - (weighted @ turn) * values
-    squares = float(np.sum(np.square(defects) / lumped[:, None])) / matrices.least
+    defects, moved = stiff @ turn, weighted @ turn
+    moved *= values
+    defects -= moved
+    np.square(defects, out=defects)
+    defects /= lumped[:, None]
+    squares = float(np.sum(defects)) / matrices.least
     rough = np.square(turn).T @ rough_energy + values * (np.square(turn).T @ rough_mass)
     rounding = OPERATIONS * UNIT * (rough + values[-1])
-    return _Block(values, functions @ turn, squares, rounding)
+    return _Block(values, functions @ turn if with_vectors else None, squares, rounding)
 
 
 def _bounds(number: int, blocks: list[_Block], above: float, total: float) -> NDArray[np.float64]:
@@ -164,6 +181,8 @@ def _without_means(
     a Ritz value would be too low, and not only by the square: zero is below the gap, too.
     """
     lumped, with_zero = matrices.lumped, unheld(matrices, numbers)
+    if len(with_zero) == 1 and len(vectors) > MANY:  # as below, for one component
+        return vectors - (vectors @ lumped / lumped.sum())[:, None] if with_zero[0] else vectors
     sizes = np.bincount(numbers, lumped)
     means = np.stack([np.bincount(numbers, lumped * vector) / sizes for vector in vectors])
     return np.asarray(vectors - np.where(with_zero, means, 0.0)[:, numbers])
@@ -179,11 +198,13 @@ def _apply(
     gram: NDArray[np.float64],
     rough_energy: NDArray[np.float64],
     rough_mass: NDArray[np.float64],
+    slopes: NDArray[np.float64],
 ) -> None:
     """Add A f and B f of every function to ``stiff`` and ``weighted``, triangle by triangle.
 
-    The lower triangle of ``gram`` adds up fᵀ A g; ``rough_energy`` and ``rough_mass`` add up fᵀ A f
-    and fᵀ B f over the sine of each triangle's largest angle.
+    The lower triangle of ``gram`` adds up fᵀ A g, unless there is room in ``slopes`` for each
+    triangle's part of f, whose products these are. ``rough_energy`` and ``rough_mass`` add up
+    fᵀ A f and fᵀ B f over the sine of each triangle's largest angle.
     """
     u, v, across = np.empty(3), np.empty(3), np.empty((3, functions.shape[1]))
     for t in range(faces.shape[0]):
@@ -202,6 +223,7 @@ def _apply(
         doubled = np.sqrt(nx * nx + ny * ny + nz * nz)
         inverse_sine = np.sqrt(uu * vv) / doubled
         scale = 1 / (2 * doubled)
+        root = np.sqrt(scale)
         share = doubled / 24
         for c in range(functions.shape[1]):
             first = functions[i, c]
@@ -218,9 +240,13 @@ def _apply(
             stiff[j, c] += at_j * scale
             stiff[k, c] += at_k * scale
             stiff[i, c] -= (at_j + at_k) * scale
-            x, y, z = across[0, c], across[1, c], across[2, c]
-            for d in range(c + 1):
-                gram[c, d] += (x * across[0, d] + y * across[1, d] + z * across[2, d]) * scale
+            if slopes.shape[0] == 0:
+                x, y, z = across[0, c], across[1, c], across[2, c]
+                for d in range(c + 1):
+                    gram[c, d] += (x * across[0, d] + y * across[1, d] + z * across[2, d]) * scale
+            else:
+                for x in range(3):
+                    slopes[t, x, c] = across[x, c] * root
             rough_energy[c] += square * scale * inverse_sine
             second = first + p
             third = first + q

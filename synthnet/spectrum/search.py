@@ -252,5 +252,7 @@ def _rayleigh_ritz(
         values, turn = linalg.eigh(vectors @ stiff.T, vectors @ weighted.T, check_finite=False)
     except linalg.LinAlgError as error:
         raise SpectrumError(f"the eigenvectors found are not independent: {error}") from error
-    defects = turn.T @ stiff - values[:, None] * (turn.T @ weighted)
+    defects, moved = turn.T @ stiff, turn.T @ weighted
+    moved *= values[:, None]
+    defects -= moved
     return values, turn.T @ vectors, defects
