@@ -134,10 +134,10 @@ def _ritz(
     for first in range(0, len(faces), CHUNK if many else len(faces)):
         chunk = faces[first : first + CHUNK] if many else faces
         slopes = np.empty((len(chunk) if many else 0, 3, count))
-        rough = (rough_energy, rough_mass)
-        _apply(vertices, chunk, functions, stiff, weighted, gram, *rough, slopes)
-        slopes = slopes.reshape(-1, count)
-        gram += slopes.T @ slopes
+        to = (stiff, weighted, gram, rough_energy, rough_mass, slopes)
+        _apply(vertices, chunk, functions, *to)
+        rows = slopes.reshape(-1, count)
+        gram += rows.T @ rows
     there = slice(None) if discrete.free is None else discrete.free
     stiff, weighted, lumped = stiff[there], weighted[there], matrices.lumped
     if share < 1:

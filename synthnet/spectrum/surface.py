@@ -3,10 +3,11 @@ r"""The spectrum of the surface that a mesh samples, for little more than that o
 Linear elements on bent triangles (:mod:`synthnet.spectrum.curved`) leave one error of order
 :math:`h^2`: between vertices, eigenfunctions are bent, too. It is estimated from the eigenpairs
 (θ, u) of linear elements. With the functions :math:`2\lambda_i\lambda_j` of edges, A and B their
-matrices beside those of vertices, and C their own stiffness matrix,
+matrices beside those of vertices, and C and M their own,
 
 .. math::
-    r = \theta B u - A u, \qquad \lambda \approx \theta \exp(-r^T C^{-1} r / \theta),
+    r = \theta B u - A u, \qquad
+    \lambda \approx \theta \exp(-r^T (C - \theta M)^{-1} r / \theta),
 
 is what quadratic elements would find, to first order. C is as well conditioned as the triangles are
 well shaped, so a few steps of conjugate gradients do, more on thin ones: they come near the
@@ -87,7 +88,7 @@ def edge_energies(
     vectors: NDArray[np.float64],
     values: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    r"""Return :math:`r^T C^{-1} r` of eigenpairs of linear elements, from below.
+    r"""Return :math:`r^T (C - \theta M)^{-1} r` of eigenpairs of linear elements, from below.
 
     Parameters
     ----------
@@ -107,8 +108,8 @@ def edge_energies(
     """
     of_patches = (patches.faces, patches.sides, len(patches.ends), stiffness, mass)
     residuals, diagonal = _residuals(*of_patches, np.ascontiguousarray(vectors), values)
-    own = np.ascontiguousarray(stiffness[:, 3:, 3:])
-    return _energies(patches.sides, own, diagonal, residuals, ENOUGH, STEPS)
+    own, masses = (np.ascontiguousarray(blocks[:, 3:, 3:]) for blocks in (stiffness, mass))
+    return _energies(patches.sides, own, masses, values, diagonal, residuals, ENOUGH, STEPS)
 
 
 @kernel
@@ -138,12 +139,14 @@ def _residuals(
 def _energies(
     sides: NDArray[np.int32],
     own: NDArray[np.float64],
+    masses: NDArray[np.float64],
+    values: NDArray[np.float64],
     diagonal: NDArray[np.float64],
     r: NDArray[np.float64],
     enough: float,
     steps: int,
 ) -> NDArray[np.float64]:
-    """Return rᵀ C⁻¹ r of each column, from below; r becomes what is left of it."""
+    """Return rᵀ (C − θ M)⁻¹ r of each column, from below; r becomes what is left of it."""
     edges, k = r.shape
     p, q = np.zeros((edges, k)), np.empty((edges, k))
     energies, before = np.zeros(k), np.full(k, np.inf)
@@ -153,12 +156,12 @@ def _energies(
         for e in range(edges):
             for j in range(k):
                 p[e, j] = r[e, j] / diagonal[e] + ratio[j] * p[e, j]
-        _multiply(sides, own, p, q)
+        _multiply(sides, own, masses, values, p, q)
         step = np.zeros(k)
         for e in range(edges):
             for j in range(k):
                 step[j] += p[e, j] * q[e, j]
-        for j in range(k):  # where nothing is left, there is nothing to add
+        for j in range(k):  # where nothing is left, or θ is too high for the mesh, nothing is added
             step[j] = now[j] / step[j] if step[j] > 0 else 0.0
         energies += step * now
         if np.all(step * now <= enough * energies):
@@ -184,15 +187,17 @@ def _weighted_squares(r: NDArray[np.float64], diagonal: NDArray[np.float64]) -> 
 def _multiply(
     sides: NDArray[np.int32],
     own: NDArray[np.float64],
+    masses: NDArray[np.float64],
+    values: NDArray[np.float64],
     p: NDArray[np.float64],
     q: NDArray[np.float64],
 ) -> None:
-    """Set q to C p, patch by patch."""
+    """Set q to (C − θ M) p, patch by patch."""
     q[:] = 0.0
     for f in range(sides.shape[0]):
         for s in range(3):
             row = q[sides[f, s]]
             for t in range(3):
-                factor, column = own[f, s, t], p[sides[f, t]]
+                a, b, column = own[f, s, t], masses[f, s, t], p[sides[f, t]]
                 for j in range(p.shape[1]):
-                    row[j] += factor * column[j]
+                    row[j] += (a - values[j] * b) * column[j]

@@ -258,13 +258,18 @@ class Centre:
         return data
 
 
+def few_vertices(data):
+    return data.num_nodes < 400
+
+
 def test_pre_transform_is_applied_to_every_instance_once(open_split):
-    plain = open_split("test")
+    plain = open_split("test", pre_filter=few_vertices)
+    assert len(plain) >= 20
     for pre_transform in (
         Centre(1.0),
         Compose([NormalizeScale(), FaceToEdge(remove_faces=True)]),
     ):
-        done = open_split("test", pre_transform=pre_transform)
+        done = open_split("test", pre_filter=few_vertices, pre_transform=pre_transform)
         assert len(done) == len(plain)
         for a, b in zip(done[:20], plain[:20], strict=True):
             expected = pre_transform(b)
@@ -282,7 +287,7 @@ def test_a_callable_has_the_same_key_in_every_process():
         "print(fingerprint(functools.partial(print, names, torch.nn.Linear(2, 2))))"
     )
     keys = set()
-    for seed in ("1", "2", "3"):
+    for seed in ("1", "2"):  # with which sets of these names differ in order
         how = {"env": {**os.environ, "PYTHONHASHSEED": seed}, "check": True, "text": True}
         keys.add(subprocess.run([sys.executable, "-c", code], capture_output=True, **how).stdout)
     assert len(keys) == 1
