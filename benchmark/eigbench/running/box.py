@@ -33,6 +33,7 @@ from synthnet.store import pins
 from synthnet.types import SPLITS
 
 ROOTS = (Path(synthnet.__path__[0]), Path(__file__).parents[1])  # synthnet and eigbench
+TIME_LIMIT = 3600.0  # seconds
 BUBBLEWRAP, LANDLOCK, NONE = "bubblewrap", "landlock", "none"
 ISOLATED = (
     *("--unshare-all", "--die-with-parent", "--cap-drop", "ALL"),
@@ -103,6 +104,37 @@ def chosen(sandbox: str) -> str:
     return available()
 
 
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How a predictor's process is run.
+
+    Parameters
+    ----------
+    device : str
+        Handed to the predictor; one beginning with ``cuda`` has the box show the system's.
+    threads : int
+        Threads of BLAS and OpenMP.
+    time_limit : float
+        Most seconds for loading and for a batch.
+    memory_limit : float, optional
+        Most GiB that the process may have in memory (resident, where Linux tells).
+    sandbox : str
+        What holds it; ``none`` lets it do what its user may.
+    readable : sequence of Path
+        Files and directories that the box shows besides the predictor's own.
+    packages : Path, optional
+        A directory of packages that come before the others.
+    """
+
+    device: str = "cpu"
+    threads: int = 1
+    time_limit: float = TIME_LIMIT
+    memory_limit: float | None = None
+    sandbox: str = NONE
+    readable: Sequence[Path] = ()
+    packages: Path | None = None
+
+
 class Box:
     """What one process of a predictor gets: a folder of its own, its rules and its command.
 
@@ -110,32 +142,17 @@ class Box:
 
     Parameters
     ----------
-    kind : str
-        ``bubblewrap`` or ``landlock``.
     file : Path
         The predictor's file.
     training : str
         What it may be trained on: labels of the training and validation shapes are shown.
-    readable : sequence of Path
-        What the user shows besides.
-    packages : Path, optional
-        A directory of packages that come before the others.
-    device : str
-        A device beginning with ``cuda`` shows those of the system.
+    settings : Settings
+        With the sandbox ``bubblewrap`` or ``landlock``.
     """
 
-    def __init__(
-        self,
-        kind: str,
-        file: Path,
-        training: str,
-        *,
-        readable: Sequence[Path] = (),
-        packages: Path | None = None,
-        device: str = "cpu",
-    ) -> None:
-        self.kind = kind
-        self.accelerated = device.startswith("cuda")
+    def __init__(self, file: Path, training: str, settings: Settings) -> None:
+        self.kind = settings.sandbox
+        self.accelerated = settings.device.startswith("cuda")
         self.directory = predictor.split(file)[0].resolve().parent
         self.folder = Path(tempfile.mkdtemp(prefix="eigbench-box-"))
         try:
@@ -150,7 +167,8 @@ class Box:
             self.rules = [
                 *_libraries(),
                 *own,
-                *(Rule(path.resolve()) for path in (*readable, packages) if path is not None),
+                *(Rule(path.resolve()) for path in settings.readable),
+                *([] if settings.packages is None else [Rule(settings.packages.resolve())]),
                 Rule(handed),
             ]
         except BaseException:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
 from eigbench.results.sources import digest
-from eigbench.running.box import NONE
+from eigbench.running.box import TIME_LIMIT, Settings
 from eigbench.running.meshes import Instances
 from eigbench.running.process import (
     REFERENCE_FILE,
@@ -32,49 +32,30 @@ from synthnet.types import PROTOCOLS, Mesh
 
 WARM_UP = 16  # meshes predicted before the clock counts; none of them is of the split
 REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the same batches
-TIME_LIMIT = 3600.0  # seconds for a batch
 SOURCES = "sources.json"  # of a run that has begun: digests of the predictor's files
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
-    """How to run a predictor.
+class Options(Settings):
+    """How to run a predictor over a split; how its process is run besides.
 
     Parameters
     ----------
-    device : str
-        Handed to the predictor.
     batch_size : int
         Meshes in one call.
     seeds : int
         Runs, with seeds 0, 1, ...
-    threads : int
-        Threads of BLAS and OpenMP in the predictor's process.
-    time_limit : float
-        Most seconds for one batch.
     resume : bool
         Go on from the batches that an interrupted run has left.
     reference : bool
         Time LaPy, on one thread, on the batches that hold the first and the last
         :data:`REFERENCE` meshes of the first seed and training, each right after the predictor.
-    sandbox : str
-        What holds the predictor's process, see :mod:`eigbench.running.box`.
-    readable : tuple of Path
-        What it may read besides its own files.
-    packages : Path, optional
-        A directory of packages that come before the others.
     """
 
-    device: str = "cpu"
     batch_size: int = 200
     seeds: int = 1
-    threads: int = 1
-    time_limit: float = TIME_LIMIT
     resume: bool = False
     reference: bool = False
-    sandbox: str = NONE
-    readable: tuple[Path, ...] = ()
-    packages: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,9 +95,9 @@ def evaluate(
     instances: Instances,
     options: Options,
     parts: Path,
-    on_batch: Callable[[int, float], None] | None = None,
-    on_restart: Callable[[], None] | None = None,
-    on_loaded: Callable[[Loaded], None] | None = None,
+    on_batch: Callable[[int, float], None] = lambda count, seconds: None,
+    on_restart: Callable[[], None] = lambda: None,
+    on_loaded: Callable[[Loaded], None] = lambda loaded: None,
 ) -> Evaluation:
     """Run a predictor over the instances of a split, in an order that is drawn anew.
 
@@ -160,7 +141,7 @@ def evaluate(
             folder = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
             left = folder.exists() and options.resume
             same = _open_parts(folder, _fingerprint(task), path, options.resume)
-            if left and not same and on_restart is not None:
+            if left and not same:
                 on_restart()
             try:
                 run = _run(task, instances, folder, on_batch, on_loaded)
@@ -196,7 +177,7 @@ def predict_meshes(
     training: str = DEFAULT,
 ) -> NDArray[np.float64]:
     """Return the answers, (n, k), for given meshes; as :func:`evaluate`, without keeping them."""
-    with _process(path, k, options, training=training) as process:
+    with PredictorProcess(path, k, options, training=training) as process:
         answers = [
             process.predict(ids[first:last], given[first:last]).values
             for first, last in _batches(len(ids), options.batch_size)
@@ -209,7 +190,8 @@ def _trainings(path: Path, truth: Truth, options: Options) -> list[str]:
     trainings = list(dict.fromkeys(truth.trainings.tolist()))
     if all(training.partition("/")[2] in PROTOCOLS for training in trainings):
         return trainings
-    with _process(path, truth.eigenvalues.shape[1], options, training=trainings[0]) as process:
+    k = truth.eigenvalues.shape[1]
+    with PredictorProcess(path, k, options, training=trainings[0]) as process:
         loaded = process.loaded
     if loaded.trained:
         return trainings
@@ -254,19 +236,19 @@ def _run(
     task: _Task,
     instances: Instances,
     folder: Path,
-    on_batch: Callable[[int, float], None] | None,
-    on_loaded: Callable[[Loaded], None] | None,
+    on_batch: Callable[[int, float], None],
+    on_loaded: Callable[[Loaded], None],
 ) -> _Run:
     truth, options = task.truth, task.options
     parts = _read_parts(folder)
     done = sum(len(part.instances) for part in parts)
-    if on_batch is not None and done:
+    if done:
         on_batch(done, sum(part.answered.seconds for part in parts))
     k = truth.eigenvalues.shape[1]
     with contextlib.ExitStack() as stack:
-        process = stack.enter_context(_process(task.path, k, options, task.seed, task.training))
-        if on_loaded is not None:
-            on_loaded(process.loaded)
+        own = PredictorProcess(task.path, k, options, seed=task.seed, training=task.training)
+        process = stack.enter_context(own)
+        on_loaded(process.loaded)
         if options.seeds > 1 and not process.loaded.seeded:
             raise PredictorError(
                 f"{task.path} takes no seed: define load(device, seed), or leave --seeds out"
@@ -282,7 +264,10 @@ def _run(
             if beside:
                 try:
                     if peer is None:
-                        peer = stack.enter_context(_reference_process(k, options))
+                        # The user's limit may be for a fast predictor
+                        alone = Settings(time_limit=max(options.time_limit, TIME_LIMIT))
+                        lapy = PredictorProcess(REFERENCE_FILE, k, alone)
+                        peer = stack.enter_context(lapy)
                         peer.warm_up(warm_up)
                     part = replace(part, reference_seconds=peer.predict(batch, given).seconds)
                 except PredictorError as error:
@@ -292,8 +277,7 @@ def _run(
                     ) from error
             _write_part(folder, len(parts), part)
             parts.append(part)
-            if on_batch is not None:
-                on_batch(len(batch), part.answered.seconds)
+            on_batch(len(batch), part.answered.seconds)
         return _Run(parts, process.loaded, process.status())
 
 
@@ -318,30 +302,6 @@ def _batches_of(
             edge = before + i < REFERENCE or j > len(chosen) - REFERENCE
             batches.append((chosen[i:j], new, options.reference and new and edge))
     return batches
-
-
-def _process(
-    path: Path, k: int, options: Options, seed: int = 0, training: str = DEFAULT
-) -> PredictorProcess:
-    return PredictorProcess(
-        path,
-        k,
-        device=options.device,
-        seed=seed,
-        training=training,
-        threads=options.threads,
-        time_limit=options.time_limit,
-        sandbox=options.sandbox,
-        readable=options.readable,
-        packages=options.packages,
-    )
-
-
-def _reference_process(k: int, options: Options) -> PredictorProcess:
-    limit = max(options.time_limit, TIME_LIMIT)  # the user's may be for a fast predictor
-    alone = replace(options, device="cpu", threads=1, time_limit=limit)
-    alone = replace(alone, sandbox=NONE, packages=None)
-    return _process(REFERENCE_FILE, k, alone)
 
 
 def _batches(count: int, size: int) -> list[tuple[int, int]]:

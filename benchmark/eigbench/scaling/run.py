@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, PredictorError
-from eigbench.running import record
-from eigbench.running.box import NONE
+from eigbench.running import box, record
 from eigbench.running.process import REFERENCE_FILE, Answered, PredictorProcess
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
@@ -32,32 +31,18 @@ OUTCOMES = {OverTime: "over time", OverMemory: "over memory", Died: "died"}
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
-    """How to run a predictor.
+class Settings(box.Settings):
+    """How to run a predictor, with limits of time and memory for a mesh.
 
     Parameters
     ----------
-    device : str
-        Handed to the predictor.
-    threads : int
-        Threads of BLAS and OpenMP in the predictor's process.
-    time_limit : float
-        Most seconds for a mesh.
-    memory_limit : float
-        Most GiB of the predictor's process.
     resume : bool
         Keep the meshes of an earlier result at the same path, and add those that it lacks.
-    sandbox, readable
-        As of :class:`~eigbench.running.process.PredictorProcess`.
     """
 
-    device: str = "cpu"
-    threads: int = 1
     time_limit: float = 600.0
     memory_limit: float = 16.0
     resume: bool = False
-    sandbox: str = NONE
-    readable: tuple[Path, ...] = ()
 
 
 def run(
@@ -214,22 +199,13 @@ def _repeated(process: PredictorProcess, id: str, mesh: Mesh) -> list[Answered]:
 
 def _process(path: Path, settings: Settings) -> PredictorProcess:
     """Return the predictor's process, its time not limited to that of a mesh yet."""
-    return PredictorProcess(
-        path,
-        surfaces.K,
-        device=settings.device,
-        training=TRAINING,
-        threads=settings.threads,
-        time_limit=max(settings.time_limit, LOADING),
-        memory_limit=int(settings.memory_limit * 2**30),
-        sandbox=settings.sandbox,
-        readable=settings.readable,
-    )
+    patient = replace(settings, time_limit=max(settings.time_limit, LOADING))
+    return PredictorProcess(path, surfaces.K, patient, training=TRAINING)
 
 
 @contextlib.contextmanager
 def _reference() -> Any:
     """Load LaPy on one thread: every result is timed beside it."""
-    with PredictorProcess(REFERENCE_FILE, surfaces.K, time_limit=PATIENCE) as peer:
+    with PredictorProcess(REFERENCE_FILE, surfaces.K, box.Settings(time_limit=PATIENCE)) as peer:
         peer.warm_up(1)
         yield peer
