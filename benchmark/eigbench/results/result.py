@@ -51,8 +51,7 @@ def setting(result: dict[str, Any]) -> str:
 def write(path: Path, result: dict[str, Any]) -> None:
     """Write a result as JSON, after checking it."""
     validate(result, path)
-    text = json.dumps(result, indent=1, allow_nan=False) + "\n"
-    write_text(path, text)
+    write_text(path, json.dumps(result, indent=1, allow_nan=False) + "\n")
 
 
 def read(path: Path, below: Path | None = None) -> dict[str, Any]:
@@ -63,10 +62,9 @@ def read(path: Path, below: Path | None = None) -> dict[str, Any]:
     ResultError
         If it is missing, no JSON, not of the schema, or contradicts itself.
     """
-    result = load(path, below)
+    result: dict[str, Any] = load(path, below)
     validate(result, path)
-    checked: dict[str, Any] = result
-    return checked
+    return result
 
 
 def load(path: Path, below: Path | None = None) -> Any:
@@ -134,9 +132,9 @@ def overused(cost: dict[str, Any]) -> bool:
     return bool(cost["cores_used"] > cost["threads"] + SPARE_CORES)
 
 
-def schema() -> dict[str, Any]:
-    """Return the published JSON Schema of results."""
-    text = resources.files(__package__).joinpath("result.schema.json").read_text()
+def schema(name: str = "result") -> dict[str, Any]:
+    """Return a published JSON Schema: of results, or by name of ``timing`` or ``reported``."""
+    text = resources.files(__package__).joinpath(f"{name}.schema.json").read_text()
     loaded: dict[str, Any] = json.loads(text)
     return loaded
 
