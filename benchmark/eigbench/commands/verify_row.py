@@ -30,7 +30,7 @@ from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import predictions, submission, verification
-from eigbench.results.sources import digest
+from eigbench.results.sources import digest, git
 from eigbench.results.submission import Submission
 from eigbench.running import record
 from eigbench.running.evaluate import Evaluation, Options
@@ -85,7 +85,7 @@ def verify_row(options: argparse.Namespace) -> int:
     row = submission.read(options.result, options.predictions)
     if row.result["partial"] or row.truth.protocol != "grouped":
         raise ResultError(f"{options.result} is no whole result under the protocol grouped")
-    by = options.by or _git(options.board, "config", "user.name")
+    by = options.by or git(options.board, "config", "user.name")
     if not by:
         raise EigbenchError("who verifies? give --by NAME, or set git's user.name")
     settings = replace(
@@ -138,8 +138,8 @@ def _source(row: Submission, options: argparse.Namespace, folder: Path) -> Itera
     checkout = row.result.get("checkout")
     if checkout is None or checkout["dirty"]:
         raise ResultError(f"{row.result_path} names no commit that has its code: give --source DIR")
-    git = ["git", "-C", str(options.board), "worktree"]
-    added = _done([*git, "add", "--quiet", "--detach", str(folder), checkout["commit"]])
+    worktree = ["git", "-C", str(options.board), "worktree"]
+    added = _done([*worktree, "add", "--quiet", "--detach", str(folder), checkout["commit"]])
     if added.returncode:
         raise EigbenchError(
             f"cannot check out {checkout['commit'][:12]} ({' '.join(added.stderr.split())[:200]}): "
@@ -148,7 +148,7 @@ def _source(row: Submission, options: argparse.Namespace, folder: Path) -> Itera
     try:
         yield folder
     finally:
-        _done([*git, "remove", "--force", str(folder)])
+        _done([*worktree, "remove", "--force", str(folder)])
 
 
 def _code(row: Submission, source: Path) -> Path:
@@ -301,13 +301,6 @@ def _told(row: Submission, verified: dict[str, Any]) -> str:
         f"{mesh['mean']:.4g} on the split, {sealed['mean']:.4g} on {sealed['instances']:,} meshes "
         f"that nobody has seen\n{row.result_path} says so; now: eigbench leaderboard"
     )
-
-
-def _git(root: Path, *arguments: str) -> str:
-    try:
-        return _done(["git", "-C", str(root), *arguments]).stdout.strip()
-    except FileNotFoundError:
-        return ""
 
 
 def _done(command: Sequence[str]) -> subprocess.CompletedProcess[str]:

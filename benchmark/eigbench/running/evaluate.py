@@ -8,7 +8,7 @@ import math
 import secrets
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +18,7 @@ from eigbench.errors import PredictorError
 from eigbench.results.sources import digest
 from eigbench.running.box import TIME_LIMIT, Settings
 from eigbench.running.meshes import Instances
-from eigbench.running.process import (
-    REFERENCE_FILE,
-    Answered,
-    Loaded,
-    PredictorProcess,
-    Status,
-)
+from eigbench.running.process import REFERENCE_FILE, Loaded, PredictorProcess, Status
 from eigbench.scoring.training import DEFAULT, untrained
 from eigbench.scoring.truth import Truth
 from synthnet.store import files
@@ -148,22 +142,23 @@ def evaluate(
             finally:
                 if not any(parts.glob("*/*.npz")):  # nothing is lost
                     shutil.rmtree(parts, ignore_errors=True)
-            for part in run.parts:
-                predictions[seed, chosen[part.instances]] = part.answered.values
+            for part in run[0]:
+                predictions[seed, chosen[part.instances]] = part.values
             runs.append(run)
-    saved = [part for run in runs for part in run.parts]
+    every, loaded, statuses = zip(*runs, strict=True)
+    saved = [part for mine in every for part in mine]
     return Evaluation(
         predictions=predictions,
-        seconds=np.array([part.answered.seconds for part in saved]),
-        cpu_seconds=np.array([part.answered.cpu_seconds for part in saved]),
+        seconds=np.array([part.seconds for part in saved]),
+        cpu_seconds=np.array([part.cpu_seconds for part in saved]),
         sizes=np.array([len(part.instances) for part in saved]),
         new=np.array([part.new for part in saved]),
         reference_seconds=np.array([part.reference_seconds for part in saved]),
-        loaded=runs[0].loaded,
+        loaded=loaded[0],
         status=Status(
-            max(r.status.peak_bytes for r in runs),
-            {name: digest for run in runs for name, digest in run.status.sources.items()},
-            tuple(dict.fromkeys(attempt for r in runs for attempt in r.status.refused)),
+            max(status.peak_bytes for status in statuses),
+            {name: digest for status in statuses for name, digest in status.sources.items()},
+            tuple(dict.fromkeys(attempt for status in statuses for attempt in status.refused)),
         ),
     )
 
@@ -221,15 +216,10 @@ class _Part:
 
     instances: NDArray[np.int64]
     new: bool
-    answered: Answered
+    values: NDArray[np.float64]
+    seconds: float
+    cpu_seconds: float
     reference_seconds: float = math.nan
-
-
-@dataclass(frozen=True, slots=True)
-class _Run:
-    parts: list[_Part]
-    loaded: Loaded
-    status: Status
 
 
 def _run(
@@ -238,12 +228,12 @@ def _run(
     folder: Path,
     on_batch: Callable[[int, float], None],
     on_loaded: Callable[[Loaded], None],
-) -> _Run:
+) -> tuple[list[_Part], Loaded, Status]:
     truth, options = task.truth, task.options
     parts = _read_parts(folder)
     done = sum(len(part.instances) for part in parts)
     if done:
-        on_batch(done, sum(part.answered.seconds for part in parts))
+        on_batch(done, sum(part.seconds for part in parts))
     k = truth.eigenvalues.shape[1]
     with contextlib.ExitStack() as stack:
         own = PredictorProcess(task.path, k, options, seed=task.seed, training=task.training)
@@ -260,7 +250,8 @@ def _run(
         for chosen, new, beside in _batches_of(truth, parts, options):
             batch = [truth.ids[i] for i in chosen]
             given = [instances.mesh(id) for id in batch]
-            part = _Part(chosen, new, process.predict(batch, given))
+            answered = process.predict(batch, given)
+            part = _Part(chosen, new, answered.values, answered.seconds, answered.cpu_seconds)
             if beside:
                 try:
                     if peer is None:
@@ -277,8 +268,8 @@ def _run(
                     ) from error
             _write_part(folder, len(parts), part)
             parts.append(part)
-            on_batch(len(batch), part.answered.seconds)
-        return _Run(parts, process.loaded, process.status())
+            on_batch(len(batch), part.seconds)
+        return parts, process.loaded, process.status()
 
 
 def _batches_of(
@@ -353,23 +344,14 @@ def _read_parts(folder: Path) -> list[_Part]:
     parts = []
     for path in sorted(folder.glob("*.npz")):
         with np.load(path, allow_pickle=False) as part:
-            answered = Answered(part["values"], float(part["seconds"]), float(part["cpu_seconds"]))
-            beside = float(part["reference_seconds"])
-            parts.append(_Part(part["instances"], bool(part["new"]), answered, beside))
+            # Of an array without an axis, [()] is its number
+            parts.append(_Part(**{name: part[name][()] for name in part.files}))
     return parts
 
 
 def _write_part(folder: Path, number: int, part: _Part) -> None:
     def write(to: Path) -> None:
         with to.open("wb") as file:
-            np.savez(
-                file,
-                instances=part.instances,
-                new=part.new,
-                values=part.answered.values,
-                seconds=part.answered.seconds,
-                cpu_seconds=part.answered.cpu_seconds,
-                reference_seconds=part.reference_seconds,
-            )
+            np.savez(file, **asdict(part))
 
     files.write_atomically(folder / f"{number:06d}.npz", write)

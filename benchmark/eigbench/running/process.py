@@ -12,7 +12,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, BinaryIO, NoReturn, Self
 
 import numpy as np
@@ -153,9 +152,8 @@ class PredictorProcess:
         The clock runs here, from the moment the meshes can be seen there to that when the answer
         has come and is found to be of the right form.
         """
-        return self._answer(
-            meshes, f"on the batch of {len(ids)} that begins with {', '.join(ids[:3])}"
-        )
+        first = ", ".join(ids[:3])
+        return self._answer(meshes, f"on the batch of {len(ids)} that begins with {first}")
 
     def warm_up(self, count: int) -> None:
         """Ask for some meshes of no dataset, so that what happens once has happened."""
@@ -170,9 +168,7 @@ class PredictorProcess:
             answer = self._receive(frames.ANSWER, at, most=size)
             if len(answer) != size:
                 raise self._garbled(at, f"an answer of {len(answer):,} bytes")
-            values = (
-                np.frombuffer(answer, "<f8").reshape(len(meshes), self.job.k).astype(np.float64)
-            )
+            values = np.frombuffer(answer, "<f8").reshape(-1, self.job.k).astype(np.float64)
             seconds = time.perf_counter() - start
         return Answered(values, seconds, self._meter.read() - cpu)
 
@@ -231,7 +227,9 @@ class PredictorProcess:
             raise self._died(at) from None
 
     def _facts(self, kind: bytes, at: str) -> Any:
-        body = self._receive(kind, at, most=frames.MOST)
+        return self._checked(kind, self._receive(kind, at, most=frames.MOST), at)
+
+    def _checked(self, kind: bytes, body: bytes, at: str) -> Any:
         try:
             return frames.facts(kind, body)
         except frames.FrameError as error:
@@ -272,10 +270,7 @@ class PredictorProcess:
 
     def _fail(self, body: bytes, at: str) -> NoReturn:
         """Raise what the predictor's process says went wrong."""
-        try:
-            facts = frames.facts(frames.FAILED, body)
-        except frames.FrameError as error:
-            raise self._garbled(at, str(error)) from error
+        facts = self._checked(frames.FAILED, body, at)
         message = " ".join(printable(facts["message"]).split())
         if self._box is not None and any(sign in message for sign in REFUSALS):
             message += REFUSED
@@ -310,12 +305,7 @@ class PredictorProcess:
             f"the predictor's process died {at} (exit code {code}; -9 is often lack of memory)"
         )
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         """End the process and all that it has started, whatever they do."""
         self._channel.close()
         for end in (None, self._process.terminate, self._kill):

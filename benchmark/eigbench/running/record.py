@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import subprocess
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.results import SCHEMA_VERSION, dataset_facts, overused
+from eigbench.results.sources import git
 from eigbench.running import predictor
 from eigbench.running.evaluate import Evaluation, Options
 from eigbench.scoring import scores
@@ -175,24 +175,12 @@ def checkout(code: Path) -> dict[str, Any]:
     ``dirty``: a tracked file of the checkout differs from the commit, or that lacks the predictor.
     """
     file, _ = predictor.split(code)
-
-    def git(*command: str) -> str | None:
-        try:
-            done = subprocess.run(
-                ["git", "-C", str(file.resolve().parent), *command],
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-        except OSError:  # git is not installed
-            return None
-        return None if done.returncode else done.stdout.strip()
-
-    commit = git("rev-parse", "--verify", "HEAD")
+    folder = file.resolve().parent
+    commit = git(folder, "rev-parse", "--verify", "HEAD")
     if commit is None:
         return {}
-    changed = git("status", "--porcelain", "--untracked-files=no")
-    untracked = git("ls-files", "--error-unmatch", "--", file.name) is None
+    changed = git(folder, "status", "--porcelain", "--untracked-files=no")
+    untracked = git(folder, "ls-files", "--error-unmatch", "--", file.name) is None
     return {"checkout": {"commit": commit, "dirty": changed != "" or untracked}}
 
 
