@@ -45,13 +45,7 @@ def add_commands(command: Command) -> None:
         "my_model.py --dataset 1.0 --out predictions.parquet",
     )
     add_run(sub)
-    sub.add_argument(
-        "--out",
-        type=Path,
-        default=Path("predictions.parquet"),
-        metavar="FILE",
-        help="the predictions (default: %(default)s)",
-    )
+    arguments.out(sub, "predictions.parquet", "the predictions")
 
 
 def add_run(sub: argparse.ArgumentParser) -> None:

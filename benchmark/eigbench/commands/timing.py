@@ -57,7 +57,7 @@ def add_commands(command: Command) -> None:
     arguments.count(sub, "--repeats", "R", repeats, 3)
     arguments.time_limit(sub, 600.0)
     predict.add_sandbox(sub)
-    arguments.out(sub, "times.json")
+    arguments.out(sub, "times.json", "the result")
 
 
 def run_time(options: argparse.Namespace) -> int:
@@ -159,19 +159,9 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         cost = row["cost"]
         ratios = [cost["reference"], *cost["peers"].values()]
         cells = [f"{r['ratio']:.3g} ({r['low']:.3g} to {r['high']:.3g})" for r in ratios]
-        lines.append(
-            [
-                row["name"],
-                number(cost["ms_per_mesh_mean"], 2),
-                *cells,
-                number(cost["cores_used"], 2),
-            ]
-        )
+        ms, cores = number(cost["ms_per_mesh_mean"], 2), number(cost["cores_used"], 2)
+        lines.append([row["name"], ms, *cells, cores])
     peers = list(rows[0]["cost"]["peers"]) if rows else []
-    headers = [
-        "model",
-        "ms a mesh",
-        *(f"× faster than {name}" for name in ["LaPy", *peers]),
-        "cores",
-    ]
+    beside = [f"× faster than {name}" for name in ["LaPy", *peers]]
+    headers = ["model", "ms a mesh", *beside, "cores"]
     return str(tabulate(lines, headers=headers, disable_numparse=True))

@@ -55,12 +55,8 @@ def add_commands(command: Command) -> None:
         "benchmark/results/1.0-test-grouped/weyl-s-law.json",
     )
     arguments.row(sub, "the row's result")
-    sub.add_argument(
-        "--source",
-        type=Path,
-        metavar="DIR",
-        help="directory with its code (default: the commit that the result names, in the checkout)",
-    )
+    where = "(default: the commit that the result names, in the checkout)"
+    arguments.path(sub, "--source", "DIR", f"directory with its code {where}")
     sub.add_argument(
         "--share",
         type=float,
@@ -70,9 +66,7 @@ def add_commands(command: Command) -> None:
         "%(default)s)",
     )
     sub.add_argument("--by", metavar="NAME", help="who verifies (default: git's user.name)")
-    sub.add_argument(
-        "--key", type=Path, metavar="FILE", help="an SSH key that signs (default: unsigned)"
-    )
+    arguments.path(sub, "--key", "FILE", "an SSH key that signs (default: unsigned)")
     arguments.board(sub)
     arguments.root(sub)
     arguments.time_limit(sub, 3600.0)
@@ -206,9 +200,8 @@ def _requirements(dependencies: Any, file: Path) -> list[Requirement]:
 
     From an address, or a folder, comes what need not be a wheel.
     """
-    if not isinstance(dependencies, list) or not all(
-        isinstance(text, str) for text in dependencies
-    ):
+    is_list = isinstance(dependencies, list)
+    if not is_list or not all(isinstance(text, str) for text in dependencies):
         raise ResultError(
             f"{file}: dependencies of PEP 723 are a list of texts, got {dependencies}"
         )

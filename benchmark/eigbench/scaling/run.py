@@ -96,8 +96,8 @@ def run(
                 answers = _repeated(peer, expected.pin.id, mesh)
                 entry["reference_seconds"] = float(np.median([a.seconds for a in answers]))
             done[expected.surface, expected.size] = entry
-            order = {surface: i for i, surface in enumerate(surfaces.SURFACES)}
-            keys = sorted(done, key=lambda key: (key[1], order[key[0]]))
+            order = list(surfaces.SURFACES)
+            keys = sorted(done, key=lambda key: (key[1], order.index(key[0])))
             result["meshes"] = [done[key] for key in keys]
             scaling_results.write(out, result)
     return result if "meshes" in result else scaling_results.read(out).result
@@ -135,19 +135,18 @@ def _done(
         before, now = earlier.result[part], result[part]
         for name in sorted(before.keys() | now.keys()):
             if before.get(name) != now.get(name):
-                raise EigbenchError(
-                    f"{out} was made with another {name} ({part}): give another --out"
-                )
+                problem = f"was made with another {name} ({part})"
+                raise EigbenchError(f"{out} {problem}: give another --out")
     again = {
         "over time": ("time_limit", settings.time_limit),
         "over memory": ("memory_limit_gib", settings.memory_limit),
     }
-    kept = {}
-    for key, mesh in earlier.meshes.items():
+
+    def stays(mesh: dict[str, Any]) -> bool:
         name, limit = again.get(mesh["outcome"], ("time_limit", 0.0))
-        if mesh[name] >= limit:
-            kept[key] = mesh
-    return kept
+        return bool(mesh[name] >= limit)
+
+    return {key: mesh for key, mesh in earlier.meshes.items() if stays(mesh)}
 
 
 def _measured(
@@ -178,9 +177,8 @@ def _measured(
         detail = " ".join(str(error).split())[:300]
         return {**entry, "outcome": OUTCOMES.get(type(error), "failed"), "detail": detail}
     values = answers[0].values[0]
-    if not (np.isfinite(values).all() and (values > 0).all()):
-        wrong = "the answer is not finite and positive"
-        return {**entry, "outcome": "failed", "detail": wrong}
+    if not (np.isfinite(values) & (values > 0)).all():
+        return {**entry, "outcome": "failed", "detail": "the answer is not finite and positive"}
     return {
         **entry,
         "eigenvalues": values.tolist(),
