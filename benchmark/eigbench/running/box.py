@@ -11,6 +11,7 @@ and may make namespaces, else :mod:`eigbench.running.landlock`.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import itertools
 import json
@@ -30,7 +31,6 @@ from eigbench.running import landlock, predictor, supervisor
 from eigbench.scoring import truth
 from synthnet import kernels, store
 from synthnet.store import pins
-from synthnet.types import SPLITS
 
 ROOTS = (Path(synthnet.__path__[0]), Path(__file__).parents[1])  # synthnet and eigbench
 TIME_LIMIT = 3600.0  # seconds
@@ -68,17 +68,11 @@ def available() -> str:
     """Return the best sandbox that works here: ``bubblewrap``, ``landlock``, or ``none``."""
     if sys.platform != "linux":
         return NONE
-    if _works(["bwrap", *ISOLATED, "--ro-bind", "/", "/", "--", "true"]):
+    command = ["bwrap", *ISOLATED, "--ro-bind", "/", "/", "--", "true"]
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        subprocess.run(command, capture_output=True, check=True, timeout=30)
         return BUBBLEWRAP
     return LANDLOCK if landlock.version() else NONE
-
-
-def _works(command: Sequence[str]) -> bool:
-    try:
-        done = subprocess.run(command, capture_output=True, check=False, timeout=30)
-    except (OSError, subprocess.TimeoutExpired):
-        return False
-    return done.returncode == 0
 
 
 def chosen(sandbox: str) -> str:
@@ -299,19 +293,14 @@ def _handed(training: str) -> dict[str, bytes]:
     labels, limits = pins.read(version), pins.read_limits(version)
     if labels is None:
         return {}
-    used = {
-        id
-        for split in SPLITS
-        if split != "test"
-        for id in truth.load(version, split, protocol).shapes.tolist()
-    }
+    splits = (truth.load(version, split, protocol) for split in ("train", "validation"))
+    used = {id for split in splits for id in split.shapes.tolist()}
     with tempfile.TemporaryDirectory() as made:
-        pins.write(
-            Path(made, pins.labels_file(version)), [labels[id] for id in labels if id in used]
-        )
+        mine = [labels[id] for id in labels if id in used]
+        pins.write(Path(made, pins.labels_file(version)), mine)
         if limits is not None:
-            mine = {id: limits[id] for id in limits if id in used}
-            pins.write_limits(Path(made, pins.limits_file(version)), mine)
+            known = {id: limits[id] for id in limits if id in used}
+            pins.write_limits(Path(made, pins.limits_file(version)), known)
         return {path.name: path.read_bytes() for path in Path(made).iterdir()}
 
 
@@ -339,9 +328,8 @@ def _libraries() -> Iterator[Rule]:
             yield from (Rule(path) for path in sorted(root.parent.glob("*.egg-info")))
         for folder in sorted({path.parent for path in root.rglob("*.parquet")}):
             yield Rule(folder, shown=False)
-            yield from (
-                Rule(path) for path in sorted(folder.iterdir()) if path.suffix != ".parquet"
-            )
+            others = (path for path in sorted(folder.iterdir()) if path.suffix != ".parquet")
+            yield from map(Rule, others)
 
 
 def _own(file: Path) -> Iterator[Rule]:

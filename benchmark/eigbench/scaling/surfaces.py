@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -231,10 +231,7 @@ def write(path: Path, entries: Iterable[Pinned]) -> None:
     order = {surface: rank for rank, surface in enumerate(SURFACES)}
     rows = sorted(entries, key=lambda entry: (entry.size, order[entry.surface]))
     table = pa.Table.from_pylist([_to_row(entry) for entry in rows], schema=_SCHEMA)
-
-    def store(partial: Path) -> None:
-        pq.write_table(table, partial, compression="zstd", use_dictionary=False)
-
+    store = partial(pq.write_table, table, compression="zstd", use_dictionary=False)
     write_atomically(path, store)
 
 
