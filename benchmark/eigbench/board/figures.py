@@ -20,13 +20,7 @@ from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS
 from synthnet import recipe
 from synthnet.errors import needed_by
-from synthnet.pictures.palette import (
-    BLUE,
-    GREY,
-    INK,
-    PALE,
-    VERMILION,
-)
+from synthnet.pictures.palette import BLUE, GREY, INK, PALE, VERMILION
 from synthnet.store.files import write_atomically
 
 if TYPE_CHECKING:

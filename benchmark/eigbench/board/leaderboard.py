@@ -96,11 +96,7 @@ def _check_strays(root: Path, rows: Sequence[Submission]) -> None:
     known = {
         path
         for row in rows
-        for path in (
-            row.result_path,
-            row.predictions_path,
-            submission.remark_path(row.result_path),
-        )
+        for path in (row.result_path, row.predictions_path, submission.remark_path(row.result_path))
     }
     for folder in (RESULTS, PREDICTIONS):
         for path in sorted((root / folder).rglob("*")):

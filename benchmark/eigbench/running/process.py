@@ -100,13 +100,7 @@ class PredictorProcess:
     """
 
     def __init__(
-        self,
-        path: Path,
-        k: int,
-        settings: Settings,
-        *,
-        seed: int = 0,
-        training: str = DEFAULT,
+        self, path: Path, k: int, settings: Settings, *, seed: int = 0, training: str = DEFAULT
     ) -> None:
         predictor.check_file(path)  # a box has no way to say that there is none
         self.boxed = settings.sandbox != NONE
