@@ -169,20 +169,15 @@ def _name(
 ) -> None:
     """Write beside the marks what the sentences name: the solver, the best model, its drop."""
     trained = {row.submission.name for row in rows if not untrained(row.submission.result["model"])}
-    font: dict[str, Any] = {
-        "textcoords": "offset points",
-        "fontsize": layout.font,
-        "weight": "bold",
-    }
+    font: dict[str, Any] = {"textcoords": "offset points", "fontsize": layout.font}
+    font["weight"] = "bold"
     for point in points:
-        colour = KINDS[point.kind][0]
+        colour, at = KINDS[point.kind][0], (point.speed, point.error)
         if point.name == LAPY:
-            at = (point.speed, point.error)
             axes.annotate(point.name, at, (0, 10), ha="center", color=colour, **font)
         elif point.name in trained:
             trained = set()  # the first is the best
             name = fill(escaped(point.name), 24)
-            at = (point.speed, point.error)
             axes.annotate(name, at, (9, -3), va="top", color=colour, **font)
     fallen = [p for p in points if p.unseen is not None and p.unseen > p.error]
     if fallen:

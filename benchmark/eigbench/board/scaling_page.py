@@ -38,15 +38,12 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
     parts = ["## Scaling\n", f"{introduction(sizes)} {links}\n"]
     for label, mine in by_setting.items():
         verdicts = _verdicts(sizes, mine)
+        overview = scaling_columns.groups(sizes, verdicts)["overview"]
         parts += [
             f"### Scaling: {escaped(label)}\n",
             answer(verdicts, mine),
-            as_markdown(
-                scaling_columns.groups(sizes, verdicts)["overview"],
-                ordered(mine, sizes[0]),
-                (MODEL, KIND),
-            ),
-            *(f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in mine if row.remark),
+            as_markdown(overview, ordered(mine, sizes[0]), (MODEL, KIND)),
+            *_remarks(mine),
         ]
     parts += [
         f"![Error to the surface against speed, a panel a size]({FIGURE.as_posix()})\n",
@@ -147,8 +144,12 @@ def answers(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
     return [
         answer(verdicts, rows),
         "\n".join(_facts(verdict, rows) for verdict in verdicts) + "\n",
-        *(f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in rows if row.remark),
+        *_remarks(rows),
     ]
+
+
+def _remarks(rows: Sequence[Scaled]) -> list[str]:
+    return [f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in rows if row.remark]
 
 
 def answer(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> str:
