@@ -25,7 +25,7 @@ from synthnet.types import Mesh
 REPEATS = 5  # calls on a mesh at most; their median is the time
 ENOUGH = 5.0  # seconds in all after which a mesh is not repeated
 LOADING = 600.0  # seconds that loading and warming up may take, whatever the limit of a mesh
-PATIENCE = 3600.0  # seconds that LaPy may take on such a mesh
+ALONE = box.Settings(time_limit=3600.0)  # how LaPy is run beside a predictor, on one thread
 TRAINING = "2.0/grouped"  # of predictors that are trained: it has meshes up to 100,000 vertices
 OUTCOMES = {OverTime: "over time", OverMemory: "over memory", Died: "died"}
 
@@ -92,7 +92,9 @@ def run(
             entry = _measured(path, expected, mesh, settings)
             if expected.size <= surfaces.TIMED_BESIDE:
                 if peer is None:
-                    peer = stack.enter_context(_reference())
+                    lapy = PredictorProcess(REFERENCE_FILE, surfaces.K, ALONE)
+                    peer = stack.enter_context(lapy)
+                    peer.warm_up(1)
                 answers = _repeated(peer, expected.pin.id, mesh)
                 entry["reference_seconds"] = float(np.median([a.seconds for a in answers]))
             done[expected.surface, expected.size] = entry
@@ -199,11 +201,3 @@ def _process(path: Path, settings: Settings) -> PredictorProcess:
     """Return the predictor's process, its time not limited to that of a mesh yet."""
     patient = replace(settings, time_limit=max(settings.time_limit, LOADING))
     return PredictorProcess(path, surfaces.K, patient, training=TRAINING)
-
-
-@contextlib.contextmanager
-def _reference() -> Any:
-    """Load LaPy on one thread: every result is timed beside it."""
-    with PredictorProcess(REFERENCE_FILE, surfaces.K, box.Settings(time_limit=PATIENCE)) as peer:
-        peer.warm_up(1)
-        yield peer
