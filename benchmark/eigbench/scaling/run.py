@@ -112,16 +112,11 @@ def _described(path: Path, settings: Settings) -> dict[str, Any]:
         loaded, status = process.loaded, process.status()
     return {
         "scaling_version": scaling_results.VERSION,
-        "model": {
-            **loaded.meta,
-            "code": path.name,
-            "sources": status.sources,
-            "parameters": loaded.parameters,
-        },
+        "model": record.model(path, loaded, status),
         "cost": {
             "threads": settings.threads,
             "device": settings.device,
-            "hardware": ", ".join(filter(None, [loaded.accelerator, record.hardware()])),
+            "hardware": record.hardware(loaded.accelerator),
         },
         "environment": record.environment(),
         **record.checkout(path),

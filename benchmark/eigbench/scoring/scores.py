@@ -93,10 +93,7 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
     }
     with np.errstate(invalid="ignore", over="ignore"):
         relative = np.abs(settled - truth.eigenvalues) / truth.eigenvalues
-    per_index = [
-        {"mean": _number(relative[..., i].mean()), "median": _number(np.median(relative[..., i]))}
-        for i in range(relative.shape[-1])
-    ]
+    per_index = [_middles(relative[..., i]) for i in range(relative.shape[-1])]
     exact = float((relative == 0).all(axis=-1).mean())
     return {"overall": overall, "families": families, "per_index": per_index, "exact": exact}
 
@@ -126,14 +123,12 @@ def _family(truth: Truth, values: dict[str, NDArray[np.float64]], family: str) -
     return {
         "count": int(mine.sum()),
         "shapes": len(set(truth.groups[mine].tolist())),
-        **{
-            key: {
-                "mean": _number(table[:, mine].mean()),
-                "median": _number(np.median(table[:, mine])),
-            }
-            for key, table in values.items()
-        },
+        **{key: _middles(table[:, mine]) for key, table in values.items()},
     }
+
+
+def _middles(values: NDArray[np.float64]) -> dict[str, float | None]:
+    return {"mean": _number(values.mean()), "median": _number(np.median(values))}
 
 
 def _mean_of(means: list[float | None]) -> float | None:
