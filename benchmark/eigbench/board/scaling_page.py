@@ -88,7 +88,10 @@ def as_json(rows: Sequence[Scaled]) -> str:
             "kind": row.result["model"]["kind"],
             "setting": results.setting(row.result),
             "sizes": {
-                str(size): {key: _known(value) for key, value in asdict(medians).items()}
+                str(size): {
+                    key: six_digits(value) if isinstance(value, float) else value
+                    for key, value in asdict(medians).items()
+                }
                 for size in sizes
                 if (medians := scores.medians(row, size)).total
             },
@@ -99,13 +102,6 @@ def as_json(rows: Sequence[Scaled]) -> str:
     ]
     board = {"surfaces": list(surfaces.SURFACES), "rows": entries}
     return json.dumps(board, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _known(value: object) -> object:
-    """Return a value, six digits of a float, and nothing of a float that is no number."""
-    if not isinstance(value, float):
-        return value
-    return six_digits(value) if value >= 0 else None
 
 
 def _verdicts(sizes: Sequence[int], rows: Sequence[Scaled]) -> list[Verdict]:

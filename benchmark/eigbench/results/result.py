@@ -9,6 +9,7 @@ import os
 import re
 import shutil
 from collections.abc import Sequence
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -106,7 +107,7 @@ def put(
     for source, target in zip(reversed(sources), reversed(targets), strict=True):
         make_directory(target.parent)
         if not target.exists() or not target.samefile(source):
-            write_atomically(target, lambda to, source=source: shutil.copyfile(source, to))  # type: ignore[misc]
+            write_atomically(target, partial(shutil.copyfile, source))
 
 
 def title(result: dict[str, Any]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import math
 import secrets
@@ -350,8 +351,6 @@ def _read_parts(folder: Path) -> list[_Part]:
 
 
 def _write_part(folder: Path, number: int, part: _Part) -> None:
-    def write(to: Path) -> None:
-        with to.open("wb") as file:
-            np.savez(file, **asdict(part))
-
-    files.write_atomically(folder / f"{number:06d}.npz", write)
+    content = io.BytesIO()
+    np.savez(content, **asdict(part))
+    files.write_bytes(folder / f"{number:06d}.npz", content.getvalue())
