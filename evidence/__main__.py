@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 
 from eigbench.errors import EigbenchError
@@ -14,7 +15,17 @@ from evidence.blocks import BLOCKS, ELSEWHERE, PAGE, fill
 from evidence.measurements import FILES, MEASUREMENTS, REPORTS, add_options
 from synthnet.errors import SynthNetError
 
-PICTURES = ("architecture", "concepts", "growth", "peers", "1.0", "2.0", "readme", "poster")
+# Of a picture the module that draws it, the function, and the numbers that this is given.
+PICTURES: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "architecture": ("architecture", "draw_architecture", ()),
+    "concepts": ("concepts", "draw", ("concepts",)),
+    "growth": ("growth", "draw", ("growth",)),
+    "peers": ("peers", "draw", ("peers",)),
+    "1.0": ("card_pictures", "draw_card", ("shapes-1.0",)),
+    "2.0": ("card_pictures", "draw_card", ("shapes-2.0",)),
+    "readme": ("surface_pictures", "draw_readme", ()),
+    "poster": ("surface_pictures", "draw_poster", ()),
+}
 PINS = {
     "version": "the shapes of a built version",
     "limits": "the spectra of the surfaces of a version's shapes, with error bars",
@@ -126,34 +137,9 @@ def run_fill(options: argparse.Namespace) -> int:
 def run_draw(options: argparse.Namespace) -> int:
     """Draw pictures from the numbers of docs/data."""
     for name in options.names:
-        if name == "architecture":
-            from evidence.architecture import draw_architecture
-
-            draw_architecture()
-        elif name == "concepts":
-            from evidence.concepts import draw
-
-            draw(numbers.read("concepts"))
-        elif name == "growth":
-            from evidence.growth import draw
-
-            draw(numbers.read("growth"))
-        elif name == "peers":
-            from evidence.peers import draw
-
-            draw(numbers.read("peers"))
-        elif name == "readme":
-            from evidence.surface_pictures import draw_readme
-
-            draw_readme()
-        elif name == "poster":
-            from evidence.surface_pictures import draw_poster
-
-            draw_poster()
-        else:
-            from evidence.card_pictures import draw_card
-
-            draw_card(numbers.read(f"shapes-{name}"))
+        module, function, data = PICTURES[name]
+        draw = getattr(import_module(f"evidence.{module}"), function)
+        draw(*map(numbers.read, data))
     return 0
 
 

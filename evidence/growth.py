@@ -24,10 +24,7 @@ from synthnet.types import Mesh
 STEPS = (1.3, 2.24, 4.08, 7.07, 12.9, 22.4, 40.83)  # a mesh has 600 step² vertices
 TWICE = 100_000  # vertices up to which a solve is repeated
 NAMES = {"synthnet": "synthNet, certified", "lapy": "LaPy"}
-LOOKS = {
-    "synthnet": {"ls": "-"},
-    "lapy": {"ls": "--", "mfc": "white"},
-}  # both are solvers: one colour
+LOOKS = {"synthnet": {"ls": "-"}, "lapy": {"ls": "--", "mfc": "white"}}  # solvers: one colour
 
 
 def measure(*, largest: int = 1_000_000) -> dict:

@@ -124,10 +124,7 @@ def synthetic() -> dict[str, Mesh]:
 
 
 def method_row(
-    method: str,
-    real: list[dict[str, Timed]],
-    large: list[dict[str, Timed]],
-    labels: np.ndarray,
+    method: str, real: list[dict[str, Timed]], large: list[dict[str, Timed]], labels: np.ndarray
 ) -> dict:
     """Return a method's scores and milliseconds on real meshes, and its speed on large ones."""
     answers = np.array([timed[method].answer for timed in real])

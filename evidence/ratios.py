@@ -50,27 +50,21 @@ def measure() -> dict:
 
 def table(data: dict) -> str:
     """Return the ratios on both machines, and by which factor they differ."""
-    cells = [
-        [
-            row["model"],
-            row["dataset"],
-            row["first machine"],
-            number(row["first"], 2),
-            row["second machine"],
-            number(row["second"], 2),
-            number(row["second / first"], 2),
-        ]
-        for row in data["rows"]
-    ]
-    headers = [
+    of = (
         "model",
         "dataset",
         "first machine",
-        "× LaPy",
+        "first",
         "second machine",
-        "× LaPy",
-        "quotient",
+        "second",
+        "second / first",
+    )
+    cells = [
+        [number(row[key], 2) if isinstance(row[key], float) else row[key] for key in of]
+        for row in data["rows"]
     ]
+    headers = ["model", "dataset", "first machine", "× LaPy"]
+    headers += ["second machine", "× LaPy", "quotient"]
     sentence = (
         f"The ratios of the two machines differ by a factor of {data['median_factor']} in the "
         f"median, and of {data['largest_factor']} at most."

@@ -5,10 +5,10 @@ Needs a built version.
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import asdict
 
 import numpy as np
+import pandas as pd
 
 from evidence import markdown
 from evidence.timing import progress
@@ -30,22 +30,13 @@ PERCENTILES = (0, 5, 50, 95, 100)
 def measure(*, version: str) -> dict:
     """Return splits, rejections, percentiles and histograms by family."""
     dataset = store.open_dataset(version)
-    values: dict[str, dict[str, list[float]]] = {}
-    splits: dict[str, Counter] = {}
-    for shard in progress(dataset.manifest.shards, version):
-        family = values.setdefault(shard.family, {name: [] for name in MEASURES})
-        for sample in store.read_samples(dataset.directory / shard.file):
-            family["vertices"].append(len(sample.mesh.vertices))
-            family["area"].append(area(sample.mesh))
-            family["first"].append(float(sample.eigenvalues[0]))
-            family["last"].append(float(sample.eigenvalues[-1]))
-            splits.setdefault(shard.family, Counter())[sample.split] += 1
+    rows = [
+        [s.spec.family, s.split, len(s.mesh.vertices), area(s.mesh), *s.eigenvalues[[0, -1]]]
+        for s in progress(dataset.samples(), version, dataset.manifest.rows)
+    ]
+    shapes = pd.DataFrame(rows, columns=["family", "split", *MEASURES])
     bins = {
-        name: np.geomspace(
-            min(min(family[name]) for family in values.values()) * 0.999,
-            max(max(family[name]) for family in values.values()) * 1.001,
-            BINS + 1,
-        )
+        name: np.geomspace(shapes[name].min() * 0.999, shapes[name].max() * 1.001, BINS + 1)
         for name in MEASURES
     }
     return {
@@ -54,21 +45,19 @@ def measure(*, version: str) -> dict:
         "rejections": [asdict(rejection) for rejection in dataset.manifest.rejections],
         "bins": {name: [float(f"{edge:.4g}") for edge in edges] for name, edges in bins.items()},
         "families": [
-            {
-                "family": name,
-                "splits": {split: splits[name][split] for split in SPLITS},
-                "percentiles": {
-                    key: [
-                        float(f"{value:.4g}") for value in np.percentile(family[key], PERCENTILES)
-                    ]
-                    for key in MEASURES
-                },
-                "counts": {
-                    key: np.histogram(family[key], bins[key])[0].tolist() for key in MEASURES
-                },
-            }
-            for name, family in values.items()
+            family_facts(name, mine, bins) for name, mine in shapes.groupby("family", sort=False)
         ],
+    }
+
+
+def family_facts(name: str, shapes: pd.DataFrame, bins: dict[str, np.ndarray]) -> dict:
+    """Return splits, percentiles and histograms of a family."""
+    percentiles = {key: np.percentile(shapes[key], PERCENTILES) for key in MEASURES}
+    return {
+        "family": name,
+        "splits": {split: int((shapes["split"] == split).sum()) for split in SPLITS},
+        "percentiles": {k: [float(f"{v:.4g}") for v in some] for k, some in percentiles.items()},
+        "counts": {key: np.histogram(shapes[key], bins[key])[0].tolist() for key in MEASURES},
     }
 
 

@@ -2,8 +2,4 @@
 
 from eigbench.scoring.losses import l1_loss, polar_loss, rpd_loss
 
-__all__ = [
-    "l1_loss",
-    "polar_loss",
-    "rpd_loss",
-]
+__all__ = ["l1_loss", "polar_loss", "rpd_loss"]

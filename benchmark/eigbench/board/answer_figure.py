@@ -171,19 +171,14 @@ def _name(
     best = dict.fromkeys((True, False), LAPY)  # of those without training, and of the others
     for row in reversed(rows):
         best[untrained(row.submission.result["model"])] = row.submission.name
-    font: dict[str, Any] = {
-        "textcoords": "offset points",
-        "fontsize": layout.font,
-        "weight": "bold",
-    }
+    font: dict[str, Any] = {"textcoords": "offset points", "fontsize": layout.font}
+    font["weight"] = "bold"
     for point in points:
-        colour = KINDS[point.kind][0]
+        colour, at = KINDS[point.kind][0], (point.speed, point.error)
         if point.name == LAPY:
-            at = (point.speed, point.error)
             axes.annotate(point.name, at, (0, 10), ha="center", color=colour, **font)
         elif point.name in best.values():
             name = fill(escaped(point.name), 24)
-            at = (point.speed, point.error)
             axes.annotate(name, at, (9, -3), va="top", color=colour, **font)
     fallen = [p for p in points if p.unseen is not None and p.unseen > p.error]
     if fallen:

@@ -13,6 +13,7 @@ from typing import Any, Generic, TypeVar
 
 from eigbench import results
 from eigbench.board.markdown import table
+from eigbench.board.tables import score
 
 Row = TypeVar("Row")  # what a table is of: a ranked submission, or a result of the scaling track
 Cell = tuple[str, float | str | None]
@@ -110,6 +111,11 @@ def of_run(result: Callable[[Row], dict[str, Any]]) -> tuple[Column[Row], ...]:
 def words(text: str) -> Cell:
     """Return a cell of words, which sort as they are."""
     return text, text
+
+
+def of_score(value: float | None, key: str) -> Cell:
+    """Return a cell of a metric's score."""
+    return score(value, key), six_digits(value)
 
 
 def six_digits(value: float | None) -> float | None:

@@ -8,7 +8,7 @@ from typing import Any
 from eigbench import results
 from eigbench.board.columns import DECLARED, Cell, Column, Group, six_digits, words
 from eigbench.board.ranking import Ranked
-from eigbench.board.tables import SPEED, beside_lapy, number, times_faster
+from eigbench.board.tables import SPEED, number, times_faster
 
 
 def table(rows: Sequence[Ranked]) -> Group[Ranked]:
@@ -34,7 +34,7 @@ def table(rows: Sequence[Ranked]) -> Group[Ranked]:
         ratio,
         *peers(rows),
         _fact("batch", "batch", "Number of meshes in a call.", _number("batch_size", 0)),
-        _fact("loading", "loading s", loaded, _loading),
+        _fact("loading", "loading s", loaded, _number("loading_seconds")),
         _fact("cores", "cores used", "CPU time divided by wall time.", _number("cores_used")),
         _fact("memory", "peak MB", memory, _number("peak_memory_mb", 0)),
         parameters(),
@@ -48,8 +48,7 @@ def speed(protocol: str | None = None) -> list[Column[Ranked]]:
     """Return the columns of time; rows of a version's own protocol show those of ``grouped``."""
 
     def ratio(facts: dict[str, Any]) -> Cell:
-        reference = facts.get("reference")
-        return beside_lapy(facts), None if reference is None else six_digits(reference["ratio"])
+        return _speed(facts.get("reference"))
 
     elsewhere = "" if protocol is None else " Timed under the protocol grouped."
     ms_note = (
@@ -74,15 +73,7 @@ def peers(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
 
     def column(name: str) -> Column[Ranked]:
         def ratio(facts: dict[str, Any]) -> Cell:
-            beside = facts.get("peers", {}).get(name)
-            return (
-                ("not timed", None)
-                if beside is None
-                else (
-                    times_faster(beside),
-                    six_digits(beside["ratio"]),
-                )
-            )
+            return _speed(facts.get("peers", {}).get(name))
 
         note = f"How many times as fast as {name}, on one thread, in the same run."
         return _fact(f"against-{name}", f"against {name}", note, ratio, higher=True)
@@ -101,19 +92,27 @@ def _fact(
     return Column(key, title, note, shown, higher=higher)
 
 
+def _speed(beside: dict[str, Any] | None) -> Cell:
+    """Return how many times as fast as a peer a run was."""
+    if beside is None:
+        return "not timed", None
+    return times_faster(beside), six_digits(beside["ratio"])
+
+
 def _number(name: str, decimals: int = 2) -> Callable[[dict[str, Any]], Cell]:
-    return lambda facts: (number(facts[name], decimals), six_digits(facts[name]))
+    """Return the cell of a number; results before 2026-11 do not have the seconds of loading."""
 
+    def cell(facts: dict[str, Any]) -> Cell:
+        if name not in facts:
+            return "not timed", None
+        return number(facts[name], decimals), six_digits(facts[name])
 
-def _loading(facts: dict[str, Any]) -> Cell:
-    """Return the seconds of loading; results before 2026-11 do not have them."""
-    return _number("loading_seconds")(facts) if "loading_seconds" in facts else ("not timed", None)
+    return cell
 
 
 def _lapys_own(facts: dict[str, Any]) -> Cell:
     """Return LaPy's ms a mesh in a run, on the batches that it was given too."""
-    reference = facts.get("reference")
-    return ("not timed", None) if reference is None else _number("ms_per_mesh")(reference)
+    return _number("ms_per_mesh")(facts.get("reference") or {})
 
 
 def parameters() -> Column[Ranked]:

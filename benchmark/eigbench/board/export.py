@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -79,12 +80,7 @@ def generalised_as_json(board: generalisation.Board) -> str:
             "name": row.submission.name,
             "protocols": {
                 protocol: {
-                    key: {
-                        name: six_digits(value)
-                        for name, value in asdict(
-                            board.scored(row.submission, protocol, key)
-                        ).items()
-                    }
+                    key: _in_digits(board.scored(row.submission, protocol, key))
                     for key in generalisation.SHOWN
                 }
                 for protocol in board.protocols
@@ -92,13 +88,13 @@ def generalised_as_json(board: generalisation.Board) -> str:
         }
         for row in board.rows
     ]
-    content = {
-        "version": board.version,
-        "target": board.target,
-        "protocols": protocols,
-        "rows": rows,
-    }
+    named = {"version": board.version, "target": board.target}
+    content = {**named, "protocols": protocols, "rows": rows}
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _in_digits(held_out: generalisation.HeldOut) -> dict[str, float | None]:
+    return {name: six_digits(value) for name, value in asdict(held_out).items()}
 
 
 def tidy(submission: Submission) -> pa.Table:
@@ -133,14 +129,11 @@ def write(out: Path, boards: Sequence[Sequence[Submission]]) -> Iterator[Path]:
     for submissions in boards:
         whole = pa.concat_tables([tidy(s) for s in submissions], promote_options="permissive")
         whole = whole.unify_dictionaries()
-        name = submissions[0].board
-
-        def parquet(to: Path, table: pa.Table = whole) -> None:
-            pq.write_table(table, to, compression="zstd")
-
-        def csv(to: Path, table: pa.Table = whole) -> None:
-            pyarrow.csv.write_csv(table, to)
-
-        for suffix, store in ((".parquet", parquet), (".csv", csv)):
-            write_atomically(out / f"{name}{suffix}", store)
-            yield out / f"{name}{suffix}"
+        stores = {
+            ".parquet": partial(pq.write_table, whole, compression="zstd"),
+            ".csv": partial(pyarrow.csv.write_csv, whole),
+        }
+        for suffix, store in stores.items():
+            path = out / f"{submissions[0].board}{suffix}"
+            write_atomically(path, store)
+            yield path

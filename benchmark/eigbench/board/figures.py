@@ -6,6 +6,7 @@ import io
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,13 +20,7 @@ from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS
 from synthnet import recipe
 from synthnet.errors import needed_by
-from synthnet.pictures.palette import (
-    BLUE,
-    GREY,
-    INK,
-    PALE,
-    VERMILION,
-)
+from synthnet.pictures.palette import BLUE, GREY, INK, PALE, VERMILION
 from synthnet.store.files import write_atomically
 
 if TYPE_CHECKING:
@@ -261,9 +256,6 @@ def save(path: Path, figure: Figure) -> None:
     """Write a figure; the suffix says as what. An SVG is the same to the byte at each run."""
     kind = path.suffix[1:]
     metadata = {"Date": None, "Creator": None} if kind == "svg" else None
-
-    def write(to: Path) -> None:
-        figure.savefig(to, format=kind, dpi=160, metadata=metadata)
-
     with style():
+        write = partial(figure.savefig, format=kind, dpi=160, metadata=metadata)
         write_atomically(path, write)

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench.board.columns import Cell, Column, Group, six_digits
+from eigbench.board.columns import Cell, Column, Group, of_score, six_digits
 from eigbench.board.markdown import cell as escaped
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.board.tables import score
@@ -117,9 +117,8 @@ class Board:
 
     def submitted(self, model: Submission, protocol: str) -> Submission | None:
         """Return a model's submission under a protocol, if there is one."""
-        return {submission.slug: submission for submission in self.held_out.get(protocol, ())}.get(
-            model.slug
-        )
+        ran = {submission.slug: submission for submission in self.held_out.get(protocol, ())}
+        return ran.get(model.slug)
 
     def count(self, protocol: str) -> int:
         """Return how many meshes a protocol tests."""
@@ -225,9 +224,7 @@ def title(protocol: str) -> str:
     >>> title("genus"), title("imported/scans"), title("mine")
     ('genus 1 and more unseen', 'imported: scans', 'mine')
     """
-    if protocol.startswith(IMPORTED):
-        return protocol.replace("/", ": ")
-    return TITLES.get(protocol, protocol)
+    return TITLES.get(protocol, protocol.replace("/", ": "))
 
 
 def with_drop(held_out: HeldOut, key: str) -> str:
@@ -257,8 +254,7 @@ def table(board: Board, key: str, marks: Marks) -> Group[Ranked]:
     metric = METRICS[key]
 
     def iid(row: Ranked) -> Cell:
-        value = row.scores["overall"][key]["mean"]
-        return score(value, key), six_digits(value)
+        return of_score(row.scores["overall"][key]["mean"], key)
 
     def column(protocol: str) -> Column[Ranked]:
         def cell(row: Ranked) -> Cell:
@@ -293,7 +289,7 @@ def drops(board: Board, protocol: str) -> list[Column[Ranked]]:
 
     def iid(row: Ranked) -> Cell:
         before = scored(row).before
-        return ("none", None) if before is None else (score(before, RANKED_BY), six_digits(before))
+        return ("none", None) if before is None else of_score(before, RANKED_BY)
 
     def drop(row: Ranked) -> Cell:
         lost = scored(row).drop

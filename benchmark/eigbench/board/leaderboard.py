@@ -55,31 +55,6 @@ FIGURES = Path("benchmark", "figures")
 BOARDS = Path("benchmark", "boards")
 GENERATED = (f"{FIGURES}/*.svg", f"{BOARDS}/*")  # nothing else belongs there
 REPORTED = Path("benchmark", "reported")
-_TEXTS = {"type": "array", "maxItems": 100, "items": {"type": "string"}}
-REPORTED_SCHEMA = {  # of a file there
-    "type": "object",
-    "properties": {
-        "source": {"type": "string"},
-        "setting": {"type": "string"},
-        "notes": _TEXTS,
-        "tables": {
-            "type": "array",
-            "maxItems": 100,
-            "items": {
-                "type": "object",
-                "properties": {
-                    "title": {"type": "string"},
-                    "columns": _TEXTS,
-                    "rows": {"type": "array", "maxItems": 1000, "items": _TEXTS},
-                },
-                "required": ["title", "columns", "rows"],
-                "additionalProperties": False,
-            },
-        },
-    },
-    "required": ["source", "setting", "notes", "tables"],
-    "additionalProperties": False,
-}
 
 
 def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submission]:
@@ -121,11 +96,7 @@ def _check_strays(root: Path, rows: Sequence[Submission]) -> None:
     known = {
         path
         for row in rows
-        for path in (
-            row.result_path,
-            row.predictions_path,
-            submission.remark_path(row.result_path),
-        )
+        for path in (row.result_path, row.predictions_path, submission.remark_path(row.result_path))
     }
     for folder in (RESULTS, PREDICTIONS):
         for path in sorted((root / folder).rglob("*")):
@@ -206,60 +177,52 @@ def generate(
     ValueError
         If the README has the marks more than once, or not both of them.
     """
-    every, begun = list(boards(submissions)), set[str]()
-    opening, parts, generated = [], [], {}
-    held_out, tops, finding = [], [], ""
+    every = list(boards(submissions))
+    opening, parts = [], []
+    generated: dict[Path, str] = {}
+    held_out, finding = [], ""
+    tops: dict[str, str] = {}
     for rows, protocols in every:
         submission = rows[0].submission
-        name = f"{submission.board}-{submission.target}"
-        first = submission.board not in begun  # so this is the first of the board's targets
-        begun.add(submission.board)
-        files = {
-            "page": BOARDS / f"{name}.md",
-            "json": BOARDS / f"{name}.json",
-            "figure": FIGURES / f"{name}.svg",
-        }
-        generated[files["page"]] = page.details(rows)
-        generated[files["json"]] = export.as_json(rows)
-        generated[files["figure"]] = figures.error_against_time(
-            [row.submission for row in rows if not row.declared]
-        )
-        parts += page.board(rows, files)
+        files = _files(f"{submission.board}-{submission.target}")
+        timed = [row.submission for row in rows if not row.declared]
+        texts = page.details(rows), export.as_json(rows), figures.error_against_time(timed)
+        generated.update(zip(files, texts, strict=True))
+        parts += page.board(rows, *files)
         if protocols is not None:
-            name = f"{protocols.version}-generalisation-{protocols.target}"
-            shown = {
-                "page": BOARDS / f"{name}.md",
-                "json": BOARDS / f"{name}.json",
-                page.DROP: FIGURES / f"{name}.svg",
-            }
-            generated[shown["page"]] = page.generalised_details(protocols)
-            generated[shown["json"]] = export.generalised_as_json(protocols)
-            generated[FIGURES / f"{name}.svg"] = generalisation_figure.draw(protocols)
+            files = _files(f"{protocols.version}-generalisation-{protocols.target}")
+            drawn = {page.DROP: files[2]}
+            generated[files[0]] = page.generalised_details(protocols)
+            generated[files[1]] = export.generalised_as_json(protocols)
+            generated[files[2]] = generalisation_figure.draw(protocols)
             if submission.target == SURFACE:
-                path = FIGURES / f"{protocols.version}-answer.svg"
+                path = drawn[page.ANSWER] = FIGURES / f"{protocols.version}-answer.svg"
                 generated[path] = answer_figure.draw(protocols)
                 narrow = path.with_stem(f"{path.stem}-narrow")  # which the site shows on phones
                 generated[narrow] = answer_figure.draw(protocols, layout=answer_figure.NARROW)
                 # The newest version comes first
                 finding = finding or answer_figure.sentences(protocols)
-                shown[page.ANSWER] = path
-            opening += page.generalised(protocols, shown)
+            opening += page.generalised(protocols, *files[:2], drawn)
             held_out.append(page.generalised_top(protocols, page.TOP))
-        if first:
-            tops.append(page.top(rows))
+        tops.setdefault(submission.board, page.top(rows))  # beside the first of its targets
     if not every:
         parts.append("No result has been submitted yet.\n")
-    section, drawn = scaling_page.section(scaled)
+    section, files_of_track = scaling_page.section(scaled)
     parts += section
-    generated.update(drawn)
+    generated |= files_of_track
     if reported:
         papers = sorted(reported, key=lambda paper: str(paper["source"]))
         generated[BOARDS / "reported.md"] = page.reported(papers)
         parts += page.reported_section(papers, BOARDS / "reported.md")
     generated[Path(PAGE)] = "\n".join([page.BANNER, *opening, *parts])
     if MARK in readme:
-        generated[Path(README)] = _filled(readme, [*held_out, *tops], finding)
+        generated[Path(README)] = _filled(readme, [*held_out, *tops.values()], finding)
     return generated
+
+
+def _files(name: str) -> tuple[Path, Path, Path]:
+    """Return the paths of a page, its JSON and its figure."""
+    return BOARDS / f"{name}.md", BOARDS / f"{name}.json", FIGURES / f"{name}.svg"
 
 
 def _filled(readme: str, tops: Sequence[str], finding: str) -> str:
@@ -319,7 +282,7 @@ def read_reported(root: Path) -> list[dict[str, Any]]:
     papers = []
     for path in sorted((root / REPORTED).glob("*.json")):
         paper = results.load(path, below=root)
-        results.check_schema(paper, REPORTED_SCHEMA, path)
+        results.check_schema(paper, results.schema("reported"), path)
         papers.append(paper)
     return papers
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -70,23 +70,23 @@ alike* is the mean of the families' means. Where all succeed, the rule of three 
 """
 
 
-def board(rows: Sequence[Ranked], files: dict[str, Path]) -> list[str]:
+def board(rows: Sequence[Ranked], page: Path, numbers: Path, figure: Path) -> list[str]:
     """Return the section of a board in LEADERBOARD.md: one table and its figure.
 
     Parameters
     ----------
     rows : sequence of Ranked
         Best first.
-    files : mapping of str to Path
-        Of the board: its ``page``, ``json`` and ``figure``.
+    page, numbers, figure : Path
+        Of the board's other tables, its JSON and its figure.
     """
-    page, numbers, figure = (files[kind].as_posix() for kind in ("page", "json", "figure"))
+    links = f"[All metrics, families, cost]({page.as_posix()}) · [JSON]({numbers.as_posix()})"
     return [
         f"## {title(rows)}\n",
-        f"{_counts(rows)} [All metrics, families, cost]({page}) · [JSON]({numbers})\n",
+        f"{_counts(rows)} {links}\n",
         as_markdown(ranked_columns.short(), rows, (RANK, MODEL, KIND)),
-        *(f"{line}\n" for line in remarks(rows)),
-        f"![Error against speed]({figure})\n",
+        *remarks(rows),
+        f"![Error against speed]({figure.as_posix()})\n",
         "*A number is a row of the table, by its name on the right: mean RPD, and how many times "
         "as fast as LaPy it is. Colour and mark tell the kind; lower right is better.*\n",
     ]
@@ -105,7 +105,7 @@ def details(rows: Sequence[Ranked]) -> str:
         f"# {title(rows)}\n",
         *introduction(rows),
         as_markdown(ranked_columns.main(), rows, (RANK, MODEL, KIND)),
-        *(f"{line}\n" for line in remarks(rows)),
+        *remarks(rows),
     ]
     for group in ranked_columns.groups(rows):
         parts.append(f"## {group.title}\n")
@@ -161,15 +161,12 @@ def _floor(rows: Sequence[Ranked]) -> str:
 def remarks(rows: Sequence[Ranked]) -> list[str]:
     """Return what a reader should know of single rows, a line each."""
     submissions = [row.submission for row in rows if row.submission.remark]
-    return [
-        f"**{escaped(submission.name)}**: {escaped(submission.remark)}"
-        for submission in submissions
-    ]
+    return [f"**{escaped(s.name)}**: {escaped(s.remark)}\n" for s in submissions]
 
 
 def top(rows: Sequence[Ranked]) -> str:
     """Return the first rows of a board, in few columns, for the README."""
-    below = "".join(f"\n{line}\n" for line in remarks(rows[:TOP]))
+    below = "".join(f"\n{line}" for line in remarks(rows[:TOP]))
     heading = f"{title(rows)}, {len(rows)} rows. {_counts(rows)}"
     return f"{heading}\n\n{top_table(rows[:TOP])}{below}"
 
@@ -194,28 +191,30 @@ def _cost(group: Group[Ranked], rows: Sequence[Ranked]) -> str:
     )
 
 
-def generalised(board: Board, files: dict[str, Path]) -> list[str]:
+def generalised(board: Board, page: Path, numbers: Path, figures: Mapping[str, Path]) -> list[str]:
     """Return the section of a version's protocols at a target in LEADERBOARD.md.
 
     Parameters
     ----------
     board : Board
         Its rows and protocols.
-    files : mapping of str to Path
-        The ``page`` with the other tables, its ``json``, and the figures, by what they show.
+    page, numbers : Path
+        Of the other tables, and of the JSON.
+    figures : mapping of str to Path
+        By what they show.
     """
     marks = generalisation.remark_marks(board, board.rows)
-    page, numbers = files["page"].as_posix(), files["json"].as_posix()
     explained = generalisation.EXPLAINED if board.target == SURFACE else "As above."
+    more = f"[PSNR>20, and how near training comes]({page.as_posix()})"
     return [
         f"## {_unlike(board)}\n",
-        f"{explained} [PSNR>20, and how near training comes]({page}) · [JSON]({numbers})\n",
+        f"{explained} {more} · [JSON]({numbers.as_posix()})\n",
         _protocols(board, board.rows, generalisation.SHOWN[0], marks),
         *(f"{line}\n" for _, line in marks.values()),
         *(
-            f"![{kind}]({files[kind].as_posix()})\n\n*{caption}*\n"
+            f"![{kind}]({figures[kind].as_posix()})\n\n*{caption}*\n"
             for kind, caption in CAPTIONS.items()
-            if kind in files
+            if kind in figures
         ),
     ]
 

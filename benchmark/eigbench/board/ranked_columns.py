@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from eigbench.board import cost_columns, generalisation
-from eigbench.board.columns import DECLARED, Cell, Column, Group, of_run, six_digits
+from eigbench.board.columns import DECLARED, Cell, Column, Group, of_run, of_score, six_digits
 from eigbench.board.generalisation import Board
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.board.tables import (
@@ -15,7 +16,6 @@ from eigbench.board.tables import (
     family_title,
     in_order,
     interval,
-    score,
     with_uncertainty,
 )
 from eigbench.scoring.metrics import MAIN, METRICS
@@ -71,8 +71,8 @@ MODEL, KIND, HARDWARE, TRAINING = of_run(_result)
 
 def main() -> Group[Ranked]:
     """Return all metrics, for a board's own page."""
-    columns = [*map(_mean, MAIN), cost_columns.parameters(), *cost_columns.speed(), *_declared()]
-    return Group("main", "Scores", columns)
+    cost = [cost_columns.parameters(), *cost_columns.speed()]
+    return Group("main", "Scores", [*map(_mean, MAIN), *cost, HARDWARE, TRAINING, _seeds()])
 
 
 def short() -> Group[Ranked]:
@@ -92,14 +92,8 @@ def overview(board: Board | None, protocol: str | None) -> Group[Ranked]:
     """Return what the page shows first: fewer columns, and the drop where something is held out."""
     drops = [] if board is None or protocol is None else generalisation.drops(board, protocol)
     metrics = [_mean(RANKED_BY), _by_family(), *drops, _mean("invlap"), _mean("psnr20")]
-    columns = [
-        *metrics,
-        *cost_columns.speed(protocol),
-        cost_columns.parameters(),
-        TRAINING,
-        _seeds(),
-    ]
-    return Group("overview", "Overview", columns)
+    cost = [*cost_columns.speed(protocol), cost_columns.parameters()]
+    return Group("overview", "Overview", [*metrics, *cost, TRAINING, _seeds()])
 
 
 def groups(rows: Sequence[Ranked], protocol: str | None = None) -> list[Group[Ranked]]:
@@ -155,39 +149,34 @@ def _mean(key: str) -> Column[Ranked]:
     )
 
 
+def _number(key: str, number: str, suffix: str, note: str) -> Column[Ranked]:
+    """Return a column of one number of a metric: ``mean``, ``median`` or ``by_family``."""
+    return _of_metric(key, suffix, note, lambda cell: of_score(cell[number], key))
+
+
 def _by_family() -> Column[Ranked]:
     """Return the mean over families of the metric that ranks go by."""
-    metric = METRICS[RANKED_BY]
     note = f"{METRIC_NOTES[RANKED_BY]} Mean over families of their means: all weigh the same."
-
-    def cell(row: Ranked) -> Cell:
-        value = row.scores["overall"][RANKED_BY]["by_family"]
-        return score(value, RANKED_BY), six_digits(value)
-
-    return Column(f"{RANKED_BY}-by-family", f"{metric.heading}, families alike", note, cell)
+    column = _number(RANKED_BY, "by_family", "-by-family", note)
+    return replace(column, title=f"{column.title}, families alike")
 
 
 def _plain(key: str) -> Column[Ranked]:
-    note = f"{METRIC_NOTES[key]} Mean over instances."
-    return _of_metric(
-        key, "-mean", note, lambda cell: (score(cell["mean"], key), six_digits(cell["mean"]))
-    )
+    return _number(key, "mean", "-mean", f"{METRIC_NOTES[key]} Mean over instances.")
 
 
 def _median(key: str) -> Column[Ranked]:
-    note = f"Median over instances. {METRIC_NOTES[key]}"
-    return _of_metric(
-        key, "-median", note, lambda cell: (score(cell["median"], key), six_digits(cell["median"]))
-    )
+    return _number(key, "median", "-median", f"Median over instances. {METRIC_NOTES[key]}")
 
 
 def _interval(key: str) -> Column[Ranked]:
-    def cell(scores: dict[str, float | None]) -> Cell:
-        low, high = scores["low"], scores["high"]
-        return interval(low, high, key), six_digits(low)
-
     note = f"95 % percentile-bootstrap interval of the mean over shapes. {METRIC_NOTES[key]}"
-    return _of_metric(key, "-interval", note, cell)
+    return _of_metric(
+        key,
+        "-interval",
+        note,
+        lambda cell: (interval(cell["low"], cell["high"], key), six_digits(cell["low"])),
+    )
 
 
 def _families(rows: Sequence[Ranked], key: str) -> Group[Ranked]:
@@ -195,17 +184,12 @@ def _families(rows: Sequence[Ranked], key: str) -> Group[Ranked]:
     counts = rows[0].scores["families"]
 
     def column(name: str) -> Column[Ranked]:
-        def cell(row: Ranked) -> Cell:
-            value = row.scores["families"][name][key]["mean"]
-            return score(value, key), six_digits(value)
-
         count = f"{counts[name]['count']:,}"
-        note = f"Mean {metric.title} over the {count} instances of this family. {METRIC_NOTES[key]}"
         return Column(
             f"{key}-{name}",
             family_title(name),
-            note,
-            cell,
+            f"Mean {metric.title} over the {count} instances of this family. {METRIC_NOTES[key]}",
+            lambda row: of_score(row.scores["families"][name][key]["mean"], key),
             higher=metric.higher_is_better,
             lead=count,
         )
@@ -224,10 +208,6 @@ def _indices(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
         return Column(f"index-{i + 1}", f"λ{i + 1}", note, cell)
 
     return [column(i) for i in range(len(rows[0].scores["per_index"]))]
-
-
-def _declared() -> list[Column[Ranked]]:
-    return [HARDWARE, TRAINING, _seeds()]
 
 
 def _seeds() -> Column[Ranked]:

@@ -60,8 +60,7 @@ def _error(size: int) -> Column[Scaled]:
         "Mean relative error of the ten eigenvalues against the label, the exact spectrum of the "
         "mesh; median over the surfaces."
     )
-    own = percent(scores.floor(size))
-    title = "error to the mesh"
+    own, title = percent(scores.floor(size)), "error to the mesh"
     return _median("error", size, title, note, lambda m: (percent(m.error), m.error), own)
 
 
@@ -84,24 +83,15 @@ def _distance(size: int, verdicts: Sequence[Verdict]) -> Column[Scaled]:
         side, seconds = scores.coarse_seconds(verdicts, distance)
         return percent(distance) + (f" ({side}{ms(seconds)})" if seconds > 0 else "")
 
-    own = text(scores.floor(size))
-    return _median(
-        "distance",
-        size,
-        "error to the surface",
-        note,
-        lambda m: (text(m.distance), m.distance),
-        own,
-    )
+    own, title = text(scores.floor(size)), "error to the surface"
+    return _median("distance", size, title, note, lambda m: (text(m.distance), m.distance), own)
 
 
 def _memory(size: int) -> Column[Scaled]:
     note = "Peak memory in MB of the process, its libraries included; median over the surfaces."
-
-    def cell(medians: Medians) -> tuple[str, float]:
-        return f"{medians.peak_memory_mb:,.0f}", medians.peak_memory_mb
-
-    return _median("memory", size, "MB", note, cell)
+    return _median(
+        "memory", size, "MB", note, lambda m: (f"{m.peak_memory_mb:,.0f}", m.peak_memory_mb)
+    )
 
 
 def _lapy(size: int) -> Column[Scaled]:

@@ -38,15 +38,12 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
     parts = ["## Scaling\n", f"{introduction(sizes)} {links}\n"]
     for label, mine in by_setting.items():
         verdicts = _verdicts(sizes, mine)
+        overview = scaling_columns.groups(sizes, verdicts)["overview"]
         parts += [
             f"### Scaling: {escaped(label)}\n",
             answer(verdicts, mine),
-            as_markdown(
-                scaling_columns.groups(sizes, verdicts)["overview"],
-                ordered(mine, sizes[0]),
-                (MODEL, KIND),
-            ),
-            *(f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in mine if row.remark),
+            as_markdown(overview, ordered(mine, sizes[0]), (MODEL, KIND)),
+            *_remarks(mine),
         ]
     parts += [
         f"![Error to the surface against speed, a panel a size]({FIGURE.as_posix()})\n",
@@ -91,7 +88,10 @@ def as_json(rows: Sequence[Scaled]) -> str:
             "kind": row.result["model"]["kind"],
             "setting": results.setting(row.result),
             "sizes": {
-                str(size): {key: _known(value) for key, value in asdict(medians).items()}
+                str(size): {
+                    key: six_digits(value) if isinstance(value, float) else value
+                    for key, value in asdict(medians).items()
+                }
                 for size in sizes
                 if (medians := scores.medians(row, size)).total
             },
@@ -102,13 +102,6 @@ def as_json(rows: Sequence[Scaled]) -> str:
     ]
     board = {"surfaces": list(surfaces.SURFACES), "rows": entries}
     return json.dumps(board, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _known(value: object) -> object:
-    """Return a value, six digits of a float, and nothing of a float that is no number."""
-    if not isinstance(value, float):
-        return value
-    return six_digits(value) if value >= 0 else None
 
 
 def _verdicts(sizes: Sequence[int], rows: Sequence[Scaled]) -> list[Verdict]:
@@ -147,8 +140,12 @@ def answers(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
     return [
         answer(verdicts, rows),
         "\n".join(_facts(verdict, rows) for verdict in verdicts) + "\n",
-        *(f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in rows if row.remark),
+        *_remarks(rows),
     ]
+
+
+def _remarks(rows: Sequence[Scaled]) -> list[str]:
+    return [f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in rows if row.remark]
 
 
 def answer(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> str:

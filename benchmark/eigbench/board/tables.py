@@ -160,18 +160,14 @@ def overall(scored: dict[str, Any]) -> Table:
     for key, metric in METRICS.items():
         cell = scored["overall"][key]
         deviation = "" if cell["seed_std"] is None else _spread(cell["seed_std"], key)
+        mean = score(cell["mean"], key)
         between = f"{score(cell['low'], key)} to {score(cell['high'], key)}"
-        rows.append(
-            [
-                metric.heading,
-                # The PSNR of an exact spectrum is infinite
-                "" if key == "psnr" and cell["mean"] is None else score(cell["mean"], key),
-                "" if key == "psnr" and cell["mean"] is None else between,
-                *([] if one_seed else [deviation]),
-                "" if key == "psnr20" else _bare(cell["median"], key),
-                "" if metric.unit == "share" else metric.unit,
-            ]
-        )
+        if key == "psnr" and cell["mean"] is None:  # that of an exact spectrum is infinite
+            mean = between = ""
+        spread = [] if one_seed else [deviation]
+        median = "" if key == "psnr20" else _bare(cell["median"], key)
+        unit = "" if metric.unit == "share" else metric.unit
+        rows.append([metric.heading, mean, between, *spread, median, unit])
     spread = [] if one_seed else ["sd over seeds"]
     headers = ["metric", "mean", "95 % interval", *spread, "median", "unit"]
     return Table(headers, rows)
@@ -202,22 +198,15 @@ def cost(result: dict[str, Any]) -> Table:
     """Return what a mesh costs."""
     facts = result["cost"]
     low, high = facts["ms_per_mesh_quartiles"]
+    median = f"{facts['ms_per_mesh']:.2f} ({low:.2f} to {high:.2f})"
+    setting = f"{facts['batch_size']}, {facts['threads']}, {facts['device']}"
     parameters = result["model"]["parameters"]
     rows = [
-        [
-            "ms a mesh, median of batches (quartiles)",
-            f"{facts['ms_per_mesh']:.2f} ({low:.2f} to {high:.2f})",
-        ],
+        ["ms a mesh, median of batches (quartiles)", median],
         ["ms a mesh, mean", f"{facts['ms_per_mesh_mean']:.2f}"],
         [f"{SPEED}, same meshes", beside_lapy(facts)],
-        [
-            "batch size, threads, device",
-            f"{facts['batch_size']}, {facts['threads']}, {facts['device']}",
-        ],
-        [
-            "cores used",
-            f"{facts['cores_used']:.2f}",
-        ],
+        ["batch size, threads, device", setting],
+        ["cores used", f"{facts['cores_used']:.2f}"],
         ["peak memory", f"{facts['peak_memory_mb']:.0f} MB"],
         *_remembering(facts),
         ["parameters", "none" if parameters is None else f"{parameters:,}"],

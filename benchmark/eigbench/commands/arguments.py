@@ -28,43 +28,24 @@ def predictor(sub: argparse.ArgumentParser) -> None:
 def row(sub: argparse.ArgumentParser, what: str) -> None:
     """Add the result of a row, and where its predictions are."""
     sub.add_argument("result", type=Path, metavar="RESULT.json", help=what)
-    sub.add_argument(
-        "--predictions",
-        type=Path,
-        metavar="FILE",
-        help="its predictions (default: beside the result)",
-    )
+    path(sub, "--predictions", "FILE", "its predictions (default: beside the result)")
 
 
-def out(sub: argparse.ArgumentParser, default: str) -> None:
-    """Add the file that the result is written to."""
-    sub.add_argument(
-        "--out",
-        type=Path,
-        default=Path(default),
-        metavar="FILE",
-        help="the result (default: %(default)s)",
-    )
+def path(sub: argparse._ActionsContainer, option: str, metavar: str, text: str) -> None:
+    """Add an option that takes a path; its text says what it is by default."""
+    sub.add_argument(option, type=Path, metavar=metavar, help=text)
 
 
-def out_folder(sub: argparse.ArgumentParser, default: str, receives: str) -> None:
-    """Add the directory that files are written into."""
-    sub.add_argument(
-        "--out",
-        type=Path,
-        default=Path(default),
-        metavar="DIR",
-        help=f"directory that receives {receives} (default: %(default)s)",
-    )
+def out(sub: argparse.ArgumentParser, default: str, text: str, metavar: str = "FILE") -> None:
+    """Add the file, or the directory, that is written."""
+    text = f"{text} (default: %(default)s)"
+    sub.add_argument("--out", type=Path, default=Path(default), metavar=metavar, help=text)
 
 
 def process(sub: argparse.ArgumentParser) -> None:
     """Add what the predictor's process computes with: device and threads."""
-    sub.add_argument(
-        "--device",
-        default="cpu",
-        help="PyTorch device passed to the predictor (default: %(default)s)",
-    )
+    text = "PyTorch device passed to the predictor (default: %(default)s)"
+    sub.add_argument("--device", default="cpu", help=text)
     count(sub, "--threads", "N", "threads that the predictor may use", 1)
 
 
@@ -82,12 +63,9 @@ def time_limit(sub: argparse.ArgumentParser, default: float, of: str = "a batch"
 
 def target(sub: argparse.ArgumentParser, default: str) -> None:
     """Add what predictions are compared with; ``default`` says it for where none is given."""
-    sub.add_argument(
-        "--target",
-        choices=TARGETS,
-        help="the surface's spectrum, or the label of the mesh (default: "
-        f"{default}, where the surface is known)",
-    )
+    text = "the surface's spectrum, or the label of the mesh"
+    where = f"(default: {default}, where the surface is known)"
+    sub.add_argument("--target", choices=TARGETS, help=f"{text} {where}")
 
 
 def beside(row: Submission, target: str | None) -> Submission:
@@ -115,21 +93,15 @@ def unknown_surfaces(labels: Truth) -> EigbenchError:
 def dataset(sub: argparse._ActionsContainer, default: str | None, what: str) -> None:
     """Add what names a dataset; :func:`unpinned` reads it."""
     shown = "the pinned labels of the version in the results" if default is None else default
-    option = sub.add_argument(
-        "--dataset", default=default, metavar="NAME", help=f"{what} (default: {shown})"
-    )
+    text = f"{what} (default: {shown})"
+    option = sub.add_argument("--dataset", default=default, metavar="NAME", help=text)
     complete_with(option, lambda options: store.known_names(getattr(options, "root", None)))
 
 
 def root(sub: argparse.ArgumentParser) -> None:
     """Add the directory of the datasets that have no directory in their name."""
-    sub.add_argument(
-        "--root",
-        type=Path,
-        metavar="DIR",
-        help="directory that holds the datasets (default: $SYNTHNET_HOME, else the user's cache "
-        "directory)",
-    )
+    where = "(default: $SYNTHNET_HOME, else the user's cache directory)"
+    path(sub, "--root", "DIR", f"directory that holds the datasets {where}")
 
 
 def unpinned(name: str | None, root: Path | None) -> store.StoredDataset | None:
@@ -157,13 +129,8 @@ def unpinned(name: str | None, root: Path | None) -> store.StoredDataset | None:
 
 def board(sub: argparse.ArgumentParser) -> None:
     """Add the directory of the board."""
-    sub.add_argument(
-        "--board",
-        type=Path,
-        default=Path(),
-        metavar="DIR",
-        help="a checkout of the project, or any directory of its layout (default: here)",
-    )
+    text = "a checkout of the project, or any directory of its layout (default: here)"
+    sub.add_argument("--board", type=Path, default=Path(), metavar="DIR", help=text)
 
 
 def board_root(options: argparse.Namespace, *, make: bool = False) -> Path:

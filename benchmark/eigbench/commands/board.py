@@ -45,7 +45,7 @@ def add_commands(command: Command) -> None:
         "write every prediction on the boards as tidy tables, beside both targets",
         "--out tables",
     )
-    arguments.out_folder(sub, "tables", "BOARD.parquet and BOARD.csv")
+    arguments.out(sub, "tables", "directory that receives BOARD.parquet and BOARD.csv", "DIR")
     arguments.board(sub)
 
     sub = command(
@@ -54,7 +54,7 @@ def add_commands(command: Command) -> None:
         "write the leaderboard as a page to sort, filter and open, which needs no server",
         "--out page",
     )
-    arguments.out_folder(sub, "page", "the page")
+    arguments.out(sub, "page", "directory that receives the page", "DIR")
     sub.add_argument(
         "--docs",
         metavar="URL",

@@ -50,17 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"eigbench {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for group in (
-        check,
-        evaluate,
-        predict,
-        score,
-        compare,
-        timing,
-        submit,
-        board,
-        scaling,
-        verify_row,
-    ):
+    groups = (check, evaluate, predict, score, compare, timing, submit, board, scaling, verify_row)
+    for group in groups:
         group.add_commands(partial(add_command, commands))
     return parser

@@ -63,20 +63,11 @@ def add_commands(command: Command) -> None:
         "draw spectra, errors by family and index, their histogram, and error against time",
         "a.json b.json --out figures",
     )
-    sub.add_argument(
-        "results",
-        type=Path,
-        nargs="+",
-        metavar="RESULT.json",
-        help="results of `eigbench evaluate`",
-    )
-    arguments.out_folder(sub, "figures", "the figures")
-    sub.add_argument(
-        "--metric",
-        default=RANKED_BY,
-        choices=METRICS,
-        help="metric of the errors (default: %(default)s)",
-    )
+    text = "results of `eigbench evaluate`"
+    sub.add_argument("results", type=Path, nargs="+", metavar="RESULT.json", help=text)
+    arguments.out(sub, "figures", "directory that receives the figures", "DIR")
+    text = "metric of the errors (default: %(default)s)"
+    sub.add_argument("--metric", default=RANKED_BY, choices=METRICS, help=text)
     arguments.target(sub, SURFACE)
     arguments.dataset(sub, None, OF_RESULTS)
     arguments.root(sub)
@@ -121,11 +112,8 @@ def compare(options: argparse.Namespace) -> int:
 def _difference(a: Submission, b: Submission, key: str, family: str | None = None) -> Difference:
     """Return how far two results are apart, in a few digits where the set is sealed."""
     difference = ranking.difference(a, b, key, family)
-    return (
-        replace(difference, **scores.rounded(asdict(difference)))
-        if scores.is_sealed(a.truth)
-        else difference
-    )
+    few = scores.rounded(asdict(difference)) if scores.is_sealed(a.truth) else {}
+    return replace(difference, **few)
 
 
 def _line(title: str, difference: Difference, key: str) -> list[str]:

@@ -43,19 +43,11 @@ def add_commands(command: Command) -> None:
         "my_model.py --dataset 1.0 --out results.json",
     )
     predict.add_run(sub)
-    arguments.out(sub, "results.json")
-    sub.add_argument(
-        "--predictions",
-        type=Path,
-        metavar="FILE",
-        help="the predictions (default: beside --out, ending in .parquet)",
-    )
-    sub.add_argument(
-        "--limit",
-        type=arguments.positive,
-        metavar="N",
-        help="predict only N meshes, and mark the result as partial (default: all)",
-    )
+    arguments.out(sub, "results.json", "the result")
+    text = "the predictions (default: beside --out, ending in .parquet)"
+    arguments.path(sub, "--predictions", "FILE", text)
+    text = "predict only N meshes, and mark the result as partial (default: all)"
+    sub.add_argument("--limit", type=arguments.positive, metavar="N", help=text)
     sub.add_argument(
         "--no-reference",
         dest="reference",

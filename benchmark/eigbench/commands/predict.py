@@ -22,14 +22,13 @@ from eigbench.running import box, meshes, record
 from eigbench.running.evaluate import Evaluation, Options, evaluate
 from eigbench.running.predictor import check_file
 from eigbench.running.process import Loaded
-from eigbench.scaling import run as scaling_run
 from eigbench.scoring import truth
 from eigbench.scoring.training import IMPORTED
 from synthnet import store, terminal
 from synthnet.errors import counted
 from synthnet.store.files import make_parent
 
-Settings = TypeVar("Settings", Options, scaling_run.Settings)
+Settings = TypeVar("Settings", bound=box.Settings)
 CORRECTED = 1.5  # by how much an estimate of time is off when it is told anew
 UNHELD = (
     "warning: no sandbox works here, so the file's code runs with your rights: install bubblewrap "
@@ -46,13 +45,7 @@ def add_commands(command: Command) -> None:
         "my_model.py --dataset 1.0 --out predictions.parquet",
     )
     add_run(sub)
-    sub.add_argument(
-        "--out",
-        type=Path,
-        default=Path("predictions.parquet"),
-        metavar="FILE",
-        help="the predictions (default: %(default)s)",
-    )
+    arguments.out(sub, "predictions.parquet", "the predictions")
 
 
 def add_run(sub: argparse.ArgumentParser) -> None:
@@ -69,7 +62,7 @@ def add_run(sub: argparse.ArgumentParser) -> None:
 
 
 def add_sandbox(sub: argparse.ArgumentParser) -> None:
-    """Add what the predictor's process is held by; :func:`held` reads it."""
+    """Add what the predictor's process is held by; :func:`settings_of` reads it."""
     how = sub.add_mutually_exclusive_group()
     how.add_argument(
         "--no-sandbox",
@@ -103,14 +96,7 @@ def add_readable(sub: argparse.ArgumentParser) -> None:
 
 
 def settings_of(options: argparse.Namespace, settings: type[Settings]) -> Settings:
-    """Return how a predictor is to be run, as one of the classes of settings; see :func:`held`."""
-    kind, readable = held(options)
-    given = {f.name: getattr(options, f.name) for f in fields(settings) if f.name in options}
-    return settings(**{**given, "sandbox": kind, "readable": readable})
-
-
-def held(options: argparse.Namespace) -> tuple[str, tuple[Path, ...]]:
-    """Return the sandbox and what it shows besides, and say so where none works.
+    """Return how a predictor is to be run, as a class of settings; say so where no sandbox works.
 
     Raises
     ------
@@ -123,7 +109,8 @@ def held(options: argparse.Namespace) -> tuple[str, tuple[Path, ...]]:
     kind = box.chosen(options.sandbox)
     if kind == box.NONE and options.sandbox != box.NONE:
         print(UNHELD, file=sys.stderr)
-    return kind, tuple(options.readable)
+    given = {f.name: getattr(options, f.name) for f in fields(settings) if f.name in options}
+    return settings(**{**given, "sandbox": kind, "readable": tuple(options.readable)})
 
 
 def predict(options: argparse.Namespace) -> int:
@@ -194,7 +181,7 @@ def answers(
     dataset: store.StoredDataset,
     settings: Options,
     parts: Path,
-    on_loaded: Callable[[Loaded], None] | None = None,
+    on_loaded: Callable[[Loaded], None] = lambda loaded: None,
     *,
     estimated: bool = True,
 ) -> Evaluation:

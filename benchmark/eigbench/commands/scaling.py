@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from tabulate import tabulate
@@ -26,15 +27,9 @@ def add_commands(command: Command) -> None:
     """Add scale and scaling to the command line."""
 
     def sizes_option(sub: argparse.ArgumentParser) -> None:
-        sub.add_argument(
-            "--sizes",
-            type=int,
-            nargs="+",
-            choices=surfaces.SIZES,
-            metavar="N",
-            help=f"numbers of vertices: {', '.join(map(str, surfaces.SIZES))} "
-            "(default: all that are pinned)",
-        )
+        sizes = surfaces.SIZES
+        text = f"numbers of vertices: {', '.join(map(str, sizes))} (default: all that are pinned)"
+        sub.add_argument("--sizes", type=int, nargs="+", choices=sizes, metavar="N", help=text)
 
     sub = command(
         "scale",
@@ -44,7 +39,7 @@ def add_commands(command: Command) -> None:
     )
     arguments.predictor(sub)
     sizes_option(sub)
-    arguments.out(sub, "scaling.json")
+    arguments.out(sub, "scaling.json", "the result")
     arguments.process(sub)
     arguments.time_limit(sub, 600.0, "a mesh")
     sub.add_argument(
@@ -108,14 +103,13 @@ def scale(options: argparse.Namespace) -> int:
 def show(options: argparse.Namespace) -> int:
     """List the meshes, or make them anew and say what differs."""
     chosen = [surfaces.pinned(s, size) for size in _sizes(options) for s in surfaces.SURFACES]
-    rows, findings = [], []
+    rows: list[dict[str, Any]] = []
+    findings = []
     with Console(stderr=True).status("reading") as status:
         for pinned in chosen:
             if options.verify:
                 status.update(f"solving {pinned.pin.id}")
-                findings += [
-                    f"{pinned.pin.id}: {difference}" for difference in surfaces.differences(pinned)
-                ]
+                findings += [f"{pinned.pin.id}: {d}" for d in surfaces.differences(pinned)]
             rows.append(
                 {
                     "mesh": pinned.pin.id,
@@ -133,8 +127,8 @@ def show(options: argparse.Namespace) -> int:
             row["mesh"],
             f"{row['vertices']:,}",
             row["triangulation"],
-            f"{100 * float(str(row['discretisation_error'])):.2g} %",
-            f"{100 * float(str(row['limit_error'])):.1g} %",
+            f"{100 * row['discretisation_error']:.2g} %",
+            f"{100 * row['limit_error']:.1g} %",
         ]
         for row in rows
     ]

@@ -31,12 +31,8 @@ EXPLAINED = "docs/metrics.md says what the columns mean"
 
 def add_commands(command: Command) -> None:
     """Add score to the command line."""
-    sub = command(
-        "score",
-        score,
-        "score a file of predictions; no code is run",
-        "preds.parquet",
-    )
+    text = "score a file of predictions; no code is run"
+    sub = command("score", score, text, "preds.parquet")
     sub.add_argument("file", type=Path, metavar="FILE", help="predictions: .parquet, .npz or .csv")
     add_split(sub)
     arguments.target(sub, "both")
@@ -47,16 +43,10 @@ def add_split(sub: argparse.ArgumentParser) -> None:
     """Add the options that choose the labels."""
     which = sub.add_mutually_exclusive_group()
     arguments.dataset(which, "1.0", "a version, an import, or a directory that synthnet made")
-    which.add_argument(
-        "--sealed",
-        type=Path,
-        metavar="SEAL.json",
-        help="the sealed set of this seal, where it is built, in place of --dataset; see "
-        "docs/sealed.md (default: none)",
-    )
-    sub.add_argument(
-        "--split", default="test", choices=SPLITS, help="split to predict (default: %(default)s)"
-    )
+    text = "the sealed set of this seal, where it is built, in place of --dataset; see "
+    arguments.path(which, "--sealed", "SEAL.json", f"{text}docs/sealed.md (default: none)")
+    text = "split to predict (default: %(default)s)"
+    sub.add_argument("--split", default="test", choices=SPLITS, help=text)
     protocol = sub.add_argument(
         "--protocol",
         default="grouped",

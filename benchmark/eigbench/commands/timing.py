@@ -19,6 +19,7 @@ from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import timing
 from eigbench.running import clock, meshes, record
+from eigbench.running.box import Settings
 from eigbench.running.clock import Timed
 from eigbench.running.predictor import check_file, split
 from eigbench.running.process import REFERENCE_FILE
@@ -56,7 +57,7 @@ def add_commands(command: Command) -> None:
     arguments.count(sub, "--repeats", "R", repeats, 3)
     arguments.time_limit(sub, 600.0)
     predict.add_sandbox(sub)
-    arguments.out(sub, "times.json")
+    arguments.out(sub, "times.json", "the result")
 
 
 def run_time(options: argparse.Namespace) -> int:
@@ -66,7 +67,7 @@ def run_time(options: argparse.Namespace) -> int:
         check_file(path)
     if unknown := [path for path in options.against if path not in paths]:
         raise EigbenchError(f"--against {unknown[0]}: name it among the predictors too")
-    sandbox, readable = predict.held(options)
+    settings = predict.settings_of(options, Settings)
     make_parent(options.out)
     labels = clock.shapes_of(truth.load(options.dataset), options.meshes * options.repeats)
     console = Console(stderr=True)
@@ -78,9 +79,7 @@ def run_time(options: argparse.Namespace) -> int:
             instances,
             batch_size=options.batch_size,
             repeats=options.repeats,
-            time_limit=options.time_limit,
-            sandbox=sandbox,
-            readable=readable,
+            settings=settings,
             on_step=status.update,
         )
     content = described(timed, np.sort(instances.vertices(labels.ids)), options)
@@ -129,7 +128,7 @@ def _row(
         "name": timed.loaded.meta["name"],
         "code": f"{file.name}:{variant}" if variant else file.name,
         "sources": timed.status.sources,
-        "loading_seconds": timed.loading,
+        "loading_seconds": timed.loaded.loading_seconds,
         "cost": {
             **record.times(timed.seconds, timed.cpu_seconds, sizes),
             "ms_by_batch": [float(f"{value:.5g}") for value in each],  # by size, ascending
@@ -160,19 +159,9 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         cost = row["cost"]
         ratios = [cost["reference"], *cost["peers"].values()]
         cells = [f"{r['ratio']:.3g} ({r['low']:.3g} to {r['high']:.3g})" for r in ratios]
-        lines.append(
-            [
-                row["name"],
-                number(cost["ms_per_mesh_mean"], 2),
-                *cells,
-                number(cost["cores_used"], 2),
-            ]
-        )
+        ms, cores = number(cost["ms_per_mesh_mean"], 2), number(cost["cores_used"], 2)
+        lines.append([row["name"], ms, *cells, cores])
     peers = list(rows[0]["cost"]["peers"]) if rows else []
-    headers = [
-        "model",
-        "ms a mesh",
-        *(f"× faster than {name}" for name in ["LaPy", *peers]),
-        "cores",
-    ]
+    beside = [f"× faster than {name}" for name in ["LaPy", *peers]]
+    headers = ["model", "ms a mesh", *beside, "cores"]
     return str(tabulate(lines, headers=headers, disable_numparse=True))

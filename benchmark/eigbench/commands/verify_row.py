@@ -30,7 +30,7 @@ from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import predictions, submission, verification
-from eigbench.results.sources import digest
+from eigbench.results.sources import digest, git
 from eigbench.results.submission import Submission
 from eigbench.running import record
 from eigbench.running.evaluate import Evaluation, Options
@@ -55,12 +55,8 @@ def add_commands(command: Command) -> None:
         "benchmark/results/1.0-test-grouped/weyl-s-law.json",
     )
     arguments.row(sub, "the row's result")
-    sub.add_argument(
-        "--source",
-        type=Path,
-        metavar="DIR",
-        help="directory with its code (default: the commit that the result names, in the checkout)",
-    )
+    where = "(default: the commit that the result names, in the checkout)"
+    arguments.path(sub, "--source", "DIR", f"directory with its code {where}")
     sub.add_argument(
         "--share",
         type=float,
@@ -70,9 +66,7 @@ def add_commands(command: Command) -> None:
         "%(default)s)",
     )
     sub.add_argument("--by", metavar="NAME", help="who verifies (default: git's user.name)")
-    sub.add_argument(
-        "--key", type=Path, metavar="FILE", help="an SSH key that signs (default: unsigned)"
-    )
+    arguments.path(sub, "--key", "FILE", "an SSH key that signs (default: unsigned)")
     arguments.board(sub)
     arguments.root(sub)
     arguments.time_limit(sub, 3600.0)
@@ -85,7 +79,7 @@ def verify_row(options: argparse.Namespace) -> int:
     row = submission.read(options.result, options.predictions)
     if row.result["partial"] or row.truth.protocol != "grouped":
         raise ResultError(f"{options.result} is no whole result under the protocol grouped")
-    by = options.by or _git(options.board, "config", "user.name")
+    by = options.by or git(options.board, "config", "user.name")
     if not by:
         raise EigbenchError("who verifies? give --by NAME, or set git's user.name")
     settings = replace(
@@ -138,8 +132,8 @@ def _source(row: Submission, options: argparse.Namespace, folder: Path) -> Itera
     checkout = row.result.get("checkout")
     if checkout is None or checkout["dirty"]:
         raise ResultError(f"{row.result_path} names no commit that has its code: give --source DIR")
-    git = ["git", "-C", str(options.board), "worktree"]
-    added = _done([*git, "add", "--quiet", "--detach", str(folder), checkout["commit"]])
+    worktree = ["git", "-C", str(options.board), "worktree"]
+    added = _done([*worktree, "add", "--quiet", "--detach", str(folder), checkout["commit"]])
     if added.returncode:
         raise EigbenchError(
             f"cannot check out {checkout['commit'][:12]} ({' '.join(added.stderr.split())[:200]}): "
@@ -148,7 +142,7 @@ def _source(row: Submission, options: argparse.Namespace, folder: Path) -> Itera
     try:
         yield folder
     finally:
-        _done([*git, "remove", "--force", str(folder)])
+        _done([*worktree, "remove", "--force", str(folder)])
 
 
 def _code(row: Submission, source: Path) -> Path:
@@ -206,9 +200,8 @@ def _requirements(dependencies: Any, file: Path) -> list[Requirement]:
 
     From an address, or a folder, comes what need not be a wheel.
     """
-    if not isinstance(dependencies, list) or not all(
-        isinstance(text, str) for text in dependencies
-    ):
+    is_list = isinstance(dependencies, list)
+    if not is_list or not all(isinstance(text, str) for text in dependencies):
         raise ResultError(
             f"{file}: dependencies of PEP 723 are a list of texts, got {dependencies}"
         )
@@ -301,13 +294,6 @@ def _told(row: Submission, verified: dict[str, Any]) -> str:
         f"{mesh['mean']:.4g} on the split, {sealed['mean']:.4g} on {sealed['instances']:,} meshes "
         f"that nobody has seen\n{row.result_path} says so; now: eigbench leaderboard"
     )
-
-
-def _git(root: Path, *arguments: str) -> str:
-    try:
-        return _done(["git", "-C", str(root), *arguments]).stdout.strip()
-    except FileNotFoundError:
-        return ""
 
 
 def _done(command: Sequence[str]) -> subprocess.CompletedProcess[str]:

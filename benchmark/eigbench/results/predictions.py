@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 from zipfile import BadZipFile
@@ -45,17 +46,15 @@ def write(path: Path, truth: Truth, predictions: NDArray[np.float64]) -> None:
         metadata={METADATA_KEY: json.dumps(_named(truth)).encode()},
     )
 
-    def store(partial: Path) -> None:
-        pq.write_table(
-            table,
-            partial,
-            compression="zstd",
-            compression_level=9,
-            use_dictionary=False,
-            column_encoding={"eigenvalues.list.element": "BYTE_STREAM_SPLIT"},
-            write_page_checksum=True,
-        )
-
+    store = partial(
+        pq.write_table,
+        table,
+        compression="zstd",
+        compression_level=9,
+        use_dictionary=False,
+        column_encoding={"eigenvalues.list.element": "BYTE_STREAM_SPLIT"},
+        write_page_checksum=True,
+    )
     write_atomically(path, store)
 
 

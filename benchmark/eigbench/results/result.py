@@ -9,6 +9,7 @@ import os
 import re
 import shutil
 from collections.abc import Sequence
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -51,8 +52,7 @@ def setting(result: dict[str, Any]) -> str:
 def write(path: Path, result: dict[str, Any]) -> None:
     """Write a result as JSON, after checking it."""
     validate(result, path)
-    text = json.dumps(result, indent=1, allow_nan=False) + "\n"
-    write_text(path, text)
+    write_text(path, json.dumps(result, indent=1, allow_nan=False) + "\n")
 
 
 def read(path: Path, below: Path | None = None) -> dict[str, Any]:
@@ -63,10 +63,9 @@ def read(path: Path, below: Path | None = None) -> dict[str, Any]:
     ResultError
         If it is missing, no JSON, not of the schema, or contradicts itself.
     """
-    result = load(path, below)
+    result: dict[str, Any] = load(path, below)
     validate(result, path)
-    checked: dict[str, Any] = result
-    return checked
+    return result
 
 
 def load(path: Path, below: Path | None = None) -> Any:
@@ -108,7 +107,7 @@ def put(
     for source, target in zip(reversed(sources), reversed(targets), strict=True):
         make_directory(target.parent)
         if not target.exists() or not target.samefile(source):
-            write_atomically(target, lambda to, source=source: shutil.copyfile(source, to))  # type: ignore[misc]
+            write_atomically(target, partial(shutil.copyfile, source))
 
 
 def title(result: dict[str, Any]) -> str:
@@ -134,9 +133,9 @@ def overused(cost: dict[str, Any]) -> bool:
     return bool(cost["cores_used"] > cost["threads"] + SPARE_CORES)
 
 
-def schema() -> dict[str, Any]:
-    """Return the published JSON Schema of results."""
-    text = resources.files(__package__).joinpath("result.schema.json").read_text()
+def schema(name: str = "result") -> dict[str, Any]:
+    """Return a published JSON Schema: of results, or by name of ``timing`` or ``reported``."""
+    text = resources.files(__package__).joinpath(f"{name}.schema.json").read_text()
     loaded: dict[str, Any] = json.loads(text)
     return loaded
 

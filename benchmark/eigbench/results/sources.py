@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import os
+import subprocess
 import warnings
 from collections.abc import Iterator
 from functools import lru_cache
@@ -41,16 +42,33 @@ def outdated(result: dict[str, Any], root: Path) -> bool:
         return False
     if not variant and model["name"] not in code.decode("utf-8", errors="replace"):
         return False
-    return any(_current(root, name) != made_by for name, made_by in model["sources"].items())
+    return any(current(root, name) != made_by for name, made_by in model["sources"].items())
 
 
 def remark(result: dict[str, Any], path: Path) -> str:
     """Return what a board says of a result in a checkout whose code has changed since."""
+    root = checkout(path)
+    return EARLIER if root is not None and outdated(result, root) else ""
+
+
+def checkout(path: Path) -> Path | None:
+    """Return the checkout whose board a result is on."""
     board = next((folder for folder in path.resolve().parents if folder.name == "benchmark"), None)
-    return EARLIER if board is not None and outdated(result, board.parent) else ""
+    return None if board is None else board.parent
 
 
-def _current(root: Path, name: str) -> str:
+def git(folder: Path, *command: str) -> str | None:
+    """Return what git prints of a folder; None where it fails, or is not installed."""
+    line = ["git", "-C", str(folder), *command]
+    try:
+        done = subprocess.run(line, capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    return None if done.returncode else done.stdout.strip()
+
+
+def current(root: Path, name: str) -> str:
+    """Return the digest of a file of a checkout's predictors as it is; empty if it is not there."""
     path = root / CODE / name
     if not os.path.lexists(path):
         return ""

@@ -243,8 +243,10 @@ def _check_same(stored: Any, computed: Any, key: str, path: Path) -> None:
     elif isinstance(computed, list) and isinstance(stored, list) and len(stored) == len(computed):
         for i, value in enumerate(computed):
             _check_same(stored[i], value, f"{key}/{i}", path)
-    elif isinstance(computed, float) and isinstance(stored, int | float):
-        if not math.isclose(stored, computed, rel_tol=AGREE, abs_tol=1e-15):
-            raise ResultError(f"{path}: {key} is {stored!r}, its predictions give {computed!r}")
-    elif stored != computed:
+    elif stored != computed and not _is_close(stored, computed):
         raise ResultError(f"{path}: {key} is {stored!r}, its predictions give {computed!r}")
+
+
+def _is_close(stored: Any, computed: Any) -> bool:
+    numbers = isinstance(computed, float) and isinstance(stored, int | float)
+    return numbers and math.isclose(stored, computed, rel_tol=AGREE, abs_tol=1e-15)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -67,8 +65,7 @@ def read(root: Path) -> dict[str, list[dict[str, Any]]]:
 
 def schema() -> dict[str, Any]:
     """Return the JSON Schema of these files; each cost has what a result's has, and more."""
-    text = resources.files("eigbench.results").joinpath("timing.schema.json").read_text()
-    loaded: dict[str, Any] = json.loads(text)
+    loaded = results.schema("timing")
     shared, more = results.schema()["properties"], loaded["$defs"]["row"]["properties"]
     more["sources"] = shared["model"]["properties"]["sources"]
     known = shared["cost"]["properties"]

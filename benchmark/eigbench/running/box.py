@@ -11,6 +11,7 @@ and may make namespaces, else :mod:`eigbench.running.landlock`.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import itertools
 import json
@@ -30,9 +31,9 @@ from eigbench.running import landlock, predictor, supervisor
 from eigbench.scoring import truth
 from synthnet import kernels, store
 from synthnet.store import pins
-from synthnet.types import SPLITS
 
 ROOTS = (Path(synthnet.__path__[0]), Path(__file__).parents[1])  # synthnet and eigbench
+TIME_LIMIT = 3600.0  # seconds
 BUBBLEWRAP, LANDLOCK, NONE = "bubblewrap", "landlock", "none"
 ISOLATED = (
     *("--unshare-all", "--die-with-parent", "--cap-drop", "ALL"),
@@ -67,17 +68,11 @@ def available() -> str:
     """Return the best sandbox that works here: ``bubblewrap``, ``landlock``, or ``none``."""
     if sys.platform != "linux":
         return NONE
-    if _works(["bwrap", *ISOLATED, "--ro-bind", "/", "/", "--", "true"]):
+    command = ["bwrap", *ISOLATED, "--ro-bind", "/", "/", "--", "true"]
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        subprocess.run(command, capture_output=True, check=True, timeout=30)
         return BUBBLEWRAP
     return LANDLOCK if landlock.version() else NONE
-
-
-def _works(command: Sequence[str]) -> bool:
-    try:
-        done = subprocess.run(command, capture_output=True, check=False, timeout=30)
-    except (OSError, subprocess.TimeoutExpired):
-        return False
-    return done.returncode == 0
 
 
 def chosen(sandbox: str) -> str:
@@ -103,6 +98,37 @@ def chosen(sandbox: str) -> str:
     return available()
 
 
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How a predictor's process is run.
+
+    Parameters
+    ----------
+    device : str
+        Handed to the predictor; one beginning with ``cuda`` has the box show the system's.
+    threads : int
+        Threads of BLAS and OpenMP.
+    time_limit : float
+        Most seconds for loading and for a batch.
+    memory_limit : float, optional
+        Most GiB that the process may have in memory (resident, where Linux tells).
+    sandbox : str
+        What holds it; ``none`` lets it do what its user may.
+    readable : sequence of Path
+        Files and directories that the box shows besides the predictor's own.
+    packages : Path, optional
+        A directory of packages that come before the others.
+    """
+
+    device: str = "cpu"
+    threads: int = 1
+    time_limit: float = TIME_LIMIT
+    memory_limit: float | None = None
+    sandbox: str = NONE
+    readable: Sequence[Path] = ()
+    packages: Path | None = None
+
+
 class Box:
     """What one process of a predictor gets: a folder of its own, its rules and its command.
 
@@ -110,32 +136,17 @@ class Box:
 
     Parameters
     ----------
-    kind : str
-        ``bubblewrap`` or ``landlock``.
     file : Path
         The predictor's file.
     training : str
         What it may be trained on: labels of the training and validation shapes are shown.
-    readable : sequence of Path
-        What the user shows besides.
-    packages : Path, optional
-        A directory of packages that come before the others.
-    device : str
-        A device beginning with ``cuda`` shows those of the system.
+    settings : Settings
+        With the sandbox ``bubblewrap`` or ``landlock``.
     """
 
-    def __init__(
-        self,
-        kind: str,
-        file: Path,
-        training: str,
-        *,
-        readable: Sequence[Path] = (),
-        packages: Path | None = None,
-        device: str = "cpu",
-    ) -> None:
-        self.kind = kind
-        self.accelerated = device.startswith("cuda")
+    def __init__(self, file: Path, training: str, settings: Settings) -> None:
+        self.kind = settings.sandbox
+        self.accelerated = settings.device.startswith("cuda")
         self.directory = predictor.split(file)[0].resolve().parent
         self.folder = Path(tempfile.mkdtemp(prefix="eigbench-box-"))
         try:
@@ -150,7 +161,8 @@ class Box:
             self.rules = [
                 *_libraries(),
                 *own,
-                *(Rule(path.resolve()) for path in (*readable, packages) if path is not None),
+                *(Rule(path.resolve()) for path in settings.readable),
+                *([] if settings.packages is None else [Rule(settings.packages.resolve())]),
                 Rule(handed),
             ]
         except BaseException:
@@ -281,19 +293,14 @@ def _handed(training: str) -> dict[str, bytes]:
     labels, limits = pins.read(version), pins.read_limits(version)
     if labels is None:
         return {}
-    used = {
-        id
-        for split in SPLITS
-        if split != "test"
-        for id in truth.load(version, split, protocol).shapes.tolist()
-    }
+    splits = (truth.load(version, split, protocol) for split in ("train", "validation"))
+    used = {id for split in splits for id in split.shapes.tolist()}
     with tempfile.TemporaryDirectory() as made:
-        pins.write(
-            Path(made, pins.labels_file(version)), [labels[id] for id in labels if id in used]
-        )
+        mine = [labels[id] for id in labels if id in used]
+        pins.write(Path(made, pins.labels_file(version)), mine)
         if limits is not None:
-            mine = {id: limits[id] for id in limits if id in used}
-            pins.write_limits(Path(made, pins.limits_file(version)), mine)
+            known = {id: limits[id] for id in limits if id in used}
+            pins.write_limits(Path(made, pins.limits_file(version)), known)
         return {path.name: path.read_bytes() for path in Path(made).iterdir()}
 
 
@@ -321,9 +328,8 @@ def _libraries() -> Iterator[Rule]:
             yield from (Rule(path) for path in sorted(root.parent.glob("*.egg-info")))
         for folder in sorted({path.parent for path in root.rglob("*.parquet")}):
             yield Rule(folder, shown=False)
-            yield from (
-                Rule(path) for path in sorted(folder.iterdir()) if path.suffix != ".parquet"
-            )
+            others = (path for path in sorted(folder.iterdir()) if path.suffix != ".parquet")
+            yield from map(Rule, others)
 
 
 def _own(file: Path) -> Iterator[Rule]:

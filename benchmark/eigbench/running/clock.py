@@ -10,14 +10,14 @@ from __future__ import annotations
 import contextlib
 import secrets
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
-from eigbench.running.box import NONE
+from eigbench.running.box import NONE, Settings
 from eigbench.running.meshes import Instances
 from eigbench.running.process import REFERENCE_FILE, Loaded, PredictorProcess, Status
 from eigbench.scoring.truth import Truth
@@ -33,16 +33,13 @@ class Timed:
     ----------
     path : Path
         Its file.
-    loading : float
-        Seconds until it was loaded.
     seconds, cpu_seconds : ndarray of shape (batches,)
         Wall and CPU seconds of a batch of each size: medians over those of that size.
     loaded, status
-        Its META, and its peak memory and digests.
+        Its META and the seconds of loading it, and its peak memory and digests.
     """
 
     path: Path
-    loading: float
     seconds: NDArray[np.float64]
     cpu_seconds: NDArray[np.float64]
     loaded: Loaded
@@ -56,9 +53,7 @@ def together(
     *,
     batch_size: int,
     repeats: int,
-    time_limit: float,
-    sandbox: str = NONE,
-    readable: Sequence[Path] = (),
+    settings: Settings,
     on_step: Callable[[str], None] = lambda step: None,
 ) -> list[Timed]:
     """Time predictors on one instance of each shape of a truth, one thread each.
@@ -82,14 +77,8 @@ def together(
         processes = []
         for path in paths:
             on_step(f"loading {path.name}")
-            process = PredictorProcess(
-                path,
-                k,
-                training=training,
-                time_limit=time_limit,
-                sandbox=NONE if path == REFERENCE_FILE else sandbox,
-                readable=readable,
-            )
+            held = replace(settings, sandbox=NONE) if path == REFERENCE_FILE else settings
+            process = PredictorProcess(path, k, held, training=training)
             processes.append(stack.enter_context(process))
             process.warm_up(WARM_UP)
         wall = np.empty((repeats, len(paths), len(groups)))
@@ -106,7 +95,6 @@ def together(
         return [
             Timed(
                 path,
-                processes[i].loaded.loading_seconds,
                 np.median(wall[:, i], axis=0),
                 np.median(cpu[:, i], axis=0),
                 processes[i].loaded,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import math
 import secrets
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +17,9 @@ from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
 from eigbench.results.sources import digest
-from eigbench.running.box import NONE
+from eigbench.running.box import TIME_LIMIT, Settings
 from eigbench.running.meshes import Instances
-from eigbench.running.process import (
-    REFERENCE_FILE,
-    Answered,
-    Loaded,
-    PredictorProcess,
-    Status,
-)
+from eigbench.running.process import REFERENCE_FILE, Loaded, PredictorProcess, Status
 from eigbench.scoring.training import DEFAULT, untrained
 from eigbench.scoring.truth import Truth
 from synthnet.store import files
@@ -32,49 +27,30 @@ from synthnet.types import PROTOCOLS, Mesh
 
 WARM_UP = 16  # meshes predicted before the clock counts; none of them is of the split
 REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the same batches
-TIME_LIMIT = 3600.0  # seconds for a batch
 SOURCES = "sources.json"  # of a run that has begun: digests of the predictor's files
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
-    """How to run a predictor.
+class Options(Settings):
+    """How to run a predictor over a split; how its process is run besides.
 
     Parameters
     ----------
-    device : str
-        Handed to the predictor.
     batch_size : int
         Meshes in one call.
     seeds : int
         Runs, with seeds 0, 1, ...
-    threads : int
-        Threads of BLAS and OpenMP in the predictor's process.
-    time_limit : float
-        Most seconds for one batch.
     resume : bool
         Go on from the batches that an interrupted run has left.
     reference : bool
         Time LaPy, on one thread, on the batches that hold the first and the last
         :data:`REFERENCE` meshes of the first seed and training, each right after the predictor.
-    sandbox : str
-        What holds the predictor's process, see :mod:`eigbench.running.box`.
-    readable : tuple of Path
-        What it may read besides its own files.
-    packages : Path, optional
-        A directory of packages that come before the others.
     """
 
-    device: str = "cpu"
     batch_size: int = 200
     seeds: int = 1
-    threads: int = 1
-    time_limit: float = TIME_LIMIT
     resume: bool = False
     reference: bool = False
-    sandbox: str = NONE
-    readable: tuple[Path, ...] = ()
-    packages: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,9 +90,9 @@ def evaluate(
     instances: Instances,
     options: Options,
     parts: Path,
-    on_batch: Callable[[int, float], None] | None = None,
-    on_restart: Callable[[], None] | None = None,
-    on_loaded: Callable[[Loaded], None] | None = None,
+    on_batch: Callable[[int, float], None] = lambda count, seconds: None,
+    on_restart: Callable[[], None] = lambda: None,
+    on_loaded: Callable[[Loaded], None] = lambda loaded: None,
 ) -> Evaluation:
     """Run a predictor over the instances of a split, in an order that is drawn anew.
 
@@ -160,29 +136,30 @@ def evaluate(
             folder = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
             left = folder.exists() and options.resume
             same = _open_parts(folder, _fingerprint(task), path, options.resume)
-            if left and not same and on_restart is not None:
+            if left and not same:
                 on_restart()
             try:
                 run = _run(task, instances, folder, on_batch, on_loaded)
             finally:
                 if not any(parts.glob("*/*.npz")):  # nothing is lost
                     shutil.rmtree(parts, ignore_errors=True)
-            for part in run.parts:
-                predictions[seed, chosen[part.instances]] = part.answered.values
+            for part in run[0]:
+                predictions[seed, chosen[part.instances]] = part.values
             runs.append(run)
-    saved = [part for run in runs for part in run.parts]
+    every, loaded, statuses = zip(*runs, strict=True)
+    saved = [part for mine in every for part in mine]
     return Evaluation(
         predictions=predictions,
-        seconds=np.array([part.answered.seconds for part in saved]),
-        cpu_seconds=np.array([part.answered.cpu_seconds for part in saved]),
+        seconds=np.array([part.seconds for part in saved]),
+        cpu_seconds=np.array([part.cpu_seconds for part in saved]),
         sizes=np.array([len(part.instances) for part in saved]),
         new=np.array([part.new for part in saved]),
         reference_seconds=np.array([part.reference_seconds for part in saved]),
-        loaded=runs[0].loaded,
+        loaded=loaded[0],
         status=Status(
-            max(r.status.peak_bytes for r in runs),
-            {name: digest for run in runs for name, digest in run.status.sources.items()},
-            tuple(dict.fromkeys(attempt for r in runs for attempt in r.status.refused)),
+            max(status.peak_bytes for status in statuses),
+            {name: digest for status in statuses for name, digest in status.sources.items()},
+            tuple(dict.fromkeys(attempt for status in statuses for attempt in status.refused)),
         ),
     )
 
@@ -196,7 +173,7 @@ def predict_meshes(
     training: str = DEFAULT,
 ) -> NDArray[np.float64]:
     """Return the answers, (n, k), for given meshes; as :func:`evaluate`, without keeping them."""
-    with _process(path, k, options, training=training) as process:
+    with PredictorProcess(path, k, options, training=training) as process:
         answers = [
             process.predict(ids[first:last], given[first:last]).values
             for first, last in _batches(len(ids), options.batch_size)
@@ -209,7 +186,8 @@ def _trainings(path: Path, truth: Truth, options: Options) -> list[str]:
     trainings = list(dict.fromkeys(truth.trainings.tolist()))
     if all(training.partition("/")[2] in PROTOCOLS for training in trainings):
         return trainings
-    with _process(path, truth.eigenvalues.shape[1], options, training=trainings[0]) as process:
+    k = truth.eigenvalues.shape[1]
+    with PredictorProcess(path, k, options, training=trainings[0]) as process:
         loaded = process.loaded
     if loaded.trained:
         return trainings
@@ -239,34 +217,29 @@ class _Part:
 
     instances: NDArray[np.int64]
     new: bool
-    answered: Answered
+    values: NDArray[np.float64]
+    seconds: float
+    cpu_seconds: float
     reference_seconds: float = math.nan
-
-
-@dataclass(frozen=True, slots=True)
-class _Run:
-    parts: list[_Part]
-    loaded: Loaded
-    status: Status
 
 
 def _run(
     task: _Task,
     instances: Instances,
     folder: Path,
-    on_batch: Callable[[int, float], None] | None,
-    on_loaded: Callable[[Loaded], None] | None,
-) -> _Run:
+    on_batch: Callable[[int, float], None],
+    on_loaded: Callable[[Loaded], None],
+) -> tuple[list[_Part], Loaded, Status]:
     truth, options = task.truth, task.options
     parts = _read_parts(folder)
     done = sum(len(part.instances) for part in parts)
-    if on_batch is not None and done:
-        on_batch(done, sum(part.answered.seconds for part in parts))
+    if done:
+        on_batch(done, sum(part.seconds for part in parts))
     k = truth.eigenvalues.shape[1]
     with contextlib.ExitStack() as stack:
-        process = stack.enter_context(_process(task.path, k, options, task.seed, task.training))
-        if on_loaded is not None:
-            on_loaded(process.loaded)
+        own = PredictorProcess(task.path, k, options, seed=task.seed, training=task.training)
+        process = stack.enter_context(own)
+        on_loaded(process.loaded)
         if options.seeds > 1 and not process.loaded.seeded:
             raise PredictorError(
                 f"{task.path} takes no seed: define load(device, seed), or leave --seeds out"
@@ -278,11 +251,15 @@ def _run(
         for chosen, new, beside in _batches_of(truth, parts, options):
             batch = [truth.ids[i] for i in chosen]
             given = [instances.mesh(id) for id in batch]
-            part = _Part(chosen, new, process.predict(batch, given))
+            answered = process.predict(batch, given)
+            part = _Part(chosen, new, answered.values, answered.seconds, answered.cpu_seconds)
             if beside:
                 try:
                     if peer is None:
-                        peer = stack.enter_context(_reference_process(k, options))
+                        # The user's limit may be for a fast predictor
+                        alone = Settings(time_limit=max(options.time_limit, TIME_LIMIT))
+                        lapy = PredictorProcess(REFERENCE_FILE, k, alone)
+                        peer = stack.enter_context(lapy)
                         peer.warm_up(warm_up)
                     part = replace(part, reference_seconds=peer.predict(batch, given).seconds)
                 except PredictorError as error:
@@ -292,9 +269,8 @@ def _run(
                     ) from error
             _write_part(folder, len(parts), part)
             parts.append(part)
-            if on_batch is not None:
-                on_batch(len(batch), part.answered.seconds)
-        return _Run(parts, process.loaded, process.status())
+            on_batch(len(batch), part.seconds)
+        return parts, process.loaded, process.status()
 
 
 def _batches_of(
@@ -318,30 +294,6 @@ def _batches_of(
             edge = before + i < REFERENCE or j > len(chosen) - REFERENCE
             batches.append((chosen[i:j], new, options.reference and new and edge))
     return batches
-
-
-def _process(
-    path: Path, k: int, options: Options, seed: int = 0, training: str = DEFAULT
-) -> PredictorProcess:
-    return PredictorProcess(
-        path,
-        k,
-        device=options.device,
-        seed=seed,
-        training=training,
-        threads=options.threads,
-        time_limit=options.time_limit,
-        sandbox=options.sandbox,
-        readable=options.readable,
-        packages=options.packages,
-    )
-
-
-def _reference_process(k: int, options: Options) -> PredictorProcess:
-    limit = max(options.time_limit, TIME_LIMIT)  # the user's may be for a fast predictor
-    alone = replace(options, device="cpu", threads=1, time_limit=limit)
-    alone = replace(alone, sandbox=NONE, packages=None)
-    return _process(REFERENCE_FILE, k, alone)
 
 
 def _batches(count: int, size: int) -> list[tuple[int, int]]:
@@ -393,23 +345,12 @@ def _read_parts(folder: Path) -> list[_Part]:
     parts = []
     for path in sorted(folder.glob("*.npz")):
         with np.load(path, allow_pickle=False) as part:
-            answered = Answered(part["values"], float(part["seconds"]), float(part["cpu_seconds"]))
-            beside = float(part["reference_seconds"])
-            parts.append(_Part(part["instances"], bool(part["new"]), answered, beside))
+            # Of an array without an axis, [()] is its number
+            parts.append(_Part(**{name: part[name][()] for name in part.files}))
     return parts
 
 
 def _write_part(folder: Path, number: int, part: _Part) -> None:
-    def write(to: Path) -> None:
-        with to.open("wb") as file:
-            np.savez(
-                file,
-                instances=part.instances,
-                new=part.new,
-                values=part.answered.values,
-                seconds=part.answered.seconds,
-                cpu_seconds=part.answered.cpu_seconds,
-                reference_seconds=part.reference_seconds,
-            )
-
-    files.write_atomically(folder / f"{number:06d}.npz", write)
+    content = io.BytesIO()
+    np.savez(content, **asdict(part))
+    files.write_bytes(folder / f"{number:06d}.npz", content.getvalue())

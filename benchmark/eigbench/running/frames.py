@@ -29,37 +29,21 @@ MOST = 4 * 2**20  # bytes of a frame of facts
 STEP = 0.1  # seconds between two looks at who does not answer
 ALIGNED = 64  # bytes
 
-_TEXT = {"type": "string", "maxLength": 300}
 _PATHS = {
     "type": "array",
     "maxItems": 10_000,
     "items": {"type": "string", "pattern": r"^[^\x00-\x1f]{1,1000}$"},
 }
-SCHEMAS = {  # of what a predictor's process says of itself
+PROPERTIES: dict[bytes, dict[str, Any]] = {  # of what a predictor's process says of itself
     LOADED: {
-        "type": "object",
-        "properties": {
-            "meta": {"type": "object"},
-            "parameters": {"type": ["integer", "null"], "minimum": 0},
-            "seeded": {"type": "boolean"},
-            "trained": {"type": "boolean"},
-            "accelerator": _TEXT,
-        },
-        "required": ["meta", "parameters", "seeded", "trained", "accelerator"],
-        "additionalProperties": False,
+        "meta": {"type": "object"},
+        "parameters": {"type": ["integer", "null"], "minimum": 0},
+        "seeded": {"type": "boolean"},
+        "trained": {"type": "boolean"},
+        "accelerator": {"type": "string", "maxLength": 300},
     },
-    SOURCES: {
-        "type": "object",
-        "properties": {"files": _PATHS, "attempts": _PATHS},
-        "required": ["files", "attempts"],
-        "additionalProperties": False,
-    },
-    FAILED: {
-        "type": "object",
-        "properties": {"message": {"type": "string"}, "traceback": {"type": "string"}},
-        "required": ["message", "traceback"],
-        "additionalProperties": False,
-    },
+    SOURCES: {"files": _PATHS, "attempts": _PATHS},
+    FAILED: {"message": {"type": "string"}, "traceback": {"type": "string"}},
 }
 
 
@@ -153,9 +137,11 @@ def facts(kind: bytes, body: bytes) -> Any:
     """
     import jsonschema  # as late as here: beside some packages of Jupyter it takes a second
 
+    known = PROPERTIES[kind]
+    schema = {"properties": known, "required": list(known), "additionalProperties": False}
     try:
         content = json.loads(body)
-        jsonschema.validate(content, SCHEMAS[kind])
+        jsonschema.validate(content, {"type": "object", **schema})
     except (ValueError, RecursionError) as error:
         raise FrameError("facts that are no JSON") from error
     except jsonschema.ValidationError as error:

@@ -85,12 +85,10 @@ def restrict(shown: Iterable[Path], listed: Iterable[Path], writable: Sequence[P
         facts.append(0b11)  # sockets without a path, and signals
     attribute = struct.pack(f"={len(facts)}Q", *facts)
     rules = _call(CREATE_RULESET, attribute, len(attribute), 0)
-    for path in shown:
-        _allow(rules, path, READ & every)
-    for path in listed:
-        _allow(rules, path, 1 << READ_DIR)
-    for path in writable:
-        _allow(rules, path, every)
+    granted = ((shown, READ & every), (listed, 1 << READ_DIR), (writable, every))
+    for paths, rights in granted:
+        for path in paths:
+            _allow(rules, path, rights)
     if _libc().prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) or _libc().capset(CAPABILITIES, NO_SETS):
         raise OSError(ctypes.get_errno(), "privileges could not be given up")
     _call(RESTRICT_SELF, rules, 0)

@@ -43,15 +43,8 @@ from synthnet.errors import install, missing, suggestion
 from synthnet.types import Mesh
 
 META_KEYS = (
-    "name",
-    "kind",
-    "authors",
-    "paper",
-    "licence",
-    "training_data",
-    "training_cost",
-    "hardware",
-    "target",
+    *("name", "kind", "authors", "paper", "licence"),
+    *("training_data", "training_cost", "hardware", "target"),
 )
 META_LENGTH = 300
 KINDS = ("trivial", "classical", "learned")
@@ -141,7 +134,6 @@ def _through_a_door(
     try:
         loader = getattr(module, "load", None)
         asked = _asked(loader, arguments, path)
-        _check_parameters(loader, asked, path)
         meta = _meta(module, path, arguments["variant"])
         if callable(function := getattr(module, "predict", None)):
             return Predictor(function, meta, None)
@@ -164,31 +156,29 @@ def _through_a_door(
     )
 
 
-def _check_parameters(loader: Any, asked: Mapping[str, str], path: Path) -> None:
-    """Check that a function ``load``, if there is one, takes a device and a seed."""
-    if not inspect.isfunction(loader):
-        return
-    signature = inspect.signature(loader)
-    try:
-        signature.bind("cpu", 0, **asked)
-    except TypeError as error:
-        raise PredictorError(
-            f"{path}: load{signature} cannot be called as load(device, seed): {error}"
-        ) from error
-
-
 def _asked(loader: Any, arguments: Mapping[str, str], path: Path) -> dict[str, str]:
-    """Return those of the arguments that a function takes; a variant must be among them."""
+    """Return those of the arguments that ``load`` takes; a variant must be among them.
+
+    A function, if it is one, must take a device and a seed besides.
+    """
     try:
-        parameters = set(inspect.signature(loader).parameters)
+        signature = inspect.signature(loader)
     except (TypeError, ValueError):  # it is no function, or one without a signature
-        parameters = set()
-    variant = arguments["variant"]
+        signature = inspect.Signature()
+    parameters, variant = signature.parameters, arguments["variant"]
     if variant and "variant" not in parameters:
         raise PredictorError(f"{path} has no variants: leave out :{variant}")
     if not variant and "variant" in parameters:
         raise PredictorError(f"{path} is a family of predictors: name one, {path.name}:NAME")
-    return {name: value for name, value in arguments.items() if name in parameters}
+    asked = {name: value for name, value in arguments.items() if name in parameters}
+    try:
+        if inspect.isfunction(loader):
+            signature.bind("cpu", 0, **asked)
+    except TypeError as error:
+        raise PredictorError(
+            f"{path}: load{signature} cannot be called as load(device, seed): {error}"
+        ) from error
+    return asked
 
 
 def sources(path: Path, roots: Sequence[Path]) -> list[str]:

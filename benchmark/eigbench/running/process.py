@@ -12,7 +12,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, BinaryIO, NoReturn, Self
 
 import numpy as np
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 from eigbench.errors import Died, OverMemory, OverTime, PredictorError
 from eigbench.results.sources import digest
 from eigbench.running import frames, predictor, supervisor, tree
-from eigbench.running.box import BUBBLEWRAP, NONE, Box
+from eigbench.running.box import BUBBLEWRAP, NONE, Box, Settings
 from eigbench.running.meshes import warming
 from eigbench.running.worker import Job
 from eigbench.scoring.training import DEFAULT
@@ -87,20 +86,10 @@ class PredictorProcess:
         The predictor's file.
     k : int
         Number of eigenvalues.
-    time_limit : float
-        Most seconds for loading and for a batch.
-    device, seed, training
+    settings : Settings
+        How it is run. ``time_limit`` of the process may be set to another one later.
+    seed, training
         Handed to the predictor.
-    threads : int
-        Threads of BLAS and OpenMP.
-    memory_limit : int, optional
-        Most bytes that the process may have in memory (resident, where Linux tells).
-    sandbox : str
-        What holds it, see :mod:`eigbench.running.box`; ``none`` lets it do what its user may.
-    readable : sequence of Path
-        Files and directories that the box shows besides the predictor's own.
-    packages : Path, optional
-        A directory of packages that come before the others.
 
     Raises
     ------
@@ -111,31 +100,19 @@ class PredictorProcess:
     """
 
     def __init__(
-        self,
-        path: Path,
-        k: int,
-        *,
-        time_limit: float,
-        device: str = "cpu",
-        seed: int = 0,
-        training: str = DEFAULT,
-        threads: int = 1,
-        memory_limit: int | None = None,
-        sandbox: str = NONE,
-        readable: Sequence[Path] = (),
-        packages: Path | None = None,
+        self, path: Path, k: int, settings: Settings, *, seed: int = 0, training: str = DEFAULT
     ) -> None:
         predictor.check_file(path)  # a box has no way to say that there is none
-        path = path if sandbox == NONE else path.resolve()  # its working directory is another
-        self.job = Job(str(path), device, seed, training, k, watched=sandbox != NONE)
-        self.threads, self.time_limit = threads, time_limit
-        self.memory_limit = memory_limit
-        self.sandbox, self.readable, self.packages = sandbox, tuple(readable), packages
+        self.boxed = settings.sandbox != NONE
+        path = path.resolve() if self.boxed else path  # a box has another working directory
+        self.job = Job(str(path), settings.device, seed, training, k, watched=self.boxed)
+        self.settings, self.time_limit = settings, settings.time_limit
         self.loaded: Loaded
 
     def __enter__(self) -> Self:
         """Start the process and wait until the predictor is loaded."""
-        self._box = self._boxed()
+        path, training = Path(self.job.path), self.job.training
+        self._box = Box(path, training, self.settings) if self.boxed else None
         own, other = socket.socketpair()
         self._channel = frames.Channel(own)
         self._peak, self._looked = 0, time.monotonic()
@@ -156,7 +133,7 @@ class PredictorProcess:
             self._channel.send(frames.JOB, json.dumps(asdict(self.job)).encode())
             facts = self._facts(frames.LOADED, "while loading")
             loading = time.perf_counter() - start
-            meta = predictor.checked_meta(facts.pop("meta"), Path(self.job.path))
+            meta = predictor.checked_meta(facts.pop("meta"), path)
             self.loaded = Loaded(meta=meta, loading_seconds=loading, **facts)
         except BaseException:
             self.__exit__(None, None, None)
@@ -169,9 +146,8 @@ class PredictorProcess:
         The clock runs here, from the moment the meshes can be seen there to that when the answer
         has come and is found to be of the right form.
         """
-        return self._answer(
-            meshes, f"on the batch of {len(ids)} that begins with {', '.join(ids[:3])}"
-        )
+        first = ", ".join(ids[:3])
+        return self._answer(meshes, f"on the batch of {len(ids)} that begins with {first}")
 
     def warm_up(self, count: int) -> None:
         """Ask for some meshes of no dataset, so that what happens once has happened."""
@@ -186,9 +162,7 @@ class PredictorProcess:
             answer = self._receive(frames.ANSWER, at, most=size)
             if len(answer) != size:
                 raise self._garbled(at, f"an answer of {len(answer):,} bytes")
-            values = (
-                np.frombuffer(answer, "<f8").reshape(len(meshes), self.job.k).astype(np.float64)
-            )
+            values = np.frombuffer(answer, "<f8").reshape(-1, self.job.k).astype(np.float64)
             seconds = time.perf_counter() - start
         return Answered(values, seconds, self._meter.read() - cpu)
 
@@ -221,22 +195,10 @@ class PredictorProcess:
         """Return the digests of the files that the user shows to the predictor, by their names."""
         return {
             file.relative_to(path.parent).as_posix(): digest(file)
-            for path in self.readable
+            for path in self.settings.readable
             for file in (sorted(path.rglob("*")) if path.is_dir() else [path])
             if file.is_file()
         }
-
-    def _boxed(self) -> Box | None:
-        if self.sandbox == NONE:
-            return None
-        return Box(
-            self.sandbox,
-            Path(self.job.path),
-            self.job.training,
-            readable=self.readable,
-            packages=self.packages,
-            device=self.job.device,
-        )
 
     def _command(self, descriptor: int) -> list[str]:
         if self._box is not None:
@@ -246,9 +208,10 @@ class PredictorProcess:
     def _environment(self) -> dict[str, str]:
         """Return the variables of the process: modules are found as here, threads are counted."""
         path = os.pathsep.join(filter(None, sys.path))
-        threads = dict.fromkeys(THREAD_VARIABLES, str(self.threads))
-        packages = "" if self.packages is None else str(self.packages.resolve())
-        variables = {**os.environ, "PYTHONPATH": path, supervisor.PACKAGES: packages, **threads}
+        threads = dict.fromkeys(THREAD_VARIABLES, str(self.settings.threads))
+        packages = self.settings.packages
+        own = "" if packages is None else str(packages.resolve())
+        variables = {**os.environ, "PYTHONPATH": path, supervisor.PACKAGES: own, **threads}
         return variables if self._box is None else self._box.environment(variables)
 
     def _send(self, kind: bytes, body: bytes, at: str, file: BinaryIO | None = None) -> None:
@@ -258,7 +221,9 @@ class PredictorProcess:
             raise self._died(at) from None
 
     def _facts(self, kind: bytes, at: str) -> Any:
-        body = self._receive(kind, at, most=frames.MOST)
+        return self._checked(kind, self._receive(kind, at, most=frames.MOST), at)
+
+    def _checked(self, kind: bytes, body: bytes, at: str) -> Any:
         try:
             return frames.facts(kind, body)
         except frames.FrameError as error:
@@ -273,14 +238,14 @@ class PredictorProcess:
                 raise OverTime(
                     f"the predictor took more than {self.time_limit:g} s {at}: raise --time-limit"
                 )
-            limit, now = self.memory_limit, time.monotonic()
+            limit, now = self.settings.memory_limit, time.monotonic()
             if limit is None and now < self._looked + GLANCE:
                 return
             self._looked = now
             self._look()
-            if limit is not None and self._peak > limit:
+            if limit is not None and self._peak > limit * 2**30:
                 raise OverMemory(
-                    f"the predictor took more than {limit / 2**30:g} GiB {at}: raise --memory-limit"
+                    f"the predictor took more than {limit:g} GiB {at}: raise --memory-limit"
                 )
 
         try:
@@ -299,10 +264,7 @@ class PredictorProcess:
 
     def _fail(self, body: bytes, at: str) -> NoReturn:
         """Raise what the predictor's process says went wrong."""
-        try:
-            facts = frames.facts(frames.FAILED, body)
-        except frames.FrameError as error:
-            raise self._garbled(at, str(error)) from error
+        facts = self._checked(frames.FAILED, body, at)
         message = " ".join(printable(facts["message"]).split())
         if self._box is not None and any(sign in message for sign in REFUSALS):
             message += REFUSED
@@ -331,18 +293,13 @@ class PredictorProcess:
                 f"the predictor's process closed its connection {at} and went on: its code must "
                 "not close the files and sockets that it has not opened"
             )
-        if self.sandbox == BUBBLEWRAP and code > SIGNALLED:
+        if self.settings.sandbox == BUBBLEWRAP and code > SIGNALLED:
             code = SIGNALLED - code
         return Died(
             f"the predictor's process died {at} (exit code {code}; -9 is often lack of memory)"
         )
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         """End the process and all that it has started, whatever they do."""
         self._channel.close()
         for end in (None, self._process.terminate, self._kill):

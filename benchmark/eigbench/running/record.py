@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import subprocess
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
@@ -14,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.results import SCHEMA_VERSION, dataset_facts, overused
+from eigbench.results.sources import git
 from eigbench.running import predictor
 from eigbench.running.evaluate import Evaluation, Options
+from eigbench.running.process import Loaded, Status
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRIC_VERSION
 from eigbench.scoring.truth import Truth
@@ -55,12 +56,7 @@ def make(
         "schema_version": SCHEMA_VERSION,
         "metric_version": METRIC_VERSION,
         "partial": partial,
-        "model": {
-            **evaluation.loaded.meta,
-            "code": code.name,
-            "sources": evaluation.status.sources,
-            "parameters": evaluation.loaded.parameters,
-        },
+        "model": model(code, evaluation.loaded, evaluation.status),
         "dataset": dataset_facts(truth),
         "predictions": {"sha256": sha256(predictions), "seeds": len(evaluation.predictions)},
         "scores": scores.of_targets(truth, evaluation.predictions),
@@ -70,6 +66,12 @@ def make(
         "sandbox": options.sandbox,
         **checkout(code),
     }
+
+
+def model(code: Path, loaded: Loaded, status: Status) -> dict[str, Any]:
+    """Return what a result says of its predictor: META, files and parameters."""
+    files = {"code": code.name, "sources": status.sources}
+    return {**loaded.meta, **files, "parameters": loaded.parameters}
 
 
 def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
@@ -89,7 +91,7 @@ def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
         "threads": options.threads,
         "device": options.device,
         "peak_memory_mb": evaluation.status.peak_bytes / 2**20,
-        "hardware": ", ".join(filter(None, [evaluation.loaded.accelerator, hardware()])),
+        "hardware": hardware(evaluation.loaded.accelerator),
         "reference": beside_reference(evaluation),
     }
 
@@ -154,7 +156,7 @@ def beside_reference(evaluation: Evaluation) -> dict[str, Any] | None:
     }
 
 
-def hardware() -> str:
+def hardware(accelerator: str = "") -> str:
     """Return a label of this machine: times are compared only where it is the same.
 
     The model's name alone will not do: a virtual machine's "AMD EPYC" may be of any
@@ -166,7 +168,8 @@ def hardware() -> str:
         lines = [line for line in info.read_text().splitlines() if line.startswith("model name")]
         model = lines[0].partition(":")[2].strip() if lines else model
     kind = processor().rpartition("-")[0]
-    return f"{model} ({kind}), {os.cpu_count()} cores"
+    host = f"{model} ({kind}), {os.cpu_count()} cores"
+    return f"{accelerator}, {host}" if accelerator else host
 
 
 def checkout(code: Path) -> dict[str, Any]:
@@ -175,24 +178,12 @@ def checkout(code: Path) -> dict[str, Any]:
     ``dirty``: a tracked file of the checkout differs from the commit, or that lacks the predictor.
     """
     file, _ = predictor.split(code)
-
-    def git(*command: str) -> str | None:
-        try:
-            done = subprocess.run(
-                ["git", "-C", str(file.resolve().parent), *command],
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-        except OSError:  # git is not installed
-            return None
-        return None if done.returncode else done.stdout.strip()
-
-    commit = git("rev-parse", "--verify", "HEAD")
+    folder = file.resolve().parent
+    commit = git(folder, "rev-parse", "--verify", "HEAD")
     if commit is None:
         return {}
-    changed = git("status", "--porcelain", "--untracked-files=no")
-    untracked = git("ls-files", "--error-unmatch", "--", file.name) is None
+    changed = git(folder, "status", "--porcelain", "--untracked-files=no")
+    untracked = git(folder, "ls-files", "--error-unmatch", "--", file.name) is None
     return {"checkout": {"commit": commit, "dirty": changed != "" or untracked}}
 
 

@@ -114,10 +114,8 @@ def resident_bytes(below: list[psutil.Process]) -> int:
     """Return the memory that processes use now; what they share counts for each."""
     total = 0
     for process in below:
-        try:
+        with contextlib.suppress(psutil.NoSuchProcess):
             total += process.memory_info().rss
-        except psutil.NoSuchProcess:
-            continue
     return total
 
 

@@ -24,6 +24,7 @@ from synthnet.types import Mesh
 
 LONGEST, LONGEST_PATH = 10_000, 900  # letters of a message, and of a path
 MOST_ATTEMPTS = 1000
+FACTS = ("meta", "parameters", "seeded", "trained")  # of a predictor that is loaded
 WATCHED = {  # Python's audit events, and what they are here
     **dict.fromkeys(("open", "os.listdir", "os.scandir"), "read"),
     **dict.fromkeys(("os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.truncate"), "write"),
@@ -61,7 +62,8 @@ def work(descriptor: int) -> None:
             loaded = predictor.load(
                 Path(job.path), device=job.device, seed=job.seed, training=job.training
             )
-            _tell(channel, frames.LOADED, _facts(loaded, accelerator))
+            facts = {name: getattr(loaded, name) for name in FACTS}
+            _tell(channel, frames.LOADED, {**facts, "accelerator": accelerator})
             while True:
                 kind, body, file = channel.receive()
                 if kind == frames.CLOSING:
@@ -114,16 +116,6 @@ def _attempts() -> dict[str, None]:
 
 def _writes(flags: Any) -> bool:
     return isinstance(flags, int) and bool(flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
-
-
-def _facts(loaded: predictor.Predictor, accelerator: str) -> dict[str, Any]:
-    return {
-        "meta": loaded.meta,
-        "parameters": loaded.parameters,
-        "seeded": loaded.seeded,
-        "trained": loaded.trained,
-        "accelerator": accelerator,
-    }
 
 
 def _answer(loaded: predictor.Predictor, meshes: Sequence[Mesh], job: Job) -> NDArray[np.float64]:

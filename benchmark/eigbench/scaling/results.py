@@ -124,9 +124,8 @@ def validate(result: Any, path: Path) -> None:
             raise ResultError(f"{path}: {key} has wall times and CPU times of other numbers")
         if max(mesh["seconds"], default=0) > mesh["time_limit"] + GRACE:
             raise ResultError(f"{path}: {key} is answered later than its time limit")
-    wall, cpu = (
-        sum(sum(mesh[kind]) for mesh in result["meshes"]) for kind in ("seconds", "cpu_seconds")
-    )
+    wall = sum(sum(mesh["seconds"]) for mesh in result["meshes"])
+    cpu = sum(sum(mesh["cpu_seconds"]) for mesh in result["meshes"])
     used = {"cores_used": cpu / wall if wall else 0.0, "threads": result["cost"]["threads"]}
     if results.overused(used):
         raise ResultError(

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, PredictorError
-from eigbench.running import record
-from eigbench.running.box import NONE
+from eigbench.running import box, record
 from eigbench.running.process import REFERENCE_FILE, Answered, PredictorProcess
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
@@ -26,38 +25,24 @@ from synthnet.types import Mesh
 REPEATS = 5  # calls on a mesh at most; their median is the time
 ENOUGH = 5.0  # seconds in all after which a mesh is not repeated
 LOADING = 600.0  # seconds that loading and warming up may take, whatever the limit of a mesh
-PATIENCE = 3600.0  # seconds that LaPy may take on such a mesh
+ALONE = box.Settings(time_limit=3600.0)  # how LaPy is run beside a predictor, on one thread
 TRAINING = "2.0/grouped"  # of predictors that are trained: it has meshes up to 100,000 vertices
 OUTCOMES = {OverTime: "over time", OverMemory: "over memory", Died: "died"}
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
-    """How to run a predictor.
+class Settings(box.Settings):
+    """How to run a predictor, with limits of time and memory for a mesh.
 
     Parameters
     ----------
-    device : str
-        Handed to the predictor.
-    threads : int
-        Threads of BLAS and OpenMP in the predictor's process.
-    time_limit : float
-        Most seconds for a mesh.
-    memory_limit : float
-        Most GiB of the predictor's process.
     resume : bool
         Keep the meshes of an earlier result at the same path, and add those that it lacks.
-    sandbox, readable
-        As of :class:`~eigbench.running.process.PredictorProcess`.
     """
 
-    device: str = "cpu"
-    threads: int = 1
     time_limit: float = 600.0
     memory_limit: float = 16.0
     resume: bool = False
-    sandbox: str = NONE
-    readable: tuple[Path, ...] = ()
 
 
 def run(
@@ -107,12 +92,14 @@ def run(
             entry = _measured(path, expected, mesh, settings)
             if expected.size <= surfaces.TIMED_BESIDE:
                 if peer is None:
-                    peer = stack.enter_context(_reference())
+                    lapy = PredictorProcess(REFERENCE_FILE, surfaces.K, ALONE)
+                    peer = stack.enter_context(lapy)
+                    peer.warm_up(1)
                 answers = _repeated(peer, expected.pin.id, mesh)
                 entry["reference_seconds"] = float(np.median([a.seconds for a in answers]))
             done[expected.surface, expected.size] = entry
-            order = {surface: i for i, surface in enumerate(surfaces.SURFACES)}
-            keys = sorted(done, key=lambda key: (key[1], order[key[0]]))
+            order = list(surfaces.SURFACES)
+            keys = sorted(done, key=lambda key: (key[1], order.index(key[0])))
             result["meshes"] = [done[key] for key in keys]
             scaling_results.write(out, result)
     return result if "meshes" in result else scaling_results.read(out).result
@@ -125,16 +112,11 @@ def _described(path: Path, settings: Settings) -> dict[str, Any]:
         loaded, status = process.loaded, process.status()
     return {
         "scaling_version": scaling_results.VERSION,
-        "model": {
-            **loaded.meta,
-            "code": path.name,
-            "sources": status.sources,
-            "parameters": loaded.parameters,
-        },
+        "model": record.model(path, loaded, status),
         "cost": {
             "threads": settings.threads,
             "device": settings.device,
-            "hardware": ", ".join(filter(None, [loaded.accelerator, record.hardware()])),
+            "hardware": record.hardware(loaded.accelerator),
         },
         "environment": record.environment(),
         **record.checkout(path),
@@ -150,19 +132,18 @@ def _done(
         before, now = earlier.result[part], result[part]
         for name in sorted(before.keys() | now.keys()):
             if before.get(name) != now.get(name):
-                raise EigbenchError(
-                    f"{out} was made with another {name} ({part}): give another --out"
-                )
+                problem = f"was made with another {name} ({part})"
+                raise EigbenchError(f"{out} {problem}: give another --out")
     again = {
         "over time": ("time_limit", settings.time_limit),
         "over memory": ("memory_limit_gib", settings.memory_limit),
     }
-    kept = {}
-    for key, mesh in earlier.meshes.items():
+
+    def stays(mesh: dict[str, Any]) -> bool:
         name, limit = again.get(mesh["outcome"], ("time_limit", 0.0))
-        if mesh[name] >= limit:
-            kept[key] = mesh
-    return kept
+        return bool(mesh[name] >= limit)
+
+    return {key: mesh for key, mesh in earlier.meshes.items() if stays(mesh)}
 
 
 def _measured(
@@ -193,9 +174,8 @@ def _measured(
         detail = " ".join(str(error).split())[:300]
         return {**entry, "outcome": OUTCOMES.get(type(error), "failed"), "detail": detail}
     values = answers[0].values[0]
-    if not (np.isfinite(values).all() and (values > 0).all()):
-        wrong = "the answer is not finite and positive"
-        return {**entry, "outcome": "failed", "detail": wrong}
+    if not (np.isfinite(values) & (values > 0)).all():
+        return {**entry, "outcome": "failed", "detail": "the answer is not finite and positive"}
     return {
         **entry,
         "eigenvalues": values.tolist(),
@@ -214,22 +194,5 @@ def _repeated(process: PredictorProcess, id: str, mesh: Mesh) -> list[Answered]:
 
 def _process(path: Path, settings: Settings) -> PredictorProcess:
     """Return the predictor's process, its time not limited to that of a mesh yet."""
-    return PredictorProcess(
-        path,
-        surfaces.K,
-        device=settings.device,
-        training=TRAINING,
-        threads=settings.threads,
-        time_limit=max(settings.time_limit, LOADING),
-        memory_limit=int(settings.memory_limit * 2**30),
-        sandbox=settings.sandbox,
-        readable=settings.readable,
-    )
-
-
-@contextlib.contextmanager
-def _reference() -> Any:
-    """Load LaPy on one thread: every result is timed beside it."""
-    with PredictorProcess(REFERENCE_FILE, surfaces.K, time_limit=PATIENCE) as peer:
-        peer.warm_up(1)
-        yield peer
+    patient = replace(settings, time_limit=max(settings.time_limit, LOADING))
+    return PredictorProcess(path, surfaces.K, patient, training=TRAINING)

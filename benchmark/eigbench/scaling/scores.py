@@ -88,20 +88,21 @@ def seconds(mesh: Mapping[str, Any]) -> float:
 
 def error(mesh: Mapping[str, Any]) -> float:
     """Return the mean relative error of an answer against the mesh's label."""
-    label = surfaces.pinned(mesh["surface"], mesh["size"]).label
-    return surfaces.relative_error(np.array(mesh["eigenvalues"]), label)
+    return surfaces.relative_error(np.array(mesh["eigenvalues"]), _pinned(mesh).label)
 
 
 def distance(mesh: Mapping[str, Any]) -> float:
     """Return the mean relative error of an answer against the surface's spectrum."""
-    limit = surfaces.pinned(mesh["surface"], mesh["size"]).limit
-    return surfaces.relative_error(np.array(mesh["eigenvalues"]), limit)
+    return surfaces.relative_error(np.array(mesh["eigenvalues"]), _pinned(mesh).limit)
 
 
 def is_exact(mesh: Mapping[str, Any]) -> bool:
     """Return whether an answer is the label, but for rounding."""
-    label = surfaces.pinned(mesh["surface"], mesh["size"]).label
-    return bool(np.max(np.abs(np.array(mesh["eigenvalues"]) / label - 1)) <= EXACT)
+    return bool(np.max(np.abs(np.array(mesh["eigenvalues"]) / _pinned(mesh).label - 1)) <= EXACT)
+
+
+def _pinned(mesh: Mapping[str, Any]) -> surfaces.Pinned:
+    return surfaces.pinned(mesh["surface"], mesh["size"])
 
 
 def medians(row: Scaled, size: int) -> Medians:

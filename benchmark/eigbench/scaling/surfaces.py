@@ -13,9 +13,9 @@ the label than that is as good as the label.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -38,36 +38,21 @@ Array = NDArray[np.float64]
 K = 10
 # Nominal vertices: a mesh has the nearest count that its triangulation allows.
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
-# By family, so that the name says which surface is meant. The three triangulations take turns, so
-# that neither uniform nor graded meshes decide alone.
+# Family, triangulation and parameters; its number is its seed. The three triangulations take turns,
+# so that neither uniform nor graded meshes decide alone.
+CHOSEN: Sequence[tuple[str, str, Parameters]] = (
+    ("ellipsoid", "uniform", {"a": 1.0, "b": 0.8, "c": 0.55}),
+    ("twisted_torus", "irregular", {"tube_radius": 0.35, "flatness": 0.6, "half_turns": 3}),
+    ("pretzel", "uniform",
+     {"genus": 3, "hole": 0.5, "thickness": 0.4, "stretch": 0.8, "bend": 0.5}),
+    ("blob", "irregular", {"amplitude": 1.0, "degree": 6, "form": 3}),
+    ("extruded_star", "uniform", {"corners": 5, "depth": 0.5, "height": 0.8, "form": 0}),
+    ("open_cylinder", "adaptive", {"height": 2.0}),
+)  # fmt: skip
+# By family, so that the name says which surface is meant.
 SURFACES: Mapping[str, Parameters] = {
-    "ellipsoid": {"a": 1.0, "b": 0.8, "c": 0.55, "triangulation": "uniform", "seed": 0},
-    "twisted_torus": {
-        "tube_radius": 0.35,
-        "flatness": 0.6,
-        "half_turns": 3,
-        "triangulation": "irregular",
-        "seed": 1,
-    },
-    "pretzel": {
-        "genus": 3,
-        "hole": 0.5,
-        "thickness": 0.4,
-        "stretch": 0.8,
-        "bend": 0.5,
-        "triangulation": "uniform",
-        "seed": 2,
-    },
-    "blob": {"amplitude": 1.0, "degree": 6, "form": 3, "triangulation": "irregular", "seed": 3},
-    "extruded_star": {
-        "corners": 5,
-        "depth": 0.5,
-        "height": 0.8,
-        "form": 0,
-        "triangulation": "uniform",
-        "seed": 4,
-    },
-    "open_cylinder": {"height": 2.0, "triangulation": "adaptive", "seed": 5},
+    family: {**parameters, "triangulation": triangulation, "seed": seed}
+    for seed, (family, triangulation, parameters) in enumerate(CHOSEN)
 }
 # Family.at_level gives 64,000, 256,000 and 1,000,000 vertices at these, graded towards singular
 # corners. The limit follows from the last two; the limit of the two before bounds its error, h⁴.
@@ -246,10 +231,7 @@ def write(path: Path, entries: Iterable[Pinned]) -> None:
     order = {surface: rank for rank, surface in enumerate(SURFACES)}
     rows = sorted(entries, key=lambda entry: (entry.size, order[entry.surface]))
     table = pa.Table.from_pylist([_to_row(entry) for entry in rows], schema=_SCHEMA)
-
-    def store(partial: Path) -> None:
-        pq.write_table(table, partial, compression="zstd", use_dictionary=False)
-
+    store = partial(pq.write_table, table, compression="zstd", use_dictionary=False)
     write_atomically(path, store)
 
 
@@ -281,9 +263,9 @@ def _to_row(entry: Pinned) -> dict[str, object]:
 
 def _from_row(row: Mapping[str, Any]) -> Pinned:
     arrays = {name: np.array(value) for name, value in row.items() if isinstance(value, list)}
-    surface, size = row["surface"], row["size"]
+    surface, size, vertices = row["surface"], row["size"], row["vertices"]
     certificate = Certificate(row["count"], row["shift"], row["residual"])
-    id, moments, label = f"{surface}-{size}", arrays["moments"], arrays["eigenvalues"]
-    pin = pins.Pin(id, row["digest"], moments, label)
-    limit, error = arrays["limit"], arrays["limit_error"]
-    return Pinned(surface, size, row["vertices"], pin, certificate, limit, error)
+    moments, label = arrays["moments"], arrays["eigenvalues"]
+    pin = pins.Pin(f"{surface}-{size}", row["digest"], moments, label)
+    limits = arrays["limit"], arrays["limit_error"]
+    return Pinned(surface, size, vertices, pin, certificate, *limits)

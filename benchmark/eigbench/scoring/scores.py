@@ -16,12 +16,6 @@ DIGITS = 3  # of the scores of a sealed set
 CERTAIN = 3.0  # rule of three: where n of n succeed, the failing share is below 3/n, at 95 %
 
 
-def per_mesh(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-    """Return every metric of every prediction, shape (seeds, n), by the metric's key."""
-    settled = targets.settled(truth, predictions)
-    return {key: _values(truth, settled, key) for key in METRICS}
-
-
 def of_metric(truth: Truth, predictions: NDArray[np.float64], key: str) -> NDArray[np.float64]:
     """Return one metric of every prediction, shape (seeds, n); those within the bar are exact."""
     return _values(truth, targets.settled(truth, predictions), key)
@@ -87,7 +81,7 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
     (0.4762, 0.1)
     """
     settled = targets.settled(truth, predictions)
-    values = per_mesh(truth, predictions)
+    values = {key: _values(truth, settled, key) for key in METRICS}
     families = {
         family: _family(truth, values, family) for family in sorted(set(truth.families.tolist()))
     }
@@ -99,10 +93,7 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
     }
     with np.errstate(invalid="ignore", over="ignore"):
         relative = np.abs(settled - truth.eigenvalues) / truth.eigenvalues
-    per_index = [
-        {"mean": _number(relative[..., i].mean()), "median": _number(np.median(relative[..., i]))}
-        for i in range(relative.shape[-1])
-    ]
+    per_index = [_middles(relative[..., i]) for i in range(relative.shape[-1])]
     exact = float((relative == 0).all(axis=-1).mean())
     return {"overall": overall, "families": families, "per_index": per_index, "exact": exact}
 
@@ -132,14 +123,12 @@ def _family(truth: Truth, values: dict[str, NDArray[np.float64]], family: str) -
     return {
         "count": int(mine.sum()),
         "shapes": len(set(truth.groups[mine].tolist())),
-        **{
-            key: {
-                "mean": _number(table[:, mine].mean()),
-                "median": _number(np.median(table[:, mine])),
-            }
-            for key, table in values.items()
-        },
+        **{key: _middles(table[:, mine]) for key, table in values.items()},
     }
+
+
+def _middles(values: NDArray[np.float64]) -> dict[str, float | None]:
+    return {"mean": _number(values.mean()), "median": _number(np.median(values))}
 
 
 def _mean_of(means: list[float | None]) -> float | None:

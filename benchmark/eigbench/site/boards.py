@@ -10,12 +10,11 @@ from eigbench import results
 from eigbench.board import generalisation, leaderboard, page, ranked_columns, ranking
 from eigbench.board.columns import Group, six_digits
 from eigbench.board.generalisation import Board
-from eigbench.board.ranked_columns import KIND, MODEL, RANK
+from eigbench.board.ranked_columns import RANK
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.results.submission import Submission
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import MAIN
-from eigbench.scoring.training import untrained
 from eigbench.scoring.truth import Truth
 from eigbench.site import columns
 
@@ -87,18 +86,11 @@ def shown(submissions: Sequence[Submission]) -> list[Shown]:
 
 def _under(board: Board, protocol: str) -> Iterator[Submission]:
     """Yield the models scored under a protocol, with the times of the protocol ``grouped``."""
-    ran = {submission.slug: submission for submission in board.held_out.get(protocol, ())}
-    for row in board.rows:
-        model = row.submission
-        if own := ran.get(model.slug):
-            result = {**own.result, "cost": model.result["cost"]}
-            yield replace(own, result=result)
-        elif untrained(model.result["model"]) and _is_known(board, model, protocol):
+    for model in (row.submission for row in board.rows):
+        if own := board.submitted(model, protocol):
+            yield replace(own, result={**own.result, "cost": model.result["cost"]})
+        elif board.scored(model, protocol, RANKED_BY).score is not None:  # it is not trained
             yield restricted(model, generalisation.tested(board.version, protocol, model.target))
-
-
-def _is_known(board: Board, model: Submission, protocol: str) -> bool:
-    return board.scored(model, protocol, RANKED_BY).score is not None
 
 
 def restricted(model: Submission, labels: Truth) -> Submission:
@@ -122,15 +114,7 @@ def contents(board: Shown) -> tuple[dict[str, Any], dict[str, Any]]:
     shown = {column.key for column in first}
     later = [column for column in columns.of(groups) if column.key not in shown]
     rows = [
-        {
-            "slug": row.submission.slug,
-            "name": MODEL.cell(row)[0],
-            "kind": KIND.cell(row)[0],
-            "training": results.declared(row.submission.result, "training_data"),
-            "setting": results.setting(row.submission.result),
-            "cells": columns.cells(row, first),
-        }
-        for row in board.rows
+        columns.entry(row, row.submission.slug, row.submission.result, first) for row in board.rows
     ]
     head = {"key": board.key, "kind": "board", "title": page.title(board.rows)}
     views = {"columns": columns.heads(first), "groups": columns.views(groups)}

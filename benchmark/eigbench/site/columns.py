@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from eigbench import results
 from eigbench.board.columns import Cell, Column, Group, Row
 
 
@@ -29,6 +30,20 @@ def views(groups: Iterable[Group[Row]]) -> list[dict[str, Any]]:
 def cells(row: Row, columns: Iterable[Column[Row]]) -> dict[str, Cell]:
     """Return a row's cells by the keys of their columns."""
     return {column.key: column.cell(row) for column in columns}
+
+
+def entry(
+    row: Row, slug: str, result: dict[str, Any], shown: Iterable[Column[Row]]
+) -> dict[str, Any]:
+    """Return what the page's table has of a row."""
+    return {
+        "slug": slug,
+        "name": result["model"]["name"],
+        "kind": result["model"]["kind"],
+        "training": results.declared(result, "training_data"),
+        "setting": results.setting(result),
+        "cells": cells(row, shown),
+    }
 
 
 def of(groups: Iterable[Group[Row]], fixed: Sequence[Column[Row]] = ()) -> list[Column[Row]]:

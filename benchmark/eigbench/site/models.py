@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from eigbench.board import page
-from eigbench.board.columns import Cell, six_digits
+from eigbench.board.columns import Cell, of_score, six_digits
 from eigbench.board.cost_columns import speed
 from eigbench.board.ranked_columns import KIND
-from eigbench.board.ranking import RANKED_BY, Ranked, count_ranked
-from eigbench.board.tables import deviation, family_title, in_order, score, with_uncertainty
+from eigbench.board.ranking import RANKED_BY, Apart, Ranked, count_ranked
+from eigbench.board.tables import deviation, family_title, in_order, with_uncertainty
 from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
 from eigbench.scoring.physics import SHARES, TITLES
@@ -36,9 +36,8 @@ def contents(shown: Sequence[Shown], scaled: Sequence[Scaled]) -> dict[str, dict
             models[entry.slug] = _only_scaled(entry)
         where = {"board": scaling.KEY, "dataset": "Scaling track", "title": "one mesh a call"}
         models[entry.slug]["standings"].append({**where, "rank": "", "cells": ["", "", ""]})
-        models[entry.slug]["command"][scaling.KEY] = (
-            f"eigbench scale {entry.result['model']['code']}"
-        )
+        again = f"eigbench scale {entry.result['model']['code']}"
+        models[entry.slug]["command"][scaling.KEY] = again
     return models
 
 
@@ -53,31 +52,22 @@ def _ranked(mine: Sequence[tuple[Shown, Ranked]], names: Mapping[str, str]) -> d
         "physics": _physics(first.submission),
         "command": {board.key: command(row.submission) for board, row in mine},
         "apart": {
-            board.key: [
-                [
-                    other.slug,
-                    names[other.slug],
-                    *map(six_digits, (other.mean, other.low, other.high)),
-                    other.sure,
-                ]
-                for other in row.apart
-            ]
+            board.key: [_apart(other, names[other.slug]) for other in row.apart]
             for board, row in mine
         },
     }
 
 
+def _apart(other: Apart, name: str) -> list[object]:
+    """Return how far another row is from the model."""
+    ends = map(six_digits, (other.mean, other.low, other.high))
+    return [other.slug, name, *ends, other.sure]
+
+
 def _only_scaled(row: Scaled) -> dict[str, Any]:
     """Return what is known of a model that only the scaling track has."""
-    return {
-        "name": row.name,
-        "kind": row.result["model"]["kind"],
-        "standings": [],
-        "families": [],
-        "physics": [],
-        "command": {},
-        "apart": {},
-    }
+    named = {"name": row.name, "kind": row.result["model"]["kind"]}
+    return {**named, "standings": [], "families": [], "physics": [], "command": {}, "apart": {}}
 
 
 def _standing(board: Shown, row: Ranked) -> dict[str, Any]:
@@ -122,19 +112,14 @@ def _family(row: Ranked, name: str) -> Cell:
     """Return the mean of a family; one that a protocol does not test is empty."""
     if name not in row.scores["families"]:
         return "", None
-    value = row.scores["families"][name][RANKED_BY]["mean"]
-    return score(value, RANKED_BY), six_digits(value)
+    return of_score(row.scores["families"][name][RANKED_BY]["mean"], RANKED_BY)
 
 
 def _physics(submission: Submission) -> list[dict[str, Any]]:
     """Return how well the model keeps to each law: as text, and from 0 to 1."""
     measured = submission.result["physics"]
     return [
-        {
-            "title": title,
-            "text": deviation(key, measured[key]),
-            "kept": _kept(key, measured[key]),
-        }
+        {"title": title, "text": deviation(key, measured[key]), "kept": _kept(key, measured[key])}
         for key, title in TITLES.items()
     ]
 

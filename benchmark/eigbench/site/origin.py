@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -63,22 +62,15 @@ def _ordered(model: Mapping[str, Any]) -> list[str]:
 
 def files(result: Mapping[str, Any], path: Path) -> dict[str, Path]:
     """Return the files of a model that the checkout still has as they made the result, by name."""
-    root = _checkout(path)
+    root = sources.checkout(path)
     if root is None:
         return {}
-    there = {name: root / sources.CODE / name for name in _ordered(result["model"])}
     made_by = result["model"]["sources"]
     return {
-        name: file
-        for name, file in there.items()
-        if file.is_file() and _digest(file, file.stat().st_mtime_ns) == made_by[name]
+        name: root / sources.CODE / name
+        for name in _ordered(result["model"])
+        if sources.current(root, name) == made_by[name]
     }
-
-
-@lru_cache(maxsize=256)
-def _digest(file: Path, _changed: int) -> str:
-    """Return the digest of a file; many rows have it."""
-    return sources.digest(file)
 
 
 def authors(result: Mapping[str, Any], path: Path) -> str:
@@ -102,7 +94,7 @@ def date(path: Path) -> str:
 
     Empty where that is not known: without git, in a shallow clone, or where it is not committed.
     """
-    root = _checkout(path)
+    root = sources.checkout(path)
     if root is None:
         return ""
     return _dates(root).get(path.resolve().relative_to(root).as_posix(), "")
@@ -134,29 +126,14 @@ def _escaped(text: str) -> str:
     return re.sub(r"([&%$#_{}])", r"\\\1", text.replace("\\", "/"))
 
 
-def _checkout(path: Path) -> Path | None:
-    """Return the checkout whose board a result is on."""
-    path = path.resolve()
-    board = next((folder for folder in path.parents if folder.name == "benchmark"), None)
-    return None if board is None else board.parent
-
-
 @lru_cache(maxsize=4)
 def _dates(root: Path) -> dict[str, str]:
     """Return the day of the last commit of every result of a checkout that is as committed."""
-
-    def git(*command: str) -> str:
-        done = subprocess.run(
-            ["git", "-C", str(root), *command], capture_output=True, text=True, check=True
-        )
-        return done.stdout
-
-    try:
-        if git("rev-parse", "--is-shallow-repository").strip() != "false":
-            return {}  # its one commit has every file
-        log = git("log", "--format=:%cs", "--name-only", "--relative", "--", *FOLDERS)
-        changed = git("diff", "HEAD", "--name-only", "--relative", "--", *FOLDERS)
-    except (OSError, subprocess.CalledProcessError):  # no git, or no repository
+    if sources.git(root, "rev-parse", "--is-shallow-repository") != "false":
+        return {}  # its one commit has every file; or there is no git, or no repository
+    log = sources.git(root, "log", "--format=:%cs", "--name-only", "--relative", "--", *FOLDERS)
+    changed = sources.git(root, "diff", "HEAD", "--name-only", "--relative", "--", *FOLDERS)
+    if log is None or changed is None:
         return {}
     dates: dict[str, str] = {}
     day = ""

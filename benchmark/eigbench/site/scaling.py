@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from eigbench import results
 from eigbench.board import scaling_columns, scaling_page
-from eigbench.board.columns import Column, Group, six_digits
-from eigbench.board.scaling_columns import HARDWARE, KIND, MODEL, TRAINING, ms, percent
+from eigbench.board.columns import Group, six_digits
+from eigbench.board.scaling_columns import HARDWARE, TRAINING, ms, percent
 from eigbench.board.scaling_figure import FASTEST
 from eigbench.board.tables import family_title
 from eigbench.results.verification import is_verified
@@ -32,7 +31,10 @@ def content(rows: Sequence[Scaled]) -> dict[str, Any]:
         groups = _groups(sizes, verdicts)
         every = columns.of(groups)
         notes += [f"**{label}**", *(part.strip() for part in scaling_page.answers(verdicts, mine))]
-        shown += [_row(row, every) for row in scaling_page.ordered(mine, sizes[0])]
+        shown += [
+            columns.entry(row, row.slug, row.result, every)
+            for row in scaling_page.ordered(mine, sizes[0])
+        ]
         charts += [
             _panel(label, mine, panels.panel(mine, verdicts, verdict.size), verdict)
             for verdict in verdicts
@@ -52,21 +54,18 @@ def content(rows: Sequence[Scaled]) -> dict[str, Any]:
 
 def _panel(label: str, rows: Sequence[Scaled], panel: Panel, verdict: Verdict) -> dict[str, Any]:
     """Return a chart of one size: the models, the exact solver, and where a prediction can win."""
-    points = []
-    for row in rows:
-        middle = scores.medians(row, panel.size)
-        wins = verdict.faster.get(row.slug, (0, 0))[1]
-        if middle.answered:
-            points.append(
-                {
-                    "slug": row.slug,
-                    "speed": six_digits(panel.lapy_seconds / middle.seconds),
-                    "error": six_digits(middle.distance),
-                    "shown": percent(middle.distance),
-                    "answered": middle.answered,
-                    "wins": wins,
-                }
-            )
+    points = [
+        {
+            "slug": row.slug,
+            "speed": six_digits(panel.lapy_seconds / middle.seconds),
+            "error": six_digits(middle.distance),
+            "shown": percent(middle.distance),
+            "answered": middle.answered,
+            "wins": verdict.faster.get(row.slug, (0, 0))[1],
+        }
+        for row in rows
+        if (middle := scores.medians(row, panel.size)).answered
+    ]
     return {
         "setting": label,
         "size": panel.size,
@@ -82,17 +81,6 @@ def _groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> list[Group[Sca
     overview, *others, last = scaling_columns.groups(sizes, verdicts).values()
     first = replace(overview, columns=[*overview.columns, TRAINING])
     return [first, *others, replace(last, columns=[*last.columns, HARDWARE])]
-
-
-def _row(row: Scaled, every: Sequence[Column[Scaled]]) -> dict[str, Any]:
-    return {
-        "slug": row.slug,
-        "name": MODEL.cell(row)[0],
-        "kind": KIND.cell(row)[0],
-        "training": results.declared(row.result, "training_data"),
-        "setting": results.setting(row.result),
-        "cells": columns.cells(row, every),
-    }
 
 
 def opened(row: Scaled, code: str) -> dict[str, Any]:

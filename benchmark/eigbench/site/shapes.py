@@ -54,13 +54,14 @@ def packed(mesh: Mesh) -> dict[str, Any]:
     ``vertex_count`` and ``face_count`` are those of the mesh itself, ``shown`` the triangles.
     """
     few = decimate(_merged(mesh), FACES)
+    wide = len(few.vertices) > np.iinfo(np.uint16).max
     return {
         "vertex_count": len(mesh.vertices),
         "face_count": len(mesh.faces),
         "shown": len(few.faces),
         "vertices": _base64(_quantised(few.vertices)),
-        "faces": _base64(few.faces.astype(_index_type(len(few.vertices)))),
-        "wide": len(few.vertices) > np.iinfo(np.uint16).max,
+        "faces": _base64(few.faces.astype("<u4" if wide else "<u2")),
+        "wide": wide,
     }
 
 
@@ -71,10 +72,6 @@ def _merged(mesh: Mesh) -> Mesh:
     whole = to_open3d(mesh)
     side = (2 * whole.get_surface_area() / (MERGED)) ** 0.5
     return from_open3d(whole.simplify_vertex_clustering(side))
-
-
-def _index_type(count: int) -> str:
-    return "<u4" if count > np.iinfo(np.uint16).max else "<u2"
 
 
 def _quantised(vertices: NDArray[np.floating[Any]]) -> NDArray[np.int16]:

@@ -24,6 +24,7 @@ from eigbench.site import boards, bundle, models, origin, rows, scaling, shapes
 from eigbench.site.bundle import CHECKOUT
 from synthnet.errors import counted
 from synthnet.store.files import make_directory
+from synthnet.types import ShapeSpec
 from synthnet.version import __version__
 
 DATA = "data.js"
@@ -56,7 +57,7 @@ def files(
     check_address("--code", code)
     scripts = bundle.read()
     values: dict[str, Any] = {}
-    meshes: dict[str, tuple[Submission, str]] = {}
+    meshes: dict[str, ShapeSpec] = {}
     shown = boards.shown(submissions)
     for board in shown:
         stage = f"board {board.key}, {counted(len(board.rows), 'row')}"
@@ -70,14 +71,12 @@ def files(
                 submission, page.title(board.rows), board.own, code
             )
             for shape in opened["shapes"]:
-                if shape["mesh"] is not None:
-                    meshes[shape["mesh"]] = (submission, shape["id"].partition("/")[0])
+                spec = shapes.spec_of(submission.truth, shape["id"].partition("/")[0])
+                if spec is not None:
+                    meshes[shape["mesh"]] = spec
     for name in sorted(meshes):
         on_step(f"drawing {len(meshes)} shapes anew", Path(name).name)
-        submission, shape_id = meshes[name]
-        spec = shapes.spec_of(submission.truth, shape_id)
-        if spec is not None:
-            values[name] = shapes.packed(shapes.generated(spec))
+        values[name] = shapes.packed(shapes.generated(meshes[name]))
     if scaled:
         values[f"boards/{scaling.KEY}"] = scaling.content(scaled)
         values |= {f"rows/{scaling.KEY}/{row.slug}": scaling.opened(row, code) for row in scaled}
@@ -86,15 +85,12 @@ def files(
         values[f"boards/{REPORTED}"] = _reported(reported)
     scripts |= {f"{name}.js": script(name, value) for name, value in values.items()}
     if code == CODE:
-        run = [
-            *((s.result, s.result_path) for s in submissions),
-            *((s.result, s.path) for s in scaled),
-        ]
-        models_of = (origin.files(result, path) for result, path in run)
+        run = [(s.result, s.result_path) for s in submissions]
+        run += [(s.result, s.path) for s in scaled]
         scripts |= {
             f"code/{sources.CODE}/{name}": file.read_bytes()
-            for mine in models_of
-            for name, file in mine.items()
+            for result, path in run
+            for name, file in origin.files(result, path).items()
         }
     scripts[DATA] = script("index", _index(shown, bool(scaled), bool(reported), docs))
     return scripts

@@ -92,7 +92,7 @@ def asked(predictor_file, secret, listening, monkeypatch):
         if link.name in attempt:
             link.symlink_to(secret)
         monkeypatch.chdir(file.parent)
-        with PredictorProcess(file, 10, time_limit=120, sandbox=kind, readable=readable) as process:
+        with PredictorProcess(file, 10, box.Settings(sandbox=kind, readable=readable)) as process:
             process.warm_up(1)
             return process.status()
 
@@ -206,7 +206,7 @@ def test_landlock_goes_with_no_socket_at_all(predictor_file):
         NO_SOCKET + "def predict(meshes):\n    attempt()\n    return np.ones((len(meshes), 10))\n"
     )
     file = predictor_file("import socket\nimport numpy as np\n" + call)
-    with PredictorProcess(file, 10, time_limit=120, sandbox=box.LANDLOCK) as process:
+    with PredictorProcess(file, 10, box.Settings(sandbox=box.LANDLOCK)) as process:
         process.warm_up(1)
 
 
@@ -220,7 +220,7 @@ def test_packages_of_a_rows_own_are_found_in_the_box_only(predictor_file, tmp_pa
     code = "import numpy as np\nimport of_its_own\ndef predict(meshes):\n"
     code += "    return np.full((len(meshes), 10), of_its_own.NUMBER)\n"
     file = predictor_file(code)
-    with PredictorProcess(file, 10, time_limit=120, sandbox=kind, packages=packages) as process:
+    with PredictorProcess(file, 10, box.Settings(sandbox=kind, packages=packages)) as process:
         process.warm_up(1)
     assert not left.exists()
 
@@ -242,8 +242,8 @@ def test_what_was_compiled_beside_a_package_is_not_run(predictor_file, kind):
     )
     other.unlink()
     with pytest.raises(PredictorError, match="compiled elsewhere"):
-        PredictorProcess(file, 10, time_limit=120).__enter__()
-    with PredictorProcess(file, 10, time_limit=120, sandbox=kind) as process:
+        PredictorProcess(file, 10, box.Settings()).__enter__()
+    with PredictorProcess(file, 10, box.Settings(sandbox=kind)) as process:
         process.warm_up(1)
 
 
@@ -251,11 +251,15 @@ def test_what_was_compiled_beside_a_package_is_not_run(predictor_file, kind):
 def test_a_file_beside_the_code_that_never_ends_is_not_read(predictor_file, make):
     file = predictor_file("def predict(meshes): ...")
     make(file.with_name("zz.py"))
-    box.Box(box.LANDLOCK, file, "2.0/grouped").close()
+    box.Box(file, "2.0/grouped", box.Settings(sandbox=box.LANDLOCK)).close()
 
 
 def test_a_folder_that_a_process_has_closed_is_removed(predictor_file):
-    made = box.Box(box.LANDLOCK, predictor_file("def predict(meshes): ..."), "2.0/grouped")
+    made = box.Box(
+        predictor_file("def predict(meshes): ..."),
+        "2.0/grouped",
+        box.Settings(sandbox=box.LANDLOCK),
+    )
     closed = made.private / "closed"
     closed.mkdir()
     (closed / "left").touch()
@@ -272,7 +276,7 @@ def test_labels_are_handed_over_to_a_predictor_that_asks_for_a_training(
 ):
     monkeypatch.setattr(box, "hand_over", lambda training, folder: (folder / training).touch())
     file = predictor_file(f'META = {{"training_data": "none"}}\ndef load({parameters}): ...')
-    made = box.Box(box.LANDLOCK, file, "labels-of-a-training")
+    made = box.Box(file, "labels-of-a-training", box.Settings(sandbox=box.LANDLOCK))
     try:
         assert (made.folder / "labels" / "labels-of-a-training").exists() == asks
     finally:
@@ -286,7 +290,11 @@ def test_kernels_are_copied_as_the_code_is_now(predictor_file, tmp_path, monkeyp
     for name in (now, "fem.f_0123456789ab-1.py311.nbi", "fem.g-1.py311.nbi"):
         (kept / name).touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(kept.parent))
-    made = box.Box(box.LANDLOCK, predictor_file("def predict(meshes): ..."), "2.0/grouped")
+    made = box.Box(
+        predictor_file("def predict(meshes): ..."),
+        "2.0/grouped",
+        box.Settings(sandbox=box.LANDLOCK),
+    )
     try:
         copied = [path.name for path in made.private.rglob("*.nbi")]
     finally:
@@ -301,7 +309,7 @@ def test_baselines_answer_the_same_to_the_bit(kind, name):
     answers = []
     for sandbox in (box.NONE, kind):
         code = BASELINES / f"{name}.py"
-        with PredictorProcess(code, 10, time_limit=600, sandbox=sandbox) as process:
+        with PredictorProcess(code, 10, box.Settings(sandbox=sandbox)) as process:
             answered = process.predict(list("abcdefgh"), meshes.warming(8))
             answers.append((answered.values.tobytes(), process.status().sources))
             assert process.status().refused == ()

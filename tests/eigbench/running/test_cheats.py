@@ -10,6 +10,7 @@ import psutil
 import pytest
 from eigbench.errors import PredictorError
 from eigbench.running import meshes
+from eigbench.running.box import Settings
 from eigbench.running.evaluate import Options, evaluate, predict_meshes
 from eigbench.running.process import PredictorProcess
 
@@ -97,7 +98,7 @@ ONES = "    return np.ones((len(meshes), 10))\n"
 
 def asked(code, count=1, **options):
     """Return what a predictor answers, with the loaded process' facts and its status."""
-    with PredictorProcess(code, 10, time_limit=60, **options) as process:
+    with PredictorProcess(code, 10, Settings(**options)) as process:
         answered = process.predict(["a"] * count, meshes.warming(count))
         return process.loaded, answered, process.status()
 

@@ -37,7 +37,7 @@ def test_every_predictor_gets_every_batch_and_batches_go_by_size(two, mini_truth
         instances,
         batch_size=3,
         repeats=2,
-        time_limit=60,
+        settings=box.Settings(),
         on_step=steps.append,
     )
     assert [row.loaded.meta["name"] for row in timed] == ["fast", "slow"]
@@ -58,7 +58,7 @@ def test_predictors_are_timed_in_the_box(predictor_file, mini_truth, mini_home, 
     file = predictor_file(f"open({str(secret)!r})\ndef predict(meshes): ...", "spy.py")
     labels = clock.shapes_of(mini_truth, 4)
     instances = meshes.read(store.open_dataset("1.0-mini", mini_home), labels.ids)
-    how = {"batch_size": 2, "repeats": 1, "time_limit": 60, "sandbox": box.available()}
+    how = {"batch_size": 2, "repeats": 1, "settings": box.Settings(sandbox=box.available())}
     with pytest.raises(PredictorError, match=r"the sandbox shows the predictor's own files"):
         clock.together([file], labels, instances, **how)
 

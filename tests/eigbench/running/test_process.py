@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from eigbench.errors import PredictorError
 from eigbench.running import frames, meshes, record, reference, worker
+from eigbench.running.box import Settings
 from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.running.process import Loaded, PredictorProcess, Status
 from eigbench.scoring import physics
@@ -327,8 +328,7 @@ def test_failure_of_lapy_is_not_laid_on_the_predictor(run, peer, mini_truth):
 
 def test_cpu_time_is_finer_than_a_clock_tick(predictor_file):
     code = "import numpy as np\ndef predict(meshes): return np.ones((len(meshes), 10))\n"
-    settings = {"device": "cpu", "seed": 0, "training": "", "threads": 1, "time_limit": 60}
-    with PredictorProcess(predictor_file(code), 10, **settings) as process:
+    with PredictorProcess(predictor_file(code), 10, Settings(), training="") as process:
         mesh = meshes.warming(1)
         seen = {process.predict(["a"], mesh).cpu_seconds for _ in range(20)}
     assert len(seen) > 10
@@ -361,8 +361,7 @@ def predict(meshes):
 @pytest.mark.attack
 @pytest.mark.skipif(sys.platform != "linux", reason="its processes end in another order elsewhere")
 def test_time_and_memory_of_helpers_count(predictor_file):
-    settings = {"device": "cpu", "seed": 0, "training": "", "threads": 1, "time_limit": 60}
-    with PredictorProcess(predictor_file(HELPED), 10, **settings) as process:
+    with PredictorProcess(predictor_file(HELPED), 10, Settings(), training="") as process:
         answered = process.predict(["a"], meshes.warming(1))
         assert answered.cpu_seconds > 0.9
         assert process.status().peak_bytes > 2 * 2**28

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from eigbench.board import leaderboard, scaling_page
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, ResultError
-from eigbench.running import meshes
+from eigbench.running import box, meshes
 from eigbench.running.process import PredictorProcess
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import run as scaling_run
@@ -278,9 +278,7 @@ def test_errors_of_a_process_can_be_told_apart(predictor_file):
 
     def ask(happens, **limits):
         code = predictor_file(AT_TEN_THOUSAND.replace("> 5000", "> 0").format(happens))
-        settings = {"device": "cpu", "seed": 0, "training": "2.0/grouped", "threads": 1}
-        settings["time_limit"] = 30.0
-        with PredictorProcess(code, 10, **settings, **limits) as process:
+        with PredictorProcess(code, 10, box.Settings(time_limit=30.0, **limits)) as process:
             process.time_limit = 2.0
             process.predict(["a"], mesh)
 
@@ -289,7 +287,7 @@ def test_errors_of_a_process_can_be_told_apart(predictor_file):
     with pytest.raises(Died, match="exit code 3"):
         ask("os._exit(3)")
     with pytest.raises(OverMemory, match=r"more than 0.25 GiB .*: raise --memory-limit"):
-        ask("kept = np.ones(2**27); time.sleep(60)", memory_limit=2**28)
+        ask("kept = np.ones(2**27); time.sleep(60)", memory_limit=0.25)
 
 
 def test_scaling_lists_and_verifies(eigbench, monkeypatch, only):
