@@ -5,16 +5,27 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 
 from eigbench.errors import EigbenchError
 
-from evidence import card, measurements, numbers
+from evidence import card, measurements, numbers, pins, voronoi
 from evidence.blocks import BLOCKS, ELSEWHERE, PAGE, fill
 from evidence.measurements import FILES, MEASUREMENTS, REPORTS, add_options
 from synthnet.errors import SynthNetError
 
-PICTURES = ("architecture", "concepts", "growth", "peers", "1.0", "2.0", "readme", "poster")
+# The module and the function that draw each, and the numbers of docs/data that they are given.
+PICTURES = {
+    "architecture": ("architecture", "draw_architecture"),
+    "concepts": ("concepts", "draw", "concepts"),
+    "growth": ("growth", "draw", "growth"),
+    "peers": ("peers", "draw", "peers"),
+    "1.0": ("card_pictures", "draw_card", "shapes-1.0"),
+    "2.0": ("card_pictures", "draw_card", "shapes-2.0"),
+    "readme": ("surface_pictures", "draw_readme"),
+    "poster": ("surface_pictures", "draw_poster"),
+}
 PINS = {
     "version": "the shapes of a built version",
     "limits": "the spectra of the surfaces of a version's shapes, with error bars",
@@ -126,34 +137,8 @@ def run_fill(options: argparse.Namespace) -> int:
 def run_draw(options: argparse.Namespace) -> int:
     """Draw pictures from the numbers of docs/data."""
     for name in options.names:
-        if name == "architecture":
-            from evidence.architecture import draw_architecture
-
-            draw_architecture()
-        elif name == "concepts":
-            from evidence.concepts import draw
-
-            draw(numbers.read("concepts"))
-        elif name == "growth":
-            from evidence.growth import draw
-
-            draw(numbers.read("growth"))
-        elif name == "peers":
-            from evidence.peers import draw
-
-            draw(numbers.read("peers"))
-        elif name == "readme":
-            from evidence.surface_pictures import draw_readme
-
-            draw_readme()
-        elif name == "poster":
-            from evidence.surface_pictures import draw_poster
-
-            draw_poster()
-        else:
-            from evidence.card_pictures import draw_card
-
-            draw_card(numbers.read(f"shapes-{name}"))
+        module, function, *data = PICTURES[name]
+        getattr(import_module(f"evidence.{module}"), function)(*map(numbers.read, data))
     return 0
 
 
@@ -165,12 +150,8 @@ def run_cost(options: argparse.Namespace) -> int:
 
 def run_pin(options: argparse.Namespace) -> int:
     """Write a pinned file."""
-    from evidence import pins
-
     if options.what == "voronoi":
-        from evidence.voronoi import pin_voronoi
-
-        pin_voronoi()
+        voronoi.pin_voronoi()
     elif options.what == "scaling":
         pins.pin_scaling(options.sizes)
     elif options.what == "limits":
