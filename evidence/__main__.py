@@ -10,7 +10,7 @@ from pathlib import Path
 
 from eigbench.errors import EigbenchError
 
-from evidence import card, measurements, numbers
+from evidence import card, measurements, numbers, pins, voronoi
 from evidence.blocks import BLOCKS, ELSEWHERE, PAGE, fill
 from evidence.measurements import FILES, MEASUREMENTS, REPORTS, add_options
 from synthnet.errors import SynthNetError
@@ -151,12 +151,8 @@ def run_cost(options: argparse.Namespace) -> int:
 
 def run_pin(options: argparse.Namespace) -> int:
     """Write a pinned file."""
-    from evidence import pins
-
     if options.what == "voronoi":
-        from evidence.voronoi import pin_voronoi
-
-        pin_voronoi()
+        voronoi.pin_voronoi()
     elif options.what == "scaling":
         pins.pin_scaling(options.sizes)
     elif options.what == "limits":

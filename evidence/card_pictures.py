@@ -24,7 +24,7 @@ from synthnet.families import FAMILIES
 from synthnet.pictures import draw, gallery
 from synthnet.pictures.palette import BLUE
 from synthnet.pictures.raster import render
-from synthnet.recipe.distributions import DISTRIBUTIONS
+from synthnet.recipe.distributions import quantile
 from synthnet.recipe.plan import plan_shards
 from synthnet.store.files import write_bytes, write_text
 from synthnet.types import Mesh, Sample
@@ -86,14 +86,6 @@ def parameters(version: str, directory: Path) -> None:
         edges = drawn.sizes is None
         png = draw.picture_of_sheet(meshes, captions, edges=edges, layout=STRIP, transparent=True)
         write_bytes(directory / f"{name}-parameters.png", in_few_colours(png))
-
-
-def quantile(distribution: object, u: float) -> float | int:
-    """Return the value of a parameter below which a share ``u`` of its draws lies."""
-    if not isinstance(distribution, dict):
-        return distribution
-    ((kind, arguments),) = distribution.items()
-    return DISTRIBUTIONS[kind](u, *arguments)
 
 
 def triangulations(directory: Path) -> None:

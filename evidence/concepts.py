@@ -249,9 +249,10 @@ def figure_on_nothing(width: float, height: float) -> Iterator[Figure]:
     import matplotlib as mpl
     from eigbench.board.figures import style
 
-    keys = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color")
+    from synthnet.pictures.draw import ON_NOTHING
+
     with style() as new_figure:
-        mpl.rcParams.update({"savefig.transparent": True, **dict.fromkeys(keys, GREY)})
+        mpl.rcParams.update(ON_NOTHING)
         yield new_figure(figsize=(width, height))
 
 

@@ -224,14 +224,12 @@ def fill_disk(disk: Path, expected: Files, outcome: Outcome) -> str | None:
     return finish(disk, expected)
 
 
-def starve_workers(
-    reference: Path, folder: Path, cases: int, rng: random.Random, missing: Missing = everything
-) -> Outcome:
+def starve_workers(reference: Path, folder: Path, cases: int, rng: random.Random) -> Outcome:
     """Take the memory from a worker at work, by the kernel's limit of its data."""
     outcome = Outcome("out of memory")
     expected = contents(reference)
     for _ in range(cases):
-        with begun(folder, expected, missing) as home:
+        with begun(folder, expected, everything) as home:
             outcome.judge(starve(home, expected, rng, outcome))
     return outcome
 
@@ -401,10 +399,8 @@ def unmended(home: Path, name: str, expected: Files, outcome: Outcome) -> str | 
 
 def claim(data: dict) -> str:
     """Return what came of all cases together."""
-    cases, wrong = (
-        sum(row["cases"] for row in data["rows"]),
-        sum(len(row["wrong"]) for row in data["rows"]),
-    )
+    cases = sum(row["cases"] for row in data["rows"])
+    wrong = sum(len(row["wrong"]) for row in data["rows"])
     return f"{cases} disturbed builds, {wrong or 'none'} of them with a wrong dataset at the end."
 
 

@@ -9,7 +9,10 @@ from __future__ import annotations
 import statistics
 import sys
 import time
+from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import numpy as np
 import threadpoolctl
@@ -20,6 +23,10 @@ from synthnet import spectrum
 from synthnet.families import FAMILIES
 from synthnet.pictures.palette import BLUE
 from synthnet.types import Mesh
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 STEPS = (1.3, 2.24, 4.08, 7.07, 12.9, 22.4, 40.83)  # a mesh has 600 step² vertices
 TWICE = 100_000  # vertices up to which a solve is repeated
@@ -116,6 +123,20 @@ def exponent(rows: list[dict], key: str) -> float:
 
 def draw(data: dict) -> None:
     """Draw ``docs/growth.svg``: time and memory against vertices, all axes logarithmic."""
+    with drawn("growth.svg") as figure:
+        labels = {"seconds": "seconds", "megabytes": "MB"}
+        for axes, (key, label) in zip(figure.subplots(1, 2), labels.items(), strict=True):
+            for side, name in NAMES.items():
+                rows = [row for row in data["rows"] if row["side"] == side]
+                points = zip(*((row["vertices"], row[key]) for row in rows), strict=True)
+                axes.loglog(*points, marker="o", color=BLUE, **LOOKS[side], label=name)
+            label_axes(axes, "vertices", label)
+            axes.legend(frameon=False)
+
+
+@contextmanager
+def drawn(name: str) -> Iterator[Figure]:
+    """Give a figure, and write it to docs/ at the end; the same numbers give the same bytes."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
@@ -123,17 +144,13 @@ def draw(data: dict) -> None:
     matplotlib.rcParams["svg.hashsalt"] = "synthnet"
     figure = Figure(figsize=(9, 3.8), layout="constrained")
     FigureCanvasSVG(figure)
-    for axes, key, label in zip(
-        figure.subplots(1, 2), ("seconds", "megabytes"), ("seconds", "MB"), strict=True
-    ):
-        for side, name in NAMES.items():
-            points = [(row["vertices"], row[key]) for row in data["rows"] if row["side"] == side]
-            axes.loglog(
-                *zip(*points, strict=True), marker="o", color=BLUE, **LOOKS[side], label=name
-            )
-        axes.set_xlabel("vertices")
-        axes.set_ylabel(label)
-        axes.grid(True, which="both", alpha=0.2)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.legend(frameon=False)
-    figure.savefig(DOCS / "growth.svg", metadata={"Date": None, "Creator": None})
+    yield figure
+    figure.savefig(DOCS / name, metadata={"Date": None, "Creator": None})
+
+
+def label_axes(axes: Axes, x: str, y: str) -> None:
+    """Name logarithmic axes, with a grid and without a frame."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.grid(True, which="both", alpha=0.2)
+    axes.spines[["top", "right"]].set_visible(False)

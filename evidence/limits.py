@@ -101,7 +101,7 @@ def table(*versions: dict) -> str:
             f"{row['shapes']:,}",
             "known" if row["known"] else "elements",
             *(f"{value:.0e}" for value in row["bar"]),
-            "elements" if row["known"] else data.get("second", "linear, extrapolated"),
+            "elements" if row["known"] else data["second"],
             row["compared"],
             *(f"{value:.0e}" for value in row["apart"]),
         ]

@@ -25,9 +25,8 @@ from evidence.peers import lapy, lapy_cholmod, ours
 from evidence.timing import progress
 from synthnet import recipe, spectrum
 from synthnet.families import FAMILIES
-from synthnet.mesh.isometries import apply, draw_isometries, random_rotation
-from synthnet.recipe.distributions import ISOMETRIES, generator
-from synthnet.recipe.drawing import draw_shape
+from synthnet.mesh.isometries import apply, random_rotation
+from synthnet.recipe.drawing import draw_instances, draw_shape
 from synthnet.types import Mesh
 
 RELEASES = ("1.13.1", "1.15.3", "1.17.1")  # of SciPy
@@ -143,9 +142,7 @@ def _named() -> tuple[str, Mesh]:
     version = recipe.load("2.0")
     spec = draw_shape(version, "twisted_torus", number)
     mesh = FAMILIES["twisted_torus"].generate(spec.parameters).stored()
-    copies = version.augmentation
-    rng = generator(version.seed, spec.family, spec.index, ISOMETRIES)
-    turned = draw_isometries(copies.rotations, copies.reflections, rng)[instance]
+    turned = draw_instances(version, spec)[instance]
     return f"{spec.id}/{instance}", apply(mesh, turned).stored()
 
 

@@ -16,8 +16,8 @@ from concurrent.futures.process import BrokenProcessPool
 import numpy as np
 import threadpoolctl
 
-from evidence import DOCS, markdown
-from evidence.growth import torus
+from evidence import markdown
+from evidence.growth import drawn, label_axes, torus
 from evidence.timing import in_new_process, peak_mb, progress
 from synthnet import spectrum
 from synthnet.pictures.palette import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
@@ -197,25 +197,16 @@ def claim(data: dict) -> str:
 
 def draw(data: dict) -> None:
     """Draw ``docs/peers.svg``: seconds against pairs by solver, a panel a mesh, logarithmic."""
-    import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    matplotlib.rcParams["svg.hashsalt"] = "synthnet"
-    figure = Figure(figsize=(9, 3.8), layout="constrained")
-    FigureCanvasSVG(figure)
     meshes = list(dict.fromkeys(row["vertices"] for row in data["rows"]))
-    for axes, n in zip(figure.subplots(1, len(meshes), squeeze=False)[0], meshes, strict=True):
-        for name, colour in zip(PEERS, COLOURS, strict=False):
-            rows = [row for row in data["rows"] if (row["name"], row["vertices"]) == (name, n)]
-            points = [(row["k"], row["seconds"]) for row in rows]
-            if points:
-                axes.loglog(*zip(*points, strict=True), "o-", color=colour, label=name)
-        axes.set_title(f"{n:,} vertices", fontsize="medium")
-        axes.set_xlabel("eigenpairs")
-        axes.set_ylabel("seconds")
-        axes.grid(True, which="both", alpha=0.2)
-        axes.spines[["top", "right"]].set_visible(False)
-    handles = axes.get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=3, frameon=False, fontsize="small")
-    figure.savefig(DOCS / "peers.svg", metadata={"Date": None, "Creator": None})
+    with drawn("peers.svg") as figure:
+        for axes, n in zip(figure.subplots(1, len(meshes), squeeze=False)[0], meshes, strict=True):
+            for name, colour in zip(PEERS, COLOURS, strict=False):
+                rows = [row for row in data["rows"] if (row["name"], row["vertices"]) == (name, n)]
+                points = [(row["k"], row["seconds"]) for row in rows]
+                if points:
+                    axes.loglog(*zip(*points, strict=True), "o-", color=colour, label=name)
+            axes.set_title(f"{n:,} vertices", fontsize="medium")
+            label_axes(axes, "eigenpairs", "seconds")
+        handles = axes.get_legend_handles_labels()
+        below = {"loc": "outside lower center", "ncols": 3, "frameon": False, "fontsize": "small"}
+        figure.legend(*handles, **below)

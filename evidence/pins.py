@@ -57,9 +57,8 @@ def pin_limits(version: str, target: Path | None = None, workers: int = 1) -> No
     print(f"{len(missing):,} limits to compute, {len(known):,} are there", flush=True)
     started = time.perf_counter()
     with partial.open("a") as file, _mapped(workers) as mapped:
-        for number, (key, limit) in enumerate(
-            zip(missing, mapped(_limit, missing), strict=True), 1
-        ):
+        computed = zip(missing, mapped(_limit, missing), strict=True)
+        for number, (key, limit) in enumerate(computed, start=1):
             known[key] = limit
             row = {"key": key, "eigenvalues": list(limit.eigenvalues), "bar": list(limit.bar)}
             file.write(json.dumps(row) + "\n")

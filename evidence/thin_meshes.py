@@ -96,15 +96,10 @@ def together(outcomes: list[dict | None]) -> dict:
 
 def table(data: dict) -> str:
     """Return the rows as Markdown."""
-    rows = [
-        {
-            **row,
-            **{
-                name: "" if row[name] is None else f"{row[name]:.1e}" for name in ("plain", "sharp")
-            },
-        }
-        for row in data["rows"]
-    ]
+    rows = []
+    for row in data["rows"]:
+        bounds = {name: row[name] for name in ("plain", "sharp")}
+        rows.append(row | {k: "" if v is None else f"{v:.1e}" for k, v in bounds.items()})
     columns = {
         "strip of": "{kind}",
         "aspect": "{aspect}",

@@ -31,8 +31,6 @@ from synthnet.store import ImportDescription, StoredDataset, files, limits, unpa
 from synthnet.store.storage import Location
 from synthnet.types import Manifest, ShardRecord
 
-__all__ = ["Settings", "check_name", "describe", "file_outcomes", "import_meshes", "make_shard"]
-
 RULES = 3  # of reading, repair and label; to be raised with any that gives a file another outcome
 FACTS = (  # parameters that are no repair
     *("file", "sha256", "part", "scale", "not_orientable", "components", "largest_share"),

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from synthnet import spectrum
 from synthnet.build import filters
 from synthnet.errors import CertificateError, SpectrumError
 from synthnet.families import FAMILIES
-from synthnet.mesh import isometries
 from synthnet.recipe import Recipe
-from synthnet.recipe.distributions import ISOMETRIES, generator
+from synthnet.recipe.drawing import draw_instances
 from synthnet.recipe.plan import PlannedShape
 from synthnet.types import Mesh, Rejection, Sample, ShapeSpec, Spectrum
 
@@ -26,15 +28,20 @@ def make_sample(shape: PlannedShape, recipe: Recipe) -> Sample | Rejection:
     label = label_or_rejection(spec, mesh, recipe)
     if isinstance(label, Rejection):
         return label
-    rng = generator(recipe.seed, spec.family, spec.index, ISOMETRIES)
-    copies = recipe.augmentation
+    return labelled(shape, mesh, label, draw_instances(recipe, spec))
+
+
+def labelled(
+    shape: PlannedShape, mesh: Mesh, label: Spectrum, isometries: NDArray[np.float64]
+) -> Sample:
+    """Return the sample of a shape, of its mesh as it is stored, its label and its instances."""
     return Sample(
-        spec=spec,
+        spec=shape.spec,
         mesh=mesh,
         eigenvalues=label.eigenvalues,
         trivial=label.trivial,
         certificate=label.certificate,
-        isometries=isometries.draw_isometries(copies.rotations, copies.reflections, rng),
+        isometries=isometries,
         split=shape.split,
         paper_splits=shape.paper_splits,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -107,18 +107,17 @@ def _by_directory(places: Sequence[Path]) -> dict[Path, list[tuple[Path, str]]]:
 
     A file that is given by itself belongs to the directory that it is in.
     """
-    files = dict[Path, list[tuple[Path, str]]]()
+    files = defaultdict[Path, list[tuple[Path, str]]](list)
     for given in places:
         path = given.absolute()  # a worker may be elsewhere
         if path.is_file():
             if kind_of(path.name) is None:
                 raise MeshImportError(f"{given} is none of {', '.join(SUFFIXES)}")
-            files.setdefault(path.parent.resolve(), []).append(
-                (path.parent.resolve() / path.name, "")
-            )
+            directory = path.parent.resolve()
+            files[directory].append((directory / path.name, ""))
         else:
             directory = path.resolve()
-            files.setdefault(directory, []).extend(_mesh_files(directory))
+            files[directory] += _mesh_files(directory)
     return files
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from synthnet import recipe
 from synthnet.build import filters
-from synthnet.build.label import label_or_rejection
+from synthnet.build.label import label_or_rejection, labelled
 from synthnet.build.sources import UNREADABLE, Source
 from synthnet.mesh import caps, repair
 from synthnet.mesh.formats import Triangles, UnreadableError
@@ -86,16 +86,8 @@ def import_file(
     if isinstance(label, Rejection):
         return rejected(label.reason, label.detail)
     repairs["error_bound"] = float(f"{filters.relative_error(label):.2g}")
-    return Sample(
-        spec=replace(spec, parameters={**spec.parameters, **repairs}),
-        mesh=mesh,
-        eigenvalues=label.eigenvalues,
-        trivial=label.trivial,
-        certificate=label.certificate,
-        isometries=np.eye(3)[None],
-        split=shape.split,
-        paper_splits=shape.paper_splits,
-    )
+    told = replace(spec, parameters={**spec.parameters, **repairs})
+    return labelled(replace(shape, spec=told), mesh, label, np.eye(3)[None])
 
 
 def read(source: Source, settings: Settings, reader: Reader) -> Triangles:
@@ -116,9 +108,8 @@ def count_parts(source: Source, settings: Settings, reader: Reader) -> int:
     """Return how many shapes the components of a file are; 1 if it will be rejected."""
     try:
         triangles = read(source, settings, reader)
-        return repair.count_components(
-            Mesh(triangles.vertices, triangles.faces), _rules(settings, None)
-        )
+        mesh = Mesh(triangles.vertices, triangles.faces)
+        return repair.count_components(mesh, _rules(settings, None))
     except (UnreadableError, ChangedError, repair.Refused):
         return 1
 

@@ -10,7 +10,7 @@ from synthnet.build import limits, versions
 from synthnet.build.jobs import BuildReport
 from synthnet.build.workers import Engine, dask_cluster, mpi_processes
 from synthnet.commands.options import add_command, print_json, workers_options
-from synthnet.commands.report import family_table, summary, with_bars
+from synthnet.commands.report import family_table, of_run, summary, with_bars
 from synthnet.errors import counted
 from synthnet.store.limits import DIRECTORY
 from synthnet.terminal import Commands
@@ -68,12 +68,8 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         described = summary(report.dataset.manifest, report)
         if limited is not None:
-            described["limits"] = {
-                "core_seconds": {k: round(v, 3) for k, v in limited.seconds.items()},
-                "wall_seconds": round(limited.wall_seconds, 3),
-                "nothing_to_do": limited.nothing_to_do,
-                "reused_shards": limited.reused,
-            }
+            seconds = {family: round(taken, 3) for family, taken in limited.seconds.items()}
+            described["limits"] = {"core_seconds": seconds, **of_run(limited)}
         print_json(described)
         return 0
     _print_build(report, limited)

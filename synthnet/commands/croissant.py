@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from synthnet import store
-from synthnet.commands.options import add_command, print_json
+from synthnet.commands.options import add_command, print_answer
 from synthnet.terminal import Commands
 
 
@@ -25,8 +25,5 @@ def run(options: argparse.Namespace) -> int:
     from synthnet.loaders.croissant import write
 
     path = write(store.open_dataset(options.version, options.out))
-    if options.json:
-        print_json({"croissant": str(path)})
-    else:
-        print(path)
+    print_answer(options, {"croissant": str(path)}, str(path))
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from synthnet import store
-from synthnet.commands.options import add_command, print_json
+from synthnet.commands.options import add_command, print_answer
 from synthnet.terminal import Commands
 
 
@@ -25,9 +25,6 @@ def run(options: argparse.Namespace) -> int:
     """Write what is to be published with a built version."""
     from synthnet.loaders import publishing
 
-    paths = publishing.write(store.open_dataset(options.version, options.out))
-    if options.json:
-        print_json({"files": list(map(str, paths))})
-    else:
-        print("\n".join(map(str, paths)))
+    paths = list(map(str, publishing.write(store.open_dataset(options.version, options.out))))
+    print_answer(options, {"files": paths}, "\n".join(paths))
     return 0

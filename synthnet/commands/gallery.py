@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import track
 
 from synthnet import recipe
-from synthnet.commands.options import add_command, at_least, print_json
+from synthnet.commands.options import add_command, at_least, print_answer
 from synthnet.store.files import make_parent, write_bytes
 from synthnet.terminal import Commands, complete_with
 from synthnet.types import Mesh, ShapeSpec
@@ -87,11 +87,8 @@ def run(options: argparse.Namespace) -> int:
             f"`synthnet info {options.version}` says why"
         )
     write_bytes(path, galleries.sheet(shapes, varying, title, edges=options.edges))
-    if options.json:
-        ids = [spec.id for spec, _ in shapes]
-        print_json({"picture": str(path), "ids": ids})
-    else:
-        print(f"picture: {path}")
+    ids = [spec.id for spec, _ in shapes]
+    print_answer(options, {"picture": str(path), "ids": ids}, f"picture: {path}")
     return 0
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 from tabulate import tabulate
 
 from synthnet.commands.options import add_command, print_json, workers_options
-from synthnet.commands.report import FamilyBars, summary
+from synthnet.commands.report import summary, with_bars
 from synthnet.errors import counted
 from synthnet.mesh.repair import COMPONENTS, KEEP, LARGEST, REPAIRS, SPLIT
 from synthnet.terminal import WRONG_INPUT, Commands
@@ -78,26 +79,18 @@ def add(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Import the files, and say what became of each."""
-    from synthnet.build.importing import Settings, file_outcomes, import_meshes, small_parts
+    from synthnet.build.importing import file_outcomes, import_meshes, small_parts
     from synthnet.build.sources import not_meshes
+    from synthnet.build.surfaces import Settings
 
-    bars = FamilyBars()
-    with bars.progress:
-        report = import_meshes(
-            options.directory,
-            options.name,
-            Settings(
-                unit_area=options.unit_area,
-                components=options.components,
-                split=options.split,
-                without=tuple(options.without),
-                cut_fins=options.cut_fins,
-            ),
-            root=options.out,
-            workers=options.workers,
-            watcher=bars,
-            wait_for_lock=options.wait,
-        )
+    settings = Settings(
+        unit_area=options.unit_area,
+        components=options.components,
+        split=options.split,
+        without=tuple(options.without),
+        cut_fins=options.cut_fins,
+    )
+    report = with_bars(partial(import_meshes, options.directory, options.name, settings), options)
     rows, others = file_outcomes(report.dataset), not_meshes(options.directory)
     if options.json:
         more = {"files": rows, "not_meshes": others}

@@ -9,7 +9,7 @@ from tabulate import tabulate
 
 from synthnet import store
 from synthnet.build.importing import file_outcomes
-from synthnet.commands.options import add_command, print_json
+from synthnet.commands.options import add_command, print_answer, print_json
 from synthnet.commands.report import family_table, summary
 from synthnet.errors import StoreError, counted
 from synthnet.recipe import Kind
@@ -46,10 +46,8 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.shape is not None:
         outcome = _outcome(dataset, options.shape)
-        if options.json:
-            print_json(outcome)
-        else:
-            print(tabulate(outcome.items(), tablefmt="plain", intfmt=","))
+        text = tabulate(outcome.items(), tablefmt="plain", intfmt=",")
+        print_answer(options, outcome, text)
         return 0
     surfaces = _count_limits(dataset)
     if options.json:

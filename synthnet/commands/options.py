@@ -100,3 +100,8 @@ def at_least(least: int) -> Callable[[str], int]:
 def print_json(value: Any) -> None:
     """Print a value as the commands' ``--json`` does."""
     print(json.dumps(value, indent=1))
+
+
+def print_answer(options: argparse.Namespace, value: Any, text: str) -> None:
+    """Print what a command answers: a value with ``--json``, else text."""
+    print(json.dumps(value, indent=1) if options.json else text)

@@ -43,11 +43,17 @@ def summary(manifest: Manifest, report: BuildReport | None = None) -> dict[str, 
         "packages": dict(manifest.packages),
     }
     if report is not None:
-        summary["directory"] = str(report.dataset.directory)
-        summary["wall_seconds"] = round(report.wall_seconds, 3)
-        summary["nothing_to_do"] = report.nothing_to_do
-        summary["reused_shards"] = report.reused
+        summary |= {"directory": str(report.dataset.directory), **of_run(report)}
     return summary
+
+
+def of_run(report: BuildReport) -> dict[str, Any]:
+    """Return what a run took as JSON-ready data, but for what it took by family."""
+    return {
+        "wall_seconds": round(report.wall_seconds, 3),
+        "nothing_to_do": report.nothing_to_do,
+        "reused_shards": report.reused,
+    }
 
 
 def family_table(manifest: Manifest, seconds: dict[str, float] | None = None) -> str:
@@ -75,13 +81,9 @@ def _reasons(rejected: dict[str, int] | Counter[str]) -> str:
 def with_bars(make: Callable[..., Made], options: argparse.Namespace, of: str = "") -> Made:
     """Make something where and by whom the options of a command say, with a bar a family."""
     bars = FamilyBars(of)
+    where = {"root": options.out, "workers": options.workers, "wait_for_lock": options.wait}
     with bars.progress:
-        return make(
-            root=options.out,
-            workers=options.workers,
-            watcher=bars,
-            wait_for_lock=options.wait,
-        )
+        return make(watcher=bars, **where)
 
 
 class FamilyBars(Watcher):
@@ -101,9 +103,8 @@ class FamilyBars(Watcher):
     def planned(self, drawn: Mapping[str, int]) -> None:
         """Show the families with the number of their shapes."""
         for family, count in drawn.items():
-            self.tasks[family] = self.progress.add_task(
-                f"{self.of}{family}", total=count, start=False
-            )
+            text = f"{self.of}{family}"
+            self.tasks[family] = self.progress.add_task(text, total=count, start=False)
 
     def submitted(self, plan: ShardPlan) -> None:
         """Start the family's clock with its first shard."""
@@ -116,9 +117,7 @@ class FamilyBars(Watcher):
         task = self.tasks[plan.family]
         self.progress.advance(task, len(plan.shapes))
         if not self.progress.console.is_terminal and self.progress.tasks[task].finished:
-            self.progress.console.print(
-                f"{self.of}{plan.family}: done"
-            )  # a log has no bars that move
+            self.progress.console.print(f"{self.of}{plan.family}: done")  # no bar moves in a log
         if result.damaged:
             self.progress.console.print(
                 f"built again: {result.damaged}", highlight=False, markup=False, soft_wrap=True

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 from synthnet import recipe
-from synthnet.commands.options import add_command, workers_options
+from synthnet.commands.options import add_command, print_answer, print_json, workers_options
 from synthnet.commands.report import family_table, with_bars
 from synthnet.errors import counted
 from synthnet.store.files import make_parent
@@ -84,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
     assert resolved.sealed is not None
     if options.commitment:
         commitment = {"dataset": resolved.version, "commitment": resolved.sealed.commitment}
-        print(json.dumps(commitment, indent=1) if options.json else resolved.sealed.commitment)
+        print_answer(options, commitment, resolved.sealed.commitment)
         return 0
     path = options.publish or Path(f"{resolved.version}.json")
     seals.check_free(path, resolved)
@@ -94,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
     directory = report.dataset.directory
     if options.json:
         paths = {"seal": str(path), "directory": str(directory)}
-        print(json.dumps({**asdict(published), **paths}, indent=1))
+        print_json({**asdict(published), **paths})
         return 0
     if not report.nothing_to_do:
         print(family_table(report.dataset.manifest, report.seconds) + "\n")

@@ -255,7 +255,6 @@ def _ply_header(lines: Sequence[bytes]) -> tuple[str, list[Element]]:
             raise UnreadableError(f"line {number}: the property {_quoted(line.split()[-1])} again")
         elements[-1].properties[name] = kinds
     known = {element.name: element.properties for element in elements}
-    lists = [PLY_INDICES[0] in known.get("face", {}), PLY_INDICES[1] in known.get("face", {})]
     if not form or len(known) < len(elements) or "vertex" not in known or {} in known.values():
         raise UnreadableError(
             "its header has no format, no vertices, or an element that is empty or there twice"
@@ -267,9 +266,10 @@ def _ply_header(lines: Sequence[bytes]) -> tuple[str, list[Element]]:
         raise _without_faces(points)
     if "tristrips" in known:
         raise UnreadableError("its faces are strips (tristrips): save triangles")
-    if sum(lists) != 1:
+    lists = [kinds for name, kinds in known.get("face", {}).items() if name in PLY_INDICES]
+    if len(lists) != 1:
         raise UnreadableError("its header has no faces with one list vertex_indices")
-    kind, length = known["face"][PLY_INDICES[lists.index(True)]]
+    ((kind, length),) = lists
     if length is None or kind[0] not in "iu":
         raise UnreadableError("its header has vertex_indices that are no list of whole numbers")
     return form, elements
@@ -348,18 +348,14 @@ def _ply_rows(body: memoryview, element: Element, order: str) -> tuple[int, int,
     kinds = np.dtype(fields)
     count = min(element.count, len(body) // kinds.itemsize)
     rows = np.frombuffer(body[: count * kinds.itemsize], kinds) if count else np.zeros(0, kinds)
-    if any((rows[f"{name}, length"] != size).any() for name, size in sizes.items()):
+    mixed = any((rows[f"{name}, length"] != size).any() for name, size in sizes.items())
+    if mixed or (sizes and count < element.count):  # the lists of the last rows may be shorter
         return _ply_mixed(body, element, order)
-    if sizes and count < element.count:  # the lists of the last rows may be shorter
-        return _ply_mixed(body, element, order)
-    return (
-        count,
-        rows.nbytes,
-        {
-            name: (rows[name].ravel(), np.full(count, sizes.get(name, 1)))
-            for name in element.properties
-        },
-    )
+    lists = {
+        name: (rows[name].ravel(), np.full(count, sizes.get(name, 1)))
+        for name in element.properties
+    }
+    return count, rows.nbytes, lists
 
 
 def _ply_mixed(body: memoryview, element: Element, order: str) -> tuple[int, int, dict[str, Lists]]:
@@ -381,14 +377,11 @@ def _ply_mixed(body: memoryview, element: Element, order: str) -> tuple[int, int
             pieces[name].append(body[at:end])
             sizes[name].append(size)
             at = end
-    return (
-        element.count,
-        at,
-        {
-            name: (np.frombuffer(b"".join(pieces[name]), order + kind), np.array(sizes[name]))
-            for name, (kind, _) in element.properties.items()
-        },
-    )
+    lists = {
+        name: (np.frombuffer(b"".join(pieces[name]), order + kind), np.array(sizes[name]))
+        for name, (kind, _) in element.properties.items()
+    }
+    return element.count, at, lists
 
 
 def read_stl(content: bytes) -> Triangles:

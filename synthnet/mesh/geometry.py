@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
-from synthnet.mesh.adjacency import edge_keys
+from synthnet.mesh.adjacency import connected, edge_keys
 from synthnet.types import Mesh
 
 
@@ -141,13 +138,15 @@ class MeshFacts:
     @cached_property
     def edge_valences(self) -> NDArray[np.int64]:
         """Number of triangles at each undirected edge, shape (e,)."""
-        return _run_lengths(np.sort(self._edge_keys))
+        _, counts = np.unique(self._edge_keys, return_counts=True)
+        return counts
 
     @cached_property
     def n_repeated_half_edges(self) -> int:
         """How often an edge is passed again in the same direction; 0 if oriented."""
         tails, heads = self._half_edges
-        return len(tails) - len(_run_lengths(np.sort(tails * self.n_vertices + heads)))
+        ordered = np.sort(tails * self.n_vertices + heads)
+        return int(np.count_nonzero(ordered[1:] == ordered[:-1]))
 
     @cached_property
     def n_duplicate_faces(self) -> int:
@@ -168,10 +167,7 @@ class MeshFacts:
             return 0
         _, first = np.unique(self._edge_keys, return_index=True)  # in the order of the valences
         tails, heads = (ends[first[self.edge_valences == 1]] for ends in self._half_edges)
-        ones: NDArray[Any] = np.ones(len(tails))
-        graph = sparse.coo_matrix((ones, (tails, heads)), shape=(self.n_vertices,) * 2)
-        _, piece = connected_components(graph, directed=False)
-        return len(np.unique(piece[tails]))
+        return len(np.unique(connected(self.n_vertices, tails, heads)[tails]))
 
     @cached_property
     def euler_characteristic(self) -> int:
@@ -181,12 +177,4 @@ class MeshFacts:
     @cached_property
     def n_components(self) -> int:
         """Number of connected components; a vertex without a triangle is one."""
-        tails, heads = self._half_edges
-        ones: NDArray[Any] = np.ones(len(tails))
-        graph = sparse.coo_matrix((ones, (tails, heads)), shape=(self.n_vertices,) * 2)
-        return int(connected_components(graph, directed=False)[0])
-
-
-def _run_lengths(ordered: NDArray[np.int64]) -> NDArray[np.int64]:
-    starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
-    return np.diff(np.append(starts, len(ordered))) if len(ordered) else starts[:0]
+        return int(connected(self.n_vertices, *self._half_edges).max(initial=-1)) + 1

@@ -29,8 +29,6 @@ from synthnet.errors import MissingPackageError, install, needed_by
 from synthnet.processes import more_memory
 from synthnet.types import Mesh
 
-__all__ = ["decimate", "from_open3d", "load_open3d", "subdivide", "to_open3d"]
-
 # What libOpen3D.so.0.20 takes from each library, as listed by
 #   readelf --wide --dyn-syms libOpen3D.so.0.20 | grep UND
 # A line each, library:version:names; the version is the one the symbols must carry, if

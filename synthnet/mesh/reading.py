@@ -15,7 +15,6 @@ import signal
 import time
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -55,10 +54,7 @@ class Reader:
     """
 
     def __init__(
-        self,
-        seconds: float = SECONDS,
-        gigabytes: float = GIGABYTES,
-        patience: float = PATIENCE,
+        self, seconds: float = SECONDS, gigabytes: float = GIGABYTES, patience: float = PATIENCE
     ) -> None:
         self.seconds, self.gigabytes, self.patience = seconds, gigabytes, patience
         self._process: multiprocessing.process.BaseProcess | None = None
@@ -68,12 +64,7 @@ class Reader:
         """Return the reader; the process starts with the first file."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the process."""
         self._end()
 
@@ -111,14 +102,11 @@ class Reader:
         if kind_of(path.name) is None:
             raise UnreadableError(f"{path.name} is none of {', '.join(SUFFIXES)}")
         request = json.dumps([str(path), sha256]).encode()
-        try:
-            return self._ask(request)
-        except (EOFError, OSError):
-            self._fail_if_slow()
-        try:
-            return self._ask(request)
-        except (EOFError, OSError):
-            self._fail_if_slow()
+        for _ in range(2):
+            try:
+                return self._ask(request)
+            except (EOFError, OSError):
+                self._fail_if_slow()
         raise UnreadableError("the process that reads it died twice")
 
     def _ask(self, request: bytes) -> Triangles:
@@ -140,8 +128,8 @@ class Reader:
     def _begin(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._channel, other = context.Pipe()
-        limits = self.seconds, self.gigabytes
-        self._process = context.Process(target=_serve, args=(other, *limits), daemon=True)
+        arguments = other, self.seconds, self.gigabytes
+        self._process = context.Process(target=_serve, args=arguments, daemon=True)
         self._process.start()
         other.close()
 

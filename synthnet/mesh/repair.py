@@ -311,7 +311,7 @@ def without_duplicates(state: Repaired) -> Repaired:
 
 def without_loose_vertices(state: Repaired) -> Repaired:
     """Drop vertices without a face; those that were merged into another are no repair."""
-    mesh = _compact(state.mesh)
+    mesh = compact(state.mesh)
     gone = len(state.mesh.vertices) - len(mesh.vertices)
     count = gone - state.repairs.get("merged vertices", 0)
     return state.with_repair("loose vertices", count, mesh)
@@ -340,7 +340,7 @@ def manifold_edges(state: Repaired) -> Repaired:
 def without_caps(state: Repaired) -> Repaired:
     """Take away flat triangles without moving the surface, where that can be done."""
     mesh, count = caps.without_caps(state.mesh)
-    return state.with_repair("flat faces", count, _compact(mesh) if count else mesh)
+    return state.with_repair("flat faces", count, compact(mesh) if count else mesh)
 
 
 def cut(state: Repaired, *, fins: bool) -> Repaired:
@@ -374,7 +374,7 @@ def chosen(state: Repaired, rules: Rules) -> Repaired:
     if len(areas) == 1 or (rules.components == KEEP and rules.part is None):
         return state
     kept = order[rules.part or 0]
-    mesh = _compact(Mesh(state.mesh.vertices, state.mesh.faces[of_face == kept]))
+    mesh = compact(Mesh(state.mesh.vertices, state.mesh.faces[of_face == kept]))
     left_out = 0 if rules.part is not None else len(areas) - 1
     return state.with_repair("components left out", left_out, mesh)
 
@@ -460,7 +460,7 @@ def _near(points: Vertices, distance: float) -> NDArray[np.int64]:
     return np.unique(joined, return_inverse=True)[1].ravel()
 
 
-def _compact(mesh: Mesh) -> Mesh:
+def compact(mesh: Mesh) -> Mesh:
     """Return the mesh without the vertices that no face names."""
     used, numbered = np.unique(mesh.faces, return_inverse=True)
     return Mesh(mesh.vertices[used], numbered.reshape(-1, 3))

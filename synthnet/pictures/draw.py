@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +27,16 @@ with needed_by("drawing"):
 DOTS = 150  # an inch
 ACROSS = 5  # so many eigenfunctions, or meshes of a sheet, make a row
 TOP, BELOW = 3.9, 2.15  # inches: height of the mesh and its spectrum, and of a row below
+SMALL = (480 / DOTS, 360 / DOTS)  # inches: of a mesh alone
 WIDTH, KEY = 9.0, 0.3  # inches; the key says what the colours mean
 KEY_TEXT = "eigenfunctions: negative blue, positive orange, paler towards zero, a line at zero"
 CAPTION_LINE = 0.135  # inches
 LETTER = 0.1  # inches: a little more than the mean width of a title's letter
+TEXTS = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color")
+ON_NOTHING: dict[Any, Any] = {
+    "savefig.transparent": True,
+    **dict.fromkeys(TEXTS, GREY),
+}  # Matplotlib's settings
 SIGN = 0.5  # of the largest magnitude: a function is positive at the first vertex above it
 
 
@@ -125,13 +132,11 @@ def eigenvalue_text(index: int, value: float) -> str:
     return f"$\\lambda_{{{index}}}$ = {value:.4g}"
 
 
-def picture_of_mesh(
-    mesh: Mesh, *, width: int = 480, height: int = 360, edges: bool = True
-) -> bytes:
-    """Return a picture of a mesh as the bytes of a PNG."""
+def picture_of_mesh(mesh: Mesh) -> bytes:
+    """Return a picture of a mesh with its edges as the bytes of a PNG."""
     with plain_style():
-        figure = Figure(figsize=(width / DOTS, height / DOTS), dpi=DOTS)
-        _picture(figure, (0, 0, width / DOTS, height / DOTS), mesh, edges=edges)
+        figure = Figure(figsize=SMALL, dpi=DOTS)
+        _picture(figure, (0, 0, *SMALL), mesh, edges=True)
         return _png(figure)
 
 
@@ -230,10 +235,7 @@ def plain_style(*, transparent: bool = False) -> Iterator[None]:
         mpl.rcdefaults()
         mpl.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9})
         if transparent:
-            mpl.rcParams["savefig.transparent"] = True
-            mpl.rcParams["text.color"] = mpl.rcParams["axes.labelcolor"] = GREY
-            mpl.rcParams["axes.edgecolor"] = GREY
-            mpl.rcParams["xtick.color"] = mpl.rcParams["ytick.color"] = GREY
+            mpl.rcParams.update(ON_NOTHING)
         yield
 
 

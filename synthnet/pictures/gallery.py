@@ -69,16 +69,13 @@ def candidates(
         families = (shard.family for shard in stored.manifest.shards)
         shapes = {name: kept.get(name, []) for name in families}
         totals = {name: len(specs) for name, specs in shapes.items()}
-        if family is not None and family not in totals:  # then it is the file of a shape
-            spec = stored.find(family).spec if stored.id_of(family) != family else None
-            if spec is not None:
-                return [Candidates(spec.family, totals[spec.family], (spec,), ("file",))]
+        if family is not None and family not in totals and stored.id_of(family) != family:
+            spec = stored.find(family).spec  # it is the file of a shape
+            return [Candidates(spec.family, totals[spec.family], (spec,), ("file",))]
     else:
         definition = recipe.load(version)
-        shapes, totals = (
-            _drawn(definition, family),
-            {n: definition.drawn(n) for n in definition.families},
-        )
+        shapes = _drawn(definition, family)
+        totals = {name: definition.drawn(name) for name in definition.families}
     if family is not None and family not in totals:
         raise ValueError(
             f"{version} has no family {family!r}: choose one of {', '.join(totals)}"
@@ -92,9 +89,7 @@ def candidates(
 
 
 def _drawn(definition: recipe.Recipe, family: str | None) -> dict[str, list[ShapeSpec]]:
-    if (
-        definition.subset is not None and definition.scale is None
-    ):  # its shapes depend on the splits
+    if definition.base != definition.version:  # its shapes depend on the splits
         return _by_family(shape.spec for plan in plan_shards(definition) for shape in plan.shapes)
     names = [name for name in definition.families if family in (None, name)]
     first = {name: definition.families[name].count if definition.scale else 0 for name in names}
@@ -173,9 +168,8 @@ def caption(spec: ShapeSpec, varying: Sequence[str]) -> list[str]:
     parts = []
     for name in varying:
         value = spec.parameters[name]
-        text = f"{value:.3g}" if isinstance(value, float) else str(value)
-        text = f"{value:,}" if isinstance(value, int) else text
-        parts.append(f"{name} {text}".replace(" ", NO_BREAK))
+        form = {float: ".3g", int: ","}.get(type(value), "")
+        parts.append(f"{name} {value:{form}}".replace(" ", NO_BREAK))
     return [spec.id, *textwrap.wrap(", ".join(parts), LINE)]
 
 

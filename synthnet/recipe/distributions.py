@@ -4,18 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
-
-
-class Uniform(Protocol):
-    """What draws need of a generator."""
-
-    def random(self) -> float:
-        """Return a number in [0, 1)."""
-
 
 CLAMP = 3.0  # standard deviations, as the caption of the paper's Table 5 says
 
@@ -42,7 +34,15 @@ DISTRIBUTIONS: dict[str, Callable[..., float | int]] = {
 }
 
 
-def draw(distributions: Mapping[str, Any], rng: Uniform) -> dict[str, float | int]:
+def quantile(value: Any, u: float) -> float | int:
+    """Return a constant, or where a distribution has a share ``u`` of its draws below."""
+    if not isinstance(value, Mapping):
+        return value  # type: ignore[no-any-return]  # a number, by the recipe's checks
+    ((kind, arguments),) = value.items()
+    return DISTRIBUTIONS[kind](u, *arguments)
+
+
+def draw(distributions: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float | int]:
     """Draw parameters: one uniform number each, through the inverse distribution.
 
     ``Generator.random`` is the part of NumPy's streams that is a plain function of
@@ -60,15 +60,7 @@ def draw(distributions: Mapping[str, Any], rng: Uniform) -> dict[str, float | in
     >>> draw({"radius": 1.0, "n": {"integers": [3, 3]}}, np.random.default_rng(0))
     {'radius': 1.0, 'n': 3}
     """
-    values: dict[str, float | int] = {}
-    for name, value in distributions.items():
-        u = float(rng.random())
-        if isinstance(value, Mapping):
-            ((kind, arguments),) = value.items()
-            values[name] = DISTRIBUTIONS[kind](u, *arguments)
-        else:
-            values[name] = value
-    return values
+    return {name: quantile(value, float(rng.random())) for name, value in distributions.items()}
 
 
 PARAMETERS, ISOMETRIES, MESHES = 0, 1, 2  # the streams that a shape has

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from synthnet.errors import RecipeError
 from synthnet.families import FAMILIES
 from synthnet.families.charted import TRIANGULATION
 from synthnet.families.charted import TRIANGULATIONS as KINDS
-from synthnet.recipe.distributions import MESHES, PARAMETERS, draw, generator
+from synthnet.mesh.isometries import draw_isometries
+from synthnet.recipe.distributions import ISOMETRIES, MESHES, PARAMETERS, draw, generator
 from synthnet.recipe.recipe import Recipe
 from synthnet.types import Parameters, ShapeSpec
 
@@ -42,6 +46,12 @@ def draw_shape(recipe: Recipe, family: str, index: int) -> ShapeSpec:
         parameters=parameters,
         group=FAMILIES[family].group(parameters),
     )
+
+
+def draw_instances(recipe: Recipe, spec: ShapeSpec) -> NDArray[np.float64]:
+    """Draw the isometries of a shape's instances from its own seed, shape (c, 3, 3), float64."""
+    rng = generator(recipe.seed, spec.family, spec.index, ISOMETRIES)
+    return draw_isometries(recipe.augmentation.rotations, recipe.augmentation.reflections, rng)
 
 
 def draw_shapes(recipe: Recipe) -> list[ShapeSpec]:

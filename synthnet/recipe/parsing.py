@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import MISSING, asdict, dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, asdict, fields
 from functools import partial
 from typing import Any, TypeVar
 
 from synthnet.errors import RecipeError
-from synthnet.recipe.distributions import DISTRIBUTIONS, draw
+from synthnet.recipe.distributions import DISTRIBUTIONS, quantile
 from synthnet.recipe.recipe import (
     AugmentationSettings,
     FamilyRecipe,
@@ -32,18 +32,15 @@ Settings = TypeVar("Settings")
 
 def full_version(raw: dict[str, Any]) -> Recipe:
     """Turn the tables of a full version into a recipe."""
-    tables: dict[str, Any] = {
-        name: read(name, raw.pop(name))
-        for name, read in (
-            ("label", partial(_record, LabelSettings)),
-            ("filters", partial(_record, FilterSettings)),
-            ("augmentation", partial(_record, AugmentationSettings)),
-            ("splits", partial(_record, SplitSettings)),
-            ("families", _families),
-            ("sizes", _sizes),
-        )
-        if name in raw
+    readers: dict[str, Callable[[str, Any], Any]] = {
+        "label": partial(_record, LabelSettings),
+        "filters": partial(_record, FilterSettings),
+        "augmentation": partial(_record, AugmentationSettings),
+        "splits": partial(_record, SplitSettings),
+        "families": _families,
+        "sizes": _sizes,
     }
+    tables = {name: read(name, raw.pop(name)) for name, read in readers.items() if name in raw}
     if "protocols" in raw:
         known = {
             "families": list(tables.get("families", ())),
@@ -108,7 +105,7 @@ def _sizes(_: str, tables: Any) -> tuple[Size, ...]:
     for size in sizes:
         what = f"size {size.name}: vertices"
         _check_draw(what, size.vertices)
-        least = min(draw({what: size.vertices}, _Ends(u))[what] for u in (0.0, 1 - 2**-53))
+        least = min(quantile(size.vertices, u) for u in (0.0, 1 - 2**-53))
         need(least >= LEAST_VERTICES, f"{what} must be at least {LEAST_VERTICES}, got {least:g}")
     return sizes
 
@@ -140,17 +137,6 @@ def _folds(name: str, table: Any, known: Mapping[str, list[str]]) -> tuple[Fold,
             f"{what}: held-out {kind} must be of {', '.join(known[kind]) or 'none'}, got {names!r}",
         )
     return (Fold(name, **{kind: tuple(names) for kind, names in held_out.items()}),)
-
-
-@dataclass(frozen=True, slots=True)
-class _Ends:
-    """Stands in for a generator: always the same number."""
-
-    number: float
-
-    def random(self) -> float:
-        """Return the number."""
-        return self.number
 
 
 def _check_draw(what: str, value: Any) -> None:

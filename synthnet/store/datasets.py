@@ -82,17 +82,17 @@ class StoredDataset:
             If there is none, a filter rejected it, or several files have the name.
         """
         id = self.id_of(id)
-        for shard in self.manifest.shards:
-            if shard.family != id.rpartition("-")[0]:
-                continue
-            if any(r.id == id for r in shard.rejections):
-                reason = next(r for r in shard.rejections if r.id == id)
-                raise StoreError(f"{id} was rejected by {reason.reason}: {reason.detail}")
-            ids = read_table(self.directory / shard.file, ["id"])["id"].to_pylist()
-            if id in ids:
-                path = self.directory / shard.file
-                return next(read_samples(path, slice(ids.index(id), ids.index(id) + 1)))
         family = id.rpartition("-")[0]
+        for shard in self.manifest.shards:
+            if shard.family != family:
+                continue
+            for refused in shard.rejections:
+                if refused.id == id:
+                    raise StoreError(f"{id} was rejected by {refused.reason}: {refused.detail}")
+            path = self.directory / shard.file
+            ids = read_table(path, ["id"])["id"].to_pylist()
+            if id in ids:
+                return next(read_samples(path, slice(ids.index(id), ids.index(id) + 1)))
         if family not in self.manifest.drawn:
             families = ", ".join(self.manifest.drawn)
             raise StoreError(

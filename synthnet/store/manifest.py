@@ -11,9 +11,9 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from synthnet.errors import DamagedError, StoreError
+from synthnet.errors import StoreError
 from synthnet.store.files import one_line
-from synthnet.store.shards import AGAIN, SCHEMA_VERSION
+from synthnet.store.shards import SCHEMA_VERSION, damaged
 from synthnet.store.storage import Location, write_text
 from synthnet.types import Manifest, Rejection, ShardRecord
 
@@ -48,7 +48,7 @@ def read_manifest(directory: Location) -> Manifest | None:
     """
     path = directory / MANIFEST
     if isinstance(path, Path) and path.exists() and not (path.is_file() or path.is_dir()):
-        raise DamagedError(f"{path} is damaged (it is no file): remove it and {AGAIN}")
+        raise damaged(path, "it is no file")
     try:
         written = path.read_bytes()
         content = json.loads(written)
@@ -74,9 +74,7 @@ def read_manifest(directory: Location) -> Manifest | None:
     except OSError as error:
         raise StoreError(f"cannot read {path} ({error.strerror}): choose another --out") from error
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise DamagedError(
-            f"{path} is damaged ({one_line(error)}): remove it and {AGAIN}"
-        ) from error
+        raise damaged(path, one_line(error)) from error
 
 
 def _check(manifest: Manifest) -> None:

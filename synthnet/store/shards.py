@@ -114,9 +114,12 @@ def read_table(path: Location, columns: Sequence[str] | None = None) -> pa.Table
     except PermissionError as error:
         raise StoreError(f"cannot read {path} ({error.strerror}): ask its owner") from error
     except (OSError, ValueError, pa.ArrowException) as error:
-        raise DamagedError(
-            f"{path} is damaged ({one_line(error)}): remove it and {AGAIN}"
-        ) from error
+        raise damaged(path, one_line(error)) from error
+
+
+def damaged(path: Location, why: str) -> DamagedError:
+    """Return the error for a file that a build makes anew."""
+    return DamagedError(f"{path} is damaged ({why}): remove it and {AGAIN}")
 
 
 @contextmanager
@@ -161,9 +164,7 @@ def read_record(
     except (DamagedError, ValueError, TypeError, KeyError, pa.ArrowException):
         same = False
     if not same:
-        raise DamagedError(
-            f"{path} is damaged (its bytes are not those of its content): remove it and {AGAIN}"
-        )
+        raise damaged(path, "its bytes are not those of its content")
     if header.get("recipe_digest") != recipe_digest:
         raise StoreError(
             f"{path} belongs to another recipe: remove {path.parent.parent} or choose another "
@@ -171,9 +172,7 @@ def read_record(
         )
     stored = [*table["id"].to_pylist(), *(r["id"] for r in header["rejections"])]
     if ids is not None and sorted(stored) != sorted(ids):
-        raise DamagedError(
-            f"{path} is damaged (it holds other shapes than it should): remove it and {AGAIN}"
-        )
+        raise damaged(path, "it holds other shapes than it should")
     return _record(path, table, header)
 
 
@@ -248,9 +247,7 @@ def _samples(table: pa.Table, path: Location) -> Iterator[Sample]:
     try:
         yield from _decoded(table)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise DamagedError(
-            f"{path} is damaged ({one_line(error)}): remove it and {AGAIN}"
-        ) from error
+        raise damaged(path, one_line(error)) from error
 
 
 def _decoded(table: pa.Table) -> Iterator[Sample]:

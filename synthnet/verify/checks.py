@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from typing import TypeAlias
+from collections.abc import Callable, Iterator, Sequence
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -13,13 +13,11 @@ from synthnet import recipe, store
 from synthnet.build.limits import pinned as pinned_limits
 from synthnet.families import FAMILIES
 from synthnet.recipe import Kind, Recipe
-from synthnet.recipe.plan import PlannedShape, plan_shards
+from synthnet.recipe.plan import plan_shards
 from synthnet.store import StoredDataset, limits, pins
-from synthnet.types import Manifest, Sample, ShardRecord
+from synthnet.types import Sample, ShardRecord
 from synthnet.verify import files, seal, shapes
-from synthnet.verify.report import Check, Findings, VerifyReport
-
-__all__ = ["CHECKS", "Check", "VerifyReport", "verify", "verify_files"]
+from synthnet.verify.report import Findings, VerifyReport
 
 LIMITS_MADE_ANEW = 5  # so many of the sample are computed anew
 
@@ -38,6 +36,7 @@ CHECKS = {  # in order, with what each holds
 
 
 OnShard: TypeAlias = Callable[[int, int], None]
+Item = TypeVar("Item", str, int)
 
 
 def verify(
@@ -128,8 +127,9 @@ def _verify_drawn(
     drawn = _recipe_of(dataset)
     manifest = dataset.manifest
     planned = {shape.spec.id: shape for plan in plan_shards(drawn) for shape in plan.shapes}
+    rejected = {rejection.id for rejection in manifest.rejections}
     pinned = pins.read(drawn.base)
-    chosen = _choose(manifest, planned, sample, seed)
+    chosen = _choose(sorted(set(planned) - rejected), sample, seed)
     known = sorted(id for id in chosen if FAMILIES[planned[id].spec.family].limit is not None)
     anew = set(known[:: max(1, len(known) // LIMITS_MADE_ANEW)][:LIMITS_MADE_ANEW])
     any_limits = limits.any_there(dataset)
@@ -150,11 +150,14 @@ def _verify_drawn(
                 findings.add("labels", shapes.check_label(stored))
         rows = files.read_limits(dataset, record, findings) if any_limits else None
         if rows is not None:
-            problems = shapes.check_limits(record.file, samples, rows, known_limits, anew)
-            findings.add("limits", problems, examined=len(rows))
-    findings.add("recipe", _check_complete(seen, manifest, planned), examined=len(planned))
+            wrong = shapes.check_limits(record.file, samples, rows, known_limits, anew)
+            findings.add("limits", wrong, examined=len(rows))
+    lost = sorted(set(planned) - seen - rejected)
+    problems = [f"{id}: neither stored nor rejected" for id in lost]
+    findings.add("recipe", problems, examined=len(planned))
     if pinned is not None:
-        findings.add("pins", _check_kept(seen, manifest, set(planned) & set(pinned)), examined=0)
+        expected = set(planned) & set(pinned)
+        findings.add("pins", _check_kept(seen, rejected, expected), examined=0)
     elif drawn.kind is Kind.VERSION:
         findings.add("pins", [f"the repository pins nothing for {drawn.base}"], examined=0)
     files.check_unpacked(dataset, findings)
@@ -179,8 +182,7 @@ def _verify_imported(
     manifest = dataset.manifest
     description = store.description_of(manifest)
     limits = recipe.load(description.limits)
-    rng = np.random.default_rng(seed)
-    chosen = set(rng.choice(manifest.rows, min(sample, manifest.rows), replace=False).tolist())
+    chosen = _choose(range(manifest.rows), sample, seed)
     ids: list[str] = [rejection.id for rejection in manifest.rejections]
     names = ("manifest", "digests", "shards", "recipe", "certificates", "labels", "unpacked")
     findings = Findings(names)
@@ -216,23 +218,12 @@ def _read_shards(
             on_shard(number, len(shards))
 
 
-def _choose(
-    manifest: Manifest, planned: dict[str, PlannedShape], sample: int, seed: int
-) -> set[str]:
-    kept = sorted(set(planned) - {r.id for r in manifest.rejections})
+def _choose(among: Sequence[Item], sample: int, seed: int) -> set[Item]:
     rng = np.random.default_rng(seed)
-    return set(rng.choice(kept, size=min(sample, len(kept)), replace=False).tolist())
+    return set(rng.choice(among, size=min(sample, len(among)), replace=False).tolist())
 
 
-def _check_complete(
-    seen: Iterable[str], manifest: Manifest, planned: dict[str, PlannedShape]
-) -> Iterator[str]:
-    lost = set(planned) - set(seen) - {r.id for r in manifest.rejections}
-    yield from (f"{id}: neither stored nor rejected" for id in sorted(lost))
-
-
-def _check_kept(seen: set[str], manifest: Manifest, expected: set[str]) -> Iterator[str]:
-    rejected = {r.id for r in manifest.rejections}
+def _check_kept(seen: set[str], rejected: set[str], expected: set[str]) -> Iterator[str]:
     for id in sorted(expected - seen):
         how = "rejected" if id in rejected else "missing"
         yield f"{id}: {how} here, but the pinned build kept it"

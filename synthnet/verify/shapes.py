@@ -16,11 +16,11 @@ from synthnet.build import sources
 from synthnet.errors import SpectrumError, needed_by
 from synthnet.families import FAMILIES
 from synthnet.families.limits import Limit
-from synthnet.mesh import isometries
 from synthnet.mesh.adjacency import face_components
 from synthnet.mesh.geometry import MeshFacts, area
+from synthnet.mesh.repair import compact
 from synthnet.recipe import Recipe
-from synthnet.recipe.distributions import ISOMETRIES, generator
+from synthnet.recipe.drawing import draw_instances
 from synthnet.recipe.plan import PlannedShape
 from synthnet.spectrum import certificate, solve
 from synthnet.store import ImportDescription, limits, pins
@@ -47,9 +47,7 @@ def check_plan(
     elif (sample.split, sample.paper_splits) != (shape.split, shape.paper_splits):
         yield f"{spec.id}: splits differ from the recipe's"
     else:
-        rng = generator(recipe.seed, spec.family, spec.index, ISOMETRIES)
-        copies = recipe.augmentation
-        drawn = isometries.draw_isometries(copies.rotations, copies.reflections, rng)
+        drawn = draw_instances(recipe, spec)
         if sample.isometries.shape != drawn.shape or not np.allclose(
             sample.isometries, drawn, rtol=0, atol=ISOMETRY_TOLERANCE
         ):
@@ -196,8 +194,7 @@ def isolated(mesh: Mesh) -> Iterator[Mesh]:
     """Yield each component of a mesh as a mesh; LaPy knows no eigenvalue zero but the first."""
     of_face = face_components(mesh.faces)
     for number in range(int(of_face.max()) + 1):
-        used, faces = np.unique(mesh.faces[of_face == number], return_inverse=True)
-        yield Mesh(mesh.vertices[used], faces.reshape(-1, 3).astype(mesh.faces.dtype))
+        yield compact(Mesh(mesh.vertices, mesh.faces[of_face == number]))
 
 
 def load_lapy() -> types.ModuleType:
