@@ -9,9 +9,10 @@ matrices beside those of vertices, and C and M their own,
     r = \theta B u - A u, \qquad
     \lambda \approx \theta \exp(-r^T (C - \theta M)^{-1} r / \theta),
 
-is what quadratic elements would find, to first order. C is as well conditioned as the triangles are
-well shaped, so a few steps of conjugate gradients do, more on thin ones: they come near the
-energy from below.
+is what quadratic elements would find, to first order. On patches so large that θ M is not small
+against C, it counts as half of C at most. C is as well conditioned as the triangles are well
+shaped, so a few steps of conjugate gradients do, more on thin ones: they come near the energy from
+below.
 
 References
 ----------
@@ -109,7 +110,10 @@ def edge_energies(
     of_patches = (patches.faces, patches.sides, len(patches.ends), stiffness, mass)
     residuals, diagonal = _residuals(*of_patches, np.ascontiguousarray(vectors), values)
     own, masses = (np.ascontiguousarray(blocks[:, 3:, 3:]) for blocks in (stiffness, mass))
-    return _energies(patches.sides, own, masses, values, diagonal, residuals, ENOUGH, STEPS)
+    highest = _highest(own, masses)
+    return _energies(
+        patches.sides, own, masses, highest, values, diagonal, residuals, ENOUGH, STEPS
+    )
 
 
 @kernel
@@ -136,10 +140,31 @@ def _residuals(
 
 
 @kernel
+def _highest(own: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return for each patch a θ up to which θ M is at most half of C: 1 / (2 tr C⁻¹ M)."""
+    highest = np.empty(own.shape[0])
+    for f in range(own.shape[0]):
+        c, m = own[f], masses[f]
+        trace = 0.0
+        determinant = 0.0
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            for s in range(3):
+                t, u = (s + 1) % 3, (s + 2) % 3
+                cofactor = c[j, t] * c[k, u] - c[j, u] * c[k, t]
+                trace += cofactor * m[i, s]
+                if i == 0:
+                    determinant += cofactor * c[i, s]
+        highest[f] = determinant / (2 * trace)
+    return highest
+
+
+@kernel
 def _energies(
     sides: NDArray[np.int32],
     own: NDArray[np.float64],
     masses: NDArray[np.float64],
+    highest: NDArray[np.float64],
     values: NDArray[np.float64],
     diagonal: NDArray[np.float64],
     r: NDArray[np.float64],
@@ -156,12 +181,12 @@ def _energies(
         for e in range(edges):
             for j in range(k):
                 p[e, j] = r[e, j] / diagonal[e] + ratio[j] * p[e, j]
-        _multiply(sides, own, masses, values, p, q)
+        _multiply(sides, own, masses, highest, values, p, q)
         step = np.zeros(k)
         for e in range(edges):
             for j in range(k):
                 step[j] += p[e, j] * q[e, j]
-        for j in range(k):  # where nothing is left, or θ is too high for the mesh, nothing is added
+        for j in range(k):  # where nothing is left, there is nothing to add
             step[j] = now[j] / step[j] if step[j] > 0 else 0.0
         energies += step * now
         if np.all(step * now <= enough * energies):
@@ -188,11 +213,12 @@ def _multiply(
     sides: NDArray[np.int32],
     own: NDArray[np.float64],
     masses: NDArray[np.float64],
+    highest: NDArray[np.float64],
     values: NDArray[np.float64],
     p: NDArray[np.float64],
     q: NDArray[np.float64],
 ) -> None:
-    """Set q to (C − θ M) p, patch by patch."""
+    """Set q to (C − θ M) p, patch by patch, θ at most what it may be there."""
     q[:] = 0.0
     for f in range(sides.shape[0]):
         for s in range(3):
@@ -200,4 +226,4 @@ def _multiply(
             for t in range(3):
                 a, b, column = own[f, s, t], masses[f, s, t], p[sides[f, t]]
                 for j in range(p.shape[1]):
-                    row[j] += (a - values[j] * b) * column[j]
+                    row[j] += (a - min(values[j], highest[f]) * b) * column[j]

@@ -163,6 +163,24 @@ def test_the_estimate_converges_faster_than_linear_elements() -> None:
     assert coarse / fine > 7
 
 
+def test_the_estimate_holds_where_a_mesh_is_too_coarse_for_an_eigenvalue() -> None:
+    """There θ M is larger than C on some patches; an answer must stay between zero and θ."""
+    cone = family(
+        "split_cone",
+        radius=1.0,
+        height=1.0,
+        resolution_a=20,
+        resolution_b=20,
+        split_a=1,
+        split_b=1,
+        subdivisions=1,
+    )
+    values = surface_eigenvalues(cone, 20)
+    linear = spectrum.of_matrices(curved.hierarchical(curved.bend(cone))[0], 20).eigenvalues
+    assert (values > 0.4 * linear).all()
+    assert (values < linear).all()
+
+
 def test_each_component_has_its_surface() -> None:
     one, other = sphere(10), sphere(14)
     vertices = np.concatenate([one.vertices, other.vertices + 4.0])
