@@ -167,17 +167,16 @@ def _draw_drops(axes: mpl.axes.Axes, points: Sequence[Point]) -> None:
 def _name(
     axes: mpl.axes.Axes, points: Sequence[Point], rows: Sequence[Ranked], layout: Layout
 ) -> None:
-    """Write beside the marks what the sentences name: the solver, the best rows, the drop."""
-    best = dict.fromkeys((True, False), LAPY)  # of those without training, and of the others
-    for row in reversed(rows):
-        best[untrained(row.submission.result["model"])] = row.submission.name
+    """Write beside the marks what the sentences name: the solver, the best model, its drop."""
+    trained = {row.submission.name for row in rows if not untrained(row.submission.result["model"])}
     font: dict[str, Any] = {"textcoords": "offset points", "fontsize": layout.font}
     font["weight"] = "bold"
     for point in points:
         colour, at = KINDS[point.kind][0], (point.speed, point.error)
         if point.name == LAPY:
             axes.annotate(point.name, at, (0, 10), ha="center", color=colour, **font)
-        elif point.name in best.values():
+        elif point.name in trained:
+            trained = set()  # the first is the best
             name = fill(escaped(point.name), 24)
             axes.annotate(name, at, (9, -3), va="top", color=colour, **font)
     fallen = [p for p in points if p.unseen is not None and p.unseen > p.error]
@@ -277,7 +276,7 @@ def _without_training(board: Board, trained: Sequence[Ranked], solver: Ranked) -
     if nearer:
         best = min(nearer, key=_error)
         beaten = all(_error(best) < _error(row) for row in trained)
-        verdict = "better elements beat both" if beaten else "better elements are nearer, too"
+        verdict = "better elements beat all of them" if beaten else "better elements come nearer"
         yield (
             f"**Without training, {verdict}.** *{best.submission.name}* has "
             f"{_gain(best, solver)}, and nothing to unlearn on unseen families."

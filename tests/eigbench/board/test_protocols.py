@@ -373,7 +373,7 @@ def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, m
 @pytest.mark.parametrize(
     ("factor", "sentence"),
     [
-        (1.0001, "4. **Without training, better elements beat both.** *Bent* has "),
+        (1.0001, "4. **Without training, better elements beat all of them.** *Bent* has "),
         (1.02, None),  # farther than the solver
     ],
 )
