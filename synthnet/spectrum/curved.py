@@ -5,8 +5,9 @@ of order :math:`h^2`, as large as the error of linear elements: no element on th
 Here the mesh gives the surface back. A normal at each vertex comes from the triangles around it.
 An edge becomes the arc that leaves its ends at right angles to the normals there, and a triangle
 the quadratic patch through its corners and the middles of its three arcs. Quadratic elements on
-these patches are isoparametric; their eigenvalues are those of a smooth surface up to terms of
-order :math:`h^4`, where the mesh is inscribed and its normals are good. Max's weights make them so
+these patches are isoparametric; on spheres, and where the triangles around each vertex are nearly
+symmetric, errors of order :math:`h^4` are observed. Elsewhere normals are off by terms of order h,
+and the order may be two again, with a smaller constant. Max's weights make them so
 on smooth meshes; where faces of very different sizes meet, as on CAD parts beside a fillet, the
 large ones are flat parts of the surface, and weights are areas.
 
@@ -170,7 +171,7 @@ def _blocks(patches: Patches, functions: Floats, slopes: Floats) -> tuple[Floats
     scales, areas = np.empty((m, 3, points)), np.empty((m, points))
     while True:
         folded, ratio = _densities(*patches, CORNERS, WEIGHTS, scales, areas)
-        if not folded.any():
+        if not patches.rises[patches.sides[folded]].any():  # what is flat cannot fold
             break
         patches.rises[patches.sides[folded]] = 0.0
     u, v = np.moveaxis(slopes, 2, 0)

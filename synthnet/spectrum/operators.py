@@ -62,7 +62,7 @@ class Operator:
         ``"linear"``: as labels have, errors of order :math:`h^2`. ``"quadratic"``: with unknowns on
         edges too, on the same flat triangles; :math:`h^4` where these are the surface.
         ``"curved"``: quadratic on triangles that are bent to the surface through the vertices, see
-        :mod:`synthnet.spectrum.curved`; :math:`h^4` on smooth surfaces, too.
+        :mod:`synthnet.spectrum.curved`; :math:`h^4` on spheres and on smooth regular meshes, too.
         ``"delaunay"``: linear on the intrinsic Delaunay triangulation of the same flat triangles,
         see :mod:`synthnet.spectrum.delaunay`: for thin triangles, and where no entry of the
         stiffness off the diagonal may be positive.

@@ -43,8 +43,8 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> NDArray[np.float64]:
 
     The surface is taken to go through the vertices, with a crease where two triangles meet at more
     than 55 degrees, and a smooth boundary but for its corners; Neumann there. The estimate comes
-    with no certificate: nothing bounds how far the surface is from that. On smooth surfaces it is
-    ten to a hundred times nearer than the eigenvalues of the mesh, see docs/spectrum.md.
+    with no certificate: nothing bounds how far the surface is from that. Its mean error is a fifth
+    of that of the mesh's own eigenvalues on 2.0, and a third on 1.0; see docs/spectrum.md.
 
     Parameters
     ----------
@@ -155,7 +155,8 @@ def _highest(own: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[n
                 trace += cofactor * m[i, s]
                 if i == 0:
                     determinant += cofactor * c[i, s]
-        highest[f] = determinant / (2 * trace)
+        sound = determinant > 0 and trace > 0  # rounding on needles
+        highest[f] = determinant / (2 * trace) if sound else 0.0
     return highest
 
 

@@ -275,8 +275,8 @@ def _without_training(board: Board, trained: Sequence[Ranked], solver: Ranked) -
     nearer = [row for row in board.rows if row not in trained and _surely_nearer(row, solver)]
     if nearer:
         best = min(nearer, key=_error)
-        beaten = all(_error(best) < _error(row) for row in trained)
-        verdict = "better elements beat all of them" if beaten else "better elements come nearer"
+        beaten = all(_surely_nearer(best, row) for row in trained)
+        verdict = "better elements beat all of them" if beaten else "better elements come as near"
         yield (
             f"**Without training, {verdict}.** *{best.submission.name}* has "
             f"{_gain(best, solver)}, and nothing to unlearn on unseen families."
