@@ -71,13 +71,8 @@ SCALING = "scaling"
 ELEMENTS = ("quadratic", "richardson")  # they take half an hour and more a board
 NOT_RUN = {  # a test holds this list to what lies on the boards
     SCALING: (
-        *(
-            "lapy_cholmod",
-            "two_masses",
-            *ELEMENTS,
-            "curved",
-            "reproduction:table2_alg_virtual_long",
-        ),
+        *("lapy_cholmod", "two_masses", *ELEMENTS, "curved"),
+        "reproduction:table2_alg_virtual_long",
         *("kriging", "ritz_mlp_surface", "spectrum_mlp", "multilevel_masses"),
     ),
 }

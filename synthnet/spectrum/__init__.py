@@ -12,9 +12,10 @@ solver, in the order of use: :mod:`~synthnet.spectrum.fem` assembles the matrice
 :mod:`~synthnet.spectrum.rounding` bounds what rounding did, and
 :mod:`~synthnet.spectrum.solve` puts them together. :mod:`~synthnet.spectrum.verdict` judges the
 eigenvalues of others, :mod:`~synthnet.spectrum.inputs` takes their meshes,
-:mod:`~synthnet.spectrum.many` has spectra of many. :mod:`~synthnet.spectrum.curved` bends triangles
-to the surface that a mesh samples, and :mod:`~synthnet.spectrum.surface` estimates the spectrum of
-that. Plain arrays in and out, compiled by Numba on first use and cached on disk.
+:mod:`~synthnet.spectrum.many` has spectra of many. :mod:`~synthnet.spectrum.bending` bends
+triangles to the surface that a mesh samples, :mod:`~synthnet.spectrum.curved` has elements on them,
+and :mod:`~synthnet.spectrum.surface` estimates that surface's spectrum. Plain arrays in and out,
+compiled by Numba on first use and cached on disk.
 """
 
 from synthnet.spectrum.inputs import as_mesh, check, repaired

@@ -114,8 +114,8 @@ def assemble(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Matrice
 
 
 @kernel
-def pattern(faces: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return ``indptr`` and ``indices``: each vertex with itself and its neighbours, sorted."""
+def around(faces: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return where the corners at each vertex begin, (n + 1,), and the corners 3 f + c, (3m,)."""
     start = np.zeros(n + 1, np.int32)
     for f in range(faces.shape[0]):
         for c in range(3):
@@ -123,12 +123,19 @@ def pattern(faces: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArra
     for i in range(n):
         start[i + 1] += start[i]
     fill = start[:-1].copy()
-    around = np.empty(3 * faces.shape[0], np.int32)  # the faces at each vertex
+    corners = np.empty(3 * faces.shape[0], np.int32)
     for f in range(faces.shape[0]):
         for c in range(3):
             i = faces[f, c]
-            around[fill[i]] = f
+            corners[fill[i]] = 3 * f + c
             fill[i] += 1
+    return start, corners
+
+
+@kernel
+def pattern(faces: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return ``indptr`` and ``indices``: each vertex with itself and its neighbours, sorted."""
+    start, corners = around(faces, n)
     indptr = np.zeros(n + 1, np.int32)
     indices = np.empty(6 * faces.shape[0] + n, np.int32)
     seen = np.full(n, -1, np.int32)
@@ -140,7 +147,7 @@ def pattern(faces: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArra
         count += 1
         for p in range(start[i], start[i + 1]):
             for c in range(3):
-                j = faces[around[p], c]
+                j = faces[corners[p] // 3, c]
                 if seen[j] != i:
                     seen[j] = i
                     indices[count] = j

@@ -24,7 +24,7 @@ from scipy import sparse
 
 from synthnet.errors import needed_by
 from synthnet.mesh.adjacency import edge_keys
-from synthnet.spectrum import curved, delaunay, fem
+from synthnet.spectrum import bending, curved, delaunay, fem
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import check
 from synthnet.types import Mesh
@@ -38,10 +38,6 @@ MASSES = {
     "delaunay": tuple(SHARES),
     "tufted": ("lumped",),
 }
-# Corners of the pairs (i, j), i ≤ j, that number the functions λᵢλⱼ of a triangle.
-PAIRS = np.array([(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)])
-FACTORIALS = np.array([1.0, 1, 2, 6, 24])
-QUADRATIC = 1 / 15  # the least eigenvalue of M⁻¹B on a triangle, and so anywhere
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,16 +165,15 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     if operator.elements == "tufted":
         matrices = _tufted(mesh)
     elif operator.elements == "quadratic":
-        matrices = _quadratic(mesh, _edges(mesh))
+        matrices = curved.quadratic(bending.straight(mesh))
     elif operator.elements == "curved":
-        matrices = curved.quadratic(curved.bend(mesh))
+        matrices = curved.quadratic(bending.bend(mesh))
     else:
         plain = delaunay.assemble(mesh) if operator.elements == "delaunay" else _linear(mesh)
         matrices = _with_mass(plain, operator.share)
     if free:
         return Discrete(matrices, None, n)
-    edges = _edges(mesh)
-    held = np.concatenate(_held(operator.boundary, n, edges))[: len(matrices.lumped)]
+    held = np.concatenate(_held(operator.boundary, mesh))[: len(matrices.lumped)]
     if held.all():
         raise ValueError("every unknown is held at zero: nothing is left to solve")
     return Discrete(_without(matrices, held), np.flatnonzero(~held), n)
@@ -279,47 +274,6 @@ def _with_mass(matrices: Matrices, share: float) -> Matrices:
     return matrices._replace(mass=mass, least=share * matrices.least + 1 - share)
 
 
-class _Edges(NamedTuple):
-    """Edges (e, 2); of each face that from corner i to i + 1, (m, 3); the faces of each edge."""
-
-    ends: NDArray[np.int64]
-    of_side: NDArray[np.int64]
-    faces: NDArray[np.int64]
-
-
-def _quadratic(mesh: Mesh, edges: _Edges) -> Matrices:
-    r"""Assemble quadratic elements from linear ones.
-
-    The functions are :math:`s \lambda_i \lambda_j`, s = 1 for a corner (i = j) and 2 for an edge,
-    which is Bernstein's form: a corner's unknown is the value there, and the constant 1 is the
-    vector of ones. Vertices come first, then edges.
-    """
-    corners = np.asarray(mesh.vertices, dtype=np.float64)[mesh.faces]
-    sides = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)  # opposite each corner
-    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2
-    flat = int(np.count_nonzero(~(area > 0)))
-    if flat:
-        raise ValueError(f"{flat} of {len(area)} faces have no area: {fem.REMEDY}")
-    linear = sides @ sides.transpose(0, 2, 1) / (4 * area)[:, None, None]
-    second = (1 + np.eye(3)) / 12  # of two of the λ, by area
-    doubled = np.where(PAIRS[:, 0] == PAIRS[:, 1], 1, 2)
-    numbers = np.concatenate([mesh.faces, len(mesh.vertices) + edges.of_side], axis=1)
-    unknowns = len(mesh.vertices) + len(edges.ends)
-    stiffness, mass = np.zeros((2, len(area), 6, 6))
-    for a, (i, j) in enumerate(PAIRS.tolist()):
-        for b, (k, m) in enumerate(PAIRS.tolist()):
-            scale = doubled[a] * doubled[b]
-            stiffness[:, a, b] = scale * (
-                second[i, k] * linear[:, j, m]
-                + second[i, m] * linear[:, j, k]
-                + second[j, k] * linear[:, i, m]
-                + second[j, m] * linear[:, i, k]
-            )
-            powers = np.bincount([i, j, k, m], minlength=3)
-            mass[:, a, b] = scale * area * np.prod(FACTORIALS[powers]) / 360
-    return fem.gathered(numbers, stiffness, mass, unknowns, QUADRATIC)
-
-
 def _tufted(mesh: Mesh) -> Matrices:
     """Return the matrices of ``robust_laplacian``, whose mass is a diagonal."""
     with needed_by("the tufted Laplacian"):
@@ -345,13 +299,6 @@ def _tufted(mesh: Mesh) -> Matrices:
     )
 
 
-def _edges(mesh: Mesh) -> _Edges:
-    keys = edge_keys(mesh.faces)
-    unique, of_side, faces = np.unique(keys, return_inverse=True, return_counts=True)
-    ends = np.stack(np.divmod(unique, int(mesh.faces.max()) + 1), axis=1)
-    return _Edges(ends, of_side.reshape(-1, 3), faces)
-
-
 def _warn_of_sheets(mesh: Mesh) -> None:
     """Warn of edges of more than two faces: the problem is well posed, but of no surface."""
     keys = np.sort(edge_keys(mesh.faces))
@@ -366,22 +313,23 @@ def _warn_of_sheets(mesh: Mesh) -> None:
 
 
 def _held(
-    boundary: str | NDArray[np.bool_], n: int, edges: _Edges
+    boundary: str | NDArray[np.bool_], mesh: Mesh
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which vertices and which edges are held at zero."""
+    n = len(mesh.vertices)
+    edges, rims = bending.edges_and_rims(mesh)
     if isinstance(boundary, str):
-        sides = edges.faces == 1
-        if not sides.any():
+        if not rims.any():
             raise ValueError("the mesh is closed: it has no boundary where functions could be zero")
         vertices = np.zeros(n, dtype=np.bool_)
-        vertices[edges.ends[sides]] = True
-        return vertices, sides
+        vertices[edges[rims]] = True
+        return vertices, rims
     mask = np.asarray(boundary)
     if mask.dtype != np.bool_ or mask.shape != (n,):
         raise ValueError(
             f"a mask of vertices must be bool of shape ({n},), got {mask.dtype} of {mask.shape}"
         )
-    return mask, mask[edges.ends[:, 0]] & mask[edges.ends[:, 1]]
+    return mask, mask[edges[:, 0]] & mask[edges[:, 1]]
 
 
 def _without(matrices: Matrices, held: NDArray[np.bool_]) -> Matrices:

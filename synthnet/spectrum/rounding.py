@@ -131,8 +131,9 @@ def _ritz(
     gram = np.zeros((count, count))
     rough_energy, rough_mass = np.zeros((2, count))
     many = count > MANY
-    for first in range(0, len(faces), CHUNK if many else len(faces)):
-        chunk = faces[first : first + CHUNK] if many else faces
+    step = CHUNK if many else len(faces)
+    for first in range(0, len(faces), step):
+        chunk = faces[first : first + step]
         slopes = np.empty((len(chunk) if many else 0, 3, count))
         to = (stiff, weighted, gram, rough_energy, rough_mass, slopes)
         _apply(vertices, chunk, functions, *to)

@@ -1,6 +1,6 @@
 r"""The spectrum of the surface that a mesh samples, for little more than that of the mesh.
 
-Linear elements on bent triangles (:mod:`synthnet.spectrum.curved`) leave one error of order
+Linear elements on bent triangles (:mod:`synthnet.spectrum.bending`) leave one error of order
 :math:`h^2`: between vertices, eigenfunctions are bent, too. It is estimated from the eigenpairs
 (θ, u) of linear elements. With the functions :math:`2\lambda_i\lambda_j` of edges, A and B their
 matrices beside those of vertices, and C and M their own,
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import curved
-from synthnet.spectrum.curved import Patches
+from synthnet.spectrum.bending import Patches, bend
 from synthnet.spectrum.inputs import as_mesh
 from synthnet.spectrum.operators import check_used
 from synthnet.spectrum.solve import of_matrices
@@ -74,7 +74,7 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> NDArray[np.float64]:
     """
     mesh = as_mesh(mesh)
     check_used(mesh)
-    patches = curved.bend(mesh)
+    patches = bend(mesh)
     linear, stiffness, mass = curved.hierarchical(patches)
     found = of_matrices(linear, k)
     values = found.eigenvalues

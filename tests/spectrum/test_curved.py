@@ -11,6 +11,7 @@ from evidence.operators import disc, square
 from synthnet import spectrum
 from synthnet.families import FAMILIES
 from synthnet.spectrum import Operator, curved, surface_eigenvalues
+from synthnet.spectrum.bending import Patches, bend
 from synthnet.spectrum.operators import as_sparse, discretise
 from synthnet.types import Mesh
 
@@ -30,7 +31,7 @@ def cylinder() -> Mesh:
     return family("cylinder", radius=1.0, height=2.0, resolution=24, split=4)
 
 
-def middles(patches: curved.Patches) -> np.ndarray:
+def middles(patches: Patches) -> np.ndarray:
     return patches.vertices[patches.ends].mean(axis=1) + patches.rises
 
 
@@ -39,17 +40,15 @@ def error(values: np.ndarray, exact: np.ndarray) -> float:
 
 
 def test_middles_of_arcs_are_on_the_sphere_to_the_fourth_order() -> None:
-    off = [
-        np.abs(np.linalg.norm(middles(curved.bend(sphere(r))), axis=1) - 1).max() for r in (10, 20)
-    ]
-    flat = np.linalg.norm(middles(curved.bend(sphere(20))) - curved.bend(sphere(20)).rises, axis=1)
+    off = [np.abs(np.linalg.norm(middles(bend(sphere(r))), axis=1) - 1).max() for r in (10, 20)]
+    flat = np.linalg.norm(middles(bend(sphere(20))) - bend(sphere(20)).rises, axis=1)
     assert off[1] < 0.02 * (1 - flat.min())
     assert off[0] / off[1] > 12
 
 
 def test_faces_of_a_box_stay_flat_and_give_quadratic_elements() -> None:
     box = family("rectangular_prism", width=1.0, height=0.6, depth=1.7, subdivisions=2)
-    assert np.abs(curved.bend(box).rises).max() < 1e-15
+    assert np.abs(bend(box).rises).max() < 1e-15
     flat, same = (
         spectrum.compute(box, operator=Operator(elements=e)) for e in ("quadratic", "curved")
     )
@@ -57,7 +56,7 @@ def test_faces_of_a_box_stay_flat_and_give_quadratic_elements() -> None:
 
 
 def test_creases_are_bent_along_themselves() -> None:
-    patches = curved.bend(cylinder())
+    patches = bend(cylinder())
     points, ends = patches.vertices, patches.ends
     on_rim = (np.abs(np.hypot(points[:, 0], points[:, 1]) - 1) < 1e-6) & (
         np.abs(np.abs(points[:, 2]) - np.abs(points[:, 2]).max()) < 1e-6
@@ -75,11 +74,11 @@ def test_creases_are_bent_along_themselves() -> None:
 
 
 def test_a_boundary_is_bent_and_its_corners_are_not() -> None:
-    radii = np.linalg.norm(middles(curved.bend(disc(16))), axis=1)
+    radii = np.linalg.norm(middles(bend(disc(16))), axis=1)
     rim = radii > 0.97
     assert rim.sum() == 48
     assert np.abs(radii[rim] - 1).max() < 1e-4
-    assert np.abs(curved.bend(square(6)).rises).max() < 1e-15
+    assert np.abs(bend(square(6)).rises).max() < 1e-15
 
 
 def test_a_large_flat_face_beside_a_fine_fillet_stays_flat() -> None:
@@ -91,7 +90,7 @@ def test_a_large_flat_face_beside_a_fine_fillet_stays_flat() -> None:
     corner = (8 * np.arange(len(profile) - 1)[:, None] + steps[:-1]).ravel()
     below = np.stack([corner, corner + 1, corner + 9], axis=1)
     above = np.stack([corner, corner + 9, corner + 8], axis=1)
-    patches = curved.bend(Mesh(points, np.concatenate([below, above])))
+    patches = bend(Mesh(points, np.concatenate([below, above])))
     middle = points[patches.ends].mean(axis=1)
     across, inside = (
         np.abs(np.diff(points[patches.ends, 0], axis=1)[:, 0]) > 1,
@@ -110,7 +109,7 @@ def test_faces_need_not_be_oriented_alike(share: float) -> None:
     mesh = cylinder()
     turned = np.random.default_rng(0).random(len(mesh.faces)) < share
     faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)
-    as_it_is, other = curved.bend(mesh), curved.bend(Mesh(mesh.vertices, faces))
+    as_it_is, other = bend(mesh), bend(Mesh(mesh.vertices, faces))
     rises = {tuple(e): rise for e, rise in zip(other.ends, other.rises, strict=True)}
     assert len(rises) == len(as_it_is.ends)
     for ends, rise in zip(as_it_is.ends, as_it_is.rises, strict=True):
@@ -120,7 +119,7 @@ def test_faces_need_not_be_oriented_alike(share: float) -> None:
 def test_an_edge_of_three_faces_stays_straight() -> None:
     fan = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0.5], [0.9, 0.4, 0.5], [-1, 0, 0.5]], float)
     faces = np.array([[0, 1, 2], [0, 1, 3], [1, 0, 4]])
-    patches = curved.bend(Mesh(fan, faces))
+    patches = bend(Mesh(fan, faces))
     shared = (patches.ends == [0, 1]).all(axis=1)
     assert shared.sum() == 1
     assert (patches.rises[shared] == 0).all()
@@ -139,7 +138,7 @@ def test_mass_is_above_its_bound_on_any_mesh(seed: int, size: float) -> None:
     faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)
     for matrices in (
         discretise(Mesh(vertices, faces), CURVED).matrices,
-        curved.hierarchical(curved.bend(Mesh(vertices, faces)))[0],
+        curved.hierarchical(bend(Mesh(vertices, faces)))[0],
     ):
         stiffness, mass = (matrix.toarray() for matrix in as_sparse(matrices))
         scaled = mass / np.sqrt(np.outer(matrices.lumped, matrices.lumped))
@@ -176,7 +175,7 @@ def test_the_estimate_holds_where_a_mesh_is_too_coarse_for_an_eigenvalue() -> No
         subdivisions=1,
     )
     values = surface_eigenvalues(cone, 20)
-    linear = spectrum.of_matrices(curved.hierarchical(curved.bend(cone))[0], 20).eigenvalues
+    linear = spectrum.of_matrices(curved.hierarchical(bend(cone))[0], 20).eigenvalues
     assert (values > 0.4 * linear).all()
     assert (values < linear).all()
 

@@ -209,10 +209,9 @@ def _point(number: int, row: Ranked, unseen: float | None) -> Point:
 
 
 def sentences(board: Board, solver: str = "lapy") -> str:
-    """Return the figure in four sentences; empty where the solver or trained models are missing.
+    """Return the figure in sentences; empty where the solver or trained models are missing.
 
-    The last one, of the nearest row without training, is there if that is surely nearer than the
-    solver.
+    There are three, and a fourth if a row without training is surely nearer than the solver.
 
     Parameters
     ----------
@@ -272,7 +271,8 @@ def _on_unseen_families(
 
 
 def _without_training(board: Board, trained: Sequence[Ranked], solver: Ranked) -> Iterator[str]:
-    nearer = [row for row in board.rows if row not in trained and _surely_nearer(row, solver)]
+    others = (row for row in board.rows if untrained(row.submission.result["model"]))
+    nearer = [row for row in others if _surely_nearer(row, solver)]
     if nearer:
         best = min(nearer, key=_error)
         beaten = all(_surely_nearer(best, row) for row in trained)

@@ -1,0 +1,373 @@
+r"""A mesh's edges bent to the surface that it samples: arcs between the normals at their ends.
+
+A normal at each vertex comes from the triangles around it, an edge becomes the arc that leaves its
+ends at right angles to the normals there, and a triangle the quadratic patch through its corners
+and the middles of its three arcs. Weights of the triangles are Max's, which are exact on spheres
+and good where the triangles around a vertex are nearly symmetric; elsewhere a normal is off by a
+term of order h. Where faces of very different sizes meet, as on CAD parts beside a fillet, the
+large ones are flat parts of the surface, and weights are areas.
+
+Across a crease, where two triangles meet at more than :data:`CREASE`, the surface has a normal on
+each side, and an edge along the crease is an arc in both sides' planes. At a boundary, the tangent
+at a vertex is that of the circle through it and its two neighbours.
+
+References
+----------
+N. Max, "Weights for computing vertex normals from facet normals", Journal of Graphics Tools 4
+(1999). A. Vlachos, J. Peters, C. Boyd, J. L. Mitchell, "Curved PN triangles", I3D (2001): patches
+from normals.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.kernels import kernel, part
+from synthnet.spectrum import fem
+from synthnet.types import Mesh
+
+CREASE = 55.0  # degrees between the normals of two triangles: below those of a hexagon's sides
+RISE = 0.2  # of an edge's length, the most that it is bent
+UNEVEN = 12.0  # times the smallest face at a vertex, above which large faces settle its normal
+STRAIGHT = 0.1  # sine between two sides' normals, below which a crease has no direction of its own
+
+Floats = NDArray[np.float64]
+
+
+class Patches(NamedTuple):
+    """A mesh with its edges bent.
+
+    Attributes
+    ----------
+    vertices : ndarray of shape (n, 3), float64
+    faces : ndarray of shape (m, 3), int32
+    ends : ndarray of shape (e, 2), int32
+        The vertices of each edge, the lower one first, in ascending order.
+    sides : ndarray of shape (m, 3), int32
+        The edge of each face from its corner i to i + 1.
+    rises : ndarray of shape (e, 3), float64
+        From the middle of each edge to the middle of its arc, in length.
+    """
+
+    vertices: Floats
+    faces: NDArray[np.int32]
+    ends: NDArray[np.int32]
+    sides: NDArray[np.int32]
+    rises: Floats
+
+
+def bend(mesh: Mesh) -> Patches:
+    """Bend the edges of a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Of n vertices and m faces, which need not be oriented alike.
+
+    Returns
+    -------
+    Patches
+        An edge of more than two faces stays straight.
+
+    Raises
+    ------
+    ValueError
+        If a face has no area.
+    """
+    vertices, faces = _arrays(mesh)
+    start, around = fem.around(faces, len(vertices))
+    ends, sides, beside, oriented = _edges(faces, start, around)
+    units, areas, weights = _units(vertices, faces)
+    cosine = float(np.cos(np.radians(CREASE)))
+    normals = _normals(faces, start, around, units, areas, weights, oriented, cosine)
+    rises = _rises(vertices, faces, ends, beside, units, normals, cosine)
+    return Patches(vertices, faces, ends, sides, rises)
+
+
+def straight(mesh: Mesh) -> Patches:
+    """Return a mesh with its edges as they are.
+
+    Raises
+    ------
+    ValueError
+        If a face has no area.
+    """
+    vertices, faces = _arrays(mesh)
+    ends, sides, _, _ = _edges(faces, *fem.around(faces, len(vertices)))
+    return Patches(vertices, faces, ends, sides, np.zeros((len(ends), 3)))
+
+
+def edges_and_rims(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """Return a mesh's edges, (e, 2), as :class:`Patches` has them, and which have one face."""
+    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    ends, _, beside, _ = _edges(faces, *fem.around(faces, len(mesh.vertices)))
+    return ends, beside[:, 1] == -1
+
+
+def _arrays(mesh: Mesh) -> tuple[Floats, NDArray[np.int32]]:
+    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    if flat := fem.flat_triangles(vertices, faces):
+        raise ValueError(f"{flat} of {len(faces)} faces have no area: {fem.REMEDY}")
+    return vertices, faces
+
+
+@kernel
+def _edges(
+    faces: NDArray[np.int32], start: NDArray[np.int32], around: NDArray[np.int32]
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], bool]:
+    """Return the ends of edges, ascending, those of each face, and the sides 3 f + s of each.
+
+    Where an edge has one side, or more than two, its second one is -1 or -2. The last is whether
+    every edge of two faces is passed by them in opposite directions.
+    """
+    n = start.shape[0] - 1
+    ends = np.empty((3 * faces.shape[0], 2), np.int32)
+    beside = np.full((3 * faces.shape[0], 2), -1, np.int32)
+    sides = np.empty(faces.shape, np.int32)
+    seen = np.full(n, -1, np.int32)
+    number = np.empty(n, np.int32)
+    higher = np.empty(2 * np.diff(start).max(), np.int32)  # neighbours of a vertex
+    first = 0
+    oriented = True
+    for i in range(n):
+        count = 0
+        for p in range(start[i], start[i + 1]):
+            f, c = around[p] // 3, around[p] % 3
+            for j in (faces[f, (c + 1) % 3], faces[f, (c + 2) % 3]):
+                if j > i and seen[j] != i:
+                    seen[j] = i
+                    higher[count] = j
+                    count += 1
+        fem.sort(higher[:count])
+        for e in range(count):
+            ends[first + e, 0], ends[first + e, 1] = i, higher[e]
+            number[higher[e]] = first + e
+        first += count
+        for p in range(start[i], start[i + 1]):
+            f, c = around[p] // 3, around[p] % 3
+            for s in (c, (c + 2) % 3):
+                j = faces[f, (s + 1) % 3] if s == c else faces[f, s]
+                if j <= i:
+                    continue
+                e = number[j]
+                sides[f, s] = e
+                if beside[e, 0] == -1:
+                    beside[e, 0] = 3 * f + s
+                elif beside[e, 1] == -1:
+                    beside[e, 1] = 3 * f + s
+                    other = beside[e, 0]
+                    oriented &= faces[other // 3, other % 3] != faces[f, s]
+                else:
+                    beside[e, 1] = -2
+    return ends[:first].copy(), sides, beside[:first].copy(), oriented
+
+
+@kernel
+def _units(vertices: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats, Floats]:
+    """Return unit normals of faces, twice their areas, and Max's weights of their corners.
+
+    A weight is the sine of the angle there over the lengths of both its sides.
+    """
+    units, weights = np.empty((faces.shape[0], 3)), np.empty((faces.shape[0], 3))
+    areas = np.empty(faces.shape[0])
+    edges = np.empty((3, 3))  # from a corner to the next
+    for f in range(faces.shape[0]):
+        unit = units[f]
+        for i in range(3):
+            for x in range(3):
+                edges[i, x] = vertices[faces[f, (i + 1) % 3], x] - vertices[faces[f, i], x]
+        cross(edges[0], edges[1], unit)
+        length = np.sqrt(dot(unit, unit))
+        for x in range(3):
+            unit[x] /= length
+        a, b, c = dot(edges[0], edges[0]), dot(edges[1], edges[1]), dot(edges[2], edges[2])
+        weights[f, 0] = length / (a * c)
+        weights[f, 1] = length / (a * b)
+        weights[f, 2] = length / (b * c)
+        areas[f] = length
+    return units, areas, weights
+
+
+@kernel
+def _normals(
+    faces: NDArray[np.int32],
+    start: NDArray[np.int32],
+    around: NDArray[np.int32],
+    units: Floats,
+    areas: Floats,
+    weights: Floats,
+    oriented: bool,
+    cosine: float,
+) -> Floats:
+    """Return the normal at each corner: of the faces at its vertex that bend less than a crease."""
+    normals = np.empty((faces.shape[0], 3, 3))
+    signs = np.ones(np.diff(start).max())
+    for i in range(start.shape[0] - 1):
+        corners = around[start[i] : start[i + 1]]
+        if not oriented:
+            _orient(faces, corners, signs)
+        smallest, largest = np.inf, 0.0
+        for p in range(corners.shape[0]):
+            area = areas[corners[p] // 3]
+            smallest, largest = min(smallest, area), max(largest, area)
+        uneven = largest > UNEVEN * smallest
+        for p in range(corners.shape[0]):
+            f = corners[p] // 3
+            a, b, c = units[f, 0], units[f, 1], units[f, 2]
+            nx, ny, nz = 0.0, 0.0, 0.0
+            for q in range(corners.shape[0]):
+                g = corners[q] // 3
+                x, y, z = units[g, 0], units[g, 1], units[g, 2]
+                sign = signs[p] * signs[q]
+                if sign * (a * x + b * y + c * z) > cosine:
+                    weight = sign * (areas[g] if uneven else weights[g, corners[q] % 3])
+                    nx += weight * x
+                    ny += weight * y
+                    nz += weight * z
+            length = np.sqrt(nx * nx + ny * ny + nz * nz)
+            normal = normals[f, corners[p] % 3]
+            normal[0], normal[1], normal[2] = nx / length, ny / length, nz / length
+    return normals
+
+
+@part
+def _orient(faces: NDArray[np.int32], corners: NDArray[np.int32], signs: Floats) -> None:
+    """Set signs with which faces around a vertex are oriented alike, from one to its neighbour."""
+    signs[: corners.shape[0]] = 0.0
+    for first in range(corners.shape[0]):
+        if signs[first] != 0.0:
+            continue
+        signs[first] = 1.0
+        changed = True
+        while changed:
+            changed = False
+            for p in range(corners.shape[0]):
+                if signs[p] == 0.0:
+                    continue
+                f, c = corners[p] // 3, corners[p] % 3
+                after, before = faces[f, (c + 1) % 3], faces[f, (c + 2) % 3]
+                for q in range(corners.shape[0]):
+                    g, d = corners[q] // 3, corners[q] % 3
+                    if signs[q] == 0.0 and g != f:
+                        theirs, others = faces[g, (d + 1) % 3], faces[g, (d + 2) % 3]
+                        if others == after or theirs == before:
+                            signs[q] = signs[p]
+                            changed = True
+                        elif theirs == after or others == before:
+                            signs[q] = -signs[p]
+                            changed = True
+
+
+@kernel
+def _rises(
+    vertices: Floats,
+    faces: NDArray[np.int32],
+    ends: NDArray[np.int32],
+    beside: NDArray[np.int32],
+    units: Floats,
+    normals: Floats,
+    cosine: float,
+) -> Floats:
+    """Return from the middle of each edge to that of its arc: an eighth of its ends' tangents.
+
+    A tangent is as long as the edge's part along it, and the arc the cubic with these two.
+    """
+    rises = np.zeros((ends.shape[0], 3))
+    rim = np.full((vertices.shape[0], 2), -1, np.int32)  # the boundary's next vertices
+    for e in range(ends.shape[0]):
+        if beside[e, 1] == -1:
+            for a in range(2):
+                i, j = ends[e, a], ends[e, 1 - a]
+                if rim[i, 0] == -1:
+                    rim[i, 0] = j
+                elif rim[i, 1] == -1:
+                    rim[i, 1] = j
+                else:
+                    rim[i, 1] = -2  # two boundaries touch: it stays straight there
+    edge, tangent = np.empty(3), np.empty(3)
+    for e in range(ends.shape[0]):
+        for x in range(3):
+            edge[x] = vertices[ends[e, 1], x] - vertices[ends[e, 0], x]
+        f, g = beside[e, 0] // 3, beside[e, 1] // 3
+        if beside[e, 1] == -2:
+            continue
+        smooth = False
+        if beside[e, 1] >= 0:
+            turned = faces[f, beside[e, 0] % 3] == faces[g, beside[e, 1] % 3]
+            across = dot(units[f], units[g])
+            smooth = (-across if turned else across) > cosine
+        for a in range(2):
+            i = ends[e, a]
+            sign = 1.0 if a == 0 else -1.0
+            if smooth:
+                normal = normals[f, _corner(faces[f], i)]
+                along = dot(edge, normal)
+                for x in range(3):
+                    tangent[x] = edge[x] - along * normal[x]
+            elif beside[e, 1] >= 0:
+                one, other = normals[f, _corner(faces[f], i)], normals[g, _corner(faces[g], i)]
+                cross(one, other, tangent)
+                _along(edge, tangent, STRAIGHT)
+            else:
+                _of_rim(vertices, rim[i], i, cosine, tangent)
+                _along(edge, tangent, 0.0)
+            for x in range(3):
+                rises[e, x] += sign * tangent[x] / 8
+        longest = RISE * np.sqrt(dot(edge, edge))
+        rise = np.sqrt(dot(rises[e], rises[e]))
+        if rise > longest:
+            rises[e] *= longest / rise
+    return rises
+
+
+@part
+def _of_rim(
+    vertices: Floats,
+    rim: NDArray[np.int32],
+    i: int,
+    cosine: float,
+    tangent: Floats,
+) -> None:
+    """Set the tangent of the circle through a boundary's vertex and its neighbours, or zero."""
+    tangent[:] = 0.0
+    if rim[0] < 0 or rim[1] < 0:
+        return
+    before = vertices[i] - vertices[rim[0]]
+    after = vertices[rim[1]] - vertices[i]
+    first, second = dot(before, before), dot(after, after)
+    if dot(before, after) > cosine * np.sqrt(first * second):
+        for x in range(3):
+            tangent[x] = before[x] / first + after[x] / second
+
+
+@part
+def _along(edge: Floats, tangent: Floats, least: float) -> None:
+    """Turn a direction into the part of an edge along it; where it is too short, into the edge."""
+    square = dot(tangent, tangent)
+    if square > least * least:
+        tangent *= dot(edge, tangent) / square
+    else:
+        tangent[:] = edge
+
+
+@part
+def _corner(face: NDArray[np.int32], i: int) -> int:
+    return 0 if face[0] == i else (1 if face[1] == i else 2)
+
+
+@part
+def dot(x: Floats, y: Floats) -> float:
+    """Return x · y in space."""
+    return float(x[0] * y[0] + x[1] * y[1] + x[2] * y[2])
+
+
+@part
+def cross(u: Floats, v: Floats, product: Floats) -> None:
+    """Set ``product`` to u × v."""
+    product[0] = u[1] * v[2] - u[2] * v[1]
+    product[1] = u[2] * v[0] - u[0] * v[2]
+    product[2] = u[0] * v[1] - u[1] * v[0]
