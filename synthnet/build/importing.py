@@ -61,7 +61,7 @@ def import_meshes(
         single files, each of the family that its directory's name is.
     name : str
         Of the dataset: its directory under ``root``.
-    settings : Settings, optional
+    settings : synthnet.build.surfaces.Settings, optional
         How files become shapes.
     root, workers, engine, watcher, wait_for_lock
         As for :func:`synthnet.build.versions.build`.

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from synthnet.kernels import kernel
+from synthnet.spectrum.inputs import check
+from synthnet.types import Mesh
 
 FLAT = 1e-15  # a triangle's area relative to its longest edge's square that is rounding alone
 REMEDY = "remove them first, as spectrum.compute(mesh, repair=True) does"
@@ -46,6 +48,20 @@ class Matrices(NamedTuple):
     def zeros(self) -> int:
         """Zero eigenvalues of one component: 1, its constants, unless it is held somewhere."""
         return int(self.anchored is None or not self.anchored.any())
+
+
+def check_used(mesh: Mesh) -> None:
+    """Check a mesh as :func:`synthnet.spectrum.check` does, and that every vertex has a triangle.
+
+    Raises
+    ------
+    ValueError
+        If there is anything wrong with it.
+    """
+    check(mesh)
+    unused = len(mesh.vertices) - np.count_nonzero(np.bincount(mesh.faces.ravel()))
+    if unused:
+        raise ValueError(f"{unused} vertices belong to no triangle: {REMEDY}")
 
 
 def gathered(

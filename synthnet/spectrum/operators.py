@@ -26,7 +26,6 @@ from synthnet.errors import needed_by
 from synthnet.mesh.adjacency import edge_keys
 from synthnet.spectrum import bending, curved, delaunay, fem
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import check
 from synthnet.types import Mesh
 
 BOUNDARIES = ("neumann", "dirichlet")
@@ -157,7 +156,7 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     MissingPackageError
         If the tufted cover is asked for and robust_laplacian is not installed.
     """
-    check_used(mesh)
+    fem.check_used(mesh)
     n = len(mesh.vertices)
     if operator.elements in ("linear", "quadratic", "curved"):
         _warn_of_sheets(mesh)
@@ -188,7 +187,7 @@ def assemble(mesh: Mesh) -> Matrices:
         If there are no triangles, a coordinate is not finite, the size has no square in float64, a
         triangle has no area, or a vertex no triangle.
     """
-    check_used(mesh)
+    fem.check_used(mesh)
     return _linear(mesh)
 
 
@@ -243,20 +242,6 @@ def as_sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]
         for values in (matrices.stiffness, matrices.mass)
     )
     return stiffness, mass
-
-
-def check_used(mesh: Mesh) -> None:
-    """Check a mesh as :func:`synthnet.spectrum.check` does, and that every vertex has a triangle.
-
-    Raises
-    ------
-    ValueError
-        If there is anything wrong with it.
-    """
-    check(mesh)
-    unused = len(mesh.vertices) - np.count_nonzero(np.bincount(mesh.faces.ravel()))
-    if unused:
-        raise ValueError(f"{unused} vertices belong to no triangle: {fem.REMEDY}")
 
 
 def _linear(mesh: Mesh) -> Matrices:

@@ -29,10 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.kernels import kernel, part
-from synthnet.spectrum import curved
+from synthnet.spectrum import curved, fem
 from synthnet.spectrum.bending import Patches, bend
 from synthnet.spectrum.inputs import as_mesh
-from synthnet.spectrum.operators import check_used
 from synthnet.spectrum.solve import of_matrices
 
 ENOUGH, STEPS = 0.01, 20  # conjugate gradients end with a step that adds no such share, or so many
@@ -73,16 +72,16 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> NDArray[np.float64]:
     array([2., 2., 2., 6.])
     """
     mesh = as_mesh(mesh)
-    check_used(mesh)
+    fem.check_used(mesh)
     patches = bend(mesh)
     linear, stiffness, mass = curved.hierarchical(patches)
     found = of_matrices(linear, k)
     values = found.eigenvalues
-    energies = edge_energies(patches, stiffness, mass, found.eigenvectors, values)
+    energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
     return np.sort(values * np.exp(-energies / values))
 
 
-def edge_energies(
+def _edge_energies(
     patches: Patches,
     stiffness: NDArray[np.float64],
     mass: NDArray[np.float64],
