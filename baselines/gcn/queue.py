@@ -88,7 +88,7 @@ class Training:
         if not (self.scored() and self.weights().exists()):
             return False
         record = weights.read(self.weights())[1]
-        return ended(record) or record["minutes"] >= longest(self)
+        return ended(record) or unspent(self, record) == 0
 
 
 def trainings() -> list[Training]:
@@ -120,8 +120,8 @@ def left(training: Training, out: Path) -> float:
     if not (out / CHECKPOINT).exists():
         return longest(training)
     record = weights.read(out / CHECKPOINT)[1]
-    remaining = longest(training) - record["minutes"]
-    if not (ended(record) or remaining <= 0):
+    remaining = unspent(training, record)
+    if not (ended(record) or remaining == 0):
         return remaining
     kept = weights.read(out / WEIGHTS)[1]["steps"] if (out / WEIGHTS).exists() else None
     return 0.0 if kept == record["steps"] else 0.01  # it was killed before it wrote them
@@ -130,6 +130,12 @@ def left(training: Training, out: Path) -> float:
 def longest(training: Training) -> float:
     """Return the minutes after which a training ends, whatever it has reached."""
     return float("inf") if CONFIGS[training.config].converged else LONGEST
+
+
+def unspent(training: Training, record: dict[str, Any]) -> float:
+    """Return the minutes up to the longest; 0 below the hundredth that records are rounded to."""
+    remaining = longest(training) - float(record["minutes"])
+    return remaining if remaining >= 0.01 else 0.0
 
 
 def ended(record: dict[str, Any]) -> bool:

@@ -226,6 +226,15 @@ def test_time_left_is_that_of_the_clock_or_of_the_rule(tmp_path):
         assert queue.left(training, out) == expected
 
 
+def test_a_training_whose_time_is_spent_to_the_hundredth_has_ended(tmp_path, monkeypatch):
+    training = queue.Training("table1-rpd")
+    monkeypatch.setattr(queue, "LONGEST", 0.01 + 0.05)
+    assert queue.LONGEST > 0.06  # by a rounding, for which nobody should wait
+    for name in (queue.CHECKPOINT, queue.WEIGHTS):
+        trained(queue.folder(training, tmp_path) / name, minutes=0.06)
+    assert queue.left(training, queue.folder(training, tmp_path)) == 0
+
+
 def test_a_second_queue_is_refused(ran, tmp_path, capsys):
     with filelock.FileLock(tmp_path / ".lock"):
         assert queue.main(["--run", "--runs", str(tmp_path)]) == 2
