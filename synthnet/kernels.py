@@ -18,8 +18,9 @@ from typing import Any, TypeVar
 import platformdirs
 from llvmlite import binding
 from numba import njit
-from numba.core import config
+from numba.core import cgutils, config
 from numba.core import event as events
+from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -139,6 +140,23 @@ def part(function: Function) -> Function:
     """
     inlined: Function = njit(inline="always", **SETTINGS)(function)
     return inlined
+
+
+@intrinsic  # type: ignore[untyped-decorator]  # numba has no types
+def uncounted(context: Any, array: Any) -> Any:
+    """Return a kernel's array whose slices are not counted as references to its memory.
+
+    Numba counts references by atomic operations, two for each slice that is passed on: some 10 ns,
+    which is as long as a loop over fifty numbers takes. The array itself must stay alive meanwhile.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        made = context.make_array(signature.args[0])(context, builder, values[0])
+        made.meminfo = cgutils.get_null_value(made.meminfo.type)
+        made.parent = cgutils.get_null_value(made.parent.type)
+        return made._getvalue()
+
+    return array(array), generate
 
 
 class _Announcement(events.Listener):  # type: ignore[misc]  # numba has no types

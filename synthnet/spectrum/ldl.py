@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.kernels import kernel, part
+from synthnet.kernels import kernel, part, uncounted
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering
 
@@ -185,6 +185,7 @@ def _keep_columns(
 def _eliminate(front: NDArray[np.float64], width: int) -> None:
     """Eliminate the first columns of a symmetric matrix, given by its upper triangle."""
     size = front.shape[0]
+    front = uncounted(front)
     k = 0
     while k < width:
         step = min(4, width - k)
@@ -225,8 +226,9 @@ def solve_two(
     """Solve for the two rows of x in place: L first, from the leaves up, then D Lᵀ down again."""
     fronts = ordering.child.shape[0]
     x0, x1 = x[0], x[1]
-    y = np.empty(ordering.widest)
-    z = np.empty(ordering.widest)
+    room = np.empty((2, ordering.widest))
+    y, z = uncounted(room[0]), uncounted(room[1])
+    panels = uncounted(panels)
     for k in range(fronts):
         begin = ordering.begin[k]
         width = ordering.begin[k + 1] - begin

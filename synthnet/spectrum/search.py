@@ -44,6 +44,8 @@ class Setting:
         Seed of the vectors to start from.
     lean : bool
         Whether to keep only the basis, and not its products with B.
+    amid : bool
+        Whether the shift lies amid the eigenvalues, which then need fewer steps.
     """
 
     shift: float
@@ -54,6 +56,7 @@ class Setting:
     strict: bool
     seed: int
     lean: bool = False
+    amid: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +170,7 @@ def _find(problem: _Problem, k: int, known: Candidate | None = None, seed: int =
     )
     tolerance, best = setting.residual, None
     steps, room = k + 2, True
-    if setting.lean and not len(deflated):
+    if setting.amid and not len(deflated):
         steps = k - k // 8  # around a shift amid the eigenvalues, nearly enough
     while room:
         room = lanczos.extend(steps)

@@ -31,10 +31,10 @@ DENSE, DENSE_FOR, DENSE_AT_MOST = 64, 6, 1500
 NORMAL = Setting(
     shift=0.7, residual=1e-7, excused=1e-6, gap=1e-3, vectors=161, strict=False, seed=0
 )
-# Many pairs of a large mesh, whose basis and its products with B would not stay in the processor's
-# cache: least pairs, and entries of all eigenvectors. The shift is nearly amid their eigenvalues.
+# Many pairs: the shift is nearly amid their eigenvalues. Of a large mesh (entries of all
+# eigenvectors), the basis and its products with B would not stay in the processor's cache.
 MANY_FROM, LARGE_FROM = 24, 1_000_000
-MANY = replace(NORMAL, shift=0.62, lean=True)
+MANY = replace(NORMAL, shift=0.62, amid=True)
 # Below the spectrum A − σB is definite, so that its factorisation is backward stable.
 STRONGER = Setting(
     shift=-0.05, residual=1e-7, excused=np.inf, gap=1e-2, vectors=401, strict=True, seed=1
@@ -266,8 +266,9 @@ def _solved(matrices: Matrices, k: int) -> tuple[Candidate, Certificate, NDArray
 def _connected(matrices: Matrices, ordering: Ordering, k: int) -> tuple[Candidate, Certificate]:
     """Return at least k certified pairs of matrices of one component."""
     try:
-        large = k >= MANY_FROM and k * len(matrices.lumped) >= LARGE_FROM
-        return _certified(matrices, ordering, k, MANY if large else NORMAL)
+        lean = k * len(matrices.lumped) >= LARGE_FROM
+        setting = NORMAL if k < MANY_FROM else replace(MANY, lean=lean)
+        return _certified(matrices, ordering, k, setting)
     except SpectrumError:
         return _certified(matrices, ordering, k, STRONGER)
 
