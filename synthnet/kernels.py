@@ -144,10 +144,12 @@ def part(function: Function) -> Function:
 
 @intrinsic  # type: ignore[untyped-decorator]  # numba has no types
 def uncounted(context: Any, array: Any) -> Any:
-    """Return a kernel's array whose slices are not counted as references to its memory.
+    """Return an argument of a kernel as an array whose slices are not counted as references.
 
-    Numba counts references by atomic operations, two for each slice that is passed on: some 10 ns,
-    which is as long as a loop over fifty numbers takes. The array itself must stay alive meanwhile.
+    Numba counts the references to an array's memory by atomic operations. Two of them for each
+    slice that is passed on take as long as a loop over fifty numbers. Only a kernel's own arguments
+    may be taken so: its caller keeps them alive, where an array that is made in a kernel is freed
+    after the last line that names it.
     """
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:

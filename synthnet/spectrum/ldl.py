@@ -130,7 +130,7 @@ def _factorise(
     return absolute
 
 
-@part
+@kernel
 def _add_child(
     front: NDArray[np.float64],
     local: NDArray[np.int32],
@@ -139,6 +139,7 @@ def _add_child(
     start: int,
 ) -> None:
     """Add what a child, with these rows, left on the stack: an upper triangle row by row."""
+    front, stack = uncounted(front), uncounted(stack)
     for p in range(rows.shape[0]):
         target = front[local[rows[p]]]
         source = stack[start : start + rows.shape[0] - p]
@@ -147,7 +148,7 @@ def _add_child(
         start += source.shape[0]
 
 
-@part
+@kernel
 def _keep_columns(
     front: NDArray[np.float64],
     width: int,
@@ -163,6 +164,7 @@ def _keep_columns(
     The negative pivots change the diagonal of |L| |D| |Lᵀ|: with signs, its terms add up to the
     diagonal of A − σB.
     """
+    panels = uncounted(panels)
     size = front.shape[0]
     for p in range(width):
         pivot = front[p, p]
@@ -226,9 +228,8 @@ def solve_two(
     """Solve for the two rows of x in place: L first, from the leaves up, then D Lᵀ down again."""
     fronts = ordering.child.shape[0]
     x0, x1 = x[0], x[1]
-    room = np.empty((2, ordering.widest))
-    y, z = uncounted(room[0]), uncounted(room[1])
-    panels = uncounted(panels)
+    y = np.empty(ordering.widest)
+    z = np.empty(ordering.widest)
     for k in range(fronts):
         begin = ordering.begin[k]
         width = ordering.begin[k + 1] - begin
@@ -271,12 +272,13 @@ def solve_two(
             x1[i] = z[p]
 
 
-@part
+@kernel
 def _forward(u: NDArray[np.float64], y: Vector, z: Vector, width: int, size: int) -> None:
     """Solve for a front's columns, first in y and z, and subtract them from what follows.
 
     The rows of u, of shape (width, size), are those of Lᵀ.
     """
+    u, y, z = uncounted(u), uncounted(y), uncounted(z)
     t = 0
     while t + 4 <= width:
         for s in range(t, t + 3):
@@ -300,9 +302,10 @@ def _forward(u: NDArray[np.float64], y: Vector, z: Vector, width: int, size: int
         t += 1
 
 
-@part
+@kernel
 def _backward(u: NDArray[np.float64], y: Vector, z: Vector, width: int, size: int) -> None:
     """Solve for a front's columns, first in y and z, from what follows, which is solved."""
+    u, y, z = uncounted(u), uncounted(y), uncounted(z)
     t = width
     while t >= 4:
         t -= 4
