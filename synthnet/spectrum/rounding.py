@@ -134,24 +134,29 @@ def _ritz(
     step = CHUNK if many else len(faces)
     for first in range(0, len(faces), step):
         chunk = faces[first : first + step]
-        slopes = np.empty((len(chunk) if many else 0, 3, count))
+        slopes = np.empty((len(chunk) if many else 0, 2, count))
         to = (stiff, weighted, gram, rough_energy, rough_mass, slopes)
         _apply(vertices, chunk, functions, *to)
         rows = slopes.reshape(-1, count)
         gram += rows.T @ rows
     there = slice(None) if discrete.free is None else discrete.free
-    stiff, weighted, lumped = stiff[there], weighted[there], matrices.lumped
+    free, stiff, weighted = functions[there], stiff[there], weighted[there]
+    lumped = matrices.lumped
     if share < 1:
-        weighted = share * weighted + (1 - share) * lumped[:, None] * functions[there]
+        weighted = share * weighted + (1 - share) * lumped[:, None] * free
         rough_mass *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
-    heavy = functions[there].T @ weighted
+    step = CHUNK if many else len(lumped)
+    parts = [slice(first, first + step) for first in range(0, len(lumped), step)]
+    heavy = sum(free[part].T @ weighted[part] for part in parts)
     values, turn = linalg.eigh(gram, heavy)  # which reads the lower triangle
-    defects, moved = stiff @ turn, weighted @ turn
-    moved *= values
-    defects -= moved
-    np.square(defects, out=defects)
-    defects /= lumped[:, None]
-    squares = float(np.sum(defects)) / matrices.least
+    squares = 0.0
+    for part in parts:
+        defects, moved = stiff[part] @ turn, weighted[part] @ turn
+        moved *= values
+        defects -= moved
+        np.square(defects, out=defects)
+        defects /= lumped[part, None]
+        squares += float(np.sum(defects)) / matrices.least
     rough = np.square(turn).T @ rough_energy + values * (np.square(turn).T @ rough_mass)
     rounding = OPERATIONS * UNIT * (rough + values[-1])
     return _Block(values, functions @ turn if with_vectors else None, squares, rounding)
@@ -204,10 +209,11 @@ def _apply(
     """Add A f and B f of every function to ``stiff`` and ``weighted``, triangle by triangle.
 
     The lower triangle of ``gram`` adds up fᵀ A g, unless there is room in ``slopes`` for each
-    triangle's part of f, whose products these are. ``rough_energy`` and ``rough_mass`` add up
+    triangle's part of f, two numbers whose products these are. ``rough_energy`` and ``rough_mass`` add up
     fᵀ A f and fᵀ B f over the sine of each triangle's largest angle.
     """
     u, v, across = np.empty(3), np.empty(3), np.empty((3, functions.shape[1]))
+    along, aside = np.empty(3), np.empty(3)  # orthogonal, in the triangle, scaled to its energy
     for t in range(faces.shape[0]):
         a = _widest(vertices, faces, t)
         i, j, k = faces[t, a], faces[t, (a + 1) % 3], faces[t, (a + 2) % 3]
@@ -224,7 +230,11 @@ def _apply(
         doubled = np.sqrt(nx * nx + ny * ny + nz * nz)
         inverse_sine = np.sqrt(uu * vv) / doubled
         scale = 1 / (2 * doubled)
-        root = np.sqrt(scale)
+        for x in range(3):
+            along[x] = u[x] * np.sqrt(scale / uu)
+        aside[0] = (ny * along[2] - nz * along[1]) / doubled
+        aside[1] = (nz * along[0] - nx * along[2]) / doubled
+        aside[2] = (nx * along[1] - ny * along[0]) / doubled
         share = doubled / 24
         for c in range(functions.shape[1]):
             first = functions[i, c]
@@ -246,8 +256,10 @@ def _apply(
                 for d in range(c + 1):
                     gram[c, d] += (x * across[0, d] + y * across[1, d] + z * across[2, d]) * scale
             else:
+                slopes[t, 0, c] = slopes[t, 1, c] = 0.0
                 for x in range(3):
-                    slopes[t, x, c] = across[x, c] * root
+                    slopes[t, 0, c] += across[x, c] * along[x]
+                    slopes[t, 1, c] += across[x, c] * aside[x]
             rough_energy[c] += square * scale * inverse_sine
             second = first + p
             third = first + q

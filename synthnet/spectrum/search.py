@@ -18,6 +18,7 @@ from synthnet.spectrum.ordering import Ordering
 
 MIDDLE = 0.5  # of a window: where its shift lies
 ROUNDS = 8  # most searches for further copies of an eigenvalue: a start of two vectors shows two
+FEW, CHUNK = 24, 1024  # vectors up to which they are taken whole; else, entries at a time
 Rows = NDArray[np.float64]
 
 
@@ -235,27 +236,38 @@ def _polished(
 ) -> Candidate:
     """Rayleigh–Ritz, with one correction where the residual is not small enough."""
     matrices = problem.matrices
-    values, vectors, defects = _rayleigh_ritz(matrices, vectors, weighted)
+    values, defects = _rayleigh_ritz(matrices, vectors, weighted)
     residual = largest_residual(matrices, defects, values)
     if residual > problem.setting.residual:
         # A step of inverse iteration, as a correction: it undoes rounding in the factor.
-        vectors = vectors - solve(problem.factor, problem.ordering, defects)
+        vectors -= solve(problem.factor, problem.ordering, defects)
         weighted = fem.multiply(matrices, matrices.mass, vectors)
-        values, vectors, defects = _rayleigh_ritz(matrices, vectors, weighted)
+        values, defects = _rayleigh_ritz(matrices, vectors, weighted)
         residual = largest_residual(matrices, defects, values)
     return Candidate(values, vectors, residual, gap)
 
 
 def _rayleigh_ritz(
     matrices: Matrices, vectors: Rows, weighted: Rows
-) -> tuple[NDArray[np.float64], Rows, Rows]:
-    """In the span of the rows: values, B-orthonormal rows, and their defects A φ − λ B φ."""
+) -> tuple[NDArray[np.float64], Rows]:
+    """Make rows the Ritz vectors of their span, given their products with B, which are overwritten.
+
+    Returns the values, and the defects A φ − λ B φ.
+    """
     stiff = fem.multiply(matrices, matrices.stiffness, vectors)
+    count, n = vectors.shape
+    step = CHUNK if count > FEW else n
+    parts = [slice(first, first + step) for first in range(0, n, step)]
+    energies = sum(vectors[:, part] @ stiff[:, part].T for part in parts)
+    products = sum(vectors[:, part] @ weighted[:, part].T for part in parts)
     try:
-        values, turn = linalg.eigh(vectors @ stiff.T, vectors @ weighted.T, check_finite=False)
+        values, turn = linalg.eigh(energies, products, check_finite=False)
     except linalg.LinAlgError as error:
         raise SpectrumError(f"the eigenvectors found are not independent: {error}") from error
-    defects, moved = turn.T @ stiff, turn.T @ weighted
-    moved *= values[:, None]
-    defects -= moved
-    return values, turn.T @ vectors, defects
+    for part in parts:
+        stiff[:, part] = turn.T @ stiff[:, part]
+        moved = turn.T @ weighted[:, part]
+        moved *= values[:, None]
+        stiff[:, part] -= moved
+        vectors[:, part] = turn.T @ vectors[:, part]
+    return values, stiff
