@@ -17,6 +17,7 @@ from synthnet.kernels import kernel, part, uncounted
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering
 
+PANEL = 48  # columns whose part is subtracted from four rows while these are in the cache
 Four = tuple[float, float, float, float]
 Vector = NDArray[np.float64]
 
@@ -186,28 +187,27 @@ def _keep_columns(
 @kernel
 def _eliminate(front: NDArray[np.float64], width: int) -> None:
     """Eliminate the first columns of a symmetric matrix, given by its upper triangle."""
-    size = front.shape[0]
     front = uncounted(front)
-    k = 0
-    while k < width:
-        step = min(4, width - k)
-        for t in range(k, k + step):
-            for s in range(t + 1, k + step):
-                _subtract(front[s, s:], front[t, s:], front[t, s] / front[t, t])
-        if step == 4:
-            i = k + 4
-            while i + 3 < size:
+    size = front.shape[0]
+    fours = width - width % 4
+    for first in range(0, fours, PANEL):
+        last = min(first + PANEL, fours)
+        for k in range(first, last, 4):
+            for t in range(k, k + 4):
+                for s in range(t + 1, k + 4):
+                    _subtract(front[s, s:], front[t, s:], front[t, s] / front[t, t])
+            for i in range(k + 4, last, 4):
                 _subtract_products(front, k, i)
-                i += 4
-            while i < size:
-                for t in range(k, k + 4):
-                    _subtract(front[i, i:], front[t, i:], front[t, i] / front[t, t])
-                i += 1
-        else:
-            for t in range(k, k + step):
-                for i in range(k + step, size):
-                    _subtract(front[i, i:], front[t, i:], front[t, i] / front[t, t])
-        k += step
+        single = size - (size - last) % 4
+        for i in range(last, single, 4):
+            for k in range(first, last, 4):
+                _subtract_products(front, k, i)
+        for i in range(single, size):
+            for t in range(first, last):
+                _subtract(front[i, i:], front[t, i:], front[t, i] / front[t, t])
+    for t in range(fours, width):
+        for i in range(t + 1, size):
+            _subtract(front[i, i:], front[t, i:], front[t, i] / front[t, t])
 
 
 def solve(factor: Factor, ordering: Ordering, rows: NDArray[np.float64]) -> NDArray[np.float64]:
