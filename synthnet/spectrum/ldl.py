@@ -210,12 +210,15 @@ def _eliminate(front: NDArray[np.float64], width: int) -> None:
             _subtract(front[i, i:], front[t, i:], front[t, i] / front[t, t])
 
 
-def solve(factor: Factor, ordering: Ordering, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the solutions y of (A − σB) y = x for each row x of a (c, n) array."""
-    even = np.concatenate([rows, rows[len(rows) - len(rows) % 2 :]])
-    for i in range(0, len(even), 2):
-        solve_two(ordering, factor.pivots, factor.panels, even[i : i + 2])
-    return even[: len(rows)]
+def solve(factor: Factor, ordering: Ordering, rows: NDArray[np.float64]) -> None:
+    """Overwrite each row x of a (c, n) array by the solution y of (A − σB) y = x."""
+    count = len(rows)
+    for i in range(0, count - 1, 2):
+        solve_two(ordering, factor.pivots, factor.panels, rows[i : i + 2])
+    if count % 2:
+        twice = np.stack([rows[-1], rows[-1]])
+        solve_two(ordering, factor.pivots, factor.panels, twice)
+        rows[-1] = twice[0]
 
 
 @kernel

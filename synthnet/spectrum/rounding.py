@@ -37,6 +37,7 @@ from synthnet.types import Mesh
 UNIT = float(np.finfo(np.float64).eps)
 BLOCK = 64  # functions, of many: the products of all pairs would take longer than the solver
 MANY, CHUNK = 24, 1024  # functions from which BLAS adds up their products, and triangles at a time
+FINE = 200_000  # entries of a function up to which the products of few are taken whole
 OPERATIONS = 16  # rounding units in the energy of a right-angled triangle, with room to spare
 
 
@@ -145,7 +146,7 @@ def _ritz(
     if share < 1:
         weighted = share * weighted + (1 - share) * lumped[:, None] * free
         rough_mass *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
-    step = CHUNK if many else len(lumped)
+    step = CHUNK if many or len(lumped) > FINE else len(lumped)
     parts = [slice(first, first + step) for first in range(0, len(lumped), step)]
     heavy = sum(free[part].T @ weighted[part] for part in parts)
     values, turn = linalg.eigh(gram, heavy)  # which reads the lower triangle

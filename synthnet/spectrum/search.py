@@ -241,7 +241,8 @@ def _polished(
     residual = largest_residual(matrices, defects, values)
     if residual > problem.setting.residual:
         # A step of inverse iteration, as a correction: it undoes rounding in the factor.
-        vectors -= solve(problem.factor, problem.ordering, defects)
+        solve(problem.factor, problem.ordering, defects)
+        vectors -= defects
         weighted = fem.multiply(matrices, matrices.mass, vectors)
         values, defects = _rayleigh_ritz(matrices, vectors, weighted)
         residual = largest_residual(matrices, defects, values)

@@ -171,8 +171,10 @@ def test_factor_solves_and_counts(family: str, shift: float) -> None:
         for values in (matrices.stiffness, matrices.mass)
     )
     x = np.random.default_rng(0).normal(size=(3, len(ordering.order)))
-    y = ldl.solve(factor, ordering, x)
-    np.testing.assert_array_equal(ldl.solve(factor, ordering, x[2:]), y[2:])
+    y, last = x.copy(), x[2:].copy()
+    for rows in (y, last):
+        ldl.solve(factor, ordering, rows)
+    np.testing.assert_array_equal(last, y[2:])
     backward = abs((a - shift * b) @ y.T - x.T).max()
     scale = abs(a - shift * b).sum(axis=1).max() * abs(y).max()
     assert backward <= 1e-12 * scale
@@ -201,8 +203,24 @@ def test_pivots_of_a_random_matrix_have_the_signs_of_its_eigenvalues() -> None:
         assert factor.negative == count
         y = rng.normal(size=(2, n))
         x = y @ (symmetric - shift * np.eye(n))
-        solved = ldl.solve(factor, ordering, x)
-        np.testing.assert_allclose(solved, y, rtol=1e-6, atol=1e-6)
+        ldl.solve(factor, ordering, x)
+        np.testing.assert_allclose(x, y, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("size", "width"), [(5, 3), (60, 11), (90, 48), (121, 50), (161, 102), (150, 150)]
+)
+def test_a_front_is_eliminated_as_by_hand(size: int, width: int) -> None:
+    half = np.random.default_rng(size).normal(size=(size, size))
+    symmetric = half + half.T + 3 * np.diag(np.sign(half[0]) * size)
+    front = np.triu(symmetric) + np.tril(np.full((size, size), np.nan), -1)  # not to be read
+    ldl._eliminate(front, width)
+    left = symmetric.copy()
+    for k in range(width):
+        np.testing.assert_allclose(front[k, k:], left[k, k:], rtol=1e-9, atol=1e-9)
+        left -= np.outer(left[:, k], left[k]) / left[k, k]
+    rest = np.triu(front)[width:, width:]
+    np.testing.assert_allclose(rest, np.triu(left)[width:, width:], rtol=1e-9, atol=1e-9)
 
 
 def test_uncertainty_is_that_of_the_absolute_factors() -> None:
