@@ -267,7 +267,7 @@ def _connected(matrices: Matrices, ordering: Ordering, k: int) -> tuple[Candidat
     """Return at least k certified pairs of matrices of one component."""
     try:
         lean = k * len(matrices.lumped) >= LARGE_FROM
-        setting = NORMAL if k < MANY_FROM else replace(MANY, lean=lean)
+        setting = replace(NORMAL if k < MANY_FROM else MANY, lean=lean)
         return _certified(matrices, ordering, k, setting)
     except SpectrumError:
         return _certified(matrices, ordering, k, STRONGER)
