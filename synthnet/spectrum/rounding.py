@@ -94,8 +94,10 @@ def sharpened(
     size = BLOCK if count > 2 * BLOCK else count
     blocks = []
     for first in range(0, count, size):
-        rows = _without_means(candidate.vectors[first : first + size], discrete.matrices, numbers)
-        functions = np.ascontiguousarray(discrete.at_vertices(rows).T)
+        rows = candidate.vectors[first : first + size]
+        functions = np.array(discrete.at_vertices(rows).T, order="C")
+        there = slice(None) if discrete.free is None else discrete.free
+        functions[there] -= _means(rows, discrete.matrices, numbers)
         blocks.append(_ritz(vertices, faces, functions, discrete, share, with_vectors))
     total = float(sum(block.squares for block in blocks))
     values = np.concatenate([block.values for block in blocks])
@@ -133,12 +135,12 @@ def _ritz(
     rough_energy, rough_mass = np.zeros((2, count))
     many = count > MANY
     step = CHUNK if many else len(faces)
+    slopes = np.empty((step if many else 0, 2, count))
     for first in range(0, len(faces), step):
         chunk = faces[first : first + step]
-        slopes = np.empty((len(chunk) if many else 0, 2, count))
-        to = (stiff, weighted, gram, rough_energy, rough_mass, slopes)
+        to = (stiff, weighted, gram, rough_energy, rough_mass, slopes[: len(chunk)])
         _apply(vertices, chunk, functions, *to)
-        rows = slopes.reshape(-1, count)
+        rows = slopes[: len(chunk)].reshape(-1, count)
         gram += rows.T @ rows
     there = slice(None) if discrete.free is None else discrete.free
     free, stiff, weighted = functions[there], stiff[there], weighted[there]
@@ -179,20 +181,21 @@ def _bounds(number: int, blocks: list[_Block], above: float, total: float) -> ND
     return np.asarray(np.minimum(missed, np.sqrt(total)) + block.rounding)
 
 
-def _without_means(
+def _means(
     vectors: NDArray[np.float64], matrices: Matrices, numbers: NDArray[np.int32]
 ) -> NDArray[np.float64]:
-    """Return vectors (c, m) less their means on each component that is held nowhere.
+    """Return the means of vectors (c, m) on each row's component, (m, c) or (1, c); 0 where held.
 
     What rounding left of a constant in an eigenfunction adds to its norm and not to its energy, so
     a Ritz value would be too low, and not only by the square: zero is below the gap, too.
     """
     lumped, with_zero = matrices.lumped, unheld(matrices, numbers)
     if len(with_zero) == 1 and len(vectors) > MANY:  # as below, for one component
-        return vectors - (vectors @ lumped / lumped.sum())[:, None] if with_zero[0] else vectors
+        return np.where(with_zero, vectors @ lumped / lumped.sum(), 0.0)[None]
     sizes = np.bincount(numbers, lumped)
     means = np.stack([np.bincount(numbers, lumped * vector) / sizes for vector in vectors])
-    return np.asarray(vectors - np.where(with_zero, means, 0.0)[:, numbers])
+    means = np.where(with_zero, means, 0.0)
+    return means.T if len(with_zero) == 1 else means.T[numbers]
 
 
 @kernel

@@ -306,10 +306,11 @@ def _spectrum(
 
 
 def _turned(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return rows whose entry of largest size is positive."""
-    largest = np.abs(rows).argmax(axis=1)
-    signs: NDArray[np.float64] = np.sign(rows[np.arange(len(rows)), largest])
-    return rows * signs[:, None]
+    """Give rows the sign with which their entry of largest size is positive; return them."""
+    for row in rows:
+        if row[np.abs(row).argmax()] < 0:
+            np.negative(row, out=row)
+    return rows
 
 
 def _dense(matrices: Matrices, k: int, setting: Setting) -> Candidate:
