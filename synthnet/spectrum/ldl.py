@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.kernels import kernel, part, uncounted
+from synthnet.kernels import kernel, uncounted
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering
 

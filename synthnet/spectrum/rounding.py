@@ -30,14 +30,12 @@ from scipy import linalg
 from synthnet.kernels import kernel
 from synthnet.spectrum.certificate import Candidate
 from synthnet.spectrum.components import unheld
-from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.fem import FEW, PIECE, Matrices, pieces
 from synthnet.spectrum.operators import Discrete
 from synthnet.types import Mesh
 
 UNIT = float(np.finfo(np.float64).eps)
 BLOCK = 64  # functions, of many: the products of all pairs would take longer than the solver
-MANY, CHUNK = 24, 1024  # functions from which BLAS adds up their products, and triangles at a time
-FINE = 200_000  # entries of a function up to which the products of few are taken whole
 OPERATIONS = 16  # rounding units in the energy of a right-angled triangle, with room to spare
 
 
@@ -133,8 +131,8 @@ def _ritz(
     stiff, weighted = np.zeros_like(functions), np.zeros_like(functions)
     gram = np.zeros((count, count))
     rough_energy, rough_mass = np.zeros((2, count))
-    many = count > MANY
-    step = CHUNK if many else len(faces)
+    many = count > FEW  # BLAS adds up their products then
+    step = PIECE if many else len(faces)
     slopes = np.empty((step if many else 0, 2, count))
     for first in range(0, len(faces), step):
         chunk = faces[first : first + step]
@@ -148,9 +146,8 @@ def _ritz(
     if share < 1:
         weighted = share * weighted + (1 - share) * lumped[:, None] * free
         rough_mass *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
-    step = CHUNK if many or len(lumped) > FINE else len(lumped)
-    parts = [slice(first, first + step) for first in range(0, len(lumped), step)]
-    heavy = sum(free[part].T @ weighted[part] for part in parts)
+    parts = pieces(count, len(lumped))
+    heavy = sum((free[part].T @ weighted[part] for part in parts), np.zeros((count, count)))
     values, turn = linalg.eigh(gram, heavy)  # which reads the lower triangle
     squares = 0.0
     for part in parts:
@@ -190,7 +187,7 @@ def _means(
     a Ritz value would be too low, and not only by the square: zero is below the gap, too.
     """
     lumped, with_zero = matrices.lumped, unheld(matrices, numbers)
-    if len(with_zero) == 1 and len(vectors) > MANY:  # as below, for one component
+    if len(with_zero) == 1 and len(vectors) > FEW:  # as below, for one component
         return np.where(with_zero, vectors @ lumped / lumped.sum(), 0.0)[None]
     sizes = np.bincount(numbers, lumped)
     means = np.stack([np.bincount(numbers, lumped * vector) / sizes for vector in vectors])
@@ -213,8 +210,8 @@ def _apply(
     """Add A f and B f of every function to ``stiff`` and ``weighted``, triangle by triangle.
 
     The lower triangle of ``gram`` adds up fᵀ A g, unless there is room in ``slopes`` for each
-    triangle's part of f, two numbers whose products these are. ``rough_energy`` and ``rough_mass`` add up
-    fᵀ A f and fᵀ B f over the sine of each triangle's largest angle.
+    triangle's part of f, two numbers whose products these are. ``rough_energy`` and
+    ``rough_mass`` add up fᵀ A f and fᵀ B f over the sine of each triangle's largest angle.
     """
     u, v, across = np.empty(3), np.empty(3), np.empty((3, functions.shape[1]))
     along, aside = np.empty(3), np.empty(3)  # orthogonal, in the triangle, scaled to its energy

@@ -18,8 +18,6 @@ from synthnet.spectrum.ordering import Ordering
 
 MIDDLE = 0.5  # of a window: where its shift lies
 ROUNDS = 8  # most searches for further copies of an eigenvalue: a start of two vectors shows two
-FEW, FINE = 24, 200_000  # vectors, and their entries, up to which they are turned as a whole
-CHUNK = 1024  # entries that are turned at once, of others
 Rows = NDArray[np.float64]
 
 
@@ -258,10 +256,9 @@ def _rayleigh_ritz(
     """
     stiff = fem.multiply(matrices, matrices.stiffness, vectors)
     count, n = vectors.shape
-    step = CHUNK if count > FEW or n > FINE else n
-    parts = [slice(first, first + step) for first in range(0, n, step)]
-    energies = sum(vectors[:, part] @ stiff[:, part].T for part in parts)
-    products = sum(vectors[:, part] @ weighted[:, part].T for part in parts)
+    parts, none = fem.pieces(count, n), np.zeros((count, count))
+    energies = sum((vectors[:, part] @ stiff[:, part].T for part in parts), none)
+    products = sum((vectors[:, part] @ weighted[:, part].T for part in parts), none)
     try:
         values, turn = linalg.eigh(energies, products, check_finite=False)
     except linalg.LinAlgError as error:
