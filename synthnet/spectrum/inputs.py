@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from synthnet.mesh.repair import Repaired, Rules, repair
 from synthnet.types import Mesh
 
+EXACT = 2.0**53  # below, a float64 that is whole is one integer
 SIZES = 1e-50, 1e50  # of a mesh: the squares of its areas are far from the ends of float64
 # Attributes of vertices and faces, and whether a column is a face.
 KINDS = (
@@ -58,8 +59,9 @@ def as_mesh(given: Any) -> Mesh:
         raise ValueError(f"vertices must be real numbers, got {vertices.dtype}")
     if faces.size == 0:
         faces = np.empty((0, 3), dtype=np.int64)
-    elif faces.dtype.kind == "f" and np.array_equal(faces, np.trunc(faces)):
-        faces = faces.astype(np.int64)
+    elif faces.dtype.kind == "f":
+        whole = np.array_equal(faces, np.trunc(faces)) and np.abs(faces).max() < EXACT
+        faces = faces.astype(np.int64) if whole else faces
     return Mesh(np.ascontiguousarray(vertices, dtype=np.float64), faces)
 
 

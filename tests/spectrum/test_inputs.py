@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from synthnet.families import FAMILIES
@@ -123,6 +123,7 @@ NUMBERS = st.one_of(st.floats(width=32), st.integers(-3, 40), st.none(), st.text
     faces=st.lists(st.lists(NUMBERS, min_size=2, max_size=4), max_size=6),
     k=st.integers(-2, 9),
 )
+@example(vertices=[[0.0, 0.0, 0.0]], faces=[[0.0, 0.0, float("inf")]], k=1)
 def test_any_lists_have_a_spectrum_or_a_line(vertices: Any, faces: Any, k: int) -> None:
     result = result_or_line(lambda: compute((vertices, faces), k))
     if not isinstance(result, str):
