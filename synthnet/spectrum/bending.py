@@ -31,7 +31,7 @@ from synthnet.types import Mesh
 
 CREASE = 55.0  # degrees between the normals of two triangles: below those of a hexagon's sides
 RISE = 0.2  # of an edge's length, the most that it is bent
-UNEVEN = 12.0  # times the smallest face at a vertex, above which large faces settle its normal
+UNEVEN = 12.0  # times the smallest face, of those that a normal is of, above which areas settle it
 STRAIGHT = 0.1  # sine between two sides' normals, below which a crease has no direction of its own
 
 Floats = NDArray[np.float64]
@@ -206,60 +206,63 @@ def _normals(
     """Return the normal at each corner: of the faces at its vertex that bend less than a crease."""
     normals = np.empty((faces.shape[0], 3, 3))
     signs = np.ones(np.diff(start).max())
+    queue = np.empty(len(signs), np.int32)
+    by_angle, by_area = np.empty(3), np.empty(3)
     for i in range(start.shape[0] - 1):
         corners = around[start[i] : start[i + 1]]
         if not oriented:
-            _orient(faces, corners, signs)
-        smallest, largest = np.inf, 0.0
-        for p in range(corners.shape[0]):
-            area = areas[corners[p] // 3]
-            smallest, largest = min(smallest, area), max(largest, area)
-        uneven = largest > UNEVEN * smallest
+            _orient(faces, corners, signs, queue)
         for p in range(corners.shape[0]):
             f = corners[p] // 3
-            a, b, c = units[f, 0], units[f, 1], units[f, 2]
-            nx, ny, nz = 0.0, 0.0, 0.0
+            smallest, largest = areas[f], areas[f]
+            by_angle[:] = 0.0
+            by_area[:] = 0.0
             for q in range(corners.shape[0]):
                 g = corners[q] // 3
-                x, y, z = units[g, 0], units[g, 1], units[g, 2]
                 sign = signs[p] * signs[q]
-                if sign * (a * x + b * y + c * z) > cosine:
-                    weight = sign * (areas[g] if uneven else weights[g, corners[q] % 3])
-                    nx += weight * x
-                    ny += weight * y
-                    nz += weight * z
-            length = np.sqrt(nx * nx + ny * ny + nz * nz)
-            normal = normals[f, corners[p] % 3]
-            normal[0], normal[1], normal[2] = nx / length, ny / length, nz / length
+                if sign * dot(units[f], units[g]) > cosine:
+                    smallest, largest = min(smallest, areas[g]), max(largest, areas[g])
+                    weight = sign * weights[g, corners[q] % 3]
+                    for x in range(3):
+                        by_angle[x] += weight * units[g, x]
+                        by_area[x] += sign * areas[g] * units[g, x]
+            normal = by_area if largest > UNEVEN * smallest else by_angle
+            length = np.sqrt(dot(normal, normal))
+            for x in range(3):
+                normals[f, corners[p] % 3, x] = normal[x] / length
     return normals
 
 
 @part
-def _orient(faces: NDArray[np.int32], corners: NDArray[np.int32], signs: Floats) -> None:
-    """Set signs with which faces around a vertex are oriented alike, from one to its neighbour."""
+def _orient(
+    faces: NDArray[np.int32], corners: NDArray[np.int32], signs: Floats, queue: NDArray[np.int32]
+) -> None:
+    """Set signs with which faces around a vertex are oriented alike, from one to its neighbours."""
     signs[: corners.shape[0]] = 0.0
     for first in range(corners.shape[0]):
         if signs[first] != 0.0:
             continue
         signs[first] = 1.0
-        changed = True
-        while changed:
-            changed = False
-            for p in range(corners.shape[0]):
-                if signs[p] == 0.0:
+        queue[0] = first
+        done, count = 0, 1
+        while done < count:
+            p = queue[done]
+            done += 1
+            f, c = corners[p] // 3, corners[p] % 3
+            after, before = faces[f, (c + 1) % 3], faces[f, (c + 2) % 3]
+            for q in range(corners.shape[0]):
+                if signs[q] != 0.0:
                     continue
-                f, c = corners[p] // 3, corners[p] % 3
-                after, before = faces[f, (c + 1) % 3], faces[f, (c + 2) % 3]
-                for q in range(corners.shape[0]):
-                    g, d = corners[q] // 3, corners[q] % 3
-                    if signs[q] == 0.0 and g != f:
-                        theirs, others = faces[g, (d + 1) % 3], faces[g, (d + 2) % 3]
-                        if others == after or theirs == before:
-                            signs[q] = signs[p]
-                            changed = True
-                        elif theirs == after or others == before:
-                            signs[q] = -signs[p]
-                            changed = True
+                g, d = corners[q] // 3, corners[q] % 3
+                theirs, others = faces[g, (d + 1) % 3], faces[g, (d + 2) % 3]
+                if others == after or theirs == before:
+                    signs[q] = signs[p]
+                elif theirs == after or others == before:
+                    signs[q] = -signs[p]
+                else:
+                    continue
+                queue[count] = q
+                count += 1
 
 
 @kernel
@@ -288,14 +291,14 @@ def _rises(
                     rim[i, 1] = j
                 else:
                     rim[i, 1] = -2  # two boundaries touch: it stays straight there
-    edge, tangent = np.empty(3), np.empty(3)
+    edge, tangent, normal = np.empty(3), np.empty(3), np.empty(3)
     for e in range(ends.shape[0]):
         for x in range(3):
             edge[x] = vertices[ends[e, 1], x] - vertices[ends[e, 0], x]
         f, g = beside[e, 0] // 3, beside[e, 1] // 3
         if beside[e, 1] == -2:
             continue
-        smooth = False
+        smooth = turned = False
         if beside[e, 1] >= 0:
             turned = faces[f, beside[e, 0] % 3] == faces[g, beside[e, 1] % 3]
             across = dot(units[f], units[g])
@@ -304,8 +307,10 @@ def _rises(
             i = ends[e, a]
             sign = 1.0 if a == 0 else -1.0
             if smooth:
-                normal = normals[f, _corner(faces[f], i)]
-                along = dot(edge, normal)
+                one, other = normals[f, _corner(faces[f], i)], normals[g, _corner(faces[g], i)]
+                for x in range(3):
+                    normal[x] = one[x] - other[x] if turned else one[x] + other[x]
+                along = dot(edge, normal) / dot(normal, normal)
                 for x in range(3):
                     tangent[x] = edge[x] - along * normal[x]
             elif beside[e, 1] >= 0:

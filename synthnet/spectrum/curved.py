@@ -24,7 +24,7 @@ from synthnet.spectrum import fem
 from synthnet.spectrum.bending import Floats, Patches, cross, dot
 from synthnet.spectrum.fem import Matrices
 
-FLATTEST = 0.3  # of a flat triangle's area, at a point of its patch: where it would fold over
+FLATTEST = 0.3  # of a flat triangle's area, above it at a point of its patch: where it would fold
 
 # Points in a triangle and weights for polynomials of degree four (Dunavant 1985).
 _NEAR, _FAR = 0.091576213509770743, 0.44594849091596489
@@ -148,21 +148,22 @@ def _densities(
 ) -> tuple[NDArray[np.bool_], float]:
     """Fill in areas at the points, (m, q), and what the metric makes of slopes, (m, 3, q).
 
-    Return which patches have too little area somewhere, by that of their flat triangle, and the
-    least ratio of a patch's densities.
+    Return which patches have too little area somewhere, as seen from above their flat triangle, and
+    the least ratio of a patch's densities.
     """
     folded = np.zeros(faces.shape[0], np.bool_)
     straight, none = np.zeros((1, 3)), np.zeros(3, np.int32)
-    u, v, normal = np.empty(3), np.empty(3), np.empty(3)
+    u, v, normal, flat = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     ratio = 1.0
     for f in range(faces.shape[0]):
         _tangents(vertices, faces[f], none, straight, corners[0], u, v)
-        cross(u, v, normal)
-        flat = np.sqrt(dot(normal, normal))
-        least, most = np.inf, 0.0
+        cross(u, v, flat)
+        square = dot(flat, flat)
+        upright, least, most = np.inf, np.inf, 0.0
         for q in range(corners.shape[0]):
             _tangents(vertices, faces[f], sides[f], rises, corners[q], u, v)
             cross(u, v, normal)
+            upright = min(upright, dot(normal, flat))
             density = np.sqrt(dot(normal, normal))  # on needles, the metric's root would cancel
             least, most = min(least, density), max(most, density)
             scale = weights[q] / density
@@ -170,7 +171,7 @@ def _densities(
             scales[f, 1, q] = -dot(u, v) * scale
             scales[f, 2, q] = dot(u, u) * scale
             areas[f, q] = weights[q] * density
-        folded[f] = least < FLATTEST * flat
+        folded[f] = upright < FLATTEST * square
         ratio = min(ratio, least / most)
     return folded, ratio
 

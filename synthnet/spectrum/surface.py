@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.errors import SpectrumError
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import curved, fem
 from synthnet.spectrum.bending import Patches, bend
@@ -78,7 +79,10 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> NDArray[np.float64]:
     found = of_matrices(linear, k)
     values = found.eigenvalues
     energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
-    return np.sort(values * np.exp(-energies / values))
+    nearer = values * np.exp(-energies / values)
+    if not np.isfinite(nearer).all():
+        raise SpectrumError("the estimate overflows: the triangles are too thin for it")
+    return np.sort(nearer)
 
 
 def _edge_energies(
@@ -171,10 +175,14 @@ def _energies(
     enough: float,
     steps: int,
 ) -> NDArray[np.float64]:
-    """Return rᵀ (C − θ M)⁻¹ r of each column, from below; r becomes what is left of it."""
+    """Return rᵀ (C − θ M)⁻¹ r of each column, from below; r becomes what is left of it.
+
+    A column ends by itself, so that it does not depend on how many there are.
+    """
     edges, k = r.shape
     p, q = np.zeros((edges, k)), np.empty((edges, k))
     energies, before = np.zeros(k), np.full(k, np.inf)
+    ended = np.zeros(k, np.bool_)
     for _ in range(steps):
         now = _weighted_squares(r, diagonal)
         ratio = now / before
@@ -186,10 +194,14 @@ def _energies(
         for e in range(edges):
             for j in range(k):
                 step[j] += p[e, j] * q[e, j]
-        for j in range(k):  # where nothing is left, there is nothing to add
-            step[j] = now[j] / step[j] if step[j] > 0 else 0.0
-        energies += step * now
-        if np.all(step * now <= enough * energies):
+        for j in range(k):
+            if ended[j] or now[j] == 0.0:  # where nothing is left, there is nothing to add
+                step[j] = 0.0
+            else:
+                step[j] = now[j] / step[j]
+            energies[j] += step[j] * now[j]
+            ended[j] |= step[j] * now[j] <= enough * energies[j]
+        if np.all(ended):
             break
         for e in range(edges):
             for j in range(k):

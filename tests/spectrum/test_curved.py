@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evidence.operators import disc, square
+from evidence.operators import disc, scattered, square
 from synthnet import spectrum
 from synthnet.families import FAMILIES
 from synthnet.spectrum import Operator, curved, surface_eigenvalues
-from synthnet.spectrum.bending import Patches, bend
+from synthnet.spectrum.bending import Patches, bend, straight
 from synthnet.spectrum.operators import as_sparse, discretise
 from synthnet.types import Mesh
 
@@ -114,6 +114,41 @@ def test_faces_need_not_be_oriented_alike(share: float) -> None:
     assert len(rises) == len(as_it_is.ends)
     for ends, rise in zip(as_it_is.ends, as_it_is.rises, strict=True):
         np.testing.assert_allclose(rises[tuple(ends)], rise, atol=1e-14)
+
+
+def test_arcs_do_not_depend_on_the_order_of_faces_and_corners() -> None:
+    mesh = scattered(4)  # so coarse that normals of both sides of an edge are not of the same faces
+    units = np.cross(*np.moveaxis(np.diff(mesh.vertices[mesh.faces], axis=1), 1, 0))
+    units /= np.linalg.norm(units, axis=1)[:, None]
+    shared = (mesh.faces[:, None, :, None] == mesh.faces[None, :, None, :]).sum(axis=(2, 3)) == 2
+    bends = (units @ units.T)[shared]
+    assert (bends < np.cos(np.radians(55))).any()
+    assert (bends > np.cos(np.radians(55))).any()
+    first = bend(mesh)
+    for turn in (1, 2):
+        faces = np.roll(mesh.faces[::-1], turn, axis=1)
+        again = bend(Mesh(mesh.vertices, faces))
+        np.testing.assert_array_equal(again.ends, first.ends)
+        np.testing.assert_allclose(again.rises, first.rises, atol=1e-13)
+
+
+def test_a_patch_that_would_turn_over_is_made_flat() -> None:
+    """In its plane, with sides bent so far, no point of the quadrature has a small area."""
+    mesh = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.2, 0]]), np.array([[0, 1, 2]]))
+    patches = straight(mesh)
+    patches.rises[:] = [0.0, -2.0, 0.0]
+    blocks = curved.hierarchical(patches)[1:]
+    assert (patches.rises == 0).all()
+    for block, flat in zip(blocks, curved.hierarchical(straight(mesh))[1:], strict=True):
+        np.testing.assert_array_equal(block, flat)
+
+
+def test_an_estimate_does_not_depend_on_how_many_are_wanted() -> None:
+    axes = np.array([1.0, 1.3, 1.7])
+    sphere = scattered(14)
+    ellipsoid = Mesh(sphere.vertices * axes, sphere.faces)
+    many = surface_eigenvalues(ellipsoid, 12)
+    np.testing.assert_allclose(surface_eigenvalues(ellipsoid, 4), many[:4], rtol=1e-7)
 
 
 def test_an_edge_of_three_faces_stays_straight() -> None:
