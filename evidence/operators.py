@@ -146,7 +146,7 @@ def measure(*, cells: int = CELLS[1]) -> dict:
 
 def problems(data: dict) -> list[str]:
     """Return the rows whose error does not fall at the order of the elements."""
-    # Flat triangles are off by h² on curved shapes, and normals by h where triangles are uneven
+    # Flat triangles are off by h² on curved shapes, and uneven ones shrink at different rates
     fast = {(name, "curved") for name, shape in SHAPES.items() if shape.even}
     fast |= {(name, "quadratic") for name, shape in SHAPES.items() if not shape.curved}
     return [

@@ -148,8 +148,8 @@ def uncounted(context: Any, array: Any) -> Any:
 
     Numba counts the references to an array's memory by atomic operations. Two of them for each
     slice that is passed on take as long as a loop over fifty numbers. Only a kernel's own arguments
-    may be taken so: its caller keeps them alive, where an array that is made in a kernel is freed
-    after the last line that names it.
+    may be taken so, not those of a :func:`part`: its caller keeps them alive. An array that is made
+    in a kernel is freed after the last line that names it.
     """
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:

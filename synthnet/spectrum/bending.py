@@ -4,8 +4,8 @@ A normal at each vertex comes from the triangles around it, an edge becomes the 
 ends at right angles to the normals there, and a triangle the quadratic patch through its corners
 and the middles of its three arcs. Weights of the triangles are Max's, which are exact on spheres
 and good where the triangles around a vertex are nearly symmetric; elsewhere a normal is off by a
-term of order h. Where faces of very different sizes meet, as on CAD parts beside a fillet, the
-large ones are flat parts of the surface, and weights are areas.
+term of order h. Where a large face is in one plane with a neighbour and meets faces that are much
+smaller, as on CAD parts beside a fillet, it is a flat part of the surface, and weights are areas.
 
 Across a crease, where two triangles meet at more than :data:`CREASE`, the surface has a normal on
 each side, and an edge along the crease is an arc in both sides' planes. At a boundary, the tangent
@@ -31,7 +31,8 @@ from synthnet.types import Mesh
 
 CREASE = 55.0  # degrees between the normals of two triangles: below those of a hexagon's sides
 RISE = 0.2  # of an edge's length, the most that it is bent
-UNEVEN = 12.0  # times the smallest face, of those that a normal is of, above which areas settle it
+UNEVEN = 12.0  # times as large as another face of the same normal: it settles that, if it is flat
+FLAT = 0.05  # degrees to a neighbour, below which a face is part of something flat
 STRAIGHT = 0.1  # sine between two sides' normals, below which a crease has no direction of its own
 
 Floats = NDArray[np.float64]
@@ -82,7 +83,8 @@ def bend(mesh: Mesh) -> Patches:
     ends, sides, beside, oriented = _edges(faces, start, around)
     units, areas, weights = _units(vertices, faces)
     cosine = float(np.cos(np.radians(CREASE)))
-    normals = _normals(faces, start, around, units, areas, weights, oriented, cosine)
+    flat = _flat(beside, units, float(np.sin(np.radians(FLAT))))
+    normals = _normals(faces, start, around, units, areas, weights, flat, oriented, cosine)
     rises = _rises(vertices, faces, ends, beside, units, normals, cosine)
     return Patches(vertices, faces, ends, sides, rises)
 
@@ -193,6 +195,20 @@ def _units(vertices: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats, 
 
 
 @kernel
+def _flat(beside: NDArray[np.int32], units: Floats, sine: float) -> NDArray[np.bool_]:
+    """Return which faces are in one plane with a neighbour."""
+    flat = np.zeros(units.shape[0], np.bool_)
+    product = np.empty(3)
+    for e in range(beside.shape[0]):
+        if beside[e, 1] >= 0:
+            f, g = beside[e, 0] // 3, beside[e, 1] // 3
+            cross(units[f], units[g], product)
+            if dot(product, product) < sine * sine:
+                flat[f] = flat[g] = True
+    return flat
+
+
+@kernel
 def _normals(
     faces: NDArray[np.int32],
     start: NDArray[np.int32],
@@ -200,6 +216,7 @@ def _normals(
     units: Floats,
     areas: Floats,
     weights: Floats,
+    flat: NDArray[np.bool_],
     oriented: bool,
     cosine: float,
 ) -> Floats:
@@ -214,14 +231,15 @@ def _normals(
             _orient(faces, corners, signs, queue)
         for p in range(corners.shape[0]):
             f = corners[p] // 3
-            smallest, largest = areas[f], areas[f]
+            smallest, largest = areas[f], 0.0
             by_angle[:] = 0.0
             by_area[:] = 0.0
             for q in range(corners.shape[0]):
                 g = corners[q] // 3
                 sign = signs[p] * signs[q]
                 if sign * dot(units[f], units[g]) > cosine:
-                    smallest, largest = min(smallest, areas[g]), max(largest, areas[g])
+                    smallest = min(smallest, areas[g])
+                    largest = max(largest, areas[g] if flat[g] else 0.0)
                     weight = sign * weights[g, corners[q] % 3]
                     for x in range(3):
                         by_angle[x] += weight * units[g, x]

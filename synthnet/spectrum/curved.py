@@ -2,10 +2,11 @@ r"""Quadratic and linear elements on triangles bent to the surface that a mesh s
 
 Flat triangles cut the corners of a curved surface. Their area and their distances are off by terms
 of order :math:`h^2`, as large as the error of linear elements: no element on them can be better.
-On the patches of :mod:`synthnet.spectrum.bending` quadratic elements are isoparametric; on spheres,
-and where the triangles around each vertex are nearly symmetric, errors of order :math:`h^4` are
-observed. Elsewhere normals are off by terms of order h, and the order may be two again, with a
-smaller constant. On straight patches they are the quadratic elements of the flat triangles.
+On the patches of :mod:`synthnet.spectrum.bending` quadratic elements are isoparametric; where the
+triangles around each vertex are nearly symmetric, errors of order :math:`h^4` are observed, as on
+regular meshes of spheres. Elsewhere normals are off by terms of order h, except on spheres, and the
+order may be two again, with a smaller constant. On straight patches they are the quadratic elements
+of the flat triangles.
 
 References
 ----------
@@ -24,7 +25,7 @@ from synthnet.spectrum import fem
 from synthnet.spectrum.bending import Floats, Patches, cross, dot
 from synthnet.spectrum.fem import Matrices
 
-FLATTEST = 0.3  # of a flat triangle's area, above it at a point of its patch: where it would fold
+FLATTEST = 0.3  # of the flat triangle's area, seen from above: a patch with less at a point folds
 
 # Points in a triangle and weights for polynomials of degree four (Dunavant 1985).
 _NEAR, _FAR = 0.091576213509770743, 0.44594849091596489

@@ -12,8 +12,8 @@ from synthnet.kernels import kernel
 from synthnet.spectrum.inputs import check
 from synthnet.types import Mesh
 
-FEW, FINE = 24, 200_000  # functions, and their entries, whose products are taken as a whole
-PIECE = 1024  # entries, or triangles, at once of others
+FEW, FINE = 24, 200_000  # functions, and entries of each, up to which products are taken at once
+PIECE = 1024  # entries, or triangles, that are taken at a time beyond
 FLAT = 1e-15  # a triangle's area relative to its longest edge's square that is rounding alone
 REMEDY = "remove them first, as spectrum.compute(mesh, repair=True) does"
 
@@ -264,7 +264,7 @@ def _add_triangles(
     return flat
 
 
-def pieces(functions: int, entries: int) -> list[slice]:
+def portions(functions: int, entries: int) -> list[slice]:
     """Return parts of all entries: a whole for few functions on few vertices, as of labels.
 
     Else a product of functions goes a piece at a time, and what it needs stays in the cache.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from synthnet.mesh.repair import Repaired, Rules, repair
 from synthnet.types import Mesh
 
-EXACT = 2.0**53  # below, a float64 that is whole is one integer
+EXACT = 2.0**53  # every smaller whole number has a float64 of its own
 SIZES = 1e-50, 1e50  # of a mesh: the squares of its areas are far from the ends of float64
 # Attributes of vertices and faces, and whether a column is a face.
 KINDS = (

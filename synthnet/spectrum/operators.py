@@ -129,7 +129,7 @@ class Discrete(NamedTuple):
     def at_vertices(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return functions (c, m) at the vertices, (c, n): zero where they are held."""
         if self.free is None:
-            return rows[:, : self.vertices]
+            return rows if rows.shape[1] == self.vertices else rows[:, : self.vertices].copy()
         values = np.zeros((len(rows), self.vertices))
         there = self.free < self.vertices
         values[:, self.free[there]] = rows[:, there]

@@ -30,7 +30,7 @@ from scipy import linalg
 from synthnet.kernels import kernel
 from synthnet.spectrum.certificate import Candidate
 from synthnet.spectrum.components import unheld
-from synthnet.spectrum.fem import FEW, PIECE, Matrices, pieces
+from synthnet.spectrum.fem import FEW, PIECE, Matrices, portions
 from synthnet.spectrum.operators import Discrete
 from synthnet.types import Mesh
 
@@ -141,13 +141,13 @@ def _ritz(
         rows = slopes[: len(chunk)].reshape(-1, count)
         gram += rows.T @ rows
     there = slice(None) if discrete.free is None else discrete.free
-    free, stiff, weighted = functions[there], stiff[there], weighted[there]
+    kept, stiff, weighted = functions[there], stiff[there], weighted[there]
     lumped = matrices.lumped
     if share < 1:
-        weighted = share * weighted + (1 - share) * lumped[:, None] * free
+        weighted = share * weighted + (1 - share) * lumped[:, None] * kept
         rough_mass *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
-    parts = pieces(count, len(lumped))
-    heavy = sum((free[part].T @ weighted[part] for part in parts), np.zeros((count, count)))
+    parts = portions(count, len(lumped))
+    heavy = sum((kept[part].T @ weighted[part] for part in parts), np.zeros((count, count)))
     values, turn = linalg.eigh(gram, heavy)  # which reads the lower triangle
     squares = 0.0
     for part in parts:
@@ -209,9 +209,10 @@ def _apply(
 ) -> None:
     """Add A f and B f of every function to ``stiff`` and ``weighted``, triangle by triangle.
 
-    The lower triangle of ``gram`` adds up fᵀ A g, unless there is room in ``slopes`` for each
-    triangle's part of f, two numbers whose products these are. ``rough_energy`` and
-    ``rough_mass`` add up fᵀ A f and fᵀ B f over the sine of each triangle's largest angle.
+    The lower triangle of ``gram`` adds up fᵀ A g. If ``slopes`` has rows, they are filled instead:
+    with f's slope on each triangle, two numbers, so that fᵀ A g is the sum of products of these.
+    ``rough_energy`` and ``rough_mass`` add up fᵀ A f and fᵀ B f over the sine of each triangle's
+    largest angle.
     """
     u, v, across = np.empty(3), np.empty(3), np.empty((3, functions.shape[1]))
     along, aside = np.empty(3), np.empty(3)  # orthogonal, in the triangle, scaled to its energy

@@ -45,7 +45,7 @@ class Setting:
     lean : bool
         Whether to keep only the basis, and not its products with B.
     amid : bool
-        Whether the shift lies amid the eigenvalues, which then need fewer steps.
+        Whether the shift of a first search lies amid the eigenvalues, which need fewer steps then.
     """
 
     shift: float
@@ -250,13 +250,13 @@ def _polished(
 def _rayleigh_ritz(
     matrices: Matrices, vectors: Rows, weighted: Rows
 ) -> tuple[NDArray[np.float64], Rows]:
-    """Make rows the Ritz vectors of their span, given their products with B, which are overwritten.
+    """Overwrite rows by the Ritz vectors of their span; ``weighted`` are their products with B.
 
     Returns the values, and the defects A φ − λ B φ.
     """
     stiff = fem.multiply(matrices, matrices.stiffness, vectors)
     count, n = vectors.shape
-    parts, none = fem.pieces(count, n), np.zeros((count, count))
+    parts, none = fem.portions(count, n), np.zeros((count, count))
     energies = sum((vectors[:, part] @ stiff[:, part].T for part in parts), none)
     products = sum((vectors[:, part] @ weighted[:, part].T for part in parts), none)
     try:

@@ -31,8 +31,8 @@ DENSE, DENSE_FOR, DENSE_AT_MOST = 64, 6, 1500
 NORMAL = Setting(
     shift=0.7, residual=1e-7, excused=1e-6, gap=1e-3, vectors=161, strict=False, seed=0
 )
-# Many pairs: the shift is nearly amid their eigenvalues. Of a large mesh (entries of all
-# eigenvectors), the basis and its products with B would not stay in the processor's cache.
+# From so many pairs on, the shift is nearly amid their eigenvalues. From so many entries of all
+# eigenvectors on, a basis and its products with B would not stay in the processor's cache.
 MANY_FROM, LARGE_FROM = 24, 1_000_000
 MANY = replace(NORMAL, shift=0.62, amid=True)
 # Below the spectrum A − σB is definite, so that its factorisation is backward stable.
@@ -151,7 +151,8 @@ def compute(
         return spectrum
     # A constant changes over no triangle: its energy, added up that way, is exactly zero
     trivial = 0.0 if discrete.free is None else np.nan
-    return replace(spectrum, eigenvalues=values[:k], eigenvectors=vectors[:, :k], trivial=trivial)
+    vectors = _turned(vectors.T[:k]).T
+    return replace(spectrum, eigenvalues=values[:k], eigenvectors=vectors, trivial=trivial)
 
 
 def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:

@@ -63,7 +63,8 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> NDArray[np.float64]:
     ValueError
         As :func:`synthnet.spectrum.compute`.
     CertificateError, SpectrumError
-        As :func:`synthnet.spectrum.compute`, of the linear elements.
+        As :func:`synthnet.spectrum.compute`, of the linear elements; if triangles are so thin that
+        rounding leaves no estimate.
 
     Examples
     --------
@@ -81,7 +82,7 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> NDArray[np.float64]:
     energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
     nearer = values * np.exp(-energies / values)
     if not np.isfinite(nearer).all():
-        raise SpectrumError("the estimate overflows: the triangles are too thin for it")
+        raise SpectrumError("rounding leaves no estimate: remesh, some triangles are too thin")
     return np.sort(nearer)
 
 
@@ -198,7 +199,7 @@ def _energies(
             if ended[j] or now[j] == 0.0:  # where nothing is left, there is nothing to add
                 step[j] = 0.0
             else:
-                step[j] = now[j] / step[j]
+                step[j] = now[j] / step[j] if step[j] > 0 else np.nan
             energies[j] += step[j] * now[j]
             ended[j] |= step[j] * now[j] <= enough * energies[j]
         if np.all(ended):

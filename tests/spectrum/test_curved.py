@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from evidence.operators import disc, scattered, square
 from synthnet import spectrum
+from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES
-from synthnet.spectrum import Operator, curved, surface_eigenvalues
+from synthnet.spectrum import Operator, curved, surface, surface_eigenvalues
 from synthnet.spectrum.bending import Patches, bend, straight
 from synthnet.spectrum.operators import as_sparse, discretise
 from synthnet.types import Mesh
@@ -149,6 +150,25 @@ def test_an_estimate_does_not_depend_on_how_many_are_wanted() -> None:
     ellipsoid = Mesh(sphere.vertices * axes, sphere.faces)
     many = surface_eigenvalues(ellipsoid, 12)
     np.testing.assert_allclose(surface_eigenvalues(ellipsoid, 4), many[:4], rtol=1e-7)
+
+
+def test_without_an_estimate_there_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No mesh is known to us whose rounding leaves none."""
+    blocks = -np.ones((1, 3, 3)), np.zeros((1, 3, 3))
+    energies = surface._energies(
+        np.array([[0, 1, 2]], np.int32),
+        *blocks,
+        np.zeros(1),
+        np.array([1.0, 2.0]),
+        np.ones(3),
+        np.array([[1.0, 0], [0, 0], [0, 0]]),
+        0.01,
+        20,
+    )
+    np.testing.assert_array_equal(np.isnan(energies), [True, False])  # nothing was left of one
+    monkeypatch.setattr(surface, "_edge_energies", lambda *_: np.array([0.0, np.nan]))
+    with pytest.raises(SpectrumError, match="rounding leaves no estimate"):
+        surface_eigenvalues(sphere(10), 2)
 
 
 def test_an_edge_of_three_faces_stays_straight() -> None:

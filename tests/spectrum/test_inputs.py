@@ -143,7 +143,8 @@ def test_any_answer_is_judged_or_refused_in_a_line(answer: Any, tolerance: float
         assert not verdict.certified or abs(verdict.eigenvalues[0] / first - 1) <= 2 * tolerance
 
 
-def test_eigenvectors_are_orthonormal_and_their_largest_entry_is_positive() -> None:
+@pytest.mark.parametrize("sharp", [False, True])
+def test_eigenvectors_are_orthonormal_and_their_largest_entry_is_positive(sharp: bool) -> None:
     vectors = compute(SPHERE, 7).eigenvectors
     assert (np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None], axis=0) > 0).all()
     again = compute(Mesh(V, F), 7).eigenvectors

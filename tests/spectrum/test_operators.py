@@ -49,7 +49,8 @@ def test_errors_fall_at_the_order_of_the_elements(name: str, elements: str, mass
         mesh = shape.mesh(cells)
         result = spectrum.compute(mesh, operator=Operator(shape.boundary(mesh), mass, elements))
         errors.append(np.abs(result.eigenvalues / shape.exact[:10] - 1).max())
-    flat = shape.curved and elements != "curved"  # flat triangles are off by h² themselves
+    # Flat triangles are off by h² themselves, and uneven ones shrink at different rates
+    flat = shape.curved and (elements != "curved" or not shape.even)
     least = 2 if flat else ORDERS[elements]
     assert np.log2(errors[0] / errors[1]) > least - 0.3
 

@@ -14,7 +14,7 @@ from synthnet.families.primitives import convex_hull
 from synthnet.mesh import geometry
 from synthnet.mesh.open3d import subdivide
 from synthnet.recipe.drawing import draw_shape
-from synthnet.spectrum import certificate, reference, search, solve
+from synthnet.spectrum import certificate, fem, reference, rounding, search, solve
 from synthnet.spectrum.lanczos import Lanczos, RitzPairs
 from synthnet.spectrum.ldl import Factor, factorise
 from synthnet.spectrum.ordering import find_ordering
@@ -258,6 +258,30 @@ def test_both_settings_and_the_dense_solver_agree(mesh: Mesh) -> None:
         candidate, certified = solve._certified(matrices, ordering, 10, setting)
         np.testing.assert_allclose(candidate.values[:10], expected, rtol=1e-9)
         assert certified.residual <= setting.residual
+
+
+@pytest.mark.parametrize(("k", "lean"), [(8, False), (8, True), (30, False), (30, True)])
+@pytest.mark.parametrize("boundary", ["neumann", "dirichlet"])
+def test_what_is_done_piece_by_piece_for_many_pairs_and_large_meshes_agrees(
+    k: int, lean: bool, boundary: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = rectangle(24, 18)
+    whole = spectrum.compute(mesh, k, operator=spectrum.Operator(boundary))
+    for module in (fem, rounding):
+        monkeypatch.setattr(module, "PIECE", 50)
+    monkeypatch.setattr(fem, "FINE", 100)
+    monkeypatch.setattr(solve, "LARGE_FROM", 0 if lean else 10**9)
+    found = spectrum.compute(mesh, k, operator=spectrum.Operator(boundary))
+    np.testing.assert_allclose(found.eigenvalues, whole.eigenvalues, rtol=1e-11)
+    np.testing.assert_allclose(  # the rectangle has no equal eigenvalues
+        np.abs(found.eigenvectors), np.abs(whole.eigenvectors), atol=1e-5
+    )
+    mass = spectrum.fem_matrices(mesh)[1]
+    products = found.eigenvectors.T @ mass @ found.eigenvectors
+    np.testing.assert_allclose(products, np.eye(k), atol=1e-12)
+    bounds = (found.certificate.error_bound, whole.certificate.error_bound)
+    assert (bounds[0] <= 10 * bounds[1]).all()
+    assert (bounds[1] <= 10 * bounds[0]).all()
 
 
 def test_what_is_no_mesh_is_refused() -> None:
