@@ -8,10 +8,10 @@
 
 One thread each, on a machine with nothing else to do, because times are compared. Rows of a board
 are timed beside LaPy, so they may be made on several machines; those of the scaling track are
-compared on one machine only. What is finished in --results is kept as long as the code stays, and
-an interrupted row goes on where it stopped. All of one dataset take one to two hours. Under a
-protocol of a version's own, only what is trained is run: the rest predicts there what it predicts
-under `grouped`.
+compared on one machine only. What is finished in --results is kept as long as the row's own sources
+stay (remove it after an edit of synthnet), and an interrupted row goes on where it stopped. All of
+one dataset take one to two hours. Under a protocol of a version's own, only what is trained is run:
+the rest predicts there what it predicts under `grouped`.
 """
 
 from __future__ import annotations
