@@ -32,7 +32,7 @@ from synthnet.types import Mesh
 CREASE = 55.0  # degrees between the normals of two triangles: below those of a hexagon's sides
 RISE = 0.2  # of an edge's length, the most that it is bent
 UNEVEN = 12.0  # times as large as another face of the same normal: it settles that, if it is flat
-FLAT = 0.05  # degrees to a neighbour, below which a face is part of something flat
+COPLANAR = 0.05  # degrees to a neighbour, below which a face is part of something flat
 STRAIGHT = 0.1  # sine between two sides' normals, below which a crease has no direction of its own
 
 Floats = NDArray[np.float64]
@@ -83,7 +83,7 @@ def bend(mesh: Mesh) -> Patches:
     ends, sides, beside, oriented = _edges(faces, start, around)
     units, areas, weights = _units(vertices, faces)
     cosine = float(np.cos(np.radians(CREASE)))
-    flat = _flat(beside, units, float(np.sin(np.radians(FLAT))))
+    flat = _flat(beside, units, float(np.sin(np.radians(COPLANAR))))
     normals = _normals(faces, start, around, units, areas, weights, flat, oriented, cosine)
     rises = _rises(vertices, faces, ends, beside, units, normals, cosine)
     return Patches(vertices, faces, ends, sides, rises)

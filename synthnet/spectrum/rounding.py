@@ -131,11 +131,9 @@ def _ritz(
     stiff, weighted = np.zeros_like(functions), np.zeros_like(functions)
     gram = np.zeros((count, count))
     rough_energy, rough_mass = np.zeros((2, count))
-    many = count > FEW  # BLAS adds up their products then
-    step = PIECE if many else len(faces)
-    slopes = np.empty((step if many else 0, 2, count))
-    for first in range(0, len(faces), step):
-        chunk = faces[first : first + step]
+    slopes = np.empty((PIECE if count > FEW else 0, 2, count))  # BLAS multiplies those of many
+    for part in portions(count, len(faces)):
+        chunk = faces[part]
         to = (stiff, weighted, gram, rough_energy, rough_mass, slopes[: len(chunk)])
         _apply(vertices, chunk, functions, *to)
         rows = slopes[: len(chunk)].reshape(-1, count)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from synthnet.families import FAMILIES
 from synthnet.mesh.open3d import to_open3d
-from synthnet.spectrum import as_mesh, certify, compute, spectra
+from synthnet.spectrum import as_mesh, certify, compute, fem_matrices, spectra
 from synthnet.types import Mesh
 
 SPHERE = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 12})
@@ -145,9 +145,11 @@ def test_any_answer_is_judged_or_refused_in_a_line(answer: Any, tolerance: float
 
 @pytest.mark.parametrize("sharp", [False, True])
 def test_eigenvectors_are_orthonormal_and_their_largest_entry_is_positive(sharp: bool) -> None:
-    vectors = compute(SPHERE, 7).eigenvectors
+    vectors = compute(SPHERE, 7, sharp=sharp).eigenvectors
     assert (np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None], axis=0) > 0).all()
-    again = compute(Mesh(V, F), 7).eigenvectors
+    mass = fem_matrices(SPHERE)[1]
+    np.testing.assert_allclose(vectors.T @ mass @ vectors, np.eye(7), atol=1e-12)
+    again = compute(Mesh(V, F), 7, sharp=sharp).eigenvectors
     np.testing.assert_array_equal(vectors, again)
 
 
