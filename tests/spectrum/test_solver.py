@@ -10,8 +10,9 @@ from synthnet import recipe
 from synthnet.families import FAMILIES, PRIMITIVES
 from synthnet.recipe.drawing import draw_shape
 from synthnet.spectrum import fem, ldl, reference
+from synthnet.spectrum.degree import minimum_degree
 from synthnet.spectrum.lanczos import Lanczos
-from synthnet.spectrum.ordering import Ordering, find_ordering, minimum_degree
+from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.types import Mesh
 
 
