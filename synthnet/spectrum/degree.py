@@ -33,13 +33,15 @@ class _Quotient(NamedTuple):
         Vertices merged into this one, itself included; 0: merged away; negative: it belongs to
         the element being made.
     degree : ndarray, int32
-        A bound of the vertices around a vertex, or the number of an element's.
+        A bound of the vertices around a vertex, or the number of an element's. Until its stage
+        begins, a vertex has n, n + 1, ...: the place of that stage in ``head``.
     mark : ndarray, int64
         0: the element was absorbed by another; otherwise see :func:`_count_outside`.
     owner : ndarray, int32
         What a vertex was merged into, or what element absorbed the element; −1 at the roots.
     head, after, before : ndarray, int32
-        The vertices of each degree as a doubly linked list; −1 at its ends.
+        The vertices of each degree, and of each later stage, as a doubly linked list; −1 at its
+        ends. ``head`` has shape (n + later stages,).
     bucket, chain, hashes : ndarray, int32
         The vertices of each hash as a linked list, and each vertex's hash.
     """
@@ -61,12 +63,19 @@ class _Quotient(NamedTuple):
 
 @kernel
 def minimum_degree(
-    indptr: NDArray[np.int32], indices: NDArray[np.int32]
+    indptr: NDArray[np.int32], indices: NDArray[np.int32], stage: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     """Eliminate vertices in the order of approximate external degree.
 
     The graph of what is left is kept as vertices and elements (cliques of eliminated
     vertices). Vertices with the same neighbours are merged and eliminated together.
+
+    Parameters
+    ----------
+    indptr, indices : ndarray of shape (n + 1,) and (nnz,), int32
+        The neighbours of each vertex; itself may be among them.
+    stage : ndarray of shape (n,), int32
+        From zero; a vertex is eliminated after all those of lower stages.
 
     Returns
     -------
@@ -81,7 +90,7 @@ def minimum_degree(
         Columns in each pivot's clique after its own.
     """
     n = indptr.shape[0] - 1
-    graph, lists, free = _quotient(indptr, indices)
+    graph, lists, free = _quotient(indptr, indices, stage)
     size, head = graph.size, graph.head
     below = np.zeros(n, np.int32)
     pivots = np.empty(n, np.int32)
@@ -90,6 +99,8 @@ def minimum_degree(
     while eliminated < n:
         while head[least] < 0:
             least += 1
+        if least >= n:
+            least = _begin_stage(graph, lists, least, n - eliminated)
         pivot = head[least]
         _unlink(graph, pivot)
         eliminated += size[pivot]
@@ -122,7 +133,7 @@ def minimum_degree(
 
 @part
 def _quotient(
-    indptr: NDArray[np.int32], indices: NDArray[np.int32]
+    indptr: NDArray[np.int32], indices: NDArray[np.int32], stage: NDArray[np.int32]
 ) -> tuple[_Quotient, NDArray[np.int32], int]:
     """Return the graph before the first pivot, its lists with room to grow, and their end."""
     n = indptr.shape[0] - 1
@@ -135,7 +146,7 @@ def _quotient(
         np.empty(n, np.int32),
         np.ones(n, np.int64),
         np.full(n, -1, np.int32),
-        np.full(n, -1, np.int32),
+        np.full(n + stage.max(), -1, np.int32),
         np.full(n, -1, np.int32),
         np.full(n, -1, np.int32),
         np.full(n, -1, np.int32),
@@ -151,7 +162,7 @@ def _quotient(
                 free += 1
         graph.length[i] = free - graph.start[i]
     for i in range(n - 1, -1, -1):
-        _link(graph, i, graph.length[i])
+        _link(graph, i, graph.length[i] if stage[i] == 0 else n - 1 + stage[i])
     return graph, lists, free
 
 
@@ -177,6 +188,25 @@ def _unlink(graph: _Quotient, i: int) -> None:
         graph.after[before] = after
     else:
         graph.head[graph.degree[i]] = after
+
+
+@part
+def _begin_stage(graph: _Quotient, lists: NDArray[np.int32], stage: int, left: int) -> int:
+    """Give the vertices of a stage a bound of their degree; return the least of these."""
+    least = left
+    i = graph.head[stage]
+    graph.head[stage] = -1
+    while i >= 0:
+        after = graph.after[i]
+        degree = 0
+        for q in range(graph.start[i], graph.start[i] + graph.length[i]):
+            j = lists[q]
+            degree += graph.degree[j] if q - graph.start[i] < graph.elements[i] else graph.size[j]
+        degree = min(degree, left - graph.size[i])
+        _link(graph, i, degree)
+        least = min(least, degree)
+        i = after
+    return least
 
 
 @part
@@ -267,15 +297,17 @@ def _update_degrees(
                 lists[keep] = j
                 keep += 1
                 key += j
-        if keep == low:
+        if keep == low and graph.degree[i] < n:
             graph.owner[i] = pivot
             alone -= size[i]
             size[i] = 0
         else:
             elements[i] = first_vertex - low + 1
-            graph.degree[i] = min(graph.degree[i], external)
-            lists[keep] = lists[first_vertex]
-            lists[first_vertex] = lists[low]
+            if graph.degree[i] < n:
+                graph.degree[i] = min(graph.degree[i], external)
+            if keep > low:
+                lists[keep] = lists[first_vertex]
+                lists[first_vertex] = lists[low]
             lists[low] = pivot
             graph.length[i] = keep - low + 1
             graph.hashes[i] = key % n
@@ -290,7 +322,7 @@ def _merge_twins(
 ) -> int:
     """Merge vertices of the new element that have the same list; return the next free stamp."""
     start, length, size, chain = graph.start, graph.length, graph.size, graph.chain
-    mark = graph.mark
+    mark, n = graph.mark, start.shape[0]
     for member in members:
         if size[member] >= 0:
             continue
@@ -303,6 +335,7 @@ def _merge_twins(
             j = chain[i]
             while j >= 0:
                 same = length[j] == length[i] and graph.elements[j] == graph.elements[i]
+                same = same and max(graph.degree[j], n - 1) == max(graph.degree[i], n - 1)
                 q = start[j] + 1
                 while same and q < start[j] + length[j]:
                     same = mark[lists[q]] == stamp
@@ -335,13 +368,15 @@ def _link_again(
     The element's list is lists[low:high]; vertices that were eliminated or merged leave it.
     Returns its new end, and a lower bound of all degrees.
     """
-    keep = low
+    keep, n = low, graph.start.shape[0]
     for p in range(low, high):
         i = lists[p]
         if graph.size[i] < 0:
             size = -graph.size[i]
             graph.size[i] = size
-            degree = min(graph.degree[i] + clique - size, left - size)
+            degree = graph.degree[i]
+            if degree < n:
+                degree = min(degree + clique - size, left - size)
             _link(graph, i, degree)
             least = min(least, degree)
             lists[keep] = i

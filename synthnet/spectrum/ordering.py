@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from synthnet.kernels import kernel
 from synthnet.spectrum.degree import minimum_degree
+from synthnet.spectrum.dissection import dissect
 
+LARGE = 200_000  # vertices from which on a graph is dissected first
 WIDE = 16  # a merged front may be half zeros up to so many columns, 1/16 zeros beyond: measured
 
 
@@ -66,7 +68,9 @@ def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Orde
     indices : ndarray of shape (nnz,), int32
         Columns of each row, the diagonal among them.
     """
-    owner, pivots, size, below = minimum_degree(indptr, indices)
+    n = len(indptr) - 1
+    stages = dissect(indptr, indices) if n >= LARGE else np.zeros(n, np.int32)
+    owner, pivots, size, below = minimum_degree(indptr, indices, stages)
     order, begin, parent = _fronts(owner, pivots, size, below)
     position = np.empty_like(order)
     position[order] = np.arange(len(order), dtype=np.int32)
