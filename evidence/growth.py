@@ -41,7 +41,8 @@ def measure(*, largest: int = 1_000_000) -> dict:
     rows = []
     for side, step in progress([(side, step) for step in steps for side in NAMES], "solving"):
         try:
-            rows.append(in_new_process(solve, side, step))
+            one = {"OMP_NUM_THREADS": "1"}
+            rows.append(in_new_process(solve, side, step, environment=one))
         except (BrokenProcessPool, ArithmeticError, MemoryError, RuntimeError, ValueError) as error:
             sys.stderr.write(f"{side} on {600 * step**2:,.0f} vertices: {error}\n")
     return {"rows": rows}

@@ -103,3 +103,16 @@ def follow_parent() -> None:
 def _follow(sentinel: int) -> None:
     connection.wait([sentinel])
     os._exit(1)
+
+
+def cores() -> int:
+    """Return the number of cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def threads() -> int:
+    """Return how many threads to compute on: ``$OMP_NUM_THREADS`` if set, else the cores."""
+    named = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+    return max(1, int(named)) if named.isdigit() else cores()

@@ -19,9 +19,9 @@ from pathlib import Path
 
 from synthnet import spectrum, store
 from synthnet.build.terms import SHARED, Terms, agree
-from synthnet.build.workers import Engine, Workers, cores, local_processes, one_thread
+from synthnet.build.workers import Engine, Workers, local_processes, one_thread
 from synthnet.errors import BuildError, DamagedError
-from synthnet.processes import more_memory, raise_if_interrupted
+from synthnet.processes import cores, more_memory, raise_if_interrupted
 from synthnet.recipe.plan import ShardPlan
 from synthnet.store import StoredDataset, files, storage
 from synthnet.store.storage import Location

@@ -26,7 +26,7 @@ from typing import Any, TypeAlias
 import threadpoolctl
 
 from synthnet.errors import BuildError, MissingPackageError, needed_by
-from synthnet.processes import follow_parent, more_memory
+from synthnet.processes import cores, follow_parent, more_memory
 
 CONNECT_SECONDS = 10
 
@@ -54,13 +54,6 @@ class Workers:
 
 
 Engine: TypeAlias = AbstractContextManager[Workers]
-
-
-def cores() -> int:
-    """Return the number of cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @contextmanager

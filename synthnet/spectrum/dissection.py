@@ -68,9 +68,7 @@ def dissect(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> NDArray[np
     """
     aggregates, count = _aggregate(indptr, indices)
     n = len(aggregates)
-    coarse = _contract(
-        Graph(indptr, indices, np.ones(len(indices)), np.ones(n)), aggregates, count
-    )
+    coarse = _contract(Graph(indptr, indices, np.ones(len(indices)), np.ones(n)), aggregates, count)
     paths = np.ones(count, np.int32)
     _halve(coarse, np.arange(count, dtype=np.int32), 1, paths)
     nodes = np.ones(n, np.int32)
@@ -81,9 +79,7 @@ def dissect(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> NDArray[np
     return _stages(indptr, indices, nodes, levels)
 
 
-def _halve(
-    graph: Graph, vertices: NDArray[np.int32], node: int, paths: NDArray[np.int32]
-) -> None:
+def _halve(graph: Graph, vertices: NDArray[np.int32], node: int, paths: NDArray[np.int32]) -> None:
     """Write the part of each vertex of a graph into ``paths``: 2 i and 2 i + 1 are halves of i."""
     paths[vertices] = node
     if graph.sizes.sum() <= PART or len(vertices) < 2:
@@ -103,7 +99,8 @@ def _fiedler(graph: Graph) -> NDArray[np.float64]:
         scale = 1 / np.sqrt(graph.sizes)
         laplacian *= scale[:, None] * scale
         vector = linalg.eigh(laplacian, subset_by_index=[1, 1])[1][:, 0] * scale
-        return np.round(vector / vector[np.abs(vector).argmax()], DIGITS)
+        rounded: NDArray[np.float64] = np.round(vector / vector[np.abs(vector).argmax()], DIGITS)
+        return rounded
     aggregates, count = _aggregate(graph.indptr, graph.indices)
     if 2 * count > n:  # a star, or hardly an edge: any cut will do
         return np.arange(n, dtype=np.float64)
@@ -150,7 +147,7 @@ def _best_cut(graph: Graph, order: NDArray[np.int32]) -> int:
     before = 0.0
     cut = 0.0
     best = np.inf
-    found = n // 2
+    found: int = n // 2
     for r in range(n - 1):
         i = order[r]
         before += graph.sizes[i] / total
@@ -178,7 +175,7 @@ def _aggregate(
     home = np.full(n, -1, np.int32)
     count = 0
     step = _coprime(n)
-    i = np.int64(0)
+    i = 0
     for _ in range(n):
         i = (i + step) % n
         alone = home[i] < 0

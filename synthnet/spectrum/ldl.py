@@ -8,12 +8,15 @@ equations", ACM Trans. Math. Software 9 (1983).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.kernels import kernel, uncounted
+from synthnet.processes import threads
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering
 
@@ -56,7 +59,9 @@ class Factor:
 def factorise(
     matrices: Matrices, ordering: Ordering, sigma: float, *, pivots_only: bool = False
 ) -> Factor:
-    """Factorise A − σB.
+    """Factorise A − σB, on as many threads as a mesh so large needs and this process may use.
+
+    The answer is the same, to the byte, on any number of them.
 
     Parameters
     ----------
@@ -71,9 +76,46 @@ def factorise(
     """
     pivots = np.empty(len(ordering.order))
     panels = np.empty(0 if pivots_only else ordering.panel[-1])
-    size = _factorise(*matrices[:4], ordering, sigma, pivots, panels)
+    stack = np.empty(ordering.stack[-1])  # what fronts have yet to add to their parents
+    at = np.zeros(len(ordering.child), np.int64)
+
+    def work(portion: int) -> NDArray[np.float64]:
+        return _factorise(*matrices[:4], ordering, sigma, pivots, panels, stack, at, portion)
+
+    size = sum(_in_turn(work, ordering))
     largest = float(np.max(size / matrices.lumped[ordering.order]))
     return Factor(pivots, panels, 4 * float(np.finfo(np.float64).eps) * largest)
+
+
+def _in_turn(
+    work: Callable[[int], NDArray[np.float64]], ordering: Ordering
+) -> Iterator[NDArray[np.float64]]:
+    """Yield what work on each portion returns, in order; it is done in threads where there is room.
+
+    Subtrees are worked on side by side, and then each front above them after its children.
+    """
+    count = len(ordering.portions)
+    workers = min(threads(), count)
+    if workers == 1:
+        yield from map(work, range(count))
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        yield from pool.map(work, range(ordering.subtrees))
+        fronts = ordering.portions[ordering.subtrees :, 0].tolist()
+        futures: dict[int, Future[NDArray[np.float64]]] = {}
+
+        def after_children(portion: int, front: int) -> NDArray[np.float64]:
+            child = ordering.child[front]
+            while child >= 0:
+                if child in futures:
+                    futures[child].result()
+                child = ordering.sibling[child]
+            return work(portion)
+
+        for portion, front in enumerate(fronts, ordering.subtrees):  # waits for earlier ones only
+            futures[front] = pool.submit(after_children, portion, front)
+        for front in fronts:
+            yield futures[front].result()
 
 
 @kernel
@@ -86,17 +128,21 @@ def _factorise(
     sigma: float,
     pivots: NDArray[np.float64],
     panels: NDArray[np.float64],
+    stack: NDArray[np.float64],
+    at: NDArray[np.int64],
+    portion: int,
 ) -> NDArray[np.float64]:
-    """Fill pivots and panels; return the diagonal of |L| |D| |Lᵀ|."""
+    """Fill pivots and panels of a portion; return what it adds to the diagonal of |L| |D| |Lᵀ|.
+
+    ``at`` is where each front's numbers are on the stack.
+    """
     n = pivots.shape[0]
-    fronts = ordering.child.shape[0]
     memory = np.empty(ordering.widest * ordering.widest)
-    stack = np.empty(ordering.stack)  # what fronts have yet to add to their parents
-    at = np.zeros(fronts, np.int64)
     local = np.empty(n, np.int32)  # the row in the front of each column
     absolute = np.zeros(n)
-    top = 0
-    for k in range(fronts):
+    first_front, end = ordering.portions[portion]
+    top = ordering.stack[portion]
+    for k in range(first_front, end):
         begin = ordering.begin[k]
         rows = ordering.rows[ordering.first_row[k] : ordering.first_row[k + 1]]
         width = ordering.begin[k + 1] - begin
@@ -120,7 +166,8 @@ def _factorise(
         while child >= 0:
             theirs = ordering.rows[ordering.first_row[child] : ordering.first_row[child + 1]]
             _add_child(front, local, theirs, stack, at[child])
-            top = min(top, at[child])
+            if child >= first_front:
+                top = min(top, at[child])
             child = ordering.sibling[child]
         _eliminate(front, width)
         _keep_columns(front, width, begin, rows, pivots, panels, ordering.panel[k], absolute)

@@ -17,7 +17,8 @@ from synthnet.kernels import kernel
 from synthnet.spectrum.degree import minimum_degree
 from synthnet.spectrum.dissection import dissect
 
-LARGE = 200_000  # vertices from which on a graph is dissected first
+LARGE = 500_000  # vertices from which on a graph is dissected first, and fronts cut into portions
+PORTION = 1 / 8  # of all work, which a portion hardly exceeds
 WIDE = 16  # a merged front may be half zeros up to so many columns, 1/16 zeros beyond: measured
 
 
@@ -41,8 +42,15 @@ class Ordering(NamedTuple):
         Start of each front's rows of the factor.
     child, sibling : ndarray of shape (fronts,), int32
         First child, and next child of the same parent; −1 for none.
-    widest, stack : int
-        Largest order of a front, and most numbers waiting to be added to parents.
+    widest : int
+        Largest order of a front.
+    portions : ndarray of shape (portions, 2), int32
+        First front of each portion, and the end. First come those that need no front outside
+        them, then single fronts, children before parents.
+    subtrees : int
+        How many portions need no front outside them.
+    stack : ndarray of shape (portions + 1,), int64
+        Where each portion keeps the numbers that wait to be added to parents.
     """
 
     order: NDArray[np.int32]
@@ -55,7 +63,9 @@ class Ordering(NamedTuple):
     child: NDArray[np.int32]
     sibling: NDArray[np.int32]
     widest: int
-    stack: int
+    portions: NDArray[np.int32]
+    subtrees: int
+    stack: NDArray[np.int64]
 
 
 def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Ordering:
@@ -76,9 +86,22 @@ def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Orde
     position[order] = np.arange(len(order), dtype=np.int32)
     child, sibling = _children(parent)
     first_row, rows = _rows_below(order, position, begin, child, sibling, indptr, indices)
-    panel, widest, stack = _room(begin, first_row, child, sibling)
+    portions, subtrees = _portions(begin, first_row, child, sibling, PORTION if n >= LARGE else 1.0)
+    panel, widest, stack = _room(begin, first_row, child, sibling, portions)
     return Ordering(
-        order, position, begin, first_row, rows, order[rows], panel, child, sibling, widest, stack
+        order,
+        position,
+        begin,
+        first_row,
+        rows,
+        order[rows],
+        panel,
+        child,
+        sibling,
+        widest,
+        portions,
+        subtrees,
+        stack,
     )
 
 
@@ -277,31 +300,95 @@ def _rows_below(
 
 
 @kernel
+def _portions(
+    begin: NDArray[np.int32],
+    first_row: NDArray[np.int64],
+    child: NDArray[np.int32],
+    sibling: NDArray[np.int32],
+    share: float,
+) -> tuple[NDArray[np.int32], int]:
+    """Cut the fronts where a front and those below it take more than a share of all work.
+
+    Returns first and end of each portion, and how many need no front outside them: runs of whole
+    subtrees. The fronts above them are portions of their own.
+    """
+    fronts = child.shape[0]
+    work = np.zeros(fronts)  # of a front and all below it
+    root = np.ones(fronts, np.bool_)
+    total = 0.0
+    for k in range(fronts):
+        m = first_row[k + 1] - first_row[k]
+        order = m + begin[k + 1] - begin[k]
+        own = float(order) ** 3 - float(m) ** 3
+        total += own
+        work[k] += own
+        c = child[k]
+        while c >= 0:
+            work[k] += work[c]
+            root[c] = False
+            c = sibling[c]
+    above = work > share * total
+    for k in range(fronts):
+        c = child[k]
+        while c >= 0 and above[k]:
+            root[c] = True
+            c = sibling[c]
+    portions = np.empty((fronts, 2), np.int32)
+    subtrees = 0
+    first = 0
+    done = 0.0
+    for k in range(fronts):
+        if not above[k] and root[k]:
+            done += work[k]
+        if above[k] or (root[k] and done > share * total) or k == fronts - 1:
+            end = k if above[k] else k + 1
+            if end > first:
+                portions[subtrees] = first, end
+                subtrees += 1
+            first = k + 1
+            done = 0.0
+    count = subtrees
+    for k in range(fronts):
+        if above[k]:
+            portions[count] = k, k + 1
+            count += 1
+    return portions[:count].copy(), subtrees
+
+
+@kernel
 def _room(
     begin: NDArray[np.int32],
     first_row: NDArray[np.int64],
     child: NDArray[np.int32],
     sibling: NDArray[np.int32],
-) -> tuple[NDArray[np.int64], int, int]:
-    """Return where each front's rows of the factor begin, the widest front, and the largest stack.
+    portions: NDArray[np.int32],
+) -> tuple[NDArray[np.int64], int, NDArray[np.int64]]:
+    """Return where each front's rows of the factor begin, the widest front, and the stacks' places.
 
-    The stack holds, of each front that waits for its parent, a triangle of numbers.
+    A stack holds, of each front of a portion that waits for its parent, a triangle of numbers.
     """
     fronts = child.shape[0]
     panel = np.zeros(fronts + 1, np.int64)
     widest = 0
-    waiting = 0
-    stack = 0
     for k in range(fronts):
-        c = child[k]
-        while c >= 0:
-            m = first_row[c + 1] - first_row[c]
-            waiting -= m * (m + 1) // 2
-            c = sibling[c]
-        m = first_row[k + 1] - first_row[k]
         width = begin[k + 1] - begin[k]
-        panel[k + 1] = panel[k] + width * (width + m)
-        widest = max(widest, width + m)
-        waiting += m * (m + 1) // 2
-        stack = max(stack, waiting)
+        order = width + first_row[k + 1] - first_row[k]
+        panel[k + 1] = panel[k] + width * order
+        widest = max(widest, order)
+    stack = np.zeros(portions.shape[0] + 1, np.int64)
+    for portion in range(portions.shape[0]):
+        first, end = portions[portion]
+        waiting = 0
+        most = 0
+        for k in range(first, end):
+            c = child[k]
+            while c >= 0:
+                if c >= first:
+                    m = first_row[c + 1] - first_row[c]
+                    waiting -= m * (m + 1) // 2
+                c = sibling[c]
+            m = first_row[k + 1] - first_row[k]
+            waiting += m * (m + 1) // 2
+            most = max(most, waiting)
+        stack[portion + 1] = stack[portion] + most
     return panel, widest, stack

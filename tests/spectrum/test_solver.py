@@ -152,7 +152,7 @@ def test_fill_of_a_grid_is_that_of_a_good_ordering() -> None:
 
 def test_vertices_with_the_same_neighbours_are_eliminated_together() -> None:
     indptr, indices = pattern_of(np.triu(np.ones((12, 12)), 1))
-    _, pivots, size, below = minimum_degree(indptr, indices)
+    _, pivots, size, below = minimum_degree(indptr, indices, np.zeros(12, np.int32))
     assert size[pivots].tolist() == [12]
     assert below[pivots].tolist() == [0]
 
