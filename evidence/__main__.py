@@ -10,7 +10,7 @@ from pathlib import Path
 
 from eigbench.errors import EigbenchError
 
-from evidence import card, measurements, numbers, pins, voronoi
+from evidence import card, measurements, numbers, packages, pins, voronoi
 from evidence.blocks import BLOCKS, ELSEWHERE, PAGE, fill
 from evidence.measurements import FILES, MEASUREMENTS, REPORTS, add_options
 from synthnet.errors import SynthNetError
@@ -30,6 +30,7 @@ PINS = {
     "version": "the shapes of a built version",
     "limits": "the spectra of the surfaces of a version's shapes, with error bars",
     "scaling": "meshes, labels and limits of the scaling track",
+    "packages": "the list of files for `synthnet import --packages`",
     "voronoi": "libigl's mass matrices for the tests (pip install libigl)",
 }
 
@@ -88,6 +89,8 @@ def add_pins(pin: argparse.ArgumentParser) -> None:
         command = commands.add_parser(what, help=about)
         if what == "scaling":
             command.add_argument("sizes", nargs="+", type=int, metavar="SIZE")
+        elif what == "packages":
+            command.add_argument("directory", type=Path, help="where pip has installed them")
         elif what != "voronoi":
             command.add_argument("version")
             command.add_argument("--out", type=Path, metavar="FILE", help="another file to write")
@@ -155,6 +158,8 @@ def run_pin(options: argparse.Namespace) -> int:
         voronoi.pin_voronoi()
     elif options.what == "scaling":
         pins.pin_scaling(options.sizes)
+    elif options.what == "packages":
+        packages.pin_packages(options.directory)
     elif options.what == "limits":
         pins.pin_limits(options.version, options.out, options.workers)
     else:

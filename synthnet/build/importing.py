@@ -19,7 +19,7 @@ from typing import Any
 from synthnet import recipe, store
 from synthnet.build import jobs
 from synthnet.build.jobs import BuildReport, Job, Options, Task, Watcher
-from synthnet.build.sources import FilePlan, plan_files
+from synthnet.build.sources import FilePlan, Places, plan_files
 from synthnet.build.surfaces import LIMITS, Settings, count_parts, import_file
 from synthnet.build.terms import SHARDS, made_with, terms_of
 from synthnet.build.workers import Engine
@@ -40,7 +40,7 @@ LESS = 0.5  # of the area: a largest component of less is a part of what the fil
 
 
 def import_meshes(
-    directories: Sequence[Path],
+    directories: Places,
     name: str,
     settings: Settings | None = None,
     *,
@@ -56,9 +56,10 @@ def import_meshes(
 
     Parameters
     ----------
-    directories : sequence of Path
+    directories : sequence of Path, or mapping of Path to sequence of Path
         They are searched with all directories below them; the name of each is a family's. Or
-        single files, each of the family that its directory's name is.
+        single files, each of the family that its directory's name is. A mapping says which files
+        of each directory are meant, and no other is.
     name : str
         Of the dataset: its directory under ``root``.
     settings : synthnet.build.surfaces.Settings, optional
@@ -110,7 +111,7 @@ def import_meshes(
     return jobs.run(task, options, preload=__name__)
 
 
-def _plans(directories: Sequence[Path], settings: Settings) -> list[FilePlan]:
+def _plans(directories: Places, settings: Settings) -> list[FilePlan]:
     """Return the shards; where each component is a shape, the files are read for that."""
     if settings.components != SPLIT:
         return plan_files(directories, settings.split)
@@ -177,7 +178,7 @@ def check_name(name: str) -> None:
         )
 
 
-def _check_sources(directories: Sequence[Path], target: Location) -> None:
+def _check_sources(directories: Places, target: Location) -> None:
     """Raise MeshImportError unless the directories are there, apart, and not the dataset's."""
     seen: dict[Path, Path] = {}
     for directory in directories:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 from synthnet.build.terms import SHARDS
 from synthnet.errors import MeshImportError
@@ -60,8 +61,11 @@ class FilePlan:
     directory: Path
 
 
+Places: TypeAlias = Sequence[Path] | Mapping[Path, Sequence[Path]]
+
+
 def plan_files(
-    places: Sequence[Path], split: str, parts: Callable[[Source], int] | None = None
+    places: Places, split: str, parts: Callable[[Source], int] | None = None
 ) -> list[FilePlan]:
     """Return the shards: the files of each directory in order of their path.
 
@@ -69,8 +73,8 @@ def plan_files(
 
     Parameters
     ----------
-    places : sequence of Path
-        Directories, and single files.
+    places : sequence of Path, or mapping of Path to sequence of Path
+        Directories, and single files; or directories and which files of each.
     split : str
         As for :func:`split_of`.
     parts : callable, optional
@@ -102,11 +106,17 @@ def plan_files(
     return plans
 
 
-def _by_directory(places: Sequence[Path]) -> dict[Path, list[tuple[Path, str]]]:
+def _by_directory(places: Places) -> dict[Path, list[tuple[Path, str]]]:
     """Return the files of each directory, absolute, and why those that cannot be opened cannot.
 
     A file that is given by itself belongs to the directory that it is in.
     """
+    if isinstance(places, Mapping):
+        resolved = {given: given.resolve() for given in places}
+        return {
+            resolved[given]: [(resolved[given] / path.relative_to(given), "") for path in chosen]
+            for given, chosen in places.items()
+        }
     files = defaultdict[Path, list[tuple[Path, str]]](list)
     for given in places:
         path = given.absolute()  # a worker may be elsewhere

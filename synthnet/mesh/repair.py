@@ -41,7 +41,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.errors import SynthNetError
+from synthnet.errors import SynthNetError, counted
 from synthnet.mesh import caps, cutting
 from synthnet.mesh.adjacency import connected, edge_keys, face_components, neighbours
 from synthnet.mesh.geometry import MeshFacts, area, face_areas, volume
@@ -331,7 +331,7 @@ def manifold_edges(state: Repaired) -> Repaired:
     if bad:
         raise Refused(
             "non_manifold_edge",
-            f"{bad} edges have more than two faces, not clearly in pairs: "
+            f"{counted(bad, 'edge has', 'edges have')} more than two faces, not clearly in pairs: "
             "`synthnet import --cut-fins` may cut them",
         )
     return state

@@ -90,7 +90,7 @@ def certify(candidate: Candidate, counted: Factor, zeros: int = 1) -> Certificat
     if SAFETY * counted.uncertainty > (high - low) / 2:
         raise CertificateError(
             f"rounding moves the shift {shift:g} of the count by {counted.uncertainty:.2g}, "
-            f"too much for the gap from {low:g} to {high:g}"
+            f"more than 1/{SAFETY} of half the gap from {low:g} to {high:g}"
         )
     pairs = len(candidate.values)
     if counted.negative != pairs + zeros:

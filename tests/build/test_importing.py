@@ -359,7 +359,7 @@ def test_fins_are_cut_by_the_command_line_if_asked(scans: Path, tmp_path: Path, 
     if cut:
         assert "1 edges cut from fins" in str(row["what"])
     else:
-        assert str(row["what"]).startswith("non_manifold_edge: 1 edges have more than two faces")
+        assert str(row["what"]).startswith("non_manifold_edge: 1 edge has more than two faces")
 
 
 def test_a_file_alone_is_imported(folder: Path, run: Run) -> None:

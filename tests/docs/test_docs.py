@@ -154,7 +154,8 @@ SMALLER = (
     (r"--sizes 1000000", "--sizes 1000"),
     (r"(eigbench scale .*)", r"\1 --sizes 1000"),
     (r"(eigbench (?:submit|leaderboard).*)", r"\1 --board trial"),
-    (r"real-28", "not-ours"),
+    (r"import meshes --packages --download --name \S+", "import clean --name installed"),
+    (r"real-28|pypi-246", "not-ours"),
 )
 LONG = [
     pytest.param(page, lines, id=f"{page.name}-{number}")
