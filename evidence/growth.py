@@ -22,6 +22,7 @@ from evidence.timing import in_new_process, peak_mb, progress
 from synthnet import spectrum
 from synthnet.families import FAMILIES
 from synthnet.pictures.palette import BLUE
+from synthnet.processes import THREADS
 from synthnet.types import Mesh
 
 if TYPE_CHECKING:
@@ -41,8 +42,7 @@ def measure(*, largest: int = 1_000_000) -> dict:
     rows = []
     for side, step in progress([(side, step) for step in steps for side in NAMES], "solving"):
         try:
-            one = {"OMP_NUM_THREADS": "1"}
-            rows.append(in_new_process(solve, side, step, environment=one))
+            rows.append(in_new_process(solve, side, step, environment={THREADS: "1"}))
         except (BrokenProcessPool, ArithmeticError, MemoryError, RuntimeError, ValueError) as error:
             sys.stderr.write(f"{side} on {600 * step**2:,.0f} vertices: {error}\n")
     return {"rows": rows}

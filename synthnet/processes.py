@@ -19,6 +19,8 @@ from types import FrameType
 
 EXIT_CODE = 130  # by the shell's convention 128 + SIGINT; for SIGTERM too: both are interruptions
 
+THREADS = "OMP_NUM_THREADS"  # the environment variable
+
 _seen = threading.Event()
 
 
@@ -114,5 +116,5 @@ def cores() -> int:
 
 def threads() -> int:
     """Return how many threads to compute on: ``$OMP_NUM_THREADS`` if set, else the cores."""
-    named = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+    named = os.environ.get(THREADS, "").partition(",")[0].strip()
     return max(1, int(named)) if named.isdigit() else cores()

@@ -26,7 +26,7 @@ from typing import Any, TypeAlias
 import threadpoolctl
 
 from synthnet.errors import BuildError, MissingPackageError, needed_by
-from synthnet.processes import cores, follow_parent, more_memory
+from synthnet.processes import THREADS, cores, follow_parent, more_memory
 
 CONNECT_SECONDS = 10
 
@@ -252,7 +252,9 @@ def _quiet(name: str) -> Iterator[None]:
 
 
 class OneThread:
-    """Keeps BLAS to one thread while any shard is being made, for bits that never differ.
+    """Keeps BLAS and the solver to one thread while any shard is being made.
+
+    So bits never differ, and a worker takes one core.
 
     Workers may be threads of one process, so the last shard that ends gives the threads
     back; a limit of each shard's own would be lifted while others still compute.
@@ -262,12 +264,15 @@ class OneThread:
         self._lock = threading.Lock()
         self._users = 0
         self._limits: Any = None
+        self._named: str | None = None
 
     def __enter__(self) -> None:
         with self._lock:
             limits = threadpoolctl.threadpool_limits(1)  # OpenMP's holds in this thread only
             if self._users == 0:
                 self._limits = limits
+                self._named = os.environ.get(THREADS)
+                os.environ[THREADS] = "1"
             self._users += 1
 
     def __exit__(self, *_: object) -> None:
@@ -275,6 +280,9 @@ class OneThread:
             self._users -= 1
             if self._users == 0:
                 self._limits.restore_original_limits()
+                os.environ.pop(THREADS)
+                if self._named is not None:
+                    os.environ[THREADS] = self._named
 
 
 one_thread = OneThread()

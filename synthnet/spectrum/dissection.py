@@ -214,19 +214,25 @@ def _coprime(n: int) -> int:
 
 
 @kernel
-def _contract(graph: Graph, home: NDArray[np.int32], count: int) -> Graph:
-    """Return the graph of aggregates, given the aggregate of each vertex."""
-    n = home.shape[0]
+def grouped(home: NDArray[np.int32], count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Sort vertices by their group; return where each group begins, and the vertices."""
     start = np.zeros(count + 1, np.int32)
-    for i in range(n):
+    for i in range(home.shape[0]):
         start[home[i] + 1] += 1
     for k in range(count):
         start[k + 1] += start[k]
-    members = np.empty(n, np.int32)
+    members = np.empty(home.shape[0], np.int32)
     fill = start[:-1].copy()
-    for i in range(n):
+    for i in range(home.shape[0]):
         members[fill[home[i]]] = i
         fill[home[i]] += 1
+    return start, members
+
+
+@kernel
+def _contract(graph: Graph, home: NDArray[np.int32], count: int) -> Graph:
+    """Return the graph of aggregates, given the aggregate of each vertex."""
+    start, members = grouped(home, count)
     indptr = np.zeros(count + 1, np.int32)
     indices = np.empty(graph.indices.shape[0], np.int32)
     weights = np.empty(graph.indices.shape[0])

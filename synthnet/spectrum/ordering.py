@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from synthnet.kernels import kernel
 from synthnet.spectrum.degree import minimum_degree
-from synthnet.spectrum.dissection import dissect
+from synthnet.spectrum.dissection import dissect, grouped
 
 LARGE = 500_000  # vertices from which on a graph is dissected first, and fronts cut into portions
 PORTION = 1 / 8  # of all work, which a portion hardly exceeds
@@ -219,21 +219,13 @@ def _columns(
     ``front`` is the front of each element, and ``begin`` the first column of each front.
     """
     n, m = owner.shape[0], front.shape[0]
-    start = np.zeros(m + 1, np.int32)
     home = np.empty(n, np.int32)  # the element that each vertex was eliminated with
     for i in range(n):
         j = i
         while element[j] < 0:
             j = owner[j]
         home[i] = element[j]
-        start[home[i] + 1] += 1
-    for k in range(m):
-        start[k + 1] += start[k]
-    members = np.empty(n, np.int32)
-    fill = start[:-1].copy()
-    for i in range(n):
-        members[fill[home[i]]] = i
-        fill[home[i]] += 1
+    start, members = grouped(home, m)
     order = np.empty(n, np.int32)
     column = begin[:-1].copy()
     for k in range(m):
@@ -329,10 +321,11 @@ def _portions(
             c = sibling[c]
     above = work > share * total
     for k in range(fronts):
-        c = child[k]
-        while c >= 0 and above[k]:
-            root[c] = True
-            c = sibling[c]
+        if above[k]:
+            c = child[k]
+            while c >= 0:
+                root[c] = True
+                c = sibling[c]
     portions = np.empty((fronts, 2), np.int32)
     subtrees = 0
     first = 0

@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synthnet.build import jobs
+from synthnet import processes
+from synthnet.build import jobs, workers
 from synthnet.build.jobs import work
 from synthnet.build.terms import Terms, is_ours, terms_of
 from synthnet.build.versions import build, shard_job
@@ -269,3 +270,19 @@ def test_blas_kernels_are_those_of_numpy_and_scipy_alone() -> None:
     assert is_ours(packages / "numpy.libs" / "libopenblas.so")
     assert is_ours(Path("/usr/lib/libblas.so"))
     assert not is_ours(packages / "torch" / "lib" / "libmkl.so")
+
+
+@pytest.mark.parametrize("named", [None, "7"])
+def test_the_solver_has_one_thread_until_the_last_shard_ends(
+    named: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(processes.THREADS, raising=False)
+    if named is not None:
+        monkeypatch.setenv(processes.THREADS, named)
+    before = processes.threads()
+    with workers.one_thread:
+        with workers.one_thread:
+            assert processes.threads() == 1
+        assert processes.threads() == 1
+    assert processes.threads() == before
+    assert os.environ.get(processes.THREADS) == named
