@@ -205,7 +205,6 @@ function render(form = true) {
   const of = board;
   renderDownloads(part("downloads"), of, { rows, complete: () => complete(of) });
   tell(rows);
-  requestAnimationFrame(() => setTimeout(() => performance.mark("table"))); // when it has been painted
   drawChart();
 }
 
