@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import lru_cache
 from importlib import resources
 
 from synthnet.errors import RecipeError, suggestion
@@ -48,8 +49,14 @@ def load(version: str, known: Iterable[str] = ()) -> Recipe:
             f"unknown version {version!r}: choose one of {', '.join(available())} "
             f"(`synthnet versions` lists them){imports}{suggestion(version, known or available())}"
         )
-    file = resources.files("synthnet.recipe.versions").joinpath(f"{version}.toml")
-    return parse(file.read_text())
+    return _shipped(version)
+
+
+@lru_cache
+def _shipped(version: str) -> Recipe:
+    return parse(
+        resources.files("synthnet.recipe.versions").joinpath(f"{version}.toml").read_text()
+    )
 
 
 def scaled(recipe: Recipe, scale: int) -> Recipe:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -152,10 +153,21 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
                 f"`python -m evidence pin version {name}`"
             )
         return _of_import(version, protocol, labels)
-    pinned = pins.read(resolved.base)
+    own = None if protocol in PROTOCOLS else resolved
+    chosen = list(_choose(_pinned(version), _trained_on(version), own, split, protocol))
+    if not chosen:
+        raise EigbenchError(f"{version} has nothing in the split {split} of protocol {protocol}")
+    return _truth(chosen, version, split, protocol, resolved.digest)
+
+
+@lru_cache(maxsize=4)
+def _pinned(version: str) -> tuple[_Labelled, ...]:
+    """Return the shapes of a version that have a label; a filter has rejected the others."""
+    base = recipe.load(version).base
+    pinned = pins.read(base)
     if pinned is None:
-        raise EigbenchError(f"the labels of {resolved.base} are not pinned in this release")
-    shapes = (
+        raise EigbenchError(f"the labels of {base} are not pinned in this release")
+    return tuple(
         _Labelled(
             shape.spec.id,
             shape.spec.group,
@@ -166,13 +178,8 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
         )
         for plan in planned(version)
         for shape in plan.shapes
-        if shape.spec.id in pinned  # or it was rejected by a filter, and has no label
+        if shape.spec.id in pinned
     )
-    own = None if protocol in PROTOCOLS else resolved
-    chosen = list(_choose(shapes, _trained_on(version), own, split, protocol))
-    if not chosen:
-        raise EigbenchError(f"{version} has nothing in the split {split} of protocol {protocol}")
-    return _truth(chosen, version, split, protocol, resolved.digest)
 
 
 def of_dataset(
@@ -266,7 +273,7 @@ def _choose(
     folds = () if own is None else splits.folds(own, protocol, split)
     for shape in shapes:
         trainings = [protocol]
-        if own is not None:
+        if own is not None and shape.split == split:
             trainings = [f.name for f in folds if splits.takes(f, own, split, shape.id)]
         for training in trainings:
             for instance, paper_split in enumerate(shape.paper_splits):

@@ -19,7 +19,7 @@ from synthnet.recipe.recipe import Recipe
 from synthnet.types import Mesh, ShapeSpec
 
 FACES = 20_000  # more are simplified: a phone has to load and turn them
-MERGED = 2 * FACES  # more are brought near that many first, which is faster than simplifying all
+MERGED = 26_000  # more are brought near that many first: merging takes a tenth of the time
 STEPS = 32_767  # of a coordinate, in int16: half the largest side of the bounding box
 
 
@@ -70,7 +70,7 @@ def _merged(mesh: Mesh) -> Mesh:
     if len(mesh.faces) <= MERGED:
         return mesh
     whole = to_open3d(mesh)
-    side = (2 * whole.get_surface_area() / (MERGED)) ** 0.5
+    side = (2 * whole.get_surface_area() / MERGED) ** 0.5
     return from_open3d(whole.simplify_vertex_clustering(side))
 
 

@@ -499,6 +499,7 @@ def test_a_file_that_is_missing_is_said(visit, folders, tmp_path, browser):
 
 # --- what the first view costs ------------------------------------------------------------
 
+
 @pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
 def test_the_first_view_loads_less_than_400_kb(browser, folders, size):
     context = browser.new_context(viewport=size)
