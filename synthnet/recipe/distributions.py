@@ -13,7 +13,7 @@ CLAMP = 3.0  # standard deviations, as the caption of the paper's Table 5 says
 
 
 def _log10_normal(u: float, mean: float, std: float) -> float:
-    normal = mean + std * float(np.clip(ndtri(u), -CLAMP, CLAMP))
+    normal = mean + std * min(max(float(ndtri(u)), -CLAMP), CLAMP)
     # Nine significant digits: libraries disagree in the last bits of a power, and
     # the same recipe must give the same parameters on every machine.
     return float(f"{10.0**normal:.9g}")
