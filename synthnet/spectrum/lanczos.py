@@ -21,8 +21,10 @@ from scipy import linalg
 
 from synthnet.kernels import kernel
 from synthnet.spectrum.fem import Matrices, multiply, multiply_two
-from synthnet.spectrum.ldl import Factor, dot_four, solve_two, subtract_four
+from synthnet.spectrum.ldl import Factor
 from synthnet.spectrum.ordering import Ordering
+from synthnet.spectrum.substitution import solve_pair, solve_two
+from synthnet.spectrum.vectors import dot_four, subtract_four
 
 LOST = 1e-8  # relative; eigenvalues are as good as from a basis orthogonal to 1e-16 (Simon)
 FAR = 100  # times as much: one step less without a correction would not be enough
@@ -131,24 +133,34 @@ class Lanczos:
     def extend(self, steps: int) -> bool:
         """Add two vectors a step; return whether there was room for all of them."""
         matrices = self.matrices
-        steps = min(steps, (self.limit - self.size) // 2)
-        if steps > 0:
-            self.size, self.skipped = _extend(
+        steps = max(0, min(steps, (self.limit - self.size) // 2))
+        grown = (
+            matrices.indptr,
+            matrices.indices,
+            matrices.mass,
+            self.basis,
+            self.weighted,
+            self.projected,
+        )
+        if self.ordering.whole:
+            self.skipped = _extend(
                 self.ordering,
                 self.factor.pivots,
                 self.factor.panels,
-                matrices.indptr,
-                matrices.indices,
-                matrices.mass,
-                self.basis,
-                self.weighted,
-                self.projected,
+                *grown,
                 self.size,
                 self.first,
                 steps,
                 self.skipped,
                 self.lean,
             )
+            self.size += 2 * steps
+            return self.size + 2 <= self.limit
+        for _ in range(steps):
+            new = _newest(self.basis, self.weighted, self.size, self.lean)
+            solve_pair(self.factor, self.ordering, new)
+            self.skipped = _append(*grown, self.size, self.first, self.skipped, self.lean)
+            self.size += 2
         return self.size + 2 <= self.limit
 
     def ritz(self) -> RitzPairs:
@@ -223,47 +235,78 @@ def _extend(
     steps: int,
     skipped: int,
     lean: bool,
-) -> tuple[int, int]:
-    """Add vectors; the sub-blocks of ``projected`` are those of the block tridiagonal matrix."""
+) -> int:
+    """Add two vectors a step; return how many steps are now skipped after each two."""
+    for m in range(size, size + 2 * steps, 2):
+        solve_two(ordering, pivots, panels, _newest(basis, weighted, m, lean))
+        skipped = _append(
+            indptr, indices, mass, basis, weighted, projected, m, first, skipped, lean
+        )
+    return skipped
+
+
+@kernel
+def _newest(
+    basis: NDArray[np.float64], weighted: NDArray[np.float64], size: int, lean: bool
+) -> NDArray[np.float64]:
+    """Return the basis's next two rows, filled with B times the two before."""
+    new = basis[size : size + 2]
+    new[:] = weighted[:2] if lean else weighted[size - 2 : size]
+    return new
+
+
+@kernel
+def _append(
+    indptr: NDArray[np.int32],
+    indices: NDArray[np.int32],
+    mass: NDArray[np.float64],
+    basis: NDArray[np.float64],
+    weighted: NDArray[np.float64],
+    projected: NDArray[np.float64],
+    size: int,
+    first: int,
+    skipped: int,
+    lean: bool,
+) -> int:
+    """Make the two solutions that follow a basis part of it; return how many steps to skip.
+
+    The sub-blocks of ``projected`` are those of the block tridiagonal matrix.
+    """
+    m = size
     coefficients = np.empty((2, basis.shape[0]))
-    for _ in range(steps):
-        m = size
-        new = basis[m : m + 2]
-        product = weighted[:2] if lean else weighted[m : m + 2]
-        left, right = (basis, product) if lean else (weighted, new)
-        new[:] = product if lean else weighted[m - 2 : m]
-        solve_two(ordering, pivots, panels, new)
-        near = max(m - 4, 0)
-        if lean:
-            multiply_two(indptr, indices, mass, new, product)
-        _project(basis, left, right, new, near, m, coefficients)
-        for i in range(2):
-            for j in range(2):
-                projected[m - 2 + i, m - 2 + j] = coefficients[j, m - 2 + i - near]
-        off = 0.5 * (projected[m - 2, m - 1] + projected[m - 1, m - 2])
-        projected[m - 2, m - 1] = projected[m - 1, m - 2] = off
-        # What is left of earlier vectors by rounding: all of them in two steps of four, at first.
-        lost = 0.0
-        if lean:
-            multiply_two(indptr, indices, mass, new, product)
-        if m < first + 8 or (m // 2) % (2 + skipped) < 2:
-            _project(basis, left, right, new, 0, m, coefficients)
-            for i in range(2):
-                for j in range(near):
-                    lost = max(lost, abs(coefficients[i, j]))
-        else:
-            _project(basis, left, right, new, near, m, coefficients)
-            _project(basis, left, right, new, 0, first, coefficients)
+    new = basis[m : m + 2]
+    product = weighted[:2] if lean else weighted[m : m + 2]
+    left, right = (basis, product) if lean else (weighted, new)
+    near = max(m - 4, 0)
+    if lean:
         multiply_two(indptr, indices, mass, new, product)
-        r, s, t = _orthonormalise(new, product)
-        projected[m, m - 2] = projected[m - 2, m] = r
-        projected[m, m - 1] = projected[m - 1, m] = s
-        projected[m + 1, m - 1] = projected[m - 1, m + 1] = t
-        lost /= max(r, t)
-        if lost > LOST:
-            skipped = skipped // 2 if lean and lost < FAR * LOST else 0
-        size += 2
-    return size, skipped
+    _project(basis, left, right, new, near, m, coefficients)
+    for i in range(2):
+        for j in range(2):
+            projected[m - 2 + i, m - 2 + j] = coefficients[j, m - 2 + i - near]
+    off = 0.5 * (projected[m - 2, m - 1] + projected[m - 1, m - 2])
+    projected[m - 2, m - 1] = projected[m - 1, m - 2] = off
+    # What is left of earlier vectors by rounding: all of them in two steps of four, at first.
+    lost = 0.0
+    if lean:
+        multiply_two(indptr, indices, mass, new, product)
+    if m < first + 8 or (m // 2) % (2 + skipped) < 2:
+        _project(basis, left, right, new, 0, m, coefficients)
+        for i in range(2):
+            for j in range(near):
+                lost = max(lost, abs(coefficients[i, j]))
+    else:
+        _project(basis, left, right, new, near, m, coefficients)
+        _project(basis, left, right, new, 0, first, coefficients)
+    multiply_two(indptr, indices, mass, new, product)
+    r, s, t = _orthonormalise(new, product)
+    projected[m, m - 2] = projected[m - 2, m] = r
+    projected[m, m - 1] = projected[m - 1, m] = s
+    projected[m + 1, m - 1] = projected[m - 1, m + 1] = t
+    lost /= max(r, t)
+    if lost > LOST:
+        skipped = skipped // 2 if lean and lost < FAR * LOST else 0
+    return skipped
 
 
 @kernel

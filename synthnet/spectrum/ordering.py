@@ -67,6 +67,11 @@ class Ordering(NamedTuple):
     subtrees: int
     stack: NDArray[np.int64]
 
+    @property
+    def whole(self) -> bool:
+        """Whether all fronts are one portion."""
+        return len(self.portions) == 1
+
 
 def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Ordering:
     """Order the columns of a symmetric pattern with little fill, a function of it alone.

@@ -13,8 +13,9 @@ from synthnet.spectrum import fem
 from synthnet.spectrum.certificate import NEAR_ZERO, Candidate, inertia, largest_residual
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.lanczos import Lanczos, RitzPairs
-from synthnet.spectrum.ldl import Factor, factorise, solve
+from synthnet.spectrum.ldl import Factor, factorise
 from synthnet.spectrum.ordering import Ordering
+from synthnet.spectrum.substitution import solve
 
 MIDDLE = 0.5  # of a window: where its shift lies
 ROUNDS = 8  # most searches for further copies of an eigenvalue: a start of two vectors shows two

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from synthnet import processes
+from synthnet import processes, spectrum
 from synthnet.families import FAMILIES
-from synthnet.spectrum import dissection, fem, ldl, ordering
+from synthnet.spectrum import dissection, fem, ldl, ordering, substitution
 from synthnet.spectrum.degree import minimum_degree
 from synthnet.types import Mesh
 from tests.spectrum.test_solver import check_ordering, matrices_of, pattern_of
@@ -127,11 +127,11 @@ def test_any_number_of_threads_gives_the_same_factor(
     solved = rows.copy()
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     alone = ldl.factorise(large, found, shift)
-    ldl.solve(alone, found, solved)
+    substitution.solve(alone, found, solved)
     for count in ("2", "5"):
         monkeypatch.setenv("OMP_NUM_THREADS", count)
         together, again = ldl.factorise(large, found, shift), rows.copy()
-        ldl.solve(together, found, again)
+        substitution.solve(together, found, again)
         np.testing.assert_array_equal(together.pivots, alone.pivots)
         np.testing.assert_array_equal(again, solved)
         assert together.uncertainty == alone.uncertainty
@@ -140,6 +140,34 @@ def test_any_number_of_threads_gives_the_same_factor(
         for values in (large.stiffness, large.mass)
     )
     np.testing.assert_allclose((a - shift * b) @ solved.T, rows.T, atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_solutions_by_portions_are_those_at_once(large: fem.Matrices, count: int) -> None:
+    found = ordering.find_ordering(large.indptr, large.indices)
+    factor = ldl.factorise(large, found, 30.0)
+    rows = np.random.default_rng(1).normal(size=(count, len(large.lumped)))
+    by_portions = rows.copy()
+    substitution.solve(factor, found, by_portions)
+    for begin in range(0, count, 2):
+        pair = np.stack([rows[begin], rows[min(begin + 1, count - 1)]])
+        substitution.solve_two(found, factor.pivots, factor.panels, pair)
+        np.testing.assert_allclose(by_portions[begin], pair[0], rtol=1e-9, atol=1e-9)
+
+
+def test_any_number_of_threads_gives_the_same_spectrum(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = torus(90, 60)
+    at_once = spectrum.compute(mesh, k=20)
+    monkeypatch.setattr(ordering, "LARGE", 1)
+    monkeypatch.setattr(dissection, "PART", 300)
+    found = []
+    for count in ("1", "2", "5"):
+        monkeypatch.setenv("OMP_NUM_THREADS", count)
+        found.append(spectrum.compute(mesh, k=20))
+    np.testing.assert_allclose(found[0].eigenvalues, at_once.eigenvalues, rtol=1e-11)
+    for other in found[1:]:
+        np.testing.assert_array_equal(other.eigenvalues, found[0].eigenvalues)
+        np.testing.assert_array_equal(other.eigenvectors, found[0].eigenvectors)
 
 
 def test_portions_give_the_factor_of_the_whole(large: fem.Matrices) -> None:
