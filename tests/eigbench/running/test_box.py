@@ -4,6 +4,7 @@ import importlib.util
 import os
 import py_compile
 import socket
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,7 @@ KINDS = [
 ]
 PROBE = """
 import ctypes, os, socket
+from functools import cache
 from pathlib import Path
 import numpy as np
 import synthnet
@@ -302,18 +304,19 @@ def test_kernels_are_copied_as_the_code_is_now(predictor_file, tmp_path, monkeyp
     assert copied == [now]
 
 
+@cache
+def answers(name, sandbox):
+    with PredictorProcess(BASELINES / f"{name}.py", 10, box.Settings(sandbox=sandbox)) as process:
+        answered = process.predict(list("abcdefgh"), meshes.warming(8))
+        assert process.status().refused == ()
+        return answered.values.tobytes(), process.status().sources
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["weyl", "mean", "kriging", "ritz_mlp"])
 def test_baselines_answer_the_same_to_the_bit(kind, name):
-    answers = []
-    for sandbox in (box.NONE, kind):
-        code = BASELINES / f"{name}.py"
-        with PredictorProcess(code, 10, box.Settings(sandbox=sandbox)) as process:
-            answered = process.predict(list("abcdefgh"), meshes.warming(8))
-            answers.append((answered.values.tobytes(), process.status().sources))
-            assert process.status().refused == ()
-    assert answers[0] == answers[1]
+    assert answers(name, kind) == answers(name, box.NONE)
 
 
 def test_who_requires_a_sandbox_where_none_works_is_told_what_to_do(monkeypatch):
