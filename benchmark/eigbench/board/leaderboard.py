@@ -104,10 +104,17 @@ def _check_strays(root: Path, rows: Sequence[Submission]) -> None:
                 raise ResultError(f"{path} belongs to no row: remove it, or submit its result")
 
 
+def _of_same_code(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    both = one["sources"].keys() & other["sources"].keys()
+    file, _, _ = one["code"].partition(":")
+    return file in both and all(one["sources"][name] == other["sources"][name] for name in both)
+
+
 def _check_protocols(rows: Sequence[Submission]) -> None:
     """Check that a row of a version's own protocol has one under ``grouped``.
 
-    That of a trained model must be of the same code, because the drop between the two is shown.
+    That of a trained model must be of the same code, because the drop between the two is shown:
+    of the files that both name, since earlier releases did not name what lies beside an import.
     """
     grouped = {
         (row.truth.version, row.slug): row for row in rows if row.truth.protocol == "grouped"
@@ -122,7 +129,7 @@ def _check_protocols(rows: Sequence[Submission]) -> None:
                 f"under grouped of {row.truth.version} to compare it with: submit that too"
             )
         model = row.result["model"]
-        if not untrained(model) and model["sources"] != base.result["model"]["sources"]:
+        if not untrained(model) and not _of_same_code(model, base.result["model"]):
             raise ResultError(
                 f"{row.result_path} and {base.result_path} are of other code, or other weights: "
                 "the drop between them would say nothing; evaluate both anew"

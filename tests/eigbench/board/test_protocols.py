@@ -305,6 +305,19 @@ def test_a_drop_between_two_codes_is_refused(held_out, parts, make_submission, t
         leaderboard.read(tmp_path)
 
 
+def test_a_file_that_an_earlier_release_did_not_name_is_no_other_code(
+    held_out, parts, make_submission, tmp_path
+):
+    whole, model = held_out
+    more = {**model.result["model"]["sources"], "features.parquet": "0" * 64}
+    again = make_submission(
+        "Model", parts["genus"].eigenvalues, parts["genus"], kind="learned", sources=more
+    )
+    for row in (whole[1], submission.read(again)):
+        leaderboard.add(row, tmp_path)
+    assert len(leaderboard.read(tmp_path)) == 2
+
+
 def test_a_solver_of_two_codes_is_shown_because_no_drop_is(parts, make_submission, tmp_path):
     other = {"solver.py": "0" * 64}
     for labels, more in ((parts["grouped"], {}), (parts["genus"], {"sources": other})):
