@@ -2,6 +2,7 @@
 
 Each solve is a process of its own, on one thread: its seconds (the median of the
 repetitions, one above 100,000 vertices) and by how much it raised the process's peak memory.
+Meshes that are large enough for it are solved once more on two threads.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from synthnet import spectrum
 from synthnet.families import FAMILIES
 from synthnet.pictures.palette import BLUE
 from synthnet.processes import THREADS
+from synthnet.spectrum.ordering import LARGE
 from synthnet.types import Mesh
 
 if TYPE_CHECKING:
@@ -31,7 +33,8 @@ if TYPE_CHECKING:
 
 STEPS = (1.3, 2.24, 4.08, 7.07, 12.9, 22.4, 40.83)  # a mesh has 600 step² vertices
 TWICE = 100_000  # vertices up to which a solve is repeated
-NAMES = {"synthnet": "synthNet, certified", "lapy": "LaPy"}
+NAMES = {"synthnet": "synthNet, certified", "lapy": "LaPy"}  # on one thread
+TWO = "synthnet, two threads"
 LOOKS = {"synthnet": {"ls": "-"}, "lapy": {"ls": "--", "mfc": "white"}}  # solvers: one colour
 
 
@@ -39,10 +42,13 @@ def measure(*, largest: int = 1_000_000) -> dict:
     """Solve every size on both sides, each in a new process; what fails is left out."""
     spectrum.compile_solver()
     steps = [step for step in STEPS if 600 * step**2 <= 1.001 * largest]
+    solves = [(side, step) for step in steps for side in NAMES]
+    solves += [(TWO, step) for step in steps if 600 * step**2 >= LARGE]
     rows = []
-    for side, step in progress([(side, step) for step in steps for side in NAMES], "solving"):
+    for side, step in progress(solves, "solving"):
+        threads = {THREADS: "2" if side == TWO else "1"}
         try:
-            rows.append(in_new_process(solve, side, step, environment={THREADS: "1"}))
+            rows.append(in_new_process(solve, side, step, environment=threads))
         except (BrokenProcessPool, ArithmeticError, MemoryError, RuntimeError, ValueError) as error:
             sys.stderr.write(f"{side} on {600 * step**2:,.0f} vertices: {error}\n")
     return {"rows": rows}
@@ -65,9 +71,9 @@ def solve(side: str, step: float) -> dict:
     import lapy
 
     def eigenvalues(mesh: Mesh) -> np.ndarray:
-        if side == "synthnet":
-            return spectrum.compute(mesh).eigenvalues
-        return lapy.Solver(lapy.TriaMesh(mesh.vertices, mesh.faces)).eigs(11)[0][1:]
+        if side == "lapy":
+            return lapy.Solver(lapy.TriaMesh(mesh.vertices, mesh.faces)).eigs(11)[0][1:]
+        return spectrum.compute(mesh).eigenvalues
 
     mesh = torus(step)
     with threadpoolctl.threadpool_limits(1):
@@ -90,8 +96,9 @@ def table(data: dict) -> str:
     """Return both sides, their slopes, and the largest difference between their answers."""
     sides = {
         side: {row["vertices"]: row for row in data["rows"] if row["side"] == side}
-        for side in NAMES
+        for side in (*NAMES, TWO)
     }
+    on_two = sides.pop(TWO)
     rows, difference = [], 0.0
     for n, ours in sides["synthnet"].items():
         row = [f"{n:,}", f"{ours['seconds']:.3g}", f"{ours['megabytes']:,.0f}"]
@@ -102,8 +109,10 @@ def table(data: dict) -> str:
             difference = max(difference, float(np.abs(quotient - 1).max()))
         else:
             row += ["failed", "failed", ""]
+        row.append(f"{on_two[n]['seconds']:.3g}" if n in on_two else "")
         rows.append(row)
     headers = ["vertices", "synthNet s", "synthNet MB", "LaPy s", "LaPy MB", "ratio of times"]
+    headers.append("synthNet s, two threads")
     slopes = ", ".join(
         f"{NAMES[side]} {exponent(list(solved.values()), 'seconds'):.2f} in time and "
         f"{exponent(list(solved.values()), 'megabytes'):.2f} in memory"
