@@ -109,6 +109,8 @@ def table(data: dict) -> str:
             difference = max(difference, float(np.abs(quotient - 1).max()))
         else:
             row += ["failed", "failed", ""]
+        if n in on_two and on_two[n]["eigenvalues"] != ours["eigenvalues"]:
+            raise ValueError(f"{n:,} vertices have other eigenvalues on two threads")
         row.append(f"{on_two[n]['seconds']:.3g}" if n in on_two else "")
         rows.append(row)
     headers = ["vertices", "synthNet s", "synthNet MB", "LaPy s", "LaPy MB", "ratio of times"]

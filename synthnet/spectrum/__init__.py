@@ -5,6 +5,7 @@ solver, in the order of use: :mod:`~synthnet.spectrum.fem` assembles the matrice
 :mod:`~synthnet.spectrum.operators` those of other boundary conditions, masses and elements,
 :mod:`~synthnet.spectrum.ordering` finds an order of elimination with little fill,
 :mod:`~synthnet.spectrum.ldl` factorises A − σB and counts eigenvalues below σ,
+:mod:`~synthnet.spectrum.substitution` solves with the factors,
 :mod:`~synthnet.spectrum.lanczos` finds eigenpairs around σ,
 :mod:`~synthnet.spectrum.search` takes as many as there are below a gap,
 :mod:`~synthnet.spectrum.certificate` proves that none is missing,

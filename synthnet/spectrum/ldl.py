@@ -1,4 +1,4 @@
-"""LDLᵀ of A − σB by dense fronts, solutions with it, and the count of negative pivots.
+"""LDLᵀ of A − σB by dense fronts, and the count of negative pivots.
 
 References
 ----------
@@ -69,7 +69,8 @@ def factorise(
     sigma : float
         The shift, in the unit of the eigenvalues.
     pivots_only : bool
-        Whether to leave out the panels, which only :func:`solve` needs.
+        Whether to leave out the panels, which only solutions need
+        (:mod:`synthnet.spectrum.substitution`).
     """
     pivots = np.empty(len(ordering.order))
     panels = np.empty(0 if pivots_only else ordering.panel[-1])

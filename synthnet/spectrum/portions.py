@@ -15,13 +15,14 @@ from synthnet.spectrum.ordering import Ordering
 Answer = TypeVar("Answer")
 
 
-def side_by_side(work: Callable[[int], Answer], ordering: Ordering) -> list[Answer]:
-    """Return what work on each subtree returns, in order."""
+def side_by_side(work: Callable[[int], Answer], ordering: Ordering) -> Iterator[Answer]:
+    """Yield what work on each subtree returns, in order."""
     workers = min(threads(), ordering.subtrees)
-    if workers == 1:
-        return list(map(work, range(ordering.subtrees)))
+    if workers <= 1:
+        yield from map(work, range(ordering.subtrees))
+        return
     with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(work, range(ordering.subtrees)))
+        yield from pool.map(work, range(ordering.subtrees))
 
 
 def in_turn(work: Callable[[int], Answer], ordering: Ordering) -> Iterator[Answer]:

@@ -27,9 +27,10 @@ def solve_pair(factor: Factor, ordering: Ordering, x: NDArray[np.float64]) -> No
     """Solve for the two rows of x in place, on as many threads as a mesh so large needs.
 
     The answer is the same, to the byte, on any number of them: what a subtree subtracts from the
-    fronts above is kept apart, and summed in the order of the subtrees.
+    fronts above is kept apart, and summed in the order of the subtrees. So it differs by rounding
+    from that of :func:`solve_two`.
     """
-    if ordering.whole:
+    if ordering.subtrees == len(ordering.portions):
         solve_two(ordering, factor.pivots, factor.panels, x)
         return
     subtrees, portions = ordering.subtrees, ordering.portions.tolist()
@@ -46,14 +47,14 @@ def solve_pair(factor: Factor, ordering: Ordering, x: NDArray[np.float64]) -> No
         first, end = portions[portion]
         _down(ordering, factor.pivots, factor.panels, x, first, end)
 
-    side_by_side(up, ordering)
+    list(side_by_side(up, ordering))
     x[:, vertices] += sums.sum(axis=0)
     none = np.empty((0, 0))
     for first, end in portions[subtrees:]:
         _up(ordering, factor.panels, x, none, first, end, False)
     for first, end in reversed(portions[subtrees:]):
         _down(ordering, factor.pivots, factor.panels, x, first, end)
-    side_by_side(down, ordering)
+    list(side_by_side(down, ordering))
 
 
 @kernel

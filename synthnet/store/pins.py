@@ -12,8 +12,10 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pyarrow as pa
@@ -103,20 +105,34 @@ def differences(built: Pin, pinned: Pin) -> Iterator[str]:
         yield f"eigenvalues differ by {apart:.2g} relative, more than {TOLERANCE:g}"
 
 
-def read(version: str) -> dict[str, Pin] | None:
+def read(version: str) -> Mapping[str, Pin] | None:
     """Return the pins of a full version by id, or ``None`` if it has none.
+
+    Those of the package are read once a process: nobody may change them.
 
     Examples
     --------
     >>> round(float(read("1.0")["torus-00005"].eigenvalues[0]), 4)
     1.0378
     """
-    table = _table(labels_file(version))
+    return _pins(labels_file(version)) if os.environ.get(VARIABLE) else _shipped_pins(version)
+
+
+@lru_cache(maxsize=4)
+def _shipped_pins(version: str) -> Mapping[str, Pin] | None:
+    return _pins(labels_file(version))
+
+
+def _pins(name: str) -> Mapping[str, Pin] | None:
+    table = _table(name)
     if table is None:
         return None
     columns = (table[name].to_pylist() for name in ("id", "digest"))
-    arrays = (np.stack(table[name].to_numpy()) for name in ("moments", "eigenvalues"))
-    return {row[0]: Pin(*row) for row in zip(*columns, *arrays, strict=True)}
+    arrays = [np.stack(table[name].to_numpy()) for name in ("moments", "eigenvalues")]
+    for array in arrays:
+        array.setflags(write=False)
+    pins = {row[0]: Pin(*row) for row in zip(*columns, *arrays, strict=True)}
+    return MappingProxyType(pins)
 
 
 def write(path: Path, pins: Iterable[Pin]) -> None:

@@ -1,4 +1,4 @@
-"""Large graphs: their parts and cuts, the order in stages, and the threads that factorise."""
+"""Large graphs: their parts and cuts, the order in stages, and the threads that solve."""
 
 import numpy as np
 import pytest

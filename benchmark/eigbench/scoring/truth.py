@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -160,26 +159,23 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
     return _truth(chosen, version, split, protocol, resolved.digest)
 
 
-@lru_cache(maxsize=4)
-def _pinned(version: str) -> tuple[_Labelled, ...]:
-    """Return the shapes of a version that have a label; a filter has rejected the others."""
+def _pinned(version: str) -> Iterator[_Labelled]:
+    """Yield the shapes of a version that have a label; a filter has rejected the others."""
     base = recipe.load(version).base
     pinned = pins.read(base)
     if pinned is None:
         raise EigbenchError(f"the labels of {base} are not pinned in this release")
-    return tuple(
-        _Labelled(
-            shape.spec.id,
-            shape.spec.group,
-            shape.spec.family,
-            shape.split,
-            shape.paper_splits,
-            pinned[shape.spec.id].eigenvalues,
-        )
-        for plan in planned(version)
-        for shape in plan.shapes
-        if shape.spec.id in pinned
-    )
+    for plan in planned(version):
+        for shape in plan.shapes:
+            if shape.spec.id in pinned:
+                yield _Labelled(
+                    shape.spec.id,
+                    shape.spec.group,
+                    shape.spec.family,
+                    shape.split,
+                    shape.paper_splits,
+                    pinned[shape.spec.id].eigenvalues,
+                )
 
 
 def of_dataset(

@@ -293,13 +293,26 @@ def test_the_drop_is_between_the_same_seeds(parts, make_submission):
     assert board.scored(three, "genus", "rpd").drop == pytest.approx(0)
 
 
-def test_a_drop_between_two_codes_is_refused(held_out, parts, make_submission, tmp_path):
-    whole, model = held_out
-    other = dict.fromkeys(model.result["model"]["sources"], "0" * 64)
-    changed = make_submission(
-        "Model", parts["genus"].eigenvalues, parts["genus"], kind="learned", sources=other
-    )
-    for row in (whole[1], submission.read(changed)):
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda files: dict.fromkeys(files, "0" * 64),
+        lambda files: {"other.py": "0" * 64},
+        lambda files: {**files, "a.safetensors": "0" * 64},  # while grouped names b.safetensors
+    ],
+    ids=["other digests", "no file in common", "other weights"],
+)
+def test_a_drop_between_two_codes_is_refused(held_out, parts, make_submission, tmp_path, change):
+    files = held_out[1].result["model"]["sources"]
+    rows = []
+    for part, sources in (
+        ("grouped", {**files, "b.safetensors": "1" * 64}),
+        ("genus", change(files)),
+    ):
+        labels = parts[part]
+        path = make_submission("Model", labels.eigenvalues, labels, kind="learned", sources=sources)
+        rows.append(submission.read(path))
+    for row in rows:
         leaderboard.add(row, tmp_path)
     with pytest.raises(ResultError, match="are of other code, or other weights"):
         leaderboard.read(tmp_path)

@@ -34,7 +34,6 @@ KINDS = [
 ]
 PROBE = """
 import ctypes, os, socket
-from functools import cache
 from pathlib import Path
 import numpy as np
 import synthnet

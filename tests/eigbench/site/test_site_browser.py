@@ -520,7 +520,8 @@ def test_the_table_does_not_wait_for_the_chart(browser, folders):
     page = context.new_page()
     held = []
     page.route("**/chart.js", lambda route: held.append(route))  # neither answered nor refused
-    page.goto((folders / "real" / "index.html").as_uri(), wait_until="commit")
+    with page.expect_request("**/chart.js"):
+        page.goto((folders / "real" / "index.html").as_uri(), wait_until="commit")
     rows = page.locator("#table tbody tr")
     expect(rows.nth(10)).to_be_visible()
     assert len(held) == 1
