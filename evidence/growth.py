@@ -94,31 +94,31 @@ def solve(side: str, step: float) -> dict:
 
 def table(data: dict) -> str:
     """Return both sides, their slopes, and the largest difference between their answers."""
-    sides = {
+    solved = {
         side: {row["vertices"]: row for row in data["rows"] if row["side"] == side}
         for side in (*NAMES, TWO)
     }
-    on_two = sides.pop(TWO)
     rows, difference = [], 0.0
-    for n, ours in sides["synthnet"].items():
+    for n, ours in solved["synthnet"].items():
         row = [f"{n:,}", f"{ours['seconds']:.3g}", f"{ours['megabytes']:,.0f}"]
-        if theirs := sides["lapy"].get(n):
+        if theirs := solved["lapy"].get(n):
             ratio = theirs["seconds"] / ours["seconds"]
             row += [f"{theirs['seconds']:.3g}", f"{theirs['megabytes']:,.0f}", f"{ratio:.1f}"]
             quotient = np.divide(ours["eigenvalues"], theirs["eigenvalues"])
             difference = max(difference, float(np.abs(quotient - 1).max()))
         else:
             row += ["failed", "failed", ""]
-        if n in on_two and on_two[n]["eigenvalues"] != ours["eigenvalues"]:
+        on_two = solved[TWO].get(n)
+        if on_two and on_two["eigenvalues"] != ours["eigenvalues"]:
             raise ValueError(f"{n:,} vertices have other eigenvalues on two threads")
-        row.append(f"{on_two[n]['seconds']:.3g}" if n in on_two else "")
+        row.append(f"{on_two['seconds']:.3g}" if on_two else "")
         rows.append(row)
     headers = ["vertices", "synthNet s", "synthNet MB", "LaPy s", "LaPy MB", "ratio of times"]
     headers.append("synthNet s, two threads")
     slopes = ", ".join(
-        f"{NAMES[side]} {exponent(list(solved.values()), 'seconds'):.2f} in time and "
-        f"{exponent(list(solved.values()), 'megabytes'):.2f} in memory"
-        for side, solved in sides.items()
+        f"{name} {exponent(list(solved[side].values()), 'seconds'):.2f} in time and "
+        f"{exponent(list(solved[side].values()), 'megabytes'):.2f} in memory"
+        for side, name in NAMES.items()
     )
     return (
         f"{markdown.table(headers, rows, 'r')}\n\nSlopes of the upper half of the log-log plot: "

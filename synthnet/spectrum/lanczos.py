@@ -155,12 +155,12 @@ class Lanczos:
                 self.lean,
             )
             self.size += 2 * steps
-            return self.size + 2 <= self.limit
-        for _ in range(steps):
-            new = _newest(self.basis, self.weighted, self.size, self.lean)
-            solve_pair(self.factor, self.ordering, new)
-            self.skipped = _append(*grown, self.size, self.first, self.skipped, self.lean)
-            self.size += 2
+        else:
+            for _ in range(steps):
+                new = _newest(self.basis, self.weighted, self.size, self.lean)
+                solve_pair(self.factor, self.ordering, new)
+                self.skipped = _append(*grown, self.size, self.first, self.skipped, self.lean)
+                self.size += 2
         return self.size + 2 <= self.limit
 
     def ritz(self) -> RitzPairs:
@@ -247,11 +247,11 @@ def _extend(
 
 @kernel
 def _newest(
-    basis: NDArray[np.float64], weighted: NDArray[np.float64], size: int, lean: bool
+    basis: NDArray[np.float64], weighted: NDArray[np.float64], m: int, lean: bool
 ) -> NDArray[np.float64]:
-    """Return the basis's next two rows, filled with B times the two before."""
-    new = basis[size : size + 2]
-    new[:] = weighted[:2] if lean else weighted[size - 2 : size]
+    """Return the two rows after a basis of m vectors, filled with B times the two before."""
+    new = basis[m : m + 2]
+    new[:] = weighted[:2] if lean else weighted[m - 2 : m]
     return new
 
 
@@ -263,16 +263,16 @@ def _append(
     basis: NDArray[np.float64],
     weighted: NDArray[np.float64],
     projected: NDArray[np.float64],
-    size: int,
+    m: int,
     first: int,
     skipped: int,
     lean: bool,
 ) -> int:
-    """Make the two solutions that follow a basis part of it; return how many steps to skip.
+    """Make the two solutions that follow a basis of m vectors part of it.
 
-    The sub-blocks of ``projected`` are those of the block tridiagonal matrix.
+    The sub-blocks of ``projected`` are those of the block tridiagonal matrix. Returns how many
+    steps are now skipped after each two.
     """
-    m = size
     coefficients = np.empty((2, basis.shape[0]))
     new = basis[m : m + 2]
     product = weighted[:2] if lean else weighted[m : m + 2]

@@ -69,8 +69,8 @@ class Ordering(NamedTuple):
 
     @property
     def whole(self) -> bool:
-        """Whether all fronts are one portion."""
-        return len(self.portions) == 1
+        """Whether no front stands above the subtrees, so that nothing is worked on apart."""
+        return self.subtrees == len(self.portions)
 
 
 def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Ordering:

@@ -30,7 +30,7 @@ def solve_pair(factor: Factor, ordering: Ordering, x: NDArray[np.float64]) -> No
     fronts above is kept apart, and summed in the order of the subtrees. So it differs by rounding
     from that of :func:`solve_two`.
     """
-    if ordering.subtrees == len(ordering.portions):
+    if ordering.whole:
         solve_two(ordering, factor.pivots, factor.panels, x)
         return
     subtrees, portions = ordering.subtrees, ordering.portions.tolist()
@@ -41,7 +41,7 @@ def solve_pair(factor: Factor, ordering: Ordering, x: NDArray[np.float64]) -> No
 
     def up(portion: int) -> None:
         first, end = portions[portion]
-        _up(ordering, factor.panels, x, sums[portion], first, end, True)
+        _up(ordering, factor.panels, x, sums[portion], first, end)
 
     def down(portion: int) -> None:
         first, end = portions[portion]
@@ -49,9 +49,9 @@ def solve_pair(factor: Factor, ordering: Ordering, x: NDArray[np.float64]) -> No
 
     list(side_by_side(up, ordering))
     x[:, vertices] += sums.sum(axis=0)
-    none = np.empty((0, 0))
+    none = np.empty((2, 0))
     for first, end in portions[subtrees:]:
-        _up(ordering, factor.panels, x, none, first, end, False)
+        _up(ordering, factor.panels, x, none, first, end)
     for first, end in reversed(portions[subtrees:]):
         _down(ordering, factor.pivots, factor.panels, x, first, end)
     list(side_by_side(down, ordering))
@@ -66,7 +66,7 @@ def solve_two(
 ) -> None:
     """Solve for the two rows of x in place, on one thread."""
     fronts = ordering.child.shape[0]
-    _up(ordering, panels, x, np.empty((0, 0)), 0, fronts, False)
+    _up(ordering, panels, x, np.empty((2, 0)), 0, fronts)
     _down(ordering, pivots, panels, x, 0, fronts)
 
 
@@ -78,13 +78,13 @@ def _up(
     sums: NDArray[np.float64],
     first: int,
     end: int,
-    apart: bool,
 ) -> None:
     """Solve L y = x for the columns of some fronts, children before parents.
 
-    What they subtract from columns of fronts above them goes to these in x, or if ``apart`` is
-    true to ``sums``, of shape (2, m): the m columns of the fronts that belong to no subtree.
+    What they subtract from columns of fronts above them goes to ``sums``, of shape (2, m): the m
+    columns of the fronts that belong to no subtree. If that has no columns, it goes to x itself.
     """
+    apart = sums.shape[1] > 0
     x0, x1 = x[0], x[1]
     y = np.empty(ordering.widest)
     z = np.empty(ordering.widest)

@@ -152,30 +152,27 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
                 f"`python -m evidence pin version {name}`"
             )
         return _of_import(version, protocol, labels)
+    pinned = pins.read(resolved.base)
+    if pinned is None:
+        raise EigbenchError(f"the labels of {resolved.base} are not pinned in this release")
+    shapes = (
+        _Labelled(
+            shape.spec.id,
+            shape.spec.group,
+            shape.spec.family,
+            shape.split,
+            shape.paper_splits,
+            pinned[shape.spec.id].eigenvalues,
+        )
+        for plan in planned(version)
+        for shape in plan.shapes
+        if shape.spec.id in pinned  # or it was rejected by a filter, and has no label
+    )
     own = None if protocol in PROTOCOLS else resolved
-    chosen = list(_choose(_pinned(version), _trained_on(version), own, split, protocol))
+    chosen = list(_choose(shapes, _trained_on(version), own, split, protocol))
     if not chosen:
         raise EigbenchError(f"{version} has nothing in the split {split} of protocol {protocol}")
     return _truth(chosen, version, split, protocol, resolved.digest)
-
-
-def _pinned(version: str) -> Iterator[_Labelled]:
-    """Yield the shapes of a version that have a label; a filter has rejected the others."""
-    base = recipe.load(version).base
-    pinned = pins.read(base)
-    if pinned is None:
-        raise EigbenchError(f"the labels of {base} are not pinned in this release")
-    for plan in planned(version):
-        for shape in plan.shapes:
-            if shape.spec.id in pinned:
-                yield _Labelled(
-                    shape.spec.id,
-                    shape.spec.group,
-                    shape.spec.family,
-                    shape.split,
-                    shape.paper_splits,
-                    pinned[shape.spec.id].eigenvalues,
-                )
 
 
 def of_dataset(
@@ -268,8 +265,10 @@ def _choose(
     """
     folds = () if own is None else splits.folds(own, protocol, split)
     for shape in shapes:
+        if own is not None and shape.split != split:
+            continue  # under a version's own protocol no instance has another split than its shape
         trainings = [protocol]
-        if own is not None and shape.split == split:
+        if own is not None:
             trainings = [f.name for f in folds if splits.takes(f, own, split, shape.id)]
         for training in trainings:
             for instance, paper_split in enumerate(shape.paper_splits):

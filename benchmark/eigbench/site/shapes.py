@@ -19,7 +19,7 @@ from synthnet.recipe.recipe import Recipe
 from synthnet.types import Mesh, ShapeSpec
 
 FACES = 20_000  # more are simplified: a phone has to load and turn them
-MERGED = 26_000  # more are brought near that many first: merging takes a tenth of the time
+MERGED = 26_000  # more are brought near that many first, which is faster than simplifying all
 STEPS = 32_767  # of a coordinate, in int16: half the largest side of the bounding box
 
 
