@@ -6,9 +6,9 @@ coarsest eigenproblem is solved; then, level by level, its vectors X are prolong
 are taken in the span of X and of one multigrid cycle towards :math:`A^{-1} B X \Lambda`.
 
 Galerkin means that every Ritz value is a Rayleigh quotient of functions on the mesh itself: an
-upper bound, but for rounding. How far above, nothing proves; where cycles converge slowly, or the
-hierarchy looks bad, the certified solver answers instead: see :func:`trusted` and
-docs/real-shapes.md.
+upper bound, but for rounding. How far above, nothing proves; where triangles are flat, cycles
+converge slowly or the hierarchy looks bad, the certified solver answers instead: see
+:func:`trusted` and docs/real-shapes.md.
 
 References
 ----------
@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import multilevel_kernels as kernels
 import numpy as np
@@ -89,10 +90,9 @@ FEWEST = 32  # vertices of a coarse level
 # elsewhere. They are estimates, not bounds.
 CERTIFIED = 5_000  # vertices up to which the certified solver takes no longer than a test would
 COARSER = replace(SETTING, vectors=24, cycles=2, enough=0.0)  # below the finest level: is cheap
-VECTORS, CYCLES = 12, 3  # on the finest level
-RESIDUAL = 0.003  # share of a value that one cycle may leave in its residual
-FALL = 0.03  # share of itself by which a value may fall in the last of several cycles
-HOPELESS = 0.012  # as RESIDUAL, above which more cycles are not tried
+VECTORS, CYCLES = 12, 2  # on the finest level
+FLAT = 200  # largest diagonal entry of A, half the cotangents around a vertex: 3.5 if regular
+RESIDUAL = 0.003  # share of a value that a cycle may leave in its residual
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +117,10 @@ class Level:
     def __len__(self) -> int:
         """Return n."""
         return len(self.pattern[0]) - 1
+
+    def diagonal(self) -> np.ndarray:
+        """Return the diagonal of A."""
+        return self.stiffness[self.pattern[0][:-1]]
 
     def dense(self) -> tuple[np.ndarray, np.ndarray]:
         """Return A and B as (n, n) arrays."""
@@ -164,7 +168,12 @@ def hierarchy(mesh: Mesh, setting: Setting = SETTING) -> list[Level]:
     """
     if len(mesh.vertices) <= COUNT:
         raise ValueError(f"{COUNT} eigenvalues after zero need more than {COUNT} vertices")
-    levels = [finest(mesh)]
+    return descent(finest(mesh), setting)
+
+
+def descent(fine: Level, setting: Setting = SETTING) -> list[Level]:
+    """Return a level and all that are coarser."""
+    levels = [fine]
     while len(levels[-1]) > setting.coarsest:
         fine, coarse = coarsened(levels[-1], setting)
         if not FEWEST <= len(coarse) < 0.9 * len(fine):
@@ -332,53 +341,57 @@ def ritz_values(mesh: Mesh, setting: Setting = SETTING) -> np.ndarray:
     return values[:COUNT]
 
 
-def trusted(levels: list[Level]) -> np.ndarray | None:
+def trusted(mesh: Mesh) -> np.ndarray | None:
     r"""Return Ritz values that look near enough to the first ten eigenvalues, or None.
 
-    There is no answer where the hierarchy looks bad: several components, or a coarsest level that
-    did not get small. On the finest level, one cycle is enough if with the diagonal D of A
+    There is no answer where a triangle is so flat that a function constant on an aggregate would
+    have most of its energy there, and none where the hierarchy looks bad: several components, or a
+    coarsest level that did not get small. On the finest level there are one or two cycles, until
+    with the diagonal D of A
 
     .. math:: r^T D^{-1} r \leq \text{RESIDUAL} \cdot \theta, \qquad r = A u - \theta B u
 
-    for every wanted pair (θ, u), u of norm 1: what smoothing could still take away. Else another
-    cycle, or two, have to lower no wanted value by more than :data:`FALL` of itself.
+    for every wanted pair (θ, u), u of norm 1: what smoothing could still take away.
 
     Parameters
     ----------
-    levels : list of Level
-        The finest first; two at least.
+    mesh : Mesh
+        Of more vertices than a coarsest level has.
 
     Returns
     -------
     ndarray of shape (10,), float64, or None
         In 1/length², ascending.
+
+    Raises
+    ------
+    ValueError
+        If a triangle has no area, or a vertex no triangle.
     """
+    fine = finest(mesh)
+    if fine.diagonal().max() > FLAT:
+        return None
+    fine, *_ = levels = descent(fine)
     if len(levels[-1]) > 2 * SETTING.coarsest:
         return None
     coarsest = Coarsest(levels[-1])
     if np.count_nonzero(~coarsest.good) > 1:
         return None
     *_, (values, basis, turn) = ascent(levels[1:], COARSER, coarsest)
-    x = prolonged(levels[0], combined(basis, turn[:, :VECTORS]))
+    x = prolonged(fine, combined(basis, turn[:, :VECTORS]))
     cycles = iterated(levels, values[:VECTORS], x, coarsest.inverse, SETTING)
-    for number, (before, values, basis, turn) in enumerate(cycles, start=1):
-        fall = (before[:COUNT] / values[:COUNT]).max() - 1
-        if number == 1:
-            share = residual(levels[0], values[:COUNT], combined(basis, turn[:, :COUNT]))
-            near, hopeless = share <= RESIDUAL, share > HOPELESS
-        else:
-            near, hopeless = fall <= FALL, number == CYCLES
-        if near or hopeless:
-            break
-    return values[:COUNT] if near else None
+    for _, values, basis, turn in islice(cycles, CYCLES):
+        if residual(fine, values[:COUNT], combined(basis, turn[:, :COUNT])) <= RESIDUAL:
+            return values[:COUNT]
+    return None
 
 
 def residual(level: Level, values: np.ndarray, vectors: np.ndarray) -> float:
     """Return the largest of the residuals of Ritz pairs, in the norm of D⁻¹, as share of θ."""
     stiff, weighted = np.empty_like(vectors), np.empty_like(vectors)
     kernels.multiply_both(*level.pattern, level.stiffness, level.mass, vectors, stiff, weighted)
-    diagonal = level.stiffness[level.pattern[0][:-1], None]
-    return float((((stiff - weighted * values) ** 2 / diagonal).sum(axis=0) / values).max())
+    squares = (stiff - weighted * values) ** 2 / level.diagonal()[:, None]
+    return float((squares.sum(axis=0) / values).max())
 
 
 def eigenvalues(mesh: Mesh) -> tuple[np.ndarray, bool]:
@@ -390,7 +403,7 @@ def eigenvalues(mesh: Mesh) -> tuple[np.ndarray, bool]:
         As :func:`synthnet.spectrum.compute`.
     """
     if len(mesh.vertices) > CERTIFIED:
-        values = trusted(hierarchy(mesh))
+        values = trusted(mesh)
         if values is not None:
             return values, False
     return spectrum.compute(mesh).eigenvalues, True

@@ -269,8 +269,12 @@ def portions(functions: int, entries: int) -> list[slice]:
 
     Else a product of functions goes a piece at a time, and what it needs stays in the cache.
     """
-    step = PIECE if functions > FEW or entries > FINE else entries
-    return [slice(first, first + step) for first in range(0, entries, step)]
+    return pieces(entries) if functions > FEW or entries > FINE else [slice(entries)]
+
+
+def pieces(entries: int) -> list[slice]:
+    """Return parts of all entries, each small enough for the cache."""
+    return [slice(first, first + PIECE) for first in range(0, entries, PIECE)]
 
 
 def multiply(

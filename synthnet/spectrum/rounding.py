@@ -27,16 +27,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from synthnet.kernels import kernel
+from synthnet.kernels import kernel, uncounted
 from synthnet.spectrum.certificate import Candidate
 from synthnet.spectrum.components import unheld
-from synthnet.spectrum.fem import FEW, PIECE, Matrices, portions
+from synthnet.spectrum.fem import FEW, PIECE, Matrices, pieces
 from synthnet.spectrum.operators import Discrete
+from synthnet.spectrum.vectors import Vector
 from synthnet.types import Mesh
 
 UNIT = float(np.finfo(np.float64).eps)
 BLOCK = 64  # functions, of many: the products of all pairs would take longer than the solver
-OPERATIONS = 16  # rounding units in the energy of a right-angled triangle, with room to spare
+OPERATIONS = 24  # rounding units in the energy of a right-angled triangle, with room to spare
 
 
 def sharpened(
@@ -129,35 +130,53 @@ def _ritz(
     """Return the Ritz pairs of functions (n, c) by their energies."""
     matrices, count = discrete.matrices, functions.shape[1]
     stiff, weighted = np.zeros_like(functions), np.zeros_like(functions)
-    gram = np.zeros((count, count))
-    rough_energy, rough_mass = np.zeros((2, count))
-    slopes = np.empty((PIECE if count > FEW else 0, 2, count))  # BLAS multiplies those of many
-    for part in portions(count, len(faces)):
+    gram, heavy, rough = np.zeros((count, count)), np.zeros((count, count)), np.zeros((2, count))
+    slopes = np.empty((PIECE, 2, count))
+    for part in pieces(len(faces)):
         chunk = faces[part]
-        to = (stiff, weighted, gram, rough_energy, rough_mass, slopes[: len(chunk)])
-        _apply(vertices, chunk, functions, *to)
+        _apply(vertices, chunk, functions, stiff, weighted, slopes, rough)
         rows = slopes[: len(chunk)].reshape(-1, count)
         gram += rows.T @ rows
     there = slice(None) if discrete.free is None else discrete.free
     kept, stiff, weighted = functions[there], stiff[there], weighted[there]
-    lumped = matrices.lumped
     if share < 1:
-        weighted = share * weighted + (1 - share) * lumped[:, None] * kept
-        rough_mass *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
-    parts = portions(count, len(lumped))
-    heavy = sum((kept[part].T @ weighted[part] for part in parts), np.zeros((count, count)))
-    values, turn = linalg.eigh(gram, heavy)  # which reads the lower triangle
-    squares = 0.0
-    for part in parts:
-        defects, moved = stiff[part] @ turn, weighted[part] @ turn
-        moved *= values
-        defects -= moved
-        np.square(defects, out=defects)
-        defects /= lumped[part, None]
-        squares += float(np.sum(defects)) / matrices.least
-    rough = np.square(turn).T @ rough_energy + values * (np.square(turn).T @ rough_mass)
+        weighted = share * weighted + (1 - share) * matrices.lumped[:, None] * kept
+        rough[1] *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
+    for part in pieces(len(kept)):
+        heavy += kept[part].T @ weighted[part]
+    values, turn = linalg.eigh(gram, heavy)
+    squares = _squares(matrices, stiff, weighted, values, turn, heavy)
+    rough = np.square(turn).T @ rough[0] + values * (np.square(turn).T @ rough[1])
     rounding = OPERATIONS * UNIT * (rough + values[-1])
     return _Block(values, functions @ turn if with_vectors else None, squares, rounding)
+
+
+def _squares(
+    matrices: Matrices,
+    stiff: NDArray[np.float64],
+    weighted: NDArray[np.float64],
+    values: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    heavy: NDArray[np.float64],
+) -> float:
+    r"""Return an upper bound of the sum of η² of the Ritz pairs F T of functions F.
+
+    With :math:`H = T \Lambda T^{-1}` their defects are :math:`(A F - B F H) T`. F is nearly what it
+    becomes, so that H is nearly a diagonal matrix D, and no product of long matrices is needed:
+    B ≤ M, so the norm of :math:`M^{-1/2} B F (H - D)` is at most that in B of :math:`F (H - D)`.
+    """
+    whole = (turn * values) @ (turn.T @ heavy)
+    diagonal = np.diag(whole).copy()
+    off = whole - np.diag(diagonal)
+    inverse, total = 1 / matrices.lumped, 0.0
+    for part in pieces(len(stiff)):
+        defects = stiff[part] - weighted[part] * diagonal
+        total += float(inverse[part] @ np.einsum("ij,ij->i", defects, defects))
+    norm = np.sqrt(total) + np.sqrt(max(0.0, float(np.sum(off * (heavy @ off)))))
+    # The norm of T, squared, is 1 over the least eigenvalue of FᵀBF, for which Gershgorin's theorem
+    # has a bound: near 1
+    smallest = float((2 * np.diag(heavy) - np.abs(heavy).sum(axis=1)).min())
+    return norm**2 / (smallest * matrices.least) if smallest > 0 else np.inf
 
 
 def _bounds(number: int, blocks: list[_Block], above: float, total: float) -> NDArray[np.float64]:
@@ -200,75 +219,100 @@ def _apply(
     functions: NDArray[np.float64],
     stiff: NDArray[np.float64],
     weighted: NDArray[np.float64],
-    gram: NDArray[np.float64],
-    rough_energy: NDArray[np.float64],
-    rough_mass: NDArray[np.float64],
     slopes: NDArray[np.float64],
+    rough: NDArray[np.float64],
 ) -> None:
     """Add A f and B f of every function to ``stiff`` and ``weighted``, triangle by triangle.
 
-    The lower triangle of ``gram`` adds up fᵀ A g. If ``slopes`` has rows, they are filled instead:
-    with f's slope on each triangle, two numbers, so that fᵀ A g is the sum of products of these.
-    ``rough_energy`` and ``rough_mass`` add up fᵀ A f and fᵀ B f over the sine of each triangle's
-    largest angle.
+    ``slopes``, of shape (m, 2, c), is filled with f's slope on each of m triangles, two numbers in
+    its plane, so that fᵀ A g is the sum of products of these. The rows of ``rough``, (2, c), add up
+    fᵀ A f and fᵀ B f over the sine of each triangle's largest angle.
     """
-    u, v, across = np.empty(3), np.empty(3), np.empty((3, functions.shape[1]))
-    along, aside = np.empty(3), np.empty(3)  # orthogonal, in the triangle, scaled to its energy
+    # Of arguments, slices that are not counted (this is most of the time otherwise)
+    functions, stiff, weighted = uncounted(functions), uncounted(stiff), uncounted(weighted)
+    slopes, rough = uncounted(slopes), uncounted(rough)
+    u, v = np.empty(3), np.empty(3)
     for t in range(faces.shape[0]):
         a = _widest(vertices, faces, t)
         i, j, k = faces[t, a], faces[t, (a + 1) % 3], faces[t, (a + 2) % 3]
         uu = 0.0
+        uv = 0.0
         vv = 0.0
         for x in range(3):
             u[x] = vertices[j, x] - vertices[i, x]
             v[x] = vertices[k, x] - vertices[i, x]
             uu += u[x] * u[x]
+            uv += u[x] * v[x]
             vv += v[x] * v[x]
         nx = u[1] * v[2] - u[2] * v[1]
         ny = u[2] * v[0] - u[0] * v[2]
         nz = u[0] * v[1] - u[1] * v[0]
-        doubled = np.sqrt(nx * nx + ny * ny + nz * nz)
-        inverse_sine = np.sqrt(uu * vv) / doubled
-        scale = 1 / (2 * doubled)
-        for x in range(3):
-            along[x] = u[x] * np.sqrt(scale / uu)
-        aside[0] = (ny * along[2] - nz * along[1]) / doubled
-        aside[1] = (nz * along[0] - nx * along[2]) / doubled
-        aside[2] = (nx * along[1] - ny * along[0]) / doubled
-        share = doubled / 24
-        for c in range(functions.shape[1]):
-            first = functions[i, c]
-            p = functions[j, c] - first
-            q = functions[k, c] - first
-            at_j = 0.0
-            at_k = 0.0
-            square = 0.0
-            for x in range(3):
-                across[x, c] = p * v[x] - q * u[x]
-                at_j += across[x, c] * v[x]
-                at_k -= across[x, c] * u[x]
-                square += across[x, c] * across[x, c]
-            stiff[j, c] += at_j * scale
-            stiff[k, c] += at_k * scale
-            stiff[i, c] -= (at_j + at_k) * scale
-            if slopes.shape[0] == 0:
-                x, y, z = across[0, c], across[1, c], across[2, c]
-                for d in range(c + 1):
-                    gram[c, d] += (x * across[0, d] + y * across[1, d] + z * across[2, d]) * scale
-            else:
-                slopes[t, 0, c] = slopes[t, 1, c] = 0.0
-                for x in range(3):
-                    slopes[t, 0, c] += across[x, c] * along[x]
-                    slopes[t, 1, c] += across[x, c] * aside[x]
-            rough_energy[c] += square * scale * inverse_sine
-            second = first + p
-            third = first + q
-            total = first + second + third
-            weighted[i, c] += share * (total + first)
-            weighted[j, c] += share * (total + second)
-            weighted[k, c] += share * (total + third)
-            square = total * total + first * first + second * second + third * third
-            rough_mass[c] += share * square * inverse_sine
+        doubled = np.sqrt(nx * nx + ny * ny + nz * nz)  # the area, twice
+        sine = doubled / np.sqrt(uu * vv)
+        # In the plane, u = (along, 0) and v = (beside, aside), scaled to the triangle's energy
+        along = np.sqrt(uu / (2 * doubled))
+        beside = uv / np.sqrt(2 * doubled * uu)
+        aside = np.sqrt(doubled / (2 * uu))
+        fi, fj, fk = functions[i], functions[j], functions[k]
+        first, second = slopes[t, 0], slopes[t, 1]
+        _slope(fi, fj, fk, beside, along, aside, first, second)
+        _add(stiff[j], first, beside, second, aside)
+        _add(stiff[k], first, -along, second, 0.0)
+        _add(stiff[i], first, along - beside, second, -aside)
+        _add_squares(rough[0], first, second, 1 / sine)
+        _add_mass(weighted[i], fi, fj, fk, doubled / 24)
+        _add_mass(weighted[j], fj, fk, fi, doubled / 24)
+        _add_mass(weighted[k], fk, fi, fj, doubled / 24)
+        _add_mass_squares(rough[1], fi, fj, fk, doubled / (24 * sine))
+
+
+@kernel
+def _slope(
+    at_i: Vector,
+    at_j: Vector,
+    at_k: Vector,
+    beside: float,
+    along: float,
+    aside: float,
+    first: Vector,
+    second: Vector,
+) -> None:
+    """Set the two components of the slopes of functions by their values at the corners."""
+    for c in range(at_i.shape[0]):
+        p = at_j[c] - at_i[c]
+        q = at_k[c] - at_i[c]
+        first[c] = p * beside - q * along
+        second[c] = p * aside
+
+
+@kernel
+def _add(y: Vector, first: Vector, a: float, second: Vector, b: float) -> None:
+    """Add a combination of two vectors: y += a first + b second."""
+    for c in range(y.shape[0]):
+        y[c] += a * first[c] + b * second[c]
+
+
+@kernel
+def _add_squares(y: Vector, first: Vector, second: Vector, factor: float) -> None:
+    """Add a multiple of the squares of two vectors."""
+    for c in range(y.shape[0]):
+        y[c] += factor * (first[c] * first[c] + second[c] * second[c])
+
+
+@kernel
+def _add_mass(y: Vector, here: Vector, next: Vector, other: Vector, share: float) -> None:
+    """Add a triangle's part of B f at one of its corners."""
+    for c in range(y.shape[0]):
+        y[c] += share * (2 * here[c] + next[c] + other[c])
+
+
+@kernel
+def _add_mass_squares(y: Vector, fi: Vector, fj: Vector, fk: Vector, share: float) -> None:
+    """Add a triangle's part of fᵀ B f."""
+    for c in range(y.shape[0]):
+        p, q, r = fi[c], fj[c], fk[c]
+        total = p + q + r
+        y[c] += share * (total * total + p * p + q * q + r * r)
 
 
 @kernel
