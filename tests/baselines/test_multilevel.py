@@ -308,6 +308,16 @@ def test_a_mesh_on_which_the_iteration_fails_is_not_trusted(multilevel: ModuleTy
     assert (values == exact).all()
 
 
+def test_one_flat_triangle_is_enough_for_the_certified_solver(multilevel: ModuleType) -> None:
+    mesh = drawn("mobius_band", 6000)
+    assert multilevel.trusted(mesh) is not None
+    apex, left, right = mesh.faces[0]
+    vertices = mesh.vertices.astype(np.float64)
+    base = (vertices[left] + vertices[right]) / 2
+    vertices[apex] = base + 1e-4 * (vertices[apex] - base)  # angles of about 0.01 degrees
+    assert multilevel.trusted(Mesh(vertices, mesh.faces)) is None
+
+
 def test_components_are_not_trusted(multilevel: ModuleType) -> None:
     single = drawn("pretzel", 3000)
     both = Mesh(
