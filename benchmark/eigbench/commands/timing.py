@@ -104,8 +104,7 @@ def described(
     step = options.batch_size * options.repeats
     parts = np.split(vertices, range(step, len(vertices), step))
     sizes = np.array([len(part) // options.repeats for part in parts])
-    peers = {"LaPy": lapy.seconds}
-    peers |= {t.loaded.meta["name"]: t.seconds for t in others if t.path in options.against}
+    peers = {t.loaded.meta["name"]: t.seconds for t in others if t.path in options.against}
     return {
         "timing_version": timing.VERSION,
         "dataset": options.dataset,
@@ -114,16 +113,19 @@ def described(
         "repeats": options.repeats,
         "hardware": record.hardware(),
         "environment": record.environment(),
-        "rows": [_row(row, sizes, peers, options) for row in others],
+        "rows": [_row(row, sizes, lapy.seconds, peers, options) for row in others],
     }
 
 
 def _row(
-    timed: Timed, sizes: np.ndarray, peers: dict[str, np.ndarray], options: argparse.Namespace
+    timed: Timed,
+    sizes: np.ndarray,
+    lapy: np.ndarray,
+    peers: dict[str, np.ndarray],
+    options: argparse.Namespace,
 ) -> dict[str, Any]:
     file, variant = split(timed.path)
     each = 1e3 * timed.seconds / sizes
-    lapy = peers["LaPy"]
     return {
         "name": timed.loaded.meta["name"],
         "code": f"{file.name}:{variant}" if variant else file.name,
@@ -144,9 +146,7 @@ def _row(
                 **timing.ratio(lapy, timed.seconds),
             },
             "peers": {
-                name: timing.ratio(seconds, timed.seconds)
-                for name, seconds in peers.items()
-                if name != "LaPy"
+                name: timing.ratio(seconds, timed.seconds) for name, seconds in peers.items()
             },
         },
     }

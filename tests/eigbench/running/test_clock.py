@@ -2,10 +2,13 @@
 
 import itertools
 import json
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from eigbench.board import leaderboard
+from eigbench.commands.timing import described
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.results import submission, timing
 from eigbench.running import box, clock, meshes
@@ -134,6 +137,25 @@ def test_command_writes_times_that_the_board_shows(
     assert rows["slow"].result["cost"]["ms_per_mesh"] != slow["cost"]["ms_per_mesh"]
     text = leaderboard.generate(rows.values(), [])
     assert "| against slow |" in text[leaderboard.BOARDS / "1.0-mini-test-grouped-mesh.md"]
+
+
+def test_a_peer_that_is_named_like_the_reference_does_not_replace_it():
+    def took(name, seconds):
+        return clock.Timed(
+            Path(f"{name}.py"),
+            np.array([seconds]),
+            np.array([seconds]),
+            SimpleNamespace(meta={"name": "LaPy"}, loading_seconds=0.0),
+            SimpleNamespace(sources={}, peak_bytes=0),
+        )
+
+    options = SimpleNamespace(
+        batch_size=4, repeats=1, against=[Path("other.py")], dataset="1.0-mini", meshes=4
+    )
+    timed = [took("reference", 2.0), took("other", 1.0)]
+    cost = described(timed, np.arange(4), options)["rows"][0]["cost"]
+    assert cost["reference"]["ratio"] == 2
+    assert cost["peers"]["LaPy"]["ratio"] == 1
 
 
 def test_a_peer_that_is_not_timed_is_one_line(eigbench, two, tmp_path):
