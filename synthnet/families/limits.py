@@ -201,11 +201,7 @@ def _lowest(first: Array, second: Array, k: int) -> Array:
     return np.sort(np.add.outer(first, second).ravel())[1 : k + 1]
 
 
-def _largest(profile: Sequence[Arc]) -> float:
-    return max(float(arc.radius(np.linspace(0, arc.length, 65)).max()) for arc in profile)
-
-
-def _elements(arc: Arc, largest: float) -> list[tuple[float, float]]:
+def _elements(arc: Arc) -> list[tuple[float, float]]:
     """Cut an arc where its radius changes much, and in layers where it touches the axis."""
 
     def cut(start: float, stop: float, layers: int) -> list[tuple[float, float]]:
@@ -243,10 +239,9 @@ def _bands(profile: Sequence[Arc]) -> Bands:
     """Assemble the matrices on the elements of all arcs."""
     points, weights, values, slopes = _basis()
     pairs = (products(slopes, slopes), products(values, values), products(values, values))
-    largest = _largest(profile)
     blocks: list[list[Array]] = [[], [], []]
     for arc in profile:
-        start, stop = np.array(_elements(arc, largest)).T
+        start, stop = np.array(_elements(arc)).T
         length = (stop - start)[:, None]
         radius = arc.radius(start[:, None] + length * points)
         integrands = (
