@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from synthnet.mesh.adjacency import connected
 from synthnet.mesh.open3d import from_open3d, load_open3d
+from synthnet.mesh.repair import compact
 from synthnet.types import Mesh
 
 PLANE = 1e-9  # distance under which a point lies on a plane, or two points are one
@@ -86,7 +87,7 @@ def join_hemispheres(left: Mesh, right: Mesh) -> Mesh:
     faces = np.concatenate([known, _band(points, known)])
     if not _closed(faces, len(points)):  # rounding has put a facet on both sides of a limit
         faces = _hull(points)
-    return _used(points, _fan_flat_facets(points, faces))
+    return compact(Mesh(points, _fan_flat_facets(points, faces)))
 
 
 def _points_of_halves(
@@ -168,7 +169,7 @@ def convex_hull(points: NDArray[np.float64]) -> Mesh:
     >>> len(convex_hull(corners).faces)
     12
     """
-    return _used(points, _fan_flat_facets(points, _hull(points)))
+    return compact(Mesh(points, _fan_flat_facets(points, _hull(points))))
 
 
 def _hull(points: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -178,12 +179,6 @@ def _hull(points: NDArray[np.float64]) -> NDArray[np.int64]:
     hull, kept = cloud.compute_convex_hull()
     faces: NDArray[np.int64] = np.asarray(kept, dtype=np.int64)[np.asarray(hull.triangles)]
     return faces
-
-
-def _used(points: NDArray[np.float64], faces: NDArray[np.int64]) -> Mesh:
-    """Return the mesh of the points that have a face, in their order."""
-    used, numbers = np.unique(faces, return_inverse=True)
-    return Mesh(points[used], numbers.reshape(-1, 3))
 
 
 def _fan_flat_facets(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
