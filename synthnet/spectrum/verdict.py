@@ -153,12 +153,11 @@ def certify(
     >>> print(certify(sphere, found[[0, 1, 3, 4, 5, 6, 7]]))
     1 missed below 6.02614: index 3
     """
-    given = as_mesh(mesh)
     if repair:
-        mended = repaired(given, int(np.size(eigenvalues)))
+        mended = repaired(mesh, int(np.size(eigenvalues)))
         verdict = _judged(mended.mesh, eigenvalues, eigenvectors, tolerance, operator)
         return replace(verdict, repairs=mended.repairs)
-    return _judged(given, eigenvalues, eigenvectors, tolerance, operator)
+    return _judged(as_mesh(mesh), eigenvalues, eigenvectors, tolerance, operator)
 
 
 def _judged(
