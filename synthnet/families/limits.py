@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from synthnet.spectrum.fem import products
+
 Array = NDArray[np.float64]
 
 DEGREE = 10  # the polynomials on an element have this degree
@@ -263,11 +265,6 @@ def _bands(profile: Sequence[Arc]) -> Bands:
             bool(last.radius(np.array([last.length]))[0] <= ON_AXIS * last.length),
         ),
     )
-
-
-def products(first: Array, second: Array) -> Array:
-    """Return the products of two functions at q points, shape (q, b²), from (q, b) of each."""
-    return (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
 
 
 def _banded(blocks: Array) -> Array:
