@@ -53,17 +53,7 @@ def pyvista() -> Any:
 
 
 @pytest.mark.parametrize(
-    "make",
-    [
-        trimesh,
-        open3d,
-        lapy,
-        pyg,
-        tensors,
-        pyvista,
-        lists,
-        lambda: SPHERE,
-    ],
+    "make", [trimesh, open3d, lapy, pyg, tensors, pyvista, lists, lambda: SPHERE]
 )
 def test_meshes_of_other_libraries_give_the_same_numbers(make: Any) -> None:
     mesh = make()
