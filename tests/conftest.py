@@ -179,8 +179,9 @@ def tiny_samples(tiny: Recipe) -> dict[str, list[Sample]]:
 
 @dataclasses.dataclass(frozen=True)
 class SealedSet:
-    """A sealed set that was built: its home, its salt's file, the published file and that read."""
+    """A sealed set that was built: recipe, home, salt's file, the published file and that read."""
 
+    recipe: Recipe
     home: Path
     salt: Path
     published: Path
@@ -196,7 +197,7 @@ def sealed_set(tmp_path_factory: pytest.TempPathFactory) -> SealedSet:
     version = seal.sealed_recipe("1.0-mini", seal.read_salt(salt), share=0.01, beacon="round 7")
     made, _ = seal.make(version, root=home, workers=1)
     seal.write(published, made)
-    return SealedSet(home, salt, published, made)
+    return SealedSet(version, home, salt, published, made)
 
 
 # --- end of the sealed set ------------------------------------------------------------

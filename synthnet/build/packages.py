@@ -128,7 +128,7 @@ def pip_arguments(directory: Path, chosen: Iterable[Package]) -> list[str]:
     return [*PIP, "--target", str(directory), *(package.pinned for package in chosen)]
 
 
-def download(directory: Path, chosen: Sequence[Package] | None = None) -> None:
+def download(directory: Path) -> None:
     """Let pip bring what is lacking; its messages go to the standard error.
 
     Raises
@@ -136,7 +136,7 @@ def download(directory: Path, chosen: Sequence[Package] | None = None) -> None:
     MeshImportError
         If it fails.
     """
-    missing = lacking(directory, packages() if chosen is None else chosen)
+    missing = lacking(directory, packages())
     if not missing:
         return
     command = [sys.executable, "-m", "pip", *pip_arguments(directory, missing)]

@@ -21,10 +21,9 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from synthnet.mesh.adjacency import connected
 from synthnet.types import Mesh
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -137,10 +136,7 @@ class Atlas:
         near = cKDTree(points).query_pairs(
             SAME * float(np.ptp(points, axis=0).max()), output_type="ndarray"
         )
-        ones = np.ones(len(near))
-        graph = sparse.coo_matrix((ones, (near[:, 0], near[:, 1])), shape=(len(points),) * 2)
-        _, numbers = connected_components(graph, directed=False)
-        faces: Integers = numbers.reshape(-1, 3).astype(np.int64)
+        faces: Integers = connected(len(points), *near.T).reshape(-1, 3)
         _, of_side = Charted(faces, self.corners, self.charts).edges()
         repeated = faces == np.roll(faces, 1, axis=1)
         if np.bincount(of_side.ravel()).max() > 2 or repeated.any():

@@ -27,8 +27,8 @@ from numpy.polynomial import legendre
 from scipy import special
 
 from synthnet.families.atlas import SAME, Atlas, Charted, Floats, lattice
-from synthnet.families.limits import lobatto, products
-from synthnet.spectrum.fem import Matrices, gathered
+from synthnet.families.limits import lobatto
+from synthnet.spectrum.fem import Matrices, gathered, products
 
 
 class Reference(NamedTuple):

@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from synthnet.spectrum.fem import products
+
 Array = NDArray[np.float64]
 
 DEGREE = 10  # the polynomials on an element have this degree
@@ -201,11 +203,7 @@ def _lowest(first: Array, second: Array, k: int) -> Array:
     return np.sort(np.add.outer(first, second).ravel())[1 : k + 1]
 
 
-def _largest(profile: Sequence[Arc]) -> float:
-    return max(float(arc.radius(np.linspace(0, arc.length, 65)).max()) for arc in profile)
-
-
-def _elements(arc: Arc, largest: float) -> list[tuple[float, float]]:
+def _elements(arc: Arc) -> list[tuple[float, float]]:
     """Cut an arc where its radius changes much, and in layers where it touches the axis."""
 
     def cut(start: float, stop: float, layers: int) -> list[tuple[float, float]]:
@@ -243,10 +241,9 @@ def _bands(profile: Sequence[Arc]) -> Bands:
     """Assemble the matrices on the elements of all arcs."""
     points, weights, values, slopes = _basis()
     pairs = (products(slopes, slopes), products(values, values), products(values, values))
-    largest = _largest(profile)
     blocks: list[list[Array]] = [[], [], []]
     for arc in profile:
-        start, stop = np.array(_elements(arc, largest)).T
+        start, stop = np.array(_elements(arc)).T
         length = (stop - start)[:, None]
         radius = arc.radius(start[:, None] + length * points)
         integrands = (
@@ -268,11 +265,6 @@ def _bands(profile: Sequence[Arc]) -> Bands:
             bool(last.radius(np.array([last.length]))[0] <= ON_AXIS * last.length),
         ),
     )
-
-
-def products(first: Array, second: Array) -> Array:
-    """Return the products of two functions at q points, shape (q, b²), from (q, b) of each."""
-    return (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
 
 
 def _banded(blocks: Array) -> Array:

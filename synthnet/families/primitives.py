@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
+from synthnet.mesh.adjacency import connected
 from synthnet.mesh.open3d import from_open3d, load_open3d
+from synthnet.mesh.repair import compact
 from synthnet.types import Mesh
 
 PLANE = 1e-9  # distance under which a point lies on a plane, or two points are one
@@ -87,7 +87,7 @@ def join_hemispheres(left: Mesh, right: Mesh) -> Mesh:
     faces = np.concatenate([known, _band(points, known)])
     if not _closed(faces, len(points)):  # rounding has put a facet on both sides of a limit
         faces = _hull(points)
-    return _used(points, _fan_flat_facets(points, faces))
+    return compact(Mesh(points, _fan_flat_facets(points, faces)))
 
 
 def _points_of_halves(
@@ -145,9 +145,7 @@ def _band(points: NDArray[np.float64], known: NDArray[np.int64]) -> NDArray[np.i
     order = np.argsort(keys)
     neighbour = order[np.searchsorted(keys[order], opposite)] // 3
     cut = np.isin(keys, backward[rim]) | np.isin(opposite, backward[rim])
-    joined = (np.repeat(np.arange(len(faces)), 3)[~cut], neighbour[~cut])
-    graph = sparse.coo_matrix((np.ones(len(joined[0])), joined), shape=(len(faces),) * 2)
-    _, part = connected_components(graph, directed=False)
+    part = connected(len(faces), np.repeat(np.arange(len(faces)), 3)[~cut], neighbour[~cut])
     x = points[faces, 0]
     touching = (x.min(axis=1) <= PLANE) & (x.max(axis=1) >= -PLANE)  # which no lid does
     return faces[np.isin(part, part[touching])]
@@ -171,7 +169,7 @@ def convex_hull(points: NDArray[np.float64]) -> Mesh:
     >>> len(convex_hull(corners).faces)
     12
     """
-    return _used(points, _fan_flat_facets(points, _hull(points)))
+    return compact(Mesh(points, _fan_flat_facets(points, _hull(points))))
 
 
 def _hull(points: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -181,12 +179,6 @@ def _hull(points: NDArray[np.float64]) -> NDArray[np.int64]:
     hull, kept = cloud.compute_convex_hull()
     faces: NDArray[np.int64] = np.asarray(kept, dtype=np.int64)[np.asarray(hull.triangles)]
     return faces
-
-
-def _used(points: NDArray[np.float64], faces: NDArray[np.int64]) -> Mesh:
-    """Return the mesh of the points that have a face, in their order."""
-    used, numbers = np.unique(faces, return_inverse=True)
-    return Mesh(points[used], numbers.reshape(-1, 3))
 
 
 def _fan_flat_facets(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -209,14 +201,12 @@ def _fan_flat_facets(points: NDArray[np.float64], faces: NDArray[np.int64]) -> N
     neighbour = face[order[np.searchsorted(sorted_keys, heads * len(points) + tails)]]
 
     flat = np.linalg.norm(normals[face] - normals[neighbour], axis=1) < FLAT
-    joined = (face[flat], neighbour[flat])
-    graph = sparse.coo_matrix((np.ones(len(joined[0])), joined), shape=(len(faces),) * 2)
-    n_facets, facet = connected_components(graph, directed=False)
+    facet = connected(len(faces), face[flat], neighbour[flat])
 
     # A facet's border, less the two edges at its first vertex, is the fan of that vertex.
     border = facet[face] != facet[neighbour]
     tails, heads, owner = tails[border], heads[border], facet[face[border]]
-    first = np.full(n_facets, len(points))
+    first = np.full(facet.max() + 1, len(points))
     np.minimum.at(first, owner, tails)
     apex = first[owner]
     away = (tails != apex) & (heads != apex)

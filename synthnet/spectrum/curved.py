@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import fem
 from synthnet.spectrum.bending import Floats, Patches, cross, dot
-from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.fem import Matrices, products
 
 FLATTEST = 0.3  # of the flat triangle's area, seen from above: a patch with less at a point folds
 
@@ -105,15 +105,10 @@ def _blocks(patches: Patches, functions: Floats, slopes: Floats) -> tuple[Floats
             break
         patches.rises[patches.sides[folded]] = 0.0
     u, v = np.moveaxis(slopes, 2, 0)
-    energies = np.concatenate([_products(u, u), _products(u, v) + _products(v, u), _products(v, v)])
+    energies = np.concatenate([products(u, u), products(u, v) + products(v, u), products(v, v)])
     stiffness = scales.reshape(m, -1) @ energies
-    mass = areas @ _products(functions, functions)
+    mass = areas @ products(functions, functions)
     return stiffness.reshape(m, 6, 6), mass.reshape(m, 6, 6), ratio
-
-
-def _products(a: Floats, b: Floats) -> Floats:
-    """Return the products of two functions at each point, (q, 36)."""
-    return np.asarray((a[:, :, None] * b[:, None, :]).reshape(len(a), -1))
 
 
 @part

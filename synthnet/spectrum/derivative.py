@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.mesh.geometry import corner_edges
 from synthnet.types import Mesh, Spectrum
 
 
@@ -68,8 +69,7 @@ def vertex_gradient(
     ----------
     J. R. Magnus, "On differentiating eigenvalues and eigenvectors", Econometric Theory 1 (1985).
     """
-    corners = mesh.vertices.astype(np.float64)[mesh.faces]
-    edges = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+    edges = corner_edges(mesh)
     normals = np.cross(edges[:, 0], edges[:, 1])
     doubled = np.linalg.norm(normals, axis=1)[:, None, None]  # twice each area
     stiff = _corner_products(mesh, spectrum, weights)

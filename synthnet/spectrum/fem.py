@@ -66,6 +66,11 @@ def check_used(mesh: Mesh) -> None:
         raise ValueError(f"{unused} vertices belong to no triangle: {REMEDY}")
 
 
+def products(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the products of two functions at q points, shape (q, b²), from (q, b) of each."""
+    return (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
+
+
 def gathered(
     numbers: NDArray[np.integer],
     stiffness: NDArray[np.float64],
@@ -87,10 +92,8 @@ def gathered(
         As of :class:`Matrices`.
     """
     functions = numbers.shape[1]
-    rows, columns = (
-        np.repeat(numbers, functions, axis=1).ravel(),
-        np.tile(numbers, functions).ravel(),
-    )
+    rows = np.repeat(numbers, functions, axis=1).ravel()
+    columns = np.tile(numbers, functions).ravel()
     stiff, heavy = (
         sparse.coo_array((blocks.ravel(), (rows, columns)), shape=(size, size)).tocsr()
         for blocks in (stiffness, mass)

@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet.errors import SpectrumError
-from synthnet.mesh.repair import Rules
-from synthnet.mesh.repair import repair as repair_mesh
 from synthnet.spectrum import components
 from synthnet.spectrum.certificate import Candidate, certify, inertia, largest_residual
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import as_mesh
+from synthnet.spectrum.inputs import as_mesh, repaired
 from synthnet.spectrum.operators import PLAIN, Discrete, Operator, as_sparse, discretise
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.rounding import sharpened
@@ -131,11 +129,11 @@ def compute(
     """
     if sharp and operator.elements != "linear":
         raise ValueError(f"sharp is for linear elements, not {operator.elements} ones")
-    mesh = as_mesh(mesh)
     if repair:
-        repaired = repair_mesh(mesh, Rules(least=k + 1))
-        spectrum = compute(repaired.mesh, k, operator=operator, sharp=sharp)
-        return replace(spectrum, mesh=repaired.mesh, repairs=repaired.repairs)
+        mended = repaired(mesh, k)
+        spectrum = compute(mended.mesh, k, operator=operator, sharp=sharp)
+        return replace(spectrum, mesh=mended.mesh, repairs=mended.repairs)
+    mesh = as_mesh(mesh)
     discrete = discretise(mesh, operator)
     candidate, certificate, numbers = _solved(discrete.matrices, k)
     if operator.elements != "linear":

@@ -153,12 +153,11 @@ def certify(
     >>> print(certify(sphere, found[[0, 1, 3, 4, 5, 6, 7]]))
     1 missed below 6.02614: index 3
     """
-    given = as_mesh(mesh)
     if repair:
-        mended = repaired(given, int(np.size(eigenvalues)))
+        mended = repaired(mesh, int(np.size(eigenvalues)))
         verdict = _judged(mended.mesh, eigenvalues, eigenvectors, tolerance, operator)
         return replace(verdict, repairs=mended.repairs)
-    return _judged(given, eigenvalues, eigenvectors, tolerance, operator)
+    return _judged(as_mesh(mesh), eigenvalues, eigenvectors, tolerance, operator)
 
 
 def _judged(
@@ -280,7 +279,7 @@ def _counted(counter: _Counter, values: NDArray[np.float64], tolerance: float) -
     groups = _groups(values, tolerance)
     missed: list[int] = []
     wrong: list[int] = []
-    before, complete = zeros, 0  # counted below the group, and answered below it
+    before = zeros  # counted below the group
     for number, group in enumerate(groups):
         low, high = (1 - tolerance) * values[group[0]], _above(values[group[-1]], tolerance)
         first, last = counter(low), counter(high)
@@ -290,7 +289,7 @@ def _counted(counter: _Counter, values: NDArray[np.float64], tolerance: float) -
         if inside > answered and number < len(groups) - 1:  # the last may cut a multiple one
             missed += range(first + answered + 1 - zeros, last + 1 - zeros)
         wrong += group[max(inside, 0) :] if inside < answered else []
-        before, complete = last, complete + answered
+        before = last
     shift = _above(values[-1], tolerance)
     # An answer with nothing near and an eigenvalue without an answer beside it: one that is off.
     off = []
@@ -315,12 +314,11 @@ def _counted(counter: _Counter, values: NDArray[np.float64], tolerance: float) -
 def _groups(values: NDArray[np.float64], tolerance: float) -> list[list[int]]:
     """Return indices of ascending values, those together whose tolerances overlap."""
     groups = [[0]]
-    for (i, low), (j, high) in pairwise(enumerate(values.tolist())):
+    for i, (low, high) in enumerate(pairwise(values.tolist()), start=1):
         if high * (1 - tolerance) <= _above(low, tolerance):
-            groups[-1].append(j)
+            groups[-1].append(i)
         else:
-            groups.append([j])
-        assert j == i + 1
+            groups.append([i])
     return groups
 
 

@@ -64,10 +64,6 @@ class RemotePath:
         with self._reached("read") as (system, path):
             return bytes(system.cat_file(path))
 
-    def read_text(self) -> str:
-        """Read the object whole as UTF-8."""
-        return self.read_bytes().decode()
-
     def write_bytes(self, content: bytes) -> None:
         """Write the object whole."""
         try:

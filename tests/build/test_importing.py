@@ -28,6 +28,7 @@ from synthnet.build.jobs import BuildReport, Watcher, exclusive
 from synthnet.build.workers import Workers
 from synthnet.commands import cli
 from synthnet.errors import BuildError, MeshImportError, RecipeError, StoreError
+from synthnet.families import FAMILIES
 from synthnet.loaders.pyg import SynthNet
 from synthnet.mesh import geometry, repair
 from synthnet.recipe.plan import ShardPlan
@@ -462,18 +463,11 @@ def test_far_coordinates_keep_their_shape(scans: Path, run: Run) -> None:
     assert sample.eigenvalues[:3] == pytest.approx([2, 2, 2], rel=0.05)
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("1.0", "--name must be a letter"),
-        ("../up", "--name must be a letter"),
-        ("", "--name must be a letter"),
-    ],
-)
+@pytest.mark.parametrize("name", ["1.0", "../up", ""])
 def test_name_that_will_not_do_is_refused(
-    name: str, message: str, folder: Path, run: Run, tmp_path: Path
+    name: str, folder: Path, run: Run, tmp_path: Path
 ) -> None:
-    with pytest.raises(MeshImportError, match=message):
+    with pytest.raises(MeshImportError, match="--name must be a letter"):
         run(folder, name=name)
     assert not (tmp_path / "root").exists()
 
@@ -635,19 +629,10 @@ def test_label_that_fails_is_the_file_s_own_rejection(
 
 
 def test_mobius_band_is_not_called_repaired(scans: Path, run: Run) -> None:
-    n = 12
-    angle = 2 * np.pi * np.arange(n) / n
-    side = np.stack([np.cos(angle / 2) * np.cos(angle), np.cos(angle / 2) * np.sin(angle)], 1)
-    side = np.column_stack([side, np.sin(angle / 2)])
-    middle = 3 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    faces = [
-        face
-        for i in range(n)
-        for c, d in [(i + 1, i + 1 + n) if i < n - 1 else (n, 0)]
-        for face in ([i, i + n, c], [i + n, d, c])
-    ]
-    vertices = np.concatenate([middle - side, middle + side])
-    trimesh.Trimesh(vertices, faces, process=False).export(scans / "a.off")
+    band = FAMILIES["mobius_band"].generate(
+        {"width": 1.0, "half_turns": 1, "triangulation": "uniform", "vertices": 50, "seed": 0}
+    )
+    trimesh.Trimesh(band.vertices, band.faces, process=False).export(scans / "a.off", digits=17)
     (row,) = file_outcomes(run(scans).dataset)
     assert (row["outcome"], row["what"]) == ("as it was", "not orientable")
 

@@ -336,9 +336,8 @@ def test_show_and_info_say_what_is_there(
 @pytest.fixture
 def only_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     """What verify does besides has its own tests."""
-    for name in ("check_mesh", "check_label", "check_pin"):
+    for name in ("check_mesh", "check_label", "check_pin", "check_certificate"):
         monkeypatch.setattr(shapes, name, lambda *_: [])
-    monkeypatch.setattr(shapes, "check_certificate", lambda *_: [])
 
 
 def found_problems(dataset: StoredDataset, sample: int = 0) -> list[str]:

@@ -22,7 +22,7 @@ from synthnet.terminal import WRONG_INPUT
 from synthnet.verify.checks import CHECKS
 
 VERSION = "1.0-mini"
-READERS = (["info"], ["verify"], ["show", "torus-00000"], ["croissant"])  # of what is built
+READERS = (["info"], ["verify"], ["croissant"], ["show", "torus-00000"])  # of what is built
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -68,17 +68,13 @@ def only_line(code: int, out: str, err: str) -> str:
     return lines[0]
 
 
-@pytest.mark.parametrize(
-    "arguments", [["build"], ["info"], ["verify"], ["croissant"], ["show", "torus-00000"]]
-)
+@pytest.mark.parametrize("arguments", [["build"], *READERS])
 def test_unknown_version(arguments: list[str], run: Run, tmp_path: Path) -> None:
     line = only_line(*run(*arguments, "--version", "3.0", "--out", tmp_path))
     assert "unknown version '3.0': choose one of 1.0, 1.0-mini, 1.0-small, 2.0" in line
 
 
-@pytest.mark.parametrize(
-    "arguments", [["info"], ["verify"], ["croissant"], ["show", "torus-00000"]]
-)
+@pytest.mark.parametrize("arguments", READERS)
 def test_version_that_is_not_built(arguments: list[str], run: Run, tmp_path: Path) -> None:
     line = only_line(*run(*arguments, "--version", VERSION, "--out", tmp_path))
     assert f"no finished dataset in {tmp_path / VERSION}: run `synthnet build 1.0-mini" in line
@@ -159,9 +155,7 @@ def test_unknown_id(run: Run, mini_home: Path) -> None:
     assert "no shape 'torus-99999' in 1.0-mini: `synthnet info 1.0-mini --ids`" in line
 
 
-@pytest.mark.parametrize(
-    "arguments", [["build"], ["info"], ["verify"], ["croissant"], ["show", "torus-00000"]]
-)
+@pytest.mark.parametrize("arguments", [["build"], *READERS])
 def test_place_that_is_no_directory(arguments: list[str], run: Run, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no directory")
     location = tmp_path / "file" / "home"

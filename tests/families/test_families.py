@@ -106,10 +106,7 @@ def test_a_mesh_is_a_pure_function_of_its_parameters(family: str, case: str | in
     assert parameters == before
 
 
-@pytest.mark.parametrize(
-    "family",
-    list(PRIMITIVES),
-)
+@pytest.mark.parametrize("family", PRIMITIVES)
 def test_writing_to_a_mesh_does_not_reach_another(family: str) -> None:
     first, second = (FAMILIES[family].generate(LEAST[family]) for _ in range(2))
     for a, b in ((first.vertices, second.vertices), (first.faces, second.faces)):

@@ -21,11 +21,10 @@ VERSION = "1.0-mini"
 
 
 @pytest.fixture(scope="module")
-def home(mini_home: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the dataset in which the library may put its cache."""
-    path = tmp_path_factory.mktemp("hf") / "home"
-    shutil.copytree(mini_home, path)
-    return path
+def home(unpacking_home: Path) -> Path:
+    """A copy of the dataset in which the library, which must be there, may put its cache."""
+    pytest.importorskip("datasets")
+    return unpacking_home
 
 
 @pytest.fixture(autouse=True)
@@ -47,7 +46,6 @@ def test_the_network_is_blocked() -> None:
 
 @pytest.mark.parametrize("split", SPLITS)
 def test_split_holds_its_shapes(split: str, home: Path) -> None:
-    pytest.importorskip("datasets")
     dataset = synthnet.load_dataset(VERSION, split=split, root=home)
     planned = [s for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes]
     assert dataset["id"][:] == [s.spec.id for s in planned if s.split == split]
@@ -57,14 +55,12 @@ def test_split_holds_its_shapes(split: str, home: Path) -> None:
 
 
 def test_splits_are_all_there_is(home: Path) -> None:
-    pytest.importorskip("datasets")
     sizes = [len(synthnet.load_dataset(VERSION, split=split, root=home)) for split in SPLITS]
     assert sum(sizes) == 335
     assert sizes == pytest.approx([0.7 * 335, 0.2 * 335, 0.1 * 335], abs=10)
 
 
 def test_rows_are_those_of_the_store(home: Path) -> None:
-    pytest.importorskip("datasets")
     stored = store.open_dataset(VERSION, home)
     dataset = synthnet.load_dataset(VERSION, split="test", root=home)
     for row in dataset:
@@ -83,7 +79,6 @@ def test_rows_are_those_of_the_store(home: Path) -> None:
 
 
 def test_limits_are_those_of_the_shapes(home: Path, tmp_path: Path) -> None:
-    pytest.importorskip("datasets")
     dataset = synthnet.load_dataset(VERSION, split="test", root=home)
     known = {row.id: row for row in limits.read(store.open_dataset(VERSION, home))}
     assert len(dataset) == 34
@@ -102,25 +97,23 @@ def test_limits_are_those_of_the_shapes(home: Path, tmp_path: Path) -> None:
 
 
 def test_split_is_train_unless_said(home: Path) -> None:
-    pytest.importorskip("datasets")
     assert set(synthnet.load_dataset(VERSION, root=home)["split"][:]) == {"train"}
 
 
 def test_dataset_lies_beside_the_shards(home: Path) -> None:
-    pytest.importorskip("datasets")
     dataset = synthnet.load_dataset(VERSION, split="test", root=home)
     assert dataset.cache_files
     for file in dataset.cache_files:
         assert Path(file["filename"]).is_relative_to(home / VERSION)
 
 
-def test_unknown_split_is_refused(home: Path) -> None:
+def test_unknown_split_is_refused(mini_home: Path) -> None:
     message = "split must be one of train, validation, test, got 'dev'"
     with pytest.raises(ValueError, match=message):
-        synthnet.load_dataset(VERSION, split="dev", root=home)
+        synthnet.load_dataset(VERSION, split="dev", root=mini_home)
 
 
-def test_missing_library_is_explained(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_library_is_explained(mini_home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "datasets", None)
     with pytest.raises(ImportError, match=r"needs datasets: pip install 'synthnet\[datasets\]'$"):
-        synthnet.load_dataset(VERSION, root=home)
+        synthnet.load_dataset(VERSION, root=mini_home)

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from functools import partial
 
 import jsonschema
 import pytest
@@ -109,26 +110,16 @@ def test_the_hub_takes_card_and_benchmark(exported):
 
 
 def test_every_file_has_its_digest(exported):
-    done = subprocess.run(
-        ["sha256sum", "--check", "--strict", "SHA256SUMS"],
-        cwd=exported,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = ["sha256sum", "--check", "--strict", "SHA256SUMS"]
+    check = partial(subprocess.run, command, cwd=exported, capture_output=True, text=True)
+    done = check()
     assert done.returncode == 0, done.stdout
     listed = {line.split("  ")[1] for line in (exported / "SHA256SUMS").read_text().splitlines()}
     there = {p.relative_to(exported).as_posix() for p in exported.rglob("*") if p.is_file()}
     assert listed == there - {".lock", "SHA256SUMS"}
     first = next(path for path in (exported / "shards").iterdir())
     first.write_bytes(first.read_bytes()[:-1])
-    again = subprocess.run(
-        ["sha256sum", "--check", "--quiet", "SHA256SUMS"],
-        cwd=exported,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    again = check()
     assert again.returncode == 1
     assert f"shards/{first.name}: FAILED" in again.stdout
 

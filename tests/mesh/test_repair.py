@@ -88,11 +88,9 @@ def test_merging_joins_what_steps_below_the_distance_join_and_little_more() -> N
     points = np.concatenate([rng.random((400, 3)) * 30, np.repeat(rng.random((5, 3)) * 30, 9, 0)])
     joined = repair._near(points, 1.0)
     apart = np.linalg.norm(points[:, None] - points, axis=2)
-    groups = []
-    for limit in (1.0, 2 * np.sqrt(3)):
-        pairs = np.nonzero(apart <= limit)
-        groups.append(connected(len(points), *pairs))
-    near, far = groups
+    near, far = (
+        connected(len(points), *np.nonzero(apart <= limit)) for limit in (1.0, 2 * np.sqrt(3))
+    )
     together = joined[:, None] == joined
     assert together[near[:, None] == near].all()
     assert not together[far[:, None] != far].any()

@@ -8,13 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthnet import spectrum
-from synthnet.families import FAMILIES
 from synthnet.spectrum import reference
 from synthnet.types import Mesh
-
-
-def sphere(resolution: int, radius: float = 1.0) -> Mesh:
-    return FAMILIES["sphere"].generate({"radius": radius, "resolution": resolution})
+from tests.spectrum.meshes import sphere
 
 
 def tetrahedron(scale: float) -> Mesh:

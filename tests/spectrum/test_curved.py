@@ -15,6 +15,7 @@ from synthnet.spectrum import Operator, curved, surface, surface_eigenvalues
 from synthnet.spectrum.bending import Patches, bend, straight
 from synthnet.spectrum.operators import as_sparse, discretise
 from synthnet.types import Mesh
+from tests.spectrum.meshes import side_by_side, sphere
 
 CURVED = Operator(elements="curved")
 SPHERE = np.repeat([2.0, 6.0, 12.0], [3, 5, 2])
@@ -22,10 +23,6 @@ SPHERE = np.repeat([2.0, 6.0, 12.0], [3, 5, 2])
 
 def family(name: str, **parameters: float) -> Mesh:
     return FAMILIES[name].generate(parameters)
-
-
-def sphere(resolution: int) -> Mesh:
-    return family("sphere", radius=1.0, resolution=resolution)
 
 
 def cylinder() -> Mesh:
@@ -237,9 +234,8 @@ def test_the_estimate_holds_where_a_mesh_is_too_coarse_for_an_eigenvalue() -> No
 
 def test_each_component_has_its_surface() -> None:
     one, other = sphere(10), sphere(14)
-    vertices = np.concatenate([one.vertices, other.vertices + 4.0])
-    both = Mesh(vertices, np.concatenate([one.faces, other.faces + len(one.vertices)]))
     expected = np.sort(np.concatenate([surface_eigenvalues(one, 3), surface_eigenvalues(other, 3)]))
+    both = side_by_side(one, other)
     np.testing.assert_allclose(surface_eigenvalues(both, 6), expected, rtol=1e-9)
 
 

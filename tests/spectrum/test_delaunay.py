@@ -8,17 +8,17 @@ import robust_laplacian
 
 from evidence.operators import square
 from synthnet import spectrum
-from synthnet.families import FAMILIES
 from synthnet.spectrum import Operator, delaunay
 from synthnet.spectrum.operators import as_sparse, discretise
 from synthnet.types import Mesh
+from tests.spectrum.meshes import sphere
 
 INTRINSIC = Operator(elements="delaunay")
 
 
 def wavy(resolution: int = 14) -> Mesh:
     """A closed surface with obtuse triangles: a sphere that is stretched along one axis."""
-    ball = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": resolution})
+    ball = sphere(resolution)
     points = ball.vertices.astype(np.float64)
     points += np.random.default_rng(0).uniform(-0.02, 0.02, points.shape)  # no four on a circle
     return Mesh(points * [6.0, 1.0, 1.0], ball.faces)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synthnet.families import FAMILIES
 from synthnet.mesh import geometry
 from synthnet.spectrum import compute
 from synthnet.spectrum.descriptors import (
@@ -17,8 +16,9 @@ from synthnet.spectrum.descriptors import (
     wave_kernel_signature,
 )
 from synthnet.types import Mesh
+from tests.spectrum.meshes import sphere
 
-SPHERE = FAMILIES["sphere"].generate({"radius": 1.5, "resolution": 20})
+SPHERE = sphere(20, radius=1.5)
 FOUND = compute(SPHERE, 40)
 AREA, VOLUME = geometry.area(SPHERE), geometry.volume(SPHERE)
 

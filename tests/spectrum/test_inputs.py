@@ -12,12 +12,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from synthnet.families import FAMILIES
 from synthnet.mesh.open3d import to_open3d
 from synthnet.spectrum import as_mesh, certify, compute, fem_matrices, spectra
 from synthnet.types import Mesh
+from tests.spectrum.meshes import sphere
 
-SPHERE = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 12})
+SPHERE = sphere(12)
 V, F = SPHERE.vertices.astype(np.float64), SPHERE.faces
 
 
@@ -53,17 +53,7 @@ def pyvista() -> Any:
 
 
 @pytest.mark.parametrize(
-    "make",
-    [
-        trimesh,
-        open3d,
-        lapy,
-        pyg,
-        tensors,
-        pyvista,
-        lists,
-        lambda: SPHERE,
-    ],
+    "make", [trimesh, open3d, lapy, pyg, tensors, pyvista, lists, lambda: SPHERE]
 )
 def test_meshes_of_other_libraries_give_the_same_numbers(make: Any) -> None:
     mesh = make()

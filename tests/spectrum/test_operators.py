@@ -13,31 +13,22 @@ from hypothesis import strategies as st
 from evidence.operators import CELLS, SHAPES, square
 from evidence.thin_meshes import BITS, exact_matrices, thin
 from synthnet import spectrum
-from synthnet.families import FAMILIES
 from synthnet.families.atlas import Atlas
 from synthnet.families.elements import assemble as assemble_on_atlas
 from synthnet.mesh.repair import Refused
 from synthnet.spectrum import Operator, components
 from synthnet.spectrum.operators import MASSES, as_sparse, discretise
 from synthnet.types import Mesh
+from tests.spectrum.meshes import side_by_side, sphere
 
 CHOICES = [(elements, mass) for elements, masses in MASSES.items() for mass in masses]
 ORDERS = {"linear": 2, "quadratic": 4, "curved": 4, "delaunay": 2, "tufted": 2}
-
-
-def sphere(resolution: int) -> Mesh:
-    return FAMILIES["sphere"].generate({"radius": 1.0, "resolution": resolution})
 
 
 def dense(mesh: Mesh, operator: Operator) -> np.ndarray:
     """All eigenvalues, zeros among them, by LAPACK."""
     stiffness, mass = as_sparse(discretise(mesh, operator).matrices)
     return scipy.linalg.eigvalsh(stiffness.toarray(), mass.toarray())
-
-
-def together(first: Mesh, second: Mesh) -> Mesh:
-    vertices = np.concatenate([first.vertices, second.vertices + 5.0])
-    return Mesh(vertices, np.concatenate([first.faces, second.faces + len(first.vertices)]))
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -89,7 +80,7 @@ def test_random_discs_with_random_masks(seed: int, choice: tuple[str, str], seve
     mesh = square(int(rng.integers(3, 9)))
     mesh = Mesh(mesh.vertices + rng.uniform(-0.02, 0.02, mesh.vertices.shape), mesh.faces)
     if several:
-        mesh = together(mesh, sphere(9))
+        mesh = side_by_side(mesh, sphere(9))
     held = rng.random(len(mesh.vertices)) < rng.choice([0.0, 0.1, 0.5])
     held[mesh.faces[0]] = False
     elements, mass = choice
@@ -193,7 +184,7 @@ def test_tufted_takes_what_is_no_manifold_and_flat_triangles_without_a_word() ->
 
 
 def test_a_component_that_is_not_held_keeps_its_zero() -> None:
-    mesh = together(square(10), sphere(12))
+    mesh = side_by_side(square(10), sphere(12))
     operator = Operator("dirichlet")
     result = spectrum.compute(mesh, 10, operator=operator)
     values = dense(mesh, operator)

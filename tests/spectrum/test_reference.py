@@ -4,16 +4,11 @@ import lapy
 import numpy as np
 import pytest
 
-from synthnet import recipe, spectrum
-from synthnet.families import CHARTED, FAMILIES, PRIMITIVES
-from synthnet.recipe.drawing import draw_shape
+from synthnet import spectrum
+from synthnet.families import CHARTED, PRIMITIVES
 from synthnet.spectrum import reference
 from synthnet.types import Mesh
-
-
-def drawn(family: str, index: int = 1) -> Mesh:
-    version = "1.0" if family in PRIMITIVES else "2.0"
-    return FAMILIES[family].generate(draw_shape(recipe.load(version), family, index).parameters)
+from tests.spectrum.meshes import drawn, sphere
 
 
 def smallest(mesh: Mesh, k: int) -> np.ndarray:
@@ -28,8 +23,7 @@ def order_of_convergence(sizes: list[int], errors: np.ndarray) -> float:
 def test_sphere_converges_to_l_times_l_plus_one_with_order_two() -> None:
     exact = np.repeat([2.0, 6.0, 12.0], [3, 5, 2])
     sizes = [10, 20, 40]
-    spheres = [FAMILIES["sphere"].generate({"radius": 1.0, "resolution": n}) for n in sizes]
-    errors = np.array([np.abs(smallest(mesh, 10) / exact - 1) for mesh in spheres])
+    errors = np.array([np.abs(smallest(sphere(n), 10) / exact - 1) for n in sizes])
     assert errors[-1].max() < 8e-3
     orders = [order_of_convergence(sizes, error) for error in errors.T]
     np.testing.assert_allclose(orders, 2, atol=0.15)

@@ -9,8 +9,7 @@ import pytest
 from evidence.thin_meshes import BITS, LOOSE, ROUNDING, K, exact_matrices, thin, within
 from synthnet import spectrum
 from synthnet.errors import CertificateError
-from synthnet.families import FAMILIES
-from synthnet.types import Mesh
+from tests.spectrum.meshes import side_by_side, sphere
 
 
 @pytest.mark.parametrize("kind", ["needles", "caps", "bent", "row"])
@@ -62,8 +61,7 @@ def test_the_residual_alone_does_not_see_the_rounding_of_a_thin_strip() -> None:
 
 
 def test_on_an_ordinary_mesh_the_bound_is_rounding() -> None:
-    sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 40})
-    result = spectrum.compute(sphere)
+    result = spectrum.compute(sphere(40))
     bound = result.certificate.error_bound
     assert bound is not None
     assert bound.shape == (10,)
@@ -76,10 +74,7 @@ def test_certificates_are_compared_without_the_bound() -> None:
 
 
 def test_equal_components_have_bounds_though_the_last_of_the_label_is_in_a_cluster() -> None:
-    ball = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 14})
-    n = len(ball.vertices)
-    vertices = np.concatenate([ball.vertices, ball.vertices + np.array([3.0, 0, 0])])
-    twice = Mesh(vertices, np.concatenate([ball.faces, ball.faces + n]))
+    twice = side_by_side(sphere(14), sphere(14))
     for sharp in (False, True):
         bound = spectrum.compute(twice, sharp=sharp).certificate.error_bound
         assert bound is not None

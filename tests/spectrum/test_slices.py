@@ -16,6 +16,7 @@ from synthnet.spectrum import Operator, slices, solve
 from synthnet.spectrum.certificate import Candidate
 from synthnet.spectrum.operators import as_sparse, discretise
 from synthnet.types import Mesh
+from tests.spectrum.meshes import side_by_side
 
 
 def ball(subdivisions: int) -> Mesh:
@@ -95,9 +96,7 @@ def test_any_slices_give_the_spectrum(seed: int, pairs: int, beside: int) -> Non
 
 
 def test_components_may_have_long_spectra(sliced: list[int]) -> None:
-    first, second = ball(3), square(20)
-    vertices = np.concatenate([first.vertices, second.vertices + 5.0])
-    mesh = Mesh(vertices, np.concatenate([first.faces, second.faces + len(first.vertices)]))
+    mesh = side_by_side(ball(3), square(20))
     result = spectrum.compute(mesh, 150)
     assert sliced
     np.testing.assert_allclose(result.eigenvalues, dense(mesh)[2:152], rtol=1e-9)

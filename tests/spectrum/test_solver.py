@@ -6,19 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import linalg, sparse
 
-from synthnet import recipe
 from synthnet.families import FAMILIES, PRIMITIVES
-from synthnet.recipe.drawing import draw_shape
 from synthnet.spectrum import fem, ldl, reference, substitution
 from synthnet.spectrum.degree import minimum_degree
 from synthnet.spectrum.lanczos import Lanczos
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.types import Mesh
-
-
-def drawn(family: str, index: int = 1) -> Mesh:
-    spec = draw_shape(recipe.load("1.0"), family, index)
-    return FAMILIES[family].generate(spec.parameters)
+from tests.spectrum.meshes import drawn, sphere
 
 
 def matrices_of(mesh: Mesh) -> fem.Matrices:
@@ -236,8 +230,7 @@ def test_uncertainty_is_that_of_the_absolute_factors() -> None:
 
 
 def test_uncertainty_of_a_mesh_is_that_of_the_dense_factors() -> None:
-    mesh = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 10})
-    matrices = matrices_of(mesh)
+    matrices = matrices_of(sphere(10))
     ordering = find_ordering(matrices.indptr, matrices.indices)
     a, b = dense(matrices)
     left = (a - 30.0 * b)[np.ix_(ordering.order, ordering.order)]

@@ -7,29 +7,25 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from synthnet import recipe, spectrum
+from synthnet import spectrum
 from synthnet.errors import CertificateError, SpectrumError
 from synthnet.families import FAMILIES, PRIMITIVES
 from synthnet.families.primitives import convex_hull
 from synthnet.mesh import geometry
 from synthnet.mesh.open3d import subdivide
-from synthnet.recipe.drawing import draw_shape
 from synthnet.spectrum import certificate, fem, reference, rounding, search, solve
 from synthnet.spectrum.lanczos import Lanczos, RitzPairs
 from synthnet.spectrum.ldl import Factor, factorise
 from synthnet.spectrum.ordering import find_ordering
 from synthnet.types import Mesh
+from tests.spectrum import meshes
+from tests.spectrum.meshes import sphere
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
 def drawn(family: str, index: int) -> Mesh:
-    spec = draw_shape(recipe.load("1.0"), family, index)
-    return FAMILIES[family].generate(spec.parameters).stored()
-
-
-def sphere(resolution: int) -> Mesh:
-    return FAMILIES["sphere"].generate({"radius": 1.0, "resolution": resolution})
+    return meshes.drawn(family, index).stored()
 
 
 def box(subdivisions: int) -> Mesh:
@@ -577,7 +573,7 @@ def test_a_count_that_is_not_that_of_the_pairs_is_refused(negative: int) -> None
         certificate.certify(pairs, counted)
 
 
-BALL = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 10})
+BALL = sphere(10)
 
 
 def spoilt(value: float) -> np.ndarray:

@@ -264,10 +264,7 @@ def test_recipe_file_is_never_sealed() -> None:
 
 @pytest.mark.slow
 def test_two_workers_make_the_same_bytes(sealed_set: SealedSet, tmp_path: Path) -> None:
-    sealed_version = seal.sealed_recipe(
-        "1.0-mini", seal.read_salt(sealed_set.salt), share=0.01, beacon="round 7"
-    )
-    made, _ = seal.make(sealed_version, root=tmp_path, workers=2)
+    made, _ = seal.make(sealed_set.recipe, root=tmp_path, workers=2)
     assert made == sealed_set.seal
     name = sealed_set.seal.dataset
     assert contents(tmp_path / name) == contents(sealed_set.home / name)
@@ -286,14 +283,11 @@ class Stopped(Watcher):
 
 @pytest.mark.slow
 def test_interrupted_build_goes_on(sealed_set: SealedSet, tmp_path: Path) -> None:
-    sealed_version = seal.sealed_recipe(
-        "1.0-mini", seal.read_salt(sealed_set.salt), share=0.01, beacon="round 7"
-    )
     with pytest.raises(KeyboardInterrupt):
-        seal.make(sealed_version, root=tmp_path, workers=1, watcher=Stopped())
+        seal.make(sealed_set.recipe, root=tmp_path, workers=1, watcher=Stopped())
     with pytest.raises(StoreError, match=r"the sealed set .* is not in "):
         seal.open_checked(sealed_set.seal, tmp_path)
-    made, report = seal.make(sealed_version, root=tmp_path, workers=1)
+    made, report = seal.make(sealed_set.recipe, root=tmp_path, workers=1)
     assert report.reused >= 3
     assert made == sealed_set.seal
     name = sealed_set.seal.dataset
