@@ -646,21 +646,14 @@ def test_scripts_that_were_not_bundled_are_one_line(eigbench, tmp_path, monkeypa
     assert re.fullmatch(r"eigbench: .*dist has no index\.html: run `make page` .*\n", err)
 
 
-def change(page):
-    (page / "src" / "dom.js").write_text("// another")
-
-
-def add(page):
-    (page / "src" / "new.js").write_text("// new")
-
-
-def remove(page):
-    (page / "src" / "dom.js").unlink()
-
-
 @pytest.mark.parametrize(
     ("edit", "name"),
-    [(change, "src/dom.js"), (add, "src/new.js"), (remove, "src/dom.js")],
+    [
+        (lambda path: path.write_text("// another"), "src/dom.js"),
+        (lambda path: path.write_text("// new"), "src/new.js"),
+        (Path.unlink, "src/dom.js"),
+    ],
+    ids=["changed", "added", "removed"],
 )
 def test_scripts_of_other_sources_are_one_line(
     eigbench, bundled, tmp_path, monkeypatch, edit, name
@@ -669,7 +662,7 @@ def test_scripts_of_other_sources_are_one_line(
     shutil.copytree(bundled.parent, page, ignore=shutil.ignore_patterns("node_modules"))
     monkeypatch.setattr(bundle, "BUNDLE", page / "dist")
     assert not bundle.stale()
-    edit(page)
+    edit(page / name)
     (tmp_path / "benchmark" / "results").mkdir(parents=True)
     code, _, err = eigbench("site", "--board", tmp_path, "--out", tmp_path / "page")
     assert code == 2
