@@ -542,7 +542,7 @@ def test_result_under_another_name_fails_the_check(eigbench, board):
     assert f"belongs at benchmark/results/{BOARD}/far.json" in err
 
 
-def test_partial_result_on_the_board_fails_the_check(board, mini_truth, make_submission):
+def test_partial_result_on_the_board_fails_the_check(board):
     path = board / "benchmark" / "results" / BOARD / "far.json"
     result = json.loads(path.read_text())
     result["partial"] = True

@@ -341,7 +341,7 @@ def test_a_solver_of_two_codes_is_shown_because_no_drop_is(parts, make_submissio
     assert len(leaderboard.read(tmp_path)) == 2
 
 
-def test_the_answer_has_every_row_and_the_solver_by_size(held_out, parts, make_submission):
+def test_the_answer_has_every_row_and_the_solver_by_size(held_out):
     whole, model = held_out
     genus = model.at("surface")
     rows = [row.at("surface") for row in whole]
@@ -370,7 +370,7 @@ def test_a_model_without_a_mark_is_named_with_the_reason(held_out, layout):
     assert ">2</text>" not in text
 
 
-def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, make_submission):
+def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out):
     whole, model = held_out
     rows = ranking.ranked([row.at("surface") for row in whole])
     board = generalisation.Board(

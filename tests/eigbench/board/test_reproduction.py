@@ -202,7 +202,7 @@ def test_a_training_killed_before_it_wrote_its_weights_goes_on_to_do_so(ran, tmp
     assert queue.left(training, out) == 0
 
 
-def test_what_was_scored_before_it_had_converged_is_not_finished(ran, tmp_path, monkeypatch):
+def test_what_was_scored_before_it_had_converged_is_not_finished(ran, monkeypatch):
     monkeypatch.setattr(queue.Training, "scored", lambda training: True)
     by_rule, by_clock = queue.Training("table1-rpd-scale-free"), queue.Training("table1-rpd")
     assert not by_rule.finished()  # there are no weights

@@ -136,7 +136,7 @@ def test_command_writes_times_that_the_board_shows(
     assert "| against slow |" in text[leaderboard.BOARDS / "1.0-mini-test-grouped-mesh.md"]
 
 
-def test_a_peer_that_is_not_timed_is_one_line(eigbench, two, tmp_path):
+def test_a_peer_that_is_not_timed_is_one_line(eigbench, two):
     code, _, err = eigbench("time", two[0], "--against", two[1])
     assert code == 2
     assert "slow.py: name it among the predictors too" in err

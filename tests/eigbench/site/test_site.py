@@ -628,7 +628,7 @@ def test_a_page_with_something_else_in_its_folder_is_not_replaced(made_content, 
     assert mine.read_text() == "mine"
 
 
-def test_a_folder_that_is_no_page_is_not_touched(eigbench, made_board, tmp_path):
+def test_a_folder_that_is_no_page_is_not_touched(eigbench, tmp_path):
     (tmp_path / "benchmark" / "results").mkdir(parents=True)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "index.html").write_text("mine")
