@@ -321,12 +321,11 @@ def test_answer_that_is_no_batch_of_spectra_is_refused(answer, message):
 
 
 @pytest.fixture(scope="module")
-def seen(mini_home, mini_truth):
+def seen(mini_meshes, mini_truth):
     """29 instances as they are handed over: all of a few shapes, and one of others."""
     chosen = [*mini_truth.ids[:9], *mini_truth.head(20).ids]
     ids = [id for id in mini_truth.ids if id in set(chosen)]
-    read = instances.read(store.open_dataset("1.0-mini", mini_home), ids)
-    meshes = {id: read.mesh(id) for id in ids}
+    meshes = {id: mini_meshes.mesh(id) for id in ids}
     assert len(meshes) == 29
     return meshes, ids
 

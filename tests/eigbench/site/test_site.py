@@ -18,7 +18,6 @@ from eigbench.board.markdown import cell
 from eigbench.errors import EigbenchError
 from eigbench.results import sources
 from eigbench.results.verification import is_verified
-from eigbench.running import meshes
 from eigbench.scoring import truth
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.targets import TARGETS
@@ -26,7 +25,6 @@ from eigbench.scoring.training import IMPORTED
 from eigbench.site import boards, bundle, origin, rows, shapes, write
 from eigbench.site.shapes import FACES, STEPS
 
-from synthnet import store
 from synthnet.mesh.open3d import decimate
 from synthnet.types import Mesh
 
@@ -476,13 +474,12 @@ def test_worst_and_median_shape_are_those_of_the_plotted_spectra(made_board):
     assert ranking.at_quantile(np.array([2.0, 1.0, 2.0, 1.0]), 1.0) == 2  # the last of the sorted
 
 
-def test_a_mesh_is_the_one_of_the_dataset(mini_home, mini_truth):
-    source = meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
+def test_a_mesh_is_the_one_of_the_dataset(mini_meshes, mini_truth):
     _, firsts = np.unique(mini_truth.families, return_index=True)
     assert len(firsts) == 10
     for i in firsts:
         mesh = shapes.generated(shapes.spec_of(mini_truth, mini_truth.shapes[i]))
-        kept = source.mesh(mini_truth.ids[i])  # the shape, or a rotated copy of it
+        kept = mini_meshes.mesh(mini_truth.ids[i])  # the shape, or a rotated copy of it
         np.testing.assert_array_equal(mesh.faces, kept.faces)
         edges = [np.diff(shape.vertices[shape.faces[:, :2]], axis=1) for shape in (mesh, kept)]
         np.testing.assert_allclose(*(np.linalg.norm(e, axis=2) for e in edges), rtol=1e-4)
