@@ -22,7 +22,7 @@ from rich.console import Console
 from baselines.gcn import sampled, trainings
 from baselines.gcn.configs import CONFIGS
 from baselines.gcn.run import CHECKPOINT, WEIGHTS, Run
-from baselines.gcn.train import loop, said
+from baselines.gcn.train import loop, progress_of
 from synthnet import recipe
 from synthnet.store.files import make_directory
 
@@ -89,7 +89,7 @@ def main() -> int:
         if stopped != "done":
             return 130
         run.finish()
-        print(said(run), flush=True)
+        print(progress_of(run), flush=True)
     finished = {training_set(VERSION, name): out / WEIGHTS for name, out in folders.items()}
     if missing := [name for name, file in finished.items() if not file.exists()]:
         print(f"{OUT} is as it was: {len(missing)} trainings are missing, such as {missing[0]}")

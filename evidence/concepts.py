@@ -244,7 +244,7 @@ def as_svg(figure: Figure) -> str:
 
 
 @contextmanager
-def figure_on_nothing(width: float, height: float) -> Iterator[Figure]:
+def figure_on_nothing(height: float) -> Iterator[Figure]:
     """Give a figure without ground, whose text can be read on light and on dark pages."""
     import matplotlib as mpl
     from eigbench.board.figures import style
@@ -253,12 +253,12 @@ def figure_on_nothing(width: float, height: float) -> Iterator[Figure]:
 
     with style() as new_figure:
         mpl.rcParams.update(ON_NOTHING)
-        yield new_figure(figsize=(width, height))
+        yield new_figure(figsize=(8, height))
 
 
 def weyl(data: dict) -> str:
     """Return an SVG: eigenvalues against Weyl's law, the first 20 and the first 100."""
-    with figure_on_nothing(8, 3.6) as figure:
+    with figure_on_nothing(3.6) as figure:
         panels = figure.subplots(1, 2)
         figure.subplots_adjust(0.065, 0.14, 0.99, 0.97, wspace=0.17)
         for axes, most in zip(panels, (20, COUNT), strict=True):
@@ -283,7 +283,7 @@ def weyl(data: dict) -> str:
 
 def drums(data: dict) -> str:
     """Return an SVG: both drums with an eigenfunction, and their eigenvalues below."""
-    with figure_on_nothing(8, 4.4) as figure:
+    with figure_on_nothing(4.4) as figure:
         for row, left in zip(data["drums"], (0.02, 0.52), strict=True):
             axes = figure.add_axes((left, 0.17, 0.46, 0.81))
             draw_drum(axes, row["form"])
@@ -324,7 +324,7 @@ def draw_drum(axes: Axes, form: int) -> None:
 
 def mesh_error(data: dict) -> str:
     """Return an SVG: errors on the sphere against the edge length, a panel an eigenvalue."""
-    with figure_on_nothing(8, 3.6) as figure:
+    with figure_on_nothing(3.6) as figure:
         panels = figure.subplots(1, len(INDICES), sharey=True)
         figure.subplots_adjust(0.085, 0.14, 0.99, 0.92, wspace=0.06)
         for axes, index in zip(panels, INDICES, strict=True):

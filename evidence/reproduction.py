@@ -28,7 +28,7 @@ from baselines.gcn.configs import CONFIGS
 from baselines.gcn.model import GCN
 from baselines.gcn.predictor import told
 from baselines.gcn.queue import Training
-from evidence import DATA, DOCS, ROOT, markdown
+from evidence import DOCS, ROOT, markdown, numbers
 from evidence.markdown import folded
 from synthnet.pictures.palette import BLUE, GREEN, PALE, VERMILION
 from synthnet.store.files import write_bytes
@@ -232,10 +232,10 @@ def runs() -> str:
         passed = [row for row in r["log"] if row.get("validation_psnr20", 0) > BEST_REPORTED]
         first = f"{passed[0]['minutes']:.0f}" if passed else "–"
         hardware = f"{'; '.join(dict.fromkeys(map(told, r['sessions'])))}, {r['dtype']}"
-        numbers = [f"{r['steps']:,}", f"{r['epochs']:g}", f"{r['minutes']:.0f}", first]
+        progress = [f"{r['steps']:,}", f"{r['epochs']:g}", f"{r['minutes']:.0f}", first]
         end = "when it had converged" if r.get("converged") else "after the last step"
         end = end if queue.ended(r) else "by the clock"
-        rows.append([config, protocol, count, *numbers, end, hardware])
+        rows.append([config, protocol, count, *progress, end, hardware])
     return markdown.table(headers, rows, "llr")
 
 
@@ -263,9 +263,6 @@ def findings() -> str:
 
 def look_ups() -> str:
     """Return how well predictors do that can only remember, by ``evidence/leakage.py``."""
-    path = DATA / "leakage.json"
-    if not path.exists():
-        return "Not run."
     columns = {
         "predictor": "{predictor}",
         "protocol": "{protocol}",
@@ -273,7 +270,7 @@ def look_ups() -> str:
         "PSNR>20 ↑": "{psnr20:.2%}",
         "RPD ↓": "{rpd:.3g}",
     }
-    return markdown.columns(json.loads(path.read_text())["rows"], columns, "llr")
+    return markdown.columns(numbers.read("leakage")["rows"], columns, "llr")
 
 
 def best() -> str:
@@ -298,17 +295,14 @@ def best() -> str:
 
 
 def measured_seconds() -> list[dict[str, Any]]:
-    """Return what ``python -m evidence measure gcn --figure-2`` has measured, if it was run."""
-    path = DATA / "gcn.json"
-    rows: list[dict[str, Any]] = json.loads(path.read_text())["figure2"] if path.exists() else []
+    """Return what ``python -m evidence measure gcn --figure-2`` has measured."""
+    rows: list[dict[str, Any]] = numbers.read("gcn")["figure2"]
     return rows
 
 
 def times() -> str:
     """Return Figure 2 as a table: seconds of networks and solvers."""
     measured = measured_seconds()
-    if not measured:
-        return "Not run."
     rows = [[r["what"], r["where"], f"{r['seconds']:.3g}"] for r in measured]
     if not any(r["where"].startswith("cuda") for r in measured):
         rows.insert(0, [measured[0]["what"], "a GPU", NOT_RUN])
@@ -317,11 +311,9 @@ def times() -> str:
     return markdown.table(["what", "where", "seconds"], rows, "llr")
 
 
-def time_bars() -> Figure | None:
+def time_bars() -> Figure:
     """Draw Figure 2: seconds for a batch of 200 meshes, ours and the paper's."""
     ours = [(f"{r['what']}; {r['where']}", r["seconds"]) for r in measured_seconds()]
-    if not ours:
-        return None
     given = [row for row in REPORTED["tables"][4]["rows"] if "200 meshes" in row[0]]
     theirs = [(f"reported: {what}; {where}", float(s)) for what, where, s in given]
     bars = sorted(ours + theirs, key=lambda bar: -bar[1])
@@ -395,9 +387,7 @@ def page(drawn: Iterable[Path]) -> str:
         best(),
         OPENING,
         f"![Bars of seconds: networks, LaPy and the certified solver, 200 meshes each]({TIMES})\n\n"
-        f"{TIMES_CAPTION}"
-        if TIMES in names
-        else "",
+        f"{TIMES_CAPTION}",
         "## What holds of the paper's findings",
         findings(),
         "## How much is leakage",

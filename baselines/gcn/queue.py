@@ -147,14 +147,9 @@ def train(training: Training, out: Path, options: argparse.Namespace, minutes: f
     """Train for at most so many minutes; return whether it has ended, and its weights are kept."""
     if remaining := left(training, out):
         limit = min(minutes, remaining)
-        command = [
-            "baselines.gcn.train",
-            "--config",
-            training.config,
-            "--protocol",
-            training.protocol,
-        ]
-        command += ["--seed", str(training.seed), "--version", options.version, "--out", str(out)]
+        command = ["baselines.gcn.train", "--config", training.config]
+        command += ["--protocol", training.protocol, "--seed", str(training.seed)]
+        command += ["--version", options.version, "--out", str(out)]
         command += ["--dtype", "bfloat16"]  # its fastest, where the processor multiplies it
         command += ["--threads", str(options.threads)]
         command += ["--max-minutes", f"{limit:.4f}"] if limit < float("inf") else []
@@ -179,13 +174,8 @@ def score(training: Training, options: argparse.Namespace) -> None:
     make_directory(training.result().parent)
     command = ["eigbench", "evaluate", f"{LOADER}:{training.row}", "--dataset", options.version]
     command += ["--protocol", training.protocol, "--seeds", str(training.seed + 1)]
-    command += [
-        "--threads",
-        str(options.threads),
-        "--no-reference",
-        "--out",
-        str(training.result()),
-    ]
+    command += ["--threads", str(options.threads), "--no-reference"]
+    command += ["--out", str(training.result())]
     run(command, (0, 2))
     if not training.scored():
         raise QueueError("eigbench has written no result of this seed")

@@ -98,12 +98,8 @@ def checked(options: argparse.Namespace) -> TrainConfig:
         raise TrainingError(
             f"there is no configuration {options.config!r}: choose one of {', '.join(CONFIGS)}"
         )
-    given = {key: getattr(options, key) for key in ("epochs", "batch_size")}
-    for name, value in {
-        **given,
-        "max_minutes": options.max_minutes,
-        "threads": options.threads,
-    }.items():
+    for name in ("epochs", "batch_size", "max_minutes", "threads"):
+        value = getattr(options, name)
         if value is not None and not 0 < value < float("inf"):
             raise TrainingError(f"--{name.replace('_', '-')} must be positive, got {value}")
     if not 0 <= options.seed < 2**63:
@@ -118,6 +114,7 @@ def checked(options: argparse.Namespace) -> TrainConfig:
         )
     if not begun and (options.out / WEIGHTS).exists():
         raise TrainingError(f"{options.out} has {WEIGHTS} of another run: choose another --out")
+    given = {key: getattr(options, key) for key in ("epochs", "batch_size")}
     return replace(CONFIGS[options.config], **{k: v for k, v in given.items() if v is not None})
 
 

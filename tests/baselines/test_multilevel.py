@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 from scipy import sparse
 
+from evidence import baseline, numbers
 from evidence import multilevel as variants
-from evidence import numbers
 from evidence.blocks import fill
 from evidence.solids import Solid, made
 from synthnet import recipe, spectrum
@@ -23,26 +19,15 @@ from synthnet.families.radial import radial
 from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Mesh
 
-ROOT = Path(__file__).parents[2]
-
-
-def imported(directory: str, name: str) -> ModuleType:
-    """Import a file of baselines/, as those beside it do."""
-    sys.path.insert(0, str(ROOT / directory))
-    try:
-        return importlib.import_module(name)
-    finally:
-        sys.path.remove(str(ROOT / directory))
-
 
 @pytest.fixture(scope="module")
 def multilevel() -> ModuleType:
-    return imported("baselines", "multilevel")
+    return baseline("multilevel")
 
 
 @pytest.fixture(scope="module")
 def kernels() -> ModuleType:
-    return imported("baselines", "multilevel_kernels")
+    return baseline("multilevel_kernels")
 
 
 def drawn(family: str, vertices: int = 1500) -> Mesh:

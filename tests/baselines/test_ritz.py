@@ -1,23 +1,16 @@
 """The baseline baselines/ritz.py: Rayleigh-Ritz on polynomials."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from evidence import baseline
 from synthnet import Mesh, spectrum
 from synthnet.families import FAMILIES
-
-PLACE = Path(__file__).parents[2] / "baselines" / "ritz.py"
 
 
 @pytest.fixture(scope="module")
 def ritz():
-    spec = importlib.util.spec_from_file_location("ritz", PLACE)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return baseline("ritz")
 
 
 def square(n):

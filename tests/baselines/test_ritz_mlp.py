@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -15,31 +13,21 @@ from eigbench.scoring.metrics import METRICS
 from numpy.polynomial.legendre import legvander
 from safetensors import safe_open
 
+from evidence import BASELINES, baseline
 from synthnet import store
 from synthnet.families import FAMILIES
 from synthnet.spectrum import fem_matrices
 from synthnet.types import Mesh, Sample
 
-BASELINES = Path(__file__).parents[2] / "baselines"
-
-
-def sibling(name: str) -> ModuleType:
-    """Import a file of baselines/, as those beside it do."""
-    sys.path.insert(0, str(BASELINES))
-    try:
-        return importlib.import_module(name)
-    finally:
-        sys.path.remove(str(BASELINES))
-
 
 @pytest.fixture(scope="module")
 def features() -> ModuleType:
-    return sibling("ritz_features")
+    return baseline("ritz_features")
 
 
 @pytest.fixture(scope="module")
 def ritz() -> ModuleType:
-    return sibling("ritz")
+    return baseline("ritz")
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +133,7 @@ def test_weights_of_each_version_answer_and_no_meshes_are_no_answers(training: s
 
 
 def test_numbers_are_kept_for_every_training_shape_of_2_0(features: ModuleType) -> None:
-    ritz_mlp = sibling("ritz_mlp")
+    ritz_mlp = baseline("ritz_mlp")
     numbers, logs = ritz_mlp.kept("2.0/boundary")
     assert (numbers.shape, logs.shape) == ((5733, len(features.NAMES)), (5733, 10))
     assert (numbers[:, 0] >= logs[:, 0] - 1e-5).all()  # Ritz values bound the label from above

@@ -2,29 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-from importlib import import_module
-from pathlib import Path
-from types import ModuleType
-
 import numpy as np
 import pytest
 
+from evidence import baseline
 from synthnet import spectrum
 from synthnet.families import FAMILIES
 from synthnet.types import Mesh
 
-BASELINES = Path(__file__).parents[2] / "baselines"
 SPHERE = np.repeat([2.0, 6.0, 12.0], [3, 5, 2])
-
-
-def sibling(name: str) -> ModuleType:
-    """Import a file of baselines/, as those beside it do."""
-    sys.path.insert(0, str(BASELINES))
-    try:
-        return import_module(name)
-    finally:
-        sys.path.remove(str(BASELINES))
 
 
 def sphere(resolution: int) -> Mesh:
@@ -44,7 +30,7 @@ def error(values: np.ndarray, limit: np.ndarray) -> float:
 
 @pytest.mark.parametrize("row", ["quadratic", "richardson"])
 def test_fourth_order_on_a_polyhedron(row: str) -> None:
-    eigenvalues = sibling(row).eigenvalues
+    eigenvalues = baseline(row).eigenvalues
     coarse, fine = (error(eigenvalues(mesh), limit) for mesh, limit in (box(3), box(4)))
     assert fine < 2e-4
     assert coarse / fine > 6  # sixteen, but for the corners
@@ -54,16 +40,16 @@ def test_on_a_sphere_all_beat_the_consistent_mass_whose_error_is_its_inscribed_t
     mesh = sphere(20)
     consistent = error(spectrum.compute(mesh).eigenvalues, SPHERE)
     for row, share in (("two_masses", 0.5), ("quadratic", 0.3), ("richardson", 0.3)):
-        assert error(sibling(row).predict([mesh])[0], SPHERE) < share * consistent
+        assert error(baseline(row).predict([mesh])[0], SPHERE) < share * consistent
 
 
 def test_richardson_keeps_the_finer_value_where_quartering_halves_an_eigenvalue() -> None:
     parameters = {"width": 1.0, "height": 0.02, "depth": 0.02, "subdivisions": 1}
     mesh = FAMILIES["rectangular_prism"].generate(parameters)
-    fine = spectrum.compute(sibling("refined").quartered(mesh)).eigenvalues
+    fine = spectrum.compute(baseline("refined").quartered(mesh)).eigenvalues
     halved = spectrum.compute(mesh, k=6).eigenvalues >= 2 * fine[:6]
     assert halved.any()
-    values = sibling("richardson").eigenvalues(mesh)
+    values = baseline("richardson").eigenvalues(mesh)
     assert (values > 0).all()
     assert np.isin(fine[:6][halved], values).all()
 
@@ -71,25 +57,25 @@ def test_richardson_keeps_the_finer_value_where_quartering_halves_an_eigenvalue(
 def test_richardson_is_sorted() -> None:
     mesh = sphere(12)
     coarse = spectrum.compute(mesh).eigenvalues
-    values = sibling("richardson").eigenvalues(mesh)
+    values = baseline("richardson").eigenvalues(mesh)
     assert (np.diff(values) >= 0).all()
     assert (values < coarse).all()
 
 
 def test_quarters_are_the_same_surface_with_half_the_edges() -> None:
     mesh, _ = box(2)
-    fine = sibling("refined").quartered(mesh)
+    fine = baseline("refined").quartered(mesh)
     assert len(fine.faces) == 4 * len(mesh.faces)
     assert len(fine.vertices) - len(fine.faces) / 2 == 2  # Euler's formula: no vertex twice
-    area, volume = sibling("ritz_features").features(mesh)[0], 1.0 * 0.6 * 1.7
+    area, volume = baseline("ritz_features").features(mesh)[0], 1.0 * 0.6 * 1.7
     corners = fine.vertices[fine.faces]
     assert np.linalg.det(corners).sum() / 6 == pytest.approx(volume)  # all turn the same way
-    assert sibling("ritz_features").features(fine)[0] == pytest.approx(area)
+    assert baseline("ritz_features").features(fine)[0] == pytest.approx(area)
 
 
 def test_lumped_values_are_bounds_next_to_those_of_a_solve_of_its_own() -> None:
     mesh, _ = box(3)
-    consistent, lumped = sibling("two_masses").spectra(mesh)
+    consistent, lumped = baseline("two_masses").spectra(mesh)
     matrices = spectrum.assemble(mesh)
     rows = np.repeat(np.arange(len(matrices.lumped)), np.diff(matrices.indptr))
     mass = np.where(matrices.indices == rows, matrices.lumped[rows], 0.0)
@@ -100,19 +86,19 @@ def test_lumped_values_are_bounds_next_to_those_of_a_solve_of_its_own() -> None:
 
 def test_mean_of_both_masses_is_far_better_than_each_on_a_polyhedron() -> None:
     mesh, limit = box(4)
-    both = sibling("two_masses").spectra(mesh)
+    both = baseline("two_masses").spectra(mesh)
     assert 3 * error(both.mean(axis=0), limit) < min(error(each, limit) for each in both)
 
 
 def test_cholmod_changes_no_digit_that_counts() -> None:
     pytest.importorskip("cholespy", reason="of the extra cholmod")
     mesh = sphere(12)
-    values = sibling("lapy_cholmod").eigenvalues(mesh)
+    values = baseline("lapy_cholmod").eigenvalues(mesh)
     np.testing.assert_allclose(values, spectrum.compute(mesh).eigenvalues, rtol=1e-8)
 
 
 def test_kriging_goes_through_its_points_and_follows_a_trend() -> None:
-    kriging = sibling("kriging")
+    kriging = baseline("kriging")
     rng = np.random.default_rng(0)
     numbers = rng.normal(size=(400, len(kriging.NAMES)))
     slopes = rng.normal(size=(len(kriging.NAMES), 10)) / 10
@@ -124,11 +110,11 @@ def test_kriging_goes_through_its_points_and_follows_a_trend() -> None:
 
 
 def test_multilevel_values_are_bounds_and_their_errors_are_seen_beside_them() -> None:
-    masses = sibling("multilevel_masses")
+    masses = baseline("multilevel_masses")
     mesh = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 40})
-    area = sibling("ritz_features").features(mesh)[0]
+    area = baseline("ritz_features").features(mesh)[0]
     logs, ratio, residual = masses.features(mesh).reshape(3, 10)
-    exact, lumped = np.log(area * sibling("two_masses").spectra(mesh))
+    exact, lumped = np.log(area * baseline("two_masses").spectra(mesh))
     assert (logs >= exact - 1e-9).all()
     assert np.abs(logs - exact).max() < 0.01
     np.testing.assert_allclose(ratio, exact - lumped, rtol=0.1, atol=1e-4)
@@ -138,14 +124,14 @@ def test_multilevel_values_are_bounds_and_their_errors_are_seen_beside_them() ->
 
 
 def test_two_numbers_are_found_again() -> None:
-    masses = sibling("multilevel_masses")
+    masses = baseline("multilevel_masses")
     numbers = np.abs(np.random.default_rng(0).normal(size=(50, 30)))
     fitted = masses.fit(numbers, masses.TwoNumbers(0.6, 7.0).logs(numbers))
     assert (fitted.a, fitted.b) == pytest.approx((0.6, 7.0), abs=1e-3)
 
 
 def test_shapes_without_a_number_are_left_out(tmp_path, monkeypatch) -> None:
-    kept = sibling("surface_numbers")
+    kept = baseline("surface_numbers")
     limits = kept.pins.read_limits("1.0")
     ids = np.unique(kept.truth.load("1.0", "train").shapes)
     rows = np.ones((len(ids), 3))

@@ -18,16 +18,25 @@ import numpy as np
 import pytest
 from eigbench import results
 from eigbench.commands import cli
-from eigbench.results import predictions
+from eigbench.results import predictions, submission
+from eigbench.results.submission import Submission
 from eigbench.running import evaluate as running
+from eigbench.running import meshes
+from eigbench.running.meshes import Instances
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled
 from eigbench.scoring import scores, truth
 from eigbench.scoring.truth import Truth
 
+from synthnet import store
 from synthnet.store.files import sha256
 
+ONES = """
+import numpy as np
+
+def predict(meshes): return np.ones((len(meshes), 10))
+"""
 WEYL = """
 import numpy as np
 
@@ -54,6 +63,12 @@ class Evaluated:
 @pytest.fixture(scope="session")
 def mini_truth() -> Truth:
     return truth.load("1.0-mini")
+
+
+@pytest.fixture(scope="session")
+def mini_meshes(mini_home: Path, mini_truth: Truth) -> Instances:
+    """The meshes of the test split of 1.0-mini. Read only."""
+    return meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
 
 
 @pytest.fixture
@@ -132,6 +147,12 @@ def make_submission(
         return out
 
     return make
+
+
+@pytest.fixture(scope="session")
+def make_row(make_submission: Callable[..., Path]) -> Callable[..., Submission]:
+    """Return a function that makes a submission of its own name and answers, and reads it."""
+    return lambda *given, **model: submission.read(make_submission(*given, **model))
 
 
 @pytest.fixture

@@ -57,7 +57,7 @@ GENERATED = (f"{FIGURES}/*.svg", f"{BOARDS}/*")  # nothing else belongs there
 REPORTED = Path("benchmark", "reported")
 
 
-def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submission]:
+def read(root: Path, on_row: Callable[[str], None] = lambda row: None) -> list[Submission]:
     """Read every submission under a checkout, each checked against its predictions.
 
     Raises
@@ -71,12 +71,11 @@ def read(root: Path, on_row: Callable[[str], None] | None = None) -> list[Submis
     return rows
 
 
-def _rows(root: Path, board: str, on_row: Callable[[str], None] | None) -> list[Submission]:
+def _rows(root: Path, board: str, on_row: Callable[[str], None]) -> list[Submission]:
     """Read the submissions of a board, or with ``*`` of all, as they are."""
     rows, times = [], timing.read(root)
     for path in sorted((root / RESULTS).glob(f"{board}/*.json")):
-        if on_row is not None:
-            on_row(f"{path.parent.name}/{path.stem}")
+        on_row(f"{path.parent.name}/{path.stem}")
         kept = root / PREDICTIONS / path.parent.name / f"{path.stem}.parquet"
         row = submission.read(path, kept, below=root)
         check_fit(row)
@@ -317,7 +316,7 @@ def add(row: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Pa
 
 
 def placed(
-    row: Submission, root: Path, on_row: Callable[[str], None] | None = None
+    row: Submission, root: Path, on_row: Callable[[str], None] = lambda row: None
 ) -> list[list[Ranked]]:
     """Return a submission among the rows of its board, best first, beside each target it has.
 

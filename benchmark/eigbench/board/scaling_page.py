@@ -37,7 +37,7 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
     links = f"[Distances, memory, LaPy beside each]({PAGE.as_posix()}) · [JSON]({JSON.as_posix()})"
     parts = ["## Scaling\n", f"{introduction(sizes)} {links}\n"]
     for label, mine in by_setting.items():
-        verdicts = _verdicts(sizes, mine)
+        verdicts = [scores.verdict(mine, size) for size in sizes]
         overview = scaling_columns.groups(sizes, verdicts)["overview"]
         parts += [
             f"### Scaling: {escaped(label)}\n",
@@ -64,7 +64,7 @@ def details(rows: Sequence[Scaled]) -> str:
         f"{introduction(sizes, '../../')}\n",
     ]
     for label, mine in scores.settings(rows).items():
-        verdicts = _verdicts(sizes, mine)
+        verdicts = [scores.verdict(mine, size) for size in sizes]
         groups = scaling_columns.groups(sizes, verdicts)
         parts += [
             f"## {escaped(label)}\n",
@@ -102,10 +102,6 @@ def as_json(rows: Sequence[Scaled]) -> str:
     ]
     board = {"surfaces": list(surfaces.SURFACES), "rows": entries}
     return json.dumps(board, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _verdicts(sizes: Sequence[int], rows: Sequence[Scaled]) -> list[Verdict]:
-    return [scores.verdict(rows, size) for size in sizes]
 
 
 def introduction(sizes: Sequence[int], root: str = "") -> str:

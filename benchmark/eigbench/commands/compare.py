@@ -112,7 +112,7 @@ def compare(options: argparse.Namespace) -> int:
 def _difference(a: Submission, b: Submission, key: str, family: str | None = None) -> Difference:
     """Return how far two results are apart, in a few digits where the set is sealed."""
     difference = ranking.difference(a, b, key, family)
-    few = scores.rounded(asdict(difference)) if scores.is_sealed(a.truth) else {}
+    few = scores.rounded(asdict(difference)) if scores.is_sealed(a.truth.version) else {}
     return replace(difference, **few)
 
 

@@ -222,8 +222,7 @@ def _check_version(result: Any, required: dict[str, Any], path: Path) -> None:
 
 def _check_means(facts: dict[str, Any], scored: dict[str, Any], where: str) -> None:
     instances, families = facts["instances"], scored["families"].values()
-    is_sealed = recipe.parse_name(facts["version"]).kind is recipe.Kind.SEALED
-    agree = 10.0 ** (1 - scores.DIGITS) if is_sealed else 1e-9
+    agree = 10.0 ** (1 - scores.DIGITS) if scores.is_sealed(facts["version"]) else 1e-9
     count = sum(family["count"] for family in families)
     if count != instances:
         raise ResultError(f"{where}: the families have {count} instances, the dataset {instances}")

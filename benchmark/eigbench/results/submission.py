@@ -197,7 +197,7 @@ def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Pa
         labels = truth.of_dataset(dataset, split, protocol)
     elif facts["version"] in recipe.available():
         labels = _pinned(facts["version"], split, protocol)
-    elif recipe.parse_name(facts["version"]).kind is recipe.Kind.SEALED:
+    elif scores.is_sealed(facts["version"]):
         raise ResultError(
             f"{path} is of the sealed set {facts['version']}, which cannot be on a board: "
             "compare results of one with --dataset, its directory"

@@ -128,8 +128,8 @@ def two_sided(means: Array) -> float:
     return min(1.0, float(2 * (beyond + 1) / (len(means) + 1)))
 
 
-def holm(p: Sequence[float], level: float = 1 - COVERAGE) -> list[bool]:
-    """Return which hypotheses are rejected, the chance of any error being at most ``level``.
+def holm(p: Sequence[float]) -> list[bool]:
+    """Return which hypotheses are rejected, the chance of any error being at most ``1 - COVERAGE``.
 
     A hypothesis that is rejected anyway does not change what becomes of the others.
 
@@ -144,7 +144,7 @@ def holm(p: Sequence[float], level: float = 1 - COVERAGE) -> list[bool]:
     """
     rejected = [False] * len(p)
     for left, i in enumerate(sorted(range(len(p)), key=p.__getitem__)):
-        if p[i] > level / (len(p) - left):
+        if p[i] > (1 - COVERAGE) / (len(p) - left):
             break
         rejected[i] = True
     return rejected

@@ -35,12 +35,12 @@ def of_targets(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, dict
         target: None if labels is None else score(labels, predictions)
         for target, labels in known.items()
     }
-    return rounded(scored) if is_sealed(truth) else scored
+    return rounded(scored) if is_sealed(truth.version) else scored
 
 
-def is_sealed(truth: Truth) -> bool:
-    """Return whether labels are those of a sealed set."""
-    return recipe.parse_name(truth.version).kind is recipe.Kind.SEALED
+def is_sealed(version: str) -> bool:
+    """Return whether a dataset's name is that of a sealed set."""
+    return recipe.parse_name(version).kind is recipe.Kind.SEALED
 
 
 def rounded(numbers: Any) -> Any:

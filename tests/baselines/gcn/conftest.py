@@ -5,8 +5,23 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import torch
+from torch_geometric.data import Data
 
 from synthnet.types import Mesh, Sample
+
+
+def data_of(mesh: Mesh) -> Data:
+    """Return a mesh in double precision, as PyTorch Geometric has it."""
+    return Data(
+        pos=torch.from_numpy(mesh.vertices.astype(np.float64)),
+        face=torch.from_numpy(mesh.faces.T.astype(np.int64)),
+    )
+
+
+def moved(mesh: Mesh, matrix: np.ndarray, scale: float = 1.0) -> Mesh:
+    """Apply an orthogonal matrix; a reflection turns the faces round, as augmentation does."""
+    faces = mesh.faces if np.linalg.det(matrix) > 0 else mesh.faces[:, ::-1]
+    return Mesh(scale * mesh.vertices.astype(np.float64) @ matrix.T, faces)
 
 
 @pytest.fixture(autouse=True)

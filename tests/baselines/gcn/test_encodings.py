@@ -20,21 +20,9 @@ from baselines.gcn.encodings import (
 from synthnet.families import FAMILIES, PRIMITIVES
 from synthnet.mesh import geometry
 from synthnet.types import Mesh
+from tests.baselines.gcn.conftest import data_of, moved
 
 GOLDEN = pq.read_table(Path(__file__).parents[2] / "golden" / "voronoi.parquet").to_pylist()
-
-
-def data_of(mesh: Mesh) -> Data:
-    return Data(
-        pos=torch.from_numpy(mesh.vertices.astype(np.float64)),
-        face=torch.from_numpy(mesh.faces.T.astype(np.int64)),
-    )
-
-
-def moved(mesh: Mesh, matrix: np.ndarray, scale: float = 1.0) -> Mesh:
-    """Apply an orthogonal matrix; a reflection turns the faces round, as augmentation does."""
-    faces = mesh.faces if np.linalg.det(matrix) > 0 else mesh.faces[:, ::-1]
-    return Mesh(scale * mesh.vertices.astype(np.float64) @ matrix.T, faces)
 
 
 # Voronoi areas

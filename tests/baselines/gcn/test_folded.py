@@ -15,6 +15,7 @@ from baselines.gcn.graphs import Graphs, graph, join
 from baselines.gcn.model import GCN, WIDTHS, GCNConfig
 from baselines.gcn.plain import Network
 from synthnet.types import Mesh
+from tests.baselines.gcn.conftest import data_of, moved
 
 CONFIGS = [GCNConfig(name, virtual) for name in CHANNELS for virtual in (False, True)]
 CONFIGS += [GCNConfig("A", True, 4), GCNConfig("ALG", False, 5)]
@@ -37,8 +38,7 @@ def encoded(meshes: list[Mesh], config: GCNConfig) -> list[Data]:
     transform = encoding(config.encoding, virtual_node=config.virtual_node)
     kept = []
     for mesh in meshes:
-        pos = torch.from_numpy(mesh.vertices.astype(np.float64))
-        data = transform(Data(pos=pos, face=torch.from_numpy(mesh.faces.T.astype(np.int64))))
+        data = transform(data_of(mesh))
         weight = {"edge_weight": data.edge_weight} if "edge_weight" in data else {}
         kept.append(Data(x=data.x, edge_index=data.edge_index, **weight))
     return kept
@@ -101,17 +101,11 @@ def test_gradients_of_moved_meshes_are_those_of_the_plain_network(
     config: GCNConfig, meshes: list[Mesh], orthogonal: np.ndarray
 ) -> None:
     matrices = [orthogonal[i % 2] for i in range(len(meshes))]
-    moved = [
-        Mesh(
-            mesh.vertices.astype(np.float64) @ matrix.T,
-            mesh.faces if np.linalg.det(matrix) > 0 else mesh.faces[:, ::-1],
-        )
-        for mesh, matrix in zip(meshes, matrices, strict=True)
-    ]
+    there = list(map(moved, meshes, matrices))
     y = torch.rand(len(meshes), 10) + 1
     ours = model_of(config)
     plain = plain_of(ours)
-    rpd_loss(plain(Batch.from_data_list(encoded(moved, config))), y).backward()
+    rpd_loss(plain(Batch.from_data_list(encoded(there, config))), y).backward()
     graphs = [graph(item) for item in encoded(meshes, config)]
     isometries = torch.from_numpy(np.stack(matrices)).float()
     folded.batch_loss(ours, graphs, isometries, y, lambda p, g, _: rpd_loss(p, g)).backward()
@@ -155,14 +149,9 @@ def test_features_turn_as_the_mesh_does(
     encode = encoder(config)
     assert (len(meshes), len(orthogonal)) == (10, 2)
     for matrix in orthogonal:
-        faces = [m.faces if np.linalg.det(matrix) > 0 else m.faces[:, ::-1] for m in meshes]
-        moved = [
-            Mesh(m.vertices.astype(np.float64) @ matrix.T, f)
-            for m, f in zip(meshes, faces, strict=True)
-        ]
         isometries = torch.from_numpy(matrix).float().repeat(len(meshes), 1, 1)
         here = join([encode(mesh) for mesh in meshes], isometries)
-        there = join([encode(mesh) for mesh in moved])
+        there = join([encode(moved(mesh, matrix)) for mesh in meshes])
         torch.testing.assert_close(here.features, there.features, rtol=1e-5, atol=1e-4)
 
 
@@ -225,12 +214,12 @@ def test_meshes_on_the_gpu_give_the_same(meshes: list[Mesh]) -> None:
     config = GCNConfig("ALG", True)
     graphs: list[Graphs] = [graph(item) for item in encoded(meshes, config)]
     expected = folded.outputs(model_of(config), graphs)
-    moved = [item.to("cuda") for item in graphs]
+    there = [item.to("cuda") for item in graphs]
     model = model_of(config).to("cuda")
-    assert norm_apart(folded.outputs(model, moved).cpu(), expected) < 1e-4
+    assert norm_apart(folded.outputs(model, there).cpu(), expected) < 1e-4
     y, still = torch.ones(len(meshes), 10, device="cuda"), torch.eye(3, device="cuda")
     still = still.repeat(len(meshes), 1, 1)
-    folded.batch_loss(model, moved, still, y, lambda p, g, _: rpd_loss(p, g)).backward()
+    folded.batch_loss(model, there, still, y, lambda p, g, _: rpd_loss(p, g)).backward()
     assert all(torch.isfinite(p.grad).all() for p in model.parameters())
 
 

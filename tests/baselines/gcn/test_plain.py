@@ -11,11 +11,7 @@ from baselines.gcn import plain
 from baselines.gcn.encodings import encoding
 from baselines.gcn.plain import Network, encode, train
 from synthnet.types import Mesh, Sample
-
-
-def data_of(mesh: Mesh) -> Data:
-    pos = torch.from_numpy(mesh.vertices.astype(np.float64))
-    return Data(pos=pos, face=torch.from_numpy(mesh.faces.T.astype(np.int64)))
+from tests.baselines.gcn.conftest import data_of
 
 
 @pytest.mark.parametrize("inwards", [False, True])

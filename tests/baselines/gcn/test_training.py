@@ -406,9 +406,7 @@ def test_weights_too_large_for_half_precision(make: Make, tmp_path: Path) -> Non
     assert not (tmp_path / "weights.safetensors").exists()
 
 
-def test_a_full_disk_is_one_line(
-    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_one_line(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 

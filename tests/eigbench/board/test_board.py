@@ -24,6 +24,7 @@ from eigbench.scoring.metrics import METRICS
 from matplotlib.colors import to_rgba
 
 from synthnet.store.files import sha256
+from tests.eigbench.conftest import ONES
 
 BOARD = "1.0-mini-test-grouped"
 CHECKOUT = Path(__file__).parents[3]
@@ -148,22 +149,20 @@ def test_ranks_are_intervals(read):
     }
 
 
-def test_a_row_that_differs_surely_moves_the_others_by_its_place_alone(
-    read, make_submission, mini_truth
-):
+def test_a_row_that_differs_surely_moves_the_others_by_its_place_alone(read, make_row, mini_truth):
     before = ranks(list(read.values()))
     g = mini_truth.eigenvalues
-    best = submission.read(make_submission("Best", g * 1.001))
-    last = submission.read(make_submission("Last", g * 9))
+    best = make_row("Best", g * 1.001)
+    last = make_row("Last", g * 9)
     assert ranks([*read.values(), last]) == {**before, "Last": (5, 5)}
     moved = {name: (low + 1, high + 1) for name, (low, high) in before.items()}
     assert ranks([*read.values(), best]) == {**moved, "Best": (1, 1)}
 
 
-def test_exact_rows_are_first_and_ordered_by_cost(read, make_submission, mini_truth):
+def test_exact_rows_are_first_and_ordered_by_cost(read, make_row, mini_truth):
     g = mini_truth.eigenvalues
     slow, fast, nearly = (
-        submission.read(make_submission(name, values))
+        make_row(name, values)
         for name, values in (("A slow", g), ("Fast", g * (1 + 5e-10)), ("Nearly", g * (1 + 1e-7)))
     )
     slow.result["cost"]["ms_per_mesh"] = 9.0
@@ -177,22 +176,21 @@ def test_exact_rows_are_first_and_ordered_by_cost(read, make_submission, mini_tr
     ]
 
 
-def test_seeds_that_differ_widen_the_ranks(make_submission, mini_truth):
+def test_seeds_that_differ_widen_the_ranks(make_row, mini_truth):
     g = mini_truth.eigenvalues
-    steady = submission.read(make_submission("Steady", np.stack([g * 1.05] * 3)))
-    spread = submission.read(make_submission("Spread", np.stack([g * f for f in (1.0, 1.06, 1.1)])))
-    near = submission.read(make_submission("Near", np.stack([g * 1.0533] * 3)))
+    steady = make_row("Steady", np.stack([g * 1.05] * 3))
+    spread = make_row("Spread", np.stack([g * f for f in (1.0, 1.06, 1.1)]))
+    near = make_row("Near", np.stack([g * 1.0533] * 3))
     assert ranks([steady, near]) == {"Steady": (1, 1), "Near": (2, 2)}
     assert ranks([steady, spread]) == {"Steady": (1, 2), "Spread": (1, 2)}
 
 
-def test_seeds_of_two_rows_are_drawn_apart(make_submission, mini_truth):
+def test_seeds_of_two_rows_are_drawn_apart(make_row, mini_truth):
     """Drawn together, seeds that happen to be alike would make a small difference sure."""
     g = mini_truth.eigenvalues
     spread = np.stack([g * f for f in (1.0, 1.05, 1.1)])
     rows = [
-        submission.read(make_submission(name, spread * factor))
-        for name, factor in (("Nearer", 1.01), ("Farther", 1.02))
+        make_row(name, spread * factor) for name, factor in (("Nearer", 1.01), ("Farther", 1.02))
     ]
     assert ranking.difference(*rows, "rpd").verdict == "tie"
 
@@ -239,10 +237,10 @@ def test_difference_in_a_family_is_of_its_meshes(read, mini_truth):
     assert d.b == pytest.approx(3 * mini_truth.eigenvalues[mine].sum(axis=1).mean())
 
 
-def test_what_is_not_finite_is_last(make_submission, read, mini_truth):
+def test_what_is_not_finite_is_last(make_row, read, mini_truth):
     values = mini_truth.eigenvalues.copy()
     values[7, 3] = np.nan
-    bad = submission.read(make_submission("Bad", values))
+    bad = make_row("Bad", values)
     rows = ranking.ranked([bad, *read.values()])
     assert (rows[-1].submission.name, rows[-1].ranks) == ("Bad", (5, 5))
     assert ranking.difference(bad, read["far"], "rpd").verdict == "b"
@@ -252,12 +250,11 @@ def test_what_is_not_finite_is_last(make_submission, read, mini_truth):
     assert page.count("| 2 | Bad | trivial | ∞/NaN | ∞/NaN |") == 2  # at both targets
 
 
-def test_a_difference_whose_interval_covers_zero_is_a_tie(make_submission, mini_truth):
+def test_a_difference_whose_interval_covers_zero_is_a_tie(make_row, mini_truth):
     rng = np.random.default_rng(0)
     noisy = [1 + 0.05 * rng.standard_normal(mini_truth.eigenvalues.shape) for _ in range(2)]
     row, other = (
-        submission.read(make_submission(f"noisy {i}", factor * mini_truth.eigenvalues))
-        for i, factor in enumerate(noisy)
+        make_row(f"noisy {i}", factor * mini_truth.eigenvalues) for i, factor in enumerate(noisy)
     )
     difference = ranking.difference(row, other, "rpd")
     assert difference.low < 0 < difference.high
@@ -542,7 +539,7 @@ def test_result_under_another_name_fails_the_check(eigbench, board):
     assert f"belongs at benchmark/results/{BOARD}/far.json" in err
 
 
-def test_partial_result_on_the_board_fails_the_check(board, mini_truth, make_submission):
+def test_partial_result_on_the_board_fails_the_check(board):
     path = board / "benchmark" / "results" / BOARD / "far.json"
     result = json.loads(path.read_text())
     result["partial"] = True
@@ -636,7 +633,7 @@ def test_a_dry_run_refuses_what_submit_refuses(eigbench, made, tmp_path):
 
 
 def test_submit_refuses_a_partial_result(eigbench, predictor_file, mini_home, tmp_path):
-    code = predictor_file("import numpy as np\ndef predict(m): return np.ones((len(m), 10))\n")
+    code = predictor_file(ONES)
     where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", tmp_path / "r.json"]
     assert eigbench("evaluate", code, *where, "--limit", 5, "--no-reference")[0] == 0
     code, _, err = eigbench("submit", tmp_path / "r.json", "--board", tmp_path)
@@ -708,8 +705,8 @@ def test_submit_refuses_predictions_that_are_no_parquet(eigbench, made, mini_tru
 
 
 @pytest.mark.parametrize("name", ["Net $\\foo$", "a\\|b", "[x](y) `z` *w*", "<img>"])
-def test_any_name_can_stand_on_the_page(make_submission, mini_truth, name):
-    entry = submission.read(make_submission(name, mini_truth.eigenvalues * 1.1))
+def test_any_name_can_stand_on_the_page(make_row, mini_truth, name):
+    entry = make_row(name, mini_truth.eigenvalues * 1.1)
     generated = leaderboard.generate([entry], [])
     page = generated[Path("LEADERBOARD.md")]
     assert "<img" not in page
@@ -755,7 +752,7 @@ def test_compare_takes_predictions_from_elsewhere(eigbench, made, tmp_path):
 def test_compare_reads_a_partial_result_of_a_directory(
     eigbench, predictor_file, mini_home, tmp_path
 ):
-    code = predictor_file("import numpy as np\ndef predict(m): return np.ones((len(m), 10))\n")
+    code = predictor_file(ONES)
     where = ["--dataset", mini_home / "1.0-mini", "--limit", 5, "--no-reference"]
     for name in "ab":
         eigbench("evaluate", code, *where, "--out", tmp_path / f"{name}.json")
@@ -860,8 +857,8 @@ def test_histogram_counts_every_mesh_once(read):
             np.testing.assert_allclose(axes.get_lines()[0].get_xdata(), median)
 
 
-def test_an_exact_answer_is_drawn_at_the_edge(make_submission, mini_truth):
-    exact = submission.read(make_submission("Exact", mini_truth.eigenvalues, kind="classical"))
+def test_an_exact_answer_is_drawn_at_the_edge(make_row, mini_truth):
+    exact = make_row("Exact", mini_truth.eigenvalues, kind="classical")
     (line,) = error_figures.by_index([exact]).axes[0].get_lines()
     np.testing.assert_array_equal(line.get_ydata(), error_figures.LEAST)
     (axes,) = error_figures.histogram([exact]).axes

@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 from eigbench.board import answer_figure, generalisation, leaderboard, page, ranking
 from eigbench.errors import EigbenchError, PredictorError, ResultError
-from eigbench.results import submission
-from eigbench.running import meshes
 from eigbench.running.evaluate import Options, evaluate
 from eigbench.scoring import training, truth
-
-from synthnet import store
 
 MESH = "## synthNet 2.0-mini: shapes unlike those of training, against the mesh"
 TRAINED = """
@@ -81,11 +77,6 @@ def test_an_import_that_cannot_be_tested_is_refused(question, message):
         truth.load(*question)
 
 
-@pytest.fixture(scope="module")
-def source(mini_home, mini_truth):
-    return meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
-
-
 def folded(labels):
     """The first instances, every third of another training."""
     labels = labels.head(12)
@@ -95,40 +86,40 @@ def folded(labels):
 
 @pytest.mark.slow
 def test_every_instance_is_predicted_by_the_training_it_asks_for(
-    predictor_file, mini_truth, source, tmp_path
+    predictor_file, mini_truth, mini_meshes, tmp_path
 ):
     labels = folded(mini_truth)
     code, options = predictor_file(TRAINED), Options(seeds=2, batch_size=2)
-    evaluation = evaluate(code, labels, source, options, tmp_path / "parts")
+    evaluation = evaluate(code, labels, mini_meshes, options, tmp_path / "parts")
     np.testing.assert_array_equal(
         evaluation.predictions[:, :, 0], [[1 + i % 3 for i in range(12)]] * 2
     )
     assert evaluation.sizes.sum() == 24
-    again = evaluate(code, labels, source, replace(options, resume=True), tmp_path / "parts")
+    again = evaluate(code, labels, mini_meshes, replace(options, resume=True), tmp_path / "parts")
     np.testing.assert_array_equal(again.predictions, evaluation.predictions)
     np.testing.assert_array_equal(again.seconds, evaluation.seconds)  # kept, not run again
 
 
 def test_what_is_not_trained_is_run_once_and_a_model_trained_for_itself_refused(
-    predictor_file, mini_truth, source, tmp_path
+    predictor_file, mini_truth, mini_meshes, tmp_path
 ):
     labels = folded(mini_truth)
     code = predictor_file(UNTRAINED.replace("KIND", "classical"))
-    assert (evaluate(code, labels, source, Options(), tmp_path / "a").predictions == 1).all()
+    assert (evaluate(code, labels, mini_meshes, Options(), tmp_path / "a").predictions == 1).all()
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["seed-0"]
     code = predictor_file(UNTRAINED.replace("KIND", "learned"))
     message = "is learned, .* and the protocol grouped asks for a training of its own, 1.0-mini/1"
     with pytest.raises(PredictorError, match=message):
-        evaluate(code, labels, source, Options(), tmp_path / "b")
+        evaluate(code, labels, mini_meshes, Options(), tmp_path / "b")
 
 
 @pytest.fixture(scope="module")
-def held_out(parts, make_submission):
+def held_out(parts, make_row):
     """A solver; a model that is 1 % off, 5 % where genus was held out; one run i.i.d. only."""
 
     def made(name, protocol, factor, **model):
         labels = parts[protocol]
-        return submission.read(make_submission(name, labels.eigenvalues * factor, labels, **model))
+        return make_row(name, labels.eigenvalues * factor, labels, **model)
 
     whole = [
         made("Solver", "grouped", 1.001, kind="classical", training_data="none"),
@@ -198,10 +189,10 @@ def test_readme_shows_what_the_first_rows_lose(held_out):
     ]
 
 
-def test_what_is_trained_on_another_version_has_no_drop(parts, make_submission):
+def test_what_is_trained_on_another_version_has_no_drop(parts, make_row):
     model = {"kind": "learned", "training_data": "synthNet 1.0-small train, grouped"}
     whole, genus = (
-        submission.read(make_submission("M", labels.eigenvalues * 1.01, labels, **model))
+        make_row("M", labels.eigenvalues * 1.01, labels, **model)
         for labels in (parts["grouped"], parts["genus"])
     )
     board = generalisation.Board(ranking.ranked([whole]), {"genus": [genus]})
@@ -258,37 +249,31 @@ def test_submit_says_that_a_remark_stays(held_out, eigbench, tmp_path):
     assert f"the remark on the earlier result stays: {location}" in out
 
 
-def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(
-    held_out, parts, make_submission, tmp_path
-):
+def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(held_out, make_row, tmp_path):
     _, model = held_out
     leaderboard.add(model, tmp_path)
     with pytest.raises(ResultError, match="Model has a result under genus and none under grouped"):
         leaderboard.read(tmp_path)
     labels = truth.load("2.0-mini", "test", "family/pretzel")
-    single = submission.read(make_submission("Model", labels.eigenvalues, labels))
+    single = make_row("Model", labels.eigenvalues, labels)
     with pytest.raises(ResultError, match=r"is of family/pretzel alone: .* --protocol family"):
         leaderboard.add(single, tmp_path)
 
 
-def test_a_model_that_says_nothing_of_its_training_is_not_taken_for_untrained(
-    parts, make_submission
-):
+def test_a_model_that_says_nothing_of_its_training_is_not_taken_for_untrained(parts, make_row):
     labels = parts["grouped"]
     values = labels.eigenvalues * 1.01
-    silent = submission.read(make_submission("Silent", values, labels, kind="learned"))
+    silent = make_row("Silent", values, labels, kind="learned")
     silent.result["model"].pop("training_data", None)
     board = generalisation.Board(ranking.ranked([silent]), {})
     assert board.scored(silent, "genus", "rpd") == generalisation.HeldOut(None)
 
 
-def test_the_drop_is_between_the_same_seeds(parts, make_submission):
+def test_the_drop_is_between_the_same_seeds(parts, make_row):
     whole, genus = parts["grouped"], parts["genus"]
     factors = np.array([1.01, 1.5, 1.5])[:, None, None]
-    three = submission.read(
-        make_submission("M", whole.eigenvalues * factors, whole, kind="learned")
-    )
-    single = submission.read(make_submission("M", genus.eigenvalues * 1.01, genus, kind="learned"))
+    three = make_row("M", whole.eigenvalues * factors, whole, kind="learned")
+    single = make_row("M", genus.eigenvalues * 1.01, genus, kind="learned")
     board = generalisation.Board(ranking.ranked([three]), {"genus": [single]})
     assert board.scored(three, "genus", "rpd").drop == pytest.approx(0)
 
@@ -302,46 +287,42 @@ def test_the_drop_is_between_the_same_seeds(parts, make_submission):
     ],
     ids=["other digests", "no file in common", "other weights"],
 )
-def test_a_drop_between_two_codes_is_refused(held_out, parts, make_submission, tmp_path, change):
+def test_a_drop_between_two_codes_is_refused(held_out, parts, make_row, tmp_path, change):
     files = held_out[1].result["model"]["sources"]
-    rows = []
     for part, sources in (
         ("grouped", {**files, "b.safetensors": "1" * 64}),
         ("genus", change(files)),
     ):
         labels = parts[part]
-        path = make_submission("Model", labels.eigenvalues, labels, kind="learned", sources=sources)
-        rows.append(submission.read(path))
-    for row in rows:
+        row = make_row("Model", labels.eigenvalues, labels, kind="learned", sources=sources)
         leaderboard.add(row, tmp_path)
     with pytest.raises(ResultError, match="are of other code, or other weights"):
         leaderboard.read(tmp_path)
 
 
 def test_a_file_that_an_earlier_release_did_not_name_is_no_other_code(
-    held_out, parts, make_submission, tmp_path
+    held_out, parts, make_row, tmp_path
 ):
     whole, model = held_out
     more = {**model.result["model"]["sources"], "features.parquet": "0" * 64}
-    again = make_submission(
-        "Model", parts["genus"].eigenvalues, parts["genus"], kind="learned", sources=more
-    )
-    for row in (whole[1], submission.read(again)):
+    genus = parts["genus"]
+    again = make_row("Model", genus.eigenvalues, genus, kind="learned", sources=more)
+    for row in (whole[1], again):
         leaderboard.add(row, tmp_path)
     assert len(leaderboard.read(tmp_path)) == 2
 
 
-def test_a_solver_of_two_codes_is_shown_because_no_drop_is(parts, make_submission, tmp_path):
+def test_a_solver_of_two_codes_is_shown_because_no_drop_is(parts, make_row, tmp_path):
     other = {"solver.py": "0" * 64}
     for labels, more in ((parts["grouped"], {}), (parts["genus"], {"sources": other})):
-        path = make_submission(
+        row = make_row(
             "Solver", labels.eigenvalues, labels, kind="classical", training_data="none", **more
         )
-        leaderboard.add(submission.read(path), tmp_path)
+        leaderboard.add(row, tmp_path)
     assert len(leaderboard.read(tmp_path)) == 2
 
 
-def test_the_answer_has_every_row_and_the_solver_by_size(held_out, parts, make_submission):
+def test_the_answer_has_every_row_and_the_solver_by_size(held_out):
     whole, model = held_out
     genus = model.at("surface")
     rows = [row.at("surface") for row in whole]
@@ -370,7 +351,7 @@ def test_a_model_without_a_mark_is_named_with_the_reason(held_out, layout):
     assert ">2</text>" not in text
 
 
-def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, make_submission):
+def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out):
     whole, model = held_out
     rows = ranking.ranked([row.at("surface") for row in whole])
     board = generalisation.Board(
@@ -403,26 +384,24 @@ def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, m
         (1.02, None),  # farther than the solver
     ],
 )
-def test_a_nearer_row_without_training_has_a_sentence(
-    held_out, parts, make_submission, factor, sentence
-):
+def test_a_nearer_row_without_training_has_a_sentence(held_out, parts, make_row, factor, sentence):
     whole, model = held_out
     labels = parts["grouped"]
-    limits = submission.read(make_submission("Any", labels.eigenvalues, labels)).at("surface").truth
-    made = make_submission(
+    limits = make_row("Any", labels.eigenvalues, labels).at("surface").truth
+    bent = make_row(
         "Bent", limits.eigenvalues * factor, labels, kind="classical", training_data="none"
     )
-    rows = ranking.ranked([row.at("surface") for row in [*whole, submission.read(made)]])
+    rows = ranking.ranked([row.at("surface") for row in [*whole, bent]])
     board = generalisation.Board(rows, {"family": [model.at("surface")]})
     *_, last = answer_figure.sentences(board, solver="solver").splitlines()
     assert last.startswith(sentence or "3. ")
 
 
-def test_errors_by_size_are_those_of_the_shapes_of_that_size(parts, make_submission):
+def test_errors_by_size_are_those_of_the_shapes_of_that_size(parts, make_row):
     labels = parts["grouped"]
     number = np.array([int(shape[-5:]) % 3 for shape in labels.shapes])
     values = labels.eigenvalues * (1.1 + 0.1 * number)[:, None]
-    row = submission.read(make_submission("Sizes", values, labels))
+    row = make_row("Sizes", values, labels)
     expected = [10 * share / (2 + share) for share in (0.1, 0.2, 0.3)]
     assert list(answer_figure.by_size(row)) == ["coarse", "medium", "fine"]
     np.testing.assert_allclose(list(answer_figure.by_size(row).values()), expected)

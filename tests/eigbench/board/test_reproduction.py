@@ -11,7 +11,6 @@ from typing import Any
 
 import filelock
 import pytest
-from eigbench.results import submission
 
 from baselines.gcn import queue, weights
 from baselines.gcn.configs import CONFIGS, PAPER
@@ -64,10 +63,10 @@ def test_what_was_not_run_says_so(directory: Path) -> None:
     [(1.01, 4.0, "yes"), (4.0, 1.01, "no, the reverse"), (1.01, 1.01, "not decided")],
 )
 def test_findings_are_judged_by_paired_intervals(
-    directory, make_submission, mini_truth, monkeypatch, better, worse, verdict
+    directory, make_row, mini_truth, monkeypatch, better, worse, verdict
 ):
     made = {
-        config: submission.read(make_submission(config, mini_truth.eigenvalues * factor))
+        config: make_row(config, mini_truth.eigenvalues * factor)
         for config, factor in (
             ("table1-rpd-scale-free", better),
             ("table1-polar-scale-free", worse),
@@ -202,7 +201,7 @@ def test_a_training_killed_before_it_wrote_its_weights_goes_on_to_do_so(ran, tmp
     assert queue.left(training, out) == 0
 
 
-def test_what_was_scored_before_it_had_converged_is_not_finished(ran, tmp_path, monkeypatch):
+def test_what_was_scored_before_it_had_converged_is_not_finished(ran, monkeypatch):
     monkeypatch.setattr(queue.Training, "scored", lambda training: True)
     by_rule, by_clock = queue.Training("table1-rpd-scale-free"), queue.Training("table1-rpd")
     assert not by_rule.finished()  # there are no weights

@@ -160,7 +160,7 @@ def fractions(value):
     return [value] if isinstance(value, float) else []
 
 
-def test_no_score_has_more_than_three_digits(eigbench, score, sealed_set, answers, weyl, tmp_path):
+def test_no_score_has_more_than_three_digits(eigbench, score, sealed_set, weyl, tmp_path):
     out = tmp_path / "entry.json"
     where = ["--sealed", sealed_set.published, "--root", sealed_set.home]
     code, _, err = eigbench("evaluate", weyl.code, *where, "--no-reference", "--out", out)
@@ -178,9 +178,7 @@ def test_no_score_has_more_than_three_digits(eigbench, score, sealed_set, answer
         assert [x for x in numbers if float(f"{x:.3g}") != x] == []
 
 
-def test_every_score_is_noted_before_it_is_told(
-    eigbench, score, sealed_set, sealed_truth, answers, tmp_path, monkeypatch
-):
+def test_every_score_is_noted_before_it_is_told(eigbench, score, sealed_set, answers, tmp_path):
     dataset = store.open_dataset(sealed_set.seal.dataset, sealed_set.home)
     log = queries.log_of(dataset)
     log.unlink(missing_ok=True)

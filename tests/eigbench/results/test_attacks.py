@@ -108,12 +108,9 @@ def folder_link(path: Path) -> None:
     parquet()(path)
 
 
-def parquet(
-    ids: Any = IDS, values: Any = None, *, seeds: Any = None, patch: Any = None, **how: Any
-) -> Make:
+def parquet(ids: Any = IDS, values: Any = None, *, patch: Any = None, **how: Any) -> Make:
     def make(path: Path) -> None:
         columns = {"id": ids, "eigenvalues": VALUES.tolist() if values is None else values}
-        columns |= {} if seeds is None else {"seed": seeds}
         pq.write_table(pa.table(columns), path, **how)
         if patch is not None:
             path.write_bytes(patch(path.read_bytes()))

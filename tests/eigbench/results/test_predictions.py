@@ -90,24 +90,28 @@ def test_values_that_are_not_finite_survive_the_round_trip(split, values, tmp_pa
     np.testing.assert_array_equal(predictions.read(tmp_path / "p.parquet", split), broken)
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_missing_id_is_refused(split, values, suffix, tmp_path):
-    path = save(tmp_path / f"p{suffix}", split.ids[1:], values[1:])
-    with pytest.raises(PredictionsError, match=f"lacks {split.ids[0]} .1.0-mini, test, grouped"):
-        predictions.read(path, split)
+# Ids and values of a file, of those of the split, and what is said of it; {0} is the first id.
+WRONG = {
+    "an id missing": (lambda ids, v: (ids[1:], v[1:]), "lacks {0} .1.0-mini, test, grouped"),
+    "an id of no split": (
+        lambda ids, v: ([*ids, "cone-9/0"], [*v, v[0]]),
+        "has ids that are not in the split: cone-9/0",
+    ),
+    "an id twice": (lambda ids, v: ([*ids, ids[4]], [*v, v[4]]), "predicts twice {4}"),
+    "too few eigenvalues": (lambda ids, v: (ids, v[:, :9]), r"shape \(20, 9\)|lambda_10"),
+    "too many eigenvalues": (
+        lambda ids, v: (ids, np.hstack([v, v[:, :1]])),
+        r"shape \(20, 11\)|lambda_11",
+    ),
+}
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_extra_id_is_refused(split, values, suffix, tmp_path):
-    path = save(tmp_path / f"p{suffix}", [*split.ids, "cone-9/0"], [*values, values[0]])
-    with pytest.raises(PredictionsError, match="has ids that are not in the split: cone-9/0"):
-        predictions.read(path, split)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_id_that_is_there_twice_is_refused(split, values, suffix, tmp_path):
-    path = save(tmp_path / f"p{suffix}", [*split.ids, split.ids[4]], [*values, values[4]])
-    with pytest.raises(PredictionsError, match=f"predicts twice {split.ids[4]}"):
+@pytest.mark.parametrize("what", WRONG)
+def test_file_that_is_not_of_the_split_is_refused(split, values, what, suffix, tmp_path):
+    change, message = WRONG[what]
+    path = save(tmp_path / f"p{suffix}", *change(split.ids, values))
+    with pytest.raises(PredictionsError, match=message.format(*split.ids)):
         predictions.read(path, split)
 
 
@@ -128,20 +132,6 @@ def test_seed_that_lacks_an_id_is_refused(split, values, suffix, tmp_path):
         [0] * 20 + [1] * 19,
     )
     with pytest.raises(PredictionsError, match=f"lacks {split.ids[-1]}"):
-        predictions.read(path, split)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_too_few_eigenvalues_are_refused(split, values, suffix, tmp_path):
-    path = save(tmp_path / f"p{suffix}", split.ids, values[:, :9])
-    with pytest.raises(PredictionsError, match=r"shape \(20, 9\)|lambda_10"):
-        predictions.read(path, split)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_too_many_eigenvalues_are_refused(split, values, suffix, tmp_path):
-    path = save(tmp_path / f"p{suffix}", split.ids, np.hstack([values, values[:, :1]]))
-    with pytest.raises(PredictionsError, match=r"shape \(20, 11\)|lambda_11"):
         predictions.read(path, split)
 
 

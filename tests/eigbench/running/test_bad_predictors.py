@@ -219,7 +219,7 @@ def test_what_was_computed_before_a_failure_is_kept_and_resumed(how, evaluate, i
     assert whole["predictions"] == result["predictions"]
 
 
-def test_changed_code_starts_anew(evaluate, ids, tmp_path):
+def test_changed_code_starts_anew(evaluate, tmp_path):
     path = tmp_path / "fails.py"
     path.write_text(PRELUDE + FAILS_IN_BATCH_2.format(how="raise RuntimeError"))
     assert evaluate("", path=path)[0] == 2
@@ -235,7 +235,7 @@ def test_changed_code_starts_anew(evaluate, ids, tmp_path):
 @pytest.mark.parametrize(
     "beside", ["sibling.py", pytest.param("fails.npz", marks=pytest.mark.slow)]
 )
-def test_changed_sibling_starts_anew(evaluate, ids, tmp_path, beside):
+def test_changed_sibling_starts_anew(evaluate, tmp_path, beside):
     path = tmp_path / "fails.py"
     (tmp_path / "sibling.py").write_text("x = 1\n")
     (tmp_path / "fails.npz").write_bytes(b"weights")

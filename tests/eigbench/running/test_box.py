@@ -1,5 +1,6 @@
 """The box: what a predictor in it cannot reach, and what it answers there all the same."""
 
+import contextlib
 import importlib.util
 import os
 import py_compile
@@ -256,11 +257,8 @@ def test_a_file_beside_the_code_that_never_ends_is_not_read(predictor_file, make
 
 
 def test_a_folder_that_a_process_has_closed_is_removed(predictor_file):
-    made = box.Box(
-        predictor_file("def predict(meshes): ..."),
-        "2.0/grouped",
-        box.Settings(sandbox=box.LANDLOCK),
-    )
+    file = predictor_file("def predict(meshes): ...")
+    made = box.Box(file, "2.0/grouped", box.Settings(sandbox=box.LANDLOCK))
     closed = made.private / "closed"
     closed.mkdir()
     (closed / "left").touch()
@@ -277,11 +275,9 @@ def test_labels_are_handed_over_to_a_predictor_that_asks_for_a_training(
 ):
     monkeypatch.setattr(box, "hand_over", lambda training, folder: (folder / training).touch())
     file = predictor_file(f'META = {{"training_data": "none"}}\ndef load({parameters}): ...')
-    made = box.Box(file, "labels-of-a-training", box.Settings(sandbox=box.LANDLOCK))
-    try:
+    settings = box.Settings(sandbox=box.LANDLOCK)
+    with contextlib.closing(box.Box(file, "labels-of-a-training", settings)) as made:
         assert (made.folder / "labels" / "labels-of-a-training").exists() == asks
-    finally:
-        made.close()
 
 
 def test_kernels_are_copied_as_the_code_is_now(predictor_file, tmp_path, monkeypatch):
@@ -291,15 +287,10 @@ def test_kernels_are_copied_as_the_code_is_now(predictor_file, tmp_path, monkeyp
     for name in (now, "fem.f_0123456789ab-1.py311.nbi", "fem.g-1.py311.nbi"):
         (kept / name).touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(kept.parent))
-    made = box.Box(
-        predictor_file("def predict(meshes): ..."),
-        "2.0/grouped",
-        box.Settings(sandbox=box.LANDLOCK),
-    )
-    try:
+    file = predictor_file("def predict(meshes): ...")
+    settings = box.Settings(sandbox=box.LANDLOCK)
+    with contextlib.closing(box.Box(file, "2.0/grouped", settings)) as made:
         copied = [path.name for path in made.private.rglob("*.nbi")]
-    finally:
-        made.close()
     assert copied == [now]
 
 

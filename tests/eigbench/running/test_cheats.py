@@ -14,8 +14,6 @@ from eigbench.running.box import Settings
 from eigbench.running.evaluate import Options, evaluate, predict_meshes
 from eigbench.running.process import PredictorProcess
 
-from synthnet import store
-
 pytestmark = pytest.mark.attack
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
 
@@ -33,10 +31,9 @@ def predict(meshes):
 """
 
 
-def test_who_counts_the_questions_answers_others(predictor_file, mini_truth, mini_home, tmp_path):
+def test_who_counts_the_questions_answers_others(predictor_file, mini_truth, mini_meshes, tmp_path):
     np.save(tmp_path / "table.npy", mini_truth.eigenvalues[mini_truth.order])
-    source = meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
-    question = (predictor_file(COUNTS), mini_truth, source, Options(batch_size=16))
+    question = (predictor_file(COUNTS), mini_truth, mini_meshes, Options(batch_size=16))
     predicted = evaluate(*question, tmp_path / "parts").predictions[0]
     assert np.isfinite(predicted).all()
     assert (predicted == mini_truth.eigenvalues).all(axis=1).mean() < 0.1
@@ -56,11 +53,10 @@ def predict(meshes):
 
 
 def test_a_clock_that_is_stopped_in_the_predictors_process_stops_nothing(
-    predictor_file, mini_truth, mini_home, tmp_path
+    predictor_file, mini_truth, mini_meshes, tmp_path
 ):
-    labels = mini_truth.head(3)
-    source = meshes.read(store.open_dataset("1.0-mini", mini_home), labels.ids)
-    evaluation = evaluate(predictor_file(CLOCKLESS), labels, source, Options(), tmp_path / "parts")
+    question = (predictor_file(CLOCKLESS), mini_truth.head(3), mini_meshes, Options())
+    evaluation = evaluate(*question, tmp_path / "parts")
     assert evaluation.seconds.min() >= 0.2
 
 

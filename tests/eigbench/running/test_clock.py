@@ -10,10 +10,8 @@ import pytest
 from eigbench.board import leaderboard
 from eigbench.commands.timing import described
 from eigbench.errors import EigbenchError, PredictorError
-from eigbench.results import submission, timing
-from eigbench.running import box, clock, meshes
-
-from synthnet import store
+from eigbench.results import timing
+from eigbench.running import box, clock
 
 SLOW = "import time\nimport numpy as np\nMETA = {'name': 'NAME', 'kind': 'classical'}\n" + (
     "def predict(meshes):\n"
@@ -30,14 +28,13 @@ def two(predictor_file):
     ]
 
 
-def test_every_predictor_gets_every_batch_and_batches_go_by_size(two, mini_truth, mini_home):
+def test_every_predictor_gets_every_batch_and_batches_go_by_size(two, mini_truth, mini_meshes):
     labels = clock.shapes_of(mini_truth, 14)
-    instances = meshes.read(store.open_dataset("1.0-mini", mini_home), labels.ids)
     steps = []
     timed = clock.together(
         two,
         labels,
-        instances,
+        mini_meshes,
         batch_size=3,
         repeats=2,
         settings=box.Settings(),
@@ -54,27 +51,25 @@ def test_every_predictor_gets_every_batch_and_batches_go_by_size(two, mini_truth
 
 
 @pytest.mark.skipif(box.available() == box.NONE, reason="no sandbox works here")
-def test_predictors_are_timed_in_the_box(predictor_file, mini_truth, mini_home, tmp_path):
+def test_predictors_are_timed_in_the_box(predictor_file, mini_truth, mini_meshes, tmp_path):
     secret = tmp_path / "elsewhere" / "labels.csv"
     secret.parent.mkdir()
     secret.write_text("1,2,3")
     file = predictor_file(f"open({str(secret)!r})\ndef predict(meshes): ...", "spy.py")
     labels = clock.shapes_of(mini_truth, 4)
-    instances = meshes.read(store.open_dataset("1.0-mini", mini_home), labels.ids)
     how = {"batch_size": 2, "repeats": 1, "settings": box.Settings(sandbox=box.available())}
     with pytest.raises(PredictorError, match=r"the sandbox shows the predictor's own files"):
-        clock.together([file], labels, instances, **how)
+        clock.together([file], labels, mini_meshes, **how)
 
 
-def test_no_shape_is_asked_twice_and_the_batches_of_a_size_are_alike(mini_truth, mini_home):
+def test_no_shape_is_asked_twice_and_the_batches_of_a_size_are_alike(mini_truth, mini_meshes):
     labels = clock.shapes_of(mini_truth, 14)
     assert len(set(labels.shapes.tolist())) == 14
-    instances = meshes.read(store.open_dataset("1.0-mini", mini_home), labels.ids)
-    groups = clock.by_size(labels, instances, 3, 2)
+    groups = clock.by_size(labels, mini_meshes, 3, 2)
     assert [[len(batch) for batch in group] for group in groups] == [[3, 3], [3, 3], [1, 1]]
     asked = [id for group in groups for batch in group for id in batch]
     assert sorted(asked) == sorted(labels.ids)
-    sizes = [instances.vertices([id for batch in group for id in batch]) for group in groups]
+    sizes = [mini_meshes.vertices([id for batch in group for id in batch]) for group in groups]
     assert all(a.max() <= b.min() for a, b in itertools.pairwise(sizes))
 
 
@@ -110,7 +105,7 @@ def test_times_are_of_the_files_that_a_result_names(sources, counts):
 
 @pytest.mark.slow
 def test_command_writes_times_that_the_board_shows(
-    eigbench, two, mini_home, mini_truth, make_submission, tmp_path
+    eigbench, two, mini_home, mini_truth, make_row, tmp_path
 ):
     board = tmp_path / "board"
     out = board / "benchmark" / "timing" / "1.0-mini.json"
@@ -124,14 +119,14 @@ def test_command_writes_times_that_the_board_shows(
     assert times["vertices"] == sorted(times["vertices"])
     assert slow["cost"]["peers"]["slow"] == {"ratio": 1.0, "low": 1.0, "high": 1.0}
     assert fast["cost"]["peers"]["slow"]["ratio"] > 2
-    known = make_submission(
+    known = make_row(
         "fast", mini_truth.eigenvalues * 1.01, code=fast["code"], sources=fast["sources"]
     )
-    changed = make_submission(
+    changed = make_row(
         "slow", mini_truth.eigenvalues * 1.02, code="slow.py", sources={"slow.py": "0" * 64}
     )
-    for path in (known, changed):
-        leaderboard.add(submission.read(path), board)
+    for row in (known, changed):
+        leaderboard.add(row, board)
     rows = {row.name: row for row in leaderboard.read(board)}
     assert rows["fast"].result["cost"]["ms_per_mesh"] == fast["cost"]["ms_per_mesh"]
     assert rows["slow"].result["cost"]["ms_per_mesh"] != slow["cost"]["ms_per_mesh"]
@@ -158,7 +153,7 @@ def test_a_peer_that_is_named_like_the_reference_does_not_replace_it():
     assert cost["peers"]["LaPy"]["ratio"] == 1
 
 
-def test_a_peer_that_is_not_timed_is_one_line(eigbench, two, tmp_path):
+def test_a_peer_that_is_not_timed_is_one_line(eigbench, two):
     code, _, err = eigbench("time", two[0], "--against", two[1])
     assert code == 2
     assert "slow.py: name it among the predictors too" in err

@@ -16,6 +16,7 @@ from eigbench.running import predictor, record
 from eigbench.running.meshes import view
 
 from synthnet import store
+from synthnet.mesh.geometry import volume
 from synthnet.types import Mesh
 from tests.eigbench.conftest import WEYL
 
@@ -197,26 +198,15 @@ def test_every_key_of_meta_is_allowed_by_the_schema_of_results():
         ("['Net']", "META must be a dict, got list"),
         ("{'title': 'Net'}", "META has the unknown key title; it may have name, kind, authors"),
         ("{'kind': 'magic'}", "META kind must be one of trivial, classical, learned"),
+        ("{'name': ''}", "META name must have 1 to 80 characters"),
+        (f"{{'name': {'x' * 81!r}}}", "META name must have 1 to 80 characters"),
+        ("{1: 'a', 'b': 'c'}", "META has the unknown key 1, b; it may have"),
+        (f"{{'paper': {'x' * 301!r}}}", "META paper must be one line of at most 300 characters"),
+        ("{'training_data': 'a\\nb'}", "META training_data must be one line of at most"),
     ],
 )
-def test_wrong_meta_is_refused(predictor_file, meta, message):
+def test_wrong_meta_is_refused_before_anything_is_run(predictor_file, meta, message):
     with pytest.raises(PredictorError, match=message):
-        predictor.load(predictor_file(f"META = {meta}\n{FUNCTION}"))
-
-
-@pytest.mark.parametrize(
-    "meta",
-    [
-        "{'name': ''}",
-        f"{{'name': {'x' * 81!r}}}",
-        "{1: 'a', 'b': 'c'}",
-        f"{{'paper': {'x' * 301!r}}}",
-        "{'training_data': 'a\\nb'}",
-    ],
-    ids=["no name", "long name", "keys of two types", "long paper", "two lines"],
-)
-def test_meta_that_a_result_cannot_hold_is_refused_before_anything_is_run(predictor_file, meta):
-    with pytest.raises(PredictorError, match="META"):
         predictor.load(predictor_file(f"META = {meta}\n{FUNCTION}"))
 
 
@@ -260,6 +250,11 @@ def test_file_that_is_not_python_is_refused(predictor_file):
             "class Predictor:\n    def __init__(self): raise FileNotFoundError('weights.pt')",
             r"failed to load: FileNotFoundError: weights\.pt",
         ),
+        (
+            "class Predictor:\n    def __init__(self): raise SystemExit(3)",
+            "failed to load: SystemExit: 3",
+        ),
+        ("def load(device, seed): raise SystemExit(3)", "failed to load: SystemExit: 3"),
         ("def load(device, seed): return None", "a NoneType has no method predict"),
         ("def load(): return None", r"load\(\) cannot be called as load\(device, seed\): too many"),
         ("model = 3", r"model must be a torch\.nn\.Module, got int"),
@@ -273,19 +268,6 @@ def test_file_that_does_not_load_says_why_on_one_line(predictor_file, code, mess
         predictor.load(predictor_file(code))
     assert "\n" not in str(caught.value)
     assert "my_model.py" in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    "code",
-    [
-        "class Predictor:\n    def __init__(self): raise SystemExit(3)",
-        "def load(device, seed): raise SystemExit(3)",
-    ],
-    ids=["class", "load"],
-)
-def test_exit_in_a_later_door_is_refused_as_at_import(predictor_file, code):
-    with pytest.raises(PredictorError, match="failed to load: SystemExit: 3"):
-        predictor.load(predictor_file(code))
 
 
 # --- answers ---------------------------------------------------------------------------
@@ -339,12 +321,11 @@ def test_answer_that_is_no_batch_of_spectra_is_refused(answer, message):
 
 
 @pytest.fixture(scope="module")
-def seen(mini_home, mini_truth):
+def seen(mini_meshes, mini_truth):
     """29 instances as they are handed over: all of a few shapes, and one of others."""
     chosen = [*mini_truth.ids[:9], *mini_truth.head(20).ids]
     ids = [id for id in mini_truth.ids if id in set(chosen)]
-    read = instances.read(store.open_dataset("1.0-mini", mini_home), ids)
-    meshes = {id: read.mesh(id) for id in ids}
+    meshes = {id: mini_meshes.mesh(id) for id in ids}
     assert len(meshes) == 29
     return meshes, ids
 
@@ -406,14 +387,6 @@ def test_instances_of_a_shape_are_isometric_and_face_outwards(seen):
     shape = ids[0].rpartition("/")[0]
     copies = [mesh for id, mesh in meshes.items() if id.startswith(f"{shape}/")]
     assert len(copies) == 9
-
-    def corners(mesh):
-        return (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-
-    def volume(mesh):
-        a, b, c = corners(mesh)
-        return np.einsum("ij,ij->", a, np.cross(b, c)) / 6
-
     first = volume(copies[0])
     assert first > 0
     np.testing.assert_allclose([volume(mesh) for mesh in copies], first, rtol=1e-9)
@@ -442,10 +415,7 @@ def test_sources_are_the_files_beside_it_and_nothing_that_is_no_file(
     assert set(sources) == {"my_model.py", "my_model.npz", "a_sibling.py", "a_sibling.parquet"}
 
 
-def test_sources_of_a_directory_that_the_file_puts_on_the_path(
-    predictor_file, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(sys, "path", list(sys.path))
+def test_sources_of_a_directory_that_the_file_puts_on_the_path(predictor_file, tmp_path):
     shared = tmp_path / "shared" / "a_package"
     shared.mkdir(parents=True)
     (shared / "__init__.py").write_text("")

@@ -17,9 +17,9 @@ from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_mes
 from eigbench.running.process import Loaded, PredictorProcess, Status
 from eigbench.scoring import physics
 
-from synthnet import store
 from synthnet.kernels import processor
 from synthnet.types import Mesh
+from tests.eigbench.conftest import ONES
 
 SPY = """
 import gc, re, sys
@@ -52,19 +52,13 @@ def predict(meshes):
 """
 
 
-@pytest.fixture(scope="module")
-def source(mini_home, mini_truth):
-    """The meshes of the test split."""
-    return meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
-
-
 @pytest.fixture
-def run(predictor_file, source, tmp_path):
+def run(predictor_file, mini_meshes, tmp_path):
     """Return a function that evaluates code on some of the test split, with options."""
 
     def evaluated(code, labels, **options):
         path = predictor_file(code)
-        return evaluate(path, labels, source, Options(**options), tmp_path / "parts")
+        return evaluate(path, labels, mini_meshes, Options(**options), tmp_path / "parts")
 
     return evaluated
 
@@ -120,14 +114,14 @@ def predict(meshes):
 
 @pytest.mark.attack
 def test_meshes_come_in_an_order_drawn_anew_and_copies_of_shapes_come_last(
-    predictor_file, mini_truth, source, tmp_path
+    predictor_file, mini_truth, mini_meshes, tmp_path
 ):
     code = predictor_file(SIZES)
-    expected = [len(source.shapes[shape].vertices) for shape in mini_truth.shapes.tolist()]
+    expected = [len(mini_meshes.shapes[shape].vertices) for shape in mini_truth.shapes.tolist()]
     orders = []
     for run in range(2):
         options = Options(batch_size=20)
-        result = evaluate(code, mini_truth, source, options, tmp_path / f"parts-{run}")
+        result = evaluate(code, mini_truth, mini_meshes, options, tmp_path / f"parts-{run}")
         np.testing.assert_array_equal(result.predictions[0, :, 0], expected)  # in the truth's order
         assert result.sizes.tolist() == [20, 14, *[20] * 13, 12]
         assert result.new.tolist() == [True] * 2 + [False] * 14
@@ -135,7 +129,7 @@ def test_meshes_come_in_an_order_drawn_anew_and_copies_of_shapes_come_last(
         code.with_suffix(".seen").unlink()
         orders.append(batches)
         new = sorted(size for batch in batches[:2] for size in batch.split())
-        assert new == sorted(str(len(mesh.vertices)) for mesh in source.shapes.values())
+        assert new == sorted(str(len(mesh.vertices)) for mesh in mini_meshes.shapes.values())
     assert orders[0] != orders[1]
 
 
@@ -286,9 +280,9 @@ def test_lapys_time_is_kept_with_an_interrupted_run(run, peer, mini_truth, tmp_p
         assert part["reference_seconds"] >= 0.01
 
 
-def test_reference_answers_the_labels(mini_truth, source):
+def test_reference_answers_the_labels(mini_truth, mini_meshes):
     ids = mini_truth.ids[:3]
-    answers = reference.predict([source.mesh(id) for id in ids])
+    answers = reference.predict([mini_meshes.mesh(id) for id in ids])
     assert answers == pytest.approx(mini_truth.eigenvalues[:3], rel=1e-8)
 
 
@@ -316,8 +310,7 @@ def test_device_that_is_not_there_is_refused():
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_peak_memory_is_of_the_predictors_process_alone(run, mini_truth):
     ballast = np.ones(2**27)  # 1 GiB in this process
-    code = "import numpy as np\ndef predict(meshes): return np.ones((len(meshes), 10))\n"
-    assert run(code, mini_truth.head(10)).status.peak_bytes < ballast.nbytes / 2
+    assert run(ONES, mini_truth.head(10)).status.peak_bytes < ballast.nbytes / 2
 
 
 def test_failure_of_lapy_is_not_laid_on_the_predictor(run, peer, mini_truth):
@@ -327,8 +320,7 @@ def test_failure_of_lapy_is_not_laid_on_the_predictor(run, peer, mini_truth):
 
 
 def test_cpu_time_is_finer_than_a_clock_tick(predictor_file):
-    code = "import numpy as np\ndef predict(meshes): return np.ones((len(meshes), 10))\n"
-    with PredictorProcess(predictor_file(code), 10, Settings(), training="") as process:
+    with PredictorProcess(predictor_file(ONES), 10, Settings(), training="") as process:
         mesh = meshes.warming(1)
         seen = {process.predict(["a"], mesh).cpu_seconds for _ in range(20)}
     assert len(seen) > 10
@@ -415,10 +407,10 @@ def predict(meshes):
 
 @pytest.mark.attack
 def test_what_a_predictor_remembers_of_a_shape_is_no_speed(
-    predictor_file, mini_truth, source, tmp_path
+    predictor_file, mini_truth, mini_meshes, tmp_path
 ):
     code = predictor_file(REMEMBERS)
-    evaluation = evaluate(code, mini_truth, source, Options(batch_size=20), tmp_path / "parts")
+    evaluation = evaluate(code, mini_truth, mini_meshes, Options(batch_size=20), tmp_path / "parts")
     cost = record.cost(evaluation, Options(batch_size=20))
     assert cost["ms_per_mesh_mean"] > 5  # every new shape costs that
     assert cost["copies_ratio"] < 0.2

@@ -123,10 +123,6 @@ def number_of_faces(mesh):
     return weyl(mesh) * (1 + 1 / len(mesh.faces))
 
 
-def mean_of_the_vertices(mesh):
-    return weyl(mesh) * (1 + mesh.vertices.mean(axis=0)[0] ** 2 / areas(mesh).sum())
-
-
 def nothing_but_a_constant(mesh):
     return np.arange(1.0, 11.0)
 

@@ -149,10 +149,10 @@ def test_a_difference_that_the_bars_could_make_is_a_tie(pin, two, bar, verdict):
     assert ranks == ([(1, 2), (1, 2)] if verdict == "tie" else [(1, 1), (2, 2)])
 
 
-def test_what_is_not_finite_loses_whatever_the_floor(pin, two, make_submission, mini_truth):
+def test_what_is_not_finite_loses_whatever_the_floor(pin, two, make_row, mini_truth):
     values = mini_truth.eigenvalues.copy()
     values[7, 3] = np.nan
-    bad = submission.read(make_submission("Bad", values))
+    bad = make_row("Bad", values)
     pin(0.9, 0.5)
     both = bad.at("surface"), two[1][1].at("surface")
     assert ranking.difference(*both, "rpd").verdict == "b"

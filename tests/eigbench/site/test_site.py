@@ -18,7 +18,6 @@ from eigbench.board.markdown import cell
 from eigbench.errors import EigbenchError
 from eigbench.results import sources
 from eigbench.results.verification import is_verified
-from eigbench.running import meshes
 from eigbench.scoring import truth
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.targets import TARGETS
@@ -26,7 +25,6 @@ from eigbench.scoring.training import IMPORTED
 from eigbench.site import boards, bundle, origin, rows, shapes, write
 from eigbench.site.shapes import FACES, STEPS
 
-from synthnet import store
 from synthnet.mesh.open3d import decimate
 from synthnet.types import Mesh
 
@@ -476,13 +474,12 @@ def test_worst_and_median_shape_are_those_of_the_plotted_spectra(made_board):
     assert ranking.at_quantile(np.array([2.0, 1.0, 2.0, 1.0]), 1.0) == 2  # the last of the sorted
 
 
-def test_a_mesh_is_the_one_of_the_dataset(mini_home, mini_truth):
-    source = meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
+def test_a_mesh_is_the_one_of_the_dataset(mini_meshes, mini_truth):
     _, firsts = np.unique(mini_truth.families, return_index=True)
     assert len(firsts) == 10
     for i in firsts:
         mesh = shapes.generated(shapes.spec_of(mini_truth, mini_truth.shapes[i]))
-        kept = source.mesh(mini_truth.ids[i])  # the shape, or a rotated copy of it
+        kept = mini_meshes.mesh(mini_truth.ids[i])  # the shape, or a rotated copy of it
         np.testing.assert_array_equal(mesh.faces, kept.faces)
         edges = [np.diff(shape.vertices[shape.faces[:, :2]], axis=1) for shape in (mesh, kept)]
         np.testing.assert_allclose(*(np.linalg.norm(e, axis=2) for e in edges), rtol=1e-4)
@@ -628,7 +625,7 @@ def test_a_page_with_something_else_in_its_folder_is_not_replaced(made_content, 
     assert mine.read_text() == "mine"
 
 
-def test_a_folder_that_is_no_page_is_not_touched(eigbench, made_board, tmp_path):
+def test_a_folder_that_is_no_page_is_not_touched(eigbench, tmp_path):
     (tmp_path / "benchmark" / "results").mkdir(parents=True)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "index.html").write_text("mine")
@@ -646,21 +643,14 @@ def test_scripts_that_were_not_bundled_are_one_line(eigbench, tmp_path, monkeypa
     assert re.fullmatch(r"eigbench: .*dist has no index\.html: run `make page` .*\n", err)
 
 
-def change(page):
-    (page / "src" / "dom.js").write_text("// another")
-
-
-def add(page):
-    (page / "src" / "new.js").write_text("// new")
-
-
-def remove(page):
-    (page / "src" / "dom.js").unlink()
-
-
 @pytest.mark.parametrize(
     ("edit", "name"),
-    [(change, "src/dom.js"), (add, "src/new.js"), (remove, "src/dom.js")],
+    [
+        (lambda path: path.write_text("// another"), "src/dom.js"),
+        (lambda path: path.write_text("// new"), "src/new.js"),
+        (Path.unlink, "src/dom.js"),
+    ],
+    ids=["changed", "added", "removed"],
 )
 def test_scripts_of_other_sources_are_one_line(
     eigbench, bundled, tmp_path, monkeypatch, edit, name
@@ -669,7 +659,7 @@ def test_scripts_of_other_sources_are_one_line(
     shutil.copytree(bundled.parent, page, ignore=shutil.ignore_patterns("node_modules"))
     monkeypatch.setattr(bundle, "BUNDLE", page / "dist")
     assert not bundle.stale()
-    edit(page)
+    edit(page / name)
     (tmp_path / "benchmark" / "results").mkdir(parents=True)
     code, _, err = eigbench("site", "--board", tmp_path, "--out", tmp_path / "page")
     assert code == 2

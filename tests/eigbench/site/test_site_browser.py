@@ -33,14 +33,13 @@ def folders(made_content, real_content, tmp_path_factory):
 @pytest.fixture
 def visit(browser, folders) -> Iterator:
     """Return a function that opens a page; what it logs and asks of others fails the test."""
-    contexts, problems = [], []
+    pages, problems = [], []
 
     def opened(
         fragment: str = "", name: str = "made", size=WIDE, scheme="light", using=browser, **more
     ) -> Page:
-        context = using.new_context(viewport=size, color_scheme=scheme, **more)
-        contexts.append(context)
-        page = context.new_page()
+        page = using.new_page(viewport=size, color_scheme=scheme, **more)
+        pages.append(page)
         page.set_default_timeout(60_000)
 
         def check(route):
@@ -60,8 +59,8 @@ def visit(browser, folders) -> Iterator:
         return page
 
     yield opened
-    for context in contexts:
-        context.close()
+    for page in pages:
+        page.close()
     assert problems == []
 
 
@@ -360,7 +359,7 @@ def test_why_a_rank_shows_the_paired_difference_to_every_other_row(visit):
     expect(page.get_by_role("table", name="Beside Far")).to_have_count(0)
 
 
-def test_a_page_says_where_its_model_comes_from_and_how_to_cite_it(visit, real_board, browser):
+def test_a_page_says_where_its_model_comes_from_and_how_to_cite_it(visit, real_board):
     row = next(
         row
         for row in real_board[0]
@@ -487,14 +486,13 @@ def test_without_webgl_all_but_the_mesh_is_there(visit, launch):
     assert page.locator("canvas").count() == 0
 
 
-def test_a_file_that_is_missing_is_said(visit, folders, tmp_path, browser):
+def test_a_file_that_is_missing_is_said(folders, tmp_path, browser):
     shutil.copytree(folders / "made", tmp_path / "made")
     shutil.rmtree(tmp_path / "made" / "rows")
-    context = browser.new_context()
-    page = context.new_page()
+    page = browser.new_page()
     page.goto(f"{(tmp_path / 'made' / 'index.html').as_uri()}#board={FIRST}&model=far")
     expect(page.locator(".detail")).to_contain_text("cannot be loaded")
-    context.close()
+    page.close()
 
 
 # --- what the first view costs ------------------------------------------------------------
@@ -502,8 +500,7 @@ def test_a_file_that_is_missing_is_said(visit, folders, tmp_path, browser):
 
 @pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
 def test_the_first_view_loads_less_than_400_kb(browser, folders, size):
-    context = browser.new_context(viewport=size)
-    page = context.new_page()
+    page = browser.new_page(viewport=size)
     loaded = []
     page.on("request", lambda request: loaded.append(request.url))
     page.goto((folders / "real" / "index.html").as_uri())
@@ -512,12 +509,11 @@ def test_the_first_view_loads_less_than_400_kb(browser, folders, size):
     files = [Path(unquote(urlparse(url).path)) for url in loaded if url.startswith("file:")]
     assert {"page.js", "chart.js", "data.js", "style.css"} <= {file.name for file in files}
     assert sum(file.stat().st_size for file in files) < 400_000
-    context.close()
+    page.close()
 
 
 def test_the_table_does_not_wait_for_the_chart(browser, folders):
-    context = browser.new_context(viewport=PHONE)
-    page = context.new_page()
+    page = browser.new_page(viewport=PHONE)
     held = []
     page.route("**/chart.js", lambda route: held.append(route))  # neither answered nor refused
     with page.expect_request("**/chart.js"):
@@ -528,7 +524,7 @@ def test_the_table_does_not_wait_for_the_chart(browser, folders):
     expect(page.locator("#chart svg[role=img]")).to_have_count(0)
     held[0].continue_()
     expect(page.locator("#chart svg[role=img]").first).to_be_visible()
-    context.close()
+    page.close()
 
 
 @pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
@@ -576,7 +572,7 @@ def test_a_phone_has_a_card_a_row_and_sorts_by_any_column(visit, overflow):
     assert overflow(page) == 0
 
 
-def test_on_a_phone_a_rank_its_why_and_the_name_stand_apart(visit, real_board):
+def test_on_a_phone_a_rank_its_why_and_the_name_stand_apart(visit):
     page = visit(name="real", size={"width": 320, "height": 800})
     apart = """rows => rows.map(row => row.querySelector(".name").getBoundingClientRect().left
         - row.querySelector(".why").getBoundingClientRect().right)"""
@@ -671,12 +667,11 @@ FORBIDDEN = """() => new Promise((resolve) => {
 
 
 def test_the_policy_of_the_page_forbids_other_hosts(browser, folders):
-    context = browser.new_context()
-    page = context.new_page()
+    page = browser.new_page()
     page.goto((folders / "made" / "index.html").as_uri())
     # That the request fails is not enough: without a network it would without a policy
     assert page.evaluate(FORBIDDEN) == ["connect-src", "https://example.org/"]
-    context.close()
+    page.close()
 
 
 # --- what is missing or unknown ------------------------------------------------------------
@@ -685,20 +680,20 @@ def test_the_policy_of_the_page_forbids_other_hosts(browser, folders):
 @pytest.fixture
 def altered(browser, folders, tmp_path) -> Iterator:
     """Return a function that opens a copy of the page that was changed; it may log errors."""
-    contexts = []
+    pages = []
 
     def opened(alter) -> Page:
         folder = tmp_path / "altered"
         shutil.copytree(folders / "made", folder)
         alter(folder)
-        contexts.append(browser.new_context(viewport=WIDE))
-        page = contexts[-1].new_page()
+        page = browser.new_page(viewport=WIDE)
+        pages.append(page)
         page.goto(f"{(folder / 'index.html').as_uri()}#board={FIRST}")
         return page
 
     yield opened
-    for context in contexts:
-        context.close()
+    for page in pages:
+        page.close()
 
 
 @pytest.mark.parametrize(("name", "where"), [("data.js", "#status"), ("chart.js", "#chart")])

@@ -148,8 +148,7 @@ def test_every_link_of_every_board_and_model_leads_to_what_is_there(site, browse
 @pytest.mark.parametrize("size", [{"width": 1440, "height": 900}, PHONE], ids=["wide", "phone"])
 def test_a_word_is_searched_for_and_found_from_a_file(site, browser, size):
     phone = {"has_touch": True, "is_mobile": True} if size == PHONE else {}
-    context = browser.new_context(viewport=size, **phone)
-    page = context.new_page()
+    page = browser.new_page(viewport=size, **phone)
     page.goto((site / "docs" / "start.html").as_uri())
     field = page.get_by_role("searchbox").or_(page.locator("input[name=q]")).first
     if size == PHONE:
@@ -166,7 +165,7 @@ def test_a_word_is_searched_for_and_found_from_a_file(site, browser, size):
     page.wait_for_load_state()
     assert Path(unquote(urlparse(page.url).path)).is_file()
     expect(page.locator("article")).to_contain_text(re.compile("isospectral", re.IGNORECASE))
-    context.close()
+    page.close()
 
 
 @pytest.fixture
@@ -234,26 +233,24 @@ def pages_of_the_docs(site):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing_serious_in_the_docs(site, browser, violations, scheme):
-    context = browser.new_context(color_scheme=scheme, viewport={"width": 1440, "height": 900})
-    page = context.new_page()
+    page = browser.new_page(color_scheme=scheme, viewport={"width": 1440, "height": 900})
     serious = {}
     for path in pages_of_the_docs(site):
         page.goto(path.as_uri())
         for violation in violations(page):
             if re.match("serious|critical", violation):
                 serious.setdefault(violation, path.relative_to(site).as_posix())
-    context.close()
+    page.close()
     assert serious == {}
 
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_no_page_of_the_docs_scrolls_sideways(site, browser, overflow, width):
-    context = browser.new_context(viewport={"width": width, "height": 900})
-    page = context.new_page()
+    page = browser.new_page(viewport={"width": width, "height": 900})
     wide = []
     for path in pages_of_the_docs(site):
         page.goto(path.as_uri())
         if overflow(page):
             wide.append(path.relative_to(site).as_posix())
-    context.close()
+    page.close()
     assert wide == []
