@@ -1,14 +1,17 @@
 """What the workflows may do and run, and that what is installed has one version."""
 
 import json
+import platform
 import re
 import subprocess
 import sys
 import venv
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[2]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
@@ -52,6 +55,39 @@ def test_every_package_has_one_version() -> None:
     ]
     assert [line for line in lines if not re.fullmatch(r"[\w.-]+==[\w.]+", line)] == []
     assert len(pins()) == len(lines)
+
+
+def needed(*requirements: str) -> set[str]:
+    """Return what these requirements bring on this machine, by its name."""
+    seen: set[tuple[str, str]] = set()
+    left = [Requirement(line) for line in requirements]
+    while left:
+        requirement = left.pop()
+        for extra in ["", *requirement.extras]:
+            name = re.sub("[-_.]+", "-", requirement.name).lower()
+            if (name, extra) in seen:
+                continue
+            seen.add((name, extra))
+            parts = map(Requirement, metadata.requires(name) or [])
+            left += [
+                part for part in parts if not part.marker or part.marker.evaluate({"extra": extra})
+            ]
+    return {name for name, _ in seen}
+
+
+@pytest.mark.skipif(
+    (sys.platform, platform.machine()) != ("linux", "x86_64"), reason="CI runs on Linux, x86-64"
+)
+def test_ci_installs_every_package_but_pytorch_by_its_digests() -> None:
+    entry = re.compile(r"(\S+)==(\S+)((?: \\\n    --hash=sha256:[0-9a-f]{64})+)\n")
+    about, text = (ROOT / ".ci" / "hashes.txt").read_text().split("\n", 1)
+    assert about.startswith("# ")
+    assert entry.sub("", text) == ""
+    versions = {name: version for name, version, _ in entry.findall(text)}
+    assert versions.items() <= pins().items()
+    assert needed("synthnet[all,dev]") - set(versions) == {"synthnet", "torch"}
+    first = (ROOT / ".ci" / "run").read_text().partition("make --no-print-directory")[0]
+    assert "pip install --quiet --require-hashes --no-deps -r .ci/hashes.txt" in first
 
 
 @pytest.mark.slow
