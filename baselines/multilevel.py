@@ -85,7 +85,7 @@ class Setting:
 SETTING = Setting()
 FEWEST = 32  # vertices of a coarse level
 
-# Of answers that are trusted. All were chosen on training material alone, solids of seed 0 of
+# Of answers that are trusted. All were chosen on training material alone, solids of seeds 0 to 2 of
 # evidence/solids.py and shapes of 2.0's training split: docs/real-shapes.md has what they do
 # elsewhere. They are estimates, not bounds.
 CERTIFIED = 5_000  # vertices up to which the certified solver takes no longer than a test would

@@ -1,9 +1,9 @@
 """Write the digests of the packages that CI installs, to ``.ci/hashes.txt``.
 
-They are the packages of the environment that runs this, in the versions of ``constraints.txt``: of
-each, all files of the package index that Linux on x86-64 may take, for any Python. PyTorch is left
-out, as its builds with and without CUDA come from two indexes. Run it after ``constraints.txt`` has
-changed: ``.venv/bin/python scripts/hash_pins.py``.
+They are what ``synthnet[all,dev]`` needs in the environment that runs this, in the versions of
+``constraints.txt``: of each, all files of the package index that Linux on x86-64 may take, for any
+Python. PyTorch is left out, as its builds with and without CUDA come from two indexes. Run it after
+``constraints.txt`` has changed: ``.venv/bin/python scripts/hash_pins.py``.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
 from pathlib import Path
 
+from packaging.requirements import Requirement
+
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / ".ci" / "hashes.txt"
 INDEX = "https://pypi.org/simple"
 SIMPLE = "application/vnd.pypi.simple.v1+json"
 TIMEOUT = 60  # seconds without a byte
 LEFT_OUT = {"torch"}
-ABOUT = "# What CI installs but PyTorch, made by scripts/hash_pins.py from constraints.txt."
+ABOUT = "# What CI installs, PyTorch apart; scripts/hash_pins.py makes this of constraints.txt."
 
 
 def normal(name: str) -> str:
@@ -37,9 +39,27 @@ def pins() -> dict[str, str]:
     return {normal(name): version for name, version in split}
 
 
+def needed(*requirements: str) -> set[str]:
+    """Return the packages that requirements bring here, themselves among them."""
+    seen: set[tuple[str, str]] = set()
+    left = [Requirement(line) for line in requirements]
+    while left:
+        requirement = left.pop()
+        for extra in ["", *requirement.extras]:
+            package = normal(requirement.name)
+            if (package, extra) in seen or package in LEFT_OUT:
+                continue
+            seen.add((package, extra))
+            parts = map(Requirement, metadata.requires(package) or [])
+            left += [
+                part for part in parts if not part.marker or part.marker.evaluate({"extra": extra})
+            ]
+    return {package for package, _ in seen}
+
+
 def wanted() -> dict[str, str]:
-    """Return the pins of what is installed here."""
-    here = {normal(package.name) for package in metadata.distributions()} - LEFT_OUT
+    """Return the pins of what the project needs."""
+    here = needed("synthnet[all,dev]")
     return {name: version for name, version in pins().items() if name in here}
 
 

@@ -164,9 +164,9 @@ def parsed(content: bytes) -> Any:
     Traceback (most recent call last):
     synthnet.errors.OutsideError: the key 'a' is there twice
     """
-    # Before anything is made of them: every value but the first of a list or object follows a comma
-    if content.count(b",") > VALUES:
-        raise OutsideError(f"JSON of more than {VALUES:,} commas")
+    # Before anything is made of them: a value is the first in brackets, or follows a comma
+    if sum(map(content.count, (b",", b"[", b"{"))) > VALUES:
+        raise OutsideError(f"JSON of more than {VALUES:,} values")
     try:
         value = json.loads(
             content.decode("utf-8"),

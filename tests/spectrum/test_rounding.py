@@ -6,6 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
+from evidence.operators import square
 from evidence.thin_meshes import BITS, LOOSE, ROUNDING, K, exact_matrices, thin, within
 from synthnet import spectrum
 from synthnet.errors import CertificateError
@@ -66,6 +67,13 @@ def test_on_an_ordinary_mesh_the_bound_is_rounding() -> None:
     assert bound is not None
     assert bound.shape == (10,)
     assert (bound / result.eigenvalues).max() < 1e-11
+
+
+def test_so_many_that_they_are_bounded_in_blocks_have_a_bound_as_sharp() -> None:
+    result = spectrum.compute(square(40), 150)
+    bound = result.certificate.error_bound
+    assert bound is not None
+    assert (bound / result.eigenvalues).max() < 2e-12  # 7e-12 by vectors taken as Ritz vectors
 
 
 def test_certificates_are_compared_without_the_bound() -> None:

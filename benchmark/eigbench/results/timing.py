@@ -77,9 +77,9 @@ def _check(row: dict[str, Any], means: Mapping[str, float], path: Path) -> None:
     """Check that a row's ratios are those of its times, and lie in their intervals."""
     cost, where = row["cost"], f"{path}: {row['name']}"
     results.check_cost(cost, path)
-    against = {"LaPy": (cost["reference"], cost["reference"]["ms_per_mesh"])}
-    against |= {name: (beside, means.get(name)) for name, beside in cost["peers"].items()}
-    for name, (beside, theirs) in against.items():
+    against = [("LaPy", cost["reference"], cost["reference"]["ms_per_mesh"])]
+    against += [(name, beside, means.get(name)) for name, beside in cost["peers"].items()]
+    for name, beside, theirs in against:
         if not beside["low"] <= beside["ratio"] <= beside["high"]:
             raise ResultError(f"{where}: its ratio to {name} is not in its interval")
         own = cost["ms_per_mesh_mean"]

@@ -288,13 +288,19 @@ CASES: list[tuple[str, str, Make, str]] = [
     ("json-400-digits", "r.json", text(PARTIAL, f'"a": {"9" * 400}'), "a number of 400 digits"),
     ("json-5000-digits", "r.json", text(PARTIAL, f'"a": {"9" * 5000}'), "a number of 5000 digits"),
     ("json-exponent", "r.json", text(PARTIAL, '"a": 1e999'), "too large a number"),
-    ("json-deep", "r.json", content(b"[" * 10**6), "JSON that is too deep"),
+    ("json-deep", "r.json", content(b"[" * 40_000), "JSON that is too deep"),
     ("json-levels", "r.json", content("[" * 50 + "]" * 50), "JSON of more than 32 levels"),
-    ("json-many", "r.json", content(f"[{'0,' * 10**6}0]"), "more than 50,000 commas"),
+    ("json-many", "r.json", content(f"[{'0,' * 10**6}0]"), "JSON of more than 50,000 values"),
     (
-        "json-nested",
+        "json-nested",  # few commas, and in each pair of them many lists
         "r.json",
-        content(f"[{'[[[0]]],' * 20_000}0]"),
+        content(f"[{('[' * 300 + ']' * 300 + ',') * 6900}0]"),
+        "JSON of more than 50,000 values",
+    ),
+    (
+        "json-pairs",
+        "r.json",
+        content(json.dumps({str(n): n for n in range(30_000)})),
         "more than 50,000 keys and values",
     ),
     ("json-errors", "r.json", result(scores__mesh__per_index=[0] * 40_000), "is no result"),

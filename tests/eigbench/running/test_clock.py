@@ -159,6 +159,22 @@ def test_a_peer_that_is_not_timed_is_one_line(eigbench, two):
     assert "slow.py: name it among the predictors too" in err
 
 
+def test_a_peer_that_is_named_like_the_reference_hides_no_false_ratio(tmp_path):
+    path = tmp_path / timing.FOLDER / "1.0.json"
+    path.parent.mkdir(parents=True)
+    content = json.loads((Path(__file__).parents[3] / timing.FOLDER / "1.0.json").read_text())
+    means = {row["name"]: row["cost"]["ms_per_mesh_mean"] for row in content["rows"]}
+    cost = content["rows"][3]["cost"]
+    ratio = means["LaPy"] / cost["ms_per_mesh_mean"]
+    cost["peers"]["LaPy"] = {"ratio": ratio, "low": ratio, "high": ratio}
+    path.write_text(json.dumps(content))
+    assert timing.read(tmp_path)
+    cost["reference"] |= {"ratio": 1e6, "high": 1e6}
+    path.write_text(json.dumps(content))
+    with pytest.raises(timing.ResultError, match=r"its ratio to LaPy is 1e\+06, its times give"):
+        timing.read(tmp_path)
+
+
 def test_a_file_that_holds_no_times_is_one_line(tmp_path):
     path = tmp_path / timing.FOLDER / "1.0.json"
     path.parent.mkdir(parents=True)
