@@ -55,7 +55,7 @@ MUTATIONS: dict[str, tuple[str, str, str, str]] = {
     "psnr20-at-20": (METRICS, "psnr(p, g) > ACCURATE", "psnr(p, g) >= ACCURATE", TEST_METRICS),
     "spread-of-all-seeds": (SCORES, "ddof=1", "ddof=0", TEST_SCORES),
     "share-of-instances": (SCORES, "CERTAIN / drawn.shapes", "CERTAIN / table.shape[1]", TEST_SCORES),
-    "bonferroni": (BOOTSTRAP, "level / (len(p) - left)", "level / len(p)", TEST_BOOTSTRAP),
+    "bonferroni": (BOOTSTRAP, "(1 - COVERAGE) / (len(p) - left)", "(1 - COVERAGE) / len(p)", TEST_BOOTSTRAP),
     "one-sided": (BOOTSTRAP, "float(2 * (beyond + 1)", "float((beyond + 1)", TEST_BOOTSTRAP),
     "few-seeds-too-narrow": (BOOTSTRAP, "np.sqrt(count / (count - 1)) * ", "", TEST_BOOTSTRAP),
     # Ranking
