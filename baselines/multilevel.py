@@ -344,8 +344,8 @@ def ritz_values(mesh: Mesh, setting: Setting = SETTING) -> np.ndarray:
 def trusted(mesh: Mesh) -> np.ndarray | None:
     r"""Return Ritz values that look near enough to the first ten eigenvalues, or None.
 
-    There is no answer where a triangle is so flat that a function constant on an aggregate would
-    have most of its energy there, and none where the hierarchy looks bad: several components, or a
+    There is no answer where a triangle is so flat that a function constant on an aggregate may have
+    most of its energy there, and none where the hierarchy looks bad: several components, or a
     coarsest level that did not get small. On the finest level there are one or two cycles, until
     with the diagonal D of A
 

@@ -68,9 +68,7 @@ def digests(name: str, version: str) -> list[str]:
     request = urllib.request.Request(f"{INDEX}/{name}/", headers={"Accept": SIMPLE})
     with urllib.request.urlopen(request, timeout=TIMEOUT) as answer:
         files = json.load(answer)["files"]
-    found = {
-        file["hashes"]["sha256"] for file in files if taken(file["filename"], normal(name), version)
-    }
+    found = {file["hashes"]["sha256"] for file in files if taken(file["filename"], name, version)}
     if not found:
         raise LookupError(f"{INDEX} has no file of {name} {version} for Linux on x86-64")
     return sorted(found)
@@ -78,8 +76,8 @@ def digests(name: str, version: str) -> list[str]:
 
 def taken(file: str, name: str, version: str) -> bool:
     """Return whether a file is of a version, and for Linux on x86-64 or for all platforms."""
-    stem, _, ending = file.removesuffix(".tar.gz").rpartition("-")
     if file.endswith(".tar.gz"):
+        stem, _, ending = file.removesuffix(".tar.gz").rpartition("-")
         return (normal(stem), ending) == (name, version)
     parts = file.removesuffix(".whl").split("-")
     fits = parts[-1] == "any" or ("linux" in parts[-1] and "x86_64" in parts[-1])

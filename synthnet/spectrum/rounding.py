@@ -175,7 +175,7 @@ def _squares(
     alone = _norm(stiff, weighted, diagonal, matrices)
     mixed = float(np.sqrt(max(0.0, np.sum(off * (heavy @ off)))))
     if ALONE * mixed > alone:  # the functions are no Ritz vectors yet
-        return _norm(stiff @ turn, weighted @ turn, values, matrices) ** 2 / matrices.least
+        return _norm(stiff, weighted, values, matrices, turn) ** 2 / matrices.least
     # The norm of T, squared, is 1 over the least eigenvalue of FᵀBF, for which Gershgorin's theorem
     # has a bound: near 1
     smallest = float((2 * np.diag(heavy) - np.abs(heavy).sum(axis=1)).min())
@@ -187,11 +187,18 @@ def _norm(
     weighted: NDArray[np.float64],
     values: NDArray[np.float64],
     matrices: Matrices,
+    turn: NDArray[np.float64] | None = None,
 ) -> float:
-    """Return the norm of A f − λ B f over all functions, columns, in that of M⁻¹."""
+    """Return the norm of A f − λ B f over all functions, columns, in that of M⁻¹.
+
+    With ``turn``, the functions are these combinations of the columns.
+    """
     inverse, total = 1 / matrices.lumped, 0.0
     for part in pieces(len(stiff)):
-        defects = stiff[part] - weighted[part] * values
+        defects, moved = stiff[part], weighted[part]
+        if turn is not None:
+            defects, moved = defects @ turn, moved @ turn
+        defects = defects - moved * values
         total += float(inverse[part] @ np.einsum("ij,ij->i", defects, defects))
     return float(np.sqrt(total))
 
@@ -245,7 +252,7 @@ def _apply(
     its plane, so that fᵀ A g is the sum of products of these. The rows of ``rough``, (2, c), add up
     fᵀ A f and fᵀ B f over the sine of each triangle's largest angle.
     """
-    # Of arguments, slices that are not counted (this is most of the time otherwise)
+    # Slices of these are not counted as references: each is for a loop over a few functions
     functions, stiff, weighted = uncounted(functions), uncounted(stiff), uncounted(weighted)
     slopes, rough = uncounted(slopes), uncounted(rough)
     u, v = np.empty(3), np.empty(3)
@@ -317,10 +324,10 @@ def _add_squares(y: Vector, first: Vector, second: Vector, factor: float) -> Non
 
 
 @kernel
-def _add_mass(y: Vector, here: Vector, next: Vector, other: Vector, share: float) -> None:
+def _add_mass(y: Vector, here: Vector, second: Vector, third: Vector, share: float) -> None:
     """Add a triangle's part of B f at one of its corners."""
     for c in range(y.shape[0]):
-        y[c] += share * (2 * here[c] + next[c] + other[c])
+        y[c] += share * (2 * here[c] + second[c] + third[c])
 
 
 @kernel
