@@ -11,6 +11,7 @@ from synthnet.families import (
     annulus,
     bent_tube,
     blob,
+    box_union,
     capped_cylinder,
     circular_cone,
     cone,
@@ -26,13 +27,19 @@ from synthnet.families import (
     extruded_drum,
     extruded_star,
     flat_rectangle,
+    folded_ball,
     inverted_cone,
     knotted_tube,
+    lattice,
     mobius_band,
     open_cylinder,
+    perforated_plate,
     pretzel,
     rectangular_prism,
     rolled_sheet,
+    rounded_box,
+    shaft,
+    sheet_metal,
     simplex,
     sphere,
     spherical_cap,
@@ -60,7 +67,9 @@ PRIMITIVES: dict[str, Family] = {  # 1.0: the paper's, as Open3D makes them
     "split_cone": split_cone.FAMILY,
     "inverted_cone": inverted_cone.FAMILY,
 }
-CHARTED: dict[str, Family] = {  # 2.0: given by charts, each surface in several triangulations
+CHARTED: dict[
+    str, Family
+] = {  # 2.0 and 2.1: given by charts, each surface in several triangulations
     "cuboid": cuboid.FAMILY,
     "simplex": simplex.FAMILY,
     "ellipsoid": ellipsoid.FAMILY,
@@ -86,5 +95,12 @@ CHARTED: dict[str, Family] = {  # 2.0: given by charts, each surface in several 
     "open_cylinder": open_cylinder.FAMILY,
     "mobius_band": mobius_band.FAMILY,
     "drum": drum.FAMILY,
+    "box_union": box_union.FAMILY,
+    "lattice": lattice.FAMILY,
+    "perforated_plate": perforated_plate.FAMILY,
+    "sheet_metal": sheet_metal.FAMILY,
+    "rounded_box": rounded_box.FAMILY,
+    "shaft": shaft.FAMILY,
+    "folded_ball": folded_ball.FAMILY,
 }
 FAMILIES: dict[str, Family] = {**PRIMITIVES, **CHARTED}

@@ -88,9 +88,12 @@ def limit(atlas: Atlas, k: int) -> Limit:
         apart = np.abs(coarse / fine - 1)
         # One difference may be small by chance.
         best = Limit(fine, fine * (np.maximum(apart, SHARE * apart.max()) + ROUNDING))
-        n += 1
-        if apart.max() <= TARGET or len(atlas.charts) * (n * DEGREES[1]) ** 2 / 2 > MOST:
+        finest = math.floor(math.sqrt(2 * MOST / len(atlas.charts)) / DEGREES[1])
+        if apart.max() <= TARGET or n >= finest:
             return best
+        # Where functions are smooth, what the lower degree leaves falls like n^(-2p).
+        ahead = math.ceil(n * (apart.max() / TARGET) ** (1 / (2 * DEGREES[0])))
+        n = min(max(n + 1, ahead), finest)
 
 
 def layers_at(atlas: Atlas) -> Integers:

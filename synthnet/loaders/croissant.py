@@ -118,6 +118,29 @@ ABOUT = {
             "Pretzels have slivers that do not lie along the surface where charts meet the rim.",
         ),
     ),
+    "2.1": About(
+        semantic="2.1.0",
+        frozen="2026-11-26",
+        description=(
+            "The triangle meshes of synthNet 2.0 and those of seven families more: parts like "
+            "those of computer-aided design (unions of boxes, lattices, perforated plates, sheet "
+            "metal, rounded boxes, shafts) and folded balls like a cortex, each surface in three "
+            "triangulations; each labelled with the first ten eigenvalues after zero of its "
+            "Laplace-Beltrami operator, Neumann's condition on a boundary"
+        ),
+        biases=(
+            "All shapes are synthetic; the families differ in number, and those with one "
+            "parameter have little variety.",
+        ),
+        limitations=(
+            "Parts and folded balls are nearer to real meshes than the rest, but results on them "
+            "do not replace results on real ones.",
+            "Their triangulations are those of 2.0: none has the long needles of CAD exports.",
+            "Coarse meshes of folded balls do not resolve their valleys, so that their labels are "
+            "far from the surface's spectrum.",
+            "A Möbius band has no outside: what relies on consistent normals fails there.",
+        ),
+    ),
 }
 USE_CASES = (
     "Training and testing predictors of Laplace-Beltrami spectra of triangle meshes, and studying "

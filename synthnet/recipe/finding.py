@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 from importlib import resources
+from typing import Any
 
 from synthnet.errors import RecipeError, suggestion
 from synthnet.recipe import parsing
@@ -54,9 +55,12 @@ def load(version: str, known: Iterable[str] = ()) -> Recipe:
 
 @lru_cache
 def _shipped(version: str) -> Recipe:
-    return parse(
-        resources.files("synthnet.recipe.versions").joinpath(f"{version}.toml").read_text()
-    )
+    return parse(_text(version))
+
+
+def _text(version: str) -> str:
+    """Return the recipe file of a version that ships."""
+    return resources.files("synthnet.recipe.versions").joinpath(f"{version}.toml").read_text()
 
 
 def scaled(recipe: Recipe, scale: int) -> Recipe:
@@ -86,6 +90,23 @@ def scaled(recipe: Recipe, scale: int) -> Recipe:
     return replace(recipe, version=f"{recipe.version}-x{scale}", scale=scale)
 
 
+def _tables(text: str) -> dict[str, Any]:
+    """Read the tables of a recipe file; where it extends a version, beside those of that one."""
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise RecipeError(f"recipe is not valid TOML: {error}") from error
+    schema = raw.pop("schema", None)
+    if type(schema) is not int or schema != SCHEMA:
+        raise RecipeError(f"recipe schema must be {SCHEMA}: use a matching synthnet release")
+    extended = raw.pop("extends", None)
+    if extended is None:
+        return raw
+    there = available()
+    parsing.need(extended in there, f"extends must be one of {', '.join(there)}, got {extended!r}")
+    return parsing.extension(raw, extended, _tables(_text(extended)))
+
+
 def parse(text: str) -> Recipe:
     """Turn the text of a recipe file into a checked :class:`Recipe`.
 
@@ -94,13 +115,7 @@ def parse(text: str) -> Recipe:
     RecipeError
         If the text is no TOML, a key is missing or unknown, or a value is out of range.
     """
-    try:
-        raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise RecipeError(f"recipe is not valid TOML: {error}") from error
-    schema = raw.pop("schema", None)
-    if type(schema) is not int or schema != SCHEMA:
-        raise RecipeError(f"recipe schema must be {SCHEMA}: use a matching synthnet release")
+    raw = _tables(text)
     parsing.need("scale" not in raw, "a recipe file has no scale: build it with --scale")
     parsing.need("sealed" not in raw, "a recipe file is not sealed: seal it with `synthnet seal`")
     if "subset" not in raw:

@@ -52,6 +52,18 @@ def full_version(raw: dict[str, Any]) -> Recipe:
     return recipe
 
 
+def extension(raw: dict[str, Any], name: Any, base: dict[str, Any]) -> dict[str, Any]:
+    """Return the tables of a version that adds to another one: its families stay, others come."""
+    need("subset" not in base, f"{name} is a subset: extend the version that it is of")
+    need("subset" not in raw, "a version is a subset of another or extends it, not both")
+    families: dict[str, Any] = base["families"]
+    more = raw.get("families", {})
+    need(isinstance(more, Mapping), f"families must be tables, got {more!r}")
+    again = sorted(set(more) & set(families))
+    need(not again, f"{name} has families of this name already: {', '.join(again)}")
+    return {**base, **raw, "families": {**families, **more}}
+
+
 def subset_of(raw: Any) -> Subset:
     """Turn the table of a subset into settings."""
     subset = _record(Subset, "subset", raw)

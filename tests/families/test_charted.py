@@ -1,4 +1,4 @@
-"""The families of 2.0: surfaces given by charts, in several triangulations."""
+"""The families of 2.0 and 2.1: surfaces given by charts, in several triangulations."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ slow = partial(pytest.param, marks=pytest.mark.slow)
 # Closed and open, smooth and creased, of genus 0 and more: the quick tests are of these families.
 FEW = ("conforming_split_cone", "pretzel", "extruded_star", "mobius_band", "annulus")
 SOME = [name if name in FEW else slow(name) for name in CHARTED]
-POLYHEDRA = ("cuboid", "simplex", "extruded_star", "extruded_drum", "flat_rectangle", "drum")
+POLYHEDRA = (
+    *("cuboid", "simplex", "extruded_star", "extruded_drum", "flat_rectangle", "drum"),
+    *("box_union", "lattice"),
+)
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +44,8 @@ def recipe_2_0() -> recipe.Recipe:
 
 
 def drawn(family: str, surface: int = 0, **changes: Any) -> dict[str, Any]:
-    """Parameters of a surface of 2.0, triangulated as in :data:`HOW` but for the changes."""
-    spec = draw_shape(recipe.load("2.0"), family, 3 * surface)
+    """Parameters of a surface of 2.1, triangulated as in :data:`HOW` but for the changes."""
+    spec = draw_shape(recipe.load("2.1"), family, 3 * surface)
     return {**spec.parameters, **HOW, **changes}
 
 
@@ -543,9 +546,13 @@ def test_the_mini_version_takes_whole_surfaces() -> None:
     counts = Counter(shape.spec.group for shape in mini)
     assert set(counts.values()) == {3}
     families = {shape.spec.family for shape in mini}
-    assert families == set(CHARTED)
+    assert families == set(recipe.load("2.0").families)
     for split in ("train", "validation", "test"):
         assert {shape.spec.family for shape in mini if shape.split == split} == families
+
+
+def test_every_family_given_by_charts_is_in_2_1() -> None:
+    assert set(recipe.load("2.1").families) == set(CHARTED)
 
 
 def test_no_family_has_two_homes() -> None:

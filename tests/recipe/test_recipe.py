@@ -10,6 +10,7 @@ import pytest
 from synthnet import recipe
 from synthnet.errors import RecipeError
 from synthnet.recipe import AugmentationSettings, Recipe, Subset, distributions
+from synthnet.recipe.plan import plan_shards
 from synthnet.store import pins
 
 TEXT = """
@@ -198,6 +199,54 @@ def test_every_version_that_ships_carries_its_own_name(version: str) -> None:
 def test_a_subset_inherits_everything_but_its_name() -> None:
     base, mini = recipe.load("1.0"), recipe.load("1.0-mini")
     assert dataclasses.replace(mini, version="1.0", subset=None) == base
+
+
+TORUS = "[families.torus]\ncount = 3\nparameters.tube_radius = 0.3\n"
+EXTENSION = f'schema = 1\nversion = "more"\nextends = "2.0"\n{TORUS}'
+
+
+def test_an_extension_adds_families_and_keeps_the_rest() -> None:
+    base = recipe.load("2.0")
+    more = recipe.parse(EXTENSION)
+    assert list(more.families) == [*base.families, "torus"]
+    kept = {"version": "2.0", "families": base.families, "protocols": base.protocols}
+    assert dataclasses.replace(more, **kept) == base
+    assert more.protocols is not None
+    assert more.protocols["family"][-1].families == ("torus",)
+    assert more.families["torus"].count == 3
+
+
+def test_an_extension_may_have_protocols_of_its_own() -> None:
+    more = recipe.parse(EXTENSION + '[protocols.round]\nheld_out.families = ["torus", "drum"]\n')
+    assert list(more.protocols or {}) == ["round"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"2.0"', '"3.0"', "^extends must be one of 1.0, .*, got '3.0'$"),
+        ('"2.0"', "2", "^extends must be one of 1.0, .*, got 2$"),
+        ('"2.0"', '"2.0-mini"', "^2.0-mini is a subset: extend the version that it is of$"),
+        ("torus", "drum", "^2.0 has families of this name already: drum$"),
+        (TORUS, "families = 3", "^families must be tables, got 3$"),
+    ],
+)
+def test_an_extension_that_will_not_do_is_refused(old: str, new: str, message: str) -> None:
+    with pytest.raises(RecipeError, match=message):
+        recipe.parse(edited(old, new, EXTENSION))
+
+
+def test_2_1_has_all_of_2_0_with_the_same_splits() -> None:
+    planned = {
+        version: {
+            shape.spec.id: (shape.spec, shape.split)
+            for plan in plan_shards(recipe.load(version))
+            for shape in plan.shapes
+        }
+        for version in ("2.0", "2.1")
+    }
+    assert [len(shapes) for shapes in planned.values()] == [9930, 14430]
+    assert planned["2.0"].items() <= planned["2.1"].items()
 
 
 def test_the_digest_changes_with_every_value() -> None:

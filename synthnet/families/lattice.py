@@ -1,0 +1,59 @@
+"""Lattices: square struts along the edges of a few boxes, some left out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.families import boxes
+from synthnet.families.atlas import Atlas, Floats
+from synthnet.families.charted import charted
+from synthnet.families.family import POSITIVE
+from synthnet.types import Parameters
+
+LEFT_OUT = 0.25  # of the struts, about: none without which the lattice would fall apart
+
+
+def frame(
+    *, columns: int, rows: int, layers: int, strut: float, form: int
+) -> tuple[NDArray[np.bool_], list[Floats]]:
+    """Return which cells of a grid are filled, and where its planes are.
+
+    Cells with even numbers are nodes, those between two nodes struts. ``strut`` is how thick these
+    are over the gaps between them, which are 0.7 to 1.3; ``form`` is the seed of that and of which
+    struts there are.
+    """
+    rng = np.random.Generator(np.random.PCG64(form))
+    shape = tuple(2 * n + 1 for n in (columns, rows, layers))
+    widths = [np.where(np.arange(n) % 2, 0.7 + 0.6 * rng.random(n), strut) for n in shape]
+    odd = (np.indices(shape) % 2).sum(axis=0)
+    filled = odd <= 1
+    struts = np.argwhere(odd == 1)
+    for cell in struts[rng.random(len(struts)) < LEFT_OUT]:
+        filled[tuple(cell)] = False
+        filled[tuple(cell)] = not boxes.is_connected(filled)
+    return filled, [np.concatenate([[0.0], np.cumsum(across)]) for across in widths]
+
+
+def atlas(**parameters: Any) -> Atlas:
+    """Return the surface of :func:`frame`."""
+    return boxes.boundary(*frame(**parameters))
+
+
+def euler(parameters: Parameters) -> int:
+    """Return the Euler characteristic of :func:`frame`."""
+    shape: dict[str, Any] = {name: parameters[name] for name in LEAST}
+    return boxes.euler(frame(**shape)[0])
+
+
+LEAST = {"columns": 1, "rows": 1, "layers": 1, "strut": POSITIVE, "form": 0}
+FAMILY = charted(
+    "lattice",
+    "Lattice",
+    atlas,
+    LEAST,
+    euler_characteristic=euler,
+    most={"columns": 3, "rows": 3, "layers": 3, "strut": 1.0},
+)

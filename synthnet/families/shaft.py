@@ -1,0 +1,79 @@
+"""Shafts: coaxial cylinders and cones with shoulders between them, some with a bore."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthnet.families import limits
+from synthnet.families.atlas import Atlas, rows
+from synthnet.families.charted import charted
+from synthnet.families.revolution import Piece, revolution, straight
+from synthnet.types import Parameters
+
+SECTORS = 6
+SLENDER = 0.8  # lengths and radii of steps are 10^-0.8 to 1
+TAPERED = 0.3  # of the steps, about, have another radius at their end
+BORE = (0.2, 0.8)  # radius of a bore over that of the thinnest step
+
+
+def profile(*, steps: int, bore: int, form: int) -> list[tuple[float, float]]:
+    """Return the corners of the profile, (radius, height), from the lowest inside, and round.
+
+    ``form`` is the seed of the steps' lengths and radii. Without a bore the profile begins and
+    ends on the axis; with one it is closed: its last corner is the first again.
+    """
+    rng = np.random.Generator(np.random.PCG64(form))
+    radii, ends, lengths = 10 ** (-SLENDER * rng.random((3, steps)))
+    ends = np.where(rng.random(steps) < TAPERED, ends, radii)
+    share = BORE[0] + (BORE[1] - BORE[0]) * float(rng.random())
+    inside = share * float(min(radii.min(), ends.min())) if bore else 0.0
+    heights = np.concatenate([[0.0], np.cumsum(lengths)])
+    corners = [(inside, 0.0)]
+    for low, high, bottom, top in zip(radii, ends, heights[:-1], heights[1:], strict=True):
+        corners += [(float(low), float(bottom)), (float(high), float(top))]
+    corners.append((inside, float(heights[-1])))
+    return corners + corners[:1] * bore
+
+
+def atlas(**parameters: int) -> Atlas:
+    """Return the surface of :func:`profile` about the z axis."""
+    corners = profile(**parameters)
+    around = float(np.mean([radius for radius, _ in corners]))
+    pieces = []
+    for start, stop in pairwise(corners):
+        if start[0] == 0:
+            pieces.append(Piece("base", straight(start, stop)))
+        elif stop[0] == 0:
+            pieces.append(Piece("tip", straight(stop, start)))
+        else:
+            pieces.append(
+                Piece("band", straight(start, stop), rows(math.dist(start, stop), around))
+            )
+    return revolution(pieces, SECTORS)
+
+
+def limit(k: int, *, steps: int, bore: int, form: int, **_: object) -> NDArray[np.float64]:
+    """Return the spectrum of the smooth shaft."""
+    corners = profile(steps=steps, bore=bore, form=form)
+    arcs = [limits.line(start[0], stop[0], stop[1] - start[1]) for start, stop in pairwise(corners)]
+    return limits.of_revolution(arcs, k, closed=bool(bore))
+
+
+def euler(parameters: Parameters) -> int:
+    """Return 2, or 0 with a bore."""
+    return 0 if parameters["bore"] else 2
+
+
+FAMILY = charted(
+    "shaft",
+    "Shaft",
+    atlas,
+    {"steps": 1, "bore": 0, "form": 0},
+    euler_characteristic=euler,
+    most={"steps": 6, "bore": 1},
+    limit=limit,
+)
