@@ -23,6 +23,7 @@ PICTURES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "peers": ("peers", "draw", ("peers",)),
     "1.0": ("card_pictures", "draw_card", ("shapes-1.0",)),
     "2.0": ("card_pictures", "draw_card", ("shapes-2.0",)),
+    "2.1": ("card_pictures", "draw_card", ("shapes-2.1",)),
     "readme": ("surface_pictures", "draw_readme", ()),
     "poster": ("surface_pictures", "draw_poster", ()),
 }

@@ -7,29 +7,27 @@ import json
 from tabulate import tabulate
 
 from evidence import ROOT, markdown
+from evidence.shapes import new_families
 from synthnet.families import FAMILIES
 from synthnet.version import __version__
 
 
 def composition(report: dict) -> str:
-    """Return the table of families of a build report."""
+    """Return the table of families of a build report, those of earlier versions as one row."""
     pictures = f"pictures/{report['version']}"
-    rows = [
-        [
-            f"![{FAMILIES[row['family']].title}]({pictures}/{row['family']}.png)",
-            FAMILIES[row["family"]].title,
-            row["drawn"],
-            ", ".join(f"{n} `{reason}`" for reason, n in row["rejected"].items()) or "0",
-            row["kept"],
-            row["vertices"],
-            row["faces"],
-            round(row["core_seconds"], 1),
-        ]
-        for row in report["families"]
-    ]
-    totals = [sum(row[i] for row in rows) for i in (2, 4, 5, 6, 7)]
-    rejected = totals[0] - totals[1]
-    rows.append(["", "All", totals[0], str(rejected), *totals[1:4], round(totals[4], 1)])
+    new = new_families(report["version"])
+    counted = ("drawn", "kept", "vertices", "faces", "core_seconds")
+    rows = []
+    for row in report["families"]:
+        if row["family"] in new:
+            title, numbers = FAMILIES[row["family"]].title, [row[name] for name in counted]
+            refused = ", ".join(f"{n} `{reason}`" for reason, n in row["rejected"].items()) or "0"
+            picture = f"![{title}]({pictures}/{row['family']}.png)"
+            rows.append([picture, title, *_counts(numbers, refused)])
+    old = [row for row in report["families"] if row["family"] not in new]
+    for title, some in (("Families of earlier versions", old), ("All", report["families"])):
+        if some:
+            rows.append(["", title, *_counts([sum(row[name] for row in some) for name in counted])])
     if report["version"] == "1.0":
         rows.append(["", "*The paper, as reported*", 16550, "189", 16361, "", "", ""])
     headers = ["", "family", "drawn", "rejected", "kept", "vertices", "faces", "core-seconds"]
@@ -40,6 +38,12 @@ def composition(report: dict) -> str:
         f"{table}\n\nBuilt by `synthnet build {report['version']}` on 2 cores in "
         f"{minutes:.1f} minutes; {size:,.0f} MB."
     )
+
+
+def _counts(numbers: list, refused: str | None = None) -> list:
+    """Return the cells of a row: drawn, rejected, kept, vertices, faces, core-seconds."""
+    drawn, kept, vertices, faces, seconds = numbers
+    return [drawn, refused or str(drawn - kept), kept, vertices, faces, round(seconds, 1)]
 
 
 def cost(build: dict, full: dict, loading: dict) -> str:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from evidence import DOCS
-from evidence.shapes import MEASURES
+from evidence.shapes import MEASURES, new_families
 from evidence.timing import progress
 from synthnet import recipe
 from synthnet.build.label import make_sample
@@ -47,16 +47,17 @@ def draw_card(facts: dict) -> None:
     directory.mkdir(parents=True, exist_ok=True)
     thumbnails(version, directory)
     parameters(version, directory)
-    if recipe.load(version).sizes is not None:
-        triangulations(directory)
     if version == "2.0":
+        triangulations(directory)
         examples(directory)
     write_text(directory / "distributions.svg", distributions(facts))
 
 
 def thumbnails(version: str, directory: Path) -> None:
     """Draw the shape in the middle of each family's parameters."""
-    for family in progress(gallery.candidates(version), "thumbnails"):
+    new = new_families(version)
+    shown = [family for family in gallery.candidates(version) if family.family in new]
+    for family in progress(shown, "thumbnails"):
         ((_, mesh),) = gallery.chosen(version, family, 1)
         png = io.BytesIO()
         pixels = render(mesh, *THUMBNAIL, edges=True, transparent=True)
@@ -68,7 +69,8 @@ def parameters(version: str, directory: Path) -> None:
     """Draw what each parameter of each family does, a row a parameter."""
     drawn = recipe.load(version)
     fixed = PLAIN if drawn.sizes is not None else {}
-    for name, family in progress(drawn.families.items(), "parameters"):
+    for name in progress(new_families(version), "parameters"):
+        family = drawn.families[name]
         middle = {key: quantile(value, 0.5) for key, value in family.parameters.items()}
         meshes: list[Mesh | None] = []
         captions: list[list[str]] = []

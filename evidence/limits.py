@@ -17,8 +17,8 @@ from eigbench.scoring import metrics
 
 from evidence import markdown, scikit_fem
 from evidence.pins import surfaces_of
+from evidence.shapes import new_families
 from evidence.timing import progress
-from synthnet import recipe
 from synthnet.families import FAMILIES
 from synthnet.families.limits import Limit
 from synthnet.families.surface_limits import limit
@@ -28,7 +28,7 @@ COMPARED = 25
 
 
 def measure(*, version: str) -> dict:
-    """Return a row a family.
+    """Return a row a family that no version before has.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def measure(*, version: str) -> dict:
     surfaces = surfaces_of(version, limits)
     rows = []
     with threadpoolctl.threadpool_limits(1):
-        for name in recipe.load(version).families:
+        for name in new_families(version):
             ids = [id for id in limits if id.rpartition("-")[0] == name]
             rows.append(family(name, ids, limits, surfaces))
             rows[-1] |= of_labels(np.array([labels[id].eigenvalues for id in ids]), ids, limits)

@@ -44,7 +44,7 @@ def pin_limits(version: str, target: Path | None = None, workers: int = 1) -> No
 
     Shapes are those of ``<version>.lock.parquet``; triangulations of one surface share its limit.
     Each limit goes into a file beside the target as soon as it is known, so an interrupted run
-    goes on where it stopped.
+    goes on where it stopped. Limits that another version pins are taken from there.
     """
     locked = pins.read(version)
     if locked is None:
@@ -52,7 +52,7 @@ def pin_limits(version: str, target: Path | None = None, workers: int = 1) -> No
     target = target or VERSIONS / f"{version}.limits.parquet"
     surfaces = surfaces_of(version, locked)
     partial = target.with_suffix(".partial")
-    known = _read_partial(partial) if partial.exists() else {}
+    known = limits_of_others(version) | (_read_partial(partial) if partial.exists() else {})
     missing = [key for key in dict.fromkeys(surfaces.values()) if key not in known]
     print(f"{len(missing):,} limits to compute, {len(known):,} are there", flush=True)
     started = time.perf_counter()
@@ -69,6 +69,16 @@ def pin_limits(version: str, target: Path | None = None, workers: int = 1) -> No
     pins.write_limits(target, {id: known[key] for id, key in surfaces.items()})
     partial.unlink()
     print(f"{target}: {target.stat().st_size / 1e6:.2f} MB, {len(surfaces):,} shapes")
+
+
+def limits_of_others(version: str) -> dict[str, Limit]:
+    """Return the limits that other versions pin, by the text of :func:`surfaces_of`."""
+    known = {}
+    for other in recipe.available():
+        pinned = pins.read_limits(other) if other != version else None
+        if pinned is not None:
+            known |= {key: pinned[id] for id, key in surfaces_of(other, pinned).items()}
+    return known
 
 
 def surfaces_of(version: str, ids: Iterable[str]) -> dict[str, str]:

@@ -1,6 +1,6 @@
 """Facts of a version's shapes: splits, rejections, and distributions of sizes and eigenvalues.
 
-Needs a built version.
+Of the families that no version before has. Needs a built version.
 """
 
 from __future__ import annotations
@@ -27,12 +27,25 @@ MEASURES = {
 PERCENTILES = (0, 5, 50, 95, 100)
 
 
+def new_families(version: str) -> list[str]:
+    """Return the families of a version that none before it has, in its order."""
+    before = {
+        name
+        for other in recipe.available()
+        if recipe.load(other).base == other < version
+        for name in recipe.load(other).families
+    }
+    return [name for name in recipe.load(version).families if name not in before]
+
+
 def measure(*, version: str) -> dict:
     """Return splits, rejections, percentiles and histograms by family."""
     dataset = store.open_dataset(version)
+    new = new_families(version)
     rows = [
         [s.spec.family, s.split, len(s.mesh.vertices), area(s.mesh), *s.eigenvalues[[0, -1]]]
         for s in progress(dataset.samples(), version, dataset.manifest.rows)
+        if s.spec.family in new
     ]
     shapes = pd.DataFrame(rows, columns=["family", "split", *MEASURES])
     bins = {
@@ -64,7 +77,8 @@ def family_facts(name: str, shapes: pd.DataFrame, bins: dict[str, np.ndarray]) -
 def parameter_table(facts: dict) -> str:
     """Return the table of what each parameter does."""
     version, rows = facts["version"], []
-    for name, family in recipe.load(version).families.items():
+    for name in new_families(version):
+        family = recipe.load(version).families[name]
         varied = [key for key, value in family.parameters.items() if isinstance(value, dict)]
         alt = f"{FAMILIES[name].title}: low, middle and high {', '.join(varied)}"
         picture = f"![{alt}](pictures/{version}/{name}-parameters.png)"

@@ -1,4 +1,4 @@
-"""Unions of boxes: blocks with steps, angles, necks and windows, all edges sharp."""
+"""Unions of boxes: blocks with steps, angles and necks, all edges sharp."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ PINNED = [
     version
     if pins.read_limits(version)
     else pytest.param(version, marks=pytest.mark.skip(reason="its limits are not pinned yet"))
-    for version in ("1.0", "2.0")
+    for version in ("1.0", "2.0", "2.1")
 ]
 
 
@@ -88,6 +88,23 @@ def test_an_interrupted_run_goes_on_where_it_stopped(
     np.testing.assert_array_equal(
         read(path, monkeypatch)["torus-00003"].eigenvalues, known["eigenvalues"]
     )
+
+
+def test_limits_that_another_version_pins_are_taken_from_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ids = ["blob-00000", "blob-00001", "shaft-00000"]
+    monkeypatch.setattr(ELSEWHERE, lambda _: dict.fromkeys(ids))
+    expected = pins.read_limits("2.0")
+    assert expected is not None
+    path = tmp_path / "2.1.limits.parquet"
+    pin_limits("2.1", path)
+    assert capsys.readouterr().out.startswith("1 limits to compute, ")
+    limits = read(path, monkeypatch)
+    assert list(limits) == ids
+    for id in ids[:2]:
+        np.testing.assert_array_equal(limits[id].eigenvalues, expected[id].eigenvalues)
+        np.testing.assert_array_equal(limits[id].bar, expected[id].bar)
 
 
 def test_triangulations_of_one_surface_share_its_limit() -> None:

@@ -36,6 +36,8 @@ TITLES = {
     "resolution": "fine meshes unseen",
     "genus": "genus 1 and more unseen",
     "boundary": "boundaries unseen",
+    "cad": "parts unseen",
+    "cortex": "folded surfaces unseen",
 }
 NO_DROP = "None where nothing is trained, or the model is trained on another version."
 
