@@ -52,7 +52,8 @@ def pin_limits(version: str, target: Path | None = None, workers: int = 1) -> No
     target = target or VERSIONS / f"{version}.limits.parquet"
     surfaces = surfaces_of(version, locked)
     partial = target.with_suffix(".partial")
-    known = limits_of_others(version) | (_read_partial(partial) if partial.exists() else {})
+    known = limits_elsewhere(version, set(surfaces.values()))
+    known |= _read_partial(partial) if partial.exists() else {}
     missing = [key for key in dict.fromkeys(surfaces.values()) if key not in known]
     print(f"{len(missing):,} limits to compute, {len(known):,} are there", flush=True)
     started = time.perf_counter()
@@ -71,13 +72,15 @@ def pin_limits(version: str, target: Path | None = None, workers: int = 1) -> No
     print(f"{target}: {target.stat().st_size / 1e6:.2f} MB, {len(surfaces):,} shapes")
 
 
-def limits_of_others(version: str) -> dict[str, Limit]:
-    """Return the limits that other versions pin, by the text of :func:`surfaces_of`."""
+def limits_elsewhere(version: str, surfaces: set[str]) -> dict[str, Limit]:
+    """Return the limits of surfaces, by the text of :func:`surfaces_of`, that others pin."""
+    families = recipe.load(version).families
     known = {}
     for other in recipe.available():
-        pinned = pins.read_limits(other) if other != version else None
-        if pinned is not None:
-            known |= {key: pinned[id] for id, key in surfaces_of(other, pinned).items()}
+        shared = families.keys() & recipe.load(other).families.keys()
+        pinned = pins.read_limits(other) if shared and other != version else None
+        ids = [id for id in pinned or () if id.rpartition("-")[0] in shared]
+        known |= {key: pinned[id] for id, key in surfaces_of(other, ids).items() if key in surfaces}
     return known
 
 

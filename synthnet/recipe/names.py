@@ -65,7 +65,7 @@ def available() -> list[str]:
     Examples
     --------
     >>> available()
-    ['1.0', '1.0-mini', '1.0-small', '2.0', '2.0-mini', '2.1']
+    ['1.0', '1.0-mini', '1.0-small', '2.0', '2.0-mini', '2.1', '2.1-mini']
     """
     files = resources.files("synthnet.recipe.versions").iterdir()
     return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))

@@ -402,6 +402,8 @@ def test_digests_of_the_versions_that_ship_never_change() -> None:
         "1.0-small": "ff94adc77e7700ee",
         "2.0": "63841548a5460f34",
         "2.0-mini": "688f4216aa0a8d63",
+        "2.1": "543880f3ca869e72",
+        "2.1-mini": "0e3fe65d18b06fc9",
     }
     assert recipe.load("1.0-x2").digest != recipe.load("1.0").digest
 

@@ -203,7 +203,7 @@ def generate(
             generated[files[0]] = page.generalised_details(protocols)
             generated[files[1]] = export.generalised_as_json(protocols)
             generated[files[2]] = generalisation_figure.draw(protocols)
-            if submission.target == SURFACE:
+            if submission.target == SURFACE and answer_figure.UNSEEN in protocols.protocols:
                 path = drawn[page.ANSWER] = FIGURES / f"{protocols.version}-answer.svg"
                 generated[path] = answer_figure.draw(protocols)
                 narrow = path.with_stem(f"{path.stem}-narrow")  # which the site shows on phones
@@ -245,7 +245,7 @@ def _filled(readme: str, tops: Sequence[str], finding: str) -> str:
 def boards(
     submissions: Iterable[Submission],
 ) -> Iterator[tuple[list[Ranked], generalisation.Board | None]]:
-    """Yield the rows of each board, best first: the newest version first, the surface first.
+    """Yield the rows of each board, best first: the newest versions first, the surface first.
 
     The rows of a version's protocol ``grouped`` come with its own protocols, if it has any: a row
     of these stands beside the same model's under ``grouped``, on no board of its own.
@@ -267,11 +267,11 @@ def boards(
             yield ordered, generalisation.Board(ordered, held_out)
 
 
-def _newest_first(board: tuple[str, str]) -> tuple[list[int], str, str]:
-    """Return what boards are sorted by: the numbers of the version, falling, then the names."""
+def _newest_first(board: tuple[str, str]) -> tuple[int, str, str]:
+    """Return what boards are sorted by: a new major version first, then those that add to it."""
     version, protocol = board
-    numbers = recipe.load(version).base.split(".")
-    return [-int(number) for number in numbers], version, protocol
+    major, _, _ = recipe.load(version).base.partition(".")
+    return -int(major), version, protocol
 
 
 def _at(submissions: Iterable[Submission], target: str) -> list[Submission]:
