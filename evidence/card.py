@@ -13,10 +13,14 @@ from synthnet.version import __version__
 
 
 def composition(report: dict) -> str:
-    """Return the table of families of a build report, those of earlier versions as one row."""
+    """Return the table of families of a build report, those of earlier versions as one row.
+
+    What `synthnet info --json` says of a version will do: then nothing is said of time.
+    """
     pictures = f"pictures/{report['version']}"
     new = new_families(report["version"])
-    counted = ("drawn", "kept", "vertices", "faces", "core_seconds")
+    timed = "wall_seconds" in report
+    counted = ["drawn", "kept", "vertices", "faces", *["core_seconds"] * timed]
     rows = []
     for row in report["families"]:
         if row["family"] in new:
@@ -27,13 +31,22 @@ def composition(report: dict) -> str:
     old = [row for row in report["families"] if row["family"] not in new]
     for title, some in (("Families of earlier versions", old), ("All", report["families"])):
         if some:
-            rows.append(["", title, *_counts([sum(row[name] for row in some) for name in counted])])
+            rows.append(
+                [
+                    "",
+                    title,
+                    *_counts([sum(round(row[name], 1) for row in some) for name in counted]),
+                ]
+            )
     if report["version"] == "1.0":
         rows.append(["", "*The paper, as reported*", 16550, "189", 16361, "", "", ""])
-    headers = ["", "family", "drawn", "rejected", "kept", "vertices", "faces", "core-seconds"]
+    headers = ["", "family", "drawn", "rejected", "kept", "vertices", "faces"]
+    headers += ["core-seconds"] * timed
     table = tabulate(rows, headers, tablefmt="github", intfmt=",", floatfmt=",.1f")
-    minutes = report["wall_seconds"] / 60
     size = report["bytes"] / 1e6
+    if not timed:
+        return f"{table}\n\n`synthnet build {report['version']}` writes {size:,.0f} MB."
+    minutes = report["wall_seconds"] / 60
     return (
         f"{table}\n\nBuilt by `synthnet build {report['version']}` on 2 cores in "
         f"{minutes:.1f} minutes; {size:,.0f} MB."
@@ -41,9 +54,10 @@ def composition(report: dict) -> str:
 
 
 def _counts(numbers: list, refused: str | None = None) -> list:
-    """Return the cells of a row: drawn, rejected, kept, vertices, faces, core-seconds."""
-    drawn, kept, vertices, faces, seconds = numbers
-    return [drawn, refused or str(drawn - kept), kept, vertices, faces, round(seconds, 1)]
+    """Return the cells of a row: drawn, rejected, kept, vertices, faces, perhaps core-seconds."""
+    drawn, kept, vertices, faces, *seconds = numbers
+    cells = [drawn, refused or str(drawn - kept), kept, vertices, faces]
+    return cells + [round(taken, 1) for taken in seconds]
 
 
 def cost(build: dict, full: dict, loading: dict) -> str:

@@ -27,9 +27,13 @@ FILES = {"flaws": "flaws-1.0", "folds": "folds-2.0"}
 FILES |= {name: f"{name}-{{version}}" for name in ("limits", "loading", "shapes")}
 # Numbers that another command writes: reports of builds, and what a picture shows.
 REPORTS = {
-    f"build-{v}": f"synthnet build {v} --json > docs/data/build-{v}.json"
-    for v in ("1.0", "2.0", "2.1")
-} | {"surfaces": "python -m evidence draw readme"}
+    **{
+        f"build-{v}": f"synthnet build {v} --json > docs/data/build-{v}.json"
+        for v in ("1.0", "2.0")
+    },
+    "build-2.1": "synthnet info 2.1 --json > docs/data/build-2.1.json",
+    "surfaces": "python -m evidence draw readme",
+}
 
 
 def add_options(parser: argparse.ArgumentParser, measure: Callable[..., object]) -> None:
