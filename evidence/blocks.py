@@ -91,7 +91,6 @@ BLOCKS = {
     "dataset-card-2.0/splits": Block(("shapes-2.0",), shapes.split_table),
     "dataset-card-2.1/composition": Block(("build-2.1",), card.composition),
     "dataset-card-2.1/parameters": Block(("shapes-2.1",), shapes.parameter_table),
-    "dataset-card-2.1/real": Block((), real_sets.more_families),
     "dataset-card-2.1/sizes": Block(("shapes-2.1",), shapes.size_table),
     "dataset-card-2.1/rejections": Block(("shapes-2.1",), shapes.rejections),
     "dataset-card-2.1/splits": Block(("shapes-2.1",), shapes.split_table),
