@@ -341,6 +341,8 @@ def test_json_of_versions(run: Run, mini_home: Path) -> None:
         {"version": "1.0-small", "shapes": 1655, "built": False},
         {"version": "2.0", "shapes": 9930, "built": False},
         {"version": "2.0-mini", "shapes": 387, "built": False},
+        {"version": "2.1", "shapes": 14430, "built": False},
+        {"version": "2.1-mini", "shapes": 507, "built": False},
     ]
 
 

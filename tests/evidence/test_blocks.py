@@ -46,7 +46,7 @@ def test_all_data_of_blocks_come_from_a_measurement_or_a_build() -> None:
     measured = {
         FILES.get(name, name).format(version=version)
         for name in MEASUREMENTS
-        for version in ("1.0", "2.0")
+        for version in ("1.0", "2.0", "2.1")
     }
     assert {name for block in BLOCKS.values() for name in block.data} <= measured | {*REPORTS}
 

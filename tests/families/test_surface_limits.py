@@ -25,7 +25,7 @@ def slow(name: str) -> object:
 
 def drawn(family: str, count: int) -> Iterator[Parameters]:
     """Evenly spaced draws of the version that the family is of."""
-    resolved = recipe.load("1.0" if family in PRIMITIVES else "2.0")
+    resolved = recipe.load("1.0" if family in PRIMITIVES else "2.1")
     total = resolved.families[family].count
     for index in np.linspace(0, total - 1, count).astype(int).tolist():
         yield draw_shape(resolved, family, index).parameters

@@ -15,8 +15,8 @@ def sphere(resolution: int, radius: float = 1.0) -> Mesh:
 
 
 def drawn(family: str, index: int = 1) -> Mesh:
-    """Return a shape of 1.0, or of 2.0 where 1.0 has no such family."""
-    version = "1.0" if family in PRIMITIVES else "2.0"
+    """Return a shape of 1.0, or of 2.1 where 1.0 has no such family."""
+    version = "1.0" if family in PRIMITIVES else "2.1"
     return FAMILIES[family].generate(draw_shape(recipe.load(version), family, index).parameters)
 
 
