@@ -21,6 +21,7 @@ from synthnet.families.limits import Limit
 from synthnet.families.surface_limits import ELEMENTS, layers_at, triangulation
 
 ORDER = 4  # of an eigenvalue's error in the length of the edges
+AT_CORNERS = 2  # the same where the smallest elements at a corner have the say
 STEP = 1e-5  # of the differences, in units of a triangle
 LEAST, MOST = 2500, 60_000  # triangles of the first mesh, and of the last
 DEGREE = 8  # that the quadrature is exact for
@@ -31,7 +32,8 @@ def limit(atlas: Atlas, k: int, close: float = 1e-5) -> Limit:
 
     Edges are halved until the extrapolation changes no eigenvalue by more than ``close``, or the
     next mesh would have more than :data:`MOST` triangles. The bar is twice that last change, since
-    at corners the meshes are not yet so fine that their order shows.
+    the meshes are not yet so fine that their order shows; more where there are corners with layers,
+    whose smallest elements have a lower one.
 
     Parameters
     ----------
@@ -43,7 +45,8 @@ def limit(atlas: Atlas, k: int, close: float = 1e-5) -> Limit:
         Relative.
     """
     n = max(2, round(math.sqrt(ELEMENTS / len(atlas.charts))))
-    macro = triangulation(atlas, n, layers_at(atlas))
+    layers = layers_at(atlas)
+    macro = triangulation(atlas, n, layers)
     cut = replace(atlas, corners=macro.corners, charts=macro.charts, singular=None)
     steps = max(1, round(math.sqrt(LEAST / len(macro.faces))))
     coarse = of_mesh(cut, cut.uniform(steps), k)
@@ -53,7 +56,8 @@ def limit(atlas: Atlas, k: int, close: float = 1e-5) -> Limit:
         change = (fine - coarse) / (2**ORDER - 1)
         small = (np.abs(change) <= close * fine).all()
         if small or len(macro.faces) * (2 * steps) ** 2 > MOST:
-            return Limit(fine + change, 2 * np.abs(change))
+            cornered = np.abs(fine - coarse) / (2**AT_CORNERS - 1)
+            return Limit(fine + change, cornered if layers.any() else 2 * np.abs(change))
         coarse = fine
 
 

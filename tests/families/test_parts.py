@@ -16,7 +16,6 @@ from synthnet.families import (
     perforated_plate,
     shaft,
     sheet_metal,
-    surface_limits,
 )
 from synthnet.families.charted import one_shape
 from synthnet.mesh import geometry
@@ -131,15 +130,6 @@ def test_a_shaft_has_the_volume_of_its_steps() -> None:
         assert geometry.volume(mesh) == pytest.approx(cones.sum(), rel=5e-3)
         bores.add(parameters["bore"])
     assert bores == {0, 1}
-
-
-def test_a_shafts_limit_is_that_of_elements_on_its_surface() -> None:
-    for bore in (0, 1):
-        parameters = {"steps": 3, "bore": bore, "form": 5}
-        known = shaft.limit(10, **parameters)
-        elements = surface_limits.limit(shaft.atlas(**parameters), 10)
-        assert (np.abs(known - elements.eigenvalues) < elements.bar + 1e-8 * known).all()
-        assert (elements.bar < 1e-4 * known).all()
 
 
 def test_shears_keep_the_volume_of_a_folded_ball() -> None:
