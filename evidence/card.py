@@ -31,13 +31,8 @@ def composition(report: dict) -> str:
     old = [row for row in report["families"] if row["family"] not in new]
     for title, some in (("Families of earlier versions", old), ("All", report["families"])):
         if some:
-            rows.append(
-                [
-                    "",
-                    title,
-                    *_counts([sum(round(row[name], 1) for row in some) for name in counted]),
-                ]
-            )
+            sums = [sum(round(row[name], 1) for row in some) for name in counted]
+            rows.append(["", title, *_counts(sums)])
     if report["version"] == "1.0":
         rows.append(["", "*The paper, as reported*", 16550, "189", 16361, "", "", ""])
     headers = ["", "family", "drawn", "rejected", "kept", "vertices", "faces"]

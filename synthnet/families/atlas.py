@@ -234,6 +234,17 @@ def glue_charts(*parts: tuple[int, Floats]) -> tuple[Floats, Integers]:
     return corners, charts.astype(np.int64)
 
 
+def borders(lengths: Floats) -> Floats:
+    """Return where pieces begin and end that lie one after the other, from 0 on.
+
+    Examples
+    --------
+    >>> borders(np.array([1.0, 0.5])).tolist()
+    [0.0, 1.0, 1.5]
+    """
+    return np.concatenate([[0.0], np.cumsum(lengths)])
+
+
 def rows(length: float, around: float, most: int = 12) -> int:
     """Return how many rows of patches make them about as long as they are wide."""
     return max(1, min(most, math.floor(length / around + 0.5)))

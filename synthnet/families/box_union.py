@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.families import boxes as of_boxes
-from synthnet.families.atlas import Atlas, Floats
-from synthnet.families.charted import charted
+from synthnet.families.atlas import Atlas, Floats, borders
+from synthnet.families.charted import charted, one_shape
 from synthnet.types import Parameters
 
 GRID = 3  # cells of the grid in each direction
@@ -32,7 +34,7 @@ def union(*, boxes: int, form: int) -> tuple[NDArray[np.bool_], list[Floats]]:
         if near and filled.sum() < boxes:
             filled[cell] = True
             filled[cell] = of_boxes.is_manifold(filled)
-    return filled, [np.concatenate([[0.0], np.cumsum(across)]) for across in widths]
+    return filled, [borders(across) for across in widths]
 
 
 def atlas(*, boxes: int, form: int) -> Atlas:
@@ -42,8 +44,8 @@ def atlas(*, boxes: int, form: int) -> Atlas:
 
 def euler(parameters: Parameters) -> int:
     """Return the Euler characteristic of :func:`union`."""
-    boxes, form = (int(parameters[name]) for name in ("boxes", "form"))
-    return of_boxes.euler(union(boxes=boxes, form=form)[0])
+    shape: dict[str, Any] = dict(one_shape(parameters))
+    return of_boxes.euler(union(**shape)[0])
 
 
 FAMILY = charted(

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.families import boxes
-from synthnet.families.atlas import Atlas, Floats
-from synthnet.families.charted import charted
+from synthnet.families.atlas import Atlas, Floats, borders
+from synthnet.families.charted import charted, one_shape
 from synthnet.families.family import POSITIVE
 from synthnet.types import Parameters
 
@@ -34,7 +34,7 @@ def frame(
     for cell in struts[rng.random(len(struts)) < LEFT_OUT]:
         filled[tuple(cell)] = False
         filled[tuple(cell)] = not boxes.is_connected(filled)
-    return filled, [np.concatenate([[0.0], np.cumsum(across)]) for across in widths]
+    return filled, [borders(across) for across in widths]
 
 
 def atlas(**parameters: Any) -> Atlas:
@@ -44,16 +44,15 @@ def atlas(**parameters: Any) -> Atlas:
 
 def euler(parameters: Parameters) -> int:
     """Return the Euler characteristic of :func:`frame`."""
-    shape: dict[str, Any] = {name: parameters[name] for name in LEAST}
+    shape: dict[str, Any] = dict(one_shape(parameters))
     return boxes.euler(frame(**shape)[0])
 
 
-LEAST = {"columns": 1, "rows": 1, "layers": 1, "strut": POSITIVE, "form": 0}
 FAMILY = charted(
     "lattice",
     "Lattice",
     atlas,
-    LEAST,
+    {"columns": 1, "rows": 1, "layers": 1, "strut": POSITIVE, "form": 0},
     euler_characteristic=euler,
     most={"columns": 3, "rows": 3, "layers": 3, "strut": 1.0},
 )

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas
-from synthnet.families.charted import charted
+from synthnet.families.atlas import Atlas, borders
+from synthnet.families.charted import charted, one_shape
 from synthnet.families.family import POSITIVE
 from synthnet.families.plates import Plate
 from synthnet.types import Parameters
@@ -23,9 +23,7 @@ def plate(*, columns: int, rows: int, hole: float, thickness: float, form: int) 
     seed of the cells' sizes, of which have holes, and of how large these are.
     """
     rng = np.random.Generator(np.random.PCG64(form))
-    x, y = (
-        np.concatenate([[0.0], np.cumsum(1 + 0.5 * (rng.random(n) - 0.5))]) for n in (columns, rows)
-    )
+    x, y = (borders(1 + 0.5 * (rng.random(n) - 0.5)) for n in (columns, rows))
     drilled = rng.random((columns, rows)) < DRILLED
     drilled[columns // 2, rows // 2] = True
     room = np.minimum(np.diff(x)[:, None], np.diff(y)) / 2
@@ -40,16 +38,15 @@ def atlas(**parameters: Any) -> Atlas:
 
 def euler(parameters: Parameters) -> int:
     """Return 2 − 2g for g holes."""
-    shape: dict[str, Any] = {name: parameters[name] for name in LEAST}
-    return 2 - 2 * int(np.count_nonzero(plate(**shape).holes))
+    shape: dict[str, Any] = dict(one_shape(parameters))
+    return plate(**shape).euler_characteristic
 
 
-LEAST = {"columns": 1, "rows": 1, "hole": POSITIVE, "thickness": POSITIVE, "form": 0}
 FAMILY = charted(
     "perforated_plate",
     "Perforated plate",
     atlas,
-    LEAST,
+    {"columns": 1, "rows": 1, "hole": POSITIVE, "thickness": POSITIVE, "form": 0},
     euler_characteristic=euler,
     most={"columns": 6, "rows": 6, "hole": 0.95},
 )

@@ -33,6 +33,11 @@ class Plate:
     holes: Floats
     thickness: float
 
+    @property
+    def euler_characteristic(self) -> int:
+        """Of its surface: 2 − 2g for g holes."""
+        return 2 - 2 * int(np.count_nonzero(self.holes))
+
     def atlas(self, bend: Callable[[Integers, Floats], Floats] | None = None) -> Atlas:
         """Return the surface in charts: of each side of each cell above, below and the walls.
 

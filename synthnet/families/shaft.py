@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, rows
+from synthnet.families.atlas import Atlas, borders, rows
 from synthnet.families.charted import charted
 from synthnet.families.revolution import Piece, revolution, straight
 from synthnet.types import Parameters
@@ -31,7 +31,7 @@ def profile(*, steps: int, bore: int, form: int) -> list[tuple[float, float]]:
     ends = np.where(rng.random(steps) < TAPERED, ends, radii)
     share = BORE[0] + (BORE[1] - BORE[0]) * float(rng.random())
     inside = share * float(min(radii.min(), ends.min())) if bore else 0.0
-    heights = np.concatenate([[0.0], np.cumsum(lengths)])
+    heights = borders(lengths)
     corners = [(inside, 0.0)]
     for low, high, bottom, top in zip(radii, ends, heights[:-1], heights[1:], strict=True):
         corners += [(float(low), float(bottom)), (float(high), float(top))]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families.atlas import Atlas, Floats, Integers
-from synthnet.families.charted import charted
+from synthnet.families.atlas import Atlas, Floats, Integers, borders
+from synthnet.families.charted import charted, one_shape
 from synthnet.families.family import POSITIVE
 from synthnet.families.plates import Plate
 from synthnet.types import Parameters
@@ -67,7 +67,7 @@ def part(*, flanges: int, width: float, thickness: float, radius: float, form: i
     rows = max(1, round(width / float(lengths.mean())))
     bends = np.abs(np.diff(angles)) * thickness * (radius + 0.5)
     columns = np.insert(lengths, np.arange(1, flanges), bends)
-    x = np.concatenate([[0.0], np.cumsum(columns)])
+    x = borders(columns)
     y = np.linspace(0.0, width, rows + 1)
     drilled = rng.random((flanges, rows)) < DRILLED
     room = np.minimum(lengths[:, None], width / rows) / 2
@@ -85,16 +85,15 @@ def atlas(**parameters: Any) -> Atlas:
 
 def euler(parameters: Parameters) -> int:
     """Return 2 − 2g for g holes."""
-    shape: dict[str, Any] = {name: parameters[name] for name in LEAST}
-    return 2 - 2 * int(np.count_nonzero(part(**shape).plate.holes))
+    shape: dict[str, Any] = dict(one_shape(parameters))
+    return part(**shape).plate.euler_characteristic
 
 
-LEAST = {"flanges": 1, "width": POSITIVE, "thickness": POSITIVE, "radius": POSITIVE, "form": 0}
 FAMILY = charted(
     "sheet_metal",
     "Sheet metal part",
     atlas,
-    LEAST,
+    {"flanges": 1, "width": POSITIVE, "thickness": POSITIVE, "radius": POSITIVE, "form": 0},
     euler_characteristic=euler,
     most={"flanges": 5, "width": 6.0, "thickness": 0.2},
 )
