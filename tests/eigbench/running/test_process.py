@@ -170,6 +170,9 @@ def test_error_while_the_answer_is_read_is_the_predictors(predictor_file):
         predict_meshes(predictor_file(code), ids, probes, 10, Options())
 
 
+COUNTED = {"processor_time": "control group", "memory": "process tree"}
+
+
 def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
     evaluation = Evaluation(
         predictions=np.ones((1, 30, 10)),
@@ -179,7 +182,7 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
         new=np.array([True, True, True]),
         reference_seconds=np.array([1.0, np.nan, 2.0]),
         loaded=Loaded({}, None, False, False, "NVIDIA A100"),
-        status=Status(2**20, {}),
+        status=Status(2**20, {}, COUNTED),
     )
     cost = record.cost(evaluation, Options(device="cuda", batch_size=10))
     assert cost["ms_per_mesh"] == pytest.approx(20)
@@ -187,6 +190,7 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
     assert cost["ms_per_mesh_mean"] == pytest.approx(20)
     assert cost["cores_used"] == pytest.approx(2)
     assert cost["peak_memory_mb"] == 1
+    assert cost["counted_by"] == COUNTED
     assert cost["hardware"].startswith("NVIDIA A100, ")
     assert "NVIDIA" not in record.hardware()
     assert cost["reference"] == {
