@@ -1,5 +1,7 @@
 """The predictor's process: what it can see, what the clock sees, what is recorded of it."""
 
+import errno
+import fcntl
 import os
 import signal
 import socket
@@ -481,3 +483,24 @@ def test_a_predictors_words_cannot_act_on_the_terminal(predictor_file):
     code = "def predict(meshes): raise ValueError('a\\x1b[2Jb\\u202e')"
     with pytest.raises(PredictorError, match=r"ValueError: a�\[2Jb�, on|raise"):
         predict_meshes(predictor_file(code), ["a"], meshes.warming(1), 10, Options())
+
+
+@pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="files in memory are Linux's")
+@pytest.mark.parametrize("refusals", [2, 1000])
+def test_meshes_are_sealed_when_the_system_lets_go_of_their_memory(monkeypatch, refusals):
+    """A busy machine may hold a page of the file for longer than the system waits."""
+    left, seal = [OSError(errno.EBUSY, "busy")] * refusals, fcntl.fcntl
+
+    def refuse(file, command, seals):
+        if left:
+            raise left.pop()
+        return seal(file, command, seals)
+
+    monkeypatch.setattr(frames.fcntl, "fcntl", refuse)
+    if refusals > frames.SEALINGS:
+        with pytest.raises(OSError, match="busy"):
+            frames.packed(meshes.warming(1))
+        return
+    _, file = frames.packed(meshes.warming(1))
+    with file, pytest.raises(PermissionError):
+        os.write(file.fileno(), b"x")
