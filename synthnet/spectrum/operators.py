@@ -14,7 +14,7 @@ as 'Shape-DNA' of surfaces and solids", Computer-Aided Design 38 (2006): quadrat
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -94,6 +94,22 @@ class Operator:
             raise ValueError(f"no mass {self.mass!r}: {_listed(SHARES)}")
         elif self.mass not in masses:
             raise ValueError(f"{self.elements} elements have no {self.mass} mass: {masses[0]} only")
+
+    def check_repairs(self, repairs: Mapping[str, int]) -> None:
+        """Check that a mask, if there is one, is still of the vertices of a repaired mesh.
+
+        Raises
+        ------
+        ValueError
+            If anything was repaired: vertices may have other numbers since.
+        """
+        if repairs and not isinstance(self.boundary, str):
+            done = ", ".join(f"{count} {name}" for name, count in repairs.items())
+            raise ValueError(
+                f"the mesh was repaired ({done}), and a mask is of the vertices as they were: "
+                "repair it first by synthnet.mesh.repair.repair(mesh), and give a mask of what "
+                "comes out"
+            )
 
     @property
     def share(self) -> float:

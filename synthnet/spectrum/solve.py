@@ -131,6 +131,7 @@ def compute(
         raise ValueError(f"sharp is for linear elements, not {operator.elements} ones")
     if repair:
         mended = repaired(mesh, k)
+        operator.check_repairs(mended.repairs)
         spectrum = compute(mended.mesh, k, operator=operator, sharp=sharp)
         return replace(spectrum, mesh=mended.mesh, repairs=mended.repairs)
     mesh = as_mesh(mesh)

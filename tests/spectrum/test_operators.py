@@ -226,6 +226,21 @@ def test_an_operator_that_there_is_not_is_one_line(names: dict[str, Any], line: 
         Operator(**names)
 
 
+def test_a_mask_is_of_the_vertices_that_are_solved_for() -> None:
+    """Repairs may give vertices other numbers, so none is made beside a mask."""
+    mesh = square(4)
+    mask = mesh.vertices[:, 0] == 0
+    loose = Mesh(np.vstack([[[9.0, 9, 9]], mesh.vertices]), mesh.faces + 1)
+    held = Operator(np.append(False, mask))
+    for call, given in ((spectrum.compute, 2), (spectrum.certify, [1.0, 2.0])):
+        with pytest.raises(ValueError, match=r"was repaired \(1 loose vertices\), and a mask"):
+            call(loose, given, operator=held, repair=True)
+    kept = spectrum.compute(mesh, 2, operator=Operator(mask), repair=True)
+    np.testing.assert_array_equal(
+        kept.eigenvalues, spectrum.compute(mesh, 2, operator=Operator(mask)).eigenvalues
+    )
+
+
 @pytest.mark.parametrize(
     ("mesh", "boundary", "line"),
     [
