@@ -32,7 +32,8 @@ from synthnet.terminal import Commands
 from synthnet.types import Spectrum
 
 SHOWN = 6  # so many eigenvalues fit in a row of the terminal
-NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf", re.IGNORECASE)
+NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)", re.IGNORECASE)
+CELL = re.compile(r'"[^"]*"|[^\s,]+')  # no field of csv, which may have 131,072 characters at most
 
 
 FORMATS = f"a mesh: {', '.join(SUFFIXES)}, or one of these .gz"
@@ -302,18 +303,20 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
         If it cannot be read, holds no numbers, or no row of the mesh.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
         raise AnswerError(missing(path)) from error
     except OSError as error:
         raise AnswerError(f"{path} cannot be opened ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise AnswerError(f"{path} is no text: give numbers as CSV") from error
-    rows = [row for row in csv.reader(text.splitlines()) if row]
-    names = rows[0] if rows else []
+    rows = [(number, CELL.findall(line)) for number, line in enumerate(text.split("\n"), start=1)]
+    rows = [(number, cells) for number, cells in rows if cells]
+    first = text.strip().partition("\n")[0]
+    names = [name.strip(' "') for name in first.split(",")]
     if "file" in names and "lambda_1" in names:
-        rows = [_of_mesh(rows, mesh, path)]
-    elif names and not any(map(NUMBER.fullmatch, map(str.strip, names))):
+        rows = [_of_mesh(text, mesh, path)]
+    elif _are_names(names):
         rows = rows[1:]
     values = list(_numbers(rows, path))
     if not values:
@@ -321,19 +324,39 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
     return np.array(values)
 
 
-def _of_mesh(rows: list[list[str]], mesh: Path, path: Path) -> list[str]:
-    names, *others = rows
-    columns = [i for i, name in enumerate(names) if name.startswith("lambda_")]
-    file = names.index("file")
-    mine = [row for row in others if Path(row[file]).name == mesh.name and len(row) == len(names)]
+def _are_names(cells: list[str]) -> bool:
+    """Return whether a line's cells are names: words, or a comment; no numbers written otherwise.
+
+    Examples
+    --------
+    >>> [_are_names([cell]) for cell in ("eigenvalue", "# 5 of them", "2.0D0", "Infinity")]
+    [True, True, False, False]
+    """
+    words = [cell.split()[0] for cell in cells if cell]
+    named = [word[0].isalpha() and not NUMBER.fullmatch(word) for word in words]
+    return bool(words) and (words[0].startswith("#") or all(named))
+
+
+def _of_mesh(text: str, mesh: Path, path: Path) -> tuple[int, list[str]]:
+    """Return the eigenvalues in a mesh's row of a table, and the number of its line."""
+    reader = csv.reader(io.StringIO(text))
+    try:
+        names, *rows = [(reader.line_num, row) for row in reader if row]
+    except csv.Error as error:
+        raise AnswerError(f"{path} is no table of `synthnet spectrum --out` ({error})") from error
+    columns = [i for i, name in enumerate(names[1]) if name.startswith("lambda_")]
+    file = names[1].index("file")
+    whole = [(line, row) for line, row in rows if len(row) == len(names[1])]
+    mine = [(line, row) for line, row in whole if Path(row[file]).name == mesh.name]
     if len(mine) != 1:
         raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed")
-    return [mine[0][i] for i in columns]
+    ((line, row),) = mine
+    return line, [row[i] for i in columns]
 
 
-def _numbers(rows: list[list[str]], path: Path) -> Iterator[float]:
-    for number, row in enumerate(rows, start=1):
-        for word in " ".join(row).split():
+def _numbers(rows: list[tuple[int, list[str]]], path: Path) -> Iterator[float]:
+    for number, cells in rows:
+        for word in " ".join(cell.strip('"') for cell in cells).split():
             if not NUMBER.fullmatch(word):
                 raise AnswerError(f"{path}, row {number}: {word[:40]!r} is no number")
             if not math.isfinite(value := float(word)):

@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from synthnet.commands import cli
+from synthnet.commands.spectra import read_answer
 from synthnet.spectrum import Operator, compute
 
 Run = Callable[..., tuple[int, str, str]]
@@ -99,12 +100,36 @@ def test_an_answer_is_judged(run: Run, files: list[Path], tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("\ufeff1.5\n2.5\n", [1.5, 2.5]),
+        ("\ufeff# two of them\r\n1.5, 2.5\r\n", [1.5, 2.5]),
+        ('"eigenvalue"\n"1.5"\n2.5e0\n', [1.5, 2.5]),
+        ("\ufefffile,lambda_1,lambda_2\nelsewhere/a.ply,1.5,2.5\n", [1.5, 2.5]),
+        ("1.5 " * 50_000, [1.5] * 50_000),  # csv takes no field of so many characters
+    ],
+)
+def test_an_answer_is_read_whole(text: str, values: list[float], tmp_path: Path) -> None:
+    answer = tmp_path / "answer.csv"
+    answer.write_bytes(text.encode())
+    assert read_answer(answer, Path("a.ply")).tolist() == values
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "holds no numbers"),
         ("names, only\n", "holds no numbers"),
         ("1.0\nabc\n", "row 2: 'abc' is no number"),
+        ("eigenvalue\n\n1.0\nabc\n", "row 4: 'abc' is no number"),
         ("1.0, inf", "row 1: inf is not finite"),
+        ("Infinity\n1.0\n", "row 1: Infinity is not finite"),
+        ("2.046D0\n1.0\n", "row 1: '2.046D0' is no number"),
+        ('"2,046"\n', "row 1: '2,046' is no number"),
+        ('{"eigenvalues": [1.0]}', "is no number"),
+        ("2" * 200_000, "222 is not finite"),
+        ("file,lambda_1\na.ply,1\nb.ply,x\nc.ply," + "2" * 200_000, "is no table of `synthnet"),
+        ("file,lambda_1\nb.ply,1\n\na.ply,x\n", "row 4: 'x' is no number"),
         ("file,lambda_1\nother.ply,2\n", "has 0 rows of a.ply, where one is needed"),
         (b"\xff\xfe", "is no text"),
     ],
