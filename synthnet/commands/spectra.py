@@ -21,15 +21,15 @@ from tabulate import tabulate
 from synthnet import terminal
 from synthnet.commands.options import at_least, print_json
 from synthnet.errors import SpectrumError, SynthNetError, missing
-from synthnet.mesh.formats import SUFFIXES, UnreadableError
+from synthnet.mesh.formats import SUFFIXES, UnreadableError, kind_of
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.mesh.reading import Reader
-from synthnet.mesh.repair import Refused, Repaired, Rules, repair
-from synthnet.spectrum import Operator, certify, compute
+from synthnet.mesh.repair import Refused, Repaired, welded
+from synthnet.spectrum import Operator, certify, compute, discretise, repaired
 from synthnet.spectrum.operators import BOUNDARIES, MASSES, SHARES
 from synthnet.store.files import make_parent, write_text
 from synthnet.terminal import Commands
-from synthnet.types import Spectrum
+from synthnet.types import Mesh, Spectrum
 
 SHOWN = 6  # so many eigenvalues fit in a row of the terminal
 NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)", re.IGNORECASE)
@@ -124,7 +124,8 @@ def _of_mesh_options(command: argparse.ArgumentParser) -> None:
         choices=tuple(MASSES),
         default="linear",
         help="finite elements, curved: on triangles bent to the surface that the mesh samples, "
-        "tufted: for meshes that are no manifold, taken as they are (default: %(default)s)",
+        "tufted: for meshes that are no manifold, taken as they are, but for the corners of STL "
+        "(default: %(default)s)",
     )
     command.add_argument(
         "--no-repair",
@@ -143,7 +144,7 @@ def run_spectrum(options: argparse.Namespace) -> int:
     with Reader() as reader, console.status("") as status:
         for number, file in enumerate(options.files, start=1):
             status.update(f"{file.name} ({number} of {len(options.files)})")
-            answers.append(_answer(reader, file, options.k, _mends(options), operator))
+            answers.append(_answer(reader, file, options.k, operator, mended=options.repair))
     if options.out is not None:
         make_parent(options.out)
         write_text(options.out, _as_csv(answers, options.k))
@@ -166,9 +167,9 @@ def run_certify(options: argparse.Namespace) -> int:
     answer, operator = read_answer(options.answer, options.mesh), _operator(options)
     with Reader() as reader, Console(stderr=True).status(f"counting eigenvalues of {options.mesh}"):
         try:
-            repaired = _mesh(reader, options.mesh, len(answer), _mends(options))
-            verdict = certify(repaired.mesh, answer, tolerance=options.tolerance, operator=operator)
-            pieces = MeshFacts(repaired.mesh).n_components
+            state = _mesh(reader, options.mesh, operator, mended=options.repair)
+            verdict = certify(state.mesh, answer, tolerance=options.tolerance, operator=operator)
+            pieces = MeshFacts(state.mesh).n_components
         except (UnreadableError, Refused, ValueError, SpectrumError) as error:
             raise AnswerError(f"{options.mesh}: {error}") from error
     if options.json:
@@ -185,15 +186,15 @@ def run_certify(options: argparse.Namespace) -> int:
                     {"index": i, "answer": float(verdict.eigenvalues[i - 1]), "eigenvalue": true}
                     for i, true in verdict.off
                 ],
-                "repairs": repaired.repairs,
+                "repairs": state.repairs,
             }
         )
     else:
         print(verdict)
         if pieces > 1:
             print(_of_components(options.mesh, pieces))
-        if repaired.repairs:
-            print(f"of the mesh as repaired: {_said(repaired)}")
+        if state.repairs:
+            print(f"of the mesh as repaired: {_said(state)}")
     return 0 if verdict.certified else 1
 
 
@@ -204,17 +205,41 @@ def _of_components(file: Path, count: int) -> str:
     )
 
 
-def _mesh(reader: Reader, file: Path, k: int, mended: bool) -> Repaired:
-    """Read a mesh, and repair it if that is wanted."""
+def _mesh(reader: Reader, file: Path, operator: Operator, *, mended: bool) -> Repaired:
+    """Read a mesh, and repair it if that is wanted.
+
+    Tufted elements take a mesh that is no manifold, so of theirs only an STL file's corners are
+    merged: no two of its triangles share one.
+    """
     if file.is_dir():
         raise UnreadableError("a directory: name files, or `synthnet import` it")
     mesh = reader.read(file)
-    return repair(mesh, Rules(least=k + 1)) if mended else Repaired(mesh)
+    if not mended:
+        return Repaired(mesh)
+    if operator.elements == "tufted":
+        soup = (kind_of(file.name) or "").startswith(".stl")
+        return welded(mesh) if soup else Repaired(mesh)
+    try:
+        return repaired(mesh)
+    except Refused as error:
+        if error.reason != "non_manifold_edge":
+            raise
+        detail = f"{error.detail}, --elements tufted takes the mesh as it is"
+        raise Refused(error.reason, detail) from error
 
 
-def _mends(options: argparse.Namespace) -> bool:
-    """Whether a mesh is repaired; for tufted elements it need not be a manifold."""
-    return bool(options.repair) and options.elements != "tufted"
+def _would_mend(mesh: Mesh, operator: Operator) -> bool:
+    """Return whether a mesh has no such operator as it stands, and has it when it is repaired."""
+    with warnings.catch_warnings(action="ignore"):
+        try:
+            discretise(mesh, operator)
+        except ValueError:
+            try:
+                discretise(repaired(mesh).mesh, operator)
+            except (ValueError, Refused):
+                return False
+            return True
+    return False
 
 
 def _operator(options: argparse.Namespace) -> Operator:
@@ -224,19 +249,23 @@ def _operator(options: argparse.Namespace) -> Operator:
         raise OperatorError(f"{error}: leave --mass out") from error
 
 
-def _answer(reader: Reader, file: Path, k: int, mended: bool, operator: Operator) -> Answer:
+def _answer(reader: Reader, file: Path, k: int, operator: Operator, *, mended: bool) -> Answer:
     """Compute a spectrum; whatever keeps it from having one is said."""
     try:
-        repaired = _mesh(reader, file, k, mended)
+        state = _mesh(reader, file, operator, mended=mended)
+    except (UnreadableError, Refused) as error:
+        return Answer(file, problem=str(error))
+    try:
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
-            spectrum = compute(repaired.mesh, k, operator=operator)
-        return Answer(file, repaired, spectrum, warnings=tuple(str(w.message) for w in warned))
-    except (UnreadableError, Refused, SpectrumError) as error:
+            spectrum = compute(state.mesh, k, operator=operator)
+    except SpectrumError as error:
         return Answer(file, problem=str(error))
     except ValueError as error:
-        hint = "" if mended else "; without --no-repair what can be mended is"
+        helps = not mended and operator.elements != "tufted" and _would_mend(state.mesh, operator)
+        hint = "; without --no-repair what can be mended is" if helps else ""
         return Answer(file, problem=f"{error}{hint}")
+    return Answer(file, state, spectrum, warnings=tuple(str(w.message) for w in warned))
 
 
 def _said(repaired: Repaired) -> str:
