@@ -15,6 +15,7 @@ from synthnet.mesh.repair import Repaired, Rules, repair
 from synthnet.types import Mesh
 
 EXACT = 2.0**53  # every smaller whole number has a float64 of its own
+TRIANGLE = 3  # vertices, the least that a surface can have
 SIZES = 1e-50, 1e50  # of a mesh: the squares of its areas are far from the ends of float64
 # Attributes of vertices and faces, and whether a column is a face.
 KINDS = (
@@ -65,15 +66,16 @@ def as_mesh(given: Any) -> Mesh:
     return Mesh(np.ascontiguousarray(vertices, dtype=np.float64), faces)
 
 
-def repaired(given: Any, k: int) -> Repaired:
-    """Return a mesh, repaired so that it has a spectrum of k eigenvalues after the zeros.
+def repaired(given: Any, k: int | None = None) -> Repaired:
+    """Return a mesh, repaired so that it has a spectrum.
 
     Parameters
     ----------
     given : Mesh or other
         As of :func:`as_mesh`.
-    k : int
-        Eigenvalues that are wanted of it.
+    k : int, optional
+        Without effect: how many eigenvalues there are depends on the operator, and whoever takes
+        its matrices counts them.
 
     Raises
     ------
@@ -82,7 +84,8 @@ def repaired(given: Any, k: int) -> Repaired:
     Refused
         If it is no surface by a rule of :mod:`synthnet.mesh.repair`.
     """
-    return repair(as_mesh(given), Rules(least=k + 1))
+    del k
+    return repair(as_mesh(given), Rules(least=TRIANGLE))
 
 
 def check(mesh: Mesh) -> None:

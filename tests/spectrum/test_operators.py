@@ -15,7 +15,6 @@ from evidence.thin_meshes import BITS, exact_matrices, thin
 from synthnet import spectrum
 from synthnet.families.atlas import Atlas
 from synthnet.families.elements import assemble as assemble_on_atlas
-from synthnet.mesh.repair import Refused
 from synthnet.spectrum import Operator, components
 from synthnet.spectrum.operators import MASSES, as_sparse, discretise
 from synthnet.types import Mesh
@@ -273,5 +272,13 @@ def test_repair_names_what_it_did_and_gives_the_mesh_of_the_vectors() -> None:
     np.testing.assert_allclose(result.eigenvalues, plain.eigenvalues, rtol=1e-6)
     assert not plain.repairs
     assert plain.mesh is None
-    with pytest.raises(Refused, match="few_vertices"):
+    with pytest.raises(ValueError, match=r"k must be between 1 and .*, got 500"):
         spectrum.compute(sphere(3), 500, repair=True)
+
+
+def test_a_repaired_mesh_has_as_many_eigenvalues_as_the_same_mesh_had_before() -> None:
+    mesh, quadratic = sphere(3), Operator(elements="quadratic")
+    n = len(mesh.vertices)
+    values = spectrum.compute(mesh, n - 1, repair=True).eigenvalues
+    assert spectrum.certify(mesh, [0.0, *values], repair=True).certified
+    assert len(spectrum.compute(mesh, n + 1, operator=quadratic, repair=True).eigenvalues) == n + 1
