@@ -15,6 +15,7 @@ from synthnet.types import Spectrum
 Floats = NDArray[np.float64]
 
 NORMALISATIONS = ("none", "area", "volume", "first")
+MEASURES = {"area": "area", "volume": "enclosed_volume"}  # functions of synthnet.mesh.geometry
 STEPS = 100  # times and energies of the signatures, in both papers
 WIDTH = 7  # of a wave kernel's Gaussian, in steps between energies
 ZERO = 1e-9  # an eigenvalue below so much of the largest is a zero
@@ -45,7 +46,7 @@ def shape_dna(
         ``area`` is ``method="surface"`` of ``lapy.shapedna.normalize_ev``.
     area, volume : float, optional
         :math:`|S|` in length² and V in length³, where the normalisation needs one:
-        :func:`synthnet.mesh.geometry.area` and :func:`synthnet.mesh.geometry.volume`.
+        :func:`synthnet.mesh.geometry.area` and :func:`synthnet.mesh.geometry.enclosed_volume`.
     reweighted : bool
         Divide the i-th by i, so that large eigenvalues do not dominate a distance, as BrainPrint
         does; ``lapy.shapedna.reweight_ev``.
@@ -274,7 +275,9 @@ def _pairs(spectrum: Spectrum) -> tuple[Floats, Floats]:
 
 def _measure(name: str, value: float | None) -> float:
     if value is None:
-        raise ValueError(f"pass {name}=, that of the surface: synthnet.mesh.geometry.{name}(mesh)")
+        raise ValueError(
+            f"pass {name}=, that of the surface: synthnet.mesh.geometry.{MEASURES[name]}(mesh)"
+        )
     if not 0 < value < np.inf:
         raise ValueError(f"{name} must be positive, got {value}")
     return value

@@ -150,6 +150,7 @@ def test_default_times_and_energies_are_the_papers() -> None:
     [
         (lambda: shape_dna(FOUND, "areas"), "normalisation must be one of .*did you mean area"),
         (lambda: shape_dna(FOUND, "area"), "pass area=, that of the surface"),
+        (lambda: shape_dna(FOUND, "volume"), r"pass volume=.*geometry\.enclosed_volume\(mesh\)"),
         (lambda: shape_dna(FOUND, "volume", volume=-1.0), "volume must be positive"),
         (lambda: shape_dna([0.0, 1.0]), "the first eigenvalue is zero"),
         (lambda: shape_dna([2.0, 1.0]), "eigenvalues must ascend"),
