@@ -245,6 +245,8 @@ def wave_kernel_signature(
 
 def _eigenvalues(spectrum: Spectrum | ArrayLike) -> Floats:
     given = spectrum.eigenvalues if isinstance(spectrum, Spectrum) else spectrum
+    if hasattr(given, "detach"):  # a tensor of PyTorch; values alone are needed
+        given = given.detach().cpu()
     values = np.asarray(given, dtype=np.float64)
     if values.ndim != 1 or not values.size or not np.isfinite(values).all():
         raise ValueError(f"eigenvalues must be finite, of shape (k,), got shape {values.shape}")

@@ -49,6 +49,13 @@ def test_normalised_shape_dna_does_not_know_the_size() -> None:
     assert shape_dna(large) == pytest.approx(FOUND.eigenvalues[:10] / 9, rel=1e-6)
 
 
+def test_a_tensor_that_has_a_gradient_is_taken_by_its_values() -> None:
+    torch = pytest.importorskip("torch")
+    values = torch.tensor(FOUND.eigenvalues, requires_grad=True)
+    np.testing.assert_array_equal(shape_dna(values), FOUND.eigenvalues)
+    assert heat_trace(values, 1.0) == heat_trace(FOUND.eigenvalues, 1.0)
+
+
 def test_heat_trace_begins_as_area_over_four_pi_t() -> None:
     degrees = np.arange(200)
     series = np.repeat(degrees * (degrees + 1.0), 2 * degrees + 1)[1:]  # the unit sphere's

@@ -215,6 +215,8 @@ def test_certify_judges_the_operator_that_is_named(elements: str, mass: str) -> 
     ("names", "line"),
     [
         ({"boundary": "robin"}, "no boundary condition 'robin': 'neumann', 'dirichlet', or a mask"),
+        ({"mass": ["lumped"]}, r"no mass \['lumped'\]: 'consistent', 'mean', 'lumped'"),
+        ({"elements": ["linear"]}, r"no elements \['linear'\]: 'linear', 'quadratic'"),
         ({"mass": "diagonal"}, "no mass 'diagonal': 'consistent', 'mean', 'lumped'"),
         ({"elements": "cubic"}, "no elements 'cubic': 'linear', 'quadratic', 'curved', 'delaunay'"),
         ({"elements": "quadratic", "mass": "lumped"}, "quadratic elements have no lumped mass"),
@@ -224,6 +226,25 @@ def test_certify_judges_the_operator_that_is_named(elements: str, mass: str) -> 
 def test_an_operator_that_there_is_not_is_one_line(names: dict[str, Any], line: str) -> None:
     with pytest.raises(ValueError, match=line):
         Operator(**names)
+
+
+@pytest.mark.parametrize(
+    ("operator", "line"),
+    [
+        ("dirichlet", r"such as Operator\(boundary='dirichlet'\), got 'dirichlet'"),
+        ("lumped", r"such as Operator\(mass='lumped'\), got 'lumped'"),
+        ("tufted", r"such as Operator\(elements='tufted'\), got 'tufted'"),
+        ("robin", r'such as Operator\(boundary="dirichlet"\), got \'robin\''),
+        (None, r'such as Operator\(boundary="dirichlet"\), got NoneType'),
+        (np.ones(9, bool), r'such as Operator\(boundary="dirichlet"\), got ndarray'),
+    ],
+)
+def test_what_is_no_operator_is_one_line(operator: Any, line: str) -> None:
+    for solve in (spectrum.compute, spectrum.count_below):
+        with pytest.raises(ValueError, match=f"operator must be an Operator, {line}"):
+            solve(square(2), 5, operator=operator)
+    with pytest.raises(ValueError, match=f"operator must be an Operator, {line}"):
+        spectrum.certify(square(2), [1.0], operator=operator)
 
 
 @pytest.mark.parametrize(
