@@ -157,8 +157,9 @@ def solve(
         vectors[i, vertices] = vector
     residual = max(pairs.residual for pairs, _ in solved)
     candidate = Candidate(merged[merged <= gap[0]], vectors, residual, gap)
-    count = sum(block.matrices.zeros for block in blocks) + len(candidate.values)
-    return candidate, Certificate(count, candidate.middle, residual)
+    zeros = sum(block.matrices.zeros for block in blocks)
+    count = zeros + len(candidate.values)
+    return candidate, Certificate(count, candidate.middle, residual, zeros=zeros)
 
 
 def _solve(block: Component, k: int, enough: float, solver: Solver) -> None:

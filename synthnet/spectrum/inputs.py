@@ -88,6 +88,18 @@ def repaired(given: Any, k: int | None = None) -> Repaired:
     return repair(as_mesh(given), Rules(least=TRIANGLE))
 
 
+def check_count(k: Any) -> None:
+    """Check that a number of eigenvalues is an integer, of Python or NumPy.
+
+    Raises
+    ------
+    ValueError
+        If it is anything else, a whole float too.
+    """
+    if isinstance(k, bool) or not isinstance(k, int | np.integer):
+        raise ValueError(f"k must be an integer, got {k!r}")  # noqa: TRY004 - one kind of error for all bad input
+
+
 def check(mesh: Mesh) -> None:
     """Check that a mesh has triangles, and coordinates whose areas have squares.
 
@@ -104,7 +116,8 @@ def check(mesh: Mesh) -> None:
     if len(bad):
         what = "NaN" if np.isnan(points[bad]).any() else "infinite"
         raise ValueError(f"{len(bad)} vertices are {what}, the first is vertex {bad[0]}")
-    size, extent = float(np.abs(points).max()), float(np.ptp(points, axis=0).max())
+    with np.errstate(over="ignore"):  # a width may be infinite between numbers that are not
+        size, extent = float(np.abs(points).max()), float(np.ptp(points, axis=0).max())
     if size > most or 0 < extent < least:
         raise ValueError(
             f"the mesh is {extent:.3g} wide and has coordinates up to {size:.3g}: scale it to "
@@ -131,10 +144,21 @@ def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _array(values: Any) -> NDArray[Any]:
-    """Return an array of NumPy; a tensor is fetched from its device and its graph."""
+    """Return an array of NumPy."""
     if hasattr(values, "detach"):
-        values = values.detach().cpu()
+        return _of_tensor(values)
     try:
         return np.asarray(values)
     except ValueError as error:
         raise ValueError("rows of different length are no vertices and no faces") from error
+
+
+def _of_tensor(tensor: Any) -> NDArray[Any]:
+    """Return the values of a tensor of PyTorch, fetched from its device and its graph."""
+    try:
+        return np.asarray(tensor.detach().cpu())
+    except TypeError as error:  # NumPy has no such dtype or layout
+        raise ValueError(
+            f"a tensor of {tensor.dtype} and layout {tensor.layout} is no array of NumPy: give a "
+            "dense one of float32 or float64"
+        ) from error

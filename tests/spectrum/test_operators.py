@@ -214,6 +214,8 @@ def test_certify_judges_the_operator_that_is_named(elements: str, mass: str) -> 
     ("names", "line"),
     [
         ({"boundary": "robin"}, "no boundary condition 'robin': 'neumann', 'dirichlet', or a mask"),
+        ({"mass": ["lumped"]}, r"no mass \['lumped'\]: 'consistent', 'mean', 'lumped'"),
+        ({"elements": ["linear"]}, r"no elements \['linear'\]: 'linear', 'quadratic'"),
         ({"mass": "diagonal"}, "no mass 'diagonal': 'consistent', 'mean', 'lumped'"),
         ({"elements": "cubic"}, "no elements 'cubic': 'linear', 'quadratic', 'curved', 'delaunay'"),
         ({"elements": "quadratic", "mass": "lumped"}, "quadratic elements have no lumped mass"),
@@ -231,13 +233,32 @@ def test_a_mask_is_of_the_vertices_that_are_solved_for() -> None:
     mask = mesh.vertices[:, 0] == 0
     loose = Mesh(np.vstack([[[9.0, 9, 9]], mesh.vertices]), mesh.faces + 1)
     held = Operator(np.append(False, mask))
-    for call, given in ((spectrum.compute, 2), (spectrum.certify, [1.0, 2.0])):
+    for call, wanted in ((spectrum.compute, 2), (spectrum.certify, [1.0, 2.0])):
         with pytest.raises(ValueError, match=r"was repaired \(1 loose vertices\), and a mask"):
-            call(loose, given, operator=held, repair=True)
+            call(loose, wanted, operator=held, repair=True)
     kept = spectrum.compute(mesh, 2, operator=Operator(mask), repair=True)
     np.testing.assert_array_equal(
         kept.eigenvalues, spectrum.compute(mesh, 2, operator=Operator(mask)).eigenvalues
     )
+
+
+@pytest.mark.parametrize(
+    ("operator", "line"),
+    [
+        ("dirichlet", r"such as Operator\(boundary='dirichlet'\), got 'dirichlet'"),
+        ("lumped", r"such as Operator\(mass='lumped'\), got 'lumped'"),
+        ("tufted", r"such as Operator\(elements='tufted'\), got 'tufted'"),
+        ("robin", r'such as Operator\(boundary="dirichlet"\), got \'robin\''),
+        (None, r'such as Operator\(boundary="dirichlet"\), got NoneType'),
+        (np.ones(9, bool), r'such as Operator\(boundary="dirichlet"\), got ndarray'),
+    ],
+)
+def test_what_is_no_operator_is_one_line(operator: Any, line: str) -> None:
+    for solve in (spectrum.compute, spectrum.count_below):
+        with pytest.raises(ValueError, match=f"operator must be an Operator, {line}"):
+            solve(square(2), 5, operator=operator)
+    with pytest.raises(ValueError, match=f"operator must be an Operator, {line}"):
+        spectrum.certify(square(2), [1.0], operator=operator)
 
 
 @pytest.mark.parametrize(
