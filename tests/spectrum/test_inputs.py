@@ -14,7 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from synthnet.mesh.open3d import to_open3d
-from synthnet.spectrum import as_mesh, certify, compute, fem_matrices, spectra
+from synthnet.spectrum import as_mesh, certify, compute, count_below, fem_matrices, spectra
 from synthnet.types import Mesh
 from tests.spectrum.meshes import sphere
 
@@ -62,6 +62,7 @@ def test_meshes_of_other_libraries_give_the_same_numbers(make: Any) -> None:
     assert converted.vertices.dtype == np.float64
     np.testing.assert_array_equal(converted.faces, F)
     np.testing.assert_array_equal(compute(mesh, 5).eigenvalues, compute(SPHERE, 5).eigenvalues)
+    assert count_below(mesh, 3.0) == count_below(SPHERE, 3.0)
 
 
 @pytest.mark.parametrize(
@@ -119,6 +120,14 @@ def test_a_tensor_that_is_no_array_of_numpy_is_one_line(change: Any, message: st
 def test_a_number_of_eigenvalues_that_is_no_integer_is_one_line(k: Any) -> None:
     with pytest.raises(ValueError, match=f"k must be an integer, got {re.escape(repr(k))}"):
         next(spectra([SPHERE], k))
+    with pytest.raises(ValueError, match=f"k must be an integer, got {re.escape(repr(k))}"):
+        compute(SPHERE, k)
+
+
+@pytest.mark.parametrize("shift", [np.nan, np.inf, -np.inf])
+def test_a_shift_that_is_not_finite_is_one_line(shift: float) -> None:
+    with pytest.raises(ValueError, match=f"shifts must be finite, got 1, {shift}"):
+        count_below(SPHERE, 1.0, shift)
 
 
 def test_integers_of_numpy_are_numbers_of_eigenvalues() -> None:
