@@ -177,6 +177,7 @@ def run_certify(options: argparse.Namespace) -> int:
             {
                 "certified": verdict.certified,
                 "tolerance": verdict.tolerance,
+                "asked": verdict.asked,
                 "zeros": verdict.zeros,
                 "components": pieces,
                 "shift": verdict.shift,

@@ -128,11 +128,11 @@ def check(mesh: Mesh) -> None:
 def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return what is given as vertices and as faces, a row each."""
     if isinstance(given, tuple | list) and len(given) == 2:
-        return _array(given[0]), _array(given[1])
+        return as_array(given[0]), as_array(given[1])
     for (vertices, faces), columns in KINDS:
         arrays = getattr(given, vertices, None), getattr(given, faces, None)
         if arrays[0] is not None and arrays[1] is not None:
-            return _array(arrays[0]), _array(arrays[1]).T if columns else _array(arrays[1])
+            return as_array(arrays[0]), as_array(arrays[1]).T if columns else as_array(arrays[1])
     hint = ""
     if isinstance(given, str | os.PathLike):
         hint = "; read the file first: trimesh.load_mesh(path, process=False)"
@@ -143,7 +143,7 @@ def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     raise ValueError(f"this is {type(given).__name__}, no mesh: give {TAKEN}{hint}")
 
 
-def _array(values: Any) -> NDArray[Any]:
+def as_array(values: Any) -> NDArray[Any]:
     """Return an array of NumPy."""
     if hasattr(values, "detach"):
         return _of_tensor(values)

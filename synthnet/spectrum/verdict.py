@@ -23,7 +23,7 @@ from synthnet.spectrum import fem
 from synthnet.spectrum.certificate import SAFETY, inertia
 from synthnet.spectrum.components import Component, blocks_of
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import as_mesh, repaired
+from synthnet.spectrum.inputs import as_array, as_mesh, repaired
 from synthnet.spectrum.operators import PLAIN, Discrete, Operator, discretise
 from synthnet.spectrum.solve import compute, of_matrices
 from synthnet.types import Mesh
@@ -413,7 +413,7 @@ def _below(value: float, tolerance: float) -> float:
 
 def _answers(given: ArrayLike, counter: _Counter) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the answers after the zeros, ascending, and where they stood."""
-    values = np.asarray(given)
+    values = as_array(given)
     if values.dtype.kind not in "fiu" or values.ndim != 1 or not len(values):
         raise ValueError(
             f"eigenvalues must be a list of numbers, got shape {values.shape} of {values.dtype}"
@@ -457,7 +457,7 @@ def _vectors(
     given: ArrayLike, discrete: Discrete, order: NDArray[np.int64], count: int
 ) -> NDArray[np.float64]:
     """Return the eigenvectors after the zeros as rows, at the vertices that are free."""
-    vectors = np.asarray(given, dtype=np.float64)
+    vectors = as_array(given).astype(np.float64)
     shape = (discrete.vertices, count)
     if vectors.shape != shape or not np.isfinite(vectors).all():
         raise ValueError(f"eigenvectors must be finite, of shape {shape}, got {vectors.shape}")
