@@ -12,13 +12,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-from eigbench.scoring.training import untrained
-
 from evidence import BASELINES, ROOT, markdown
 
 BOARD = ROOT / "benchmark" / "results" / "2.0-test-imported-real-28"
 SETS = ("real-28", "pypi-246")
-VERSIONS = ("2.0", "2.1")
 PREDICTORS = (
     *("exact", "multilevel", "ritz_mlp", "curved", "kriging", "ritz_mlp_surface"),
     *("lumped", "weyl", "gcn_scale_free", "mean"),
@@ -84,27 +81,6 @@ def table(data: dict) -> str:
         for row in data["rows"]
     ]
     return markdown.table(headers, rows, "llr")
-
-
-def more_families() -> str:
-    """Return the errors on both sets of models trained on 2.0, and of the same trained on 2.1."""
-    boards = {
-        (version, name): by_code(BOARD.with_name(f"{version}-test-imported-{name}"))
-        for name in SETS
-        for version in VERSIONS
-    }
-    trained = [
-        code
-        for code, result in boards[VERSIONS[1], SETS[0]].items()
-        if not untrained(result["model"])
-    ]
-    rows = []
-    for code in trained:
-        found = [board[code] for board in boards.values()]
-        errors = [result["scores"]["mesh"]["overall"]["rpd"]["mean"] for result in found]
-        rows.append([found[0]["model"]["name"], *(f"{error:.4f}" for error in errors)])
-    headers = [f"{name}: trained on {version}" for version, name in boards]
-    return markdown.table(["model", *headers], rows, "lr")
 
 
 def cells(values: dict[str, float]) -> list[str]:
