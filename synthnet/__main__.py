@@ -6,8 +6,7 @@ from synthnet import processes
 
 def run() -> int:
     """Run the command line; Ctrl-C is one line at any time, also while modules are imported."""
-    message = "interrupted; finished shards are kept, run the same command to go on"
-    return processes.run("synthnet", _main, message)
+    return processes.run("synthnet", _main)
 
 
 def _main() -> int:

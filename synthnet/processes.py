@@ -51,7 +51,7 @@ def _notice(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def run(program: str, main: Callable[[], int], interrupted: str = "interrupted") -> int:
+def run(program: str, main: Callable[[], int]) -> int:
     """Run a command line that imports what it needs, and return its exit code.
 
     Parameters
@@ -59,9 +59,7 @@ def run(program: str, main: Callable[[], int], interrupted: str = "interrupted")
     program : str
         Its name, with which every line begins.
     main : callable
-        Imports the command line and runs it.
-    interrupted : str
-        What is said of Ctrl-C, also while modules are imported.
+        Imports the command line and runs it; of an interrupt it may say what is kept.
     """
     notice_interrupts()
     try:
@@ -74,7 +72,7 @@ def run(program: str, main: Callable[[], int], interrupted: str = "interrupted")
         sys.stderr.write(f"{program}: a library cannot be loaded ({reason}): {limited}\n")
         return 2
     except KeyboardInterrupt:
-        sys.stderr.write(f"{program}: {interrupted}\n")
+        sys.stderr.write(f"{program}: interrupted\n")
         return EXIT_CODE
 
 

@@ -129,12 +129,16 @@ class Certificate:
         rounding of the matrices, which the residual cannot see, is counted. Infinite where rounding
         leaves nothing that could be proved. None where it was not
         computed: for other elements, and for labels that are read from a store.
+    zeros : int or None
+        How many of those counted are zero: one for each component in which nothing is held at zero.
+        None where that is not known: for labels that are read from a store.
     """
 
     count: int
     shift: float
     residual: float
     error_bound: NDArray[np.float64] | None = field(default=None, compare=False)
+    zeros: int | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +158,7 @@ class Spectrum:
         Eigenfunctions at the vertices, orthonormal in the mass matrix.
     components : int
         Connected components of the mesh: as many eigenvalues are zero. Where functions are held at
-        zero, the components of what is free.
+        zero, the components of what is free, and ``certificate.zeros`` of them have a zero.
     mesh : Mesh or None
         The mesh that was solved, where ``compute`` was asked to repair what it was given.
     repairs : mapping of str to int

@@ -111,19 +111,37 @@ def command() -> Callable[..., subprocess.CompletedProcess[str]]:
 
 
 @pytest.fixture(scope="session")
-def mini_home(
-    tmp_path_factory: pytest.TempPathFactory,
+def build(
     command: Callable[..., subprocess.CompletedProcess[str]],
-) -> Path:
-    """Directory with 1.0-mini, built once by two workers. Read only: copy it to damage it."""
+) -> Callable[[str, Path], None]:
+    """Return a function that builds a version by two workers.
+
+    Or copies it, where ``SYNTHNET_TEST_HOME`` names a directory in which this very checkout has
+    built it: `.ci/run` does so first of all.
+    """
+    ready = os.environ.get("SYNTHNET_TEST_HOME")
+
+    def make(version: str, home: Path) -> None:
+        if ready:
+            unpacked = shutil.ignore_patterns("processed")
+            shutil.copytree(Path(ready, version), home / version, ignore=unpacked)
+        else:
+            done = command("build", "--version", version, "--out", home, "--workers", "2")
+            assert done.returncode == 0, done.stderr
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def mini_home(tmp_path_factory: pytest.TempPathFactory, build: Callable[[str, Path], None]) -> Path:
+    """Directory with 1.0-mini, made once. Read only: copy it to damage it."""
     base = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         base = base.parent  # the directory that the processes of one run share
     home = base / "mini"
     with filelock.FileLock(base / "mini.lock"):
         if not (home / "1.0-mini" / "manifest.json").exists():
-            done = command("build", "--version", "1.0-mini", "--out", home, "--workers", "2")
-            assert done.returncode == 0, done.stderr
+            build("1.0-mini", home)
     return home
 
 

@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from synthnet.errors import counted
 from synthnet.spectrum import smallest
+from synthnet.spectrum.certificate import inertia
 from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.ordering import find_ordering
 
 ROUNDING = 1e-10  # what float64 leaves of a Laplacian's zeros, relative to its largest entry
 
@@ -60,7 +63,9 @@ class CertifiedEigsh:
         CertificateError, SpectrumError
             See :func:`synthnet.spectrum.of_matrices`.
         """
-        values, vectors = smallest(_matrices(_scipy(A), _scipy(M)), self.spectrum_size)
+        matrices = _matrices(_scipy(A), _scipy(M))
+        _check_semidefinite(matrices)
+        values, vectors = smallest(matrices, self.spectrum_size)
         if sparse.issparse(A):
             return values, vectors
         return A.values().new_tensor(values), A.values().new_tensor(vectors)
@@ -68,6 +73,11 @@ class CertifiedEigsh:
 
 def _scipy(matrix: Any) -> sparse.csr_matrix:
     if not sparse.issparse(matrix):
+        if str(getattr(matrix, "layout", None)) != "torch.sparse_csc":
+            raise ValueError(
+                "matrices must be sparse ones of SciPy, or tensors of PyTorch's layout sparse_csc, "
+                f"got {getattr(matrix, 'layout', type(matrix).__name__)}"
+            )
         parts = (matrix.values(), matrix.row_indices(), matrix.ccol_indices())
         arrays = tuple(part.detach().cpu().numpy() for part in parts)
         matrix = sparse.csc_matrix(arrays, shape=tuple(matrix.shape))
@@ -77,6 +87,11 @@ def _scipy(matrix: Any) -> sparse.csr_matrix:
 def _matrices(stiffness: sparse.csr_matrix, mass: sparse.csr_matrix) -> Matrices:
     """Return both in the form that the solver takes, checked."""
     n = stiffness.shape[0]
+    if not stiffness.shape == mass.shape == (n, n):
+        raise ValueError(
+            "stiffness and mass must be square and of one size, "
+            f"got {stiffness.shape} and {mass.shape}"
+        )
     masses = mass.diagonal()
     if abs(mass - sparse.diags(masses)).sum() != 0:
         raise ValueError("the mass matrix is not diagonal: take a Laplacian with a lumped mass")
@@ -105,3 +120,20 @@ def _matrices(stiffness: sparse.csr_matrix, mass: sparse.csr_matrix) -> Matrices
         np.asarray(masses, dtype=np.float64),
         least=1.0,
     )
+
+
+def _check_semidefinite(matrices: Matrices) -> None:
+    """Refuse a stiffness that has an eigenvalue below zero by more than rounding."""
+    diagonal = matrices.indices == np.repeat(
+        np.arange(len(matrices.lumped)), np.diff(matrices.indptr)
+    )
+    steepest = float((np.abs(matrices.stiffness[diagonal]) / matrices.lumped).max())
+    if steepest == 0:
+        return
+    ordering = find_ordering(matrices.indptr, matrices.indices)
+    below = inertia(matrices, ordering, -ROUNDING * steepest).negative
+    if below:
+        raise ValueError(
+            f"the stiffness matrix has {counted(below, 'negative eigenvalue')}: give -A if the "
+            "Laplacian is negative semidefinite"
+        )

@@ -16,8 +16,8 @@ class AddMeshSpectrum(BaseTransform):  # type: ignore[misc]
 
     ``data.eigenvalues``, of shape (1, k) so that a batch has a row a mesh, in 1/length², after the
     zeros, ascending; ``data.eigenvectors``, of shape (n, k), orthonormal in the mass matrix. Both
-    have the dtype and the device of ``data.pos``; they are computed in float64 on the CPU, Neumann
-    on a boundary.
+    have the dtype and the device of ``data.pos``, and PyTorch's default dtype where that is of
+    whole numbers; they are computed in float64 on the CPU, Neumann on a boundary.
 
     Parameters
     ----------
@@ -50,7 +50,8 @@ class AddMeshSpectrum(BaseTransform):  # type: ignore[misc]
     def forward(self, data: Data) -> Data:
         """Return the data with its spectrum."""
         spectrum = compute(data, self.k, repair=self.repair)
-        like = {"dtype": data.pos.dtype, "device": data.pos.device}
+        dtype = data.pos.dtype if data.pos.is_floating_point() else torch.get_default_dtype()
+        like = {"dtype": dtype, "device": data.pos.device}
         data.eigenvalues = torch.as_tensor(spectrum.eigenvalues[None], **like)
         if self.eigenvectors:
             data.eigenvectors = torch.as_tensor(spectrum.eigenvectors, **like)

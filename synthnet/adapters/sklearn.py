@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.errors import needed_by
-from synthnet.mesh.geometry import area, volume
+from synthnet.mesh.geometry import area, enclosed_volume
 from synthnet.spectrum import as_mesh, compute
 from synthnet.spectrum.descriptors import shape_dna
 
@@ -66,8 +66,9 @@ class ShapeDNA(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         Raises
         ------
         ValueError, Refused, CertificateError, SpectrumError
-            See :func:`synthnet.spectrum.compute` and
-            :func:`~synthnet.spectrum.descriptors.shape_dna`.
+            See :func:`synthnet.spectrum.compute`,
+            :func:`~synthnet.spectrum.descriptors.shape_dna` and, for ``volume``,
+            :func:`synthnet.mesh.geometry.enclosed_volume`.
         """
         rows = [self._row(given) for given in X]
         return np.array(rows, dtype=np.float64).reshape(len(rows), self.k)
@@ -88,6 +89,6 @@ class ShapeDNA(TransformerMixin, BaseEstimator):  # type: ignore[misc]
             spectrum,
             self.normalisation,
             area=area(mesh) if self.normalisation == "area" else None,
-            volume=volume(mesh) if self.normalisation == "volume" else None,
+            volume=enclosed_volume(mesh) if self.normalisation == "volume" else None,
             reweighted=self.reweighted,
         )

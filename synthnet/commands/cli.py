@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 
 from synthnet import terminal
@@ -20,6 +21,7 @@ from synthnet.commands import (
     versions,
 )
 from synthnet.errors import SynthNetError
+from synthnet.processes import EXIT_CODE
 from synthnet.terminal import Parser
 from synthnet.version import __version__
 
@@ -30,10 +32,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
     0: done. 1: ``verify`` found a difference. 2: the input, the directory or the machine
-    is at fault; one line says what is wrong and what to do. An interrupt is left to the caller.
+    is at fault; one line says what is wrong and what to do. 130: interrupted, by Ctrl-C or SIGTERM.
     """
     options = terminal.parse(_parser(), arguments)
-    return terminal.run("synthnet", options, SynthNetError)
+    try:
+        return terminal.run("synthnet", options, SynthNetError)
+    except KeyboardInterrupt:
+        makes_shards = "wait" in options
+        kept = "; finished shards are kept, run the same command to go on" if makes_shards else ""
+        print(f"synthnet: interrupted{kept}", file=sys.stderr)
+        return EXIT_CODE
 
 
 def _parser() -> argparse.ArgumentParser:

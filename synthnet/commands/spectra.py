@@ -21,18 +21,19 @@ from tabulate import tabulate
 from synthnet import terminal
 from synthnet.commands.options import at_least, print_json
 from synthnet.errors import SpectrumError, SynthNetError, missing
-from synthnet.mesh.formats import SUFFIXES, UnreadableError
+from synthnet.mesh.formats import SUFFIXES, UnreadableError, kind_of
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.mesh.reading import Reader
-from synthnet.mesh.repair import Refused, Repaired, Rules, repair
-from synthnet.spectrum import Operator, certify, compute
+from synthnet.mesh.repair import Refused, Repaired, welded
+from synthnet.spectrum import Operator, certify, compute, discretise, repaired
 from synthnet.spectrum.operators import BOUNDARIES, MASSES, SHARES
 from synthnet.store.files import make_parent, write_text
 from synthnet.terminal import Commands
-from synthnet.types import Spectrum
+from synthnet.types import Mesh, Spectrum
 
 SHOWN = 6  # so many eigenvalues fit in a row of the terminal
-NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf", re.IGNORECASE)
+NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)", re.IGNORECASE)
+CELL = re.compile(r'"[^"]*"|[^\s,]+')  # no field of csv, which may have 131,072 characters at most
 
 
 FORMATS = f"a mesh: {', '.join(SUFFIXES)}, or one of these .gz"
@@ -123,7 +124,8 @@ def _of_mesh_options(command: argparse.ArgumentParser) -> None:
         choices=tuple(MASSES),
         default="linear",
         help="finite elements, curved: on triangles bent to the surface that the mesh samples, "
-        "tufted: for meshes that are no manifold, taken as they are (default: %(default)s)",
+        "tufted: for meshes that are no manifold, taken as they are, but for the corners of STL "
+        "(default: %(default)s)",
     )
     command.add_argument(
         "--no-repair",
@@ -142,7 +144,7 @@ def run_spectrum(options: argparse.Namespace) -> int:
     with Reader() as reader, console.status("") as status:
         for number, file in enumerate(options.files, start=1):
             status.update(f"{file.name} ({number} of {len(options.files)})")
-            answers.append(_answer(reader, file, options.k, _mends(options), operator))
+            answers.append(_answer(reader, file, options.k, operator, mended=options.repair))
     if options.out is not None:
         make_parent(options.out)
         write_text(options.out, _as_csv(answers, options.k))
@@ -165,9 +167,9 @@ def run_certify(options: argparse.Namespace) -> int:
     answer, operator = read_answer(options.answer, options.mesh), _operator(options)
     with Reader() as reader, Console(stderr=True).status(f"counting eigenvalues of {options.mesh}"):
         try:
-            repaired = _mesh(reader, options.mesh, len(answer), _mends(options))
-            verdict = certify(repaired.mesh, answer, tolerance=options.tolerance, operator=operator)
-            pieces = MeshFacts(repaired.mesh).n_components
+            state = _mesh(reader, options.mesh, operator, mended=options.repair)
+            verdict = certify(state.mesh, answer, tolerance=options.tolerance, operator=operator)
+            pieces = MeshFacts(state.mesh).n_components
         except (UnreadableError, Refused, ValueError, SpectrumError) as error:
             raise AnswerError(f"{options.mesh}: {error}") from error
     if options.json:
@@ -175,6 +177,7 @@ def run_certify(options: argparse.Namespace) -> int:
             {
                 "certified": verdict.certified,
                 "tolerance": verdict.tolerance,
+                "asked": verdict.asked,
                 "zeros": verdict.zeros,
                 "components": pieces,
                 "shift": verdict.shift,
@@ -184,15 +187,15 @@ def run_certify(options: argparse.Namespace) -> int:
                     {"index": i, "answer": float(verdict.eigenvalues[i - 1]), "eigenvalue": true}
                     for i, true in verdict.off
                 ],
-                "repairs": repaired.repairs,
+                "repairs": state.repairs,
             }
         )
     else:
         print(verdict)
         if pieces > 1:
             print(_of_components(options.mesh, pieces))
-        if repaired.repairs:
-            print(f"of the mesh as repaired: {_said(repaired)}")
+        if state.repairs:
+            print(f"of the mesh as repaired: {_said(state)}")
     return 0 if verdict.certified else 1
 
 
@@ -203,17 +206,41 @@ def _of_components(file: Path, count: int) -> str:
     )
 
 
-def _mesh(reader: Reader, file: Path, k: int, mended: bool) -> Repaired:
-    """Read a mesh, and repair it if that is wanted."""
+def _mesh(reader: Reader, file: Path, operator: Operator, *, mended: bool) -> Repaired:
+    """Read a mesh, and repair it if that is wanted.
+
+    Tufted elements take a mesh that is no manifold, so of theirs only an STL file's corners are
+    merged: no two of its triangles share one.
+    """
     if file.is_dir():
         raise UnreadableError("a directory: name files, or `synthnet import` it")
     mesh = reader.read(file)
-    return repair(mesh, Rules(least=k + 1)) if mended else Repaired(mesh)
+    if not mended:
+        return Repaired(mesh)
+    if operator.elements == "tufted":
+        soup = (kind_of(file.name) or "").startswith(".stl")
+        return welded(mesh) if soup else Repaired(mesh)
+    try:
+        return repaired(mesh)
+    except Refused as error:
+        if error.reason != "non_manifold_edge":
+            raise
+        detail = f"{error.detail}, --elements tufted takes the mesh as it is"
+        raise Refused(error.reason, detail) from error
 
 
-def _mends(options: argparse.Namespace) -> bool:
-    """Whether a mesh is repaired; for tufted elements it need not be a manifold."""
-    return bool(options.repair) and options.elements != "tufted"
+def _would_mend(mesh: Mesh, operator: Operator) -> bool:
+    """Return whether a mesh has no such operator as it stands, and has it when it is repaired."""
+    with warnings.catch_warnings(action="ignore"):
+        try:
+            discretise(mesh, operator)
+        except ValueError:
+            try:
+                discretise(repaired(mesh).mesh, operator)
+            except (ValueError, Refused):
+                return False
+            return True
+    return False
 
 
 def _operator(options: argparse.Namespace) -> Operator:
@@ -223,19 +250,23 @@ def _operator(options: argparse.Namespace) -> Operator:
         raise OperatorError(f"{error}: leave --mass out") from error
 
 
-def _answer(reader: Reader, file: Path, k: int, mended: bool, operator: Operator) -> Answer:
+def _answer(reader: Reader, file: Path, k: int, operator: Operator, *, mended: bool) -> Answer:
     """Compute a spectrum; whatever keeps it from having one is said."""
     try:
-        repaired = _mesh(reader, file, k, mended)
+        state = _mesh(reader, file, operator, mended=mended)
+    except (UnreadableError, Refused) as error:
+        return Answer(file, problem=str(error))
+    try:
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
-            spectrum = compute(repaired.mesh, k, operator=operator)
-        return Answer(file, repaired, spectrum, warnings=tuple(str(w.message) for w in warned))
-    except (UnreadableError, Refused, SpectrumError) as error:
+            spectrum = compute(state.mesh, k, operator=operator)
+    except SpectrumError as error:
         return Answer(file, problem=str(error))
     except ValueError as error:
-        hint = "" if mended else "; without --no-repair what can be mended is"
+        helps = not mended and operator.elements != "tufted" and _would_mend(state.mesh, operator)
+        hint = "; without --no-repair what can be mended is" if helps else ""
         return Answer(file, problem=f"{error}{hint}")
+    return Answer(file, state, spectrum, warnings=tuple(str(w.message) for w in warned))
 
 
 def _said(repaired: Repaired) -> str:
@@ -302,18 +333,20 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
         If it cannot be read, holds no numbers, or no row of the mesh.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
         raise AnswerError(missing(path)) from error
     except OSError as error:
         raise AnswerError(f"{path} cannot be opened ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise AnswerError(f"{path} is no text: give numbers as CSV") from error
-    rows = [row for row in csv.reader(text.splitlines()) if row]
-    names = rows[0] if rows else []
+    rows = [(number, CELL.findall(line)) for number, line in enumerate(text.split("\n"), start=1)]
+    rows = [(number, cells) for number, cells in rows if cells]
+    first = text.strip().partition("\n")[0]
+    names = [name.strip(' "') for name in first.split(",")]
     if "file" in names and "lambda_1" in names:
-        rows = [_of_mesh(rows, mesh, path)]
-    elif names and not any(map(NUMBER.fullmatch, map(str.strip, names))):
+        rows = [_of_mesh(text, mesh, path)]
+    elif _are_names(names):
         rows = rows[1:]
     values = list(_numbers(rows, path))
     if not values:
@@ -321,19 +354,39 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
     return np.array(values)
 
 
-def _of_mesh(rows: list[list[str]], mesh: Path, path: Path) -> list[str]:
-    names, *others = rows
-    columns = [i for i, name in enumerate(names) if name.startswith("lambda_")]
-    file = names.index("file")
-    mine = [row for row in others if Path(row[file]).name == mesh.name and len(row) == len(names)]
+def _are_names(cells: list[str]) -> bool:
+    """Return whether a line's cells are names: words, or a comment; no numbers written otherwise.
+
+    Examples
+    --------
+    >>> [_are_names([cell]) for cell in ("eigenvalue", "# 5 of them", "2.0D0", "Infinity")]
+    [True, True, False, False]
+    """
+    words = [cell.split()[0] for cell in cells if cell]
+    named = [word[0].isalpha() and not NUMBER.fullmatch(word) for word in words]
+    return bool(words) and (words[0].startswith("#") or all(named))
+
+
+def _of_mesh(text: str, mesh: Path, path: Path) -> tuple[int, list[str]]:
+    """Return the eigenvalues in a mesh's row of a table, and the number of its line."""
+    reader = csv.reader(io.StringIO(text))
+    try:
+        names, *rows = [(reader.line_num, row) for row in reader if row]
+    except csv.Error as error:
+        raise AnswerError(f"{path} is no table of `synthnet spectrum --out` ({error})") from error
+    columns = [i for i, name in enumerate(names[1]) if name.startswith("lambda_")]
+    file = names[1].index("file")
+    whole = [(line, row) for line, row in rows if len(row) == len(names[1])]
+    mine = [(line, row) for line, row in whole if Path(row[file]).name == mesh.name]
     if len(mine) != 1:
         raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed")
-    return [mine[0][i] for i in columns]
+    ((line, row),) = mine
+    return line, [row[i] for i in columns]
 
 
-def _numbers(rows: list[list[str]], path: Path) -> Iterator[float]:
-    for number, row in enumerate(rows, start=1):
-        for word in " ".join(row).split():
+def _numbers(rows: list[tuple[int, list[str]]], path: Path) -> Iterator[float]:
+    for number, cells in rows:
+        for word in " ".join(cell.strip('"') for cell in cells).split():
             if not NUMBER.fullmatch(word):
                 raise AnswerError(f"{path}, row {number}: {word[:40]!r} is no number")
             if not math.isfinite(value := float(word)):

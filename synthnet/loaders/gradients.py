@@ -12,6 +12,7 @@ from synthnet import spectrum
 from synthnet.errors import needed_by
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.spectrum.derivative import clusters, vertex_gradient
+from synthnet.spectrum.inputs import check_count
 from synthnet.types import Mesh, Spectrum
 
 with needed_by("synthnet.torch"):
@@ -105,8 +106,7 @@ def eigenvalues(
 
 
 def _check_numbers(k: int, tolerance: float) -> None:
-    if isinstance(k, bool) or not isinstance(k, int | np.integer):
-        raise ValueError(f"k must be an integer, got {k!r}")  # noqa: TRY004 - one kind of error for all bad input
+    check_count(k)
     if k < 1:
         raise ValueError(f"k must be at least 1, got {k}")
     if not 0 <= tolerance < 1:

@@ -53,6 +53,8 @@ PLY_INDICES = ("vertex_indices", "vertex_index")
 STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 FREESURFER = (".orig", ".white", ".pial", ".inflated", ".smoothwm", ".sphere", ".midthickness")
 GZIP = ".gz"
+PLY_END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(\r?\n|\r)")  # a line of its own, no comment
+OFF_COLUMNS = 12  # of a vertex, at most: position, normal, colour, texture; more than of a colour
 STL_HEADER = 84  # bytes: 80 of text, 4 of the number of faces
 
 
@@ -190,18 +192,53 @@ def read_off(content: bytes) -> Triangles:
     if len(counts) < 2:
         raise UnreadableError(f"line {line}: the numbers of vertices and faces are missing")
     n, m = _integers(counts[:2], line)
+    if min(n, m) < 0:
+        raise UnreadableError(f"line {line}: {n:,} vertices and {m:,} faces: a number below zero")
     positions, polygons = array("d"), Polygons()
-    for i in range(n):
-        line, words = _next(rows, i, n, "vertices")
-        positions.extend(_position(words[:3], line))
-    for i in range(m):
+    while len(positions) < 3 * n:
+        line, words = _next(rows, len(positions) // 3, n, "vertices")
+        positions.extend(_off_positions(words, n, line))
+    while (i := len(polygons.sizes)) < m:
         line, words = _next(rows, i, m, "faces")
-        (size,) = _integers(words[:1], line)
-        if len(words) < 1 + size:
-            raise UnreadableError(f"cut off: {i:,} of {m:,} faces, line {line} ends early")
-        polygons.add(_integers(words[1 : 1 + max(size, 0)], line), line)
+        for face in _off_faces(words, m, line):
+            (size,) = _integers(face[:1], line)
+            if len(face) < 1 + size:
+                raise UnreadableError(f"cut off: {i:,} of {m:,} faces, line {line} ends early")
+            polygons.add(_integers(face[1 : 1 + max(size, 0)], line), line)
     _no_more(rows, f"the {m:,} faces that its header declares")
     return polygons.triangles(positions)
+
+
+def _off_positions(words: Sequence[bytes], count: int, line: int) -> Sequence[float]:
+    """Return the position of a line's vertex, or all of them if the file has them on one line."""
+    if count > 2 and len(words) == 3 * count:
+        return [x for i in range(0, len(words), 3) for x in _position(words[i : i + 3], line)]
+    _check_one(words, OFF_COLUMNS, "vertex", line)
+    return _position(words[:3], line)
+
+
+def _off_faces(words: Sequence[bytes], count: int, line: int) -> list[Sequence[bytes]]:
+    """Return a line's face and its colour, or all faces if the file has them on one line."""
+    (size,) = _integers(words[:1], line)
+    if len(words) <= 1 + size:
+        return [words]
+    faces, at = list[Sequence[bytes]](), 0
+    while at < len(words) and len(faces) < count and re.fullmatch(rb"\d{1,18}", words[at]):
+        end = at + 1 + int(words[at])
+        faces.append(words[at:end])
+        at = end
+    if len(faces) == count and at == len(words):
+        return faces
+    _check_one(words, 1 + size + OFF_COLUMNS, "face", line)
+    return [words]
+
+
+def _check_one(words: Sequence[bytes], most: int, what: str, line: int) -> None:
+    """Refuse several vertices or faces on a line, of which all but one would be passed over."""
+    if len(words) > most:
+        raise UnreadableError(
+            f"line {line}: {len(words):,} values of one {what}: save each {what} on its own line"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,15 +257,15 @@ class Element:
 
 def read_ply(content: bytes) -> Triangles:
     """Read a PLY file, ASCII or binary."""
-    end = content.find(b"end_header")
-    start = content.find(b"\n", end) + 1
-    if not content.startswith(b"ply") or end < 0 or not start:
+    content = content.removeprefix(codecs.BOM_UTF8)
+    end = PLY_END.search(content)
+    if not content.startswith(b"ply") or end is None:
         raise UnreadableError("it has no PLY header from ply to end_header")
-    lines = content[:end].splitlines()
+    lines = content[: end.start()].splitlines()
     form, elements = _ply_header(lines)
     if form == "ascii":
-        return _ply_text(_rows(content[start:], len(lines) + 2), elements)
-    return _ply_binary(memoryview(content)[start:], elements, PLY_ORDERS[form])
+        return _ply_text(_rows(content[end.end() :], len(lines) + 2), elements)
+    return _ply_binary(memoryview(content)[end.end() :], elements, PLY_ORDERS[form])
 
 
 def _ply_header(lines: Sequence[bytes]) -> tuple[str, list[Element]]:
@@ -389,8 +426,7 @@ def read_stl(content: bytes) -> Triangles:
     header = content[:STL_HEADER]
     count = int.from_bytes(header[80:84], "little")
     more = len(content) - STL_HEADER - count * STL_FACE.itemsize
-    solid = header.lstrip()[:5].lower() == b"solid"
-    if len(header) < STL_HEADER or (more and solid and b"\0" not in content):
+    if len(header) < STL_HEADER or (more and b"\0" not in content):
         return _stl_text(_rows(content))
     if more:
         there = (len(content) - STL_HEADER) // STL_FACE.itemsize
@@ -415,6 +451,9 @@ def _stl_text(rows: Rows) -> Triangles:
     closed = dict.fromkeys((b"endsolid", b"endfacet"), 0)
     for line, words in rows:
         word = words[0].lower()
+        if word != b"solid" and not opened[b"solid"]:
+            begins = f"it begins with {_quoted(words[0])}, not with solid"
+            raise UnreadableError(f"line {line}: {begins}, and is no whole binary STL file")
         if word in opened:
             opened[word] += 1
         elif word == b"vertex":

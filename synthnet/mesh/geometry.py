@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.mesh.adjacency import connected, edge_keys
+from synthnet.mesh.adjacency import connected, edge_keys, face_components
 from synthnet.types import Mesh
 
 
@@ -60,6 +60,8 @@ def area(mesh: Mesh) -> float:
 def volume(mesh: Mesh) -> float:
     """Return the signed volume a closed surface encloses, positive if oriented outwards.
 
+    Of any other surface it is a number that depends on the origin: :func:`enclosed_volume` checks.
+
     Examples
     --------
     >>> import numpy as np
@@ -70,6 +72,71 @@ def volume(mesh: Mesh) -> float:
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
     products = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     return float(products.sum() / 6)
+
+
+def enclosed_volume(mesh: Mesh) -> float:
+    """Return the volume that closed surfaces enclose, wherever they lie.
+
+    All may be oriented inwards instead. A component that is oriented against the largest is a
+    cavity, and its volume is taken off.
+
+    Raises
+    ------
+    ValueError
+        If the surface is not closed or not oriented, or a component is oriented against the largest
+        and is in the bounding box of no other, so that it is no cavity.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])  # inwards
+    >>> far = np.vstack([np.zeros(3), np.eye(3)]) + 1e8
+    >>> round(6 * enclosed_volume(Mesh(far, faces)), 6)
+    1.0
+    """
+    facts = MeshFacts(mesh)
+    if not facts.is_closed:
+        raise ValueError(
+            f"{np.count_nonzero(facts.edge_valences != 2)} edges have not two faces: only a closed "
+            "surface encloses a volume; close it first, or normalise by area"
+        )
+    if facts.n_repeated_half_edges:
+        raise ValueError(
+            f"neighbours turn against each other at {facts.n_repeated_half_edges} edges: orient "
+            "the faces alike first, as spectrum.compute(mesh, repair=True) does; a surface with "
+            "one side encloses no volume"
+        )
+    pieces = face_components(mesh.faces)
+    corners = mesh.vertices.astype(np.float64)[mesh.faces]
+    first = np.unique(pieces, return_index=True)[1]
+    signed = _signed_volumes(corners - corners[first, 0][pieces][:, None], pieces)
+    signed *= np.sign(signed[np.abs(signed).argmax()])
+    _check_cavities(corners, pieces, signed)
+    return float(signed.sum())
+
+
+def _signed_volumes(corners: NDArray[np.float64], pieces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the signed volume of each component, from its triangles' corners (m, 3, 3)."""
+    products = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    volumes: NDArray[np.float64] = np.bincount(pieces, products) / 6
+    return volumes
+
+
+def _check_cavities(
+    corners: NDArray[np.float64], pieces: NDArray[np.int64], signed: NDArray[np.float64]
+) -> None:
+    """Check that each component of negative volume is in the bounding box of a positive one."""
+    low, high = np.full((len(signed), 3), np.inf), np.full((len(signed), 3), -np.inf)
+    np.minimum.at(low, pieces, corners.min(axis=1))
+    np.maximum.at(high, pieces, corners.max(axis=1))
+    solid = signed > 0
+    for i in np.flatnonzero(signed < 0):
+        if not ((low[solid] <= low[i]) & (high[i] <= high[solid])).all(axis=1).any():
+            face = np.flatnonzero(pieces == i)[0]
+            raise ValueError(
+                f"the component of face {face} is oriented against the largest and in no other, so "
+                "that it is no cavity: turn its faces first"
+            )
 
 
 class MeshFacts:

@@ -81,7 +81,7 @@ class Rules:
     Parameters
     ----------
     least : int
-        Vertices that a spectrum of ten eigenvalues after zero needs, in one component.
+        Vertices that one component needs, by default for ten eigenvalues after zero.
     components : str
         ``keep`` all of them, or the ``largest`` by area.
     part : int or None
@@ -165,6 +165,28 @@ def repair(mesh: Mesh, rules: Rules | None = None) -> Repaired:
         of = "" if state.components == 1 else f" of {state.components} components"
         raise Refused("few_vertices", f"{count} vertices, a spectrum{of} needs at least {least}")
     return state
+
+
+def welded(mesh: Mesh) -> Repaired:
+    """Return the mesh with one vertex of those at the same position, and else as it stands.
+
+    This alone makes a surface of formats whose triangles have corners of their own, as STL. Its
+    edges may have any number of faces.
+
+    Raises
+    ------
+    Refused
+        If a coordinate is not finite, or the size is out of bounds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    >>> welded(Mesh(corners, np.arange(6).reshape(2, 3))).mesh.faces.tolist()
+    [[0, 1, 2], [1, 3, 2]]
+    """
+    state = in_order(Repaired(mesh), (finite, within_extent, merged))
+    return in_order(state, (without_repeated_corners, without_loose_vertices))
 
 
 def count_components(mesh: Mesh, rules: Rules) -> int:

@@ -104,7 +104,7 @@ def certify(candidate: Candidate, counted: Factor, zeros: int = 1) -> Certificat
         raise CertificateError(
             f"an eigenvalue of residual {candidate.residual:.2g} may be above {shift:g}"
         )
-    return Certificate(counted.negative, shift, candidate.residual)
+    return Certificate(counted.negative, shift, candidate.residual, zeros=zeros)
 
 
 def largest_residual(

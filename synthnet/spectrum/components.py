@@ -99,6 +99,15 @@ def split(matrices: Matrices, numbers: NDArray[np.int32]) -> Iterator[Component]
         yield Component(order[low:high], block, find_ordering(block.indptr, block.indices))
 
 
+def blocks_of(matrices: Matrices) -> list[Component]:
+    """Return the block of every component."""
+    count, numbers = components(matrices)
+    if count > 1:
+        return list(split(matrices, numbers))
+    ordering = find_ordering(matrices.indptr, matrices.indices)
+    return [Component(np.arange(len(matrices.lumped)), matrices, ordering)]
+
+
 def solve(
     matrices: Matrices, numbers: NDArray[np.int32], k: int, solver: Solver
 ) -> tuple[Candidate, Certificate]:
@@ -148,8 +157,9 @@ def solve(
         vectors[i, vertices] = vector
     residual = max(pairs.residual for pairs, _ in solved)
     candidate = Candidate(merged[merged <= gap[0]], vectors, residual, gap)
-    count = sum(block.matrices.zeros for block in blocks) + len(candidate.values)
-    return candidate, Certificate(count, candidate.middle, residual)
+    zeros = sum(block.matrices.zeros for block in blocks)
+    count = zeros + len(candidate.values)
+    return candidate, Certificate(count, candidate.middle, residual, zeros=zeros)
 
 
 def _solve(block: Component, k: int, enough: float, solver: Solver) -> None:

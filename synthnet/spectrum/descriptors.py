@@ -15,6 +15,7 @@ from synthnet.types import Spectrum
 Floats = NDArray[np.float64]
 
 NORMALISATIONS = ("none", "area", "volume", "first")
+MEASURES = {"area": "area", "volume": "enclosed_volume"}  # functions of synthnet.mesh.geometry
 STEPS = 100  # times and energies of the signatures, in both papers
 WIDTH = 7  # of a wave kernel's Gaussian, in steps between energies
 ZERO = 1e-9  # an eigenvalue below so much of the largest is a zero
@@ -45,7 +46,7 @@ def shape_dna(
         ``area`` is ``method="surface"`` of ``lapy.shapedna.normalize_ev``.
     area, volume : float, optional
         :math:`|S|` in length² and V in length³, where the normalisation needs one:
-        :func:`synthnet.mesh.geometry.area` and :func:`synthnet.mesh.geometry.volume`.
+        :func:`synthnet.mesh.geometry.area` and :func:`synthnet.mesh.geometry.enclosed_volume`.
     reweighted : bool
         Divide the i-th by i, so that large eigenvalues do not dominate a distance, as BrainPrint
         does; ``lapy.shapedna.reweight_ev``.
@@ -104,7 +105,8 @@ def heat_trace(
     times : array-like of any shape
         Positive, in length².
     components : int, optional
-        c, the number of zero eigenvalues; by default that of the Spectrum, or 1.
+        c, the number of zero eigenvalues; by default that of the Spectrum, or 1. A component that
+        is held at zero somewhere has none.
 
     Returns
     -------
@@ -126,7 +128,7 @@ def heat_trace(
     array([2.1036, 1.406 ])
     """
     values = _eigenvalues(spectrum)
-    zeros = getattr(spectrum, "components", 1) if components is None else components
+    zeros = _zeros(spectrum) if components is None else components
     decayed: Floats = np.exp(-_positive("times", times)[..., None] * values)
     return zeros + np.asarray(decayed.sum(axis=-1), dtype=np.float64)
 
@@ -145,7 +147,8 @@ def heat_kernel_signature(
         :math:`4 \ln 10 / \lambda_k` to :math:`4 \ln 10 / \lambda_1`.
     area : float, optional
         :math:`|S|` in length². With it the zero's term :math:`1 / |S|` is added, and a row is the
-        diagonal of the heat kernel; the authors' program leaves this constant out.
+        diagonal of the heat kernel; the authors' program leaves this constant out. Where every
+        component is held at zero somewhere there is no such term.
 
     Returns
     -------
@@ -155,8 +158,8 @@ def heat_kernel_signature(
     Raises
     ------
     ValueError
-        If there are no eigenvectors, a time or the area is not positive, or an area is given for a
-        mesh of several components, where the zero's terms differ.
+        If there are no eigenvectors, a time or the area is not positive, or an area is given where
+        the zeros' terms differ: on a mesh of several components, or where some of it is held.
 
     References
     ----------
@@ -169,11 +172,16 @@ def heat_kernel_signature(
     signature: Floats = squares @ np.exp(-values[:, None] * _positive("times", times)[None])
     if area is None:
         return signature
+    constant = 1 / _measure("area", area)
+    if not _zeros(spectrum):
+        return signature
     if spectrum.components > 1:
         raise ValueError(
             f"the mesh has {spectrum.components} components, whose constants differ: leave out area"
         )
-    return signature + 1 / _measure("area", area)
+    if np.isnan(spectrum.trivial):
+        raise ValueError("the constant is zero on components that are held: leave out area")
+    return signature + constant
 
 
 def wave_kernel_signature(
@@ -237,6 +245,8 @@ def wave_kernel_signature(
 
 def _eigenvalues(spectrum: Spectrum | ArrayLike) -> Floats:
     given = spectrum.eigenvalues if isinstance(spectrum, Spectrum) else spectrum
+    if hasattr(given, "detach"):  # a tensor of PyTorch; values alone are needed
+        given = given.detach().cpu()
     values = np.asarray(given, dtype=np.float64)
     if values.ndim != 1 or not values.size or not np.isfinite(values).all():
         raise ValueError(f"eigenvalues must be finite, of shape (k,), got shape {values.shape}")
@@ -245,6 +255,14 @@ def _eigenvalues(spectrum: Spectrum | ArrayLike) -> Floats:
     if values[0] <= ZERO * values[-1]:
         raise ValueError(f"the first eigenvalue is zero, {values[0]:.3g}: leave it out")
     return values
+
+
+def _zeros(spectrum: Spectrum | ArrayLike) -> int:
+    """Return how many zeros are left out: that of a spectrum, one of plain eigenvalues."""
+    if not isinstance(spectrum, Spectrum):
+        return 1
+    zeros = spectrum.certificate.zeros
+    return spectrum.components if zeros is None else zeros
 
 
 def _pairs(spectrum: Spectrum) -> tuple[Floats, Floats]:
@@ -259,7 +277,9 @@ def _pairs(spectrum: Spectrum) -> tuple[Floats, Floats]:
 
 def _measure(name: str, value: float | None) -> float:
     if value is None:
-        raise ValueError(f"pass {name}=, that of the surface: synthnet.mesh.geometry.{name}(mesh)")
+        raise ValueError(
+            f"pass {name}=, that of the surface: synthnet.mesh.geometry.{MEASURES[name]}(mesh)"
+        )
     if not 0 < value < np.inf:
         raise ValueError(f"{name} must be positive, got {value}")
     return value

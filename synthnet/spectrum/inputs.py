@@ -15,6 +15,7 @@ from synthnet.mesh.repair import Repaired, Rules, repair
 from synthnet.types import Mesh
 
 EXACT = 2.0**53  # every smaller whole number has a float64 of its own
+TRIANGLE = 3  # vertices, the least that a surface can have
 SIZES = 1e-50, 1e50  # of a mesh: the squares of its areas are far from the ends of float64
 # Attributes of vertices and faces, and whether a column is a face.
 KINDS = (
@@ -65,15 +66,16 @@ def as_mesh(given: Any) -> Mesh:
     return Mesh(np.ascontiguousarray(vertices, dtype=np.float64), faces)
 
 
-def repaired(given: Any, k: int) -> Repaired:
-    """Return a mesh, repaired so that it has a spectrum of k eigenvalues after the zeros.
+def repaired(given: Any, k: int | None = None) -> Repaired:
+    """Return a mesh, repaired so that it has a spectrum.
 
     Parameters
     ----------
     given : Mesh or other
         As of :func:`as_mesh`.
-    k : int
-        Eigenvalues that are wanted of it.
+    k : int, optional
+        Without effect: how many eigenvalues there are depends on the operator, and whoever takes
+        its matrices counts them.
 
     Raises
     ------
@@ -82,7 +84,20 @@ def repaired(given: Any, k: int) -> Repaired:
     Refused
         If it is no surface by a rule of :mod:`synthnet.mesh.repair`.
     """
-    return repair(as_mesh(given), Rules(least=k + 1))
+    del k
+    return repair(as_mesh(given), Rules(least=TRIANGLE))
+
+
+def check_count(k: Any) -> None:
+    """Check that a number of eigenvalues is an integer, of Python or NumPy.
+
+    Raises
+    ------
+    ValueError
+        If it is anything else, a whole float too.
+    """
+    if isinstance(k, bool) or not isinstance(k, int | np.integer):
+        raise ValueError(f"k must be an integer, got {k!r}")  # noqa: TRY004 - one kind of error for all bad input
 
 
 def check(mesh: Mesh) -> None:
@@ -101,7 +116,8 @@ def check(mesh: Mesh) -> None:
     if len(bad):
         what = "NaN" if np.isnan(points[bad]).any() else "infinite"
         raise ValueError(f"{len(bad)} vertices are {what}, the first is vertex {bad[0]}")
-    size, extent = float(np.abs(points).max()), float(np.ptp(points, axis=0).max())
+    with np.errstate(over="ignore"):  # a width may be infinite between numbers that are not
+        size, extent = float(np.abs(points).max()), float(np.ptp(points, axis=0).max())
     if size > most or 0 < extent < least:
         raise ValueError(
             f"the mesh is {extent:.3g} wide and has coordinates up to {size:.3g}: scale it to "
@@ -112,11 +128,11 @@ def check(mesh: Mesh) -> None:
 def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return what is given as vertices and as faces, a row each."""
     if isinstance(given, tuple | list) and len(given) == 2:
-        return _array(given[0]), _array(given[1])
+        return as_array(given[0]), as_array(given[1])
     for (vertices, faces), columns in KINDS:
         arrays = getattr(given, vertices, None), getattr(given, faces, None)
         if arrays[0] is not None and arrays[1] is not None:
-            return _array(arrays[0]), _array(arrays[1]).T if columns else _array(arrays[1])
+            return as_array(arrays[0]), as_array(arrays[1]).T if columns else as_array(arrays[1])
     hint = ""
     if isinstance(given, str | os.PathLike):
         hint = "; read the file first: trimesh.load_mesh(path, process=False)"
@@ -127,11 +143,22 @@ def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     raise ValueError(f"this is {type(given).__name__}, no mesh: give {TAKEN}{hint}")
 
 
-def _array(values: Any) -> NDArray[Any]:
-    """Return an array of NumPy; a tensor is fetched from its device and its graph."""
+def as_array(values: Any) -> NDArray[Any]:
+    """Return an array of NumPy."""
     if hasattr(values, "detach"):
-        values = values.detach().cpu()
+        return _of_tensor(values)
     try:
         return np.asarray(values)
     except ValueError as error:
         raise ValueError("rows of different length are no vertices and no faces") from error
+
+
+def _of_tensor(tensor: Any) -> NDArray[Any]:
+    """Return the values of a tensor of PyTorch, fetched from its device and its graph."""
+    try:
+        return np.asarray(tensor.detach().cpu())
+    except TypeError as error:  # NumPy has no such dtype or layout
+        raise ValueError(
+            f"a tensor of {tensor.dtype} and layout {tensor.layout} is no array of NumPy: give a "
+            "dense one of float32 or float64"
+        ) from error

@@ -14,9 +14,9 @@ as 'Shape-DNA' of surfaces and solids", Computer-Aided Design 38 (2006): quadrat
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,11 @@ MASSES = {
     "delaunay": tuple(SHARES),
     "tufted": ("lumped",),
 }
+
+
+def _is_among(name: Any, names: Collection[str]) -> bool:
+    """Return whether it is one of these names; a list, which has no hash, is none."""
+    return isinstance(name, str) and name in names
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,15 +90,31 @@ class Operator:
             raise ValueError(
                 f"no boundary condition {self.boundary!r}: {_listed(BOUNDARIES)}, or a mask"
             )
-        if self.elements not in MASSES:
+        if not _is_among(self.elements, MASSES):
             raise ValueError(f"no elements {self.elements!r}: {_listed(MASSES)}")
         masses = MASSES[self.elements]
         if self.mass is None:
             object.__setattr__(self, "mass", masses[0])
-        elif self.mass not in SHARES:
+        elif not _is_among(self.mass, SHARES):
             raise ValueError(f"no mass {self.mass!r}: {_listed(SHARES)}")
         elif self.mass not in masses:
             raise ValueError(f"{self.elements} elements have no {self.mass} mass: {masses[0]} only")
+
+    def check_repairs(self, repairs: Mapping[str, int]) -> None:
+        """Check that a mask, if there is one, is still of the vertices of a repaired mesh.
+
+        Raises
+        ------
+        ValueError
+            If anything was repaired: vertices may have other numbers since.
+        """
+        if repairs and not isinstance(self.boundary, str):
+            done = ", ".join(f"{count} {name}" for name, count in repairs.items())
+            raise ValueError(
+                f"the mesh was repaired ({done}), and a mask is of the vertices as they were: "
+                "repair it first by synthnet.mesh.repair.repair(mesh), and give a mask of what "
+                "comes out"
+            )
 
     @property
     def share(self) -> float:
@@ -107,6 +128,23 @@ class Operator:
 
 
 PLAIN = Operator()
+
+
+def check_operator(operator: Any) -> None:
+    """Check that an operator is an :class:`Operator`.
+
+    Raises
+    ------
+    ValueError
+        If it is anything else, such as the name of one.
+    """
+    if isinstance(operator, Operator):
+        return
+    named: dict[str, Collection[str]] = {"boundary": BOUNDARIES, "mass": SHARES, "elements": MASSES}
+    meant = [field for field, names in named.items() if _is_among(operator, names)]
+    given = repr(operator) if isinstance(operator, str) else type(operator).__name__
+    remedy = f"{meant[0]}={operator!r}" if meant else 'boundary="dirichlet"'
+    raise ValueError(f"operator must be an Operator, such as Operator({remedy}), got {given}")
 
 
 class Discrete(NamedTuple):
@@ -149,13 +187,15 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     Raises
     ------
     ValueError
-        If there are no triangles, a coordinate is not finite, the size has no square in float64, a
-        triangle has no area (but under the tufted cover), or a vertex no triangle; if an edge of
-        more than two faces has no intrinsic triangulation; if a mask does not fit, everything is
-        held, or a closed mesh is to be held at its boundary.
+        If the operator is no :class:`Operator`; if there are no triangles, a coordinate is not
+        finite, the size has no square in float64, a triangle has no area (but under the tufted
+        cover), or a vertex no triangle; if an edge of more than two faces has no intrinsic
+        triangulation; if a mask does not fit, everything is held, or a closed mesh is to be held at
+        its boundary.
     MissingPackageError
         If the tufted cover is asked for and robust_laplacian is not installed.
     """
+    check_operator(operator)
     fem.check_used(mesh)
     n = len(mesh.vertices)
     if operator.elements in ("linear", "quadratic", "curved"):

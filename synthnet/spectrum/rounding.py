@@ -142,8 +142,9 @@ def _ritz(
         gram += rows.T @ rows
     there = slice(None) if discrete.free is None else discrete.free
     kept, stiff, weighted = functions[there], stiff[there], weighted[there]
-    if share < 1:
-        weighted = share * weighted + (1 - share) * matrices.lumped[:, None] * kept
+    if share < 1:  # the lumped mass of the matrices has areas that thin triangles round further off
+        areas = _areas(vertices, faces)[there]
+        weighted = share * weighted + (1 - share) * areas[:, None] * kept
         rough[1] *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
     for part in pieces(len(kept)):
         heavy += kept[part].T @ weighted[part]
@@ -288,6 +289,27 @@ def _apply(
         _add_mass(weighted[j], fj, fk, fi, doubled / 24)
         _add_mass(weighted[k], fk, fi, fj, doubled / 24)
         _add_mass_squares(rough[1], fi, fj, fk, doubled / (24 * sine))
+
+
+@kernel
+def _areas(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return a third of the area around each vertex, by edges at each triangle's largest angle."""
+    areas = np.zeros(vertices.shape[0])
+    u, v = np.empty(3), np.empty(3)
+    for t in range(faces.shape[0]):
+        a = _widest(vertices, faces, t)
+        i, j, k = faces[t, a], faces[t, (a + 1) % 3], faces[t, (a + 2) % 3]
+        for x in range(3):
+            u[x] = vertices[j, x] - vertices[i, x]
+            v[x] = vertices[k, x] - vertices[i, x]
+        nx = u[1] * v[2] - u[2] * v[1]
+        ny = u[2] * v[0] - u[0] * v[2]
+        nz = u[0] * v[1] - u[1] * v[0]
+        area = np.sqrt(nx * nx + ny * ny + nz * nz) / 6
+        areas[i] += area
+        areas[j] += area
+        areas[k] += area
+    return areas
 
 
 @kernel

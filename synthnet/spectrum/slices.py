@@ -79,4 +79,4 @@ def search_in_slices(
     values = np.concatenate([part.values for part in slices])
     vectors = np.concatenate([part.vectors for part in slices])
     whole = Candidate(values, vectors, residual, slices[-1].gap)
-    return whole, Certificate(proof.count, proof.shift, residual)
+    return whole, Certificate(proof.count, proof.shift, residual, zeros=matrices.zeros)

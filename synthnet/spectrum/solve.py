@@ -13,8 +13,15 @@ from synthnet.errors import SpectrumError
 from synthnet.spectrum import components
 from synthnet.spectrum.certificate import Candidate, certify, inertia, largest_residual
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import as_mesh, repaired
-from synthnet.spectrum.operators import PLAIN, Discrete, Operator, as_sparse, discretise
+from synthnet.spectrum.inputs import as_mesh, check_count, repaired
+from synthnet.spectrum.operators import (
+    PLAIN,
+    Discrete,
+    Operator,
+    as_sparse,
+    check_operator,
+    discretise,
+)
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.rounding import sharpened
 from synthnet.spectrum.search import Setting, search
@@ -127,10 +134,13 @@ def compute(
     >>> spectrum.certificate.count  # zero and these three are all that is below the shift
     4
     """
+    check_count(k)
+    check_operator(operator)
     if sharp and operator.elements != "linear":
         raise ValueError(f"sharp is for linear elements, not {operator.elements} ones")
     if repair:
         mended = repaired(mesh, k)
+        operator.check_repairs(mended.repairs)
         spectrum = compute(mended.mesh, k, operator=operator, sharp=sharp)
         return replace(spectrum, mesh=mended.mesh, repairs=mended.repairs)
     mesh = as_mesh(mesh)
@@ -201,6 +211,7 @@ def smallest(matrices: Matrices, k: int) -> tuple[NDArray[np.float64], NDArray[n
     CertificateError, SpectrumError
         As in :func:`of_matrices`.
     """
+    check_count(k)
     count, numbers = components.components(matrices)
     n = len(numbers)
     if not 1 <= k <= n:
@@ -224,15 +235,15 @@ def compile_solver() -> None:
     compute(Mesh(points, np.concatenate([below, above])))
 
 
-def count_below(mesh: Mesh, *shifts: float, operator: Operator = PLAIN) -> list[int]:
+def count_below(mesh: Any, *shifts: float, operator: Operator = PLAIN) -> list[int]:
     """Return how many eigenvalues, zeros included, are below each shift in 1/length².
 
-    By the law of inertia, with no eigenvalue computed.
+    By the law of inertia, with no eigenvalue computed. The mesh is as of :func:`compute`.
 
     Raises
     ------
     ValueError
-        See :func:`compute`.
+        See :func:`compute`; if a shift is not finite.
     SpectrumError
         If a shift is so close to an eigenvalue that a pivot is zero.
 
@@ -243,7 +254,11 @@ def count_below(mesh: Mesh, *shifts: float, operator: Operator = PLAIN) -> list[
     >>> count_below(sphere, 1.0, 4.0, 9.0)  # of 0, then 2 three times, then 6 five times
     [1, 4, 9]
     """
-    matrices = discretise(mesh, operator).matrices
+    if not np.isfinite(shifts).all():
+        raise ValueError(
+            f"shifts must be finite, got {', '.join(f'{shift:g}' for shift in shifts)}"
+        )
+    matrices = discretise(as_mesh(mesh), operator).matrices
     ordering = find_ordering(matrices.indptr, matrices.indices)
     return [inertia(matrices, ordering, shift).negative for shift in shifts]
 

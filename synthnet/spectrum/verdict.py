@@ -1,17 +1,18 @@
 """A judgement of anybody's eigenvalues: which are right, which are off, which are missing.
 
-As many eigenvalues must lie around each answer, within its tolerance, as were answered there, and
-none between. They are counted below shifts by the law of inertia. One count above the last answer
-says how many there are; eigenvectors, given or found here, say where: their residuals bound an
-interval for each, and where there are as many intervals as the count says, every other count
-follows without a factorisation. Where residuals are too large for a shift, it is counted there.
+Answers, ascending, stand for eigenvalues in their order: each for the first one that no answer
+before it stands for and that lies within its tolerance. Eigenvalues are counted below shifts by the
+law of inertia, in each component by itself. One count above the last answer says how many there
+are; eigenvectors, given or found here, say where: each has an interval that holds its eigenvalue,
+and where there are as many intervals as the count says, every other count follows without a
+factorisation. Where an interval is too wide for a shift, it is counted there. Where rounding moves
+that count by more than the tolerance, the verdict says so and certifies nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -20,17 +21,17 @@ from numpy.typing import ArrayLike, NDArray
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
 from synthnet.spectrum.certificate import SAFETY, inertia
-from synthnet.spectrum.components import components, unheld
+from synthnet.spectrum.components import Component, blocks_of
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import as_mesh, repaired
+from synthnet.spectrum.inputs import as_array, as_mesh, repaired
 from synthnet.spectrum.operators import PLAIN, Discrete, Operator, discretise
-from synthnet.spectrum.ordering import find_ordering
-from synthnet.spectrum.solve import of_matrices
+from synthnet.spectrum.solve import compute, of_matrices
 from synthnet.types import Mesh
 
 ZERO = 1e-6  # of Weyl's first eigenvalue: below it an answer is one of the zeros
 NEARER = 1e-2  # relative: so well the distance of an answer from its eigenvalue is told
 ASIDE = 1e-9  # relative: a shift whose pivot is zero is moved by so much
+CLUSTER = 1e-6  # relative: eigenvalues so near the last one found are looked for too
 LOOSEST = 0.5  # tolerance
 ORTHONORMAL = 0.5  # most that k times an entry of VᵀBV − 1 may be of eigenvectors that count
 WORTH = 10  # eigenvectors are looked for if no more than so many eigenvalues are below each answer
@@ -47,7 +48,9 @@ class Verdict:
     zeros : int
         Eigenvalues that are zero: the components of the mesh.
     tolerance : float
-        Relative distance to an eigenvalue within which an answer is right.
+        Distance to an eigenvalue, relative to that, within which an answer is right here.
+    asked : float
+        The tolerance that was asked for. It is the smaller one where rounding leaves more open.
     off : tuple of (int, float)
         Of each answer that is not: its index from 1, and the eigenvalue that it stands for.
     missed : tuple of int
@@ -65,6 +68,7 @@ class Verdict:
     eigenvalues: NDArray[np.float64]
     zeros: int
     tolerance: float
+    asked: float
     off: tuple[tuple[int, float], ...]
     missed: tuple[int, ...]
     shift: float
@@ -74,8 +78,8 @@ class Verdict:
 
     @property
     def certified(self) -> bool:
-        """Whether these are the first k eigenvalues after the zeros, within the tolerance."""
-        return not self.off and not self.missed
+        """Whether these are the first k eigenvalues after the zeros, within what was asked."""
+        return not self.off and not self.missed and self.tolerance == self.asked
 
     def __str__(self) -> str:
         """Return the judgement in words, a line each."""
@@ -83,6 +87,14 @@ class Verdict:
             return (
                 f"certified: {len(self.eigenvalues)} eigenvalues within {self.tolerance:.2g}, "
                 f"none missed below {self.shift:.6g}"
+            )
+        if not self.off and not self.missed:
+            return (
+                f"rounding leaves open whether {len(self.eigenvalues)} eigenvalues are within "
+                f"{self.asked:.2g}: they are within {self.tolerance:.2g}, "
+                f"none missed below {self.shift:.6g}"
+                if self.tolerance < LOOSEST
+                else f"rounding leaves open what is near {len(self.eigenvalues)} eigenvalues"
             )
         lines = []
         if self.missed:
@@ -126,8 +138,8 @@ def certify(
     eigenvectors : array_like of shape (n, k), optional
         In the order of the eigenvalues.
     tolerance : float
-        Relative distance to an eigenvalue within which an answer is right. Where rounding moves a
-        count by more, the verdict's is larger.
+        Distance to an eigenvalue, relative to that, within which an answer is right. Where rounding
+        moves a count by more, the verdict's is larger, and it certifies nothing.
     operator : synthnet.spectrum.Operator
         What they are the eigenvalues of, such as ``Operator(mass="lumped")``.
     repair : bool
@@ -155,6 +167,7 @@ def certify(
     """
     if repair:
         mended = repaired(mesh, int(np.size(eigenvalues)))
+        operator.check_repairs(mended.repairs)
         verdict = _judged(mended.mesh, eigenvalues, eigenvectors, tolerance, operator)
         return replace(verdict, repairs=mended.repairs)
     return _judged(as_mesh(mesh), eigenvalues, eigenvectors, tolerance, operator)
@@ -167,12 +180,12 @@ def _judged(
     tolerance: float,
     operator: Operator,
 ) -> Verdict:
+    if not 0 < tolerance <= LOOSEST:
+        raise ValueError(f"tolerance must be above 0 and at most {LOOSEST}, got {tolerance:g}")
     discrete = discretise(mesh, operator)
-    matrices = discrete.matrices
-    zeros = int(unheld(matrices, components(matrices)[1]).sum())
-    values, order = _answers(eigenvalues, matrices, zeros, tolerance)
-    counter = _Counter(matrices, zeros)
-    below = counter(_above(values[-1], tolerance)) - zeros
+    counter = _Counter(discrete.matrices, tolerance)
+    values, order = _answers(eigenvalues, counter)
+    below = counter.all_below(_above(values[-1], tolerance))
     known = False
     if eigenvectors is not None:
         if operator.on_edges:
@@ -180,29 +193,47 @@ def _judged(
                 f"vectors at vertices say too little of {operator.elements} elements: omit them"
             )
         vectors = _vectors(eigenvectors, discrete, order, np.size(eigenvalues))
-        known = below == len(values) and counter.learn(values, vectors)
-    most = max(below, len(values))
+        bounds = _error_bounds(discrete.matrices, values, vectors)
+        known = below == len(values) and counter.learn(values, bounds)
     if not known and below <= WORTH * len(values):
-        try:
-            spectrum = of_matrices(matrices, most)
-        except SpectrumError:
-            pass  # then all is counted
-        else:
-            if most > below:  # the eigenvalues of answers that there are too many of lie above
-                counter(_above(float(spectrum.eigenvalues[-1]), tolerance))
-            counter.learn(spectrum.eigenvalues, np.ascontiguousarray(spectrum.eigenvectors.T))
+        count = max(below, len(values))
+        while found := _found(mesh, discrete, operator, count):
+            last = float(found[0][-1]) * (1 + CLUSTER)
+            there = count if below == count else counter.all_below(last)
+            if there <= count:
+                counter.learn(*found)
+                break
+            count = there  # it has cut a multiple one
     return _counted(counter, values, tolerance)
+
+
+def _found(
+    mesh: Mesh, discrete: Discrete, operator: Operator, count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None] | None:
+    """Return the first eigenvalues after the zeros and bounds of their errors, if they are found.
+
+    The bounds are those of a certificate: they hold what rounding does, too.
+    """
+    try:
+        if operator.elements == "linear":
+            spectrum = compute(mesh, count, operator=operator, sharp=True)
+            return spectrum.eigenvalues, spectrum.certificate.error_bound
+        spectrum = of_matrices(discrete.matrices, count)
+    except SpectrumError:
+        return None
+    rows = np.ascontiguousarray(spectrum.eigenvectors.T)
+    return spectrum.eigenvalues, _error_bounds(discrete.matrices, spectrum.eigenvalues, rows)
 
 
 class _Counter:
     """Counts of eigenvalues below shifts, from what is known of them or by a factorisation."""
 
-    def __init__(self, matrices: Matrices, zeros: int) -> None:
-        self.zeros = zeros
-        self._matrices = matrices
-        self._ordering = find_ordering(matrices.indptr, matrices.indices)
-        self._known: dict[float, int] = {}
-        self.uncertainty = 0.0
+    def __init__(self, matrices: Matrices, tolerance: float) -> None:
+        self.matrices, self.tolerance = matrices, tolerance
+        self._blocks = blocks_of(matrices)
+        self.zeros = sum(block.matrices.zeros for block in self._blocks)
+        self.blur = 0.0  # relative: how far rounding moved a shift that a count was asked for
+        self._known: dict[float, tuple[int, float]] = {}  # counts, and the blur of each
         # Intervals [low, high], apart from each other, and how many eigenvalues are up to each
         self._lows, self._highs = np.empty(0), np.empty(0)
         self._up_to = np.empty(0, dtype=np.int64)
@@ -213,26 +244,26 @@ class _Counter:
 
     @property
     def factorisations(self) -> int:
-        """How many there were."""
+        """How many there were, of several components one for all."""
         return len(self._known)
 
-    def learn(self, values: NDArray[np.float64], rows: NDArray[np.float64]) -> bool:
-        """Take in eigenpairs, ascending; return whether up to a count there are no others.
+    def learn(self, values: NDArray[np.float64], bounds: NDArray[np.float64] | None) -> bool:
+        """Take in eigenvalues, ascending; return whether up to a count there are no others.
 
-        Residuals prove that there are as many eigenvalues in an interval as pairs; if there were
-        others, a count above would be larger than the number of zeros and pairs below it.
+        Their bounds prove that there are as many eigenvalues in an interval as values; if there
+        were others, a count above would be larger than the number of zeros and values below it.
         """
-        bounds = _error_bounds(self._matrices, values, rows)
-        if bounds is None:
+        if bounds is None or not np.isfinite(bounds).all():
             return False
         intervals = _apart(values, bounds)
         if not (intervals[0] > 0).all():  # it may hold zeros, which are counted apart
             return False
         self._lows, self._highs = intervals[0], intervals[1]
         self._up_to = np.cumsum(intervals[2]).astype(np.int64)
-        for shift, count in self._known.items():
-            if self._from_intervals(shift) == count:
-                self._complete = max(self._complete, shift)
+        for shift, (count, blur) in self._known.items():
+            around = {self._from_intervals(shift * (1 + side * blur)) for side in (-1, 1)}
+            if around == {count}:
+                self._complete = max(self._complete, shift * (1 - blur))
         return self._complete > 0
 
     def _from_intervals(self, shift: float) -> int | None:
@@ -247,22 +278,52 @@ class _Counter:
         shift = min(shift, self._beyond)
         if shift <= self._complete and (known := self._from_intervals(shift)) is not None:
             return known
+        count, blur = self.counted(shift)
+        if shift <= self._complete:  # in an interval: beside that, the count is known
+            number = int(np.searchsorted(self._lows, shift, side="right")) - 1
+            blur = min(blur, float(self._highs[number] - self._lows[number]) / shift)
+        self.blur = max(self.blur, blur)
+        return count
+
+    def counted(self, shift: float) -> tuple[int, float]:
+        """Return how many are below a shift by factorisations, and how far rounding moved it."""
         if shift not in self._known:
-            try:
-                factor = inertia(self._matrices, self._ordering, shift)
-            except SpectrumError:  # exactly an eigenvalue
-                factor = inertia(self._matrices, self._ordering, shift * (1 + ASIDE))
-            self.uncertainty = max(self.uncertainty, factor.uncertainty)
-            self._known[shift] = factor.negative
+            counts, blurs = zip(*(self._in_block(b, shift) for b in self._blocks), strict=True)
+            self._known[shift] = sum(counts), max(blurs)
         return self._known[shift]
+
+    def _in_block(self, block: Component, shift: float) -> tuple[int, float]:
+        """Return the count of a component, and how far rounding moved the shift, relative to it.
+
+        What is small beside the rest has large eigenvalues, and their rounding errors may be larger
+        than the shift. But if a little further up there are none, here there are none either.
+        """
+        count, moved = _inertia(block, shift)
+        if moved > self.tolerance * shift / 2:
+            further, again = _inertia(block, shift + 2 * moved)
+            if further == block.matrices.zeros and again <= 2 * moved:
+                return further, 0.0
+        return count, moved / shift
+
+    def all_below(self, value: float) -> int:
+        """Return how many are up to a value or little above it, zeros left out.
+
+        So much that rounding does not matter: up to this value, :meth:`learn` may know of all.
+        """
+        shift = min(value * (1 + self.tolerance / 100), self._beyond)
+        count, blur = self.counted(shift)
+        if shift * (1 - blur) < value:
+            count, _ = self.counted(value * (1 + 2 * blur))
+        return min(max(count - self.zeros, 0), len(self.matrices.lumped) - self.zeros)
 
     def around(self, rank: int) -> tuple[float, float]:
         """Return shifts below and above the eigenvalue of a rank, of the counts that are known."""
         number = int(np.searchsorted(self._up_to, rank - self.zeros))
         if number < len(self._highs) and self._highs[number] < self._complete:
             return float(self._lows[number]), float(self._highs[number])
-        low = max((shift for shift, count in self._known.items() if count < rank), default=0.0)
-        high = min((shift for shift, count in self._known.items() if count >= rank), default=0.0)
+        counts = self._known.items()
+        low = max((shift for shift, (count, _) in counts if count < rank), default=0.0)
+        high = min((shift for shift, (count, _) in counts if count >= rank), default=0.0)
         if not high:
             high = 2 * max(self._known)
             while self(high) < rank:
@@ -270,39 +331,41 @@ class _Counter:
         return low, high
 
 
-def _counted(counter: _Counter, values: NDArray[np.float64], tolerance: float) -> Verdict:
-    """Judge by counts."""
-    zeros = counter.zeros
-    counter(_above(values[-1], tolerance))  # how far rounding moves a count grows with the shift
-    rounding = 2 * SAFETY * counter.uncertainty / float(values[-1])
-    tolerance = min(max(tolerance, rounding), LOOSEST)
-    groups = _groups(values, tolerance)
-    missed: list[int] = []
-    wrong: list[int] = []
-    before = zeros  # counted below the group
-    for number, group in enumerate(groups):
-        low, high = (1 - tolerance) * values[group[0]], _above(values[group[-1]], tolerance)
-        first, last = counter(low), counter(high)
-        missed += range(before + 1 - zeros, first + 1 - zeros)
-        inside = last - first
-        answered = len(group)
-        if inside > answered and number < len(groups) - 1:  # the last may cut a multiple one
-            missed += range(first + answered + 1 - zeros, last + 1 - zeros)
-        wrong += group[max(inside, 0) :] if inside < answered else []
-        before = last
-    shift = _above(values[-1], tolerance)
+def _inertia(block: Component, shift: float) -> tuple[int, float]:
+    """Return a component's eigenvalues below a shift, and how far from it rounding counted them."""
+    try:
+        factor = inertia(block.matrices, block.ordering, shift)
+    except SpectrumError:  # exactly an eigenvalue
+        factor = inertia(block.matrices, block.ordering, shift * (1 + ASIDE))
+    return factor.negative, SAFETY * factor.uncertainty
+
+
+def _counted(counter: _Counter, values: NDArray[np.float64], asked: float) -> Verdict:
+    """Judge by counts, within the tolerance that was asked for, or that which rounding leaves."""
+    tolerance = asked
+    matched, wrong = _matched(counter, values, tolerance)
+    while tolerance < 2 * counter.blur and tolerance < LOOSEST:
+        tolerance = min(2 * counter.blur, LOOSEST)
+        matched, wrong = _matched(counter, values, tolerance)
+    reached = max([*matched, counter(_below(values[-1], tolerance)) - counter.zeros])
+    if tolerance < 2 * counter.blur:  # nothing can be said
+        matched, wrong, reached = [], [], 0
+    missed = sorted({*range(1, reached + 1)} - {*matched})
     # An answer with nothing near and an eigenvalue without an answer beside it: one that is off.
     off = []
     for index in wrong:
         beside = [rank for rank in missed if abs(rank - 1 - index) <= len(wrong)]
         rank = min(beside, key=lambda rank: abs(rank - 1 - index), default=index + 1)
-        off.append((index + 1, _located(counter, rank + zeros, values[index], tolerance)))
+        true = _located(counter, rank + counter.zeros, values[index], tolerance)
+        off.append((index + 1, true))
         if rank in missed:
             missed.remove(rank)
+    shift = _above(values[-1], tolerance)
     return Verdict(
         values,
-        zeros,
+        counter.zeros,
         tolerance,
+        asked,
         tuple(off),
         tuple(missed),
         shift,
@@ -311,15 +374,22 @@ def _counted(counter: _Counter, values: NDArray[np.float64], tolerance: float) -
     )
 
 
-def _groups(values: NDArray[np.float64], tolerance: float) -> list[list[int]]:
-    """Return indices of ascending values, those together whose tolerances overlap."""
-    groups = [[0]]
-    for i, (low, high) in enumerate(pairwise(values.tolist()), start=1):
-        if high * (1 - tolerance) <= _above(low, tolerance):
-            groups[-1].append(i)
+def _matched(
+    counter: _Counter, values: NDArray[np.float64], tolerance: float
+) -> tuple[list[int], list[int]]:
+    """Return the ranks that answers stand for, and the indices of answers that stand for none.
+
+    Answers and windows ascend, so the first eigenvalue that is left for each is as good as any.
+    """
+    matched: list[int] = []
+    wrong: list[int] = []
+    for index, value in enumerate(values.tolist()):
+        rank = max([counter(_below(value, tolerance)) - counter.zeros, 0, *matched[-1:]]) + 1
+        if counter(_above(value, tolerance)) - counter.zeros >= rank:
+            matched.append(rank)
         else:
-            groups.append([i])
-    return groups
+            wrong.append(index)
+    return matched, wrong
 
 
 def _located(counter: _Counter, rank: int, value: float, tolerance: float) -> float:
@@ -332,16 +402,18 @@ def _located(counter: _Counter, rank: int, value: float, tolerance: float) -> fl
 
 
 def _above(value: float, tolerance: float) -> float:
-    return float(value * (1 + tolerance))
+    """Return up to where an eigenvalue may be that an answer is right for."""
+    return float(value / (1 - tolerance))
 
 
-def _answers(
-    given: ArrayLike, matrices: Matrices, zeros: int, tolerance: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _below(value: float, tolerance: float) -> float:
+    """Return from where on an eigenvalue may be that an answer is right for."""
+    return float(value / (1 + tolerance))
+
+
+def _answers(given: ArrayLike, counter: _Counter) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the answers after the zeros, ascending, and where they stood."""
-    if not 0 < tolerance <= LOOSEST:
-        raise ValueError(f"tolerance must be above 0 and at most {LOOSEST}, got {tolerance:g}")
-    values = np.asarray(given)
+    values = as_array(given)
     if values.dtype.kind not in "fiu" or values.ndim != 1 or not len(values):
         raise ValueError(
             f"eigenvalues must be a list of numbers, got shape {values.shape} of {values.dtype}"
@@ -349,27 +421,43 @@ def _answers(
     values = values.astype(np.float64)
     if not np.isfinite(values).all():
         raise ValueError(f"answer {int(np.argmin(np.isfinite(values))) + 1} is not finite")
-    zero = ZERO * 4 * np.pi / float(matrices.lumped.sum())
     order = np.argsort(values, kind="stable")
-    order = order[np.searchsorted(values[order], zero) :]
-    left_out = len(values) - len(order)
-    if values.min() < -zero:
-        raise ValueError(f"an answer is negative, {values.min():g}: eigenvalues are not")
-    if left_out not in (0, zeros):
-        raise ValueError(
-            f"{left_out} answers are zero, and {zeros} eigenvalues are: give all of these or none"
-        )
-    most = len(matrices.lumped) - zeros
+    order = order[_zeros_given(values[order], counter) :]
+    most = len(counter.matrices.lumped) - counter.zeros
     if not 0 < len(order) <= most:
         raise ValueError(f"there must be 1 to {most} answers after the zeros, got {len(order)}")
     return values[order], order
+
+
+def _zeros_given(values: NDArray[np.float64], counter: _Counter) -> int:
+    """Return how many of the ascending answers are zeros: all of the mesh's, or none.
+
+    A neck between two parts has an eigenvalue that is nearly as small; a count tells them apart.
+    """
+    zeros = counter.zeros
+    zero = ZERO * 4 * np.pi / float(counter.matrices.lumped.sum())
+    if values[0] < -zero:
+        raise ValueError(f"an answer is negative, {values[0]:g}: eigenvalues are not")
+    near = int(np.searchsorted(values, zero))
+    if near == 0:
+        return 0
+    small = max(counter.counted(zero)[0] - zeros, 0)  # and no zeros
+    given = values[0] <= 0 or abs(near - zeros - small) <= abs(near - small)
+    if given and (near < zeros or (small == 0 and near > zeros)):
+        raise ValueError(
+            f"{near} answers are zero, and {zeros} eigenvalues are: give all of these or none"
+        )
+    left_out = zeros if given else 0
+    if left_out < near and not values[left_out] > 0:
+        raise ValueError(f"an answer after the zeros is not positive, {values[left_out]:g}")
+    return left_out
 
 
 def _vectors(
     given: ArrayLike, discrete: Discrete, order: NDArray[np.int64], count: int
 ) -> NDArray[np.float64]:
     """Return the eigenvectors after the zeros as rows, at the vertices that are free."""
-    vectors = np.asarray(given, dtype=np.float64)
+    vectors = as_array(given).astype(np.float64)
     shape = (discrete.vertices, count)
     if vectors.shape != shape or not np.isfinite(vectors).all():
         raise ValueError(f"eigenvectors must be finite, of shape {shape}, got {vectors.shape}")

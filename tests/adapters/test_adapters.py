@@ -91,6 +91,14 @@ def test_the_transform_keeps_the_dtype_and_adds_no_vectors_unasked() -> None:
     assert "eigenvalues" not in given  # a transform leaves what it is given as it is
 
 
+def test_the_transform_of_whole_coordinates_has_the_default_dtype() -> None:
+    whole = Data(pos=(1000 * data(TORUS).pos).round().long(), face=data(TORUS).face)
+    done = AddMeshSpectrum(3, eigenvectors=True)(whole)
+    assert done.eigenvalues.dtype == done.eigenvectors.dtype == torch.float32
+    expected = compute(whole, 3).eigenvalues
+    np.testing.assert_allclose(done.eigenvalues[0], expected, rtol=1e-6)
+
+
 def test_shape_dna_is_a_step_of_a_pipeline() -> None:
     larger = TORUS.copy().apply_scale(3.0)
     rows = make_pipeline(clone(ShapeDNA(k=5))).fit_transform([TORUS, larger, BOX])
@@ -113,6 +121,20 @@ def test_shape_dna_takes_every_normalisation_and_names_its_columns() -> None:
     np.testing.assert_allclose(row, values / [1, 2, 3], rtol=1e-12)
     assert list(ShapeDNA(2).get_feature_names_out()) == ["lambda1", "lambda2"]
     assert ShapeDNA(4).transform([]).shape == (0, 4)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e6, 1e8])
+@pytest.mark.parametrize("turn", [1, -1])
+def test_shape_dna_by_volume_hangs_neither_on_the_place_nor_on_inside_out(offset, turn) -> None:
+    there = TORUS.vertices + np.array([offset, offset, 0])
+    (row,) = ShapeDNA(3, "volume").transform([(there, TORUS.faces[:, ::turn])])
+    expected = compute(TORUS, 3).eigenvalues * TORUS.volume ** (2 / 3)
+    np.testing.assert_allclose(row, expected, rtol=1e-6)
+
+
+def test_shape_dna_by_volume_refuses_an_open_surface() -> None:
+    with pytest.raises(ValueError, match="3 edges have not two faces: only a closed surface"):
+        ShapeDNA(3, "volume").transform([(TORUS.vertices, TORUS.faces[1:])])
 
 
 def test_adapters_repair_where_that_is_asked_for() -> None:
@@ -313,3 +335,23 @@ def test_matrices_that_are_no_laplacian_and_lumped_mass_are_one_line() -> None:
         solver(stiffness.astype(np.float32), M=mass)
     with pytest.raises(ValueError, match="k must be from 1 to 288"):
         CertifiedEigsh(289)(stiffness, M=mass)
+    with pytest.raises(ValueError, match="has 287 negative eigenvalues: give -A"):
+        solver(-stiffness, M=mass)
+    with pytest.raises(ValueError, match=r"of one size, got \(288, 288\) and \(5, 5\)"):
+        solver(stiffness, M=mass[:5, :5])
+    with pytest.raises(ValueError, match=r"must be square .* got \(5, 288\)"):
+        solver(stiffness[:5], M=mass)
+    with pytest.raises(ValueError, match=r"must be sparse ones of SciPy, .* got NoneType"):
+        solver(stiffness, M=None)
+    with pytest.raises(ValueError, match=r"layout sparse_csc, got torch\.strided"):
+        solver(torch.eye(3), M=torch.eye(3))
+
+
+def test_one_negative_eigenvalue_among_others_is_refused() -> None:
+    stiffness, mass = lumped(TORUS)
+    bump = np.zeros(288)
+    bump[[3, 200]] = 1, -1
+    heavy = sparse.csc_matrix(9 * np.outer(bump, bump))
+    assert CertifiedEigsh(6)(stiffness + heavy, M=mass)[0][1] > 0
+    with pytest.raises(ValueError, match="has 1 negative eigenvalue:"):
+        CertifiedEigsh(6)(stiffness - heavy, M=mass)

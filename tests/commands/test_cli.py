@@ -55,6 +55,31 @@ def test_default_place_is_the_variable(
     )
 
 
+# An interrupt
+
+
+@pytest.mark.parametrize(
+    ("words", "kept"),
+    [
+        (["build", VERSION], "; finished shards are kept, run the same command to go on"),
+        (
+            ["import", "scans", "--name", "scans"],
+            "; finished shards are kept, run the same command to go on",
+        ),
+        (["verify", VERSION], ""),
+        (["spectrum", "a.ply"], ""),
+    ],
+)
+def test_an_interrupt_names_shards_where_a_command_makes_them(
+    words: list[str], kept: str, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted() -> NoReturn:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("synthnet.terminal._check_working_directory", interrupted)
+    assert run(*words) == (130, "", f"synthnet: interrupted{kept}\n")
+
+
 # One line and exit code 2
 
 

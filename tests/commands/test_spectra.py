@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from synthnet.commands import cli
+from synthnet.commands.spectra import read_answer
 from synthnet.spectrum import Operator, compute
 
 Run = Callable[..., tuple[int, str, str]]
@@ -99,12 +100,36 @@ def test_an_answer_is_judged(run: Run, files: list[Path], tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("\ufeff1.5\n2.5\n", [1.5, 2.5]),
+        ("\ufeff# two of them\r\n1.5, 2.5\r\n", [1.5, 2.5]),
+        ('"eigenvalue"\n"1.5"\n2.5e0\n', [1.5, 2.5]),
+        ("\ufefffile,lambda_1,lambda_2\nelsewhere/a.ply,1.5,2.5\n", [1.5, 2.5]),
+        ("1.5 " * 50_000, [1.5] * 50_000),  # csv takes no field of so many characters
+    ],
+)
+def test_an_answer_is_read_whole(text: str, values: list[float], tmp_path: Path) -> None:
+    answer = tmp_path / "answer.csv"
+    answer.write_bytes(text.encode())
+    assert read_answer(answer, Path("a.ply")).tolist() == values
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "holds no numbers"),
         ("names, only\n", "holds no numbers"),
         ("1.0\nabc\n", "row 2: 'abc' is no number"),
+        ("eigenvalue\n\n1.0\nabc\n", "row 4: 'abc' is no number"),
         ("1.0, inf", "row 1: inf is not finite"),
+        ("Infinity\n1.0\n", "row 1: Infinity is not finite"),
+        ("2.046D0\n1.0\n", "row 1: '2.046D0' is no number"),
+        ('"2,046"\n', "row 1: '2,046' is no number"),
+        ('{"eigenvalues": [1.0]}', "is no number"),
+        ("2" * 200_000, "222 is not finite"),
+        ("file,lambda_1\na.ply,1\nb.ply,x\nc.ply," + "2" * 200_000, "is no table of `synthnet"),
+        ("file,lambda_1\nb.ply,1\n\na.ply,x\n", "row 4: 'x' is no number"),
         ("file,lambda_1\nother.ply,2\n", "has 0 rows of a.ply, where one is needed"),
         (b"\xff\xfe", "is no text"),
     ],
@@ -121,8 +146,96 @@ def test_an_answer_that_cannot_be_read_is_one_line(
     assert len(err.splitlines()) == 1
 
 
-def test_a_mesh_as_it_stands_says_what_would_mend_it(run: Run, files: list[Path]) -> None:
-    code, _, err = run("spectrum", files[1], "--no-repair", "-k", 3)
-    assert code == 0 or "without --no-repair it may be mended" in err
-    code, _, err = run("certify", files[0].with_name("none.ply"), files[2])
+FLAT = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n"
+FIN = "v 0 0 1\nf 2 3 5\n"  # a third triangle at the edge of the two
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "helps"),
+    [
+        (FLAT + "v 9 9 9\n", [], True),  # a vertex without a triangle
+        (FLAT + "f 1 2 2\n", [], True),
+        (FLAT + FIN + "v 9 9 9\n", [], False),  # no surface, whatever is mended
+        (FLAT, ["-k", 4], False),
+        (FLAT + "v 9 9 9\n", ["--elements", "tufted"], False),  # which nothing mends
+    ],
+)
+def test_repair_is_named_where_it_would_help_alone(
+    text: str, options: list[object], helps: bool, run: Run, tmp_path: Path
+) -> None:
+    file = tmp_path / "flat.obj"
+    file.write_text(text)
+    code, _, err = run("spectrum", file, "--no-repair", "-k", 1, *options)
     assert code == 2
+    assert err.startswith(f"synthnet: {file}: ")
+    assert ("without --no-repair" in err) == helps
+
+
+@pytest.mark.parametrize("options", [[], ["--no-repair"]])
+def test_all_eigenvalues_of_a_mesh_are_had_and_judged(
+    options: list[str], run: Run, files: list[Path], tmp_path: Path
+) -> None:
+    n, answer = 162, tmp_path / "answer.csv"
+    code, _, err = run("spectrum", files[0], "-k", n - 1, "--out", answer, *options)
+    assert (code, err) == (0, "")
+    values = answer.read_text().splitlines()[1].split(",")[3:]
+    answer.write_text("\n".join(["0", *values]))
+    assert run("certify", files[0], answer, *options)[0] == 0
+    code, _, err = run("spectrum", files[0], "-k", n, *options)
+    assert code == 2
+    assert err.endswith(f"k must be between 1 and {n - 1} for {n} vertices, got {n}\n")
+
+
+def test_quadratic_elements_have_more_eigenvalues_than_vertices(run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "flat.obj"
+    file.write_text(FLAT)
+    code, printed, err = run("spectrum", file, "-k", 8, "--elements", "quadratic", "--json")
+    assert (code, err) == (0, "")
+    assert len(json.loads(printed)[0]["eigenvalues"]) == 8  # of 4 vertices and 5 edges
+
+
+def book(n: int = 4) -> trimesh.Trimesh:
+    """Three squares that share an edge."""
+    row, column = np.divmod(np.arange((n + 1) ** 2), n + 1)
+    corner = np.flatnonzero((row < n) & (column < n))
+    halves = ([0, n + 1, n + 2], [0, n + 2, 1])
+    square = np.concatenate([corner[:, None] + half for half in halves])
+    sheets = [
+        np.stack([np.cos(angle) * row, np.sin(angle) * row, column], axis=1) / n
+        for angle in 2 * np.pi * np.arange(3) / 3
+    ]
+    faces = np.concatenate([square + sheet * (n + 1) ** 2 for sheet in range(3)])
+    return trimesh.Trimesh(np.concatenate(sheets), faces)  # which merges equal positions
+
+
+def test_three_sheets_that_meet_have_one_tufted_spectrum_in_any_format(
+    run: Run, tmp_path: Path
+) -> None:
+    pytest.importorskip("robust_laplacian")
+    spectra = {}
+    for name in ("book.off", "book.stl"):
+        book().export(tmp_path / name)
+        code, printed, err = run("spectrum", tmp_path / name, "--elements", "tufted", "--json")
+        assert (code, err) == (0, "")
+        (spectra[name],) = json.loads(printed)
+    assert spectra["book.off"]["repairs"] == {}
+    assert spectra["book.stl"]["repairs"] == {"merged vertices": 3 * 96 - 65}
+    assert spectra["book.stl"]["eigenvalues"] == pytest.approx(
+        spectra["book.off"]["eigenvalues"], rel=1e-5
+    )
+
+
+def test_a_refusal_of_no_manifold_names_the_elements_that_take_it(run: Run, tmp_path: Path) -> None:
+    book().export(tmp_path / "book.off")
+    code, _, err = run("spectrum", tmp_path / "book.off")
+    assert code == 2
+    assert "`synthnet import --cut-fins` may cut them, --elements tufted takes the mesh" in err
+
+
+def test_a_missing_mesh_is_one_line(run: Run, files: list[Path], tmp_path: Path) -> None:
+    answer = tmp_path / "answer.csv"
+    answer.write_text("1.0\n")
+    code, _, err = run("certify", files[0].with_name("none.ply"), answer)
+    assert code == 2
+    assert len(err.splitlines()) == 1
+    assert "none.ply: cannot be opened" in err

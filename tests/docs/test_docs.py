@@ -188,15 +188,16 @@ def test_datasets_are_named_by_a_word_or_by_dataset():
 
 
 @pytest.fixture(scope="module")
-def small_home(mini_home, tmp_path_factory):
+def small_home(mini_home, build, tmp_path_factory):
     """Directory with 1.0-mini, 2.0-mini and an import, to which commands may add."""
     home = tmp_path_factory.mktemp("small") / "home"
     shutil.copytree(mini_home, home)
     clean = tmp_path_factory.mktemp("files") / "clean"
     clean.mkdir()
     trimesh.creation.torus(3, 1).export(clean / "torus.stl")
-    for arguments in (["build", "2.0-mini"], ["import", clean, "--name", "not-ours"]):
-        run([sys.executable, "-m", "synthnet", *arguments], home, clean.parent)
+    build("2.0-mini", home)
+    importing = ["synthnet", "import", clean, "--name", "not-ours"]
+    run([sys.executable, "-m", *importing], home, clean.parent)
     return home
 
 

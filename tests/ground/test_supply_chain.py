@@ -66,8 +66,18 @@ def test_ci_installs_every_package_but_pytorch_by_its_digests() -> None:
     versions = {name: version for name, version, _ in entry.findall(text)}
     assert versions == hash_pins.wanted(), "run scripts/hash_pins.py"
     assert len(versions) > 100
-    first = (ROOT / ".ci" / "run").read_text().partition("make --no-print-directory")[0]
-    assert "pip install --quiet --require-hashes --no-deps -r .ci/hashes.txt" in first
+
+
+@pytest.mark.parametrize("path", [ROOT / ".ci" / "run", *WORKFLOWS], ids=lambda path: path.name)
+def test_nothing_but_the_installer_installs_packages(path: Path) -> None:
+    """It has the digests; a workflow that installs in another way has none."""
+    installer = (ROOT / ".ci" / "install").read_text()
+    by_digest = installer.index("pip install --quiet --require-hashes --no-deps -r .ci/hashes.txt")
+    assert by_digest < installer.index("PIP_NO_BUILD_ISOLATION=false make")
+    assert len(re.findall(r"pip3? install|make .*\.installed", installer)) == 2
+    text = path.read_text()
+    assert ".ci/install" in text or "run: bash .ci/run" in text
+    assert not re.search(r"pip3? install|\buv\b|make_venv", text)
 
 
 @pytest.mark.parametrize(

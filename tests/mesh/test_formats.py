@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import gzip
 from pathlib import Path
 
@@ -84,9 +85,14 @@ def test_obj_counts_from_1_or_back_from_the_last_vertex_so_far() -> None:
     assert read(text.encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
 
 
-def test_text_may_begin_with_a_mark_of_its_bytes_order() -> None:
-    text = "\ufeff" + VERTICES + "f 1 2 3\n"
-    assert len(read(text.encode(), ".obj").vertices) == 4
+@pytest.mark.parametrize("name", [name for name in FORMATS if name.startswith("ascii")])
+@pytest.mark.parametrize("start", [codecs.BOM_UTF8, codecs.BOM_UTF8 + b"# made by hand\n\n"])
+def test_text_may_begin_with_a_mark_of_its_bytes_order(name: str, start: bytes) -> None:
+    if name == "ascii.ply":  # whose first word is ply
+        start = codecs.BOM_UTF8
+    mesh, expected = read(start + content(name), suffix(name)), read(content(name), suffix(name))
+    np.testing.assert_array_equal(mesh.vertices, expected.vertices)
+    np.testing.assert_array_equal(mesh.faces, expected.faces)
 
 
 def test_obj_is_read_alone() -> None:
@@ -103,6 +109,31 @@ def test_lines_end_in_any_way(newline: str) -> None:
     assert len(read(text.encode(), ".obj").faces) == 1
     text = f"OFF\n4 1 0\n{POINTS}3 0 1 2\n".replace("\n", newline)
     assert len(read(text.encode(), ".off").faces) == 1
+    text = (PLY + POINTS + "3 0 1 2\n").replace("\n", newline)
+    assert len(read(text.encode(), ".ply").faces) == 1
+    assert refused(text.replace("3 0 1 2", "3 0 1"), ".ply").endswith("line 14 ends early")
+    text = f"solid\n{FACET}endsolid\n".replace("\n", newline)
+    assert len(read(text.encode(), ".stl").faces) == 1
+
+
+@pytest.mark.parametrize("newline", [b"\n", b"\r\n"])
+def test_binary_ply_begins_after_the_line_end_header(newline: bytes) -> None:
+    header, end, body = content("binary.ply").partition(b"end_header\n")
+    header = header.replace(b"element vertex", b"comment before end_header\nelement vertex", 1)
+    whole = (header + end).replace(b"\n", newline) + body
+    np.testing.assert_array_equal(read(whole, ".ply").faces, SPHERE.faces)
+
+
+@pytest.mark.parametrize("end", ["", "\n"])
+def test_off_may_have_all_vertices_on_a_line_and_all_faces(end: str) -> None:
+    points = " ".join(POINTS.split())
+    mesh = read(f"OFF\n4 3 0\n{points}\n3 0 1 2 3 0 2 3 4 0 1 2 3{end}".encode(), ".off")
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 1, 2], [0, 2, 3]]
+    mesh = read(f"OFF\n4 2 0\n{points}\n3 0 1 2 3 0 2 3".encode(), ".off")
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    mesh = read(f"OFF\n4 2 0\n{points}\n3 0 1 2 0.5 1 0 1\n3 0 2 3 9\n".encode(), ".off")
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
 @pytest.mark.parametrize("head", ["OFF\n4 1 0", "OFF 4 1 0", "OFF4 1 0", "# c\n\nCOFF # c\n4 1"])
@@ -255,6 +286,10 @@ def test_binary_stl_may_begin_with_solid() -> None:
         (".off", "#", "line 1: it begins with '', not with OFF"),
         (".off", "4OFF\n", "line 1: it begins with '4OFF', not with OFF"),
         (".off", "OFF BINARY x\n", "line 1: 'BINARY x': no whole numbers"),
+        (".off", "OFF\n-3 1 0\n", "line 2: -3 vertices and 1 faces: a number below zero"),
+        (".off", "OFF\n4 -1 0\n" + POINTS, "line 2: 4 vertices and -1 faces: a number below"),
+        (".off", "OFF\n9 1 0\n" + 5 * "0 0 1 ", "line 3: 15 values of one vertex: save each"),
+        (".off", f"OFF\n4 9 0\n{POINTS}" + 5 * "3 0 1 2 ", "line 7: 20 values of one face: save"),
         (".off", "OFF\n4\n", "line 2: the numbers of vertices and faces are missing"),
         (".off", "OFF\n9 1 0\n" + POINTS, "cut off: 4 of 9 vertices"),
         (".off", f"OFF\n4 1200 0\n{POINTS}3 0 1 2\n", "cut off: 1 of 1,200 faces"),
@@ -263,6 +298,7 @@ def test_binary_stl_may_begin_with_solid() -> None:
         (".off", f"OFF\n4 1 0\n{POINTS}3 0 1 7\n", "line 7: a corner is none of the 4 vertices"),
         (".off", f"OFF\n4 1 0\n{POINTS}-3 0 1 2\n", "line 7: a face of 0 corners"),
         (".ply", "no ply", "it has no PLY header from ply to end_header"),
+        (".ply", PLY.replace("end_header", "comment end_header"), "it has no PLY header from ply"),
         (".ply", PLY.replace("ascii", "asci"), "line 2: 'format asci 1.0' is of no PLY header"),
         (".ply", PLY.replace("float x", "flaot x"), "line 4: 'property flaot x' is of no PLY"),
         (".ply", PLY.replace("float y", "float x"), "line 5: the property 'x' again"),
@@ -302,6 +338,8 @@ def test_binary_stl_may_begin_with_solid() -> None:
         (".stl", bytes(80) + (7).to_bytes(4, "little") + bytes(120), "cut off: 2 of 7 faces"),
         (".stl", bytes(84 + 3), "3 bytes more than its 0 faces take"),
         (".stl", bytes(84), "an empty mesh"),
+        (".stl", 20 * "no mesh ", "line 1: it begins with 'no', not with solid, and is no whole"),
+        (".stl", 2 * FACET, "line 1: it begins with 'facet', not with solid"),
         (".stl", f"solid\n{FACET}facet\nvertex 1 2 3\n", "cut off: 1 of 2 faces have their"),
         (".stl", f"solid\n{FACET}vertex 1 2 3\nendsolid", "cut off: 1 of 1 faces have their"),
         (".stl", f"solid\n{FACET}", "cut off: 0 of 1 solids have their endsolid"),

@@ -100,6 +100,47 @@ def test_volume_and_area_of_the_unit_cube() -> None:
     assert geometry.area(cube()) == 6
 
 
+def cubes(turn: int, side: float, offset: float) -> Mesh:
+    """The unit cube, and another one of that side and place, with its faces as they are or not."""
+    one = cube()
+    vertices = np.concatenate([one.vertices, one.vertices * side + offset])
+    return Mesh(vertices, np.concatenate([one.faces, one.faces[:, ::turn] + 8]))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "volume"),
+    [
+        (cubes(1, 2.0, 3.0), 9),
+        (cubes(-1, 0.5, 0.25), 1 - 1 / 8),  # a cavity
+        (cubes(-1, 3.0, -1.0), 27 - 1),  # the first is one
+    ],
+)
+@pytest.mark.parametrize("offset", [0.0, 1e8])
+@pytest.mark.parametrize("turn", [1, -1])
+def test_enclosed_volume_is_that_between_outer_walls_and_cavities(
+    mesh: Mesh, volume: float, offset: float, turn: int
+) -> None:
+    moved = Mesh(mesh.vertices + offset, mesh.faces[:, ::turn])
+    assert geometry.enclosed_volume(moved) == pytest.approx(volume, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "message"),
+    [
+        (Mesh(cube().vertices, cube().faces[1:]), "3 edges have not two faces: only a closed"),
+        (
+            Mesh(cube().vertices, np.concatenate([cube().faces[:1, ::-1], cube().faces[1:]])),
+            "neighbours turn against each other at 3 edges: orient the faces alike first",
+        ),
+        (cubes(-1, 1.0, 3.0), "component of face 12 is oriented against the largest and in no"),
+        (cubes(-1, 2.0, 3.0), "component of face 0 is oriented against the largest"),
+    ],
+)
+def test_what_encloses_no_volume_is_one_line(mesh: Mesh, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        geometry.enclosed_volume(mesh)
+
+
 def test_volume_is_signed_and_does_not_hang_on_the_origin() -> None:
     mesh = corner_tetrahedron()
     assert geometry.volume(mesh) == pytest.approx(1 / 6, rel=1e-15)

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evidence.operators import square
 from synthnet.mesh import geometry
-from synthnet.spectrum import compute
+from synthnet.spectrum import Operator, compute
 from synthnet.spectrum.descriptors import (
     heat_kernel_signature,
     heat_trace,
@@ -16,10 +17,11 @@ from synthnet.spectrum.descriptors import (
     wave_kernel_signature,
 )
 from synthnet.types import Mesh
-from tests.spectrum.meshes import sphere
+from tests.spectrum.meshes import side_by_side, sphere
 
 SPHERE = sphere(20, radius=1.5)
 FOUND = compute(SPHERE, 40)
+BOTH = side_by_side(square(10), sphere(9))
 AREA, VOLUME = geometry.area(SPHERE), geometry.volume(SPHERE)
 
 
@@ -45,6 +47,13 @@ def test_normalised_shape_dna_does_not_know_the_size() -> None:
         expected = shape_dna(FOUND, normalisation, area=AREA, volume=VOLUME)[:10]
         assert descriptor == pytest.approx(expected, rel=1e-6)
     assert shape_dna(large) == pytest.approx(FOUND.eigenvalues[:10] / 9, rel=1e-6)
+
+
+def test_a_tensor_that_has_a_gradient_is_taken_by_its_values() -> None:
+    torch = pytest.importorskip("torch")
+    values = torch.tensor(FOUND.eigenvalues, requires_grad=True)
+    np.testing.assert_array_equal(shape_dna(values), FOUND.eigenvalues)
+    assert heat_trace(values, 1.0) == heat_trace(FOUND.eigenvalues, 1.0)
 
 
 def test_heat_trace_begins_as_area_over_four_pi_t() -> None:
@@ -87,6 +96,50 @@ def test_heat_kernel_signature_and_trace_are_lapys() -> None:
     np.testing.assert_allclose(heat_trace(spectrum, times[0]), every, rtol=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("mesh", "k", "operator", "zeros"),
+    [
+        (square(10), 8, Operator("dirichlet"), 0),
+        (square(10), 8, Operator("dirichlet", elements="quadratic"), 0),
+        (square(10), 8, Operator(np.zeros(121, dtype=bool)), 1),
+        (side_by_side(square(10), square(10)), 8, Operator("dirichlet"), 0),
+        (BOTH, 8, Operator("dirichlet"), 1),
+        (BOTH, 8, Operator(), 2),
+        (square(30), 130, Operator("dirichlet"), 0),  # so many are searched for in slices
+        (square(30), 130, Operator(), 1),
+    ],
+)
+def test_only_a_component_that_is_free_everywhere_adds_a_zero_to_the_heat_trace(
+    mesh: Mesh, k: int, operator: Operator, zeros: int
+) -> None:
+    spectrum = compute(mesh, k, operator=operator)
+    assert spectrum.certificate.zeros == zeros
+    decayed = np.exp(-spectrum.eigenvalues).sum()
+    assert heat_trace(spectrum, 1.0) == pytest.approx(zeros + decayed, rel=1e-12)
+    assert heat_trace(spectrum, 1.0, components=5) == pytest.approx(5 + decayed, rel=1e-12)
+
+
+def test_a_drum_has_no_constant_in_its_heat_kernel_signature() -> None:
+    drum = compute(square(10), 8, operator=Operator("dirichlet"))
+    plain = heat_kernel_signature(drum, [0.1])
+    np.testing.assert_array_equal(heat_kernel_signature(drum, [0.1], area=1.0), plain)
+    assert plain[0] == 0  # a corner is held
+
+
+@pytest.mark.parametrize(
+    ("operator", "message"),
+    [
+        (Operator(), "the mesh has 2 components, whose constants differ: leave out area"),
+        (Operator("dirichlet"), "the mesh has 2 components, whose constants differ"),
+        (Operator(np.arange(len(BOTH.vertices)) < 121), "the constant is zero on components"),
+    ],
+)
+def test_zeros_whose_constants_differ_are_one_line(operator: Operator, message: str) -> None:
+    spectrum = compute(BOTH, 5, operator=operator)
+    with pytest.raises(ValueError, match=message):
+        heat_kernel_signature(spectrum, [0.1], area=2.0)
+
+
 def test_default_times_and_energies_are_the_papers() -> None:
     values = FOUND.eigenvalues
     ends = 4 * np.log(10) / values[[-1, 0]]
@@ -104,6 +157,7 @@ def test_default_times_and_energies_are_the_papers() -> None:
     [
         (lambda: shape_dna(FOUND, "areas"), "normalisation must be one of .*did you mean area"),
         (lambda: shape_dna(FOUND, "area"), "pass area=, that of the surface"),
+        (lambda: shape_dna(FOUND, "volume"), r"pass volume=.*geometry\.enclosed_volume\(mesh\)"),
         (lambda: shape_dna(FOUND, "volume", volume=-1.0), "volume must be positive"),
         (lambda: shape_dna([0.0, 1.0]), "the first eigenvalue is zero"),
         (lambda: shape_dna([2.0, 1.0]), "eigenvalues must ascend"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from synthnet.mesh.open3d import to_open3d
-from synthnet.spectrum import as_mesh, certify, compute, fem_matrices, spectra
+from synthnet.spectrum import as_mesh, certify, compute, count_below, fem_matrices, spectra
 from synthnet.types import Mesh
 from tests.spectrum.meshes import sphere
 
@@ -61,6 +62,7 @@ def test_meshes_of_other_libraries_give_the_same_numbers(make: Any) -> None:
     assert converted.vertices.dtype == np.float64
     np.testing.assert_array_equal(converted.faces, F)
     np.testing.assert_array_equal(compute(mesh, 5).eigenvalues, compute(SPHERE, 5).eigenvalues)
+    assert count_below(mesh, 3.0) == count_below(SPHERE, 3.0)
 
 
 @pytest.mark.parametrize(
@@ -75,6 +77,7 @@ def test_meshes_of_other_libraries_give_the_same_numbers(make: Any) -> None:
         ((np.zeros((0, 3)), F[:0]), "an empty mesh: no triangles"),
         ((V, F[:0]), "a point cloud: .* vertices and no triangles"),
         ((1e100 * V, F), r"coordinates up to 1e\+100: scale it"),
+        ((1e308 * V, F), r"inf wide and has coordinates up to 1e\+308: scale it"),
         ((V, F + 1), "faces must name vertices 0 to"),
         ((V[:, :2], F), r"vertices must have shape \(n, 3\)"),
         ((V, F[:, :2]), r"faces must have shape \(n, 3\)"),
@@ -91,6 +94,45 @@ def test_what_is_no_mesh_is_one_line(mesh: Any, message: str) -> None:
         with pytest.raises(ValueError, match=message) as caught:
             judge()
         assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda tensor: tensor.bfloat16(),
+            r"a tensor of torch\.bfloat16 and layout torch\.strided",
+        ),
+        (lambda tensor: tensor.bfloat16().requires_grad_(), r"a tensor of torch\.bfloat16"),
+        (lambda tensor: tensor.to_sparse(), r"layout torch\.sparse_coo is no array of NumPy"),
+        (lambda tensor: tensor.to_sparse_csr(), r"layout torch\.sparse_csr is no array of NumPy"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:Sparse (CSR tensor|invariant checks):UserWarning")
+def test_a_tensor_that_is_no_array_of_numpy_is_one_line(change: Any, message: str) -> None:
+    vertices, faces = tensors()
+    with pytest.raises(ValueError, match=message) as caught:
+        as_mesh((change(vertices), faces))
+    assert "give a dense one of float32 or float64" in str(caught.value)
+
+
+@pytest.mark.parametrize("k", [1.5, 1.0, "3", None, True, [3]])
+def test_a_number_of_eigenvalues_that_is_no_integer_is_one_line(k: Any) -> None:
+    with pytest.raises(ValueError, match=f"k must be an integer, got {re.escape(repr(k))}"):
+        next(spectra([SPHERE], k))
+    with pytest.raises(ValueError, match=f"k must be an integer, got {re.escape(repr(k))}"):
+        compute(SPHERE, k)
+
+
+@pytest.mark.parametrize("shift", [np.nan, np.inf, -np.inf])
+def test_a_shift_that_is_not_finite_is_one_line(shift: float) -> None:
+    with pytest.raises(ValueError, match=f"shifts must be finite, got 1, {shift}"):
+        count_below(SPHERE, 1.0, shift)
+
+
+def test_integers_of_numpy_are_numbers_of_eigenvalues() -> None:
+    (found,) = spectra([SPHERE], np.int32(3))
+    np.testing.assert_array_equal(found.eigenvalues, compute(SPHERE, 3).eigenvalues)
 
 
 def result_or_line(call: Callable[[], Any]) -> Any:

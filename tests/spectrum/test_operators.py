@@ -15,7 +15,6 @@ from evidence.thin_meshes import BITS, exact_matrices, thin
 from synthnet import spectrum
 from synthnet.families.atlas import Atlas
 from synthnet.families.elements import assemble as assemble_on_atlas
-from synthnet.mesh.repair import Refused
 from synthnet.spectrum import Operator, components
 from synthnet.spectrum.operators import MASSES, as_sparse, discretise
 from synthnet.types import Mesh
@@ -215,6 +214,8 @@ def test_certify_judges_the_operator_that_is_named(elements: str, mass: str) -> 
     ("names", "line"),
     [
         ({"boundary": "robin"}, "no boundary condition 'robin': 'neumann', 'dirichlet', or a mask"),
+        ({"mass": ["lumped"]}, r"no mass \['lumped'\]: 'consistent', 'mean', 'lumped'"),
+        ({"elements": ["linear"]}, r"no elements \['linear'\]: 'linear', 'quadratic'"),
         ({"mass": "diagonal"}, "no mass 'diagonal': 'consistent', 'mean', 'lumped'"),
         ({"elements": "cubic"}, "no elements 'cubic': 'linear', 'quadratic', 'curved', 'delaunay'"),
         ({"elements": "quadratic", "mass": "lumped"}, "quadratic elements have no lumped mass"),
@@ -224,6 +225,42 @@ def test_certify_judges_the_operator_that_is_named(elements: str, mass: str) -> 
 def test_an_operator_that_there_is_not_is_one_line(names: dict[str, Any], line: str) -> None:
     with pytest.raises(ValueError, match=line):
         Operator(**names)
+
+
+def test_a_mask_is_of_the_vertices_that_are_solved_for() -> None:
+    """Repairs may give vertices other numbers, so none is made beside a mask."""
+    mesh = square(4)
+    mask = mesh.vertices[:, 0] == 0
+    loose = Mesh(np.vstack([[[9.0, 9, 9]], mesh.vertices]), mesh.faces + 1)
+    held = Operator(np.append(False, mask))
+    for call, wanted in ((spectrum.compute, 2), (spectrum.certify, [1.0, 2.0])):
+        with pytest.raises(ValueError, match=r"was repaired \(1 loose vertices\), and a mask"):
+            call(loose, wanted, operator=held, repair=True)
+    kept = spectrum.compute(mesh, 2, operator=Operator(mask), repair=True)
+    np.testing.assert_array_equal(
+        kept.eigenvalues, spectrum.compute(mesh, 2, operator=Operator(mask)).eigenvalues
+    )
+
+
+@pytest.mark.parametrize(
+    ("operator", "line"),
+    [
+        ("dirichlet", r"such as Operator\(boundary='dirichlet'\), got 'dirichlet'"),
+        ("lumped", r"such as Operator\(mass='lumped'\), got 'lumped'"),
+        ("tufted", r"such as Operator\(elements='tufted'\), got 'tufted'"),
+        ("robin", r'such as Operator\(boundary="dirichlet"\), got \'robin\''),
+        (None, r'such as Operator\(boundary="dirichlet"\), got NoneType'),
+        (np.ones(9, bool), r'such as Operator\(boundary="dirichlet"\), got ndarray'),
+    ],
+)
+def test_what_is_no_operator_is_one_line(operator: Any, line: str) -> None:
+    for solve in (spectrum.compute, spectrum.count_below):
+        with pytest.raises(ValueError, match=f"operator must be an Operator, {line}"):
+            solve(square(2), 5, operator=operator)
+    with pytest.raises(ValueError, match=f"operator must be an Operator, {line}"):
+        spectrum.compute(square(2), 5, operator=operator, sharp=True)
+    with pytest.raises(ValueError, match=f"operator must be an Operator, {line}"):
+        spectrum.certify(square(2), [1.0], operator=operator)
 
 
 @pytest.mark.parametrize(
@@ -258,5 +295,13 @@ def test_repair_names_what_it_did_and_gives_the_mesh_of_the_vectors() -> None:
     np.testing.assert_allclose(result.eigenvalues, plain.eigenvalues, rtol=1e-6)
     assert not plain.repairs
     assert plain.mesh is None
-    with pytest.raises(Refused, match="few_vertices"):
+    with pytest.raises(ValueError, match=r"k must be between 1 and .*, got 500"):
         spectrum.compute(sphere(3), 500, repair=True)
+
+
+def test_a_repaired_mesh_has_as_many_eigenvalues_as_the_same_mesh_had_before() -> None:
+    mesh, quadratic = sphere(3), Operator(elements="quadratic")
+    n = len(mesh.vertices)
+    values = spectrum.compute(mesh, n - 1, repair=True).eigenvalues
+    assert spectrum.certify(mesh, [0.0, *values], repair=True).certified
+    assert len(spectrum.compute(mesh, n + 1, operator=quadratic, repair=True).eigenvalues) == n + 1

@@ -1,6 +1,7 @@
 """The error bound of a spectrum, against exact arithmetic."""
 
 import dataclasses
+from typing import Literal
 
 import mpmath
 import numpy as np
@@ -10,6 +11,7 @@ from evidence.operators import square
 from evidence.thin_meshes import BITS, LOOSE, ROUNDING, K, exact_matrices, thin, within
 from synthnet import spectrum
 from synthnet.errors import CertificateError
+from synthnet.types import Mesh
 from tests.spectrum.meshes import side_by_side, sphere
 
 
@@ -36,6 +38,27 @@ def test_exact_eigenvalues_are_within_the_bound(aspect: float, kind: str, sharp:
         value, off = result.eigenvalues[worst], bound[worst]
         if not sharp and off > ROUNDING * value:
             assert not within(matrices, worst + 1, value, off / LOOSE)
+
+
+@pytest.mark.parametrize("mass", ["lumped", "mean"])
+@pytest.mark.parametrize("sharp", [False, True], ids=["matrices", "sharp"])
+@pytest.mark.parametrize("thin", [1e-3, 1e-7])
+def test_bounds_of_other_masses_hold_beside_a_tiny_angle(
+    thin: float, mass: Literal["lumped", "mean"], sharp: bool
+) -> None:
+    """Of its two long edges, the area is wrong by rounding over the sine of that angle."""
+    corners = [[0, 0, 0], [1 / 3, thin / 7, thin / 3], [1, 0.5, 0.6], [thin, thin / 3, thin / 9]]
+    vertices = np.array(corners) + np.array([0.1, 0.2, 0.3])
+    mesh = Mesh(vertices, np.array([[0, 3, 2], [0, 1, 3], [1, 2, 3]]))
+    result = spectrum.compute(mesh, 3, operator=spectrum.Operator(mass=mass), sharp=sharp)
+    bound = result.certificate.error_bound
+    assert bound is not None
+    with mpmath.workprec(BITS):
+        stiffness, consistent = exact_matrices(mesh)
+        lumped = np.diag(consistent.sum(axis=1))
+        matrices = stiffness, lumped if mass == "lumped" else (lumped + consistent) / 2
+        for i in range(3):
+            assert within(matrices, i + 1, result.eigenvalues[i], bound[i])
 
 
 def test_sharp_eigenvalues_are_nearer_on_thin_triangles_and_the_same_on_others() -> None:

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import linalg
 
-from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES
 from synthnet.spectrum import certify, compute, fem_matrices, verdict
 from synthnet.types import Mesh
@@ -37,12 +36,8 @@ VALUES = {name: exact(mesh) for name, mesh in SHAPES.items()}
 @contextmanager
 def without_a_solver() -> Iterator[None]:
     """No eigenvectors can be found, so that everything is counted."""
-
-    def none(*_: Any) -> None:
-        raise SpectrumError
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(verdict, "of_matrices", none)
+        patch.setattr(verdict, "_found", lambda *_: None)
         yield
 
 
@@ -83,6 +78,94 @@ def test_counts_that_follow_are_those_of_factorisations(
     for (index, true), (_, located) in zip(few.off, many.off, strict=True):
         distance = abs(few.eigenvalues[index - 1] - true)
         assert abs(true - located) <= verdict.NEARER * distance + tolerance * true
+
+
+@settings(max_examples=100)
+@given(
+    st.sampled_from(sorted(SHAPES)),
+    st.integers(0, 2**32),
+    st.sampled_from([1e-6, 1e-3, 0.1, 0.5]),
+    st.sampled_from([0.5, 0.9, 1.5, 5.0]),
+)
+def test_what_is_certified_is_near_eigenvalue_by_eigenvalue(
+    name: str, seed: int, tolerance: float, by: float
+) -> None:
+    """Also where tolerances overlap, so that the count of a group says nothing of its members."""
+    rng = np.random.default_rng(seed)
+    true = VALUES[name][: rng.integers(1, 30)]
+    answer = np.sort(true * (1 + by * tolerance * rng.uniform(-1, 1, len(true))))
+    errors = np.abs(answer / true - 1)
+    if (np.abs(errors / tolerance - 1) < 1e-3).any() or not answer[0] > 0:
+        return
+    assert certify(SHAPES[name], answer, tolerance=tolerance).certified == bool(
+        (errors < tolerance).all()
+    )
+
+
+def test_answers_that_are_bunched_or_stretched_are_off() -> None:
+    """As many lie between two right ones as should, and each within reach of its neighbour."""
+    true = VALUES["torus"][:60]
+    stretched = np.append(true[:9], np.geomspace(true[9], true[59], 51))
+    judged = certify(SHAPES["torus"], stretched, tolerance=0.1)
+    expected = np.flatnonzero(np.abs(stretched / true - 1) > 0.1) + 1
+    assert len(expected) > 10
+    assert judged.off[0][0] == expected[0]
+    triple = VALUES["sphere"][:3].mean()
+    judged = certify(SHAPES["sphere"], triple * np.array([1, 1.095, 1.19]), tolerance=0.05)
+    assert [index for index, _ in judged.off] == [2, 3]
+
+
+def dumbbell(neck: float) -> Mesh:
+    """Two spheres, joined where a triangle of each, shrunk, is cut out."""
+    vertices, faces = SHAPES["sphere"].vertices.copy(), SHAPES["sphere"].faces
+    cut = faces[len(faces) // 2]
+    middle = vertices[cut].mean(axis=0)
+    vertices[cut] = middle + neck * (vertices[cut] - middle)
+    other = 3 * middle - vertices
+    count = len(vertices)
+    rest = np.delete(faces, len(faces) // 2, axis=0)
+    p, q = cut, np.roll(cut, -1)
+    tube = [np.stack([q, p, p + count], axis=1), np.stack([q, p + count, q + count], axis=1)]
+    return Mesh(
+        np.concatenate([vertices, other]), np.concatenate([rest, (rest + count)[:, ::-1], *tube])
+    )
+
+
+@pytest.mark.parametrize("neck", [1e-3, 1e-5, 1e-6])
+def test_the_small_eigenvalue_of_a_neck_is_no_zero(neck: float) -> None:
+    mesh = dumbbell(neck)
+    values = compute(mesh, 4, sharp=True).eigenvalues
+    assert values[0] < 1e-3
+    assert certify(mesh, values).certified
+    assert certify(mesh, [0.0, *values]).certified
+    assert certify(mesh, values[1:]).missed == (1,)
+    assert certify(mesh, values * [1 + 1e-3, 1, 1, 1]).off == (
+        (1, pytest.approx(values[0], rel=1e-6)),
+    )
+
+
+def test_what_rounding_leaves_open_is_not_certified() -> None:
+    mesh = dumbbell(1e-8)
+    values = compute(mesh, 4, sharp=True).eigenvalues
+    judged = certify(mesh, values)
+    assert not judged.certified
+    assert (judged.off, judged.missed) == ((), ())
+    assert judged.tolerance > judged.asked == 1e-6
+    assert str(judged).startswith("rounding leaves open ")
+
+
+@pytest.mark.parametrize("size", [1e2, 1e4, 1e8])
+def test_components_of_all_sizes_are_judged_within_what_was_asked(size: float) -> None:
+    mesh = SHAPES["sphere"]
+    scales = np.array([1 / size, 1, size])
+    vertices = [scale * mesh.vertices + [4 * size * i, 0, 0] for i, scale in enumerate(scales)]
+    faces = [mesh.faces + len(mesh.vertices) * i for i in range(3)]
+    whole = Mesh(np.concatenate(vertices), np.concatenate(faces))
+    values = compute(whole, 8).eigenvalues
+    assert certify(whole, values).certified
+    assert certify(whole, values).tolerance == 1e-6
+    assert len(certify(whole, values * 1.3).off) == 8
+    assert len(certify(whole, values * (1 + 1e-5)).off) == 8
 
 
 @settings(max_examples=60)

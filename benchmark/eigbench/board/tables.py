@@ -206,14 +206,19 @@ def cost(result: dict[str, Any]) -> Table:
         ["ms a mesh, mean", f"{facts['ms_per_mesh_mean']:.2f}"],
         [f"{SPEED}, same meshes", beside_lapy(facts)],
         ["batch size, threads, device", setting],
-        ["cores used", f"{facts['cores_used']:.2f}"],
-        ["peak memory", f"{facts['peak_memory_mb']:.0f} MB"],
+        ["cores used", f"{facts['cores_used']:.2f}{_counted(facts, 'processor_time')}"],
+        ["peak memory", f"{facts['peak_memory_mb']:.0f} MB{_counted(facts, 'memory')}"],
         *_remembering(facts),
         ["parameters", "none" if parameters is None else f"{parameters:,}"],
         ["training cost", results.declared(result, "training_cost")],
         ["hardware", facts["hardware"]],
     ]
     return Table(["", ""], rows)
+
+
+def _counted(facts: dict[str, Any], what: str) -> str:
+    """Return what counted processor time or memory; results before December 2026 do not say."""
+    return f" (by the {facts['counted_by'][what]})" if "counted_by" in facts else ""
 
 
 def _remembering(facts: dict[str, Any]) -> list[list[str]]:

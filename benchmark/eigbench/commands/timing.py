@@ -138,6 +138,7 @@ def _row(
             "threads": 1,
             "device": "cpu",
             "peak_memory_mb": timed.status.peak_bytes / 2**20,
+            "counted_by": timed.status.counted_by,
             "hardware": record.hardware(),
             "reference": {
                 "solver": "LaPy",

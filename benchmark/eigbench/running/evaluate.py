@@ -159,6 +159,7 @@ def evaluate(
         status=Status(
             max(status.peak_bytes for status in statuses),
             {name: digest for status in statuses for name, digest in status.sources.items()},
+            statuses[0].counted_by,
             tuple(dict.fromkeys(attempt for status in statuses for attempt in status.refused)),
         ),
     )

@@ -8,6 +8,8 @@ not copied. Nothing is unpickled: what a predictor sends cannot run in the harne
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import fcntl
 import json
 import mmap
@@ -28,6 +30,7 @@ HEADER = struct.Struct("<cQ")
 MOST = 4 * 2**20  # bytes of a frame of facts
 STEP = 0.1  # seconds between two looks at who does not answer
 ALIGNED = 64  # bytes
+SEALINGS = 30  # tries to seal a file in memory, each of up to 0.2 s
 
 _PATHS = {
     "type": "array",
@@ -152,17 +155,35 @@ def facts(kind: bytes, body: bytes) -> Any:
 def packed(meshes: Sequence[Mesh]) -> tuple[bytes, BinaryIO]:
     """Return meshes as a frame's body and a file in memory that cannot be written to any more."""
     body = json.dumps([(len(mesh.vertices), len(mesh.faces)) for mesh in meshes]).encode()
-    file = _file_in_memory()
-    for mesh in meshes:
-        for array in (mesh.vertices.astype("<f8", "C"), mesh.faces.astype("<i8", "C")):
-            file.write(array.data)
-            file.write(bytes(-array.nbytes % ALIGNED))
-    file.write(bytes(ALIGNED))  # an empty file cannot be mapped
-    file.flush()
-    if hasattr(os, "memfd_create"):
-        seals = fcntl.F_SEAL_WRITE | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL
-        fcntl.fcntl(file, fcntl.F_ADD_SEALS, seals)
+    with contextlib.ExitStack() as on_failure:
+        file = on_failure.enter_context(_file_in_memory())
+        for mesh in meshes:
+            for array in (mesh.vertices.astype("<f8", "C"), mesh.faces.astype("<i8", "C")):
+                file.write(array.data)
+                file.write(bytes(-array.nbytes % ALIGNED))
+        file.write(bytes(ALIGNED))  # an empty file cannot be mapped
+        file.flush()
+        if hasattr(os, "memfd_create"):
+            _seal(file)
+        on_failure.pop_all()
     return body, file
+
+
+def _seal(file: BinaryIO) -> None:
+    """Let nobody write to a file in memory from now on.
+
+    The system refuses while it holds one of the pages itself, to move it for example. It waits for
+    0.2 s, and on a busy machine that may be too short.
+    """
+    seals = fcntl.F_SEAL_WRITE | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL
+    for left in reversed(range(SEALINGS)):
+        try:
+            fcntl.fcntl(file, fcntl.F_ADD_SEALS, seals)
+        except OSError as error:
+            if error.errno != errno.EBUSY or left == 0:
+                raise
+        else:
+            return
 
 
 def _file_in_memory() -> BinaryIO:

@@ -23,6 +23,7 @@ from eigbench.results.sources import digest
 from eigbench.running import frames, predictor, supervisor, tree
 from eigbench.running.box import BUBBLEWRAP, NONE, Box, Settings
 from eigbench.running.meshes import warming
+from eigbench.running.usage import ControlGroup, Usage
 from eigbench.running.worker import Job
 from eigbench.scoring.training import DEFAULT
 from synthnet.errors import OutsideError
@@ -69,11 +70,13 @@ class Answered:
 class Status:
     """Peak memory of a predictor's processes so far, in bytes, and digests of its files.
 
-    ``refused`` is what it has tried and its box has refused, as far as Python saw it.
+    ``counted_by`` is how memory and processor time were taken; ``refused`` is what it has tried
+    and its box has refused, as far as Python saw it.
     """
 
     peak_bytes: int
     sources: dict[str, str]
+    counted_by: dict[str, str]
     refused: tuple[str, ...] = ()
 
 
@@ -115,10 +118,12 @@ class PredictorProcess:
         self._box = Box(path, training, self.settings) if self.boxed else None
         own, other = socket.socketpair()
         self._channel = frames.Channel(own)
-        self._peak, self._looked = 0, time.monotonic()
+        self._looked = time.monotonic()
+        self._group = ControlGroup.make()
+        command = self._command(other.fileno())
         with other:
             self._process = subprocess.Popen(
-                self._command(other.fileno()),
+                command if self._group is None else self._group.command(command),
                 pass_fds=[other.fileno()],
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
@@ -127,7 +132,7 @@ class PredictorProcess:
         tree.hold(self._process.pid)
         self._tree = psutil.Process(self._process.pid)
         self._since = self._tree.create_time()
-        self._meter = tree.Meter(self._tree)
+        self._usage = Usage(self._tree, self._group)
         try:
             start = time.perf_counter()
             self._channel.send(frames.JOB, json.dumps(asdict(self.job)).encode())
@@ -157,14 +162,14 @@ class PredictorProcess:
         size = 8 * len(meshes) * self.job.k
         body, file = frames.packed(meshes)
         with file:
-            cpu, start = self._meter.read(), time.perf_counter()
+            cpu, start = self._usage.cpu_seconds(), time.perf_counter()
             self._send(frames.MESHES, body, at, file)
             answer = self._receive(frames.ANSWER, at, most=size)
             if len(answer) != size:
                 raise self._garbled(at, f"an answer of {len(answer):,} bytes")
             values = np.frombuffer(answer, "<f8").reshape(-1, self.job.k).astype(np.float64)
             seconds = time.perf_counter() - start
-        return Answered(values, seconds, self._meter.read() - cpu)
+        return Answered(values, seconds, self._usage.cpu_seconds() - cpu)
 
     def status(self) -> Status:
         """Return the peak memory and the digests of the predictor's files.
@@ -172,8 +177,7 @@ class PredictorProcess:
         The names of these files come from the predictor's process: only regular files below its
         own file's folder are read, without following a symbolic link.
         """
-        self._look()
-        alive = [tree.peak_bytes(process.pid) for process in tree.processes(self._tree)]
+        peak = self._usage.peak_bytes()
         at = "when all was predicted"
         self._send(frames.CLOSING, b"", at)
         folder = predictor.split(Path(self.job.path))[0].resolve().parent
@@ -189,7 +193,8 @@ class PredictorProcess:
                 continue
             except OutsideError as error:
                 raise PredictorError(f"a predictor lies in one folder: {error}") from error
-        return Status(max([self._peak, *alive]), digests, tuple(map(printable, refused)))
+        tried = tuple(map(printable, refused))
+        return Status(peak, digests, self._usage.counted_by(), tried)
 
     def _named(self) -> dict[str, str]:
         """Return the digests of the files that the user shows to the predictor, by their names."""
@@ -242,8 +247,7 @@ class PredictorProcess:
             if limit is None and now < self._looked + GLANCE:
                 return
             self._looked = now
-            self._look()
-            if limit is not None and self._peak > limit * 2**30:
+            if self._usage.look() > (np.inf if limit is None else limit * 2**30):
                 raise OverMemory(
                     f"the predictor took more than {limit:g} GiB {at}: raise --memory-limit"
                 )
@@ -272,11 +276,6 @@ class PredictorProcess:
         trace = "\n".join(map(printable, facts["traceback"].splitlines()))
         failure.add_note(f"In the predictor's process:\n{trace}")
         raise failure
-
-    def _look(self) -> None:
-        below = tree.processes(self._tree)
-        self._peak = max(self._peak, tree.resident_bytes(below))
-        self._meter.read(below)
 
     def _garbled(self, at: str, what: str) -> PredictorError:
         return PredictorError(
@@ -310,6 +309,8 @@ class PredictorProcess:
                 break
         tree.end(self._since)
         tree.release(self._process.pid)
+        if self._group is not None:
+            self._group.remove()
         if self._box is not None:
             self._box.close()
 

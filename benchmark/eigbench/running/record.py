@@ -91,6 +91,7 @@ def cost(evaluation: Evaluation, options: Options) -> dict[str, Any]:
         "threads": options.threads,
         "device": options.device,
         "peak_memory_mb": evaluation.status.peak_bytes / 2**20,
+        "counted_by": evaluation.status.counted_by,
         "hardware": hardware(evaluation.loaded.accelerator),
         "reference": beside_reference(evaluation),
     }

@@ -162,6 +162,7 @@ def _measured(
         "seconds": [],
         "cpu_seconds": [],
         "peak_memory_mb": None,
+        "counted_by": None,
         "reference_seconds": None,
     }
     try:
@@ -169,7 +170,7 @@ def _measured(
             process.warm_up(1)
             process.time_limit = settings.time_limit
             answers = _repeated(process, expected.pin.id, mesh)
-            peak = process.status().peak_bytes
+            status = process.status()
     except PredictorError as error:
         detail = " ".join(str(error).split())[:300]
         return {**entry, "outcome": OUTCOMES.get(type(error), "failed"), "detail": detail}
@@ -181,7 +182,8 @@ def _measured(
         "eigenvalues": values.tolist(),
         "seconds": [a.seconds for a in answers],
         "cpu_seconds": [a.cpu_seconds for a in answers],
-        "peak_memory_mb": peak / 2**20,
+        "peak_memory_mb": status.peak_bytes / 2**20,
+        "counted_by": status.counted_by,
     }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import psutil
 import pytest
 from eigbench.errors import PredictorError
-from eigbench.running import meshes
+from eigbench.running import meshes, usage
 from eigbench.running.box import Settings
 from eigbench.running.evaluate import Options, evaluate, predict_meshes
 from eigbench.running.process import PredictorProcess
@@ -150,10 +150,28 @@ def predict(meshes):
 
 
 @linux
-def test_children_that_nobody_waits_for_are_counted(predictor_file):
-    _, answered, _ = asked(predictor_file(FORGOTTEN))
+def test_children_that_nobody_waits_for_are_counted_without_a_control_group(
+    predictor_file, monkeypatch
+):
+    monkeypatch.setattr(usage, "own_directory", lambda: None)
+    _, answered, status = asked(predictor_file(FORGOTTEN))
+    assert status.counted_by == {"processor_time": "process tree", "memory": "process tree"}
     assert answered.cpu_seconds > 1.0  # of 2; what ran since the last look of each is missed
     assert answered.cpu_seconds < 3.0
+
+
+# A hundred children in turn, each over before anybody has looked at it.
+SHORT = FORGOTTEN.replace("range(2)", "range(100)").replace("1.0", "0.02")
+
+
+@linux
+def test_a_control_group_counts_every_child(predictor_file):
+    if (group := usage.ControlGroup.make()) is None:
+        pytest.skip("this process may not make a control group")
+    group.remove()
+    _, answered, status = asked(predictor_file(SHORT))
+    assert status.counted_by["processor_time"] == "control group"
+    assert 2.0 <= answered.cpu_seconds < 4.0
 
 
 ORPHANS = (

@@ -1,5 +1,7 @@
 """The predictor's process: what it can see, what the clock sees, what is recorded of it."""
 
+import errno
+import fcntl
 import os
 import signal
 import socket
@@ -170,6 +172,9 @@ def test_error_while_the_answer_is_read_is_the_predictors(predictor_file):
         predict_meshes(predictor_file(code), ids, probes, 10, Options())
 
 
+COUNTED = {"processor_time": "control group", "memory": "process tree"}
+
+
 def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
     evaluation = Evaluation(
         predictions=np.ones((1, 30, 10)),
@@ -179,7 +184,7 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
         new=np.array([True, True, True]),
         reference_seconds=np.array([1.0, np.nan, 2.0]),
         loaded=Loaded({}, None, False, False, "NVIDIA A100"),
-        status=Status(2**20, {}),
+        status=Status(2**20, {}, COUNTED),
     )
     cost = record.cost(evaluation, Options(device="cuda", batch_size=10))
     assert cost["ms_per_mesh"] == pytest.approx(20)
@@ -187,6 +192,7 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
     assert cost["ms_per_mesh_mean"] == pytest.approx(20)
     assert cost["cores_used"] == pytest.approx(2)
     assert cost["peak_memory_mb"] == 1
+    assert cost["counted_by"] == COUNTED
     assert cost["hardware"].startswith("NVIDIA A100, ")
     assert "NVIDIA" not in record.hardware()
     assert cost["reference"] == {
@@ -477,3 +483,24 @@ def test_a_predictors_words_cannot_act_on_the_terminal(predictor_file):
     code = "def predict(meshes): raise ValueError('a\\x1b[2Jb\\u202e')"
     with pytest.raises(PredictorError, match=r"ValueError: a�\[2Jb�, on|raise"):
         predict_meshes(predictor_file(code), ["a"], meshes.warming(1), 10, Options())
+
+
+@pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="files in memory are Linux's")
+@pytest.mark.parametrize("refusals", [2, 1000])
+def test_meshes_are_sealed_when_the_system_lets_go_of_their_memory(monkeypatch, refusals):
+    """A busy machine may hold a page of the file for longer than the system waits."""
+    left, seal = [OSError(errno.EBUSY, "busy")] * refusals, fcntl.fcntl
+
+    def refuse(file, command, seals):
+        if left:
+            raise left.pop()
+        return seal(file, command, seals)
+
+    monkeypatch.setattr(frames.fcntl, "fcntl", refuse)
+    if refusals > frames.SEALINGS:
+        with pytest.raises(OSError, match="busy"):
+            frames.packed(meshes.warming(1))
+        return
+    _, file = frames.packed(meshes.warming(1))
+    with file, pytest.raises(PermissionError):
+        os.write(file.fileno(), b"x")
