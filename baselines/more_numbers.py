@@ -3,7 +3,8 @@
     python baselines/more_numbers.py 2.1
 
 from a built 2.1 adds rows to `surface_numbers.parquet`, and leaves those that are there as they
-are: shapes of 2.0 have the same ids there.
+are: shapes of 2.0 have the same ids there. All rows of the boards that name this table count as
+made by an earlier version from then on: run them again with those of the new version.
 """
 
 import sys

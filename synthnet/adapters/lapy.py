@@ -60,7 +60,7 @@ class Solver:
             raise ValueError("anisotropic elements are not solved here: use lapy.Solver")
         del use_cholmod
         operator = Operator(mass="lumped" if lump else "consistent")
-        done = repaired(geometry, k=1) if repair else Repaired(as_mesh(geometry))
+        done = repaired(geometry) if repair else Repaired(as_mesh(geometry))
         self.mesh, self.repairs = done.mesh, done.repairs
         self._matrices = discretise(self.mesh, operator).matrices
         self.stiffness, self.mass = as_sparse(self._matrices)

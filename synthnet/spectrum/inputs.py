@@ -66,16 +66,13 @@ def as_mesh(given: Any) -> Mesh:
     return Mesh(np.ascontiguousarray(vertices, dtype=np.float64), faces)
 
 
-def repaired(given: Any, k: int | None = None) -> Repaired:
-    """Return a mesh, repaired so that it has a spectrum.
+def repaired(given: Any) -> Repaired:
+    """Return a mesh, repaired so that it has a spectrum; how long one depends on the operator.
 
     Parameters
     ----------
     given : Mesh or other
         As of :func:`as_mesh`.
-    k : int, optional
-        Without effect: how many eigenvalues there are depends on the operator, and whoever takes
-        its matrices counts them.
 
     Raises
     ------
@@ -84,7 +81,6 @@ def repaired(given: Any, k: int | None = None) -> Repaired:
     Refused
         If it is no surface by a rule of :mod:`synthnet.mesh.repair`.
     """
-    del k
     return repair(as_mesh(given), Rules(least=TRIANGLE))
 
 
@@ -150,7 +146,7 @@ def as_array(values: Any) -> NDArray[Any]:
     try:
         return np.asarray(values)
     except ValueError as error:
-        raise ValueError("rows of different length are no vertices and no faces") from error
+        raise ValueError("rows of different length are no array") from error
 
 
 def _of_tensor(tensor: Any) -> NDArray[Any]:

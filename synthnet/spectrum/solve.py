@@ -134,16 +134,16 @@ def compute(
     >>> spectrum.certificate.count  # zero and these three are all that is below the shift
     4
     """
+    mesh = as_mesh(mesh)
     check_count(k)
     check_operator(operator)
     if sharp and operator.elements != "linear":
         raise ValueError(f"sharp is for linear elements, not {operator.elements} ones")
     if repair:
-        mended = repaired(mesh, k)
+        mended = repaired(mesh)
         operator.check_repairs(mended.repairs)
         spectrum = compute(mended.mesh, k, operator=operator, sharp=sharp)
         return replace(spectrum, mesh=mended.mesh, repairs=mended.repairs)
-    mesh = as_mesh(mesh)
     discrete = discretise(mesh, operator)
     candidate, certificate, numbers = _solved(discrete.matrices, k)
     if operator.elements != "linear":

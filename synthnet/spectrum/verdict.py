@@ -166,7 +166,7 @@ def certify(
     1 missed below 6.02614: index 3
     """
     if repair:
-        mended = repaired(mesh, int(np.size(eigenvalues)))
+        mended = repaired(mesh)
         operator.check_repairs(mended.repairs)
         verdict = _judged(mended.mesh, eigenvalues, eigenvectors, tolerance, operator)
         return replace(verdict, repairs=mended.repairs)
@@ -313,7 +313,7 @@ class _Counter:
         shift = min(value * (1 + self.tolerance / 100), self._beyond)
         count, blur = self.counted(shift)
         if shift * (1 - blur) < value:
-            count, _ = self.counted(value * (1 + 2 * blur))
+            count, _ = self.counted(shift * (1 + 2 * blur))
         return min(max(count - self.zeros, 0), len(self.matrices.lumped) - self.zeros)
 
     def around(self, rank: int) -> tuple[float, float]:

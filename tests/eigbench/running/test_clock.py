@@ -141,7 +141,7 @@ def test_a_peer_that_is_named_like_the_reference_does_not_replace_it():
             np.array([seconds]),
             np.array([seconds]),
             SimpleNamespace(meta={"name": "LaPy"}, loading_seconds=0.0),
-            SimpleNamespace(sources={}, peak_bytes=0),
+            SimpleNamespace(sources={}, peak_bytes=0, counted_by={}),
         )
 
     options = SimpleNamespace(
