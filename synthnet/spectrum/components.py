@@ -99,15 +99,6 @@ def split(matrices: Matrices, numbers: NDArray[np.int32]) -> Iterator[Component]
         yield Component(order[low:high], block, find_ordering(block.indptr, block.indices))
 
 
-def blocks_of(matrices: Matrices) -> list[Component]:
-    """Return the block of every component."""
-    count, numbers = components(matrices)
-    if count > 1:
-        return list(split(matrices, numbers))
-    ordering = find_ordering(matrices.indptr, matrices.indices)
-    return [Component(np.arange(len(matrices.lumped)), matrices, ordering)]
-
-
 def solve(
     matrices: Matrices, numbers: NDArray[np.int32], k: int, solver: Solver
 ) -> tuple[Candidate, Certificate]:

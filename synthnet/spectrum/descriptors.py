@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synthnet.errors import suggestion
+from synthnet.spectrum.inputs import as_array
 from synthnet.types import Spectrum
 
 Floats = NDArray[np.float64]
@@ -245,9 +246,7 @@ def wave_kernel_signature(
 
 def _eigenvalues(spectrum: Spectrum | ArrayLike) -> Floats:
     given = spectrum.eigenvalues if isinstance(spectrum, Spectrum) else spectrum
-    if hasattr(given, "detach"):  # a tensor of PyTorch; values alone are needed
-        given = given.detach().cpu()
-    values = np.asarray(given, dtype=np.float64)
+    values = as_array(given).astype(np.float64)
     if values.ndim != 1 or not values.size or not np.isfinite(values).all():
         raise ValueError(f"eigenvalues must be finite, of shape (k,), got shape {values.shape}")
     if (np.diff(values) < 0).any():

@@ -21,10 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
 from synthnet.spectrum.certificate import SAFETY, inertia
-from synthnet.spectrum.components import Component, blocks_of
+from synthnet.spectrum.components import Component, components, split
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import as_array, as_mesh, repaired
-from synthnet.spectrum.operators import PLAIN, Discrete, Operator, discretise
+from synthnet.spectrum.operators import PLAIN, Discrete, Operator, check_operator, discretise
 from synthnet.spectrum.solve import compute, of_matrices
 from synthnet.types import Mesh
 
@@ -165,6 +165,7 @@ def certify(
     >>> print(certify(sphere, found[[0, 1, 3, 4, 5, 6, 7]]))
     1 missed below 6.02614: index 3
     """
+    check_operator(operator)
     if repair:
         mended = repaired(mesh)
         operator.check_repairs(mended.repairs)
@@ -230,7 +231,7 @@ class _Counter:
 
     def __init__(self, matrices: Matrices, tolerance: float) -> None:
         self.matrices, self.tolerance = matrices, tolerance
-        self._blocks = blocks_of(matrices)
+        self._blocks = list(split(matrices, components(matrices)[1]))
         self.zeros = sum(block.matrices.zeros for block in self._blocks)
         self.blur = 0.0  # relative: how far rounding moved a shift that a count was asked for
         self._known: dict[float, tuple[int, float]] = {}  # counts, and the blur of each
@@ -268,10 +269,14 @@ class _Counter:
 
     def _from_intervals(self, shift: float) -> int | None:
         """Return the zeros and pairs below a shift; None if it lies in an interval."""
-        number = int(np.searchsorted(self._lows, shift, side="right"))
-        if number and shift <= self._highs[number - 1]:
+        number = self._interval(shift)
+        if number >= 0 and shift <= self._highs[number]:
             return None
-        return self.zeros + (int(self._up_to[number - 1]) if number else 0)
+        return self.zeros + (int(self._up_to[number]) if number >= 0 else 0)
+
+    def _interval(self, shift: float) -> int:
+        """Return the last interval that begins at a shift or below it; −1 if none does."""
+        return int(np.searchsorted(self._lows, shift, side="right")) - 1
 
     def __call__(self, shift: float) -> int:
         """Return how many eigenvalues, zeros included, are below a shift."""
@@ -280,7 +285,7 @@ class _Counter:
             return known
         count, blur = self.counted(shift)
         if shift <= self._complete:  # in an interval: beside that, the count is known
-            number = int(np.searchsorted(self._lows, shift, side="right")) - 1
+            number = self._interval(shift)
             blur = min(blur, float(self._highs[number] - self._lows[number]) / shift)
         self.blur = max(self.blur, blur)
         return count
@@ -348,9 +353,9 @@ def _counted(counter: _Counter, values: NDArray[np.float64], asked: float) -> Ve
         tolerance = min(2 * counter.blur, LOOSEST)
         matched, wrong = _matched(counter, values, tolerance)
     reached = max([*matched, counter(_below(values[-1], tolerance)) - counter.zeros])
-    if tolerance < 2 * counter.blur:  # nothing can be said
-        matched, wrong, reached = [], [], 0
     missed = sorted({*range(1, reached + 1)} - {*matched})
+    if tolerance < 2 * counter.blur:  # nothing can be said
+        wrong, missed = [], []
     # An answer with nothing near and an eigenvalue without an answer beside it: one that is off.
     off = []
     for index in wrong:

@@ -261,6 +261,8 @@ def test_what_is_no_operator_is_one_line(operator: Any, line: str) -> None:
         spectrum.compute(square(2), 5, operator=operator, sharp=True)
     with pytest.raises(ValueError, match=f"operator must be an Operator, {line}"):
         spectrum.certify(square(2), [1.0], operator=operator)
+    with pytest.raises(ValueError, match=f"operator must be an Operator, {line}"):
+        spectrum.certify(square(2), [1.0], operator=operator, repair=True)
 
 
 @pytest.mark.parametrize(
