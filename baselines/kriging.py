@@ -8,7 +8,8 @@ process whose covariance is a smooth Matérn function and, for a trend, a wide l
     k(x, y) = (1 + s + s^2/3) e^{-s} + 100 \, (1 + x \cdot y), \qquad s = \sqrt{5} \, |x - y|,
 
 with the shape in question at the origin, and the farthest of its neighbours at distance one. So
-there is nothing to train. The numbers are those that `surface_numbers.py` keeps.
+there is nothing to train. The numbers are those that `surface_numbers.py` and `more_numbers.py`
+keep.
 
 References
 ----------
@@ -19,10 +20,10 @@ chapters 2 and 4.
 from collections.abc import Sequence
 
 import numpy as np
+from more_numbers import kept
 from ritz_features import CORRECTED, features
 from ritz_features import NAMES as EVERY
 from scipy.spatial import cKDTree
-from surface_numbers import kept
 
 from synthnet import Mesh
 

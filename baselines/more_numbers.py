@@ -1,44 +1,83 @@
-"""Add the numbers of a later version's training shapes to those that `surface_numbers.py` keeps.
+"""Numbers of the training shapes that a later version adds to those of `surface_numbers.py`.
 
     python baselines/more_numbers.py 2.1
 
-from a built 2.1 adds rows to `surface_numbers.parquet`, and leaves those that are there as they
-are: shapes of 2.0 have the same ids there. All rows of the boards that name this table count as
-made by an earlier version from then on: run them again with those of the new version.
+makes `more_numbers.2.1.parquet` from a built 2.1. A version has a table of its own, so that the
+rows of the boards before it, which name the tables that they have read, stay true.
 """
 
-import sys
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
 
-import multilevel_masses
 import numpy as np
-import pyarrow.parquet as pq
-import spectrum_mlp
+import pandas as pd
+import surface_numbers
+from eigbench.scoring import truth
 from rich.progress import track
-from surface_numbers import NUMBERS, write
 from threadpoolctl import threadpool_limits
 
 from synthnet import store
+from synthnet.store import pins
+from synthnet.store.files import write_atomically
+
+EXTENDED = {"2.1": "2.0"}  # which has all other training shapes, whatever the protocol
+
+
+def file(version: str) -> Path:
+    """Return the table of a version."""
+    return Path(__file__).with_suffix(f".{version}.parquet")
+
+
+def kept(training: str, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Return what :func:`surface_numbers.kept` returns, of later versions too."""
+    version = training.partition("/")[0]
+    if version not in EXTENDED:
+        return surface_numbers.kept(training, names)
+    earlier = f"{EXTENDED[version]}/grouped"
+    added = set(_shapes(training)) - set(_shapes(earlier))
+    table = pd.read_parquet(file(version), columns=["id", "area", *names])
+    table = table[table["id"].isin(added)]
+    if missing := added - set(table["id"]):
+        raise ValueError(f"{file(version).name} lacks {min(missing)} of {training}: make it anew")
+    limits = pins.read_limits(version)
+    eigenvalues = np.array([limits[id].eigenvalues for id in table["id"]])
+    logs = np.log(eigenvalues * table["area"].to_numpy()[:, None])
+    those = surface_numbers.kept(earlier, names)
+    these = table[[*names]].to_numpy(np.float64), logs
+    return tuple(np.concatenate(parts) for parts in zip(those, these, strict=True))
+
+
+def _shapes(training: str) -> np.ndarray:
+    """Return the shapes of a training set, one entry an instance."""
+    version, _, protocol = training.partition("/")
+    return truth.load(version, "train", protocol).shapes
 
 
 def main(version: str) -> None:
-    """Append the numbers of the shapes of a training split that the table lacks."""
-    table = pq.read_table(NUMBERS)
-    names = table.column_names[2:]
-    if names != [*spectrum_mlp.NAMES, *multilevel_masses.NAMES]:
-        raise ValueError(f"{NUMBERS.name} has other columns: make it anew by surface_numbers.py")
-    ids = table["id"].to_pylist()
-    rows = [np.stack([table[name].to_numpy() for name in ("area", *names)], axis=1)]
-    known = set(ids)
+    """Write the numbers of the shapes that a version adds to the training split."""
+    import multilevel_masses
+    import spectrum_mlp
+
+    earlier = set(_shapes(f"{EXTENDED[version]}/grouped"))
+    names = ["area", *spectrum_mlp.NAMES, *multilevel_masses.NAMES]
+    rows = {}
     with threadpool_limits(1):  # on small matrices BLAS's threads wait for each other
         for path in track(store.open_dataset(version).paths(), "numbers"):
             for sample in store.read_samples(path):
-                if sample.split == "train" and sample.spec.id not in known:
+                if sample.split == "train" and sample.spec.id not in earlier:
                     area, numbers = spectrum_mlp.features(sample.mesh)
-                    ids.append(sample.spec.id)
-                    rows.append([[area, *numbers, *multilevel_masses.features(sample.mesh)]])
-    write(ids, np.concatenate(rows), names)
-    print(f"numbers of {len(ids) - len(known):,} shapes more, {len(ids):,} in all")
+                    more = multilevel_masses.features(sample.mesh)
+                    rows[sample.spec.id] = np.float32([area, *numbers, *more])
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=names)
+    table = table.rename_axis("id").reset_index()
+    write_atomically(file(version), lambda to: table.to_parquet(to, compression="zstd"))
+    print(f"numbers of {len(table):,} shapes")
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("version", choices=EXTENDED, help="a built one")
+    main(parser.parse_args().version)

@@ -11,7 +11,7 @@ r = A u − θ B u:
 with D the diagonal of A and u normalised. On a mesh of equilateral triangles a is a half (see
 `two_masses.py`), and b would be one if D were A − θ B. Both errors are local, so the numbers hold
 for surfaces unlike those of the training. They are fitted when the file is loaded, to the shapes
-that `surface_numbers.py` keeps.
+that `surface_numbers.py` and `more_numbers.py` keep.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from dataclasses import replace
 import multilevel
 import multilevel_kernels as kernels
 import numpy as np
+from more_numbers import kept
 from scipy import linalg, optimize
-from surface_numbers import kept
 
 from synthnet import Mesh
 from synthnet.mesh.geometry import area

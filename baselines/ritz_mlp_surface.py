@@ -1,12 +1,12 @@
 """The network of `ritz_mlp.py`, trained for the spectrum of the surface instead of the mesh's.
 
 It corrects the same Rayleigh-Ritz values from the same 28 numbers, and is trained when it is
-loaded, on the numbers that `surface_numbers.py` keeps.
+loaded, on the numbers that `surface_numbers.py` and `more_numbers.py` keep.
 """
 
+from more_numbers import kept
 from ritz_features import CORRECTED, NAMES
 from ritz_mlp import Corrected, train
-from surface_numbers import kept
 
 META = {
     "name": "Ritz values, degree 4, corrected by an MLP for the surface",

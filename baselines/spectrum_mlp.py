@@ -2,7 +2,7 @@
 
 The network of `ritz_mlp.py` learns log(limit / eigenvalue of the mesh) from the 28 numbers of
 `ritz_features.py` and from the spectra of the mesh with both masses. It is trained when it is
-loaded, on the numbers that `surface_numbers.py` keeps.
+loaded, on the numbers that `surface_numbers.py` and `more_numbers.py` keep.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 import ritz_features
 import ritz_mlp
-from surface_numbers import kept
+from more_numbers import kept
 from two_masses import spectra
 
 from synthnet import Mesh

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from evidence import baseline
@@ -146,3 +147,22 @@ def test_shapes_without_a_number_are_left_out(tmp_path, monkeypatch) -> None:
     kept.write(ids[1:].tolist(), rows[1:], ["a", "b"])
     with pytest.raises(ValueError, match=r"lacks .* of 1\.0/grouped: make it anew"):
         kept.kept("1.0/grouped", ["a"])
+
+
+def test_a_later_version_adds_its_shapes_to_those_of_the_one_it_extends(
+    tmp_path, monkeypatch
+) -> None:
+    more = baseline("more_numbers")
+    earlier, _ = more.surface_numbers.kept("2.0/grouped", ["log_volume"])
+    counts = {p: len(set(more.truth.load("2.1", "train", p).shapes)) for p in ("grouped", "cad")}
+    assert len(earlier) < counts["cad"] < counts["grouped"]
+    for protocol, count in counts.items():
+        numbers, logs = more.kept(f"2.1/{protocol}", ["log_volume"])
+        assert numbers.shape == (count, 1)
+        assert logs.shape == (count, 10)
+        np.testing.assert_array_equal(numbers[: len(earlier)], earlier)
+    short = pq.read_table(more.file("2.1")).slice(1)
+    monkeypatch.setattr(more, "file", lambda version: tmp_path / f"{version}.parquet")
+    pq.write_table(short, more.file("2.1"))
+    with pytest.raises(ValueError, match=r"lacks \S+ of 2\.1/grouped: make it anew"):
+        more.kept("2.1/grouped", ["log_volume"])
