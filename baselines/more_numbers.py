@@ -21,7 +21,7 @@ from synthnet import store
 from synthnet.store import pins
 from synthnet.store.files import write_atomically
 
-EXTENDED = {"2.1": "2.0"}  # which has all other training shapes, whatever the protocol
+EXTENDED = {"2.1": "2.0"}  # whose training shapes are in the other table
 
 
 def file(version: str) -> Path:
@@ -31,27 +31,22 @@ def file(version: str) -> Path:
 
 def kept(training: str, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Return what :func:`surface_numbers.kept` returns, of later versions too."""
-    version = training.partition("/")[0]
+    version, _, protocol = training.partition("/")
     if version not in EXTENDED:
         return surface_numbers.kept(training, names)
-    earlier = f"{EXTENDED[version]}/grouped"
-    added = set(_shapes(training)) - set(_shapes(earlier))
-    table = pd.read_parquet(file(version), columns=["id", "area", *names])
-    table = table[table["id"].isin(added)]
-    if missing := added - set(table["id"]):
-        raise ValueError(f"{file(version).name} lacks {min(missing)} of {training}: make it anew")
+    shapes = np.unique(truth.load(version, "train", protocol).shapes)
+    tables = [
+        pd.read_parquet(path, columns=["id", "area", *names]).set_index("id")
+        for path in (surface_numbers.NUMBERS, file(version))
+    ]
+    table = pd.concat(tables)
+    if len(missing := np.setdiff1d(shapes, table.index)):
+        raise ValueError(f"{file(version).name} lacks {missing[0]} of {training}: make it anew")
+    table = table.loc[shapes]
     limits = pins.read_limits(version)
-    eigenvalues = np.array([limits[id].eigenvalues for id in table["id"]])
+    eigenvalues = np.array([limits[id].eigenvalues for id in shapes])
     logs = np.log(eigenvalues * table["area"].to_numpy()[:, None])
-    those = surface_numbers.kept(earlier, names)
-    these = table[[*names]].to_numpy(np.float64), logs
-    return tuple(np.concatenate(parts) for parts in zip(those, these, strict=True))
-
-
-def _shapes(training: str) -> np.ndarray:
-    """Return the shapes of a training set, one entry an instance."""
-    version, _, protocol = training.partition("/")
-    return truth.load(version, "train", protocol).shapes
+    return table[[*names]].to_numpy(np.float64), logs
 
 
 def main(version: str) -> None:
@@ -59,7 +54,7 @@ def main(version: str) -> None:
     import multilevel_masses
     import spectrum_mlp
 
-    earlier = set(_shapes(f"{EXTENDED[version]}/grouped"))
+    earlier = set(truth.load(EXTENDED[version], "train").shapes)
     names = ["area", *spectrum_mlp.NAMES, *multilevel_masses.NAMES]
     rows = {}
     with threadpool_limits(1):  # on small matrices BLAS's threads wait for each other
