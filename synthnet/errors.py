@@ -80,7 +80,8 @@ def suggestion(word: str, known: Iterable[str]) -> str:
 def missing(path: Path) -> str:
     """Return that there is no such file, and which one beside it may have been meant."""
     try:
-        names = [other.name for other in path.parent.iterdir()]
+        hidden = path.name.startswith(".")
+        names = [o.name for o in path.parent.iterdir() if o.name.startswith(".") == hidden]
     except OSError:  # nor is the directory there, or it may not be read
         names = []
     return f"there is no file {path}{suggestion(path.name, names)}"

@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return terminal.run("synthnet", options, SynthNetError)
     except KeyboardInterrupt:
-        makes_shards = "wait" in options
+        makes_shards = getattr(options, "makes_shards", False)
         kept = "; finished shards are kept, run the same command to go on" if makes_shards else ""
         print(f"synthnet: interrupted{kept}", file=sys.stderr)
         return EXIT_CODE

@@ -69,6 +69,7 @@ def _names(options: argparse.Namespace) -> list[str]:
 
 def workers_options(command: argparse.ArgumentParser, *, other: str) -> None:
     """Add the options of a command that makes shards; it may wait for an ``other`` command."""
+    command.set_defaults(makes_shards=True)
     workers_option(command, "local processes of one thread each; the data do not depend on it")
     command.add_argument(
         "--wait",

@@ -21,7 +21,8 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from numbers import Real
+from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ from synthnet.families.limits import KNOWN, Limit
 from synthnet.types import Mesh, Parameters, Topology
 
 POSITIVE = math.ulp(0.0)  # a length may be any positive number
+SHORTEST = 1e-4  # or, where patches join at its ends, any above that: shorter ones are welded
 COARSEST = 4000  # about so many vertices has the first level of :meth:`Family.at_level`
 Euler: TypeAlias = int | Callable[[Parameters], int]
 
@@ -94,7 +96,7 @@ class Family:
     def topology(self, parameters: Parameters) -> Topology:
         """Return what the mesh of the given parameters must be as a surface."""
         euler = self.euler_characteristic
-        number = euler if isinstance(euler, int) else euler(parameters)
+        number = euler if isinstance(euler, int) else euler(self._arguments(parameters))
         return Topology(number, self.boundaries, self.orientable)
 
     def generate(self, parameters: Parameters) -> Mesh:
@@ -203,12 +205,14 @@ class Family:
         for name, least in self.least.items():
             value = parameters[name]
             if isinstance(least, Choice):
-                if value not in least.names:
+                if not isinstance(value, str) or value not in least.names:
                     names = ", ".join(least.names)
-                    raise ValueError(f"{self.name}: {name} must be one of {names}, got {value}")
+                    raise ValueError(f"{self.name}: {name} must be one of {names}, got {value!r}")
                 arguments[name] = value
                 continue
-            if isinstance(value, str) or not math.isfinite(value) or value < least:
+            if not _is_number(value):
+                raise ValueError(f"{self.name}: {name} must be a number, got {value!r}")
+            if not math.isfinite(value) or value < least:
                 limit = "positive" if least == POSITIVE else f"at least {least:g}"
                 raise ValueError(f"{self.name}: {name} must be {limit}, got {value}")
             if value > self.most.get(name, math.inf):
@@ -218,3 +222,8 @@ class Family:
                 raise ValueError(f"{self.name}: {name} must be an integer, got {value}")
             arguments[name] = int(value) if isinstance(least, int) else value
         return arguments
+
+
+def _is_number(value: Any) -> TypeGuard[float]:
+    """Return whether it is a number, of Python or NumPy; a truth value is none."""
+    return isinstance(value, Real) and not isinstance(value, bool)

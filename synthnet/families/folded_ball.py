@@ -21,7 +21,7 @@ import numpy as np
 
 from synthnet.families.atlas import Atlas, Floats
 from synthnet.families.charted import charted
-from synthnet.families.family import POSITIVE
+from synthnet.families.family import SHORTEST
 from synthnet.families.radial import radial
 
 WAVES = 12  # m
@@ -68,6 +68,6 @@ FAMILY = charted(
     "folded_ball",
     "Folded ball",
     atlas,
-    {"b": POSITIVE, "c": POSITIVE, "folds": 1.0, "depth": 0.0, "slope": 0.0, "form": 0},
+    {"b": SHORTEST, "c": SHORTEST, "folds": 1.0, "depth": 0.0, "slope": 0.0, "form": 0},
     most={"b": 3.0, "c": 3.0, "folds": 12.0, "depth": 0.6, "slope": 1.5},
 )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from synthnet.families import boxes
 from synthnet.families.atlas import Atlas, Floats, borders
 from synthnet.families.charted import charted, one_shape
-from synthnet.families.family import POSITIVE
+from synthnet.families.family import SHORTEST
 from synthnet.types import Parameters
 
 LEFT_OUT = 0.25  # of the struts, about: none without which the lattice would fall apart
@@ -52,7 +52,7 @@ FAMILY = charted(
     "lattice",
     "Lattice",
     atlas,
-    {"columns": 1, "rows": 1, "layers": 1, "strut": POSITIVE, "form": 0},
+    {"columns": 1, "rows": 1, "layers": 1, "strut": SHORTEST, "form": 0},
     euler_characteristic=euler,
     most={"columns": 3, "rows": 3, "layers": 3, "strut": 1.0},
 )

@@ -8,7 +8,7 @@ import numpy as np
 
 from synthnet.families.atlas import Atlas, borders
 from synthnet.families.charted import charted, one_shape
-from synthnet.families.family import POSITIVE
+from synthnet.families.family import SHORTEST
 from synthnet.families.plates import Plate
 from synthnet.types import Parameters
 
@@ -46,7 +46,7 @@ FAMILY = charted(
     "perforated_plate",
     "Perforated plate",
     atlas,
-    {"columns": 1, "rows": 1, "hole": POSITIVE, "thickness": POSITIVE, "form": 0},
+    {"columns": 1, "rows": 1, "hole": SHORTEST, "thickness": SHORTEST, "form": 0},
     euler_characteristic=euler,
     most={"columns": 6, "rows": 6, "hole": 0.95},
 )

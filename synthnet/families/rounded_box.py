@@ -6,7 +6,7 @@ import numpy as np
 
 from synthnet.families.atlas import Atlas, Floats, Integers, glue_charts, rectangle, rows
 from synthnet.families.charted import charted
-from synthnet.families.family import POSITIVE
+from synthnet.families.family import SHORTEST
 
 SIGNS = (1.0, -1.0)
 AXES = np.eye(3)
@@ -58,6 +58,6 @@ FAMILY = charted(
     "rounded_box",
     "Rounded box",
     atlas,
-    {"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "fillet": POSITIVE},
+    {"width": SHORTEST, "height": SHORTEST, "depth": SHORTEST, "fillet": SHORTEST},
     most={"fillet": 0.95},
 )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from synthnet.families.atlas import Atlas, Floats, Integers, borders
 from synthnet.families.charted import charted, one_shape
-from synthnet.families.family import POSITIVE
+from synthnet.families.family import SHORTEST
 from synthnet.families.plates import Plate
 from synthnet.types import Parameters
 
@@ -93,7 +93,7 @@ FAMILY = charted(
     "sheet_metal",
     "Sheet metal part",
     atlas,
-    {"flanges": 1, "width": POSITIVE, "thickness": POSITIVE, "radius": POSITIVE, "form": 0},
+    {"flanges": 1, "width": SHORTEST, "thickness": SHORTEST, "radius": SHORTEST, "form": 0},
     euler_characteristic=euler,
     most={"flanges": 5, "width": 6.0, "thickness": 0.2},
 )

@@ -6,14 +6,14 @@ joined along the dimension that PyG joins it along.
 
 from __future__ import annotations
 
-import functools
+import copyreg
 import hashlib
 import inspect
 import json
-import re
-from collections.abc import Iterable
+import marshal
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from types import FunctionType
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ with needed_by("synthnet.pyg"):
 
 INDEX = "index.json"
 ROWS = ".bin"  # the end of the name of an attribute's file
+PLAIN = (bool, int, float, complex, str, bytes)  # their repr is all that they are
 NUMBERS = "biufc"  # kinds of NumPy's types that a file of bytes may hold
 
 
@@ -37,13 +38,15 @@ def write_data(directory: Path, items: Iterable[Data]) -> None:
     Raises
     ------
     TypeError
-        If an attribute is neither, or the items' attributes differ.
+        If an item is no ``Data``, an attribute is neither, or the items' attributes differ.
     """
     files: dict[str, Any] = {}
     kinds: dict[str, dict[str, Any]] = {}
     digests: list[str] = []
     try:
         for data in items:
+            if not isinstance(data, Data):
+                raise TypeError(f"pre_transform must return Data, got {type(data).__name__}")
             attributes = data.to_dict()
             if not digests:
                 kinds = {key: _kind(data, key, value) for key, value in attributes.items()}
@@ -63,7 +66,7 @@ def write_data(directory: Path, items: Iterable[Data]) -> None:
                 if "dtype" not in kind:
                     kind["values"].append(value)
                     continue
-                rows = value.movedim(kind["dim"], 0).contiguous().numpy()
+                rows = _rows(key, value, kind["dim"])
                 if str(rows.dtype) != kind["dtype"] or list(rows.shape[1:]) != kind["shape"]:
                     raise TypeError(f"pre_transform changed the type or shape of {key}")
                 written = rows.tobytes()
@@ -151,49 +154,93 @@ def _kind(data: Data, key: str, value: Any) -> dict[str, Any]:
             f"pre_transform may add tensors, numbers and strings; {key} is {type(value).__name__}"
         )
     dim = data.__cat_dim__(key, value) or 0
-    rows = value.movedim(dim, 0)
+    rows = _rows(key, value, dim)
     return {
-        "dtype": str(rows.numpy().dtype),
+        "dtype": str(rows.dtype),
         "dim": dim,
         "shape": list(rows.shape[1:]),
         "offsets": [0],
     }
 
 
+def _rows(key: str, value: torch.Tensor, dim: int) -> NDArray[Any]:
+    """Return a tensor's values along one of its dimensions."""
+    try:
+        rows: NDArray[Any] = value.detach().cpu().movedim(dim, 0).contiguous().numpy()
+    except TypeError as error:  # NumPy has no such dtype or layout
+        raise TypeError(
+            f"pre_transform may add tensors that NumPy knows; {key} is of {value.dtype} and "
+            f"layout {value.layout}"
+        ) from error
+    return rows
+
+
 def fingerprint(value: Any, seen: frozenset[int] = frozenset()) -> str:
-    """Describe a callable by its code and its state, so that a changed one is another."""
-    if isinstance(value, torch.Tensor | np.ndarray):
-        array = np.ascontiguousarray(
-            value.detach().cpu() if isinstance(value, torch.Tensor) else value
-        )
-        return f"{array.dtype}{array.shape}{hashlib.sha256(array.tobytes()).hexdigest()}"
+    """Return a digest of a callable's code and state, so that a changed one is another.
+
+    Raises
+    ------
+    TypeError
+        If it holds something whose state cannot be seen, such as an open file.
+    """
+    if value is None or isinstance(value, PLAIN):
+        return _digest([type(value).__name__, repr(value)])
+    if isinstance(value, torch.Tensor):
+        return fingerprint(value.detach().cpu().numpy())
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        content = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
+        return _digest([str(value.dtype), str(value.shape), content])
     if id(value) in seen:
         return "itself"
-    inside = seen | {id(value)}
+    if isinstance(value, type):
+        return _digest([_code(base) for base in value.__mro__ if base is not object])
+    parts = [fingerprint(part, seen | {id(value)}) for part in _parts(value)]
+    if isinstance(value, set | frozenset):
+        parts.sort()  # the order in which a set is passed through differs between processes
+    return _digest([type(value).__name__, *parts])
+
+
+def _digest(parts: list[str]) -> str:
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+
+def _parts(value: Any) -> Iterable[Any]:
+    """Return what an object consists of: its code, and what it holds."""
     if isinstance(value, list | tuple | set | frozenset):
-        parts = [fingerprint(part, inside) for part in value]
-        if isinstance(value, set | frozenset):
-            parts.sort()  # the order in which a set is passed through differs between processes
-        return json.dumps([type(value).__name__, parts])
+        return value
     if isinstance(value, dict):
-        return json.dumps([[str(k), fingerprint(v, inside)] for k, v in value.items()])
-    if isinstance(value, functools.partial):
-        given = (value.func, value.args, value.keywords)
-        return json.dumps(["partial", *(fingerprint(part, inside) for part in given)])
-    if inspect.ismethod(value):
-        return json.dumps([value.__name__, fingerprint(value.__self__, inside)])
-    if not callable(value):
-        return re.sub(r" at 0x[0-9a-f]+", "", repr(value))  # an address says nothing
+        return [part for pair in value.items() for part in pair]
+    if isinstance(value, ModuleType):
+        return [value.__name__]
+    if isinstance(value, MethodType):
+        return [value.__func__, value.__self__]
+    if isinstance(value, BuiltinFunctionType):
+        return [value.__name__, value.__self__]
     if isinstance(value, FunctionType):
         cells = [cell.cell_contents for cell in value.__closure__ or ()]
-        state: Any = [value.__defaults__, value.__kwdefaults__, cells]
-    else:
-        slots = [name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())]
-        state = {n: getattr(value, n) for n in slots if hasattr(value, n)}
-        state |= getattr(value, "__dict__", {})
-    source = value if inspect.isroutine(value) else type(value)
+        return [_code(value), value.__defaults__, value.__kwdefaults__, cells]
     try:
-        code = inspect.getsource(source)
+        # What pickle would keep, of types written in C, too
+        reduce = copyreg.dispatch_table.get(type(value))
+        state = value.__reduce_ex__(2) if reduce is None else reduce(value)
+    except Exception as error:
+        kind = type(value)
+        raise TypeError(
+            f"pre_transform holds a {kind.__module__}.{kind.__qualname__}, whose state cannot be "
+            f"seen ({one_line(error)}): leave it out, or give it as transform, which keeps nothing"
+        ) from error
+    items = [state] if isinstance(state, str) else state
+    return [type(value), *(list(part) if isinstance(part, Iterator) else part for part in items)]
+
+
+def _code(source: Any) -> str:
+    """Return the source of a function or a class; without one, what it was compiled to."""
+    try:
+        return inspect.getsource(source)
     except (OSError, TypeError):
-        code = repr(source)
-    return json.dumps([code, fingerprint(state, inside)])
+        if isinstance(source, FunctionType):
+            return hashlib.sha256(marshal.dumps(source.__code__)).hexdigest()
+        methods = [
+            _code(value) for value in vars(source).values() if isinstance(value, FunctionType)
+        ]
+        return _digest([source.__module__, source.__qualname__, *methods])

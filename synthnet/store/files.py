@@ -16,6 +16,7 @@ import filelock
 
 from synthnet.errors import BuildError
 
+BUSY = "another build is writing to {where}: wait for it (--wait) or choose another --out"
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)  # of file systems without flock
 
 
@@ -157,11 +158,28 @@ def make_in_place(
 
 
 @contextmanager
-def locked(path: Path, *, wait: bool) -> Iterator[None]:
+def locked(
+    path: Path,
+    *,
+    wait: bool,
+    taken: str = BUSY,
+    needed: bool = True,
+) -> Iterator[None]:
     """Hold the lock of a file, which says who holds it.
 
     The kernel gives the lock back when its process ends, however that is. Of a process on another
     machine, only the file system's server knows.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it stays.
+    wait : bool
+        Whether to wait for another process that holds it.
+    taken : str
+        What to say of that, with ``{where}`` for the directory and the process.
+    needed : bool
+        Whether to fail where the file system has no locks.
 
     Raises
     ------
@@ -174,10 +192,7 @@ def locked(path: Path, *, wait: bool) -> Iterator[None]:
     try:
         lock.acquire(timeout=-1 if wait else 0)
     except filelock.Timeout as error:
-        raise BuildError(
-            f"another build is writing to {directory}{_holder(path)}: "
-            "wait for it (--wait) or choose another --out"
-        ) from error
+        raise BuildError(taken.format(where=f"{directory}{_holder(path)}")) from error
     except PermissionError as error:
         raise BuildError(
             f"cannot lock {directory}: {path} is {_owner(path)}'s, {elsewhere}"
@@ -185,10 +200,11 @@ def locked(path: Path, *, wait: bool) -> Iterator[None]:
     except OSError as error:
         if error.errno not in NO_LOCKS:
             raise _cannot_write(path, error) from error
-        raise BuildError(
-            f"cannot lock {directory}, its file system has no locks ({error.strerror}): "
-            f"{elsewhere} on a local disk, or a URL"
-        ) from error
+        if needed:
+            raise BuildError(
+                f"cannot lock {directory}, its file system has no locks ({error.strerror}): "
+                f"{elsewhere} on a local disk, or a URL"
+            ) from error
     try:
         with suppress(OSError):  # the disk may be full: the lock holds without its note
             path.write_text(f"{socket.gethostname()} {os.getpid()}\n")

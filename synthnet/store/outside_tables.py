@@ -11,7 +11,7 @@ import csv
 import math
 import zipfile
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
@@ -191,17 +191,20 @@ def csv_table(
     Raises
     ------
     OutsideError, ValueError
-        If the file is damaged, lacks one, or has more than that.
+        If the file is damaged, lacks one, or has more than that; if a row has more or fewer fields
+        than the header, or a word for a number.
     """
     header = _header(file.readline(LINE + 1))
     if lacking := [name for name in (text, *numbers) if name not in header]:
         raise OutsideError(f"it has no column {lacking[0]}")
-    lines = 0
-    while line := file.readline(LINE + 1):
-        _check_line(line)
-        lines += 1
-        if lines > rows:
-            raise OutsideError(f"more than {rows:,} lines, there can be {rows:,} at most")
+    records, line = csv.reader(_lines(file, rows)), 2
+    try:
+        for record in records:
+            if any(record):  # pandas passes over blank lines, too
+                _check_record(record, header, numbers, f"line {line}")
+            line = records.line_num + 2
+    except csv.Error as error:
+        raise OutsideError(f"line {line} is no CSV: {error}") from error
     file.seek(0)
     import pandas as pd  # as late as here, since that takes a quarter of a second
 
@@ -220,6 +223,36 @@ def _header(line: bytes) -> list[str]:
     if twice := [name for name in names if names.count(name) > 1]:
         raise OutsideError(f"the column {twice[0]!a} is there twice")
     return names
+
+
+def _lines(file: BinaryIO, most: int) -> Iterator[str]:
+    """Yield the lines that are left in a file, one by one."""
+    lines = 0
+    while line := file.readline(LINE + 1):
+        _check_line(line)
+        lines += 1
+        if lines > most:
+            raise OutsideError(f"more than {most:,} lines, there can be {most:,} at most")
+        yield line.decode("utf-8")
+
+
+def _check_record(
+    record: Sequence[str], header: Sequence[str], numbers: Sequence[str], where: str
+) -> None:
+    """Check what pandas lets through: fields too many or too few, and words as numbers."""
+    if len(record) != len(header):
+        raise OutsideError(
+            f"{where} has {len(record)} fields and the header {len(header)}: fields are "
+            "separated by commas, and numbers have a decimal point"
+        )
+    for name, field in zip(header, record, strict=True):
+        if name in numbers and field:  # nothing is NaN, which pandas writes so
+            try:
+                float(field)
+            except ValueError:
+                raise OutsideError(
+                    f"{where}: {name} is {field[:60]!a}, it must be a number"
+                ) from None
 
 
 def _check_line(line: bytes) -> None:

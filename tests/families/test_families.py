@@ -594,3 +594,32 @@ def test_meshes_are_inscribed_and_their_labels_above_the_limit(family: str) -> N
 def test_a_level_below_one_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^level must be at least 1, got 0$"):
         FAMILIES["sphere"].at_level(LEAST["sphere"], 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("strut", 5e-324, r"strut must be at least 0\.0001, got 5e-324"),
+        ("strut", None, "strut must be a number, got None"),
+        ("columns", "2", "columns must be a number, got '2'"),
+        ("columns", True, "columns must be a number, got True"),
+        ("triangulation", ["uniform"], r"triangulation must be one of .*, got \['uniform'\]"),
+    ],
+)
+def test_a_parameter_of_another_kind_is_named(name, value, message):
+    lattice = FAMILIES["lattice"]
+    parameters = {"columns": 1, "rows": 1, "layers": 1, "strut": 0.2, "form": 0}
+    parameters |= {"triangulation": "uniform", "vertices": 300, "seed": 0}
+    assert len(lattice.generate(parameters).vertices) > 100
+    with pytest.raises(ValueError, match=f"^lattice: {message}$"):
+        lattice.generate({**parameters, name: value})
+
+
+def test_the_topology_of_whole_numbers_as_floats_is_theirs():
+    for family in ("lattice", "sheet_metal", "perforated_plate"):
+        parameters = {**FAMILIES[family].least, "triangulation": "uniform", "vertices": 300}
+        floats = {
+            name: float(value) if isinstance(value, int) else value
+            for name, value in parameters.items()
+        }
+        assert FAMILIES[family].topology(floats) == FAMILIES[family].topology(parameters)

@@ -5,6 +5,7 @@ import json
 import multiprocessing
 import os
 import pickle
+import re
 import shutil
 import subprocess
 import sys
@@ -13,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from scipy import sparse
+from scipy.spatial import KDTree
 from torch_geometric.data import Data, InMemoryDataset
 from torch_geometric.loader import DataLoader
 from torch_geometric.transforms import Compose, FaceToEdge, NormalizeScale
@@ -21,7 +24,7 @@ from synthnet import spectrum, store
 from synthnet.errors import DamagedError, RecipeError, StoreError
 from synthnet.loaders import mapped
 from synthnet.loaders.pyg import SynthNet, surface_spectra
-from synthnet.loaders.transformed import TransformedItems
+from synthnet.loaders.transformed import TransformedItems, fingerprint
 from synthnet.mesh.geometry import volume
 from synthnet.recipe import Kind
 from synthnet.store import limits, unpacked
@@ -356,6 +359,49 @@ def test_a_pre_transform_with_another_state_is_another_dataset(open_split, make)
         assert torch.allclose(item.x, plain.pos * by)
 
 
+class Holder:
+    """Not callable itself: its method is what is given."""
+
+    def __init__(self, held):
+        self.held = held
+
+    def method(self, data):
+        return data
+
+
+def methods(factor):
+    """The method of a class without a source; of another factor, of another code."""
+    namespace = {"__name__": "elsewhere"}
+    exec(f"class Made:\n    def method(self, data):\n        return data * {factor}", namespace)
+    return namespace["Made"]().method
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda by: Holder(by).method,
+        lambda by: Holder(Holder(by)).method,
+        lambda by: Holder(sparse.identity(3) * by).method,
+        lambda by: Holder(np.random.default_rng(int(by))).method,
+        lambda by: Holder(KDTree(np.full((1, 2), by))).method,
+        lambda by: Holder(Scale if by == 2 else Holder).method,
+        lambda by: Holder([re.compile(str(by)), torch.float32]).method,
+        lambda by: torch.full((2,), by).mul,
+        methods,
+    ],
+    ids=["method", "nested", "sparse", "random", "tree", "class", "pattern", "builtin", "exec"],
+)
+def test_a_state_that_no_repr_shows_is_seen(make):
+    assert fingerprint(make(2.0)) == fingerprint(make(2.0)) != fingerprint(make(3.0))
+
+
+def test_what_keeps_its_state_to_itself_is_refused(open_split, tmp_path):
+    with (tmp_path / "log").open("w") as file:
+        holder = Holder(file)
+        with pytest.raises(TypeError, match=r"pre_transform holds a _io\.TextIOWrapper, whose"):
+            open_split("test", pre_transform=holder.method)
+
+
 def test_a_copy_of_a_random_dataset_stays_random(open_split):
     copied = open_split("test", augment="random")[:3].copy()
     assert not torch.allclose(copied[0].pos, copied[0].pos)
@@ -396,6 +442,10 @@ def test_pre_transform_must_return_what_can_be_stored(open_split):
 
     with pytest.raises(TypeError, match="same attributes for every item"):
         open_split("test", pre_transform=uneven)
+    with pytest.raises(TypeError, match="must return Data, got NoneType"):
+        open_split("test", pre_transform=lambda data: None)
+    with pytest.raises(TypeError, match=r"half is of torch\.bfloat16"):
+        open_split("test", pre_transform=lambda data: Data(y=data.y, half=data.y.bfloat16()))
 
 
 @pytest.mark.parametrize(

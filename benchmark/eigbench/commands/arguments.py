@@ -16,6 +16,8 @@ from eigbench.scoring.truth import SURFACE, Truth
 from synthnet import recipe, store
 from synthnet.terminal import complete_with
 
+DEVICES = ("cpu", "cuda", "hpu", "mps", "npu", "xla", "xpu")
+
 # It takes a name, a function, a text and an example
 Command = Callable[..., argparse.ArgumentParser]
 
@@ -45,7 +47,7 @@ def out(sub: argparse.ArgumentParser, default: str, text: str, metavar: str = "F
 def process(sub: argparse.ArgumentParser) -> None:
     """Add what the predictor's process computes with: device and threads."""
     text = "PyTorch device passed to the predictor (default: %(default)s)"
-    sub.add_argument("--device", default="cpu", help=text)
+    sub.add_argument("--device", type=device, default="cpu", help=text)
     count(sub, "--threads", "N", "threads that the predictor may use", 1)
 
 
@@ -155,6 +157,16 @@ def board_root(options: argparse.Namespace, *, make: bool = False) -> Path:
 def board_argument(options: argparse.Namespace) -> str:
     """Return the option that names the board again, for the next command."""
     return "" if options.board == Path() else f" --board {options.board}"
+
+
+def device(text: str) -> str:
+    """Return the name of a device of PyTorch, with or without a number."""
+    kind, colon, number = text.partition(":")
+    if kind not in DEVICES or (colon and not number.isdecimal()):
+        raise argparse.ArgumentTypeError(
+            f"must be one of {', '.join(DEVICES)}, with a number if need be (cuda:1), got {text!r}"
+        )
+    return text
 
 
 def positive(text: str) -> int:

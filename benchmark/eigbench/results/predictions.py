@@ -189,8 +189,12 @@ def _read_parquet(file: BinaryIO, truth: Truth) -> Read:
     )
     ids = np.array(table["id"].to_pylist(), dtype=np.str_)
     seeds = _seeds(table["seed"].to_numpy() if "seed" in table.column_names else None, len(ids))
-    values = np.array(table["eigenvalues"].to_pylist(), dtype=np.float64)
-    return ids, seeds, values
+    lists = table["eigenvalues"].to_pylist()
+    counts = [0 if values is None else len(values) for values in lists]
+    if len(set(counts)) > 1:
+        row = next(row for row, count in enumerate(counts) if count != k)
+        raise ValueError(f"{_shown(ids[row])} has {counts[row]} eigenvalues, there are {k}")
+    return ids, seeds, np.array(lists, dtype=np.float64)
 
 
 def _check(schema: pa.Schema, truth: Truth) -> None:

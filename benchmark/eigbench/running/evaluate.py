@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import itertools
 import json
 import math
 import secrets
@@ -27,6 +28,8 @@ from synthnet.types import PROTOCOLS, Mesh
 
 WARM_UP = 16  # meshes predicted before the clock counts; none of them is of the split
 REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the same batches
+LOCK = "lock"  # of the folder of answers
+BUSY = "another run keeps its answers in {where}: wait for it or choose another --out"
 SOURCES = "sources.json"  # of a run that has begun: digests of the predictor's files
 
 
@@ -123,13 +126,22 @@ def evaluate(
     PredictorError
         If the predictor fails, answers with the wrong shape or type, changes its input,
         hangs or dies. The batches before, if any, are kept in ``parts``.
+    BuildError
+        If another run keeps its answers there.
     """
-    trainings = _trainings(path, truth, options)
-    several, everything = len(trainings) > 1, np.arange(len(truth.ids))
+    everything = np.arange(len(truth.ids))
     runs = []
     predictions = np.empty((options.seeds, *truth.eigenvalues.shape))
-    for seed in range(options.seeds):
-        for number, training in enumerate(trainings):
+    files.make_directory(parts)
+    with (
+        files.locked(parts / LOCK, wait=False, taken=BUSY, needed=False),
+        contextlib.ExitStack() as stack,
+    ):
+        trainings, started = _trainings(path, truth, options, stack)
+        several = len(trainings) > 1
+        for seed, (number, training) in itertools.product(
+            range(options.seeds), enumerate(trainings)
+        ):
             chosen = np.flatnonzero(truth.trainings == training) if several else everything
             first = replace(options, reference=options.reference and seed == number == 0)
             task = _Task(path, truth.take(chosen), first, seed, training)
@@ -139,13 +151,15 @@ def evaluate(
             if left and not same:
                 on_restart()
             try:
-                run = _run(task, instances, folder, on_batch, on_loaded)
+                run = _run(task, instances, folder, on_batch, on_loaded, started)
             finally:
                 if not any(parts.glob("*/*.npz")):  # nothing is lost
                     shutil.rmtree(parts, ignore_errors=True)
             for part in run[0]:
                 predictions[seed, chosen[part.instances]] = part.values
             runs.append(run)
+            stack.close()
+            started = None
     every, loaded, statuses = zip(*runs, strict=True)
     saved = [part for mine in every for part in mine]
     return Evaluation(
@@ -182,23 +196,29 @@ def predict_meshes(
     return np.concatenate(answers)
 
 
-def _trainings(path: Path, truth: Truth, options: Options) -> list[str]:
-    """Return what the predictor is to be trained on, in turn; a single set if it is not trained."""
+def _trainings(
+    path: Path, truth: Truth, options: Options, stack: contextlib.ExitStack
+) -> tuple[list[str], PredictorProcess | None]:
+    """Return what the predictor is to be trained on, in turn; a single set if it is not trained.
+
+    Where it had to be loaded for that, return its process too, which the stack ends: that of the
+    first set and seed 0, because loading may train for hours.
+    """
     trainings = list(dict.fromkeys(truth.trainings.tolist()))
     if all(training.partition("/")[2] in PROTOCOLS for training in trainings):
-        return trainings
+        return trainings, None
     k = truth.eigenvalues.shape[1]
-    with PredictorProcess(path, k, options, training=trainings[0]) as process:
-        loaded = process.loaded
+    process = stack.enter_context(PredictorProcess(path, k, options, training=trainings[0]))
+    loaded = process.loaded
     if loaded.trained:
-        return trainings
+        return trainings, process
     if not untrained(loaded.meta):
         raise PredictorError(
             f"{path} is {loaded.meta['kind']}, trained on {loaded.meta.get('training_data', '?')}, "
             f"and the protocol {truth.protocol} asks for a training of its own, {trainings[0]}: "
             "define load(device, seed, training)"
         )
-    return trainings[:1]
+    return trainings[:1], process
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,7 +250,9 @@ def _run(
     folder: Path,
     on_batch: Callable[[int, float], None],
     on_loaded: Callable[[Loaded], None],
+    started: PredictorProcess | None,
 ) -> tuple[list[_Part], Loaded, Status]:
+    """Ask what is left to ask, of the process that has been started or of a new one."""
     truth, options = task.truth, task.options
     parts = _read_parts(folder)
     done = sum(len(part.instances) for part in parts)
@@ -238,8 +260,9 @@ def _run(
         on_batch(done, sum(part.seconds for part in parts))
     k = truth.eigenvalues.shape[1]
     with contextlib.ExitStack() as stack:
-        own = PredictorProcess(task.path, k, options, seed=task.seed, training=task.training)
-        process = stack.enter_context(own)
+        process = started or stack.enter_context(
+            PredictorProcess(task.path, k, options, seed=task.seed, training=task.training)
+        )
         on_loaded(process.loaded)
         if options.seeds > 1 and not process.loaded.seeded:
             raise PredictorError(

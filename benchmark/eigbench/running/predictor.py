@@ -28,6 +28,7 @@ import sys
 import sysconfig
 import textwrap
 import traceback
+import unicodedata
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -38,8 +39,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
+from eigbench.scoring.targets import TARGETS
 from eigbench.scoring.training import DEFAULT
 from synthnet.errors import install, missing, suggestion
+from synthnet.store import outside
 from synthnet.types import Mesh
 
 META_KEYS = (
@@ -49,6 +52,7 @@ META_KEYS = (
 META_LENGTH = 300
 KINDS = ("trivial", "classical", "learned")
 NOT_THEIRS = ("__main__", "__mp_main__", "eigbench", "synthnet")  # modules of no predictor
+LONGEST_MESSAGE = 500  # letters of an error's
 LONGEST_LINE = 80  # letters of a line of code in a message
 
 
@@ -105,6 +109,8 @@ def check_file(path: Path) -> None:
         raise PredictorError(missing(file))
     if file.suffix != ".py":
         raise PredictorError(f"{file} is no Python file: its name must end in .py")
+    if problem := outside.strange(path.name):  # results name it
+        raise PredictorError(f"the name {path.name!a} has {problem}: rename the file")
 
 
 def load(path: Path, *, device: str = "cpu", seed: int = 0, training: str = DEFAULT) -> Predictor:
@@ -132,12 +138,14 @@ def _through_a_door(
     ``arguments`` are those that a function ``load`` may take besides device and seed.
     """
     try:
-        loader = getattr(module, "load", None)
+        function, kind = getattr(module, "predict", None), getattr(module, "Predictor", None)
+        first = callable(function) or isinstance(kind, type)
+        loader = None if first else getattr(module, "load", None)  # beside them it may be anything
         asked = _asked(loader, arguments, path)
         meta = _meta(module, path, arguments["variant"])
-        if callable(function := getattr(module, "predict", None)):
+        if callable(function):
             return Predictor(function, meta, None)
-        if isinstance(kind := getattr(module, "Predictor", None), type):
+        if isinstance(kind, type):
             return _of_object(kind(), meta, path)
         if callable(loader):
             made = _of_object(loader(device, seed, **asked), meta, path)
@@ -148,7 +156,7 @@ def _through_a_door(
         raise
     except ModuleNotFoundError as error:
         raise _lacking(path, error) from error
-    except (Exception, SystemExit) as error:
+    except BaseException as error:  # an interrupt comes to the harness, not here
         raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
     raise PredictorError(
         f"{path} has no predictor: define predict(meshes), a class Predictor, "
@@ -225,10 +233,18 @@ def as_array(answer: Any) -> NDArray[Any]:
     PredictorError
         If it is no array.
     """
+    if np.ma.is_masked(answer):
+        raise PredictorError(
+            "the answer is a masked array: fill what is masked, with NaN if need be"
+        )
     try:
-        return np.asarray(answer.detach().cpu() if hasattr(answer, "detach") else answer)
+        array = np.asarray(answer.detach().cpu() if hasattr(answer, "detach") else answer)
     except (ValueError, TypeError) as error:
         raise PredictorError(f"the answer is no array: {described(error)}") from error
+    if array.dtype.hasobject and array.ndim == 0:
+        what = "None" if answer is None else f"an object of type {type(answer).__name__}"
+        raise PredictorError(f"predict returned {what}: end it with `return`, and an array")
+    return array
 
 
 def checked(values: NDArray[Any], count: int, k: int) -> NDArray[np.float64]:
@@ -252,8 +268,6 @@ def checked(values: NDArray[Any], count: int, k: int) -> NDArray[np.float64]:
     """
     if values.dtype.kind == "c":
         raise PredictorError("the answer is complex, eigenvalues are real")
-    if values.dtype.kind == "O" and values.shape == () and values.item() is None:
-        raise PredictorError("predict returned None: end it with `return`, and the eigenvalues")
     if values.dtype.kind not in "fiu":
         raise PredictorError(f"the answer has dtype {values.dtype}, it must be real numbers")
     if values.shape != (count, k):
@@ -274,7 +288,7 @@ def _module(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except ModuleNotFoundError as error:
         raise _lacking(path, error) from error
-    except (Exception, SystemExit) as error:
+    except BaseException as error:  # an interrupt comes to the harness, not here
         raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
     return module
 
@@ -310,7 +324,8 @@ def checked_meta(given: Mapping[Any, Any], path: Path) -> dict[str, str]:
             f"{path}: META has the unknown key {', '.join(unknown)}; "
             f"it may have {', '.join(META_KEYS)}{suggestion(unknown[0], META_KEYS)}"
         )
-    meta = {key: str(value) for key, value in given.items()}
+    # Two ways to write the same letter are one: files' names come in either
+    meta = {key: unicodedata.normalize("NFC", str(value)) for key, value in given.items()}
     if not 1 <= len(meta["name"]) <= 80:
         raise PredictorError(f"{path}: META name must have 1 to 80 characters")
     for key, value in meta.items():
@@ -318,11 +333,12 @@ def checked_meta(given: Mapping[Any, Any], path: Path) -> dict[str, str]:
             raise PredictorError(
                 f"{path}: META {key} must be one line of at most {META_LENGTH} characters"
             )
-    if meta["kind"] not in KINDS:
-        raise PredictorError(
-            f"{path}: META kind must be one of {', '.join(KINDS)}, got {meta['kind']!r}"
-            f"{suggestion(meta['kind'], KINDS)}"
-        )
+    for key, known in (("kind", KINDS), ("target", TARGETS)):
+        if key in meta and meta[key] not in known:
+            raise PredictorError(
+                f"{path}: META {key} must be one of {', '.join(known)}, got {meta[key]!r}"
+                f"{suggestion(meta[key], known)}"
+            )
     return meta
 
 
@@ -359,12 +375,21 @@ def _of_torch(
 
 
 def _count(thing: Any) -> int:
-    return sum(math.prod(parameter.shape) for parameter in thing.parameters())
+    try:
+        return sum(math.prod(parameter.shape) for parameter in thing.parameters())
+    except (AttributeError, TypeError) as error:
+        raise PredictorError(
+            f"parameters() of a {type(thing).__name__} must give tensors or arrays: "
+            f"{described(error)}"
+        ) from error
 
 
 def described(error: BaseException, path: Path | None = None) -> str:
     """Return an error on one line; with a predictor's file, the innermost line of its author's."""
-    message = " ".join(str(error).split())
+    try:
+        message = textwrap.shorten(str(error), LONGEST_MESSAGE, placeholder=" …")
+    except Exception as another:  # noqa: BLE001 - its author's code
+        message = f"its message cannot be read: {type(another).__name__}"
     text = f"{type(error).__name__}: {message}" if message else type(error).__name__
     line = "" if path is None else _own_line(error, path.resolve())
     return f"{text} ({line})" if line else text

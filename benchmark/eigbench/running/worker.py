@@ -124,7 +124,7 @@ def _answer(loaded: predictor.Predictor, meshes: Sequence[Mesh], job: Job) -> ND
         answer = predictor.as_array(loaded.predict(meshes))
     except PredictorError:
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:  # an interrupt comes to the harness, not here
         file, _ = predictor.split(Path(job.path))
         described = predictor.described(error, file)
         hint = "; meshes are read-only: copy what you change" if "read-only" in str(error) else ""

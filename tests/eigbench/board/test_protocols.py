@@ -9,7 +9,11 @@ import pytest
 from eigbench.board import answer_figure, generalisation, leaderboard, page, ranking
 from eigbench.errors import EigbenchError, PredictorError, ResultError
 from eigbench.running.evaluate import Options, evaluate
+from eigbench.running.process import PredictorProcess
 from eigbench.scoring import training, truth
+
+from synthnet.errors import BuildError
+from synthnet.store import files
 
 MESH = "## synthNet 2.0-mini: shapes unlike those of training, against the mesh"
 TRAINED = """
@@ -86,8 +90,13 @@ def folded(labels):
 
 @pytest.mark.slow
 def test_every_instance_is_predicted_by_the_training_it_asks_for(
-    predictor_file, mini_truth, mini_meshes, tmp_path
+    predictor_file, mini_truth, mini_meshes, tmp_path, monkeypatch
 ):
+    started = []
+    enter = PredictorProcess.__enter__
+    monkeypatch.setattr(
+        PredictorProcess, "__enter__", lambda self: started.append(self.job) or enter(self)
+    )
     labels = folded(mini_truth)
     code, options = predictor_file(TRAINED), Options(seeds=2, batch_size=2)
     evaluation = evaluate(code, labels, mini_meshes, options, tmp_path / "parts")
@@ -95,6 +104,8 @@ def test_every_instance_is_predicted_by_the_training_it_asks_for(
         evaluation.predictions[:, :, 0], [[1 + i % 3 for i in range(12)]] * 2
     )
     assert evaluation.sizes.sum() == 24
+    asked = [(job.seed, job.training) for job in started]
+    assert asked == [(seed, f"1.0-mini/{1 + i}") for seed in range(2) for i in range(3)]
     again = evaluate(code, labels, mini_meshes, replace(options, resume=True), tmp_path / "parts")
     np.testing.assert_array_equal(again.predictions, evaluation.predictions)
     np.testing.assert_array_equal(again.seconds, evaluation.seconds)  # kept, not run again
@@ -106,11 +117,28 @@ def test_what_is_not_trained_is_run_once_and_a_model_trained_for_itself_refused(
     labels = folded(mini_truth)
     code = predictor_file(UNTRAINED.replace("KIND", "classical"))
     assert (evaluate(code, labels, mini_meshes, Options(), tmp_path / "a").predictions == 1).all()
-    assert [path.name for path in (tmp_path / "a").iterdir()] == ["seed-0"]
+    assert {path.name for path in (tmp_path / "a").iterdir()} == {"lock", "seed-0"}
     code = predictor_file(UNTRAINED.replace("KIND", "learned"))
     message = "is learned, .* and the protocol grouped asks for a training of its own, 1.0-mini/1"
     with pytest.raises(PredictorError, match=message):
         evaluate(code, labels, mini_meshes, Options(), tmp_path / "b")
+
+
+def test_a_run_leaves_the_answers_of_another_alone(
+    predictor_file, mini_truth, mini_meshes, tmp_path
+):
+    code, labels = predictor_file(UNTRAINED.replace("KIND", "classical")), mini_truth.head(12)
+    parts = tmp_path / "parts"
+    kept = parts / "seed-0" / "000000.npz"
+    kept.parent.mkdir(parents=True)
+    kept.write_bytes(b"of another run")
+    with (
+        files.locked(parts / "lock", wait=False),
+        pytest.raises(BuildError, match=r"another run keeps its answers in \S+parts \(process \d+"),
+    ):
+        evaluate(code, labels, mini_meshes, Options(), parts)
+    assert kept.read_bytes() == b"of another run"
+    assert (evaluate(code, labels, mini_meshes, Options(), parts).predictions == 1).all()
 
 
 @pytest.fixture(scope="module")

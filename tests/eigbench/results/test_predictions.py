@@ -135,11 +135,13 @@ def test_seed_that_lacks_an_id_is_refused(split, values, suffix, tmp_path):
         predictions.read(path, split)
 
 
-def test_rows_of_different_length_are_refused(split, values, tmp_path):
+@pytest.mark.parametrize(("row", "count"), [([1.0] * 5, 5), (None, 0)], ids=["short", "null"])
+def test_rows_of_different_length_are_refused(split, values, row, count, tmp_path):
     rows = values.tolist()
-    rows[3] = rows[3][:5]
+    rows[3] = row
     pq.write_table(pa.table({"id": list(split.ids), "eigenvalues": rows}), tmp_path / "p.parquet")
-    with pytest.raises(PredictionsError, match=r"cannot be read: .*inhomogeneous"):
+    message = f"cannot be read: {split.ids[3]} has {count} eigenvalues, there are 10"
+    with pytest.raises(PredictionsError, match=message):
         predictions.read(tmp_path / "p.parquet", split)
 
 
@@ -261,6 +263,33 @@ def test_seed_that_is_no_integer_is_refused(split, values, suffix, seeds, tmp_pa
     with pytest.raises(PredictionsError) as caught:
         predictions.read(path, split)
     assert "seed" in str(caught.value).replace(str(path), "")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (",1.5,", ",0.1,1.5,", "line 3 has 12 fields and the header 11"),
+        (",1.5,", ",1,5,", "line 3 has 12 fields and the header 11"),  # a decimal comma
+        (",1.5,", ",", "line 3 has 10 fields and the header 11"),
+        (",1.5,", ",True,", "line 3: lambda_1 is 'True', it must be a number"),
+        (",1.5,", ',"1.5,', "line 3 has"),  # a quote that does not end
+        (",1.5,", ",1\x005,", "line 3"),
+    ],
+)
+def test_row_of_a_csv_file_that_is_not_as_its_header_is_named(split, old, new, message, tmp_path):
+    path = save(tmp_path / "p.csv", split.ids, np.tile(np.arange(1, 11) + 0.5, (20, 1)))
+    head, first, second, *others = path.read_text().splitlines()
+    assert second.count(old) == 1
+    path.write_text("\n".join([head, "", first, second.replace(old, new), *others]))
+    with pytest.raises(PredictionsError, match=message.replace("line 3", "line 4")):
+        predictions.read(path, split)
+
+
+def test_an_eigenvalue_that_pandas_left_empty_is_nan(split, values, tmp_path):
+    values[3, 4] = np.nan
+    path = save(tmp_path / "p.csv", split.ids, values)
+    assert ",," in path.read_text()
+    np.testing.assert_array_equal(predictions.read(path, split)[0], values)
 
 
 def test_file_without_rows_is_refused(split, tmp_path):

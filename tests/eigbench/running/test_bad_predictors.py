@@ -92,6 +92,10 @@ CASES = {
         "the predictor's process sent a frame of",
     ),
     "raises": ("def predict(meshes): raise KeyError('a\\nb')", "KeyError: "),
+    "is interrupted by itself": (
+        "def predict(meshes): raise KeyboardInterrupt",
+        "the predictor failed: KeyboardInterrupt (my_model.py:11: in predict",
+    ),
     "exits": ("def predict(meshes): sys.exit(0)", "SystemExit: 0"),
     "fails in a function of its own": (
         "def predict(meshes):\n    return [helper(m) for m in meshes]\n"

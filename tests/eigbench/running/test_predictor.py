@@ -198,6 +198,7 @@ def test_every_key_of_meta_is_allowed_by_the_schema_of_results():
         ("['Net']", "META must be a dict, got list"),
         ("{'title': 'Net'}", "META has the unknown key title; it may have name, kind, authors"),
         ("{'kind': 'magic'}", "META kind must be one of trivial, classical, learned"),
+        ("{'target': 'both'}", "META target must be one of surface, mesh, got 'both'"),
         ("{'name': ''}", "META name must have 1 to 80 characters"),
         (f"{{'name': {'x' * 81!r}}}", "META name must have 1 to 80 characters"),
         ("{1: 'a', 'b': 'c'}", "META has the unknown key 1, b; it may have"),
@@ -308,6 +309,9 @@ def test_answer_that_needs_gradients_is_taken():
         (np.full((4, 10), "1.0"), "has dtype <U3, it must be real numbers"),
         (np.ones((4, 10), bool), "has dtype bool, it must be real numbers"),
         (None, "predict returned None"),
+        ((i for i in range(4)), "predict returned an object of type generator: end it with"),
+        ({"a": 1}, "predict returned an object of type dict"),
+        (np.ma.masked_greater(np.arange(1.0, 41).reshape(4, 10), 3), "is a masked array: fill"),
         ([[1.0], [1.0, 2.0]], "is no array: ValueError"),
     ],
 )
@@ -510,6 +514,43 @@ def test_variant_and_training_are_asked_for_by_name(predictor_file):
     loaded = predictor.load(path, training="2.0/genus")
     assert loaded.predict([]) == ("small", "2.0/genus")
     assert loaded.trained
+
+
+@pytest.mark.parametrize(
+    "helper", ["from json import load", "def load(path, variant): pass", "load = 3"]
+)
+@pytest.mark.parametrize("door", [FUNCTION, CLASS], ids=["function", "class"])
+def test_a_helper_named_load_is_nothing_to_a_file_with_another_door(predictor_file, helper, door):
+    loaded = predictor.load(predictor_file(f"{helper}\n{door}"))
+    assert not loaded.seeded
+
+
+def test_letters_are_composed_in_a_name(predictor_file):
+    loaded = predictor.load(predictor_file(f"META = {{'name': 'Mo\u0308del'}}\n{FUNCTION}"))
+    assert loaded.meta["name"] == "M\u00f6del"
+
+
+def test_file_whose_name_no_result_can_hold_is_refused(predictor_file):
+    path = predictor_file(FUNCTION)
+    path = path.rename(path.with_name("mo\u0308del.py"))
+    with pytest.raises(PredictorError, match=r"has letters that are not composed \(NFC\): rename"):
+        predictor.check_file(path)
+
+
+def test_an_error_whose_message_fails_or_is_long_is_one_short_line():
+    class Silent(Exception):
+        def __str__(self):
+            raise KeyError
+
+    assert predictor.described(Silent()) == "Silent: its message cannot be read: KeyError"
+    assert len(predictor.described(ValueError("word " * 10_000))) < 600
+
+
+def test_parameters_that_are_no_arrays_are_named(predictor_file):
+    code = "class Predictor:\n    def predict(self, meshes): pass\n"
+    code += "    def parameters(self): return [3]\n"
+    with pytest.raises(PredictorError, match=r"parameters\(\) of a Predictor must give tensors"):
+        predictor.load(predictor_file(code))
 
 
 def test_variant_without_meta_is_named_after_file_and_variant(predictor_file):
