@@ -33,7 +33,7 @@ from synthnet.families.limits import KNOWN, Limit
 from synthnet.types import Mesh, Parameters, Topology
 
 POSITIVE = math.ulp(0.0)  # a length may be any positive number
-SHORTEST = 1e-4  # or, where patches join at its ends, any above that: shorter ones are welded
+SHORTEST = 1e-4  # length of a border, of a surface about 1 wide; ends of shorter ones are merged
 COARSEST = 4000  # about so many vertices has the first level of :meth:`Family.at_level`
 Euler: TypeAlias = int | Callable[[Parameters], int]
 
@@ -225,5 +225,11 @@ class Family:
 
 
 def _is_number(value: Any) -> TypeGuard[float]:
-    """Return whether it is a number, of Python or NumPy; a truth value is none."""
-    return isinstance(value, Real) and not isinstance(value, bool)
+    """Return whether it is a number that a float can be, of Python or NumPy; no truth value."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return False
+    try:
+        float(value)
+    except OverflowError:
+        return False
+    return True

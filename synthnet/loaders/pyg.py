@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,8 +19,9 @@ from synthnet.build.limits import add_missing
 from synthnet.build.versions import ensure_built
 from synthnet.errors import DamagedError, RecipeError, StoreError, needed_by
 from synthnet.loaders import mapped
+from synthnet.loaders.fingerprint import fingerprint
 from synthnet.loaders.mapped import MappedShapes
-from synthnet.loaders.transformed import ROWS, TransformedItems, fingerprint, write_data
+from synthnet.loaders.transformed import ROWS, TransformedItems, write_data
 from synthnet.mesh import isometries as isometry
 from synthnet.recipe import splits
 from synthnet.store import StoredDataset, limits, unpacked
@@ -67,7 +69,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         Applied once to each instance, after its isometry, so it cannot be combined with
         ``augment="random"``. The results are kept on disk, one copy an instance, in a
         directory named by the callable's code and state; what it reads from elsewhere,
-        such as a global variable, is not noticed.
+        such as a global variable, is not noticed, and of a library only the version is.
     pre_filter : callable, optional
         Asked about each shape as stored, at every opening; what it refuses is left out
         with all its instances.
@@ -80,6 +82,9 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         If the version is unknown, or has no such protocol.
     StoreError
         If the target is ``surface`` and the dataset has no limits.
+    TypeError
+        If ``pre_transform`` returns what cannot be kept, or holds something whose state cannot be
+        seen, such as an open file.
 
     Notes
     -----
@@ -175,7 +180,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         for i in self._select(shapes, self.pre_filter):
             yield self.pre_transform(item(shapes, i))
 
-    @property
+    @cached_property  # a callable may change as it is called
     def processed_dir(self) -> str:
         """Directory of this dataset's files; its name holds all that they depend on."""
         if self.pre_transform is None:

@@ -6,14 +6,10 @@ joined along the dimension that PyG joins it along.
 
 from __future__ import annotations
 
-import copyreg
 import hashlib
-import inspect
 import json
-import marshal
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
-from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -28,7 +24,6 @@ with needed_by("synthnet.pyg"):
 
 INDEX = "index.json"
 ROWS = ".bin"  # the end of the name of an attribute's file
-PLAIN = (bool, int, float, complex, str, bytes)  # their repr is all that they are
 NUMBERS = "biufc"  # kinds of NumPy's types that a file of bytes may hold
 
 
@@ -167,80 +162,9 @@ def _rows(key: str, value: torch.Tensor, dim: int) -> NDArray[Any]:
     """Return a tensor's values along one of its dimensions."""
     try:
         rows: NDArray[Any] = value.detach().cpu().movedim(dim, 0).contiguous().numpy()
-    except TypeError as error:  # NumPy has no such dtype or layout
+    except (TypeError, RuntimeError) as error:  # NumPy has no such dtype or layout
         raise TypeError(
             f"pre_transform may add tensors that NumPy knows; {key} is of {value.dtype} and "
             f"layout {value.layout}"
         ) from error
     return rows
-
-
-def fingerprint(value: Any, seen: frozenset[int] = frozenset()) -> str:
-    """Return a digest of a callable's code and state, so that a changed one is another.
-
-    Raises
-    ------
-    TypeError
-        If it holds something whose state cannot be seen, such as an open file.
-    """
-    if value is None or isinstance(value, PLAIN):
-        return _digest([type(value).__name__, repr(value)])
-    if isinstance(value, torch.Tensor):
-        return fingerprint(value.detach().cpu().numpy())
-    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
-        content = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
-        return _digest([str(value.dtype), str(value.shape), content])
-    if id(value) in seen:
-        return "itself"
-    if isinstance(value, type):
-        return _digest([_code(base) for base in value.__mro__ if base is not object])
-    parts = [fingerprint(part, seen | {id(value)}) for part in _parts(value)]
-    if isinstance(value, set | frozenset):
-        parts.sort()  # the order in which a set is passed through differs between processes
-    return _digest([type(value).__name__, *parts])
-
-
-def _digest(parts: list[str]) -> str:
-    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
-
-
-def _parts(value: Any) -> Iterable[Any]:
-    """Return what an object consists of: its code, and what it holds."""
-    if isinstance(value, list | tuple | set | frozenset):
-        return value
-    if isinstance(value, dict):
-        return [part for pair in value.items() for part in pair]
-    if isinstance(value, ModuleType):
-        return [value.__name__]
-    if isinstance(value, MethodType):
-        return [value.__func__, value.__self__]
-    if isinstance(value, BuiltinFunctionType):
-        return [value.__name__, value.__self__]
-    if isinstance(value, FunctionType):
-        cells = [cell.cell_contents for cell in value.__closure__ or ()]
-        return [_code(value), value.__defaults__, value.__kwdefaults__, cells]
-    try:
-        # What pickle would keep, of types written in C, too
-        reduce = copyreg.dispatch_table.get(type(value))
-        state = value.__reduce_ex__(2) if reduce is None else reduce(value)
-    except Exception as error:
-        kind = type(value)
-        raise TypeError(
-            f"pre_transform holds a {kind.__module__}.{kind.__qualname__}, whose state cannot be "
-            f"seen ({one_line(error)}): leave it out, or give it as transform, which keeps nothing"
-        ) from error
-    items = [state] if isinstance(state, str) else state
-    return [type(value), *(list(part) if isinstance(part, Iterator) else part for part in items)]
-
-
-def _code(source: Any) -> str:
-    """Return the source of a function or a class; without one, what it was compiled to."""
-    try:
-        return inspect.getsource(source)
-    except (OSError, TypeError):
-        if isinstance(source, FunctionType):
-            return hashlib.sha256(marshal.dumps(source.__code__)).hexdigest()
-        methods = [
-            _code(value) for value in vars(source).values() if isinstance(value, FunctionType)
-        ]
-        return _digest([source.__module__, source.__qualname__, *methods])

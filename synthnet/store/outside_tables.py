@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COLUMNS = 100  # of a table
+MISSING = ("", "NA", "N/A", "NULL", "null", "None")  # what pandas, R and databases write for NaN
 TEXT = 200  # characters of a cell of text
 WIDEST = TEXT + 16  # bytes of a value when it is unpacked, with its length and levels
 PAGES = 10_000  # items of a list in a Parquet file's footer
@@ -200,7 +201,7 @@ def csv_table(
     records, line = csv.reader(_lines(file, rows)), 2
     try:
         for record in records:
-            if any(record):  # pandas passes over blank lines, too
+            if len(record) > 1 or "".join(record).strip():  # pandas passes over blank lines, too
                 _check_record(record, header, numbers, f"line {line}")
             line = records.line_num + 2
     except csv.Error as error:
@@ -239,16 +240,16 @@ def _lines(file: BinaryIO, most: int) -> Iterator[str]:
 def _check_record(
     record: Sequence[str], header: Sequence[str], numbers: Sequence[str], where: str
 ) -> None:
-    """Check what pandas lets through: fields too many or too few, and words as numbers."""
+    """Check what pandas lets through: fields too many or too few, and truth values as numbers."""
     if len(record) != len(header):
         raise OutsideError(
             f"{where} has {len(record)} fields and the header {len(header)}: fields are "
-            "separated by commas, and numbers have a decimal point"
+            "separated by commas, decimals by a point"
         )
     for name, field in zip(header, record, strict=True):
-        if name in numbers and field:  # nothing is NaN, which pandas writes so
+        if name in numbers and field not in MISSING:
             try:
-                float(field)
+                float(field if field.isascii() and "_" not in field else "no number")
             except ValueError:
                 raise OutsideError(
                     f"{where}: {name} is {field[:60]!a}, it must be a number"

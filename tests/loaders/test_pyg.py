@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +24,9 @@ from torch_geometric.transforms import Compose, FaceToEdge, NormalizeScale
 from synthnet import spectrum, store
 from synthnet.errors import DamagedError, RecipeError, StoreError
 from synthnet.loaders import mapped
+from synthnet.loaders.fingerprint import fingerprint
 from synthnet.loaders.pyg import SynthNet, surface_spectra
-from synthnet.loaders.transformed import TransformedItems, fingerprint
+from synthnet.loaders.transformed import TransformedItems
 from synthnet.mesh.geometry import volume
 from synthnet.recipe import Kind
 from synthnet.store import limits, unpacked
@@ -285,9 +287,10 @@ def test_pre_transform_is_applied_to_every_instance_once(open_split):
 def test_a_callable_has_the_same_key_in_every_process():
     """Sets of texts are passed through in another order there; weights need a gradient."""
     code = (
-        "import functools, torch; from synthnet.loaders.transformed import fingerprint; "
+        "import functools, torch; from synthnet.loaders.fingerprint import fingerprint; "
         "torch.manual_seed(0); names = {'pos', 'face', 'x', 'y'}; "
-        "print(fingerprint(functools.partial(print, names, torch.nn.Linear(2, 2))))"
+        "f = lambda data: data if data in {'pos', 'face', 'x'} else torch.relu(data); "
+        "print(fingerprint(functools.partial(f, names, torch.nn.Linear(2, 2))))"
     )
     keys = set()
     for seed in ("1", "2"):  # with which sets of these names differ in order
@@ -369,30 +372,74 @@ class Holder:
         return data
 
 
-def methods(factor):
-    """The method of a class without a source; of another factor, of another code."""
+def made(code, by):
+    """What a module of a user's defines as f; none of its sources can be read."""
     namespace = {"__name__": "elsewhere"}
-    exec(f"class Made:\n    def method(self, data):\n        return data * {factor}", namespace)
-    return namespace["Made"]().method
+    exec(code.format(by=by), namespace)
+    return namespace["f"]
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda by: Holder(by).method,
-        lambda by: Holder(Holder(by)).method,
-        lambda by: Holder(sparse.identity(3) * by).method,
-        lambda by: Holder(np.random.default_rng(int(by))).method,
-        lambda by: Holder(KDTree(np.full((1, 2), by))).method,
-        lambda by: Holder(Scale if by == 2 else Holder).method,
-        lambda by: Holder([re.compile(str(by)), torch.float32]).method,
-        lambda by: torch.full((2,), by).mul,
-        methods,
-    ],
-    ids=["method", "nested", "sparse", "random", "tree", "class", "pattern", "builtin", "exec"],
-)
-def test_a_state_that_no_repr_shows_is_seen(make):
+CODES = {
+    "function": "f = lambda data: data * {by}",
+    "method": "class A:\n def g(self, data): return data * {by}\nf = A().g",
+    "static": "class A:\n @staticmethod\n def g(data): return data * {by}\nf = A()",
+    "constant": "class A:\n by = {by}\n def g(self, data): return data * self.by\nf = A().g",
+    "base": "class A:\n def g(self, data): return data * {by}\nclass B(A): pass\nf = B().g",
+    "tuple": "from typing import NamedTuple\nclass A(NamedTuple):\n x: int = 1\n"
+    " def __call__(self, data): return data * {by}\nf = A()",
+    "dict": "class A(dict):\n def __call__(self, data): return data * {by}\nf = A(x=1)",
+    "attribute": "def f(data): return data * f.by\nf.by = {by}",
+    "default": "def f(data, by={by}): return data * by",
+    "cached": "import functools\n@functools.lru_cache\ndef f(data): return data * {by}",
+    "wrapper": "import functools\ndef g(h):\n @functools.wraps(h)\n def inner(data): "
+    "return h(data) * {by}\n return inner\n@g\ndef f(data): return data",
+    "wrapped": "import functools\ndef g(h):\n @functools.wraps(h)\n def inner(data): "
+    "return h(data)\n return inner\n@g\ndef f(data): return data * {by}",
+    "dispatch": "import functools\n@functools.singledispatch\ndef f(data): return data * {by}",
+    "caught": "def f(data):\n try: return data\n except KeyError: return {by}",
+}
+
+
+@pytest.mark.parametrize("name", CODES)
+def test_a_change_of_code_is_seen(name):
+    code = CODES[name]
+    assert fingerprint(made(code, 2)) == fingerprint(made(code, 2)) != fingerprint(made(code, 3))
+
+
+STATES = {
+    "nested": lambda by: Holder(Holder(by)).method,
+    "sparse": lambda by: Holder(sparse.identity(3) * by).method,
+    "sparse tensor": lambda by: Holder(torch.eye(3).to_sparse() * by).method,
+    "bfloat16": lambda by: Holder(torch.tensor(by).bfloat16()).method,
+    "mask": lambda by: Holder(np.ma.masked_equal(np.arange(5), by)).method,
+    "random": lambda by: Holder(np.random.default_rng(int(by))).method,
+    "tree": lambda by: Holder(KDTree(np.full((1, 2), by))).method,
+    "class": lambda by: Holder(Scale if by == 2 else Holder).method,
+    "pattern": lambda by: Holder([re.compile(str(by)), torch.float32]).method,
+    "default": lambda by: Holder(defaultdict(int if by == 2 else list)).method,
+    "builtin": lambda by: torch.full((2,), by).mul,
+    "set": lambda by: Holder({"a", "b", by}).method,
+}
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_a_state_that_no_repr_shows_is_seen(name):
+    make = STATES[name]
     assert fingerprint(make(2.0)) == fingerprint(make(2.0)) != fingerprint(make(3.0))
+
+
+def test_objects_that_refer_to_each_other_are_looked_at_once():
+    holders = [Holder(number) for number in range(60)]
+    for holder in holders:
+        holder.others = holders
+    before = fingerprint(holders)
+    holders[-1].held = -1
+    assert fingerprint(holders) != before
+    chain = None
+    for _ in range(100_000):
+        chain = [chain]
+    with pytest.raises(TypeError, match="pre_transform holds a list whose parts are nested too"):
+        fingerprint(chain)
 
 
 def test_what_keeps_its_state_to_itself_is_refused(open_split, tmp_path):

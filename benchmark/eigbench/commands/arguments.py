@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,7 +17,8 @@ from eigbench.scoring.truth import SURFACE, Truth
 from synthnet import recipe, store
 from synthnet.terminal import complete_with
 
-DEVICES = ("cpu", "cuda", "hpu", "mps", "npu", "xla", "xpu")
+# PyTorch's, and JAX's gpu and tpu
+DEVICES = ("cpu", "cuda", "gpu", "hip", "hpu", "meta", "mps", "mtia", "npu", "tpu", "xla", "xpu")
 
 # It takes a name, a function, a text and an example
 Command = Callable[..., argparse.ArgumentParser]
@@ -160,9 +162,9 @@ def board_argument(options: argparse.Namespace) -> str:
 
 
 def device(text: str) -> str:
-    """Return the name of a device of PyTorch, with or without a number."""
+    """Return the name of a device: PyTorch's, or what another framework calls it."""
     kind, colon, number = text.partition(":")
-    if kind not in DEVICES or (colon and not number.isdecimal()):
+    if kind not in DEVICES or (colon and not re.fullmatch("[0-9]+", number)):
         raise argparse.ArgumentTypeError(
             f"must be one of {', '.join(DEVICES)}, with a number if need be (cuda:1), got {text!r}"
         )

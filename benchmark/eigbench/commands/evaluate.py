@@ -20,7 +20,7 @@ from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import predictions
 from eigbench.running import record
-from eigbench.running.evaluate import Options, predict_meshes
+from eigbench.running.evaluate import Options, alone, predict_meshes
 from eigbench.running.predictor import check_file
 from eigbench.scoring import physics, truth
 from eigbench.site.bundle import CHECKOUT
@@ -82,29 +82,32 @@ def run_evaluate(options: argparse.Namespace) -> int:
     parts = out.with_name(f".{out.name}.parts")
     board = Path() if RESULTS.is_dir() else CHECKOUT
     print(foreseen.line(board, labels, options.predictor.name, settings.seeds), file=sys.stderr)
-    evaluation = predict.answers(
-        options.predictor,
-        labels,
-        dataset,
-        settings,
-        parts,
-        on_loaded=lambda loaded: _check_name(out, loaded.meta["name"]),
-        estimated=options.limit is None,
-    )
-    contract = _contract(options.predictor, labels, settings)
-    predictions.write(kept, labels, evaluation.predictions)
-    result = record.make(
-        labels,
-        evaluation,
-        settings,
-        code=options.predictor,
-        predictions=kept,
-        contract=contract,
-        partial=partial,
-    )
-    queries.note(directory, "evaluate", result["model"]["name"], result["predictions"]["sha256"])
-    results.write(out, result)
-    shutil.rmtree(parts, ignore_errors=True)
+    with alone(parts):
+        evaluation = predict.answers(
+            options.predictor,
+            labels,
+            dataset,
+            settings,
+            parts,
+            on_loaded=lambda loaded: _check_name(out, loaded.meta["name"]),
+            estimated=options.limit is None,
+        )
+        contract = _contract(options.predictor, labels, settings)
+        predictions.write(kept, labels, evaluation.predictions)
+        result = record.make(
+            labels,
+            evaluation,
+            settings,
+            code=options.predictor,
+            predictions=kept,
+            contract=contract,
+            partial=partial,
+        )
+        queries.note(
+            directory, "evaluate", result["model"]["name"], result["predictions"]["sha256"]
+        )
+        results.write(out, result)
+        shutil.rmtree(parts, ignore_errors=True)
     if options.json:
         print(json.dumps(result, indent=1))
     else:

@@ -19,7 +19,7 @@ from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.results import predictions
 from eigbench.running import box, meshes, record
-from eigbench.running.evaluate import Evaluation, Options, evaluate
+from eigbench.running.evaluate import Evaluation, Options, alone, evaluate
 from eigbench.running.predictor import check_file
 from eigbench.running.process import Loaded
 from eigbench.scoring import truth
@@ -125,9 +125,10 @@ def predict(options: argparse.Namespace) -> int:
     settings = settings_of(options, Options)
     make_parent(out)
     parts = out.with_name(f".{out.name}.parts")
-    evaluation = answers(options.predictor, labels, dataset, settings, parts)
-    predictions.write(out, labels, evaluation.predictions)
-    shutil.rmtree(parts, ignore_errors=True)
+    with alone(parts):
+        evaluation = answers(options.predictor, labels, dataset, settings, parts)
+        predictions.write(out, labels, evaluation.predictions)
+        shutil.rmtree(parts, ignore_errors=True)
     cost = record.cost(evaluation, settings)
     if options.json:
         facts = {

@@ -9,7 +9,7 @@ import json
 import math
 import secrets
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -87,6 +87,24 @@ class Evaluation:
     status: Status
 
 
+@contextlib.contextmanager
+def alone(parts: Path) -> Iterator[None]:
+    """Keep other runs from a directory of answers, which is removed at the end if it has none.
+
+    Raises
+    ------
+    BuildError
+        If another run keeps its answers there.
+    """
+    files.make_directory(parts)
+    with files.locked(parts / LOCK, wait=False, taken=BUSY, needed=False):
+        try:
+            yield
+        finally:
+            if not any(parts.glob("*/*.npz")):  # nothing is lost
+                shutil.rmtree(parts, ignore_errors=True)
+
+
 def evaluate(
     path: Path,
     truth: Truth,
@@ -112,7 +130,7 @@ def evaluate(
     options : Options
         How.
     parts : Path
-        Directory that keeps each batch's answer until the whole is done.
+        Directory that keeps each batch's answer until the whole is done; see :func:`alone`.
     on_batch : callable, optional
         Called with the number of meshes of each batch that is done, and the seconds it took,
         LaPy's aside; once with those of an interrupted run.
@@ -126,17 +144,11 @@ def evaluate(
     PredictorError
         If the predictor fails, answers with the wrong shape or type, changes its input,
         hangs or dies. The batches before, if any, are kept in ``parts``.
-    BuildError
-        If another run keeps its answers there.
     """
     everything = np.arange(len(truth.ids))
     runs = []
     predictions = np.empty((options.seeds, *truth.eigenvalues.shape))
-    files.make_directory(parts)
-    with (
-        files.locked(parts / LOCK, wait=False, taken=BUSY, needed=False),
-        contextlib.ExitStack() as stack,
-    ):
+    with contextlib.ExitStack() as stack:
         trainings, started = _trainings(path, truth, options, stack)
         several = len(trainings) > 1
         for seed, (number, training) in itertools.product(
@@ -150,11 +162,7 @@ def evaluate(
             same = _open_parts(folder, _fingerprint(task), path, options.resume)
             if left and not same:
                 on_restart()
-            try:
-                run = _run(task, instances, folder, on_batch, on_loaded, started)
-            finally:
-                if not any(parts.glob("*/*.npz")):  # nothing is lost
-                    shutil.rmtree(parts, ignore_errors=True)
+            run = _run(task, instances, folder, on_batch, on_loaded, started)
             for part in run[0]:
                 predictions[seed, chosen[part.instances]] = part.values
             runs.append(run)
@@ -199,10 +207,10 @@ def predict_meshes(
 def _trainings(
     path: Path, truth: Truth, options: Options, stack: contextlib.ExitStack
 ) -> tuple[list[str], PredictorProcess | None]:
-    """Return what the predictor is to be trained on, in turn; a single set if it is not trained.
+    """Return the sets to train the predictor on, in turn; a single one if it is not trained.
 
-    Where it had to be loaded for that, return its process too, which the stack ends: that of the
-    first set and seed 0, because loading may train for hours.
+    If it had to be loaded to see that, its process is returned as well, since loading may train for
+    hours: it has the first set and seed 0. Closing the stack ends it.
     """
     trainings = list(dict.fromkeys(truth.trainings.tolist()))
     if all(training.partition("/")[2] in PROTOCOLS for training in trainings):

@@ -156,7 +156,7 @@ def _through_a_door(
         raise
     except ModuleNotFoundError as error:
         raise _lacking(path, error) from error
-    except BaseException as error:  # an interrupt comes to the harness, not here
+    except (Exception, SystemExit) as error:
         raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
     raise PredictorError(
         f"{path} has no predictor: define predict(meshes), a class Predictor, "
@@ -242,8 +242,11 @@ def as_array(answer: Any) -> NDArray[Any]:
     except (ValueError, TypeError) as error:
         raise PredictorError(f"the answer is no array: {described(error)}") from error
     if array.dtype.hasobject and array.ndim == 0:
-        what = "None" if answer is None else f"an object of type {type(answer).__name__}"
-        raise PredictorError(f"predict returned {what}: end it with `return`, and an array")
+        if answer is None:
+            raise PredictorError("predict returned None: end it with `return`, and the eigenvalues")
+        raise PredictorError(
+            f"predict returned a {type(answer).__name__}, it must return an array of shape (B, k)"
+        )
     return array
 
 
@@ -288,7 +291,7 @@ def _module(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except ModuleNotFoundError as error:
         raise _lacking(path, error) from error
-    except BaseException as error:  # an interrupt comes to the harness, not here
+    except (Exception, SystemExit) as error:
         raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
     return module
 
@@ -324,7 +327,7 @@ def checked_meta(given: Mapping[Any, Any], path: Path) -> dict[str, str]:
             f"{path}: META has the unknown key {', '.join(unknown)}; "
             f"it may have {', '.join(META_KEYS)}{suggestion(unknown[0], META_KEYS)}"
         )
-    # Two ways to write the same letter are one: files' names come in either
+    # A letter with an accent may be one character or two: results hold the first
     meta = {key: unicodedata.normalize("NFC", str(value)) for key, value in given.items()}
     if not 1 <= len(meta["name"]) <= 80:
         raise PredictorError(f"{path}: META name must have 1 to 80 characters")
@@ -387,9 +390,11 @@ def _count(thing: Any) -> int:
 def described(error: BaseException, path: Path | None = None) -> str:
     """Return an error on one line; with a predictor's file, the innermost line of its author's."""
     try:
-        message = textwrap.shorten(str(error), LONGEST_MESSAGE, placeholder=" …")
+        message = " ".join(str(error).split())
     except Exception as another:  # noqa: BLE001 - its author's code
         message = f"its message cannot be read: {type(another).__name__}"
+    if len(message) > LONGEST_MESSAGE:
+        message = f"{message[:LONGEST_MESSAGE]} …"
     text = f"{type(error).__name__}: {message}" if message else type(error).__name__
     line = "" if path is None else _own_line(error, path.resolve())
     return f"{text} ({line})" if line else text

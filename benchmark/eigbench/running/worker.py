@@ -124,10 +124,10 @@ def _answer(loaded: predictor.Predictor, meshes: Sequence[Mesh], job: Job) -> ND
         answer = predictor.as_array(loaded.predict(meshes))
     except PredictorError:
         raise
-    except BaseException as error:  # an interrupt comes to the harness, not here
+    except (Exception, SystemExit, KeyboardInterrupt) as error:  # the harness ends it otherwise
         file, _ = predictor.split(Path(job.path))
         described = predictor.described(error, file)
-        hint = "; meshes are read-only: copy what you change" if "read-only" in str(error) else ""
+        hint = "; meshes are read-only: copy what you change" if "read-only" in described else ""
         raise PredictorError(f"the predictor failed: {described}{hint}") from error
     return predictor.checked(answer, len(meshes), job.k)
 

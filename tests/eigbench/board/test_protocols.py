@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 from eigbench.board import answer_figure, generalisation, leaderboard, page, ranking
 from eigbench.errors import EigbenchError, PredictorError, ResultError
-from eigbench.running.evaluate import Options, evaluate
+from eigbench.running.evaluate import Options, alone, evaluate
 from eigbench.running.process import PredictorProcess
 from eigbench.scoring import training, truth
-
-from synthnet.errors import BuildError
-from synthnet.store import files
 
 MESH = "## synthNet 2.0-mini: shapes unlike those of training, against the mesh"
 TRAINED = """
@@ -117,28 +114,30 @@ def test_what_is_not_trained_is_run_once_and_a_model_trained_for_itself_refused(
     labels = folded(mini_truth)
     code = predictor_file(UNTRAINED.replace("KIND", "classical"))
     assert (evaluate(code, labels, mini_meshes, Options(), tmp_path / "a").predictions == 1).all()
-    assert {path.name for path in (tmp_path / "a").iterdir()} == {"lock", "seed-0"}
+    assert {path.name for path in (tmp_path / "a").iterdir()} == {"seed-0"}
     code = predictor_file(UNTRAINED.replace("KIND", "learned"))
     message = "is learned, .* and the protocol grouped asks for a training of its own, 1.0-mini/1"
     with pytest.raises(PredictorError, match=message):
         evaluate(code, labels, mini_meshes, Options(), tmp_path / "b")
 
 
-def test_a_run_leaves_the_answers_of_another_alone(
-    predictor_file, mini_truth, mini_meshes, tmp_path
-):
-    code, labels = predictor_file(UNTRAINED.replace("KIND", "classical")), mini_truth.head(12)
-    parts = tmp_path / "parts"
+def test_a_run_leaves_the_answers_of_another_alone(eigbench, predictor_file, mini_home, tmp_path):
+    code = predictor_file(UNTRAINED.replace("KIND", "classical"))
+    parts = tmp_path / ".p.parquet.parts"
     kept = parts / "seed-0" / "000000.npz"
-    kept.parent.mkdir(parents=True)
-    kept.write_bytes(b"of another run")
-    with (
-        files.locked(parts / "lock", wait=False),
-        pytest.raises(BuildError, match=r"another run keeps its answers in \S+parts \(process \d+"),
-    ):
-        evaluate(code, labels, mini_meshes, Options(), parts)
-    assert kept.read_bytes() == b"of another run"
-    assert (evaluate(code, labels, mini_meshes, Options(), parts).predictions == 1).all()
+    command = ["predict", code, "--dataset", "1.0-mini", "--root", mini_home]
+    with alone(parts):
+        kept.parent.mkdir()
+        kept.write_bytes(b"of another run")
+        status, _, err = eigbench(*command, "--out", tmp_path / "p.parquet")
+        assert status == 2
+        assert re.search(r"another run keeps its answers in \S+parts \(process \d+\): wait", err)
+        assert kept.read_bytes() == b"of another run"
+    assert kept.exists()
+    kept.unlink()
+    with pytest.raises(KeyError), alone(parts):
+        raise KeyError
+    assert not parts.exists()  # nothing was answered
 
 
 @pytest.fixture(scope="module")

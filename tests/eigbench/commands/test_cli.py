@@ -52,7 +52,8 @@ def test_help_of_score_says_plainly_that_no_code_is_run(eigbench):
         (["evaluate", "m.py", "--batch-size", "0"], "must be at least 1, got 0"),
         (["evaluate", "m.py", "--limit", "-1"], "must be at least 1, got -1"),
         (["evaluate", "m.py", "--seeds", "two"], "invalid positive value: 'two'"),
-        (["evaluate", "m.py", "--device", "gpu"], "must be one of cpu, cuda, hpu"),
+        (["evaluate", "m.py", "--device", "cdua"], "must be one of cpu, cuda, gpu"),
+        (["evaluate", "m.py", "--device", "cuda:"], "with a number if need be (cuda:1), got"),
     ],
 )
 def test_wrong_arguments_exit_with_2(eigbench, arguments, message):

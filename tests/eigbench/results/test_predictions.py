@@ -266,29 +266,40 @@ def test_seed_that_is_no_integer_is_refused(split, values, suffix, seeds, tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("new", "message"),
     [
-        (",1.5,", ",0.1,1.5,", "line 3 has 12 fields and the header 11"),
-        (",1.5,", ",1,5,", "line 3 has 12 fields and the header 11"),  # a decimal comma
-        (",1.5,", ",", "line 3 has 10 fields and the header 11"),
-        (",1.5,", ",True,", "line 3: lambda_1 is 'True', it must be a number"),
-        (",1.5,", ',"1.5,', "line 3 has"),  # a quote that does not end
-        (",1.5,", ",1\x005,", "line 3"),
+        (",0.1,1.5,", "line 4 has 12 fields and the header 11"),
+        (",1,5,", "line 4 has 12 fields and the header 11"),  # a decimal comma
+        (",", "line 4 has 10 fields and the header 11"),
+        (",True,", "line 4: lambda_1 is 'True', it must be a number"),
+        (",1_0,", "line 4: lambda_1 is '1_0', it must be a number"),
+        (',"1.5,', "line 4 has 2 fields"),  # a quote that does not end
+        (",1\x005,", r"line 4 is no CSV: line contains NUL|line 4: lambda_1 is '1\\x005'"),
     ],
 )
-def test_row_of_a_csv_file_that_is_not_as_its_header_is_named(split, old, new, message, tmp_path):
+def test_row_of_a_csv_file_that_is_not_as_its_header_is_named(split, new, message, tmp_path):
     path = save(tmp_path / "p.csv", split.ids, np.tile(np.arange(1, 11) + 0.5, (20, 1)))
     head, first, second, *others = path.read_text().splitlines()
-    assert second.count(old) == 1
-    path.write_text("\n".join([head, "", first, second.replace(old, new), *others]))
-    with pytest.raises(PredictionsError, match=message.replace("line 3", "line 4")):
+    assert second.count(",1.5,") == 1
+    changed = second.replace(",1.5,", new)
+    path.write_text("\n".join([head, " ", first, changed, *others]))
+    with pytest.raises(PredictionsError, match=f"cannot be read: ({message})"):
         predictions.read(path, split)
 
 
-def test_an_eigenvalue_that_pandas_left_empty_is_nan(split, values, tmp_path):
+def test_row_of_a_csv_file_of_commas_alone_is_refused(split, values, tmp_path):
+    path = save(tmp_path / "p.csv", split.ids, values)
+    path.write_text(path.read_text() + ",,\n")
+    with pytest.raises(PredictionsError, match="line 22 has 3 fields and the header 11"):
+        predictions.read(path, split)
+
+
+@pytest.mark.parametrize("word", ["", "nan", "NA", "null"])
+def test_an_eigenvalue_that_is_missing_is_nan(split, values, word, tmp_path):
     values[3, 4] = np.nan
     path = save(tmp_path / "p.csv", split.ids, values)
-    assert ",," in path.read_text()
+    assert path.read_text().count(",,") == 1  # as pandas writes it
+    path.write_text(path.read_text().replace(",,", f",{word},"))
     np.testing.assert_array_equal(predictions.read(path, split)[0], values)
 
 

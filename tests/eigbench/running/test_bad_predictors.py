@@ -96,6 +96,11 @@ CASES = {
         "def predict(meshes): raise KeyboardInterrupt",
         "the predictor failed: KeyboardInterrupt (my_model.py:11: in predict",
     ),
+    "raises what cannot be said": (
+        "class Silent(Exception):\n    def __str__(self): raise KeyError\n"
+        "def predict(meshes): raise Silent",
+        "the predictor failed: Silent: its message cannot be read: KeyError",
+    ),
     "exits": ("def predict(meshes): sys.exit(0)", "SystemExit: 0"),
     "fails in a function of its own": (
         "def predict(meshes):\n    return [helper(m) for m in meshes]\n"
