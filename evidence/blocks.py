@@ -94,6 +94,7 @@ BLOCKS = {
     "dataset-card-2.1/sizes": Block(("shapes-2.1",), shapes.size_table),
     "dataset-card-2.1/rejections": Block(("shapes-2.1",), shapes.rejections),
     "dataset-card-2.1/splits": Block(("shapes-2.1",), shapes.split_table),
+    "dataset-card-2.1/real": Block((), real_sets.more_families),
     "dataset-card-2.0/folds": Block(("folds-2.0",), folds.table),
     "faults/claim": Block(("faults",), faults.claim, inline=True),
     "faults/faults": Block(("faults",), faults.table),

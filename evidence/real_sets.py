@@ -12,10 +12,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+from eigbench.scoring.training import untrained
+
 from evidence import BASELINES, ROOT, markdown
 
 BOARD = ROOT / "benchmark" / "results" / "2.0-test-imported-real-28"
 SETS = ("real-28", "pypi-246")
+VERSIONS = ("2.0", "2.1")
 PREDICTORS = (
     *("exact", "multilevel", "ritz_mlp", "curved", "kriging", "ritz_mlp_surface"),
     *("lumped", "weyl", "gcn_scale_free", "mean"),
@@ -81,6 +84,22 @@ def table(data: dict) -> str:
         for row in data["rows"]
     ]
     return markdown.table(headers, rows, "llr")
+
+
+def more_families() -> str:
+    """Return the errors on both sets of models trained on 2.0, and of the same trained on 2.1."""
+    boards = [(name, version) for name in SETS for version in VERSIONS]
+    results = [by_code(BOARD.with_name(f"{version}-test-imported-{n}")) for n, version in boards]
+    trained = [code for code, row in results[-1].items() if not untrained(row["model"])]
+    if not trained:
+        raise ValueError(f"no trained model is on the board of {boards[-1]}: run its rows")
+    rows = []
+    for code in trained:
+        found = [board[code] for board in results]
+        errors = [result["scores"]["mesh"]["overall"]["rpd"]["mean"] for result in found]
+        rows.append([found[0]["model"]["name"], *(f"{error:.4f}" for error in errors)])
+    headers = [f"{name}: trained on {version}" for name, version in boards]
+    return markdown.table(["model", *headers], rows, "l" + "r" * len(boards))
 
 
 def cells(values: dict[str, float]) -> list[str]:

@@ -30,6 +30,7 @@ LINES = {
     ),
     "synthnet.loaders.pyg": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
     "synthnet.loaders.gradients": "synthnet.torch needs PyTorch: pip install 'synthnet[torch]'",
+    "synthnet.loaders.fingerprint": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
     "synthnet.loaders.transformed": "synthnet.pyg needs PyTorch: pip install 'synthnet[torch]'",
     "synthnet.pictures.draw": "drawing needs Matplotlib: pip install 'synthnet[pictures]'",
     "synthnet.pictures.gallery": "drawing needs Matplotlib: pip install 'synthnet[pictures]'",
