@@ -121,7 +121,7 @@ def _tensor_parts(tensor: torch.Tensor) -> list[Any]:
     """Return what a tensor consists of; its dtype may be one that NumPy does not know."""
     tensor = tensor.detach().cpu().resolve_conj().resolve_neg()
     if tensor.layout is not torch.strided:
-        entries = tensor.to_sparse_coo().coalesce()
+        entries = tensor.to_sparse(layout=torch.sparse_coo).coalesce()
         return [entries.indices(), entries.values(), tuple(tensor.shape), str(tensor.layout)]
     content = tensor.contiguous().flatten().view(torch.uint8).numpy()
     return [str(tensor.dtype), tuple(tensor.shape), content]
