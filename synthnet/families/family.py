@@ -205,7 +205,7 @@ class Family:
         for name, least in self.least.items():
             value = parameters[name]
             if isinstance(least, Choice):
-                if not isinstance(value, str) or value not in least.names:
+                if value not in least.names:
                     names = ", ".join(least.names)
                     raise ValueError(f"{self.name}: {name} must be one of {names}, got {value!r}")
                 arguments[name] = value

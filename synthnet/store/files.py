@@ -158,13 +158,7 @@ def make_in_place(
 
 
 @contextmanager
-def locked(
-    path: Path,
-    *,
-    wait: bool,
-    taken: str = BUSY,
-    needed: bool = True,
-) -> Iterator[None]:
+def locked(path: Path, *, wait: bool, taken: str = BUSY, needed: bool = True) -> Iterator[None]:
     """Hold the lock of a file, which says who holds it.
 
     The kernel gives the lock back when its process ends, however that is. Of a process on another
@@ -185,7 +179,7 @@ def locked(
     ------
     BuildError
         If another process holds it and ``wait`` is false, the file is another user's, or the
-        file system has no locks.
+        file system has no locks and they are needed.
     """
     directory, elsewhere = path.parent, "choose another --out or $SYNTHNET_HOME"
     lock = filelock.FileLock(path, fallback_to_soft=False)

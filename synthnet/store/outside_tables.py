@@ -247,13 +247,17 @@ def _check_record(
             "separated by commas, decimals by a point"
         )
     for name, field in zip(header, record, strict=True):
-        if name in numbers and field not in MISSING:
-            try:
-                float(field if field.isascii() and "_" not in field else "no number")
-            except ValueError:
-                raise OutsideError(
-                    f"{where}: {name} is {field[:60]!a}, it must be a number"
-                ) from None
+        if name in numbers and field not in MISSING and not _is_number(field):
+            raise OutsideError(f"{where}: {name} is {field[:60]!a}, it must be a number")
+
+
+def _is_number(text: str) -> bool:
+    """Return whether a text is a number to Python and to pandas, which knows fewer."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return text.isascii() and "_" not in text
 
 
 def _check_line(line: bytes) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -107,7 +106,6 @@ def run_evaluate(options: argparse.Namespace) -> int:
             directory, "evaluate", result["model"]["name"], result["predictions"]["sha256"]
         )
         results.write(out, result)
-        shutil.rmtree(parts, ignore_errors=True)
     if options.json:
         print(json.dumps(result, indent=1))
     else:

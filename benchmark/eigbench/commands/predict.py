@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import fields
@@ -128,7 +127,6 @@ def predict(options: argparse.Namespace) -> int:
     with alone(parts):
         evaluation = answers(options.predictor, labels, dataset, settings, parts)
         predictions.write(out, labels, evaluation.predictions)
-        shutil.rmtree(parts, ignore_errors=True)
     cost = record.cost(evaluation, settings)
     if options.json:
         facts = {

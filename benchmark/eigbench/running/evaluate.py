@@ -89,7 +89,9 @@ class Evaluation:
 
 @contextlib.contextmanager
 def alone(parts: Path) -> Iterator[None]:
-    """Keep other runs from a directory of answers, which is removed at the end if it has none.
+    """Keep other runs from a directory of answers, which goes when all is done or none was given.
+
+    Of what ends early, the answers stay: a run with ``resume`` goes on from them.
 
     Raises
     ------
@@ -98,10 +100,12 @@ def alone(parts: Path) -> Iterator[None]:
     """
     files.make_directory(parts)
     with files.locked(parts / LOCK, wait=False, taken=BUSY, needed=False):
+        done = False
         try:
             yield
+            done = True
         finally:
-            if not any(parts.glob("*/*.npz")):  # nothing is lost
+            if done or not any(parts.glob("*/*.npz")):  # nothing is lost
                 shutil.rmtree(parts, ignore_errors=True)
 
 
