@@ -53,6 +53,7 @@ SEEDS = {  # how many seeds each row's predictor has
     "multilevel_masses": 1,
     "reproduction:table2_alg_virtual_long": 1,
     "gcn_scale_free": 1,
+    "patch_transformer": 1,
 }
 TRAINED = (  # on the set they are asked for
     "mean",
@@ -64,7 +65,7 @@ TRAINED = (  # on the set they are asked for
     "spectrum_mlp",
     "multilevel_masses",
 )
-ONLY = {"gcn_scale_free": "2.0"}  # it is trained on that alone
+ONLY = {"gcn_scale_free": "2.0", "patch_transformer": "2.0"}  # they are trained on that alone
 SOME = {  # most meshes of 2.1 are those of 2.0: what can say something new is run on it
     "2.1": (
         *("mean", "weyl", "exact", "certified", "two_masses", "curved", "multilevel"),
@@ -85,12 +86,9 @@ NOT_RUN = {  # a test holds this list to what lies on the boards
         *("lapy_cholmod", "two_masses", *ELEMENTS, "curved"),
         "reproduction:table2_alg_virtual_long",
         *("kriging", "ritz_mlp_surface", "spectrum_mlp", "multilevel_masses"),
+        "patch_transformer",
     ),
     "2.0/imported/pypi-246": ELEMENTS,  # they certify what they compute, and cannot on needles
-    **dict.fromkeys(
-        (f"2.1/{protocol}" for protocol in ("grouped", *IMPORTED)),
-        ("certified", "two_masses", "curved", "multilevel"),
-    ),
 }
 BOARDS = (
     *(f"{version}/{protocol}" for version, some in PROTOCOLS.items() for protocol in some),

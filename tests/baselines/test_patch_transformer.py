@@ -1,0 +1,112 @@
+"""The transformer on patches of points: what it sees of a mesh, and how it is trained."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from baselines import patch_network, train_patch_transformer
+from baselines.train_patch_transformer import Clouds, error, shown, train
+from evidence import baseline
+from synthnet.families import FAMILIES
+from synthnet.types import Mesh
+
+SIDES = ("width", "height", "depth")
+
+
+def box() -> Mesh:
+    shape = dict(zip(SIDES, (1.0, 0.6, 1.7), strict=True), subdivisions=3)
+    return FAMILIES["rectangular_prism"].generate(shape)
+
+
+def rotation() -> np.ndarray:
+    return np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+
+
+def test_points_are_spread_by_area_over_the_faces_whose_normals_they_have() -> None:
+    area, points = patch_network.cloud(box())
+    assert area == pytest.approx(2 * (0.6 + 1.7 + 1.02))
+    assert points.shape == (patch_network.KEPT, 6)
+    # In the principal axes, the longest side last; at area 1, times SIZE.
+    sides = np.array([0.6, 1.0, 1.7])
+    half = sides * patch_network.SIZE / area**0.5 / 2
+    axis = np.abs(points[:, 3:]).argmax(axis=1)
+    assert np.abs(points[:, 3:]).max(axis=1) == pytest.approx(1, abs=1e-3)
+    rows = np.arange(len(points))
+    assert np.abs(points[rows, axis]) == pytest.approx(half[axis], abs=0.01)
+    assert (points[rows, axis] * points[rows, 3 + axis] > 0).all()  # normals point outwards
+    shares = 2 * sides.prod() / sides / area
+    assert np.bincount(axis) / len(points) == pytest.approx(shares, abs=0.002)
+
+
+def test_points_do_not_depend_on_size_place_and_turn_but_for_mirrors() -> None:
+    mesh = box()
+    moved = Mesh(3.0 * mesh.vertices @ rotation() + [5.0, 0.0, -2.0], mesh.faces)
+    (area, points), (larger, others) = patch_network.cloud(mesh), patch_network.cloud(moved)
+    assert larger == pytest.approx(9 * area)
+    signs = np.sign((points[:, :3] * others[:, :3]).sum(axis=0))
+    assert others[:, :3] * signs == pytest.approx(points[:, :3], abs=1e-4)
+
+
+def test_each_centre_is_the_farthest_point_from_those_before_it() -> None:
+    points = torch.randn(2, 50, 3, generator=torch.Generator().manual_seed(0))
+    chosen = patch_network.far_apart(points, 12)
+    assert chosen[:, 0].tolist() == [0, 0]
+    for cloud, mine in zip(points, chosen, strict=True):
+        for number in range(1, 12):
+            nearest = torch.cdist(cloud, cloud[mine[:number]]).min(dim=1).values
+            assert nearest[mine[number]] == nearest.max()
+
+
+def test_shown_points_are_those_kept_mirrored_with_their_normals() -> None:
+    torch.manual_seed(0)
+    _, points = patch_network.cloud(box())
+    both = torch.from_numpy(np.stack([points, points]))
+    seen = shown(both)
+    assert seen.shape == (2, patch_network.SHOWN, 6)
+    assert (seen[0] != seen[1]).any()
+    exactly = "donot_use_mm_for_euclid_dist"
+    distances = torch.cdist(seen[0].abs(), both[0].abs(), compute_mode=exactly).min(dim=1).values
+    assert distances.max() < 1e-6
+    outwards = (seen[..., :3] * seen[..., 3:]).sum(dim=-1)
+    assert (outwards > 0).all()
+
+
+def boxes(count: int) -> Clouds:
+    """Random boxes with the spectra of their surfaces."""
+    sides = np.random.default_rng(0).uniform(0.3, 3.0, size=(count, 3)).tolist()
+    shapes = [dict(zip(SIDES, side, strict=True), subdivisions=0) for side in sides]
+    family = FAMILIES["rectangular_prism"]
+    seen = [patch_network.cloud(family.generate(shape)) for shape in shapes]
+    areas, points = zip(*seen, strict=True)
+    return Clouds(
+        torch.from_numpy(np.stack(points)),
+        torch.tensor(areas, dtype=torch.float64),
+        torch.from_numpy(np.stack([family.limit_spectrum(shape).eigenvalues for shape in shapes])),
+    )
+
+
+def test_training_learns_the_spectra_of_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (patch_network, train_patch_transformer):
+        monkeypatch.setattr(module, "SHOWN", 128)
+    monkeypatch.setattr(patch_network, "PATCHES", 16)
+    monkeypatch.setattr(train_patch_transformer, "BATCH", 16)
+    clouds = boxes(96)
+    model, errors = train(clouds, clouds, 20, 0)
+    assert len(errors) == 20
+    model.scale[:] = 0  # its answer is the mean, whatever the shape
+    assert errors[-1] < 0.6 * error(model, clouds)
+
+
+def test_the_row_answers_for_a_sphere_of_any_size() -> None:
+    row = baseline("patch_transformer").load("cpu", 0, "2.0/grouped")
+    sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 20})
+    small, large = row.predict([sphere, Mesh(10.0 * sphere.vertices, sphere.faces)])
+    assert large == pytest.approx(small / 100, rel=1e-5)
+    assert small == pytest.approx(np.repeat([2.0, 6.0, 12.0], [3, 5, 2]), rel=0.1)
+
+
+def test_another_training_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match=r"has no 1\.0/grouped/0, only 2\.0/grouped/0"):
+        baseline("patch_transformer").load("cpu", 0, "1.0/grouped")
