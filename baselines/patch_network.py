@@ -1,9 +1,13 @@
 """The network of `patch_transformer.py`: points of a mesh in patches, mixed by a transformer."""
 
+import json
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
+from safetensors import safe_open
 from torch import Tensor, nn
 
 from synthnet import Mesh
@@ -13,8 +17,8 @@ COUNT = 10  # eigenvalues
 KEPT, SHOWN = 2048, 512  # points of a mesh, and how many of them the network sees at a time
 PATCHES, NEAREST = 64, 16  # patches, and points in each
 WIDTH, DEPTH, HEADS = 128, 4, 4
-VIEWS = 4  # random halves of a quarter of the points, over which answers are averaged
-SIZE = 4.0  # units of length in the square root of an area
+SIZE = 4.0  # square root of the area that surfaces are scaled to
+HALF_TURNS = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))  # about principal axes: signs
 
 
 def cloud(mesh: Mesh) -> tuple[float, np.ndarray]:
@@ -25,12 +29,19 @@ def cloud(mesh: Mesh) -> tuple[float, np.ndarray]:
     float
         In length².
     ndarray of shape (2048, 6), float32
-        Points x, y, z, spread evenly by area, and unit normals; at area 1, times 4.
+        Points x, y, z of the surface at area 16, spread evenly, and unit normals.
+
+    Raises
+    ------
+    ValueError
+        If the mesh has no area.
     """
     areas = face_areas(mesh)
     area = float(areas.sum())
+    if not area > 0:
+        raise ValueError("the mesh has no area")
     numbers = np.arange(KEPT) + 0.5
-    faces = np.searchsorted(np.cumsum(areas), numbers * (area / KEPT)).clip(max=len(areas) - 1)
+    faces = np.searchsorted(np.cumsum(areas), numbers * (area / KEPT))
     corners = mesh.vertices.astype(np.float64)[mesh.faces[faces]]
     u, v = (numbers * 0.7548776662466927 % 1)[:, None], (numbers * 0.5698402909980532 % 1)[:, None]
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
@@ -64,12 +75,12 @@ def far_apart(points: Tensor, count: int) -> Tensor:
 
 
 class PatchTransformer(nn.Module):
-    """The network: from clouds to the logarithms of factors to Weyl's law, standardised."""
+    """The network: from clouds to the logarithms of the multiples of Weyl's law."""
 
     def __init__(self) -> None:
         super().__init__()
         self.patch = nn.Sequential(nn.Linear(6, 64), nn.GELU(), nn.Linear(64, WIDTH))
-        self.place = nn.Sequential(nn.Linear(6, WIDTH), nn.GELU(), nn.Linear(WIDTH, WIDTH))
+        self.position = nn.Sequential(nn.Linear(6, WIDTH), nn.GELU(), nn.Linear(WIDTH, WIDTH))
         layer = nn.TransformerEncoderLayer(
             *(WIDTH, HEADS, 2 * WIDTH),
             dropout=0.0,
@@ -93,7 +104,7 @@ class PatchTransformer(nn.Module):
         patches = clouds[rows[..., None], nearest]
         offsets = 8 * (patches[..., :3] - centres[:, :, None, :3])
         patches = torch.cat([offsets, patches[..., 3:]], dim=-1)
-        tokens = self.patch(patches).amax(dim=2) + self.place(centres)
+        tokens = self.patch(patches).amax(dim=2) + self.position(centres)
         tokens = self.mix(tokens)
         pooled = torch.cat([tokens.mean(dim=1), tokens.amax(dim=1)], dim=1)
         return self.mean + self.scale * self.answer(self.norm(pooled))
@@ -105,7 +116,23 @@ def weyl(areas: Tensor) -> Tensor:
 
 
 def views(clouds: Tensor) -> Iterator[Tensor]:
-    """Yield different points of clouds of shape (B, 2048, 6), always the same ones."""
+    """Yield four quarters of the points of clouds of shape (B, 2048, 6), each half turned its way.
+
+    They are the same ones at each call. Principal axes have no sign, so a mesh that is turned may
+    come with any of these half turns; answers from all of them are averaged.
+    """
     order = torch.randperm(KEPT, generator=torch.Generator().manual_seed(0))
-    for chosen in order.split(SHOWN)[:VIEWS]:
-        yield clouds[:, chosen]
+    for chosen, signs in zip(order.split(SHOWN), HALF_TURNS, strict=True):
+        yield clouds[:, chosen] * torch.tensor([*signs, *signs], dtype=clouds.dtype)
+
+
+def answers(logs: Tensor, areas: Tensor) -> np.ndarray:
+    """Return ascending eigenvalues, (B, 10), from the network's logarithms and areas, (B,)."""
+    return (weyl(areas) * logs.double().exp()).sort(dim=1).values.numpy()
+
+
+def read_weights(path: Path) -> tuple[dict[str, Tensor], dict[str, dict[str, Any]]]:
+    """Return the tensors of all trainings, and of each what is known, by training set and seed."""
+    with safe_open(path, framework="pt") as file:
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        return tensors, json.loads(file.metadata()["trainings"])

@@ -23,11 +23,18 @@ from eigbench.running.record import hardware
 from eigbench.scoring import truth
 from eigbench.scoring.training import training_set
 from rich.progress import track
-from safetensors import safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from baselines.patch_network import SHOWN, PatchTransformer, cloud, views, weyl
+from baselines.patch_network import (
+    SHOWN,
+    PatchTransformer,
+    answers,
+    cloud,
+    read_weights,
+    views,
+    weyl,
+)
 from synthnet import recipe, store
 from synthnet.store import pins
 from synthnet.store.files import write_bytes
@@ -44,7 +51,7 @@ class Clouds:
     Parameters
     ----------
     points : Tensor of shape (n, 2048, 6), float32
-        What :func:`patch_transformer.cloud` makes.
+        What :func:`patch_network.cloud` makes.
     areas : Tensor of shape (n,), float64
         In length².
     limits : Tensor of shape (n, 10), float64
@@ -67,11 +74,13 @@ def read(dataset: str, protocol: str, splits: Sequence[str]) -> list[Clouds]:
         for number, split in enumerate(splits)
         for shape in truth.load(VERSION, split, protocol).shapes
     }
-    limits = pins.read_limits(VERSION)
+    limits, pinned = pins.read_limits(VERSION), pins.read(VERSION)
     found: list[list[tuple[float, np.ndarray, np.ndarray]]] = [[] for _ in splits]
     for path in track(store.open_dataset(dataset).paths(), "points"):
         for sample in store.read_samples(path):
             if (number := wanted.pop(sample.spec.id, None)) is not None:
+                if pins.digest(sample) != pinned[sample.spec.id].digest:
+                    raise ValueError(f"{sample.spec.id} of {dataset} is not that of {VERSION}")
                 found[number].append((*cloud(sample.mesh), limits[sample.spec.id].eigenvalues))
     if wanted:
         raise ValueError(f"{dataset} lacks {next(iter(wanted))}: build {VERSION}")
@@ -94,10 +103,9 @@ def error(model: PatchTransformer, clouds: Clouds) -> float:
     """Return the mean RPD of a network's answers from one view of each cloud."""
     model.eval()
     parts = [next(views(points)) for points in clouds.points.split(BATCH)]
-    logs = torch.cat([model(part) for part in parts]).double()
-    answers = (weyl(clouds.areas) * logs.exp()).sort(dim=1).values
+    values = answers(torch.cat([model(part) for part in parts]), clouds.areas)
     model.train()
-    return float(relative_percent_difference(answers.numpy(), clouds.limits.numpy()).mean())
+    return float(relative_percent_difference(values, clouds.limits.numpy()).mean())
 
 
 def train(clouds: Clouds, check: Clouds, epochs: int, seed: int) -> tuple[PatchTransformer, list]:
@@ -126,13 +134,19 @@ def train(clouds: Clouds, check: Clouds, epochs: int, seed: int) -> tuple[PatchT
     return model, errors
 
 
-def earlier() -> tuple[dict[str, Tensor], dict[str, dict[str, object]]]:
-    """Return the weights of the trainings before this one, and what is known of them."""
-    if not WEIGHTS.exists():
-        return {}, {}
-    with safe_open(WEIGHTS, framework="pt") as file:
-        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        return tensors, json.loads(file.metadata()["trainings"])
+def protocols() -> list[str]:
+    """Return the names of all trainings."""
+    known = (recipe.load(VERSION).protocols or {}).values()
+    return ["grouped", *(fold.name for folds in known for fold in folds)]
+
+
+def keep(path: Path, name: str, model: PatchTransformer, record: dict[str, object]) -> None:
+    """Put the weights of a training into a file, in half precision, beside those of others."""
+    tensors, records = read_weights(path) if path.exists() else ({}, {})
+    for key, tensor in model.state_dict().items():
+        whole = key in ("mean", "scale")  # every answer is off by their rounding
+        tensors[f"{name}.{key}"] = tensor if whole else tensor.half()
+    write_bytes(path, save(tensors, {"trainings": json.dumps({**records, name: record})}))
 
 
 def main() -> None:
@@ -140,22 +154,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    known = [name for name in recipe.load(VERSION).protocols or {} if name != "family"]
-    parser.add_argument("--protocol", default="grouped", choices=["grouped", *known])
+    parser.add_argument("--protocol", default="grouped", choices=protocols(), metavar="PROTOCOL")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--epochs", type=int, default=EPOCHS)
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--dataset", default=VERSION, help="a built one with all meshes of 2.0")
+    parser.add_argument(
+        "--dataset", default=VERSION, help="a built dataset with all meshes of 2.0, as 2.1"
+    )
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
     clouds, check = read(options.dataset, options.protocol, ("train", "validation"))
     started = time.perf_counter()
     model, errors = train(clouds, check, options.epochs, options.seed)
     minutes = (time.perf_counter() - started) / 60
-    tensors, records = earlier()
     name = f"{training_set(VERSION, options.protocol)}/{options.seed}"
-    tensors |= {f"{name}.{key}": tensor.half() for key, tensor in model.state_dict().items()}
-    records[name] = {
+    record = {
         "epochs": options.epochs,
         "meshes": len(clouds),
         "minutes": round(minutes, 1),
@@ -163,7 +176,7 @@ def main() -> None:
         "hardware": hardware(),
         "rpd": errors,
     }
-    write_bytes(WEIGHTS, save(tensors, {"trainings": json.dumps(records)}))
+    keep(WEIGHTS, name, model, record)
     print(f"{name}: {minutes:.0f} min, RPD {errors[-1]:.4f} on validation")
 
 
