@@ -4,6 +4,7 @@ VENV ?= .venv
 PYTHON ?= python3
 DATASET ?= 1.0-mini
 PAGE ?= page
+SITE ?= site
 # Where the project is published, https://HOST/OWNER/NAME: the site then links to code there.
 export REPOSITORY ?=
 
@@ -41,9 +42,9 @@ lint: $(STAMP) ## check style and formatting
 types: $(STAMP) ## check the types
 	$(VENV)/bin/python -m mypy
 
-docs: $(STAMP) bundle ## build documentation and leaderboard into site/; a broken link fails
-	$(VENV)/bin/python -m sphinx --quiet --fail-on-warning --keep-going -j auto -c docs . site
-	$(VENV)/bin/eigbench site --out site/board --docs "../docs/{}.html" $(if $(REPOSITORY),--code "$(REPOSITORY)/blob/main/{}")
+docs: $(STAMP) bundle ## build documentation and leaderboard into SITE (site/); a broken link fails
+	$(VENV)/bin/python -m sphinx --quiet --fail-on-warning --keep-going -j auto -c docs . $(SITE)
+	$(VENV)/bin/eigbench site --out $(SITE)/board --docs "../docs/{}.html" $(if $(REPOSITORY),--code "$(REPOSITORY)/blob/main/{}")
 
 bench: $(STAMP) ## measure solver, building, harness and network, each against a peer
 	$(VENV)/bin/python -m evidence measure solver --out -

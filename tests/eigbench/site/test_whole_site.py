@@ -1,5 +1,6 @@
 """The whole site, documentation and board as `make docs` puts them together, in a browser."""
 
+import os
 import re
 import subprocess
 import sys
@@ -24,8 +25,16 @@ SOURCES = "_modules"  # pages of code, all by one template: one of them stands f
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory, real_board, bundled):
-    """The site, as the Makefile makes it."""
+def site(request, tmp_path_factory):
+    """The site, as the Makefile makes it.
+
+    Or, where ``SYNTHNET_TEST_SITE`` names its directory, what `make docs` has made of this very
+    checkout.
+    """
+    if ready := os.environ.get("SYNTHNET_TEST_SITE"):
+        return Path(ready)
+    request.getfixturevalue("bundled")
+    real_board = request.getfixturevalue("real_board")
     out = tmp_path_factory.mktemp("site")
     sphinx = [sys.executable, "-m", "sphinx", "--quiet", "--fail-on-warning", "-j", "auto"]
     subprocess.run([*sphinx, "-c", "docs", ".", str(out)], cwd=CHECKOUT, check=True)
