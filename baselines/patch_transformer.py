@@ -47,7 +47,7 @@ def meta() -> dict[str, str]:
 META = meta()
 
 
-class Predictor:
+class Trained:
     """The network of one training."""
 
     def __init__(self, model: PatchTransformer) -> None:
@@ -68,7 +68,7 @@ class Predictor:
         return answers(logs, torch.tensor(areas, dtype=torch.float64))
 
 
-def load(device: str, seed: int, training: str = "2.0/grouped") -> Predictor:
+def load(device: str, seed: int, training: str = "2.0/grouped") -> Trained:
     """Return the network, on the CPU, trained on what the protocol of a training set leaves of 2.0.
 
     It is trained on no other version, and no mesh of 1.0 is in 2.0.
@@ -83,4 +83,4 @@ def load(device: str, seed: int, training: str = "2.0/grouped") -> Predictor:
     model.load_state_dict(
         {key.removeprefix(start): t.float() for key, t in tensors.items() if key.startswith(start)}
     )
-    return Predictor(model)
+    return Trained(model)

@@ -7,11 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from eigbench.errors import PredictorError
+from eigbench.running import predictor
+from eigbench.running.predictor import Predictor
 
 from baselines import patch_network, train_patch_transformer
 from baselines.patch_network import PatchTransformer
 from baselines.train_patch_transformer import Clouds, error, keep, shown, train
-from evidence import baseline
+from evidence import BASELINES, baseline
 from synthnet.families import FAMILIES
 from synthnet.types import Mesh
 
@@ -139,24 +142,29 @@ def test_weights_are_kept_beside_those_of_other_trainings(tmp_path: Path) -> Non
         assert torch.equal(tensors[f"{name}.mean"], model.mean)
 
 
-def test_the_row_answers_for_a_sphere_of_any_size() -> None:
-    row = baseline("patch_transformer").load("cpu", 0, "2.0/grouped")
+@pytest.fixture(scope="module")
+def row() -> Predictor:
+    """The row as the harness loads it."""
+    return predictor.load(BASELINES / "patch_transformer.py", training="2.0/grouped")
+
+
+def test_the_row_answers_for_a_sphere_of_any_size(row: Predictor) -> None:
     sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 20})
     small, large = row.predict([sphere, Mesh(10.0 * sphere.vertices, sphere.faces)])
     assert large == pytest.approx(small / 100, rel=1e-5)
     assert small == pytest.approx(np.repeat([2.0, 6.0, 12.0], [3, 5, 2]), rel=0.1)
+    assert row.parameters == 590_794
 
 
-def test_answers_do_not_depend_on_the_batch() -> None:
-    row = baseline("patch_transformer").load("cpu", 0, "2.0/grouped")
+def test_answers_do_not_depend_on_the_batch(row: Predictor) -> None:
     sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 20})
-    assert row.predict([]).shape == (0, 10)
     both = row.predict([box(), sphere])
     assert both[1] == pytest.approx(row.predict([sphere])[0], rel=1e-5)
+    assert baseline("patch_transformer").load("cpu", 0).predict([]).shape == (0, 10)
 
 
 def test_another_training_is_refused_by_name() -> None:
-    load = baseline("patch_transformer").load
-    assert load("cpu", 0, "1.0/grouped")  # no mesh of 1.0 is in 2.0
-    with pytest.raises(ValueError, match=r"has no 2\.0/paper/0, only 2\.0/grouped/0"):
-        load("cpu", 0, "1.0/paper")
+    file = BASELINES / "patch_transformer.py"
+    assert predictor.load(file, training="1.0/grouped")  # no mesh of 1.0 is in 2.0
+    with pytest.raises(PredictorError, match=r"has no 2\.0/paper/0, only 2\.0/grouped/0"):
+        predictor.load(file, training="1.0/paper")
