@@ -100,7 +100,7 @@ BLOCKS = {
     "faults/faults": Block(("faults",), faults.table),
     "import/packages": Block(("packages",), packages.table),
     "import/labelled": Block(("packages",), packages.claim, inline=True),
-    "import/real-sets": Block(("real-sets",), real_sets.table),
+    "import/real-sets": Block((), real_sets.table),
     "labels/solver-claim": Block(("solver",), solver.claim, inline=True),
     "labels/solver": Block(("solver",), solver.table),
     "labels/start": Block(("start",), start.claim, inline=True),

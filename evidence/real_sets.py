@@ -1,60 +1,25 @@
-"""How predictors do on the two sets of real meshes, real-28 and pypi-246, against their labels.
-
-Scores on real-28 are those of the board. On pypi-246 a predictor is evaluated if the results of
-`python -m baselines.rows --run --board 2.0/imported/pypi-246`, or of an earlier measurement, lack
-it: a minute or two each. The set has to be imported (docs/import.md).
-"""
+"""How predictors do on the two sets of real meshes, real-28 and pypi-246, by the boards."""
 
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 from eigbench.scoring.training import untrained
 
-from evidence import BASELINES, ROOT, markdown
+from evidence import ROOT, markdown
 
-BOARD = ROOT / "benchmark" / "results" / "2.0-test-imported-real-28"
 SETS = ("real-28", "pypi-246")
 VERSIONS = ("2.0", "2.1")
 PREDICTORS = (
     *("exact", "multilevel", "ritz_mlp", "curved", "kriging", "ritz_mlp_surface"),
-    *("lumped", "weyl", "gcn_scale_free", "mean"),
+    *("lumped", "weyl", "patch_transformer", "gcn_scale_free", "mean"),
 )
 
 
-def measure(*, results: str = "runs/rows/2.0-imported-pypi-246") -> dict:
-    """Return a row a predictor, in the order of its mean RPD on the larger set.
-
-    Parameters
-    ----------
-    results
-        Where the results on the larger set are, or are to be kept.
-    """
-    for code in PREDICTORS:
-        evaluate(code, Path(results) / f"{code}.json")
-    there = dict(zip(SETS, (by_code(BOARD), by_code(Path(results))), strict=True))
-    shapes = {
-        name: next(iter(found.values()))["dataset"]["shapes"] for name, found in there.items()
-    }
-    rows = []
-    for code in PREDICTORS:
-        found = {name: there[name][f"{code}.py"] for name in SETS}
-        model = found[SETS[1]]["model"]
-        sets = {name: scores(found[name], shapes[name]) for name in SETS}
-        rows.append({"code": code, "name": model["name"], "kind": model["kind"], "sets": sets})
-    return {"shapes": shapes, "rows": sorted(rows, key=lambda row: row["sets"][SETS[1]]["rpd"])}
-
-
-def evaluate(code: str, out: Path) -> None:
-    """Evaluate a predictor on the larger set, unless its result is there."""
-    if not out.exists():
-        out.parent.mkdir(parents=True, exist_ok=True)
-        command = [sys.executable, "-m", "eigbench", "evaluate", str(BASELINES / f"{code}.py")]
-        command += ["--dataset", "2.0", "--protocol", f"imported/{SETS[1]}", "--no-reference"]
-        subprocess.run([*command, "--batch-size", "50", "--out", str(out)], check=True)
+def board(version: str, name: str) -> dict[str, dict]:
+    """Return the results of a version's models on a set, by the names of their files."""
+    return by_code(ROOT / "benchmark" / "results" / f"{version}-test-imported-{name}")
 
 
 def by_code(folder: Path) -> dict[str, dict]:
@@ -73,29 +38,32 @@ def scores(result: dict, shapes: int) -> dict[str, float]:
     }
 
 
-def table(data: dict) -> str:
-    """Return a row a predictor, with columns of both sets."""
-    first, second = SETS
+def table() -> str:
+    """Return a row a predictor trained on 2.0 or on nothing, with columns of both sets."""
+    boards = {name: board("2.0", name) for name in SETS}
+    shapes = {name: found["exact.py"]["dataset"]["shapes"] for name, found in boards.items()}
     headers = ["predictor", "kind"]
     for name in SETS:
-        headers += [f"RPD ↓, {name}", "median ↓", f"fail, of {data['shapes'][name]} ↓"]
-    rows = [
-        [row["name"], row["kind"], *cells(row["sets"][first]), *cells(row["sets"][second])]
-        for row in data["rows"]
-    ]
-    return markdown.table(headers, rows, "llr")
+        headers += [f"RPD ↓, {name}", "median ↓", f"fail, of {shapes[name]} ↓"]
+    rows = []
+    for code in PREDICTORS:
+        sets = [scores(found[f"{code}.py"], shapes[name]) for name, found in boards.items()]
+        model = boards[SETS[0]][f"{code}.py"]["model"]
+        cells_of_both = [cell for values in sets for cell in cells(values)]
+        rows.append((sets[-1]["rpd"], [model["name"], model["kind"], *cells_of_both]))
+    return markdown.table(headers, [row for _, row in sorted(rows)], "llr")
 
 
 def more_families() -> str:
     """Return the errors on both sets of models trained on 2.0, and of the same trained on 2.1."""
     boards = [(name, version) for name in SETS for version in VERSIONS]
-    results = [by_code(BOARD.with_name(f"{version}-test-imported-{n}")) for n, version in boards]
+    results = [board(version, name) for name, version in boards]
     trained = [code for code, row in results[-1].items() if not untrained(row["model"])]
     if not trained:
         raise ValueError(f"no trained model is on the board of {boards[-1]}: run its rows")
     rows = []
     for code in trained:
-        found = [board[code] for board in results]
+        found = [by_file[code] for by_file in results]
         errors = [result["scores"]["mesh"]["overall"]["rpd"]["mean"] for result in found]
         rows.append([found[0]["model"]["name"], *(f"{error:.4f}" for error in errors)])
     headers = [f"{name}: trained on {version}" for name, version in boards]
