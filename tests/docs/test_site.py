@@ -86,7 +86,7 @@ def test_the_board_is_in_the_side_bar_of_every_page(conf):
     assert "sidebar/doors.html" in conf.html_sidebars["**"]
     door = (ROOT / "docs" / conf.templates_path[0] / "sidebar" / "doors.html").read_text()
     assert "pathto('board/index.html', 1)" in door
-    assert "--out site/board" in (ROOT / "Makefile").read_text()
+    assert "--out $(SITE)/board" in (ROOT / "Makefile").read_text()
 
 
 BOARDS = {page.stem for page in (ROOT / "benchmark" / "boards").glob("*.md")}
