@@ -3,7 +3,7 @@
 A file defines one of these; they are checked in this order:
 
 1. a function ``predict(meshes)`` that returns an array of shape (B, 10);
-2. a class ``Predictor`` with such a method, made without arguments;
+2. a class ``Predictor`` with such a method, made without arguments, or else by a ``load``;
 3. a function ``load(device, seed)`` that returns an object with such a method. If it has a
    parameter ``training``, that names what the predictor is to have been trained on, ``1.0/grouped``
    or ``2.0/family/pretzel``: the version and the ``protocol`` of :class:`synthnet.pyg.SynthNet`.
@@ -139,8 +139,11 @@ def _through_a_door(
     """
     try:
         function, kind = getattr(module, "predict", None), getattr(module, "Predictor", None)
-        first = callable(function) or isinstance(kind, type)
-        loader = None if first else getattr(module, "load", None)  # beside them it may be anything
+        loader = getattr(module, "load", None)
+        if isinstance(kind, type) and callable(loader) and not _made_alone(kind):
+            kind = None  # what ``load`` returns
+        if callable(function) or isinstance(kind, type):
+            loader = None  # beside them it may be anything
         asked = _asked(loader, arguments, path)
         meta = _meta(module, path, arguments["variant"])
         if callable(function):
@@ -162,6 +165,17 @@ def _through_a_door(
         f"{path} has no predictor: define predict(meshes), a class Predictor, "
         "load(device, seed) or a torch module named model"
     )
+
+
+def _made_alone(kind: type) -> bool:
+    """Return whether a class can be made without arguments, as far as its signature says."""
+    try:
+        inspect.signature(kind).bind()
+    except TypeError:
+        return False
+    except ValueError:  # it has no signature
+        return True
+    return True
 
 
 def _asked(loader: Any, arguments: Mapping[str, str], path: Path) -> dict[str, str]:

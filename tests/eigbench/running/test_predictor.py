@@ -82,6 +82,16 @@ def test_load_door_is_given_device_and_seed(predictor_file):
     assert loaded.predict([MESH]) == ("load", "cuda:1", 7)
 
 
+@pytest.mark.parametrize(
+    ("constructor", "door"), [("self, network", "load"), ("self, network=None", "class")]
+)
+def test_a_class_that_cannot_be_made_alone_is_made_by_load(predictor_file, constructor, door):
+    made = f"    def __init__({constructor}): self.door = 'load' if network else 'class'\n"
+    code = f"class Predictor:\n{made}    def predict(self, meshes): return self.door\n"
+    code += "def load(device, seed): return Predictor('a network')"
+    assert predictor.load(predictor_file(code)).predict([]) == door
+
+
 def test_torch_door_evaluates_without_gradients_and_counts_parameters(predictor_file):
     torch = pytest.importorskip("torch")
     loaded = predictor.load(predictor_file(TORCH))
