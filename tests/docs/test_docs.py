@@ -1,15 +1,11 @@
 """What README and docs say is run: commands, code, numbers and links."""
 
-import doctest
 import json
-import os
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 import tomllib
-from pathlib import Path
 
 import pytest
 import trimesh
@@ -22,102 +18,10 @@ from synthnet import recipe, store
 from synthnet.build import filters
 from synthnet.families import CHARTED, FAMILIES
 from synthnet.store import limits, pins
+from tests.docs.pages import DOCS, PAGES, README, ROOT, STEP, WHOLE, blocks, commands, run, steps
 
-ROOT = Path(__file__).parents[2]
-PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("baselines/*.md")])
-README = (ROOT / "README.md").read_text()
-WHOLE = [ROOT / "docs" / "start.md", *sorted(ROOT.glob("docs/tutorials/*.md"))]
-DOCS = [page for page in [*ROOT.glob("docs/*.md"), ROOT / "README.md"] if page not in WHOLE]
 CARD_2 = (ROOT / "docs" / "dataset-card-2.0.md").read_text()
 CARD = (ROOT / "docs" / "dataset-card.md").read_text()
-
-
-def blocks(language, text=README):
-    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.S | re.M)
-
-
-def commands(language, page):
-    return [line for block in blocks(language, page.read_text()) for line in block.splitlines()]
-
-
-def run(command, home, location, stdin=None):
-    environment = {**os.environ, "SYNTHNET_HOME": str(home)}
-    done = subprocess.run(
-        command,
-        cwd=location,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        input=stdin,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "page",
-    [page for page in DOCS if commands("sh", page)],
-    ids=lambda page: page.name,
-)
-def test_commands_of_a_page_run_in_their_order(page, unpacking_home, tmp_path):
-    (predictor,) = blocks("py")
-    (tmp_path / "my_model.py").write_text(predictor)
-    (tmp_path / "benchmark").symlink_to(ROOT / "benchmark")
-    (tmp_path / "scans").mkdir()
-    trimesh.creation.torus(3, 1).export(tmp_path / "scans" / "torus.stl")
-    lines = commands("sh", page)
-    assert lines
-    for line in lines:
-        program, *arguments = shlex.split(line)
-        assert program in ("synthnet", "eigbench")
-        assert run([sys.executable, "-m", program, *arguments], unpacking_home, tmp_path), line
-
-
-# A page that is one piece: its files, commands and code run in their order, in one directory and
-# one namespace, and a block `output` shows what the block before it printed; ... is anything.
-
-STEP = re.compile(r"^```(sh|python|py|output)(?: title=\"(.+?)\")?\n(.*?)^```", flags=re.S | re.M)
-MARK = "-- end of a step --"
-RUNNER = f"""
-import json, shlex, subprocess, sys
-
-names = {{"__name__": "__main__"}}
-for language, code in json.load(sys.stdin):
-    if language == "python":
-        exec(code, names)
-    for line in code.splitlines() if language == "sh" else ():
-        program, *arguments = shlex.split(line)
-        assert program in ("synthnet", "eigbench"), line
-        subprocess.run([sys.executable, "-m", program, *arguments], check=True)
-    print({MARK!r}, flush=True)
-"""
-
-
-def steps(page):
-    """Return a page's blocks, each with its language, the name of its file and its text."""
-    return STEP.findall(page.read_text())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("page", WHOLE, ids=lambda page: page.name)
-def test_page_runs_as_a_whole_and_prints_what_it_shows(page, unpacking_home, tmp_path):
-    (predictor,) = blocks("py")
-    (tmp_path / "my_model.py").write_text(predictor)
-    for _, name, text in steps(page):
-        if name:
-            (tmp_path / name).write_text(text)
-    shown = [(language, text) for language, _, text in steps(page) if language != "output"]
-    command = [sys.executable, "-c", RUNNER]
-    printed = run(command, unpacking_home, tmp_path, json.dumps(shown)).split(f"{MARK}\n")
-    assert len(printed) == len(shown) + 1
-    number = -1
-    for language, _, text in steps(page):
-        number += language != "output"
-        if language == "output":
-            same = doctest.OutputChecker().check_output(text, printed[number], doctest.ELLIPSIS)
-            assert same, f"{page.name} shows\n{text}and it printed\n{printed[number]}"
 
 
 @pytest.mark.parametrize("page", WHOLE, ids=lambda page: page.name)
