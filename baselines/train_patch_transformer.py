@@ -21,7 +21,7 @@ import torch
 from eigbench.metrics import relative_percent_difference
 from eigbench.running.record import hardware
 from eigbench.scoring import truth
-from eigbench.scoring.training import training_set
+from eigbench.scoring.training import protocols, training_set
 from rich.progress import track
 from safetensors.torch import save
 from torch import Tensor
@@ -35,7 +35,7 @@ from baselines.patch_network import (
     views,
     weyl,
 )
-from synthnet import recipe, store
+from synthnet import store
 from synthnet.store import pins
 from synthnet.store.files import write_bytes
 
@@ -108,7 +108,9 @@ def error(model: PatchTransformer, clouds: Clouds) -> float:
     return float(relative_percent_difference(values, clouds.limits.numpy()).mean())
 
 
-def train(clouds: Clouds, check: Clouds, epochs: int, seed: int) -> tuple[PatchTransformer, list]:
+def train(
+    clouds: Clouds, check: Clouds, epochs: int, seed: int
+) -> tuple[PatchTransformer, list[float]]:
     """Fit a network by ℓ1, AdamW and a one-cycle rate; return it and its errors by epoch."""
     torch.manual_seed(seed)
     model = PatchTransformer()
@@ -134,12 +136,6 @@ def train(clouds: Clouds, check: Clouds, epochs: int, seed: int) -> tuple[PatchT
     return model, errors
 
 
-def protocols() -> list[str]:
-    """Return the names of all trainings."""
-    known = (recipe.load(VERSION).protocols or {}).values()
-    return ["grouped", *(fold.name for folds in known for fold in folds)]
-
-
 def keep(path: Path, name: str, model: PatchTransformer, record: dict[str, object]) -> None:
     """Put the weights of a training into a file, in half precision, beside those of others."""
     tensors, records = read_weights(path) if path.exists() else ({}, {})
@@ -154,7 +150,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--protocol", default="grouped", choices=protocols(), metavar="PROTOCOL")
+    known = protocols(VERSION)
+    parser.add_argument("--protocol", default="grouped", choices=known, metavar="PROTOCOL")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--epochs", type=int, default=EPOCHS)
     parser.add_argument("--threads", type=int, default=1)

@@ -16,14 +16,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-from eigbench.scoring.training import training_set
+from eigbench.scoring.training import protocols, training_set
 from rich.console import Console
 
 from baselines.gcn import sampled, trainings
 from baselines.gcn.configs import CONFIGS
 from baselines.gcn.run import CHECKPOINT, WEIGHTS, Run
 from baselines.gcn.train import loop, progress_of
-from synthnet import recipe
 from synthnet.store.files import make_directory
 
 OUT = Path(__file__).parent / "gcn_scale_free.safetensors"
@@ -33,16 +32,10 @@ EPOCHS = 4
 SEED = 0
 
 
-def protocols() -> list[str]:
-    """Return the names of all trainings, those of protocols with a single one first."""
-    known = sorted((recipe.load(VERSION).protocols or {}).values(), key=len)
-    return ["grouped", *(fold.name for folds in known for fold in folds)]
-
-
 def trained_as(shapes: sampled.Sampled) -> dict[str, str]:
     """Return of each training the first that uses the same meshes, mostly itself."""
     first: dict[bytes, str] = {}
-    used = {name: shapes.instances("train", name).numpy().tobytes() for name in protocols()}
+    used = {name: shapes.instances("train", name).numpy().tobytes() for name in protocols(VERSION)}
     return {name: first.setdefault(key, name) for name, key in used.items()}
 
 
@@ -53,7 +46,7 @@ def main() -> int:
     )
     parser.add_argument("--runs", type=Path, required=True, help="directory of the checkpoints")
     parser.add_argument(
-        "--only", nargs="+", choices=protocols(), metavar="PROTOCOL", help="train these"
+        "--only", nargs="+", choices=protocols(VERSION), metavar="PROTOCOL", help="train these"
     )
     options = parser.parse_args()
     config = replace(CONFIGS["modern"], epochs=EPOCHS)
@@ -66,8 +59,8 @@ def main() -> int:
         f"{len(shapes.ids):,} meshes, {sum(len(g.features) for g in shapes.graphs):,} vertices"
     )
     same = trained_as(shapes)
-    folders = {name: options.runs / same[name].replace("/", "-") for name in protocols()}
-    for protocol in dict.fromkeys(same[name] for name in options.only or protocols()):
+    folders = {name: options.runs / same[name].replace("/", "-") for name in protocols(VERSION)}
+    for protocol in dict.fromkeys(same[name] for name in options.only or protocols(VERSION)):
         out = folders[protocol]
         if (out / WEIGHTS).exists():
             continue

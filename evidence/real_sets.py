@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 from eigbench.scoring.training import untrained
 
@@ -19,11 +18,7 @@ PREDICTORS = (
 
 def board(version: str, name: str) -> dict[str, dict]:
     """Return the results of a version's models on a set, by the names of their files."""
-    return by_code(ROOT / "benchmark" / "results" / f"{version}-test-imported-{name}")
-
-
-def by_code(folder: Path) -> dict[str, dict]:
-    """Return the results of a board by the names of their predictors' files."""
+    folder = ROOT / "benchmark" / "results" / f"{version}-test-imported-{name}"
     results = [json.loads(path.read_text()) for path in sorted(folder.glob("*.json"))]
     return {result["model"]["code"]: result for result in results}
 

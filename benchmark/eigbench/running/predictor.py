@@ -174,7 +174,7 @@ def _made_alone(kind: type) -> bool:
     except TypeError:
         return False
     except ValueError:  # it has no signature
-        return True
+        pass
     return True
 
 

@@ -21,6 +21,21 @@ def training_set(version: str, protocol: str) -> str:
     return f"{version}/{'grouped' if whole else protocol}"
 
 
+def protocols(version: str) -> list[str]:
+    """Return the protocols of a version that a model is trained for, each of several by itself.
+
+    Examples
+    --------
+    >>> names = protocols("2.0")
+    >>> len(names), names[:5]
+    (29, ['grouped', 'resolution', 'genus', 'boundary', 'family/cuboid'])
+    """
+    from synthnet import recipe  # a predictor's process needs the name above, and no families
+
+    known = sorted((recipe.load(version).protocols or {}).values(), key=len)
+    return ["grouped", *(fold.name for folds in known for fold in folds)]
+
+
 def untrained(meta: Mapping[str, object]) -> bool:
     """Return whether a model says that nothing in it was fitted to labels.
 
