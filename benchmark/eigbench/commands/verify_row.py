@@ -1,4 +1,4 @@
-"""The command verify-row: it runs a row's code again, on its split and on a fresh draw."""
+"""The command verify-row: it runs the code of rows again, on their split and on a fresh draw."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
@@ -37,6 +37,7 @@ from eigbench.running.evaluate import Evaluation, Options
 from eigbench.scoring import scores, truth
 from eigbench.scoring.truth import MESH
 from synthnet import store
+from synthnet.errors import SynthNetError
 from synthnet.verify import seal
 
 SHARE = 0.03  # of each family's surfaces: some hundred shapes, minutes
@@ -49,14 +50,17 @@ def add_commands(command: Command) -> None:
     """Add verify-row to the command line."""
     sub = command(
         "verify-row",
-        verify_row,
-        "run a row's code again, on its split and on a fresh sealed draw, and write down what came "
-        "of it; this runs the file's code",
+        verify_rows,
+        "run the code of rows again, on their split and on a fresh sealed draw, and write down "
+        "what came of it; this runs the files' code",
         "benchmark/results/1.0-test-grouped/weyl-s-law.json",
     )
-    arguments.row(sub, "the row's result")
-    where = "(default: the commit that the result names, in the checkout)"
-    arguments.path(sub, "--source", "DIR", f"directory with its code {where}")
+    sub.add_argument(
+        "results", type=Path, nargs="+", metavar="RESULT.json", help="the rows' results"
+    )
+    arguments.path(sub, "--predictions", "FILE", "of one row (default: beside the result)")
+    where = "(default: the checkout's last commit, else the commit that the result names)"
+    arguments.path(sub, "--source", "DIR", f"directory with the code {where}")
     sub.add_argument(
         "--share",
         type=float,
@@ -74,75 +78,168 @@ def add_commands(command: Command) -> None:
     sub.set_defaults(sandbox="required")
 
 
-def verify_row(options: argparse.Namespace) -> int:
-    """Run a row's code again; write what came of it into the result, if nothing speaks against."""
-    row = submission.read(options.result, options.predictions)
-    if row.result["partial"] or row.truth.protocol != "grouped":
-        raise ResultError(f"{options.result} is no whole result under the protocol grouped")
+def verify_rows(options: argparse.Namespace) -> int:
+    """Run the code of rows again; write what came of it into each, if nothing speaks against.
+
+    A row that cannot be run does not stop those after it.
+    """
     by = options.by or git(options.board, "config", "user.name")
     if not by:
         raise EigbenchError("who verifies? give --by NAME, or set git's user.name")
-    settings = replace(
-        predict.settings_of(options, Options),
-        batch_size=row.batch_size,
-        seeds=len(row.predictions),
-        threads=row.result["cost"]["threads"],
-        device=row.result["cost"]["device"],
-    )
-    dataset = predict.meshes_of(row.truth, None, options.root)
-    with tempfile.TemporaryDirectory(prefix="eigbench-verify-") as made:
+    several = len(options.results) > 1
+    if several and options.predictions is not None:
+        raise EigbenchError("--predictions names the file of one row, and several are given")
+    verified: dict[str, Any] = {}
+    codes = [0]
+    with (
+        tempfile.TemporaryDirectory(prefix="eigbench-verify-") as made,
+        contextlib.closing(_Desk(options, Path(made))) as desk,
+    ):
+        for number, path in enumerate(options.results, start=1):
+            if several:
+                print(f"{number} of {len(options.results)}: {path}", file=sys.stderr)
+            try:
+                row = submission.read(path, options.predictions)
+                said, against = _verify(row, desk)
+            except (EigbenchError, SynthNetError) as error:
+                if not several:
+                    raise
+                against = [str(error)]
+                codes.append(2)
+            if against:
+                codes.append(1)
+                for finding in against:
+                    print(f"eigbench: {finding}", file=sys.stderr)
+                print(f"{path} is not verified; nothing was written into it", file=sys.stderr)
+                continue
+            verified[str(path)] = _write(row, {**said, "by": by}, options.key)
+            if not options.json:
+                print(_told(row, verified[str(path)]), flush=True)
+    if options.json:
+        print(json.dumps(verified, indent=1))
+    elif verified:
+        print(f"now: eigbench leaderboard{arguments.board_argument(options)}")
+    return max(codes)
+
+
+def _verify(row: Submission, desk: _Desk) -> tuple[dict[str, Any], list[str]]:
+    """Return what ``verified`` says of a row whose code has run again, and what speaks against."""
+    if row.result["partial"] or row.truth.protocol != "grouped":
+        raise ResultError(f"{row.result_path} is no whole result under the protocol grouped")
+    dataset = predict.meshes_of(row.truth, None, desk.options.root)
+    with tempfile.TemporaryDirectory(dir=desk.folder) as made:
         folder = Path(made)
-        with _source(row, options, folder / "checkout") as source:
-            code = _copied(row, _code(row, source), folder / "code")
-            packages = _install(code, folder / "packages")
-            settings = replace(settings, packages=packages)
-            public = predict.answers(code, row.truth, dataset, settings, folder / "public")
-            drawn, sealed = _fresh(row, code, settings, options.share, folder)
-    verified, against = _compared(row, public, drawn, sealed)
-    if against:
-        for finding in against:
-            print(f"eigbench: {finding}", file=sys.stderr)
-        print(f"{row.name} is not verified; nothing was written", file=sys.stderr)
-        return 1
-    commit = row.result.get("checkout", {}).get("commit") if options.source is None else None
-    verified |= {
-        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
-        "by": by,
-        "commit": commit,
-        "machine": record.hardware(),
-        "sandbox": settings.sandbox,
-        "packages": _installed(packages),
-    }
-    verified["sealed"]["share"] = options.share
+        found, commit = desk.code(row)
+        code = _copied(row, found, folder / "code")
+        packages = _install(code, folder / "packages")
+        settings = replace(
+            predict.settings_of(desk.options, Options),
+            batch_size=row.batch_size,
+            seeds=len(row.predictions),
+            threads=row.result["cost"]["threads"],
+            device=row.result["cost"]["device"],
+            packages=packages,
+        )
+        public = predict.answers(code, row.truth, dataset, settings, folder / "public")
+        labels, drawn = desk.draw(row.truth.version)
+        sealed = predict.answers(code, labels, drawn, settings, folder / "fresh")
+        verified, against = _compared(row, public, labels, sealed)
+        verified["sealed"]["share"] = desk.options.share
+        return verified | {
+            "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
+            "commit": commit,
+            "machine": record.hardware(),
+            "sandbox": settings.sandbox,
+            "packages": _installed(packages),
+        }, against
+
+
+def _write(row: Submission, verified: dict[str, Any], key: Path | None) -> dict[str, Any]:
+    """Write into a row's result what is verified, with its digest and, with a key, a signature."""
     result = {**row.result, "verified": verified}
     verified["digest"] = verification.digest(result)
-    if options.key is not None:
-        verified["signature"] = verification.sign(verified["digest"], options.key)
-    results.write(options.result, result)
-    print(json.dumps(verified, indent=1) if options.json else _told(row, verified))
-    return 0
+    if key is not None:
+        verified["signature"] = verification.sign(verified["digest"], key)
+    results.write(row.result_path, result)
+    return verified
 
 
-@contextlib.contextmanager
-def _source(row: Submission, options: argparse.Namespace, folder: Path) -> Iterator[Path]:
-    """Give the directory with a row's code: the one that is named, or its commit checked out."""
-    if options.source is not None:
-        yield options.source
-        return
-    checkout = row.result.get("checkout")
-    if checkout is None or checkout["dirty"]:
-        raise ResultError(f"{row.result_path} names no commit that has its code: give --source DIR")
-    worktree = ["git", "-C", str(options.board), "worktree"]
-    added = _done([*worktree, "add", "--quiet", "--detach", str(folder), checkout["commit"]])
-    if added.returncode:
-        raise EigbenchError(
-            f"cannot check out {checkout['commit'][:12]} ({' '.join(added.stderr.split())[:200]}): "
-            "fetch it first, or give --source DIR"
-        )
-    try:
-        yield folder
-    finally:
-        _done([*worktree, "remove", "--force", str(folder)])
+class _Desk:
+    """Where rows are verified: the checkouts with their code, and a fresh draw of each version.
+
+    The rows of one command share the draw. Its salt is forgotten at once, no row sees it but as
+    meshes without a name, and it is removed when the desk is closed.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Of the command: board, source, share.
+    folder : Path
+        A directory of its own, which is there.
+    """
+
+    def __init__(self, options: argparse.Namespace, folder: Path) -> None:
+        self.options, self.folder = options, folder
+        self.checkouts: dict[str, Path] = {}
+        self.draws: dict[str, tuple[truth.Truth, store.StoredDataset]] = {}
+
+    def code(self, row: Submission) -> tuple[Path, str | None]:
+        """Return the file with a row's code, and the commit that has it.
+
+        The last commit comes first: what has moved since the row was made, and is still the same
+        code by its digests, fits the packages that are installed.
+
+        Raises
+        ------
+        EigbenchError
+            If no place has files with the digests that the row names.
+        """
+        if self.options.source is not None:
+            return _code(row, self.options.source), None
+        head = git(self.options.board, "rev-parse", "HEAD")
+        made_by = row.result.get("checkout", {})
+        named = None if made_by.get("dirty", True) else made_by["commit"]
+        if head is not None:
+            with contextlib.suppress(ResultError):
+                return _code(row, self.checkout(head)), head
+        if named is None:
+            raise ResultError(
+                f"{row.result_path} names no commit that has its code, and the last "
+                "one has it no more: give --source DIR"
+            )
+        return _code(row, self.checkout(named)), named
+
+    def checkout(self, commit: str) -> Path:
+        """Return a directory with the files of a commit."""
+        if commit not in self.checkouts:
+            folder = self.folder / commit
+            added = self._worktree("add", "--quiet", "--detach", str(folder), commit)
+            if added.returncode:
+                raise EigbenchError(
+                    f"cannot check out {commit[:12]} ({' '.join(added.stderr.split())[:200]}): "
+                    "fetch it first, or give --source DIR"
+                )
+            self.checkouts[commit] = folder
+        return self.checkouts[commit]
+
+    def draw(self, version: str) -> tuple[truth.Truth, store.StoredDataset]:
+        """Return the labels of a sealed set of a version, and the set, from a salt that is lost."""
+        if version not in self.draws:
+            salt = secrets.token_bytes(seal.SALT_BYTES)
+            resolved = seal.sealed_recipe(version, salt, share=self.options.share)
+            with Console(stderr=True).status("drawing and labelling a fresh sealed set"):
+                seal.make(resolved, root=self.folder / "sealed")
+            drawn = store.open_dataset(resolved.version, self.folder / "sealed")
+            self.draws[version] = truth.of_dataset(drawn), drawn
+        return self.draws[version]
+
+    def close(self) -> None:
+        """Take the checkouts out of git's list of working trees."""
+        for folder in self.checkouts.values():
+            self._worktree("remove", "--force", str(folder))
+
+    def _worktree(self, *command: str) -> subprocess.CompletedProcess[str]:
+        return _done(["git", "-C", str(self.options.board), "worktree", *command])
 
 
 def _code(row: Submission, source: Path) -> Path:
@@ -223,19 +320,6 @@ def _installed(packages: Path | None) -> dict[str, str]:
     return dict(sorted((d.metadata["Name"], d.version) for d in distributions))
 
 
-def _fresh(
-    row: Submission, code: Path, settings: Options, share: float, folder: Path
-) -> tuple[truth.Truth, Evaluation]:
-    """Draw a sealed set from a salt that is forgotten, and return its labels and the answers."""
-    salt = secrets.token_bytes(seal.SALT_BYTES)
-    resolved = seal.sealed_recipe(row.truth.version, salt, share=share)
-    with Console(stderr=True).status("drawing and labelling a fresh sealed set"):
-        seal.make(resolved, root=folder / "sealed")
-    drawn = store.open_dataset(resolved.version, folder / "sealed")
-    labels = truth.of_dataset(drawn)
-    return labels, predict.answers(code, labels, drawn, settings, folder / "fresh")
-
-
 def _compared(
     row: Submission, public: Evaluation, drawn: truth.Truth, sealed: Evaluation
 ) -> tuple[dict[str, Any], list[str]]:
@@ -292,7 +376,7 @@ def _told(row: Submission, verified: dict[str, Any]) -> str:
     return (
         f"{row.name} is verified by {verified['by']}, sandbox {verified['sandbox']}: {RANKED_BY} "
         f"{mesh['mean']:.4g} on the split, {sealed['mean']:.4g} on {sealed['instances']:,} meshes "
-        f"that nobody has seen\n{row.result_path} says so; now: eigbench leaderboard"
+        f"that nobody has seen; {row.result_path} says so"
     )
 
 

@@ -1,6 +1,9 @@
 """Declared and verified rows: what a verification covers, who is ranked, what is found."""
 
+import argparse
+import contextlib
 import copy
+import dataclasses
 import json
 import shutil
 import subprocess
@@ -197,6 +200,44 @@ def test_the_code_of_a_row_is_found_by_its_digests(weyl, tmp_path):
         verify_row._code(row, tmp_path / "a")
 
 
+def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl, tmp_path):
+    def commit(text):
+        (tmp_path / "board" / "weyl.py").write_text(text)
+        git("add", "weyl.py")
+        git("-c", "user.name=Me", "-c", "user.email=me@localhost", "commit", "-q", "-m", "Weyl")
+        return git("rev-parse", "HEAD").strip()
+
+    def git(*command):
+        line = ["git", "-C", tmp_path / "board", *command]
+        return subprocess.run(line, check=True, capture_output=True, text=True).stdout
+
+    def taken(row):
+        options = argparse.Namespace(board=tmp_path / "board", source=None, share=0.3)
+        folder = tmp_path / f"desk-{len(list(tmp_path.iterdir()))}"
+        folder.mkdir()
+        with contextlib.closing(verify_row._Desk(options, folder)) as desk:
+            path, commit = desk.code(row)
+            return path.read_text(), commit
+
+    (tmp_path / "board").mkdir()
+    git("init", "-q")
+    code = weyl.code.read_text()
+    made_by = commit(code)
+    row = submission.read(weyl.out)
+    made = {**row.result, "checkout": {"commit": made_by, "dirty": False}}
+    row = dataclasses.replace(row, result=made)
+    tidy = commit(f"# tidied up\n{code}")
+    assert taken(row) == (f"# tidied up\n{code}", tidy)
+    commit(f"{code}\nCHANGED = True\n")
+    assert taken(row) == (code, made_by)
+    assert len(git("worktree", "list").splitlines()) == 1
+    without = dataclasses.replace(
+        row, result={**made, "checkout": {**made["checkout"], "dirty": True}}
+    )
+    with pytest.raises(ResultError, match="names no commit that has its code, and the last one"):
+        taken(without)
+
+
 def test_a_header_of_pep_723_is_read(tmp_path, capsys):
     code, folder = tmp_path / "my_model.py", tmp_path / "packages"
     code.write_text("x = 1\n")
@@ -243,17 +284,29 @@ def predict(meshes):
 @BOXED
 @pytest.mark.slow
 def test_verify_row_runs_an_honest_row_again_and_says_so(eigbench, weyl, mini_home, tmp_path):
-    out = tmp_path / "result.json"
-    shutil.copy(weyl.out, out)
-    shutil.copy(weyl.predictions, out.with_suffix(".parquet"))
+    outs = [tmp_path / name for name in ("first.json", "second.json")]
+    for out in outs:
+        shutil.copy(weyl.out, out)
+        shutil.copy(weyl.predictions, out.with_suffix(".parquet"))
     how = ["--source", weyl.code.parent, "--root", mini_home, "--share", 0.3, "--by", "Me"]
-    code, printed, wrong = eigbench("verify-row", out, *how)
-    assert (code, wrong.count("not verified")) == (0, 0), wrong
-    assert "Weyl is verified by Me" in printed
-    verified = submission.read(out).result["verified"]
-    assert verified["scores"]["mesh"]["declared"] == verified["scores"]["mesh"]["mean"]
-    assert verified["sealed"]["shapes"] > 50
-    assert verified["digest"] == verification.digest(results.read(out))
+    missing = tmp_path / "missing.json"
+    code, printed, wrong = eigbench("verify-row", outs[0], missing, outs[1], *how)
+    assert code == 2
+    assert [line for line in wrong.splitlines() if "not verified" in line] == [
+        f"{missing} is not verified; nothing was written into it"
+    ]
+    assert printed.count("Weyl is verified by Me") == 2
+    verified = [submission.read(out).result["verified"] for out in outs]
+    assert verified[0]["scores"]["mesh"]["declared"] == verified[0]["scores"]["mesh"]["mean"]
+    assert verified[0]["sealed"]["shapes"] > 50
+    assert verified[0]["sealed"] == verified[1]["sealed"]  # of one draw
+    assert verified[0]["digest"] == verification.digest(results.read(outs[0]))
+
+
+def test_predictions_are_named_for_one_row_alone(eigbench, weyl):
+    given = ["verify-row", weyl.out, weyl.out, "--predictions", weyl.predictions, "--by", "Me"]
+    code, _, stderr = eigbench(*given)
+    assert (code, "--predictions names the file of one row" in stderr) == (2, True)
 
 
 @BOXED
