@@ -17,6 +17,7 @@ from eigbench.board.markdown import cell as escaped
 from eigbench.board.markdown import table
 from eigbench.board.ranked_columns import KIND, MODEL, RANK
 from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.results.verification import is_verified
 from eigbench.scoring import neighbours, targets
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.neighbours import NEAR
@@ -67,6 +68,10 @@ submitted model. [How to add a row](docs/submit.md) · [what the metrics mean](d
 other row, over shapes within families and over seeds, with Holm's correction for their number.
 Scores are means ± half the 95 % interval; in brackets the standard deviation over seeds. *Families
 alike* is the mean of the families' means. Where all succeed, the rule of three gives the bound.
+
+**Verified** rows are those whose code a maintainer has run again, in a sandbox, on the test split
+and on [shapes that nobody has seen](docs/threats.md#a-row-that-is-made-up). A board that has some
+ranks them alone.
 """
 
 
@@ -83,7 +88,7 @@ def board(rows: Sequence[Ranked], page: Path, numbers: Path, figure: Path) -> li
     links = f"[All metrics, families, cost]({page.as_posix()}) · [JSON]({numbers.as_posix()})"
     return [
         f"## {title(rows)}\n",
-        f"{_counts(rows)} {links}\n",
+        f"{_counts(rows)} {_verified(rows)}{links}\n",
         as_markdown(ranked_columns.short(), rows, (RANK, MODEL, KIND)),
         *remarks(rows),
         f"![Error against speed]({figure.as_posix()})\n",
@@ -146,6 +151,15 @@ def _counts(rows: Sequence[Ranked]) -> str:
         f"{facts['shapes']:,} shapes, {facts['instances']:,} instances; {share} of the shapes have "
         f"one of training within {100 * NEAR:.0f} %{what}."
     )
+
+
+def _verified(rows: Sequence[Ranked]) -> str:
+    """Return how many rows are verified, if any."""
+    count = sum(is_verified(row.submission.result) for row in rows)
+    if count == 0:
+        return ""
+    which = "All rows are" if count == len(rows) else f"{count} of {len(rows)} rows are"
+    return f"{which} verified. "
 
 
 def _floor(rows: Sequence[Ranked]) -> str:

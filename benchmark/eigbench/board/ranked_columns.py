@@ -7,7 +7,16 @@ from dataclasses import replace
 from typing import Any
 
 from eigbench.board import cost_columns, generalisation
-from eigbench.board.columns import DECLARED, Cell, Column, Group, of_run, of_score, six_digits
+from eigbench.board.columns import (
+    DECLARED,
+    Cell,
+    Column,
+    Group,
+    of_run,
+    of_score,
+    six_digits,
+    words,
+)
 from eigbench.board.generalisation import Board
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.board.tables import (
@@ -20,6 +29,7 @@ from eigbench.board.tables import (
 )
 from eigbench.scoring.metrics import MAIN, METRICS
 from eigbench.scoring.physics import SHARES, TITLES
+from eigbench.scoring.truth import MESH
 
 METRIC_NOTES = {
     "invlap": "Inverse Laplacian: √ Σ (g/p − 1)² of prediction p and target g. It has no upper "
@@ -122,7 +132,10 @@ def groups(rows: Sequence[Ranked], protocol: str | None = None) -> list[Group[Ra
         *(_families(rows, key) for key in FAMILIES_BY),
         Group("indices", "Relative error by eigenvalue", _indices(rows), "Mean of |p − g| / g."),
     ]
-    return scored if protocol is not None else [*scored, cost_columns.table(rows), _physics()]
+    if protocol is not None:
+        return scored
+    again = [_verified()] if rows[0].submission.target == MESH and any(map(_said, rows)) else []
+    return [*scored, *again, cost_columns.table(rows), _physics()]
 
 
 def _of_metric(
@@ -216,6 +229,59 @@ def _seeds() -> Column[Ranked]:
         return str(count), count
 
     return Column("seeds", "seeds", "Runs with other random numbers; their mean is shown.", seeds)
+
+
+def _said(row: Ranked) -> dict[str, Any] | None:
+    """Return what a row says of its verification, if it is verified."""
+    return _result(row).get("verified")
+
+
+def _verified() -> Group[Ranked]:
+    """Return what came of it when the code of the rows was run again, against the mesh."""
+
+    def column(
+        key: str, title: str, note: str, cell: Callable[[dict[str, Any]], Cell]
+    ) -> Column[Ranked]:
+        def of_row(row: Ranked) -> Cell:
+            said = _said(row)
+            return ("not verified", None) if said is None else cell(said)
+
+        return Column(f"verified-{key}", title, note, of_row)
+
+    def scored(scores: dict[str, Any]) -> Cell:
+        shown = with_uncertainty({**scores, "seed_std": None}, RANKED_BY)
+        return shown, six_digits(scores["mean"])
+
+    metric = METRICS[RANKED_BY]
+    columns = [
+        column(
+            "again",
+            f"{metric.heading} run again",
+            f"{METRIC_NOTES[RANKED_BY]} On the same split, by the same code.",
+            lambda said: scored(said["scores"][MESH]),
+        ),
+        column(
+            "fresh",
+            f"{metric.heading} on a fresh draw",
+            f"{METRIC_NOTES[RANKED_BY]} On surfaces that were drawn for this run and removed "
+            "after it.",
+            lambda said: scored(said["sealed"]),
+        ),
+        column(
+            "drawn",
+            "meshes of the draw",
+            "Instances of the fresh draw.",
+            lambda said: (f"{said['sealed']['instances']:,}", said["sealed"]["instances"]),
+        ),
+        column("date", "date", "When it was verified.", lambda said: words(said["date"])),
+    ]
+    note = (
+        "`eigbench verify-row` has run the code again, on the test split and on a fresh draw: "
+        "surfaces of the same recipe, from a seed that nobody knows. A model that knew the public "
+        "test shapes would do worse there. The draw has fewer shapes, and other ones for each "
+        "run, so compare a row with itself."
+    )
+    return Group("verified", "Verified", columns, note)
 
 
 def _physics() -> Group[Ranked]:

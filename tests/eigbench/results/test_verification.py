@@ -7,6 +7,7 @@ import dataclasses
 import json
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -152,11 +153,18 @@ def test_verified_rows_are_ranked_and_declared_ones_stand_below(make_submission,
         ("Times 1.0", "declared"),
         ("Times 1.2", "declared"),
     ]
-    page = leaderboard.generate(list(rows.values()), [])[
-        leaderboard.BOARDS / "1.0-mini-test-grouped-mesh.md"
-    ]
+    pages = leaderboard.generate(list(rows.values()), [])
+    page = pages[leaderboard.BOARDS / "1.0-mini-test-grouped-mesh.md"]
     (line,) = (line for line in page.splitlines() if line.startswith("| declared | Times 1.0 |"))
     assert "not verified" in line
+    section = page.partition("## Verified")[2].partition("\n## ")[0].splitlines()
+    assert [line for line in section if line.startswith("| Times")] == [
+        "| Times 1.1 | 1.0000 ± 0.1000 | 1.0000 ± 0.1000 | 9 | 2026-11-24 |",
+        "| Times 1.3 | 1.0000 ± 0.1000 | 1.0000 ± 0.1000 | 9 | 2026-11-24 |",
+        "| Times 1.0 | not verified | not verified | not verified | not verified |",
+        "| Times 1.2 | not verified | not verified | not verified | not verified |",
+    ]
+    assert "2 of 4 rows are verified." in pages[Path(leaderboard.PAGE)]
 
 
 def test_spectra_that_are_labels_to_the_bit_are_counted(mini_truth):
