@@ -100,6 +100,17 @@ def test_p_value_is_twice_the_share_beyond_zero():
     assert two_sided(means) == pytest.approx(2 * 4 / 101)
     assert two_sided(-means) == two_sided(means)
     assert two_sided(np.ones(100)) == pytest.approx(2 / 101)
+    far = np.append(np.ones(99), 40.0)  # 0.4 deviations from zero: the normal tail is above that
+    assert two_sided(far) == pytest.approx(2 / 101)
+
+
+def test_a_board_of_many_rows_can_still_rank_them():
+    means = np.random.default_rng(0).normal(6.0, 1.0, bootstrap.RESAMPLES)
+    assert (means > 0).all()
+    assert two_sided(means) == pytest.approx(2e-9, rel=0.5)
+    assert holm([two_sided(means)] * 500) == [True] * 500
+    least = 2 / (bootstrap.RESAMPLES + 1)  # what the number of resamples alone could show
+    assert holm([least] * 500) == [False] * 500
 
 
 def test_holm_by_hand():
