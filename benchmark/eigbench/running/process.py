@@ -115,24 +115,32 @@ class PredictorProcess:
     def __enter__(self) -> Self:
         """Start the process and wait until the predictor is loaded."""
         path, training = Path(self.job.path), self.job.training
-        self._box = Box(path, training, self.settings) if self.boxed else None
-        own, other = socket.socketpair()
-        self._channel = frames.Channel(own)
         self._looked = time.monotonic()
-        self._group = ControlGroup.make()
-        command = self._command(other.fileno())
-        with other:
-            self._process = subprocess.Popen(
-                command if self._group is None else self._group.command(command),
-                pass_fds=[other.fileno()],
-                stdin=subprocess.DEVNULL,
-                start_new_session=True,
-                env=self._environment(),
-            )
+        with contextlib.ExitStack() as made:
+            self._box = Box(path, training, self.settings) if self.boxed else None
+            if self._box is not None:
+                made.callback(self._box.close)
+            if (group := ControlGroup.make()) is not None:
+                made.callback(group.remove)
+            own, other = map(made.enter_context, socket.socketpair())
+            self._channel = frames.Channel(own)
+            command = self._command(other.fileno())
+            try:
+                self._process = subprocess.Popen(
+                    command if group is None else group.command(command),
+                    pass_fds=[other.fileno()],
+                    stdin=subprocess.DEVNULL,
+                    start_new_session=True,
+                    env=self._environment(),
+                )
+            except OSError as error:
+                raise PredictorError(f"cannot start the predictor's process: {error}") from error
+            other.close()
+            self._made = made.pop_all()  # closed when the process has ended
         tree.hold(self._process.pid)
         self._tree = psutil.Process(self._process.pid)
         self._since = self._tree.create_time()
-        self._usage = Usage(self._tree, self._group)
+        self._usage = Usage(self._tree, group)
         try:
             start = time.perf_counter()
             self._channel.send(frames.JOB, json.dumps(asdict(self.job)).encode())
@@ -309,10 +317,7 @@ class PredictorProcess:
                 break
         tree.end(self._since)
         tree.release(self._process.pid)
-        if self._group is not None:
-            self._group.remove()
-        if self._box is not None:
-            self._box.close()
+        self._made.close()
 
     def _kill(self) -> None:
         """Kill what runs below the supervisor, then that."""

@@ -7,16 +7,18 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from eigbench.errors import PredictorError
-from eigbench.running import frames, meshes, record, reference, worker
+from eigbench.running import box, frames, meshes, record, reference, worker
 from eigbench.running.box import Settings
 from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.running.process import Loaded, PredictorProcess, Status
+from eigbench.running.usage import own_directory
 from eigbench.scoring import physics
 
 from synthnet.kernels import processor
@@ -136,6 +138,7 @@ def test_meshes_come_in_an_order_drawn_anew_and_copies_of_shapes_come_last(
 
 
 SLEEPER = """
+import tempfile
 import time
 import numpy as np
 
@@ -144,6 +147,7 @@ def predict(meshes):
     return np.ones((len(meshes), 10))
 """
 LAZY = """
+import tempfile
 import time
 import numpy as np
 
@@ -397,6 +401,7 @@ def test_nothing_that_a_predictor_starts_outlives_it(predictor_file, end):
 
 
 REMEMBERS = """
+import tempfile
 import time
 import numpy as np
 
@@ -504,3 +509,23 @@ def test_meshes_are_sealed_when_the_system_lets_go_of_their_memory(monkeypatch, 
     _, file = frames.packed(meshes.warming(1))
     with file, pytest.raises(PermissionError):
         os.write(file.fileno(), b"x")
+
+
+@pytest.mark.parametrize("sandbox", [box.NONE, box.available()])
+def test_a_process_that_cannot_start_leaves_nothing(predictor_file, monkeypatch, tmp_path, sandbox):
+    def popen(*arguments, **options):
+        raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+
+    def groups():
+        root = own_directory()
+        return [] if root is None else sorted(path.name for path in root.iterdir())
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    (tmp_path / "temporary").mkdir()
+    before = groups()
+    process = PredictorProcess(predictor_file(ONES), 10, Settings(sandbox=sandbox))
+    monkeypatch.setattr("eigbench.running.process.subprocess.Popen", popen)
+    with pytest.raises(PredictorError, match=r"cannot start the predictor's process: .*memory"):
+        process.__enter__()
+    assert list((tmp_path / "temporary").iterdir()) == []
+    assert groups() == before
