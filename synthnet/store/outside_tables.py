@@ -48,7 +48,7 @@ def parquet(
     Parameters
     ----------
     file : file
-        As :func:`synthnet.store.outside.opened` gives it.
+        As :func:`synthnet.outside.opened` gives it.
     columns : mapping of str to int
         Those to be read, where they are there, and how many values a row of each has at most.
     text : str
@@ -131,7 +131,7 @@ def npz(file: BinaryIO, names: Sequence[str], *, size: int) -> dict[str, NDArray
     Parameters
     ----------
     file : file
-        As :func:`synthnet.store.outside.opened` gives it.
+        As :func:`synthnet.outside.opened` gives it.
     names : sequence of str
         The arrays to be read.
     size : int
@@ -181,7 +181,7 @@ def csv_table(
     Parameters
     ----------
     file : file
-        As :func:`synthnet.store.outside.opened` gives it.
+        As :func:`synthnet.outside.opened` gives it.
     columns : sequence of str
         Those to be read, where they are there.
     text, numbers

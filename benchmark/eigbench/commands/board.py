@@ -17,8 +17,8 @@ from eigbench.commands.arguments import Command
 from eigbench.results.submission import Submission
 from eigbench.scaling import results as scaling_results
 from eigbench.site import bundle, write
+from synthnet import outside
 from synthnet.errors import counted
-from synthnet.store import outside
 from synthnet.store.files import make_directory, write_text
 
 SHOWN = 40  # so many lines of a difference are printed

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from eigbench.errors import PredictionsError
 from eigbench.scoring.truth import Truth
+from synthnet import outside
 from synthnet.errors import OutsideError, missing
-from synthnet.store import outside, outside_tables
+from synthnet.store import outside_tables
 from synthnet.store.files import one_line, write_atomically
 
 METADATA_KEY = b"eigbench"  # of a Parquet file: what was predicted, as JSON
@@ -76,7 +77,7 @@ def read(path: Path, truth: Truth, below: Path | None = None) -> NDArray[np.floa
     truth : Truth
         The split.
     below : Path, optional
-        A folder above the file, as of :func:`synthnet.store.outside.opened`.
+        A folder above the file, as of :func:`synthnet.outside.opened`.
 
     Returns
     -------

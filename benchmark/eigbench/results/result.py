@@ -19,9 +19,8 @@ from eigbench.results import verification
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.truth import Truth
-from synthnet import recipe
+from synthnet import outside, recipe
 from synthnet.errors import OutsideError, counted, missing
-from synthnet.store import outside
 from synthnet.store.files import make_directory, sha256, write_atomically, write_text
 
 SCHEMA_VERSION = 3  # 2: sources by their statements, the commit; 3: scores of both targets
@@ -56,7 +55,7 @@ def write(path: Path, result: dict[str, Any]) -> None:
 
 
 def read(path: Path, below: Path | None = None) -> dict[str, Any]:
-    """Read a result and check it; ``below`` is as of :func:`synthnet.store.outside.opened`.
+    """Read a result and check it; ``below`` is as of :func:`synthnet.outside.opened`.
 
     Raises
     ------
@@ -69,7 +68,7 @@ def read(path: Path, below: Path | None = None) -> dict[str, Any]:
 
 
 def load(path: Path, below: Path | None = None) -> Any:
-    """Read JSON that somebody hands in, as :func:`synthnet.store.outside.read_json` does.
+    """Read JSON that somebody hands in, as :func:`synthnet.outside.read_json` does.
 
     Raises
     ------

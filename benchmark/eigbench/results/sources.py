@@ -17,7 +17,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from synthnet.store import outside
+from synthnet import outside
 
 # What follows from the position (ctx), from the spelling (kind), or is written as a comment.
 UNSEEN = ("ctx", "kind", "type_comment", "type_ignores")
@@ -85,7 +85,7 @@ def digest(path: Path, below: Path | None = None) -> str:
     """Return the digest of a file, 64 hexadecimal digits.
 
     A Python file that does not parse, or is no code by its size, counts by its bytes, like any
-    other file. ``below`` is as of :func:`synthnet.store.outside.opened`.
+    other file. ``below`` is as of :func:`synthnet.outside.opened`.
     """
     with outside.opened(path, most=MOST_WEIGHTS, below=below) as file:
         if path.suffix == ".py" and os.fstat(file.fileno()).st_size <= MOST_CODE:

@@ -23,10 +23,9 @@ from eigbench.results import predictions, sources
 from eigbench.scoring import scores, targets, truth
 from eigbench.scoring.metrics import METRIC_VERSION
 from eigbench.scoring.truth import Truth
-from synthnet import recipe, store
+from synthnet import outside, recipe, store
 from synthnet.errors import OutsideError
 from synthnet.recipe.names import Kind
-from synthnet.store import outside
 
 AGREE = 1e-9  # relative, between a score that is stored and the same computed here
 

@@ -42,7 +42,7 @@ from eigbench.errors import PredictorError
 from eigbench.scoring.targets import TARGETS
 from eigbench.scoring.training import DEFAULT
 from synthnet.errors import install, missing, suggestion
-from synthnet.store import outside
+from synthnet import outside
 from synthnet.types import Mesh
 
 META_KEYS = (
