@@ -19,7 +19,7 @@ from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.results.submission import Submission
 from eigbench.scoring import neighbours as near
 from eigbench.scoring import targets
-from eigbench.scoring.truth import SURFACE
+from eigbench.scoring.names import SURFACE
 from synthnet.store.files import make_directory, sha256, write_atomically
 
 COLUMNS = ("row", "seed", "shape", "instance", "family", "index", "mesh", "surface", "prediction")

@@ -39,9 +39,8 @@ from eigbench.errors import ResultError
 from eigbench.results import predictions, submission, timing, verification
 from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
-from eigbench.scoring.targets import TARGETS
+from eigbench.scoring.names import SURFACE, TARGETS
 from eigbench.scoring.training import IMPORTED, untrained
-from eigbench.scoring.truth import SURFACE
 from synthnet import recipe
 from synthnet.types import PROTOCOLS
 

@@ -20,8 +20,8 @@ from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.results.verification import is_verified
 from eigbench.scoring import neighbours, targets
 from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.names import MESH, SURFACE
 from eigbench.scoring.neighbours import NEAR
-from eigbench.scoring.truth import MESH, SURFACE
 
 TOP = 5  # so many rows of a board stand in the README
 BY_COST = "cost"  # the group that has a table for each hardware

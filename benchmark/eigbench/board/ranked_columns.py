@@ -28,8 +28,8 @@ from eigbench.board.tables import (
     with_uncertainty,
 )
 from eigbench.scoring.metrics import MAIN, METRICS
+from eigbench.scoring.names import MESH
 from eigbench.scoring.physics import SHARES, TITLES
-from eigbench.scoring.truth import MESH
 
 METRIC_NOTES = {
     "invlap": "Inverse Laplacian: √ Σ (g/p − 1)² of prediction p and target g. It has no upper "

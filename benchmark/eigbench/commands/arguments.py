@@ -12,8 +12,8 @@ from eigbench.board import leaderboard
 from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
 from eigbench.scaling import results as scaling_results
-from eigbench.scoring.targets import TARGETS
-from eigbench.scoring.truth import SURFACE, Truth
+from eigbench.scoring.names import SURFACE, TARGETS
+from eigbench.scoring.truth import Truth
 from synthnet import recipe, store
 from synthnet.terminal import complete_with
 

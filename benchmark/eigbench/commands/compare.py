@@ -22,7 +22,7 @@ from eigbench.results import submission
 from eigbench.results.submission import Submission
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
-from eigbench.scoring.truth import SURFACE
+from eigbench.scoring.names import SURFACE
 from synthnet.store.files import make_directory, write_text
 
 FEW = "few shapes"  # makes no verdict, which is not a tie

@@ -35,7 +35,7 @@ from eigbench.results.submission import Submission
 from eigbench.running import record
 from eigbench.running.evaluate import Evaluation, Options
 from eigbench.scoring import scores, truth
-from eigbench.scoring.truth import MESH
+from eigbench.scoring.names import MESH
 from synthnet import store
 from synthnet.errors import SynthNetError
 from synthnet.verify import seal

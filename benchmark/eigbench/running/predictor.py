@@ -39,10 +39,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
-from eigbench.scoring.targets import TARGETS
+from eigbench.scoring.names import TARGETS
 from eigbench.scoring.training import DEFAULT
-from synthnet.errors import install, missing, suggestion
 from synthnet import outside
+from synthnet.errors import install, missing, suggestion
 from synthnet.types import Mesh
 
 META_KEYS = (

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from eigbench.scoring import targets, truth
+from eigbench.scoring.names import SURFACE
 from eigbench.scoring.training import IMPORTED
-from eigbench.scoring.truth import SURFACE, Truth
+from eigbench.scoring.truth import Truth
 
 NEAR = 0.01  # a shape of training within it makes a test one of interpolation
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from eigbench.scoring import bootstrap, targets
 from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.names import TARGETS
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
 
@@ -30,7 +31,7 @@ def of_targets(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, dict
 
     Those of a sealed set have :data:`DIGITS` digits: every digit tells a little of its labels.
     """
-    known = {target: targets.at(truth, target) for target in targets.TARGETS}
+    known = {target: targets.at(truth, target) for target in TARGETS}
     scored = {
         target: None if labels is None else score(labels, predictions)
         for target, labels in known.items()

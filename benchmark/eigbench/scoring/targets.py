@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
 from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.names import MESH, SURFACE, TARGETS
 from eigbench.scoring.training import IMPORTED
-from eigbench.scoring.truth import MESH, SURFACE, Truth
+from eigbench.scoring.truth import Truth
 from synthnet import recipe
 from synthnet.families.limits import Limit
 from synthnet.store import pins
-
-TARGETS = (SURFACE, MESH)  # the headline comes first
 
 
 def at(truth: Truth, target: str) -> Truth | None:

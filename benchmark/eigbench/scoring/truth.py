@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError
+from eigbench.scoring.names import MESH
 from eigbench.scoring.training import DEFAULT, IMPORTED, training_set
 from synthnet import recipe, store
 from synthnet.errors import suggestion
@@ -22,7 +23,6 @@ from synthnet.recipe.plan import planned
 from synthnet.store import pins
 from synthnet.types import PROTOCOLS, SPLITS
 
-SURFACE, MESH = "surface", "mesh"  # what eigenvalues are of, see :mod:`eigbench.scoring.targets`
 EXACT = 1e-9  # relative: a prediction that differs by less differs by rounding
 
 

@@ -9,7 +9,7 @@ import pytest
 from eigbench import results
 from eigbench.errors import ResultError
 from eigbench.scoring.metrics import METRICS
-from eigbench.scoring.targets import TARGETS
+from eigbench.scoring.names import TARGETS
 
 HERE = Path("result.json")
 

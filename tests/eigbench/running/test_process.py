@@ -513,12 +513,16 @@ def test_meshes_are_sealed_when_the_system_lets_go_of_their_memory(monkeypatch, 
 
 @pytest.mark.parametrize("sandbox", [box.NONE, box.available()])
 def test_a_process_that_cannot_start_leaves_nothing(predictor_file, monkeypatch, tmp_path, sandbox):
+    real = subprocess.Popen
+
     def popen(*arguments, **options):
-        raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+        if options.get("start_new_session"):  # no other process is started so
+            raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+        return real(*arguments, **options)
 
     def groups():
         root = own_directory()
-        return [] if root is None else sorted(path.name for path in root.iterdir())
+        return [] if root is None else sorted(root.glob(f"eigbench-{os.getpid()}-*"))
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
     (tmp_path / "temporary").mkdir()
@@ -529,3 +533,24 @@ def test_a_process_that_cannot_start_leaves_nothing(predictor_file, monkeypatch,
         process.__enter__()
     assert list((tmp_path / "temporary").iterdir()) == []
     assert groups() == before
+
+
+LISTS = """
+import sys
+from pathlib import Path
+
+Path({path!r}).write_text(" ".join(name for name in sys.modules if "." not in name))
+
+def predict(meshes):
+    raise NotImplementedError
+"""
+
+
+def test_a_predictors_process_has_loaded_no_package_that_its_file_has_not(predictor_file, tmp_path):
+    listed = tmp_path / "modules.txt"
+    code = predictor_file(LISTS.format(path=str(listed)))
+    with PredictorProcess(code, 10, Settings(sandbox=box.NONE)):
+        names = set(listed.read_text().split())
+    assert {"numpy", "synthnet", "eigbench"} <= names
+    heavy = {"llvmlite", "numba", "pandas", "pyarrow", "psutil", "rich", "scipy", "torch"}
+    assert heavy.isdisjoint(names)

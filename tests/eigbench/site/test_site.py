@@ -20,7 +20,7 @@ from eigbench.results import sources
 from eigbench.results.verification import is_verified
 from eigbench.scoring import truth
 from eigbench.scoring.metrics import METRICS
-from eigbench.scoring.targets import TARGETS
+from eigbench.scoring.names import TARGETS
 from eigbench.scoring.training import IMPORTED
 from eigbench.site import boards, bundle, origin, rows, shapes, write
 from eigbench.site.shapes import FACES, STEPS
