@@ -110,6 +110,7 @@ def boxes(count: int) -> Clouds:
     )
 
 
+@pytest.mark.slow
 def test_training_learns_the_spectra_of_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (patch_network, train_patch_transformer):
         monkeypatch.setattr(module, "SHOWN", 128)

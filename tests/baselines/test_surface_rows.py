@@ -149,6 +149,7 @@ def test_shapes_without_a_number_are_left_out(tmp_path, monkeypatch) -> None:
         kept.kept("1.0/grouped", ["a"])
 
 
+@pytest.mark.slow
 def test_a_later_version_adds_its_shapes_to_those_of_the_one_it_extends(
     tmp_path, monkeypatch
 ) -> None:

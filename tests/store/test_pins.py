@@ -132,6 +132,7 @@ def test_every_shape_has_a_limit_that_ascends_within_its_bar(version: str) -> No
     assert np.percentile(relative[~known], 99) <= 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", PINNED)
 def test_some_pins_are_what_is_computed_now(version: str) -> None:
     limits = pins.read_limits(version)
