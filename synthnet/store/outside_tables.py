@@ -32,7 +32,9 @@ TEXT = 200  # characters of a cell of text
 WIDEST = TEXT + 16  # bytes of a value when it is unpacked, with its length and levels
 PAGES = 10_000  # items of a list in a Parquet file's footer
 LINE = 16 * 2**10  # bytes of a line of CSV
-PREFIXED = 7  # Parquet's DELTA_BYTE_ARRAY, where a long text can be the start of every cell
+# Encodings of Parquet: Arrow does not read the first everywhere, and by the second a long text can
+# be the start of every cell.
+UNREAD = {6: "DELTA_LENGTH_BYTE_ARRAY", 7: "DELTA_BYTE_ARRAY"}
 
 
 def parquet(
@@ -114,10 +116,10 @@ def _check_footer(
                 continue
             most = columns[chunk.name] * rows
             for page in parquet_pages.pages(file, chunk):
-                if page.encoding == PREFIXED:
+                if page.encoding in UNREAD:
                     raise OutsideError(
-                        f"the column {chunk.name} is encoded as DELTA_BYTE_ARRAY, which is not "
-                        "read: write it with a dictionary, or plain"
+                        f"the column {chunk.name} is encoded as {UNREAD[page.encoding]}, which is "
+                        "not read: write it with a dictionary, or plain"
                     )
                 values[i] += page.values if page.kind != parquet_pages.DICTIONARY else 0
                 unpacked[i] += page.unpacked

@@ -238,6 +238,12 @@ CASES: list[tuple[str, str, Make, str]] = [
         "is encoded as DELTA_BYTE_ARRAY",
     ),
     (
+        "parquet-lengths",
+        "p.parquet",
+        parquet(["a"], use_dictionary=False, column_encoding={"id": "DELTA_LENGTH_BYTE_ARRAY"}),
+        "is encoded as DELTA_LENGTH_BYTE_ARRAY, which is not read: write it with a dictionary",
+    ),
+    (
         "parquet-footer-length",
         "p.parquet",
         parquet(patch=lambda raw: raw[:-8] + b"\xff\xff\xff\x7fPAR1"),
