@@ -92,6 +92,12 @@ def _matrices(stiffness: sparse.csr_matrix, mass: sparse.csr_matrix) -> Matrices
             "stiffness and mass must be square and of one size, "
             f"got {stiffness.shape} and {mass.shape}"
         )
+    for name, matrix in (("stiffness", stiffness), ("mass", mass)):
+        if not np.isfinite(matrix.data).all():
+            raise ValueError(
+                f"the {name} matrix has entries that are NaN or infinite: look for triangles "
+                "without area, and for vertices that are not finite"
+            )
     masses = mass.diagonal()
     if abs(mass - sparse.diags(masses)).sum() != 0:
         raise ValueError("the mass matrix is not diagonal: take a Laplacian with a lumped mass")

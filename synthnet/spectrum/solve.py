@@ -145,7 +145,9 @@ def compute(
         spectrum = compute(mended.mesh, k, operator=operator, sharp=sharp)
         return replace(spectrum, mesh=mended.mesh, repairs=mended.repairs)
     discrete = discretise(mesh, operator)
-    candidate, certificate, numbers = _solved(discrete.matrices, k)
+    rows = len(discrete.matrices.lumped)
+    unknowns = "unknowns" if rows > len(mesh.vertices) else "vertices"
+    candidate, certificate, numbers = _solved(discrete.matrices, k, unknowns)
     if operator.elements != "linear":
         return _spectrum(discrete, k, candidate, certificate, numbers)
     values, bounds, vectors = sharpened(
@@ -263,12 +265,17 @@ def count_below(mesh: Any, *shifts: float, operator: Operator = PLAIN) -> list[i
     return [inertia(matrices, ordering, shift).negative for shift in shifts]
 
 
-def _solved(matrices: Matrices, k: int) -> tuple[Candidate, Certificate, NDArray[np.int32]]:
-    """Return at least k certified pairs, their certificate, and the component of each row."""
+def _solved(
+    matrices: Matrices, k: int, unknowns: str = "unknowns"
+) -> tuple[Candidate, Certificate, NDArray[np.int32]]:
+    """Return at least k certified pairs, their certificate, and the component of each row.
+
+    ``unknowns`` is what a message calls the rows.
+    """
     pieces, numbers = components.components(matrices)
     n, zeros = len(matrices.lumped), int(components.unheld(matrices, numbers).sum())
     if not 1 <= k <= n - zeros:
-        of = f"{n} vertices" if matrices.anchored is None else f"{n} free vertices"
+        of = f"{n} {unknowns}" if matrices.anchored is None else f"{n} free {unknowns}"
         of += "" if pieces == 1 else f" in {pieces} components"
         raise ValueError(f"k must be between 1 and {n - zeros} for {of}, got {k}")
     if pieces > 1:

@@ -329,6 +329,14 @@ def test_matrices_that_are_no_laplacian_and_lumped_mass_are_one_line() -> None:
         solver(stiffness, M=lapy.Solver(tria(TORUS)).mass)
     with pytest.raises(ValueError, match="1 vertices have no positive mass, the first is vertex 7"):
         solver(stiffness, M=sparse.diags(np.where(np.arange(288) == 7, 0, mass.diagonal())))
+    infinite = stiffness.copy()
+    infinite.data[0] = np.inf
+    for name, given in (
+        ("mass", (stiffness, sparse.diags(np.where(np.arange(288) == 7, np.nan, 1.0)))),
+        ("stiffness", (infinite, mass)),
+    ):
+        with pytest.raises(ValueError, match=f"the {name} matrix has entries that are NaN or inf"):
+            solver(given[0], M=given[1])
     with pytest.raises(ValueError, match="rows do not add up to zero"):
         solver(stiffness + sparse.identity(288), M=mass)
     with pytest.raises(ValueError, match="no Laplacian in float64"):

@@ -240,7 +240,11 @@ CASES: list[tuple[str, str, Make, str]] = [
     (
         "parquet-lengths",
         "p.parquet",
-        parquet(["a"], use_dictionary=False, column_encoding={"id": "DELTA_LENGTH_BYTE_ARRAY"}),
+        parquet(
+            ["a"] * 20,
+            use_dictionary=False,
+            column_encoding={"id": "DELTA_LENGTH_BYTE_ARRAY"},
+        ),
         "is encoded as DELTA_LENGTH_BYTE_ARRAY, which is not read: write it with a dictionary",
     ),
     (
