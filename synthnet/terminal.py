@@ -26,6 +26,7 @@ from synthnet.errors import suggestion
 from synthnet.processes import more_memory
 
 WRONG_INPUT = 2  # exit code if the input, the directory or the machine is unsuitable
+UNSUITABLE = (ValueError, OSError, MemoryError)  # is one line, beside a package's own errors
 
 Commands: TypeAlias = "argparse._SubParsersAction[Any]"
 
@@ -138,19 +139,24 @@ def run(program: str, options: argparse.Namespace, *expected: type[Exception]) -
     An error that is expected, by a wrong value or of the system too, is one line; with
     ``--traceback`` the lines of code come before it.
     """
-    expected = (ValueError, OSError, MemoryError, *expected)
+    wrong: tuple[type[Exception], ...] = (*UNSUITABLE, *expected)
     try:
         _check_working_directory()
         code: int = options.run(options)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say
         return 0
-    except expected as error:
-        if options.traceback:
-            traceback.print_exception(error)
-        sys.stderr.write(f"{program}: {_line(error)}\n")
-        return WRONG_INPUT
+    except wrong as error:
+        return report(program, options, error)
     return code
+
+
+def report(program: str, options: argparse.Namespace, error: Exception) -> int:
+    """Say what is wrong on one line, after the lines of code if they are wanted; return 2."""
+    if options.traceback:
+        traceback.print_exception(error)
+    sys.stderr.write(f"{program}: {_line(error)}\n")
+    return WRONG_INPUT
 
 
 def _check_working_directory() -> None:

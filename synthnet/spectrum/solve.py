@@ -145,8 +145,7 @@ def compute(
         spectrum = compute(mended.mesh, k, operator=operator, sharp=sharp)
         return replace(spectrum, mesh=mended.mesh, repairs=mended.repairs)
     discrete = discretise(mesh, operator)
-    rows = len(discrete.matrices.lumped)
-    unknowns = "unknowns" if rows > len(mesh.vertices) else "vertices"
+    unknowns = "unknowns" if operator.elements in ("quadratic", "curved") else "vertices"
     candidate, certificate, numbers = _solved(discrete.matrices, k, unknowns)
     if operator.elements != "linear":
         return _spectrum(discrete, k, candidate, certificate, numbers)

@@ -280,6 +280,20 @@ def test_a_boundary_that_does_not_fit_is_one_line(mesh: Mesh, boundary: Any, lin
         spectrum.compute(mesh, 5, operator=Operator(boundary))
 
 
+@pytest.mark.parametrize(
+    ("operator", "line"),
+    [
+        (Operator(), "k must be between 1 and 8 for 9 vertices, got 50"),
+        (Operator(elements="delaunay"), "k must be between 1 and 8 for 9 vertices, got 50"),
+        (Operator(elements="quadratic"), "k must be between 1 and 24 for 25 unknowns, got 50"),
+        (Operator("dirichlet", elements="quadratic"), "1 and 9 for 9 free unknowns, got 50"),
+    ],
+)
+def test_more_eigenvalues_than_unknowns_are_one_line(operator: Operator, line: str) -> None:
+    with pytest.raises(ValueError, match=line):
+        spectrum.compute(square(2), 50, operator=operator)
+
+
 def test_only_linear_elements_are_sharp() -> None:
     with pytest.raises(ValueError, match="sharp is for linear elements, not tufted ones"):
         spectrum.compute(square(3), 5, sharp=True, operator=Operator(elements="tufted"))

@@ -278,8 +278,8 @@ def _verified() -> Group[Ranked]:
     note = (
         "`eigbench verify-row` has run the code again, on the test split and on a fresh draw: "
         "surfaces of the same recipe, from a seed that nobody knows. A model that knew the public "
-        "test shapes would do worse there. The draw has fewer shapes, and other ones for each "
-        "run, so compare a row with itself."
+        "test shapes would do worse there. A draw has fewer shapes than the split, and each "
+        "command draws its own, so compare a row with itself."
     )
     return Group("verified", "Verified", columns, note)
 

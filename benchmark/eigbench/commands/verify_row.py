@@ -36,7 +36,7 @@ from eigbench.running import record
 from eigbench.running.evaluate import Evaluation, Options
 from eigbench.scoring import scores, truth
 from eigbench.scoring.names import MESH
-from synthnet import store
+from synthnet import recipe, store, terminal
 from synthnet.errors import SynthNetError
 from synthnet.verify import seal
 
@@ -86,35 +86,36 @@ def verify_rows(options: argparse.Namespace) -> int:
     by = options.by or git(options.board, "config", "user.name")
     if not by:
         raise EigbenchError("who verifies? give --by NAME, or set git's user.name")
-    several = len(options.results) > 1
-    if several and options.predictions is not None:
-        raise EigbenchError("--predictions names the file of one row, and several are given")
-    verified: dict[str, Any] = {}
+    for option in ("predictions", "readable"):
+        if len(options.results) > 1 and getattr(options, option):
+            raise EigbenchError(f"--{option} is for one row: verify it by itself")
+    settings = predict.settings_of(options, Options)
+    if options.key is not None:
+        verification.sign("0" * 64, options.key)  # one that cannot sign is found at once
+    verified: dict[str, dict[str, Any]] = {}
     codes = [0]
     with (
         tempfile.TemporaryDirectory(prefix="eigbench-verify-") as made,
-        contextlib.closing(_Desk(options, Path(made))) as desk,
+        contextlib.closing(_Desk(options, settings, Path(made))) as desk,
     ):
-        for number, path in enumerate(options.results, start=1):
-            if several:
-                print(f"{number} of {len(options.results)}: {path}", file=sys.stderr)
+        rows = [row for path in options.results if (row := _read(path, options, codes))]
+        for number, row in enumerate(rows, start=1):
+            if len(options.results) > 1:
+                print(f"{number} of {len(rows)}: {row.result_path}", file=sys.stderr)
             try:
-                row = submission.read(path, options.predictions)
                 said, against = _verify(row, desk)
-            except (EigbenchError, SynthNetError) as error:
-                if not several:
-                    raise
-                against = [str(error)]
-                codes.append(2)
-            if against:
-                codes.append(1)
-                for finding in against:
-                    print(f"eigbench: {finding}", file=sys.stderr)
-                print(f"{path} is not verified; nothing was written into it", file=sys.stderr)
-                continue
-            verified[str(path)] = _write(row, {**said, "by": by}, options.key)
-            if not options.json:
-                print(_told(row, verified[str(path)]), flush=True)
+                if not against:
+                    verified[str(row.result_path)] = _write(row, {**said, "by": by}, options.key)
+                    if not options.json:
+                        print(_told(row, {**said, "by": by}), flush=True)
+                    continue
+            except (*terminal.UNSUITABLE, EigbenchError, SynthNetError) as error:
+                codes.append(terminal.report("eigbench", options, error))
+                against = []
+            codes.append(1)
+            for finding in against:
+                print(f"eigbench: {finding}", file=sys.stderr)
+            print(f"{row.result_path} is not verified: it stays as it is", file=sys.stderr)
     if options.json:
         print(json.dumps(verified, indent=1))
     elif verified:
@@ -122,18 +123,30 @@ def verify_rows(options: argparse.Namespace) -> int:
     return max(codes)
 
 
+def _read(path: Path, options: argparse.Namespace, codes: list[int]) -> Submission | None:
+    """Return a row that can be verified; of another say why not, and add the exit code to some."""
+    try:
+        row = submission.read(path, options.predictions)
+        if row.result["partial"] or row.truth.protocol != "grouped":
+            raise ResultError(f"{path} is no whole result under the protocol grouped")
+        seal.check_terms(recipe.load(row.truth.version), options.share, None)
+    except (*terminal.UNSUITABLE, EigbenchError, SynthNetError) as error:
+        codes.append(terminal.report("eigbench", options, error))
+        return None
+    return row
+
+
 def _verify(row: Submission, desk: _Desk) -> tuple[dict[str, Any], list[str]]:
     """Return what ``verified`` says of a row whose code has run again, and what speaks against."""
-    if row.result["partial"] or row.truth.protocol != "grouped":
-        raise ResultError(f"{row.result_path} is no whole result under the protocol grouped")
     dataset = predict.meshes_of(row.truth, None, desk.options.root)
     with tempfile.TemporaryDirectory(dir=desk.folder) as made:
         folder = Path(made)
         found, commit = desk.code(row)
         code = _copied(row, found, folder / "code")
         packages = _install(code, folder / "packages")
+        installed = _installed(packages)
         settings = replace(
-            predict.settings_of(desk.options, Options),
+            desk.settings,
             batch_size=row.batch_size,
             seeds=len(row.predictions),
             threads=row.result["cost"]["threads"],
@@ -143,15 +156,15 @@ def _verify(row: Submission, desk: _Desk) -> tuple[dict[str, Any], list[str]]:
         public = predict.answers(code, row.truth, dataset, settings, folder / "public")
         labels, drawn = desk.draw(row.truth.version)
         sealed = predict.answers(code, labels, drawn, settings, folder / "fresh")
-        verified, against = _compared(row, public, labels, sealed)
-        verified["sealed"]["share"] = desk.options.share
-        return verified | {
-            "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
-            "commit": commit,
-            "machine": record.hardware(),
-            "sandbox": settings.sandbox,
-            "packages": _installed(packages),
-        }, against
+    verified, against = _compared(row, public, labels, sealed)
+    verified["sealed"]["share"] = desk.options.share
+    return verified | {
+        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
+        "commit": commit,
+        "machine": record.hardware(),
+        "sandbox": settings.sandbox,
+        "packages": installed,
+    }, against
 
 
 def _write(row: Submission, verified: dict[str, Any], key: Path | None) -> dict[str, Any]:
@@ -174,12 +187,14 @@ class _Desk:
     ----------
     options : argparse.Namespace
         Of the command: board, source, share.
+    settings : Options
+        How code is run, but for what a row says of itself.
     folder : Path
         A directory of its own, which is there.
     """
 
-    def __init__(self, options: argparse.Namespace, folder: Path) -> None:
-        self.options, self.folder = options, folder
+    def __init__(self, options: argparse.Namespace, settings: Options, folder: Path) -> None:
+        self.options, self.settings, self.folder = options, settings, folder
         self.checkouts: dict[str, Path] = {}
         self.draws: dict[str, tuple[truth.Truth, store.StoredDataset]] = {}
 
@@ -204,8 +219,8 @@ class _Desk:
                 return _code(row, self.checkout(head)), head
         if named is None:
             raise ResultError(
-                f"{row.result_path} names no commit that has its code, and the last "
-                "one has it no more: give --source DIR"
+                f"{row.result_path} names no commit that has its code, and the last commit of "
+                f"{self.options.board.resolve()} has not: give --source DIR"
             )
         return _code(row, self.checkout(named)), named
 
@@ -273,7 +288,10 @@ def _install(code: Path, folder: Path) -> Path | None:
     file = code.with_name(code.name.partition(":")[0])
     header = SCRIPT.search(file.read_text(encoding="utf-8"))
     if header is None:
-        print(f"{file.name} names no packages (PEP 723): it gets those of this environment")
+        print(
+            f"{file.name} names no packages (PEP 723): it gets those of this environment",
+            file=sys.stderr,
+        )
         return None
     lines = (line[2:] if line.startswith("# ") else line[1:] for line in header[1].splitlines())
     try:

@@ -1,14 +1,13 @@
 """Landlock: a process gives up, for itself and all that it starts, what it need not reach.
 
 Three calls of the Linux kernel (landlock(7)) by ctypes, since 5.13: a set of rules is made, paths
-are added to it, and the process is held to it. A filter of its calls (seccomp(2)) keeps it from
-making sockets. No privilege is needed, and no mount.
+are added to it, and the process is held to it. A filter of its calls (:mod:`.calls`) keeps it from
+making sockets, and what outlives it. No privilege is needed, and no mount.
 """
 
 from __future__ import annotations
 
 import ctypes
-import errno
 import json
 import os
 import platform
@@ -17,25 +16,14 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from eigbench.running import calls
+
 CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446  # the same numbers on every machine
 VERSION, PATH_BENEATH = 1, 1
-PR_SET_NO_NEW_PRIVS = 38
 CAPABILITIES, NO_SETS = struct.pack("=Ii", 0x20080522, 0), bytes(24)  # root may look past Landlock
 EXECUTE, WRITE_FILE, READ_FILE, READ_DIR, TRUNCATE, IOCTL_DEV = 0, 1, 2, 3, 14, 15  # bits
 RIGHTS = {1: 13, 2: 14, 3: 15, 4: 15, 5: 16}  # by the kernel's version: how many bits it knows
 NETWORK_SINCE, SCOPED_SINCE = 4, 6  # connecting and listening by TCP; signals to others
-
-# Of seccomp: what a step of a filter does, and what becomes of a call.
-LOAD, EQUAL, GREATER, RETURN = 0x20, 0x15, 0x25, 0x06
-ALLOW, REFUSE = 0x7FFF0000, 0x00050000 | errno.EACCES
-PR_SET_SECCOMP, SECCOMP_MODE_FILTER = 22, 2
-X32 = 0x40000000  # from here on, x86-64 has a second set of calls
-IO_URING_SETUP = 425  # it makes sockets, too
-SOCKET = {  # by machine: how the kernel names it, and the number of socket(2)
-    "x86_64": (0xC000003E, 41),
-    "aarch64": (0xC00000B7, 198),
-    "riscv64": (0xC00000F3, 198),
-}
 
 READ = 1 << EXECUTE | 1 << READ_FILE | 1 << READ_DIR
 OF_FILES = 1 << EXECUTE | 1 << WRITE_FILE | 1 << READ_FILE | 1 << TRUNCATE | 1 << IOCTL_DEV
@@ -43,7 +31,7 @@ OF_FILES = 1 << EXECUTE | 1 << WRITE_FILE | 1 << READ_FILE | 1 << TRUNCATE | 1 <
 
 def version() -> int:
     """Return the version of Landlock that the kernel has; 0 where there is none."""
-    if sys.platform != "linux" or platform.machine() not in ("x86_64", "aarch64", "riscv64"):
+    if sys.platform != "linux" or platform.machine() not in calls.ARCHITECTURES:
         return 0
     return max(int(_libc().syscall(CREATE_RULESET, None, 0, VERSION)), 0)
 
@@ -60,7 +48,7 @@ def enter(note: Path) -> None:
 
 
 def restrict(shown: Iterable[Path], listed: Iterable[Path], writable: Sequence[Path]) -> None:
-    """Hold this process to some paths, and to no network.
+    """Hold this process to some paths, to no network, and to what ends with it.
 
     Parameters
     ----------
@@ -89,36 +77,13 @@ def restrict(shown: Iterable[Path], listed: Iterable[Path], writable: Sequence[P
     for paths, rights in granted:
         for path in paths:
             _allow(rules, path, rights)
-    if _libc().prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) or _libc().capset(CAPABILITIES, NO_SETS):
+    if _libc().prctl(calls.PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) or _libc().capset(
+        CAPABILITIES, NO_SETS
+    ):
         raise OSError(ctypes.get_errno(), "privileges could not be given up")
     _call(RESTRICT_SELF, rules, 0)
     os.close(rules)
-    _refuse_sockets()
-
-
-def _refuse_sockets() -> None:
-    """Let this process and all that it starts make no socket, of whatever kind; pairs it may.
-
-    Landlock knows TCP alone, and that not in every kernel. A filter of seccomp(2) looks at the
-    number of each call of the system.
-    """
-    architecture, number = SOCKET[platform.machine()]
-    refused = (number, IO_URING_SETUP)
-    last = len(refused) + 1  # steps from before the first of them to the one that refuses
-    steps = [
-        (LOAD, 0, 0, 4),  # the architecture
-        (EQUAL, 1, 0, architecture),
-        (RETURN, 0, 0, REFUSE),
-        (LOAD, 0, 0, 0),  # the call's number
-        (GREATER, last, 0, X32 - 1),
-        *((EQUAL, last - 1 - i, 0, call) for i, call in enumerate(refused)),
-        (RETURN, 0, 0, ALLOW),
-        (RETURN, 0, 0, REFUSE),
-    ]
-    filters = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *step) for step in steps))
-    program = struct.pack("@HP", len(steps), ctypes.addressof(filters))
-    if _libc().prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, program, 0, 0):
-        raise OSError(ctypes.get_errno(), "sockets could not be given up")
+    calls.refuse(calls.SOCKETS, calls.KEEPING)  # Landlock knows TCP alone
 
 
 def _allow(rules: int, path: Path, rights: int) -> None:

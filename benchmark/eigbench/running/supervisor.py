@@ -15,8 +15,9 @@ import sys
 from pathlib import Path
 from types import FrameType
 
-from eigbench.running import landlock
+from eigbench.running import calls, landlock
 
+HELD = "held"  # in place of Landlock's rules
 PACKAGES = "EIGBENCH_PACKAGES"  # a variable: a directory of packages that come before the others
 PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 
@@ -24,11 +25,14 @@ PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 def main() -> None:
     """Run a predictor's process that is given the descriptor of a socket; exit as it does.
 
-    With a second argument, the file of Landlock's rules, it first holds itself to these.
+    With a second argument it is in a box: :data:`HELD` in one of bubblewrap, or else the file of
+    Landlock's rules, to which it first holds itself. Nothing that it makes there outlives it.
     """
-    descriptor, *rules = sys.argv[1:]
-    if rules:
-        landlock.enter(Path(rules[0]))
+    descriptor, *box = sys.argv[1:]
+    if box == [HELD]:
+        calls.refuse(calls.KEEPING)
+    elif box:
+        landlock.enter(Path(box[0]))
     _find_packages()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the harness, which ends this
     if sys.platform == "linux":

@@ -120,8 +120,9 @@ def interval(means: Array) -> tuple[float, float]:
 def two_sided(means: Array) -> float:
     """Return the p-value of resampled mean differences: twice the share beyond zero.
 
-    Where none is beyond, their number bounds it, and so does the tail of a normal distribution: a
-    board of a hundred rows and more asks for smaller p-values than that number could show.
+    Where none is beyond, it is the smaller of 2 / (n + 1) and the tail of a normal distribution
+    with their mean and deviation: a board of a hundred rows and more asks for smaller p-values than
+    n resamples can show. That tail is an estimate, and too small for very skewed differences.
 
     Examples
     --------

@@ -18,6 +18,7 @@ from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import predictions, submission, verification
 from eigbench.results.sources import digest
 from eigbench.running import box
+from eigbench.running.evaluate import Options
 
 SAID = {
     "date": "2026-11-24",
@@ -223,7 +224,7 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
         options = argparse.Namespace(board=tmp_path / "board", source=None, share=0.3)
         folder = tmp_path / f"desk-{len(list(tmp_path.iterdir()))}"
         folder.mkdir()
-        with contextlib.closing(verify_row._Desk(options, folder)) as desk:
+        with contextlib.closing(verify_row._Desk(options, Options(), folder)) as desk:
             path, commit = desk.code(row)
             return path.read_text(), commit
 
@@ -242,7 +243,9 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
     without = dataclasses.replace(
         row, result={**made, "checkout": {**made["checkout"], "dirty": True}}
     )
-    with pytest.raises(ResultError, match="names no commit that has its code, and the last one"):
+    with pytest.raises(
+        ResultError, match="names no commit that has its code, and the last commit of"
+    ):
         taken(without)
 
 
@@ -250,7 +253,7 @@ def test_a_header_of_pep_723_is_read(tmp_path, capsys):
     code, folder = tmp_path / "my_model.py", tmp_path / "packages"
     code.write_text("x = 1\n")
     assert verify_row._install(code, folder) is None
-    assert "it gets those of this environment" in capsys.readouterr().out
+    assert "it gets those of this environment" in capsys.readouterr().err
     code.write_text(HEADER.format('"synthnet", "eigbench >= 0.1"') + "x = 1\n")
     assert verify_row._install(code, folder) == folder
     assert list(folder.iterdir()) == []
@@ -291,30 +294,52 @@ def predict(meshes):
 
 @BOXED
 @pytest.mark.slow
-def test_verify_row_runs_an_honest_row_again_and_says_so(eigbench, weyl, mini_home, tmp_path):
+def test_verify_row_runs_honest_rows_again_and_says_so(
+    eigbench, weyl, make_submission, mini_truth, mini_home, tmp_path
+):
     outs = [tmp_path / name for name in ("first.json", "second.json")]
     for out in outs:
         shutil.copy(weyl.out, out)
         shutil.copy(weyl.predictions, out.with_suffix(".parquet"))
-    how = ["--source", weyl.code.parent, "--root", mini_home, "--share", 0.3, "--by", "Me"]
     missing = tmp_path / "missing.json"
-    code, printed, wrong = eigbench("verify-row", outs[0], missing, outs[1], *how)
+    sources = {"weyl.py": "0" * 64}  # nobody has this code
+    lost = make_submission("Lost", 1.1 * mini_truth.eigenvalues, code="weyl.py", sources=sources)
+    before = lost.read_bytes()
+    how = ["--source", weyl.code.parent, "--root", mini_home, "--share", 0.3, "--by", "Me"]
+    code, printed, wrong = eigbench("verify-row", outs[0], missing, lost, outs[1], "--json", *how)
     assert code == 2
-    assert [line for line in wrong.splitlines() if "not verified" in line] == [
-        f"{missing} is not verified; nothing was written into it"
-    ]
-    assert printed.count("Weyl is verified by Me") == 2
+    first, second = (line for line in wrong.splitlines() if line.startswith("eigbench: "))
+    assert first.startswith(f"eigbench: there is no file {missing}")
+    assert "has no weyl.py with the code and weights" in second
+    assert f"{lost} is not verified: it stays as it is" in wrong.splitlines()
+    assert lost.read_bytes() == before
+    assert list(json.loads(printed)) == list(map(str, outs))
     verified = [submission.read(out).result["verified"] for out in outs]
+    assert list(json.loads(printed).values()) == verified
     assert verified[0]["scores"]["mesh"]["declared"] == verified[0]["scores"]["mesh"]["mean"]
     assert verified[0]["sealed"]["shapes"] > 50
     assert verified[0]["sealed"] == verified[1]["sealed"]  # of one draw
     assert verified[0]["digest"] == verification.digest(results.read(outs[0]))
 
 
-def test_predictions_are_named_for_one_row_alone(eigbench, weyl):
-    given = ["verify-row", weyl.out, weyl.out, "--predictions", weyl.predictions, "--by", "Me"]
-    code, _, stderr = eigbench(*given)
-    assert (code, "--predictions names the file of one row" in stderr) == (2, True)
+@BOXED
+@pytest.mark.parametrize(
+    ("given", "wrong"),
+    [
+        (["{row}", "{row}", "--predictions", "{row}"], "--predictions is for one row"),
+        (["{row}", "{row}", "--readable", "{row}"], "--readable is for one row"),
+        (["{row}", "--key", "{row}/none"], "cannot sign: "),
+        (["{row}", "--share", "2"], "--share must be above 0, at most 1, got 2"),
+        (["{row}/none"], "eigbench: "),
+    ],
+)
+def test_what_is_wrong_with_the_command_is_found_before_any_code_runs(
+    eigbench, weyl, given, wrong, monkeypatch
+):
+    monkeypatch.setattr(verify_row, "_verify", pytest.fail)
+    arguments = [word.format(row=weyl.out) for word in given]
+    code, _, stderr = eigbench("verify-row", *arguments, "--by", "Me")
+    assert (code, wrong in stderr) == (2, True), stderr
 
 
 @BOXED

@@ -3,6 +3,7 @@
 import contextlib
 import importlib.util
 import os
+import platform
 import py_compile
 import socket
 from functools import cache
@@ -12,7 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from eigbench.errors import PredictorError
-from eigbench.running import box, landlock, meshes
+from eigbench.running import box, calls, landlock, meshes
 from eigbench.running.process import PredictorProcess
 from eigbench.scoring import targets, truth
 
@@ -209,6 +210,34 @@ def test_landlock_goes_with_no_socket_at_all(predictor_file):
     )
     file = predictor_file("import socket\nimport numpy as np\n" + call)
     with PredictorProcess(file, 10, box.Settings(sandbox=box.LANDLOCK)) as process:
+        process.warm_up(1)
+
+
+KEEPS = """
+import ctypes, errno
+import numpy as np
+
+libc = ctypes.CDLL(None, use_errno=True)
+
+def failure(call, *arguments):
+    return errno.errorcode.get(ctypes.get_errno()) if call(*arguments) < 0 else "done"
+
+def predict(meshes):
+    found = {{failure(libc.syscall, number, 0, 0, 0, 0, 0) for number in {numbers}}}
+    found |= {{failure(libc.shmget, 4711, 64, 0o1600), failure(libc.msgget, 4711, 0o1600)}}
+    if found != {{"EACCES"}}:
+        raise RuntimeError(f"not refused: {{found}}")
+    return np.ones((len(meshes), 10))
+"""
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_predictor_leaves_nothing_in_the_kernel_for_the_next(predictor_file, kind):
+    """Memory, queues and keys that are shared by their number would outlive its process."""
+    numbers = calls.KEEPING[platform.machine()]
+    file = predictor_file(KEEPS.format(numbers=numbers))
+    with PredictorProcess(file, 10, box.Settings(sandbox=kind)) as process:
         process.warm_up(1)
 
 

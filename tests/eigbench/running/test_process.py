@@ -138,7 +138,6 @@ def test_meshes_come_in_an_order_drawn_anew_and_copies_of_shapes_come_last(
 
 
 SLEEPER = """
-import tempfile
 import time
 import numpy as np
 
@@ -147,7 +146,6 @@ def predict(meshes):
     return np.ones((len(meshes), 10))
 """
 LAZY = """
-import tempfile
 import time
 import numpy as np
 
@@ -401,7 +399,6 @@ def test_nothing_that_a_predictor_starts_outlives_it(predictor_file, end):
 
 
 REMEMBERS = """
-import tempfile
 import time
 import numpy as np
 
