@@ -102,20 +102,7 @@ def verify_rows(options: argparse.Namespace) -> int:
         for number, row in enumerate(rows, start=1):
             if len(options.results) > 1:
                 print(f"{number} of {len(rows)}: {row.result_path}", file=sys.stderr)
-            try:
-                said, against = _verify(row, desk)
-                if not against:
-                    verified[str(row.result_path)] = _write(row, {**said, "by": by}, options.key)
-                    if not options.json:
-                        print(_told(row, {**said, "by": by}), flush=True)
-                    continue
-            except (*terminal.UNSUITABLE, EigbenchError, SynthNetError) as error:
-                codes.append(terminal.report("eigbench", options, error))
-                against = []
-            codes.append(1)
-            for finding in against:
-                print(f"eigbench: {finding}", file=sys.stderr)
-            print(f"{row.result_path} is not verified: it stays as it is", file=sys.stderr)
+            codes.append(_tried(row, desk, by, verified))
     if options.json:
         print(json.dumps(verified, indent=1))
     elif verified:
@@ -134,6 +121,26 @@ def _read(path: Path, options: argparse.Namespace, codes: list[int]) -> Submissi
         codes.append(terminal.report("eigbench", options, error))
         return None
     return row
+
+
+def _tried(row: Submission, desk: _Desk, by: str, verified: dict[str, dict[str, Any]]) -> int:
+    """Verify a row, write what came of it and add it to the others; return the exit code."""
+    options, path = desk.options, row.result_path
+    try:
+        said, against = _verify(row, desk)
+        if not against:
+            verified[str(path)] = said = _write(row, {**said, "by": by}, options.key)
+    except (*terminal.UNSUITABLE, EigbenchError, SynthNetError) as error:
+        code = terminal.report("eigbench", options, error)
+    else:
+        code = 1 if against else 0
+        for finding in against:
+            print(f"eigbench: {finding}", file=sys.stderr)
+    if code:
+        print(f"{path} is not verified: it stays as it is", file=sys.stderr)
+    elif not options.json:
+        print(_told(row, said), flush=True)
+    return code
 
 
 def _verify(row: Submission, desk: _Desk) -> tuple[dict[str, Any], list[str]]:
