@@ -246,7 +246,7 @@ def _verified() -> Group[Ranked]:
             said = _said(row)
             return ("not verified", None) if said is None else cell(said)
 
-        return Column(f"verified-{key}", title, note, of_row)
+        return Column(f"verified-{key}", title, note, of_row, numeric=key != "date")
 
     def scored(scores: dict[str, Any]) -> Cell:
         shown = with_uncertainty({**scores, "seed_std": None}, RANKED_BY)
