@@ -20,6 +20,7 @@ from llvmlite import binding
 from numba import njit
 from numba.core import cgutils, config
 from numba.core import event as events
+from numba.core.caching import _CacheLocator
 from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -72,11 +73,12 @@ def folder() -> Path:
 
 def compiled(rooms: Iterable[Path]) -> Iterator[Path]:
     """Yield the files of :func:`folder` that hold kernels of some folders, as these are now."""
-    stamps = {stamp(room) for room in rooms}
-    for path in sorted(folder().glob("*/*.nb[ic]")):
-        stamped = STAMPED.search(path.name)
-        if stamped and stamped[1] in stamps:
-            yield path
+    for room in rooms:
+        kept = folder() / _CacheLocator.get_suitable_cache_subpath(str(room / "any.py"))
+        for path in sorted(kept.glob("*.nb[ic]")):
+            stamped = STAMPED.search(path.name)
+            if stamped and stamped[1] == stamp(room):
+                yield path
 
 
 @cache

@@ -10,7 +10,7 @@ from pathlib import Path
 import platformdirs
 import pytest
 
-from synthnet import kernels
+from synthnet import kernels, spectrum
 
 SOURCE = """
 from synthnet.kernels import kernel
@@ -152,3 +152,13 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.Mon
     assert f"as {full} cannot be written: set NUMBA_CACHE_DIR" in kernels.KEPT.pop(twice)
     assert compiled.stats.cache_path is None
     assert str(full) != kernels.config.CACHE_DIR
+
+
+def test_kernels_of_a_folder_are_found_where_numba_keeps_them_and_no_others() -> None:
+    spectrum.compile_solver()
+    room = Path(spectrum.__file__).parent
+    found = list(kernels.compiled([room, room.parent / "commands"]))
+    names = {path.name.split("_synthnet")[0] for path in found}
+    assert {"fem._add_triangles", "lanczos._extend", "ldl._factorise"} <= names
+    assert len({path.parent for path in found}) == 1
+    assert list(kernels.compiled([room.parent / "commands"])) == []
