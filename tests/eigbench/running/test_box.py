@@ -1,6 +1,7 @@
 """The box: what a predictor in it cannot reach, and what it answers there all the same."""
 
 import contextlib
+import hashlib
 import importlib.util
 import os
 import platform
@@ -309,18 +310,22 @@ def test_labels_are_handed_over_to_a_predictor_that_asks_for_a_training(
         assert (made.folder / "labels" / "labels-of-a-training").exists() == asks
 
 
-def test_kernels_are_copied_as_the_code_is_now(predictor_file, tmp_path, monkeypatch):
+def test_kernels_are_copied_as_the_code_is_now_and_where_it_lies(
+    predictor_file, tmp_path, monkeypatch
+):
     room = Path(synthnet.__path__[0]) / "spectrum"
-    now, kept = f"fem.f_{kernels.stamp(room)}-1.py311.nbi", tmp_path / "kernels" / "spectrum_1"
-    kept.mkdir(parents=True)
-    for name in (now, "fem.f_0123456789ab-1.py311.nbi", "fem.g-1.py311.nbi"):
-        (kept / name).touch()
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(kept.parent))
+    now = f"fem.f_{kernels.stamp(room)}-1.py311.nbi"
+    here = f"spectrum_{hashlib.sha1(str(room).encode()).hexdigest()}"  # as Numba names it
+    for folder in (here, "spectrum_1"):  # and of another checkout with the same code
+        (tmp_path / "kernels" / folder).mkdir(parents=True)
+        for name in (now, "fem.f_0123456789ab-1.py311.nbi", "fem.g-1.py311.nbi"):
+            (tmp_path / "kernels" / folder / name).touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     file = predictor_file("def predict(meshes): ...")
     settings = box.Settings(sandbox=box.LANDLOCK)
     with contextlib.closing(box.Box(file, "2.0/grouped", settings)) as made:
-        copied = [path.name for path in made.private.rglob("*.nbi")]
-    assert copied == [now]
+        copied = [path.relative_to(made.private) for path in made.private.rglob("*.nbi")]
+    assert copied == [Path("numba", here, now)]
 
 
 @cache
