@@ -6,22 +6,17 @@ import argparse
 import contextlib
 import datetime
 import json
-import re
 import secrets
 import shutil
 import subprocess
 import sys
 import tempfile
-import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from packaging.requirements import InvalidRequirement, Requirement
-from packaging.utils import canonicalize_name
 from rich.console import Console
 
 from eigbench import results
@@ -32,7 +27,7 @@ from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import predictions, submission, verification
 from eigbench.results.sources import digest, git
 from eigbench.results.submission import Submission
-from eigbench.running import record
+from eigbench.running import packages, record
 from eigbench.running.evaluate import Evaluation, Options
 from eigbench.scoring import scores, truth
 from eigbench.scoring.names import MESH
@@ -41,8 +36,6 @@ from synthnet.errors import SynthNetError
 from synthnet.verify import seal
 
 SHARE = 0.03  # of each family's surfaces: some hundred shapes, minutes
-SCRIPT = re.compile(r"^# /// script\n((?:#(?: .*)?\n)+?)# ///$", re.MULTILINE)  # of PEP 723
-HERE = ("synthnet", "eigbench")  # what runs the predictor is this release
 ROUNDING = 1e-6  # relative: what another processor may make of a mean
 
 
@@ -150,15 +143,20 @@ def _verify(row: Submission, desk: _Desk) -> tuple[dict[str, Any], list[str]]:
         folder = Path(made)
         found, commit = desk.code(row)
         code = _copied(row, found, folder / "code")
-        packages = _install(code, folder / "packages")
-        installed = _installed(packages)
+        own = packages.install(code, folder / "packages")
+        if own is None:
+            print(
+                f"{code.name} names no packages (PEP 723): it gets those of this environment",
+                file=sys.stderr,
+            )
+        installed = packages.installed(own)
         settings = replace(
             desk.settings,
             batch_size=row.batch_size,
             seeds=len(row.predictions),
             threads=row.result["cost"]["threads"],
             device=row.result["cost"]["device"],
-            packages=packages,
+            packages=own,
         )
         public = predict.answers(code, row.truth, dataset, settings, folder / "public")
         labels, drawn = desk.draw(row.truth.version)
@@ -285,64 +283,6 @@ def _copied(row: Submission, code: Path, folder: Path) -> Path:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(code.parent / name, folder / name)
     return folder / code.name
-
-
-def _install(code: Path, folder: Path) -> Path | None:
-    """Install what a file's header of PEP 723 asks for; None where it has no header.
-
-    Wheels alone, since to build a package runs its code outside the box.
-    """
-    file = code.with_name(code.name.partition(":")[0])
-    header = SCRIPT.search(file.read_text(encoding="utf-8"))
-    if header is None:
-        print(
-            f"{file.name} names no packages (PEP 723): it gets those of this environment",
-            file=sys.stderr,
-        )
-        return None
-    lines = (line[2:] if line.startswith("# ") else line[1:] for line in header[1].splitlines())
-    try:
-        dependencies = tomllib.loads("\n".join(lines)).get("dependencies", [])
-    except tomllib.TOMLDecodeError as error:
-        raise ResultError(f"{file}: its header of PEP 723 is no TOML: {error}") from error
-    folder.mkdir()
-    if packages := [str(package) for package in _requirements(dependencies, file)]:
-        uv = shutil.which("uv")
-        install = [uv, "pip"] if uv else [sys.executable, "-m", "pip"]
-        where = ["--target", str(folder), "--only-binary", ":all:"]
-        done = _done([*install, "install", *where, "--", *packages])
-        if done.returncode:
-            last = (done.stderr.strip().splitlines() or ["?"])[-1]
-            raise EigbenchError(f"cannot install what {file.name} asks for: {last[:300]}")
-    return folder
-
-
-def _requirements(dependencies: Any, file: Path) -> list[Requirement]:
-    """Return what a header asks for, without what runs it: names and versions, no addresses.
-
-    From an address, or a folder, comes what need not be a wheel.
-    """
-    is_list = isinstance(dependencies, list)
-    if not is_list or not all(isinstance(text, str) for text in dependencies):
-        raise ResultError(
-            f"{file}: dependencies of PEP 723 are a list of texts, got {dependencies}"
-        )
-    try:
-        requirements = [Requirement(text) for text in dependencies]
-    except InvalidRequirement as error:
-        message = " ".join(str(error).split())
-        raise ResultError(f"{file}: a dependency of PEP 723: {message}") from error
-    for requirement in requirements:
-        if requirement.url is not None:
-            raise ResultError(f"{file}: {requirement.name} comes from an address: name a version")
-    return [r for r in requirements if canonicalize_name(r.name) not in HERE]
-
-
-def _installed(packages: Path | None) -> dict[str, str]:
-    if packages is None:
-        return record.environment()
-    distributions = metadata.distributions(path=[str(packages)])
-    return dict(sorted((d.metadata["Name"], d.version) for d in distributions))
 
 
 def _compared(

@@ -17,7 +17,7 @@ from eigbench.commands import verify_row
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import predictions, submission, verification
 from eigbench.results.sources import digest
-from eigbench.running import box
+from eigbench.running import box, packages
 from eigbench.running.evaluate import Options
 
 SAID = {
@@ -249,13 +249,12 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
         taken(without)
 
 
-def test_a_header_of_pep_723_is_read(tmp_path, capsys):
+def test_a_header_of_pep_723_is_read(tmp_path):
     code, folder = tmp_path / "my_model.py", tmp_path / "packages"
     code.write_text("x = 1\n")
-    assert verify_row._install(code, folder) is None
-    assert "it gets those of this environment" in capsys.readouterr().err
+    assert packages.install(code, folder) is None
     code.write_text(HEADER.format('"synthnet", "eigbench >= 0.1"') + "x = 1\n")
-    assert verify_row._install(code, folder) == folder
+    assert packages.install(code, folder) == folder
     assert list(folder.iterdir()) == []
     folder.rmdir()
     for bad, message in (
@@ -266,7 +265,7 @@ def test_a_header_of_pep_723_is_read(tmp_path, capsys):
     ):
         code.write_text(HEADER.format(bad))
         with pytest.raises(ResultError, match=message):
-            verify_row._install(code, folder)
+            packages.install(code, folder)
         folder.rmdir() if folder.exists() else None
 
 
@@ -311,6 +310,7 @@ def test_verify_row_runs_honest_rows_again_and_says_so(
     first, second = (line for line in wrong.splitlines() if line.startswith("eigbench: "))
     assert first.startswith(f"eigbench: there is no file {missing}")
     assert "has no weyl.py with the code and weights" in second
+    assert wrong.count("weyl.py names no packages (PEP 723): it gets those of this") == 2
     assert f"{lost} is not verified: it stays as it is" in wrong.splitlines()
     assert lost.read_bytes() == before
     assert list(json.loads(printed)) == list(map(str, outs))
