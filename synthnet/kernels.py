@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import hashlib
 import os
-import re
 import stat
 import sys
 import tempfile
@@ -35,7 +34,6 @@ SETTINGS = {"nogil": True, "fastmath": {"reassoc", "contract"}, "error_model": "
 SAID = "SYNTHNET_COMPILING"
 COMPILING = "Compiling the numerical code for this machine, {how}: up to 20 s"
 LARGEST = 2**24  # bytes of a file of sources
-STAMPED = re.compile(r"_([0-9a-f]{12})-[0-9]+\.py")  # in the name of a kernel's file
 KEPT: dict[Callable[..., Any], str] = {}  # how often each kernel is compiled
 
 
@@ -75,10 +73,7 @@ def compiled(rooms: Iterable[Path]) -> Iterator[Path]:
     """Yield the files of :func:`folder` that hold kernels of some folders, as these are now."""
     for room in rooms:
         kept = folder() / _CacheLocator.get_suitable_cache_subpath(str(room / "any.py"))
-        for path in sorted(kept.glob("*.nb[ic]")):
-            stamped = STAMPED.search(path.name)
-            if stamped and stamped[1] == stamp(room):
-                yield path
+        yield from sorted(kept.glob(f"*_{stamp(room)}-*.nb[ic]"))
 
 
 @cache

@@ -36,6 +36,7 @@ from synthnet.errors import SynthNetError
 from synthnet.verify import seal
 
 SHARE = 0.03  # of each family's surfaces: some hundred shapes, minutes
+WRONG = (*terminal.UNSUITABLE, EigbenchError, SynthNetError)  # is one line, and the next row's turn
 ROUNDING = 1e-6  # relative: what another processor may make of a mean
 
 
@@ -86,32 +87,32 @@ def verify_rows(options: argparse.Namespace) -> int:
     if options.key is not None:
         verification.sign("0" * 64, options.key)  # one that cannot sign is found at once
     verified: dict[str, dict[str, Any]] = {}
-    codes = [0]
     with (
         tempfile.TemporaryDirectory(prefix="eigbench-verify-") as made,
         contextlib.closing(_Desk(options, settings, Path(made))) as desk,
     ):
-        rows = [row for path in options.results if (row := _read(path, options, codes))]
+        rows = [row for path in options.results if (row := _read(path, options))]
+        code = 0 if len(rows) == len(options.results) else terminal.WRONG_INPUT
         for number, row in enumerate(rows, start=1):
             if len(options.results) > 1:
                 print(f"{number} of {len(rows)}: {row.result_path}", file=sys.stderr)
-            codes.append(_tried(row, desk, by, verified))
+            code = max(code, _tried(row, desk, by, verified))
     if options.json:
         print(json.dumps(verified, indent=1))
     elif verified:
         print(f"now: eigbench leaderboard{arguments.board_argument(options)}")
-    return max(codes)
+    return code
 
 
-def _read(path: Path, options: argparse.Namespace, codes: list[int]) -> Submission | None:
-    """Return a row that can be verified; of another say why not, and add the exit code to some."""
+def _read(path: Path, options: argparse.Namespace) -> Submission | None:
+    """Return a row that can be verified; of another say why not."""
     try:
         row = submission.read(path, options.predictions)
         if row.result["partial"] or row.truth.protocol != "grouped":
             raise ResultError(f"{path} is no whole result under the protocol grouped")
         seal.check_terms(recipe.load(row.truth.version), options.share, None)
-    except (*terminal.UNSUITABLE, EigbenchError, SynthNetError) as error:
-        codes.append(terminal.report("eigbench", options, error))
+    except WRONG as error:
+        terminal.report("eigbench", options, error)
         return None
     return row
 
@@ -123,7 +124,7 @@ def _tried(row: Submission, desk: _Desk, by: str, verified: dict[str, dict[str, 
         said, against = _verify(row, desk)
         if not against:
             verified[str(path)] = said = _write(row, {**said, "by": by}, options.key)
-    except (*terminal.UNSUITABLE, EigbenchError, SynthNetError) as error:
+    except WRONG as error:
         code = terminal.report("eigbench", options, error)
     else:
         code = 1 if against else 0

@@ -182,15 +182,8 @@ class Box:
         """Return the command that runs a predictor's supervisor in the box."""
         start = [sys.executable, "-P", "-m", supervisor.__name__, str(descriptor)]
         if self.kind == BUBBLEWRAP:
-            return [
-                "bwrap",
-                *self._mounts(),
-                "--chdir",
-                str(self.directory),
-                "--",
-                *start,
-                supervisor.HELD,
-            ]
+            where = ["--chdir", str(self.directory)]
+            return ["bwrap", *self._mounts(), *where, "--", *start, supervisor.HELD]
         note = self.folder / "landlock.json"
         note.write_text(json.dumps(self._grants()))
         return [*start, str(note)]

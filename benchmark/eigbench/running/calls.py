@@ -36,7 +36,8 @@ KEEPING = {
 def refuse(*kinds: Mapping[str, tuple[int, ...]]) -> None:
     """Let this process and all that it starts make no call of some kinds: they fail with EACCES.
 
-    On a machine whose calls are not known here, none is refused.
+    Nor do they gain a privilege by starting a program. On a machine whose calls are not known here,
+    nothing is refused.
 
     Raises
     ------

@@ -77,13 +77,11 @@ def restrict(shown: Iterable[Path], listed: Iterable[Path], writable: Sequence[P
     for paths, rights in granted:
         for path in paths:
             _allow(rules, path, rights)
-    if _libc().prctl(calls.PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) or _libc().capset(
-        CAPABILITIES, NO_SETS
-    ):
+    calls.refuse(calls.SOCKETS, calls.KEEPING)  # Landlock knows TCP alone
+    if _libc().capset(CAPABILITIES, NO_SETS):
         raise OSError(ctypes.get_errno(), "privileges could not be given up")
     _call(RESTRICT_SELF, rules, 0)
     os.close(rules)
-    calls.refuse(calls.SOCKETS, calls.KEEPING)  # Landlock knows TCP alone
 
 
 def _allow(rules: int, path: Path, rights: int) -> None:

@@ -324,6 +324,27 @@ def test_verify_row_runs_honest_rows_again_and_says_so(
 
 @BOXED
 @pytest.mark.parametrize(
+    ("against", "code", "written"), [([], 0, True), (["its scores are others"], 1, False)]
+)
+def test_a_row_is_written_if_nothing_speaks_against_it(
+    eigbench, weyl, tmp_path, monkeypatch, against, code, written
+):
+    out = tmp_path / "result.json"
+    shutil.copy(weyl.out, out)
+    shutil.copy(weyl.predictions, out.with_suffix(".parquet"))
+    said = {key: value for key, value in SAID.items() if key != "by"}
+    monkeypatch.setattr(verify_row, "_verify", lambda row, desk: (copy.deepcopy(said), against))
+    found, printed, wrong = eigbench("verify-row", out, "--by", "Me")
+    assert found == code
+    assert ("verified" in results.read(out)) == written
+    assert ("Weyl is verified by Me" in printed) == written
+    assert ("now: eigbench leaderboard" in printed) == written
+    assert ("not verified" in wrong) == (not written)
+    assert ("eigbench: its scores are others" in wrong) == (not written)
+
+
+@BOXED
+@pytest.mark.parametrize(
     ("given", "wrong"),
     [
         (["{row}", "{row}", "--predictions", "{row}"], "--predictions is for one row"),

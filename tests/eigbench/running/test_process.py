@@ -538,8 +538,7 @@ from pathlib import Path
 
 Path({path!r}).write_text(" ".join(name for name in sys.modules if "." not in name))
 
-def predict(meshes):
-    raise NotImplementedError
+def predict(meshes): ...
 """
 
 
