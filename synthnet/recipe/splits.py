@@ -145,7 +145,22 @@ def folds(recipe: Recipe, protocol: str, split: str = "test") -> tuple[Fold, ...
 
 
 def takes(fold: Fold, recipe: Recipe, split: str, id: str) -> bool:
-    """Return whether a shape of a split is used in a fold.
+    """Return whether a version's shape is used in a fold, by its id; see :func:`uses`.
+
+    Examples
+    --------
+    >>> from synthnet import recipe
+    >>> version = recipe.load("2.0")
+    >>> (fold,) = folds(version, "resolution")
+    >>> [takes(fold, version, "test", f"blob-0000{index}") for index in range(3)]  # coarse to fine
+    [False, False, True]
+    """
+    family, _, number = id.rpartition("-")
+    return uses(fold, recipe, split, family, int(number))
+
+
+def uses(fold: Fold, recipe: Recipe, split: str, family: str, index: int) -> bool:
+    """Return whether a shape of a split is used in a fold, by its family and index there.
 
     Of the split ``test`` it is what the fold holds out that is tested. Of ``train`` and
     ``validation`` that is left out, and with a family those of the same surfaces. So no
@@ -156,15 +171,10 @@ def takes(fold: Fold, recipe: Recipe, split: str, id: str) -> bool:
     --------
     >>> from synthnet import recipe
     >>> version = recipe.load("2.0")
-    >>> (fold,) = folds(version, "resolution")
-    >>> [takes(fold, version, "test", f"blob-0000{index}") for index in range(3)]  # coarse to fine
-    [False, False, True]
     >>> (fold,) = folds(version, "family/dented_cone")
-    >>> [takes(fold, version, split, "circular_cone-00000") for split in ("train", "test")]
+    >>> [uses(fold, version, split, "circular_cone", 0) for split in ("train", "test")]
     [False, False]
     """
-    family, _, number = id.rpartition("-")
-    index = int(number)
     if split == "test":
         return _held_out(fold, recipe, family, index)
     alike = next((group for group in SAME_SURFACES if family in group), (family,))

@@ -85,7 +85,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
         evaluation = predict.answers(
             options.predictor,
             labels,
-            dataset,
+            predict.read_meshes(dataset, labels),
             settings,
             parts,
             on_loaded=lambda loaded: _check_name(out, loaded.meta["name"]),

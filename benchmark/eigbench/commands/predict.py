@@ -120,12 +120,12 @@ def predict(options: argparse.Namespace) -> int:
     check_file(options.predictor)
     directory = score.dataset_of(options)
     labels = score.labels_of(options, directory)
-    dataset = meshes_of(labels, directory, options.root)
+    instances = read_meshes(meshes_of(labels, directory, options.root), labels)
     settings = settings_of(options, Options)
     make_parent(out)
     parts = out.with_name(f".{out.name}.parts")
     with alone(parts):
-        evaluation = answers(options.predictor, labels, dataset, settings, parts)
+        evaluation = answers(options.predictor, labels, instances, settings, parts)
         predictions.write(out, labels, evaluation.predictions)
     cost = record.cost(evaluation, settings)
     if options.json:
@@ -174,10 +174,16 @@ def meshes_of(
     return dataset
 
 
+def read_meshes(dataset: store.StoredDataset, labels: truth.Truth) -> meshes.Instances:
+    """Read the meshes of a split, and say so."""
+    with Console(stderr=True).status("reading the meshes"):
+        return meshes.read(dataset, labels.ids)
+
+
 def answers(
     predictor: Path,
     labels: truth.Truth,
-    dataset: store.StoredDataset,
+    instances: meshes.Instances,
     settings: Options,
     parts: Path,
     on_loaded: Callable[[Loaded], None] = lambda loaded: None,
@@ -186,8 +192,6 @@ def answers(
 ) -> Evaluation:
     """Run a predictor over a split, with progress and, if ``estimated``, the time it may take."""
     console = Console(stderr=True, highlight=False)
-    with console.status("reading the meshes"):
-        instances = meshes.read(dataset, labels.ids)
     loading = console.status("loading the predictor")
     progress = terminal.progress("predicting", console)
     meshes_in_all = len(labels.ids) * settings.seeds

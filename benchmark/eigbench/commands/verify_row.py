@@ -6,13 +6,9 @@ import argparse
 import contextlib
 import datetime
 import json
-import secrets
-import shutil
-import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,19 +21,31 @@ from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import predictions, submission, verification
-from eigbench.results.sources import digest, git
+from eigbench.results.sources import git
 from eigbench.results.submission import Submission
-from eigbench.running import packages, record
+from eigbench.running import packages, record, rerun
 from eigbench.running.evaluate import Evaluation, Options
-from eigbench.scoring import scores, truth
+from eigbench.scoring import scores
 from eigbench.scoring.names import MESH
-from synthnet import recipe, store, terminal
+from eigbench.scoring.truth import Truth
+from synthnet import recipe, terminal
 from synthnet.errors import SynthNetError
 from synthnet.verify import seal
 
 SHARE = 0.03  # of each family's surfaces: some hundred shapes, minutes
 WRONG = (*terminal.UNSUITABLE, EigbenchError, SynthNetError)  # is one line, and the next row's turn
 ROUNDING = 1e-6  # relative: what another processor may make of a mean
+
+
+@dataclass(frozen=True, slots=True)
+class _Setup:
+    """How the rows of a command are verified, and a directory of its own for that."""
+
+    options: argparse.Namespace
+    settings: Options
+    checkouts: rerun.Checkouts
+    draws: rerun.Draws
+    folder: Path
 
 
 def add_commands(command: Command) -> None:
@@ -89,14 +97,18 @@ def verify_rows(options: argparse.Namespace) -> int:
     verified: dict[str, dict[str, Any]] = {}
     with (
         tempfile.TemporaryDirectory(prefix="eigbench-verify-") as made,
-        contextlib.closing(_Desk(options, settings, Path(made))) as desk,
+        contextlib.closing(
+            rerun.Checkouts(options.board, options.source, Path(made) / "commits")
+        ) as checkouts,
     ):
+        draws = rerun.Draws(options.share, Path(made) / "sealed")
+        setup = _Setup(options, settings, checkouts, draws, Path(made))
         rows = [row for path in options.results if (row := _read(path, options))]
         code = 0 if len(rows) == len(options.results) else terminal.WRONG_INPUT
         for number, row in enumerate(rows, start=1):
             if len(options.results) > 1:
                 print(f"{number} of {len(rows)}: {row.result_path}", file=sys.stderr)
-            code = max(code, _tried(row, desk, by, verified))
+            code = max(code, _tried(row, setup, by, verified))
     if options.json:
         print(json.dumps(verified, indent=1))
     elif verified:
@@ -108,8 +120,9 @@ def _read(path: Path, options: argparse.Namespace) -> Submission | None:
     """Return a row that can be verified; of another say why not."""
     try:
         row = submission.read(path, options.predictions)
-        if row.result["partial"] or row.truth.protocol != "grouped":
-            raise ResultError(f"{path} is no whole result under the protocol grouped")
+        if row.result["partial"]:
+            raise ResultError(f"{path} is partial (made with --limit): evaluate it whole")
+        rerun.check_protocol(row)
         seal.check_terms(recipe.load(row.truth.version), options.share, None)
     except WRONG as error:
         terminal.report("eigbench", options, error)
@@ -117,11 +130,11 @@ def _read(path: Path, options: argparse.Namespace) -> Submission | None:
     return row
 
 
-def _tried(row: Submission, desk: _Desk, by: str, verified: dict[str, dict[str, Any]]) -> int:
+def _tried(row: Submission, setup: _Setup, by: str, verified: dict[str, dict[str, Any]]) -> int:
     """Verify a row, write what came of it and add it to the others; return the exit code."""
-    options, path = desk.options, row.result_path
+    options, path = setup.options, row.result_path
     try:
-        said, against = _verify(row, desk)
+        said, against = _verify(row, setup)
         if not against:
             verified[str(path)] = said = _write(row, {**said, "by": by}, options.key)
     except WRONG as error:
@@ -137,13 +150,13 @@ def _tried(row: Submission, desk: _Desk, by: str, verified: dict[str, dict[str, 
     return code
 
 
-def _verify(row: Submission, desk: _Desk) -> tuple[dict[str, Any], list[str]]:
+def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
     """Return what ``verified`` says of a row whose code has run again, and what speaks against."""
-    dataset = predict.meshes_of(row.truth, None, desk.options.root)
-    with tempfile.TemporaryDirectory(dir=desk.folder) as made:
+    dataset = predict.meshes_of(row.truth, None, setup.options.root)
+    with tempfile.TemporaryDirectory(dir=setup.folder) as made:
         folder = Path(made)
-        found, commit = desk.code(row)
-        code = _copied(row, found, folder / "code")
+        found, commit = setup.checkouts.code(row)
+        code = rerun.copied(row, found, folder / "code")
         own = packages.install(code, folder / "packages")
         if own is None:
             print(
@@ -152,18 +165,26 @@ def _verify(row: Submission, desk: _Desk) -> tuple[dict[str, Any], list[str]]:
             )
         installed = packages.installed(own)
         settings = replace(
-            desk.settings,
+            setup.settings,
             batch_size=row.batch_size,
             seeds=len(row.predictions),
             threads=row.result["cost"]["threads"],
             device=row.result["cost"]["device"],
             packages=own,
         )
-        public = predict.answers(code, row.truth, dataset, settings, folder / "public")
-        labels, drawn = desk.draw(row.truth.version)
-        sealed = predict.answers(code, labels, drawn, settings, folder / "fresh")
-    verified, against = _compared(row, public, labels, sealed)
-    verified["sealed"]["share"] = desk.options.share
+        with Console(stderr=True).status("drawing and labelling a fresh sealed set"):
+            drawn, fresh = setup.draws.of(row.truth.version), setup.draws.labels(row.truth)
+        evaluation = predict.answers(
+            code,
+            rerun.mixed(row.truth, fresh),
+            rerun.mixed_meshes(
+                predict.read_meshes(dataset, row.truth), predict.read_meshes(drawn, fresh)
+            ),
+            settings,
+            folder / "answers",
+        )
+    verified, against = _compared(row, fresh, evaluation)
+    verified["sealed"]["share"] = setup.options.share
     return verified | {
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
         "commit": commit,
@@ -183,126 +204,25 @@ def _write(row: Submission, verified: dict[str, Any], key: Path | None) -> dict[
     return verified
 
 
-class _Desk:
-    """Where rows are verified: the checkouts with their code, and a fresh draw of each version.
-
-    The rows of one command share the draw. Its salt is forgotten at once, no row sees it but as
-    meshes without a name, and it is removed when the desk is closed.
-
-    Parameters
-    ----------
-    options : argparse.Namespace
-        Of the command: board, source, share.
-    settings : Options
-        How code is run, but for what a row says of itself.
-    folder : Path
-        A directory of its own, which is there.
-    """
-
-    def __init__(self, options: argparse.Namespace, settings: Options, folder: Path) -> None:
-        self.options, self.settings, self.folder = options, settings, folder
-        self.checkouts: dict[str, Path] = {}
-        self.draws: dict[str, tuple[truth.Truth, store.StoredDataset]] = {}
-
-    def code(self, row: Submission) -> tuple[Path, str | None]:
-        """Return the file with a row's code, and the commit that has it.
-
-        The last commit comes first: what has moved since the row was made, and is still the same
-        code by its digests, fits the packages that are installed.
-
-        Raises
-        ------
-        EigbenchError
-            If no place has files with the digests that the row names.
-        """
-        if self.options.source is not None:
-            return _code(row, self.options.source), None
-        head = git(self.options.board, "rev-parse", "HEAD")
-        made_by = row.result.get("checkout", {})
-        named = None if made_by.get("dirty", True) else made_by["commit"]
-        if head is not None:
-            with contextlib.suppress(ResultError):
-                return _code(row, self.checkout(head)), head
-        if named is None:
-            raise ResultError(
-                f"{row.result_path} names no commit that has its code, and the last commit of "
-                f"{self.options.board.resolve()} has not: give --source DIR"
-            )
-        return _code(row, self.checkout(named)), named
-
-    def checkout(self, commit: str) -> Path:
-        """Return a directory with the files of a commit."""
-        if commit not in self.checkouts:
-            folder = self.folder / commit
-            added = self._worktree("add", "--quiet", "--detach", str(folder), commit)
-            if added.returncode:
-                raise EigbenchError(
-                    f"cannot check out {commit[:12]} ({' '.join(added.stderr.split())[:200]}): "
-                    "fetch it first, or give --source DIR"
-                )
-            self.checkouts[commit] = folder
-        return self.checkouts[commit]
-
-    def draw(self, version: str) -> tuple[truth.Truth, store.StoredDataset]:
-        """Return the labels of a sealed set of a version, and the set, from a salt that is lost."""
-        if version not in self.draws:
-            salt = secrets.token_bytes(seal.SALT_BYTES)
-            resolved = seal.sealed_recipe(version, salt, share=self.options.share)
-            with Console(stderr=True).status("drawing and labelling a fresh sealed set"):
-                seal.make(resolved, root=self.folder / "sealed")
-            drawn = store.open_dataset(resolved.version, self.folder / "sealed")
-            self.draws[version] = truth.of_dataset(drawn), drawn
-        return self.draws[version]
-
-    def close(self) -> None:
-        """Take the checkouts out of git's list of working trees."""
-        for folder in self.checkouts.values():
-            self._worktree("remove", "--force", str(folder))
-
-    def _worktree(self, *command: str) -> subprocess.CompletedProcess[str]:
-        return _done(["git", "-C", str(self.options.board), "worktree", *command])
-
-
-def _code(row: Submission, source: Path) -> Path:
-    """Return the predictor's file in a directory: of its name, with the digests of the result."""
-    model = row.result["model"]
-    file, _, variant = model["code"].partition(":")
-    for path in sorted(source.rglob(file)):
-        here = {name: path.parent / name for name in model["sources"]}
-        if all(p.is_file() and digest(p) == model["sources"][n] for n, p in here.items()):
-            return path.with_name(f"{file}:{variant}") if variant else path
-    raise ResultError(
-        f"{source} has no {file} with the code and weights that {row.result_path} names: "
-        f"{', '.join(model['sources'])}. Weights that lay elsewhere, shown by --readable, must lie "
-        "beside the code"
-    )
-
-
-def _copied(row: Submission, code: Path, folder: Path) -> Path:
-    """Copy the files that the result names, and nothing else: it must need no others."""
-    for name in row.result["model"]["sources"]:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(code.parent / name, folder / name)
-    return folder / code.name
-
-
 def _compared(
-    row: Submission, public: Evaluation, drawn: truth.Truth, sealed: Evaluation
+    row: Submission, fresh: Truth, evaluation: Evaluation
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the scores of both runs as ``verified`` has them, and what speaks against the row."""
-    model, problems = row.result["model"], []
-    for evaluation in (public, sealed):
-        named, used = model["sources"], evaluation.status.sources
-        problems += [
-            f"{name} is not the file that the result names"
-            for name in sorted(set(named) | set(used))
-            if named.get(name) != used.get(name)
-        ]
-        if evaluation.status.refused:
-            problems.append(f"its box has refused: {', '.join(evaluation.status.refused[:3])}")
-    again = scores.of_targets(row.truth, public.predictions)
+    """Return the scores as ``verified`` has them, and what speaks against the row.
+
+    The answers are of the row's own split first, and of the fresh draw behind.
+    """
+    model, status = row.result["model"], evaluation.status
+    answered, unseen = np.split(evaluation.predictions, [len(row.truth.ids)], axis=1)
+    named, used = model["sources"], status.sources
+    problems = [
+        f"{name} is not the file that the result names"
+        for name in sorted(set(named) | set(used))
+        if named.get(name) != used.get(name)
+    ]
+    if status.refused:
+        problems.append(f"its box has refused: {', '.join(status.refused[:3])}")
     numbers: dict[str, Any] = {}
-    for target, scored in again.items():
+    for target, scored in scores.of_targets(row.truth, answered).items():
         numbers[target] = None if scored is None else _interval(scored)
         if scored is None:
             continue
@@ -313,16 +233,16 @@ def _compared(
                 f"against the {target}, {RANKED_BY} is {declared} as declared, and "
                 f"{numbers[target]['mean']} when run again"
             )
-    fresh = _interval(scores.score(drawn, sealed.predictions))
-    on_sealed = {"shapes": len(set(drawn.shapes.tolist())), "instances": len(drawn.ids), **fresh}
-    if fresh["low"] is None or fresh["low"] > max(numbers[MESH]["high"] or 0, ROUNDING):
+    there = _interval(scores.score(fresh, unseen))
+    on_sealed = {"shapes": len(set(fresh.shapes.tolist())), "instances": len(fresh.ids), **there}
+    if there["low"] is None or there["low"] > max(numbers[MESH]["high"] or 0, ROUNDING):
         problems.append(
-            f"on shapes that nobody has seen, {RANKED_BY} is {fresh['mean']} ({fresh['low']} to "
-            f"{fresh['high']}), surely worse than {numbers[MESH]['mean']} on the public split"
+            f"on shapes that nobody has seen, {RANKED_BY} is {there['mean']} ({there['low']} to "
+            f"{there['high']}), surely worse than {numbers[MESH]['mean']} on the public split"
         )
-    for labels, evaluation in ((row.truth, public), (drawn, sealed)):
-        problems.append(predictions.looked_up(model["kind"], labels, evaluation.predictions))
-    return {"scores": numbers, "sealed": on_sealed}, list(dict.fromkeys(filter(None, problems)))
+    for labels, predicted in ((row.truth, answered), (fresh, unseen)):
+        problems.append(predictions.looked_up(model["kind"], labels, predicted))
+    return {"scores": numbers, "sealed": on_sealed}, [*filter(None, problems)]
 
 
 def _interval(scored: dict[str, Any]) -> dict[str, float | None]:
@@ -344,7 +264,3 @@ def _told(row: Submission, verified: dict[str, Any]) -> str:
         f"{mesh['mean']:.4g} on the split, {sealed['mean']:.4g} on {sealed['instances']:,} meshes "
         f"that nobody has seen; {row.result_path} says so"
     )
-
-
-def _done(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, capture_output=True, text=True, check=False)

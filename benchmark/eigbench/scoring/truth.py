@@ -18,7 +18,7 @@ from eigbench.scoring.names import MESH
 from eigbench.scoring.training import DEFAULT, IMPORTED, training_set
 from synthnet import recipe, store
 from synthnet.errors import suggestion
-from synthnet.recipe import Recipe, splits
+from synthnet.recipe import Kind, Recipe, splits
 from synthnet.recipe.plan import planned
 from synthnet.store import pins
 from synthnet.types import PROTOCOLS, SPLITS
@@ -109,6 +109,7 @@ class _Labelled:
     id: str
     group: str
     family: str
+    index: int
     split: str
     paper_splits: tuple[str, ...]
     eigenvalues: NDArray[np.float64]
@@ -160,6 +161,7 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
             shape.spec.id,
             shape.spec.group,
             shape.spec.family,
+            shape.spec.index,
             shape.split,
             shape.paper_splits,
             pinned[shape.spec.id].eigenvalues,
@@ -180,6 +182,8 @@ def of_dataset(
 ) -> Truth:
     """Return the labels of a split of a dataset on disk, as they are stored there.
 
+    A sealed set has the protocols of the version that it was drawn from.
+
     Raises
     ------
     EigbenchError
@@ -187,12 +191,14 @@ def of_dataset(
     """
     _check(split)
     version = dataset.manifest.version
-    if protocol not in PROTOCOLS and version not in recipe.available():
+    source = recipe.parse_name(version)
+    drawn = version in recipe.available() or source.kind is Kind.SEALED
+    if protocol not in PROTOCOLS and not drawn:
         raise EigbenchError(
             f"{version} has no protocol {protocol}: {' or '.join(PROTOCOLS)}"
             f"{suggestion(protocol, PROTOCOLS)}"
         )
-    own = None if protocol in PROTOCOLS else recipe.load(version)
+    own = None if protocol in PROTOCOLS else recipe.load(source.version)
     chosen = list(_choose(_stored(dataset), _trained_on(version), own, split, protocol))
     if not chosen:
         raise EigbenchError(f"{dataset.directory} has nothing in the split {split}")
@@ -269,7 +275,8 @@ def _choose(
             continue  # under a version's own protocol no instance has another split than its shape
         trainings = [protocol]
         if own is not None:
-            trainings = [f.name for f in folds if splits.takes(f, own, split, shape.id)]
+            where = own, split, shape.family, shape.index
+            trainings = [fold.name for fold in folds if splits.uses(fold, *where)]
         for training in trainings:
             for instance, paper_split in enumerate(shape.paper_splits):
                 if (paper_split if protocol == "paper" else shape.split) == split:
@@ -277,7 +284,7 @@ def _choose(
 
 
 def _stored(dataset: store.StoredDataset) -> Iterator[_Labelled]:
-    columns = ["id", "group", "family", "split", "paper_splits", "eigenvalues"]
+    columns = ["id", "group", "family", "index", "split", "paper_splits", "eigenvalues"]
     for path in dataset.paths():
         for row in store.read_table(path, columns).to_pylist():
             yield _Labelled(*(row[column] for column in columns))

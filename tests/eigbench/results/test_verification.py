@@ -1,6 +1,5 @@
 """Declared and verified rows: what a verification covers, who is ranked, what is found."""
 
-import argparse
 import contextlib
 import copy
 import dataclasses
@@ -17,8 +16,10 @@ from eigbench.commands import verify_row
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import predictions, submission, verification
 from eigbench.results.sources import digest
-from eigbench.running import box, packages
-from eigbench.running.evaluate import Options
+from eigbench.running import box, packages, rerun
+from eigbench.running.meshes import Instances
+from eigbench.scoring import truth
+from synthnet import recipe
 
 SAID = {
     "date": "2026-11-24",
@@ -204,9 +205,9 @@ def test_the_code_of_a_row_is_found_by_its_digests(weyl, tmp_path):
     for folder, text in (("a", "x = 1\n"), ("b", weyl.code.read_text() + "# a comment\n")):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "weyl.py").write_text(text)
-    assert verify_row._code(row, tmp_path) == tmp_path / "b" / "weyl.py"
+    assert rerun.code_in(tmp_path, row) == tmp_path / "b" / "weyl.py"
     with pytest.raises(ResultError, match=r"has no weyl\.py with the code and weights"):
-        verify_row._code(row, tmp_path / "a")
+        rerun.code_in(tmp_path / "a", row)
 
 
 def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl, tmp_path):
@@ -221,11 +222,9 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
         return subprocess.run(line, check=True, capture_output=True, text=True).stdout
 
     def taken(row):
-        options = argparse.Namespace(board=tmp_path / "board", source=None, share=0.3)
-        folder = tmp_path / f"desk-{len(list(tmp_path.iterdir()))}"
-        folder.mkdir()
-        with contextlib.closing(verify_row._Desk(options, Options(), folder)) as desk:
-            path, commit = desk.code(row)
+        folder = tmp_path / f"commits-{len(list(tmp_path.iterdir()))}"
+        with contextlib.closing(rerun.Checkouts(tmp_path / "board", None, folder)) as checkouts:
+            path, commit = checkouts.code(row)
             return path.read_text(), commit
 
     (tmp_path / "board").mkdir()
@@ -274,8 +273,61 @@ def test_only_the_files_that_a_result_names_are_copied(weyl, tmp_path):
     code = tmp_path / "weyl.py"
     for name in (code.name, "helper.py", "weyl.npy"):
         (tmp_path / name).write_text("x = 1\n")
-    copied = verify_row._copied(row, code, tmp_path / "copied")
+    copied = rerun.copied(row, code, tmp_path / "copied")
     assert [path.name for path in copied.parent.iterdir()] == list(row.result["model"]["sources"])
+
+
+def test_public_and_fresh_instances_are_mixed_without_a_clash(mini_truth, mini_meshes):
+    public = mini_truth.take(np.arange(40))
+    fresh = mini_truth.take(np.arange(30, 50))  # ids that the public ones have too
+    labels = rerun.mixed(public, fresh)
+    assert len(set(labels.ids)) == 60
+    meshes = [Instances(mini_meshes.shapes, mini_meshes.isometries)] * 2
+    every = rerun.mixed_meshes(*meshes)
+    for number, (id, values) in enumerate(zip(labels.ids, labels.eigenvalues, strict=True)):
+        source, place = (public, number) if number < 40 else (fresh, number - 40)
+        assert np.array_equal(values, source.eigenvalues[place])
+        expected = mini_meshes.mesh(source.ids[place])
+        assert np.array_equal(every.mesh(id).vertices, expected.vertices)
+    for name in ("shapes", "groups"):
+        mine, theirs = np.split(getattr(labels, name), [40])
+        assert not set(mine) & set(theirs)
+        assert len(set(theirs)) == len(set(getattr(fresh, name)))
+    assert set(labels.trainings) == set(public.trainings)
+
+
+@pytest.mark.slow
+def test_a_draw_is_asked_what_a_protocol_holds_out(tmp_path):
+    draws = rerun.Draws(0.01, tmp_path)
+    drawn = draws.of("2.0-mini")
+    vertices = {s.spec.id: len(s.mesh.vertices) for s in drawn.samples()}
+    whole = truth.of_dataset(drawn)
+    assert len(whole.ids) == 2 * len(vertices) == 150
+
+    def fresh(protocol):
+        public = truth.load("2.0-mini", "test", protocol)
+        labels = draws.labels(public)
+        assert set(labels.trainings) >= set(public.trainings)
+        return labels
+
+    family = fresh("family")
+    assert family.ids == whole.ids
+    assert family.trainings.tolist() == [f"2.0/family/{name}" for name in whole.families]
+    fine = set(fresh("resolution").shapes.tolist())
+    assert len(fine) == 25
+    assert min(vertices[id] for id in fine) > max(vertices[id] for id in vertices if id not in fine)
+    (holes,) = recipe.load("2.0-mini").protocols["genus"]
+    assert set(fresh("genus").families) == set(holes.families)
+
+
+def test_a_row_of_imported_meshes_is_not_verified(eigbench, weyl, tmp_path):
+    row = submission.read(weyl.out)
+    imported = dataclasses.replace(
+        row, truth=dataclasses.replace(row.truth, protocol="imported/scans")
+    )
+    with pytest.raises(ResultError, match="nobody can draw others like them: verify the row of"):
+        rerun.check_protocol(imported)
+    assert rerun.check_protocol(row) is None
 
 
 TABLE = """
@@ -333,7 +385,7 @@ def test_a_row_is_written_if_nothing_speaks_against_it(
     shutil.copy(weyl.out, out)
     shutil.copy(weyl.predictions, out.with_suffix(".parquet"))
     said = {key: value for key, value in SAID.items() if key != "by"}
-    monkeypatch.setattr(verify_row, "_verify", lambda row, desk: (copy.deepcopy(said), against))
+    monkeypatch.setattr(verify_row, "_verify", lambda row, setup: (copy.deepcopy(said), against))
     found, printed, wrong = eigbench("verify-row", out, "--by", "Me")
     assert found == code
     assert ("verified" in results.read(out)) == written

@@ -1,0 +1,207 @@
+"""What verifies a row: its code, found again by its digests, and meshes that nobody has seen.
+
+The code gets the public meshes and the fresh ones in one run, in one secret order, so it trains
+once and cannot tell which of the two a mesh is of.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+import shutil
+import subprocess
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from eigbench.errors import EigbenchError, ResultError
+from eigbench.results.sources import digest, git
+from eigbench.results.submission import Submission
+from eigbench.running.meshes import Instances
+from eigbench.scoring import truth
+from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.truth import Truth
+from synthnet import store
+from synthnet.store import StoredDataset
+from synthnet.verify import seal
+
+FRESH = "fresh/"  # before the ids of fresh shapes: the public ones may have the same
+
+
+class Checkouts:
+    """Where the code of rows is found.
+
+    Parameters
+    ----------
+    board : Path
+        The checkout that has the rows.
+    source : Path or None
+        A directory that has the code, in place of the board's commits.
+    folder : Path
+        An empty directory for the files of commits.
+    """
+
+    def __init__(self, board: Path, source: Path | None, folder: Path) -> None:
+        self.board, self.source, self.folder = board, source, folder
+        self.made: dict[str, Path] = {}
+
+    def code(self, row: Submission) -> tuple[Path, str | None]:
+        """Return the file with a row's code, and the commit that has it.
+
+        The last commit comes first: what has moved since the row was made, and is still the same
+        code by its digests, fits the packages that are installed.
+
+        Raises
+        ------
+        EigbenchError
+            If no place has files with the digests that the row names.
+        """
+        if self.source is not None:
+            return code_in(self.source, row), None
+        head = git(self.board, "rev-parse", "HEAD")
+        made_by = row.result.get("checkout", {})
+        named = None if made_by.get("dirty", True) else made_by["commit"]
+        if head is not None:
+            with contextlib.suppress(ResultError):
+                return code_in(self.commit(head), row), head
+        if named is None:
+            raise ResultError(
+                f"{row.result_path} names no commit that has its code, and the last commit of "
+                f"{self.board.resolve()} has not: give --source DIR"
+            )
+        return code_in(self.commit(named), row), named
+
+    def commit(self, name: str) -> Path:
+        """Return a directory with the files of a commit."""
+        if name not in self.made:
+            folder = self.folder / name
+            added = self._worktree("add", "--quiet", "--detach", str(folder), name)
+            if added.returncode:
+                raise EigbenchError(
+                    f"cannot check out {name[:12]} ({' '.join(added.stderr.split())[:200]}): "
+                    "fetch it first, or give --source DIR"
+                )
+            self.made[name] = folder
+        return self.made[name]
+
+    def close(self) -> None:
+        """Take the directories of commits out of git's list of working trees."""
+        for folder in self.made.values():
+            self._worktree("remove", "--force", str(folder))
+
+    def _worktree(self, *command: str) -> subprocess.CompletedProcess[str]:
+        line = ["git", "-C", str(self.board), "worktree", *command]
+        return subprocess.run(line, capture_output=True, text=True, check=False)
+
+
+class Draws:
+    """A fresh sealed draw of each version, which all rows of one command share.
+
+    Its salt is forgotten at once.
+
+    Parameters
+    ----------
+    share : float
+        Surfaces of each family, as a share of the version's.
+    folder : Path
+        An empty directory, which is to be removed when all is done.
+    """
+
+    def __init__(self, share: float, folder: Path) -> None:
+        self.share, self.folder = share, folder
+        self.made: dict[str, StoredDataset] = {}
+
+    def of(self, version: str) -> StoredDataset:
+        """Return the draw of a version; the first time, draw and label it."""
+        if version not in self.made:
+            salt = secrets.token_bytes(seal.SALT_BYTES)
+            resolved = seal.sealed_recipe(version, salt, share=self.share)
+            seal.make(resolved, root=self.folder)
+            self.made[version] = store.open_dataset(resolved.version, self.folder)
+        return self.made[version]
+
+    def labels(self, public: Truth) -> Truth:
+        """Return the labels of a draw under the protocol of public ones.
+
+        A protocol that holds something out is asked for the same of the draw, and so for the
+        same trainings.
+        """
+        return truth.of_dataset(self.of(public.version), "test", public.protocol)
+
+
+def check_protocol(row: Submission) -> None:
+    """Check that fresh meshes can be drawn of what a row is tested on.
+
+    Raises
+    ------
+    ResultError
+        If it is tested on an imported dataset.
+    """
+    if row.truth.protocol.startswith(IMPORTED):
+        raise ResultError(
+            f"{row.result_path} is tested on imported meshes, and nobody can draw others like "
+            "them: verify the row of the same model under grouped"
+        )
+
+
+def code_in(folder: Path, row: Submission) -> Path:
+    """Return the predictor's file in a directory: of its name, with the digests of the result.
+
+    Raises
+    ------
+    ResultError
+        If there is none.
+    """
+    model = row.result["model"]
+    file, _, variant = model["code"].partition(":")
+    for path in sorted(folder.rglob(file)):
+        here = {name: path.parent / name for name in model["sources"]}
+        if all(p.is_file() and digest(p) == model["sources"][n] for n, p in here.items()):
+            return path.with_name(f"{file}:{variant}") if variant else path
+    raise ResultError(
+        f"{folder} has no {file} with the code and weights that {row.result_path} names: "
+        f"{', '.join(model['sources'])}. Weights that lay elsewhere, shown by --readable, must lie "
+        "beside the code"
+    )
+
+
+def copied(row: Submission, code: Path, folder: Path) -> Path:
+    """Copy the files that the result names, and nothing else: it must need no others."""
+    for name in row.result["model"]["sources"]:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(code.parent / name, folder / name)
+    return folder / code.name
+
+
+def mixed(public: Truth, fresh: Truth) -> Truth:
+    """Return public instances and, behind them, fresh ones, as those of one split.
+
+    Both must have the trainings of one protocol.
+    """
+    return replace(
+        public,
+        ids=(*public.ids, *_named(fresh.ids)),
+        shapes=np.array([*public.shapes, *_named(fresh.shapes)]),
+        groups=np.array([*public.groups, *_named(fresh.groups)]),
+        families=np.concatenate([public.families, fresh.families]),
+        trainings=np.concatenate([public.trainings, fresh.trainings]),
+        eigenvalues=np.concatenate([public.eigenvalues, fresh.eigenvalues]),
+    )
+
+
+def mixed_meshes(public: Instances, fresh: Instances) -> Instances:
+    """Return the meshes of :func:`mixed`."""
+    return Instances(
+        {**public.shapes, **dict(zip(_named(fresh.shapes), fresh.shapes.values(), strict=True))},
+        {
+            **public.isometries,
+            **dict(zip(_named(fresh.isometries), fresh.isometries.values(), strict=True)),
+        },
+    )
+
+
+def _named(ids: Iterable[str]) -> list[str]:
+    """Return the ids of fresh shapes as no public shape has them."""
+    return [f"{FRESH}{id}" for id in ids]
