@@ -19,6 +19,7 @@ from eigbench.results.sources import digest
 from eigbench.running import box, packages, rerun
 from eigbench.running.meshes import Instances
 from eigbench.scoring import truth
+
 from synthnet import recipe
 
 SAID = {
