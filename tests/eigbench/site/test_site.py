@@ -234,19 +234,22 @@ def test_every_model_has_a_page_with_its_ranks_and_the_differences_behind_them(r
     assert keys
     for key in keys:
         ranked = read(content, f"boards/{key}.js")["rows"]
-        exact = {row["slug"] for row in ranked if row["cells"]["rank"][0] == "exact"}
+        unranked = {
+            row["slug"] for row in ranked if row["cells"]["rank"][0] in ("exact", "declared")
+        }
         for row in ranked:
             model = read(content, f"models/{row['slug']}.js")
             (here,) = (standing for standing in model["standings"] if standing["board"] == key)
             assert (model["name"], model["kind"]) == (row["name"], row["kind"])
-            assert (here["rank"], here["of"]) == (row["cells"]["rank"][0], len(ranked) - len(exact))
+            rank, place = row["cells"]["rank"]
+            assert (here["rank"], here["of"]) == (rank, len(ranked) - len(unranked))
             assert here["cells"][0] == row["cells"]["rpd"][0]
             apart = {slug: facts for slug, *facts in model["apart"][key]}
             assert set(apart) == {other["slug"] for other in ranked} - {row["slug"]}
-            beside = [facts for slug, facts in apart.items() if slug not in exact]
+            beside = [facts for slug, facts in apart.items() if slug not in unranked]
             sure = [mean for _, mean, _, _, is_sure in beside if is_sure]
             best = 1 + sum(mean is not None and mean < 0 for mean in sure)
-            assert row["cells"]["rank"][1] == (0 if row["slug"] in exact else best)
+            assert place == {"exact": 0, "declared": None}.get(rank, best)
             for other, (_, mean, low, high, _) in apart.items():
                 if mean is not None:
                     assert low <= high
