@@ -189,11 +189,18 @@ class Box:
         return [*start, str(note)]
 
     def environment(self, inherited: Mapping[str, str]) -> dict[str, str]:
-        """Return the variables of the process: of the inherited ones those that it needs."""
+        """Return the variables of the process: of the inherited ones those that it needs.
+
+        Of the directories with modules, those that are not in the box go: a look into one would
+        be reported as an attempt of the predictor.
+        """
         kept = {name: text for name, text in inherited.items() if name.startswith(KEPT)}
+        modules = inherited.get("PYTHONPATH", "").split(os.pathsep)
+        there = (path for path in modules if self.shows(Path(path)) or self._on_the_way(path))
         inside = str(self.private)
         return {
             **kept,
+            "PYTHONPATH": os.pathsep.join(there),
             "HOME": inside,
             "TMPDIR": inside,
             "NUMBA_CACHE_DIR": f"{inside}/numba",
@@ -222,8 +229,8 @@ class Box:
             what, _, where = attempt.partition(" ")
             path = Path(os.path.normpath(where))
             if what == "read":
-                way = any(rule.path.is_relative_to(path) for rule in self.rules)  # looked through
-                hidden = not way and not self.shows(path) and path not in self.private.parents
+                way = self._on_the_way(path) or path in self.private.parents
+                hidden = not way and not self.shows(path)
                 bad = hidden and not _noise(path) and os.path.lexists(path)
             elif what == "write":
                 bad = not path.is_relative_to(self.private) and not _noise(path)
@@ -232,6 +239,10 @@ class Box:
             if bad and attempt not in refusals:
                 refusals.append(attempt)
         return refusals
+
+    def _on_the_way(self, path: Path | str) -> bool:
+        """Whether a path leads to something that a rule is about."""
+        return any(rule.path.is_relative_to(path) for rule in self.rules)
 
     def _copy_kernels(self, packages: Sequence[Path]) -> None:
         """Copy the kernels that are compiled already: a copy, since it loads machine code."""

@@ -145,6 +145,14 @@ def test_it_has_a_directory_of_its_own_that_is_gone_afterwards(asked, kind, tmp_
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_folders_of_modules_that_are_not_in_it_are_not_looked_for(asked, secret, kind, monkeypatch):
+    """`python -m eigbench` puts the working directory there, and the predictor may be elsewhere."""
+    monkeypatch.syspath_prepend(secret.parent)
+    search = "__import__('importlib.metadata').metadata.version('numpy')"
+    assert asked(search, kind).refused == ()
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_it_inherits_no_secret_from_the_environment(asked, kind, monkeypatch):
     monkeypatch.setenv("MY_TOKEN", "secret")
     with pytest.raises(PredictorError, match="KeyError: 'MY_TOKEN'"):
