@@ -126,6 +126,34 @@ def digest_of_code(code: bytes | str) -> str:
     return hashed.hexdigest()
 
 
+def siblings(code: bytes | str) -> set[str]:
+    r"""Return the modules without a package that code imports as it is loaded, with ``.py``.
+
+    What a function imports when it is called does not count.
+
+    Raises
+    ------
+    SyntaxError, ValueError
+        If it is not Python.
+
+    Examples
+    --------
+    >>> sorted(siblings("import a, b.c\nfrom d import e\ndef f():\n  import g"))
+    ['a.py', 'b.py', 'd.py']
+    """
+    found: set[str] = set()
+    left: list[ast.AST] = [ast.parse(code)]
+    while left:
+        node = left.pop()
+        if isinstance(node, ast.ImportFrom) and not node.level and node.module:
+            found.add(node.module)
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            left += ast.iter_child_nodes(node)
+    return {f"{name.partition('.')[0]}.py" for name in found}
+
+
 def _imported(tree: ast.Module) -> list[str]:
     """Return what the imports of a file bind, as ``name as bound``."""
     names = set()

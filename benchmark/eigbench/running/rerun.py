@@ -10,6 +10,7 @@ import contextlib
 import secrets
 import shutil
 import subprocess
+import warnings
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from eigbench.errors import EigbenchError, ResultError
-from eigbench.results.sources import digest, git
+from eigbench.results.sources import digest, git, siblings
 from eigbench.results.submission import Submission
 from eigbench.running.meshes import Instances
 from eigbench.scoring import truth
@@ -149,6 +150,9 @@ def check_protocol(row: Submission) -> None:
 def code_in(folder: Path, row: Submission) -> Path:
     """Return the predictor's file in a directory: of its name, with the digests of the result.
 
+    None of its files may import one that the result does not name: since digests are blind to
+    where a name is imported from, code that has moved into a new file has those of the old.
+
     Raises
     ------
     ResultError
@@ -158,13 +162,21 @@ def code_in(folder: Path, row: Submission) -> Path:
     file, _, variant = model["code"].partition(":")
     for path in sorted(folder.rglob(file)):
         here = {name: path.parent / name for name in model["sources"]}
-        if all(p.is_file() and digest(p) == model["sources"][n] for n, p in here.items()):
+        same = all(p.is_file() and digest(p) == model["sources"][n] for n, p in here.items())
+        if same and not any(_beside(p) - here.keys() for p in here.values() if p.suffix == ".py"):
             return path.with_name(f"{file}:{variant}") if variant else path
     raise ResultError(
         f"{folder} has no {file} with the code and weights that {row.result_path} names: "
         f"{', '.join(model['sources'])}. Weights that lay elsewhere, shown by --readable, must lie "
         "beside the code"
     )
+
+
+def _beside(path: Path) -> set[str]:
+    """Return the files beside one that it imports as it is loaded."""
+    with warnings.catch_warnings(action="ignore"):  # of its escapes; they are for its author
+        named = siblings(path.read_bytes())
+    return {name for name in named if (path.parent / name).is_file()}
 
 
 def copied(row: Submission, code: Path, folder: Path) -> Path:

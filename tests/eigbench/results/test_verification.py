@@ -239,6 +239,11 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
     assert taken(row) == (f"# tidied up\n{code}", tidy)
     commit(f"{code}\nCHANGED = True\n")
     assert taken(row) == (code, made_by)
+    # Moved into a file that the result does not name: the digest is the same
+    (tmp_path / "board" / "numpy.py").write_text("")
+    git("add", "numpy.py")
+    commit(code)
+    assert taken(row) == (code, made_by)
     assert len(git("worktree", "list").splitlines()) == 1
     without = dataclasses.replace(
         row, result={**made, "checkout": {**made["checkout"], "dirty": True}}
