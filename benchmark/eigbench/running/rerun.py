@@ -52,7 +52,8 @@ class Checkouts:
         """Return the file with a row's code, and the commit that has it.
 
         The last commit comes first: what has moved since the row was made, and is still the same
-        code by its digests, fits the packages that are installed.
+        code by its digests, fits the packages that are installed. Then come the commit that the
+        result names, and every one that has changed a file of that name.
 
         Raises
         ------
@@ -61,18 +62,26 @@ class Checkouts:
         """
         if self.source is not None:
             return code_in(self.source, row), None
-        head = git(self.board, "rev-parse", "HEAD")
-        made_by = row.result.get("checkout", {})
-        named = None if made_by.get("dirty", True) else made_by["commit"]
-        if head is not None:
+        for commit in self._commits(row):
             with contextlib.suppress(ResultError):
-                return code_in(self.commit(head), row), head
-        if named is None:
-            raise ResultError(
-                f"{row.result_path} names no commit that has its code, and the last commit of "
-                f"{self.board.resolve()} has not: give --source DIR"
-            )
-        return code_in(self.commit(named), row), named
+                return code_in(self.commit(commit), row), commit
+        raise ResultError(
+            f"no commit of {self.board.resolve()} has the code and weights that {row.result_path} "
+            f"names: {', '.join(row.result['model']['sources'])}: fetch the one that has, or give "
+            "--source DIR"
+        )
+
+    def _commits(self, row: Submission) -> list[str]:
+        """Return the commits that may have a row's code, the likeliest first."""
+        file = row.result["model"]["code"].partition(":")[0]
+        head = git(self.board, "rev-parse", "HEAD")
+        named = row.result.get("checkout", {}).get("commit")
+        history = git(self.board, "log", "--format=%H", "HEAD", "--", f":(top,glob)**/{file}")
+        every = [head, named, *(history or "").split()]
+        return [commit for commit in dict.fromkeys(every) if commit and self._known(commit)]
+
+    def _known(self, commit: str) -> bool:
+        return git(self.board, "cat-file", "-e", f"{commit}^{{commit}}") is not None
 
     def commit(self, name: str) -> Path:
         """Return a directory with the files of a commit."""
@@ -82,7 +91,7 @@ class Checkouts:
             if added.returncode:
                 raise EigbenchError(
                     f"cannot check out {name[:12]} ({' '.join(added.stderr.split())[:200]}): "
-                    "fetch it first, or give --source DIR"
+                    "give --source DIR"
                 )
             self.made[name] = folder
         return self.made[name]

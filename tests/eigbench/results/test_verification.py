@@ -245,13 +245,12 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
     commit(code)
     assert taken(row) == (code, made_by)
     assert len(git("worktree", "list").splitlines()) == 1
-    without = dataclasses.replace(
-        row, result={**made, "checkout": {**made["checkout"], "dirty": True}}
-    )
-    with pytest.raises(
-        ResultError, match="names no commit that has its code, and the last commit of"
-    ):
-        taken(without)
+    unnamed = dataclasses.replace(row, result={**made, "checkout": {"commit": None, "dirty": True}})
+    assert taken(unnamed) == (f"# tidied up\n{code}", tidy)  # the history of the file has it
+    elsewhere = {**made["model"], "sources": {"weyl.py": "0" * 64}}
+    lost = dataclasses.replace(row, result={**made, "model": elsewhere})
+    with pytest.raises(ResultError, match="has the code and weights that .* names: weyl.py: fetch"):
+        taken(lost)
 
 
 def test_a_header_of_pep_723_is_read(tmp_path):
