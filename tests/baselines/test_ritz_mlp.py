@@ -37,6 +37,7 @@ def samples(mini_home: Path) -> list[Sample]:
     return [sample for sample in stored.samples() if sample.split == "test"]
 
 
+@pytest.mark.slow
 def test_ritz_values_are_those_of_the_plain_way(
     features: ModuleType, ritz: ModuleType, samples: list[Sample]
 ) -> None:

@@ -81,6 +81,7 @@ def test_listed_files_are_imported_and_no_others(
     assert ring.eigenvalues == pytest.approx(expected, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_folder_s_name_and_how_it_is_given_change_nothing(
     meshes: Path,
     listed: Package,

@@ -421,6 +421,7 @@ def test_json_of_build(run: Run, mini_home: Path) -> None:
     assert printed["nothing_to_do"] is True
 
 
+@pytest.mark.slow
 def test_json_of_verify(run: Run, mini_home: Path) -> None:
     arguments = ["verify", "--version", VERSION, "--out", mini_home, "--sample", "2", "--json"]
     code, out, _ = run(*arguments)

@@ -186,6 +186,7 @@ def test_commands_that_need_a_cluster_are_understood(line):
     assert callable(synthnet.commands.cli._parser().parse_args(arguments).run)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "code", [code for page in DOCS for code in blocks("python", page.read_text())]
 )

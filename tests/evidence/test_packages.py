@@ -58,6 +58,7 @@ def test_each_rule_leaves_out_what_it_says(meshes: Path) -> None:
     assert survey.refused == {"non_manifold_edge": 1}
 
 
+@pytest.mark.slow
 def test_a_list_that_is_not_what_the_files_give_is_wrong(
     meshes: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

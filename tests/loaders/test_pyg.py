@@ -284,6 +284,7 @@ def test_pre_transform_is_applied_to_every_instance_once(open_split):
                 assert same(a[key], value), key
 
 
+@pytest.mark.slow
 def test_a_callable_has_the_same_key_in_every_process():
     """Sets of texts are passed through in another order there; weights need a gradient."""
     code = (

@@ -56,6 +56,7 @@ part._twice(2)  # of whole numbers: compiled a second time
 """
 
 
+@pytest.mark.slow
 def test_a_program_and_its_processes_say_once_that_they_compile(tmp_path: Path) -> None:
     (tmp_path / "part.py").write_text(SOURCE)
     (tmp_path / "program.py").write_text(COMPILES)

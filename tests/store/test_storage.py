@@ -72,6 +72,7 @@ def test_interrupted_build_at_a_url_goes_on(bucket: str, tiny: Recipe) -> None:
     assert [path.read_bytes() for path in again.dataset.paths()] == whole
 
 
+@pytest.mark.slow
 def test_commands_take_a_url(
     bucket: str, mini_home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -231,6 +231,7 @@ def test_what_is_trained_on_another_version_has_no_drop(parts, make_row):
     assert cell.drop is None
 
 
+@pytest.mark.slow
 def test_a_remark_beside_a_result_stands_below_its_table(held_out, tmp_path):
     whole, model = held_out
     for row in [*whole, model]:

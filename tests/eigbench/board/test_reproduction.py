@@ -40,6 +40,7 @@ def rows_of(page: str, first: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
+@pytest.mark.slow
 def test_page_of_this_repository_is_up_to_date() -> None:
     assert reproduction.fill(check=True) == []
     text = reproduction.PAGE.read_text()

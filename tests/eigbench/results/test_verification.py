@@ -249,7 +249,9 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
     assert taken(unnamed) == (f"# tidied up\n{code}", tidy)  # the history of the file has it
     elsewhere = {**made["model"], "sources": {"weyl.py": "0" * 64}}
     lost = dataclasses.replace(row, result={**made, "model": elsewhere})
-    with pytest.raises(ResultError, match=r"has the code and weights that .* names: weyl\.py: fetch"):
+    with pytest.raises(
+        ResultError, match=r"has the code and weights that .* names: weyl\.py: fetch"
+    ):
         taken(lost)
 
 

@@ -241,9 +241,8 @@ def test_changed_code_starts_anew(evaluate, tmp_path):
     assert batches_kept(tmp_path) == ["000000.npz"]
 
 
-@pytest.mark.parametrize(
-    "beside", ["sibling.py", pytest.param("fails.npz", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("beside", ["sibling.py", "fails.npz"])
 def test_changed_sibling_starts_anew(evaluate, tmp_path, beside):
     path = tmp_path / "fails.py"
     (tmp_path / "sibling.py").write_text("x = 1\n")

@@ -273,6 +273,7 @@ def test_a_predictor_that_cannot_do_a_small_mesh_leaves_no_result(
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_errors_of_a_process_can_be_told_apart(predictor_file):
     mesh = meshes.warming(1)
 
