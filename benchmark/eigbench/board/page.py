@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,13 @@ from eigbench.board.markdown import cell as escaped
 from eigbench.board.markdown import table
 from eigbench.board.ranked_columns import KIND, MODEL, RANK
 from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.results.submission import Submission
 from eigbench.results.verification import is_verified
 from eigbench.scoring import neighbours, targets
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.names import MESH, SURFACE
 from eigbench.scoring.neighbours import NEAR
+from eigbench.scoring.training import IMPORTED
 
 TOP = 5  # so many rows of a board stand in the README
 BY_COST = "cost"  # the group that has a table for each hardware
@@ -88,7 +91,7 @@ def board(rows: Sequence[Ranked], page: Path, numbers: Path, figure: Path) -> li
     links = f"[All metrics, families, cost]({page.as_posix()}) · [JSON]({numbers.as_posix()})"
     return [
         f"## {title(rows)}\n",
-        f"{_counts(rows)} {_verified(rows)}{links}\n",
+        f"{_counts(rows)} {_verified(row.submission for row in rows)}{links}\n",
         as_markdown(ranked_columns.short(), rows, (RANK, MODEL, KIND)),
         *remarks(rows),
         f"![Error against speed]({figure.as_posix()})\n",
@@ -153,13 +156,13 @@ def _counts(rows: Sequence[Ranked]) -> str:
     )
 
 
-def _verified(rows: Sequence[Ranked]) -> str:
-    """Return how many rows are verified, if any."""
-    count = sum(is_verified(row.submission.result) for row in rows)
-    if count == 0:
+def _verified(rows: Iterable[Submission], where: str = "") -> str:
+    """Return how many rows are verified, if any; ``where`` is said of them, after a space."""
+    verified = [is_verified(row.result) for row in rows]
+    if not any(verified):
         return ""
-    which = "All rows are" if count == len(rows) else f"{count} of {len(rows)} rows are"
-    return f"{which} verified. "
+    which = "All" if all(verified) else f"{sum(verified)} of {len(verified)}"
+    return f"{which} rows{where} are verified. "
 
 
 def _floor(rows: Sequence[Ranked]) -> str:
@@ -219,10 +222,12 @@ def generalised(board: Board, page: Path, numbers: Path, figures: Mapping[str, P
     """
     marks = generalisation.remark_marks(board, board.rows)
     explained = generalisation.EXPLAINED if board.target == SURFACE else "As above."
+    drawable = (rows for name, rows in board.held_out.items() if not name.startswith(IMPORTED))
+    verified = _verified(itertools.chain(*drawable), " trained for a protocol")
     more = f"[PSNR>20, and how near training comes]({page.as_posix()})"
     return [
         f"## {_unlike(board)}\n",
-        f"{explained} {more} · [JSON]({numbers.as_posix()})\n",
+        f"{explained} {verified}{more} · [JSON]({numbers.as_posix()})\n",
         _protocols(board, board.rows, generalisation.SHOWN[0], marks),
         *(f"{line}\n" for _, line in marks.values()),
         *(

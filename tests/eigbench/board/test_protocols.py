@@ -4,6 +4,7 @@ import contextlib
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -202,6 +203,17 @@ def test_section_shows_scores_beside_the_iid_column_with_the_drop(held_out, tmp_
     lines = details.partition("## How near training comes")[2].splitlines()
     near = {line.split(" | ")[0][2:]: line.split(" | ")[1] for line in lines if line[:1] == "|"}
     assert (near["genus 1 and more unseen"], near["i.i.d."]) == ("9", "75")
+
+
+def test_section_says_whether_the_rows_of_a_protocol_are_verified(held_out):
+    whole, model = held_out
+    said = replace(model, result={**model.result, "verified": {}})
+    again = "All rows trained for a protocol are verified. [PSNR>20"
+    for held, there in ((model, False), (said, True)):
+        board = generalisation.Board(ranking.ranked(whole), {"genus": [held]})
+        section = "".join(page.generalised(board, Path("page"), Path("numbers"), {}))
+        assert (again in section) == there
+        assert ("verified" in section) == there
 
 
 def test_readme_shows_what_the_first_rows_lose(held_out):
