@@ -24,7 +24,7 @@ from eigbench.results.submission import Submission
 from eigbench.scoring import neighbours as near
 from eigbench.scoring import scores, targets, truth
 from eigbench.scoring.metrics import METRICS
-from eigbench.scoring.training import IMPORTED, trained_on, untrained
+from eigbench.scoring.training import IMPORTED, on_imports, trained_on, untrained
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
 
@@ -109,7 +109,7 @@ class Board:
     def protocols(self) -> list[str]:
         """The recipe's protocols in its order, imported datasets by name at the end."""
         named = [name for name in recipe.load(self.version).protocols or {} if name != IMPORTED]
-        imports = sorted(name for name in self.held_out if name.startswith(IMPORTED))
+        imports = sorted(name for name in self.held_out if on_imports(name))
         return [*named, *imports]
 
     def model(self, slug: str) -> Submission:
@@ -135,11 +135,11 @@ class Board:
         if own is not None:
             mean = _mean(own, own.truth, key)
             anew = not untrained(meta) and trained_on(meta, self.version)
-            if not anew or protocol.startswith(IMPORTED):
+            if not anew or on_imports(protocol):
                 return HeldOut(mean)
             seeds = len(own.predictions)  # the model trained on everything is scored on as many
             return HeldOut(mean, mean - _mean(model, own.truth, key, seeds))
-        if untrained(meta) and not protocol.startswith(IMPORTED):
+        if untrained(meta) and not on_imports(protocol):
             return HeldOut(_mean(model, tested(self.version, protocol, self.target), key))
         return HeldOut(None)
 

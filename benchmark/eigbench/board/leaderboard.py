@@ -40,7 +40,7 @@ from eigbench.results import predictions, submission, timing, verification
 from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
 from eigbench.scoring.names import SURFACE, TARGETS
-from eigbench.scoring.training import IMPORTED, untrained
+from eigbench.scoring.training import on_imports, untrained
 from synthnet import recipe
 from synthnet.types import PROTOCOLS
 
@@ -152,7 +152,7 @@ def check_fit(row: Submission) -> None:
         raise ResultError(f"{row.result_path} is partial (made with --limit): evaluate it whole")
     if split != "test":
         raise ResultError(f"{row.result_path} is of the split {split}: a board takes test only")
-    if "/" in protocol and not protocol.startswith(IMPORTED):
+    if "/" in protocol and not on_imports(protocol):
         whole = protocol.partition("/")[0]
         raise ResultError(
             f"{row.result_path} is of {protocol} alone: evaluate it with --protocol {whole}"

@@ -24,7 +24,7 @@ from eigbench.scoring import neighbours, targets
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.names import MESH, SURFACE
 from eigbench.scoring.neighbours import NEAR
-from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.training import on_imports
 
 TOP = 5  # so many rows of a board stand in the README
 BY_COST = "cost"  # the group that has a table for each hardware
@@ -156,13 +156,13 @@ def _counts(rows: Sequence[Ranked]) -> str:
     )
 
 
-def _verified(rows: Iterable[Submission], where: str = "") -> str:
-    """Return how many rows are verified, if any; ``where`` is said of them, after a space."""
+def _verified(rows: Iterable[Submission], which: str = "") -> str:
+    """Return how many rows are verified, if any: those that ``which`` says, after a space."""
     verified = [is_verified(row.result) for row in rows]
     if not any(verified):
         return ""
-    which = "All" if all(verified) else f"{sum(verified)} of {len(verified)}"
-    return f"{which} rows{where} are verified. "
+    count = "All" if all(verified) else f"{sum(verified)} of {len(verified)}"
+    return f"{count} rows{which} are verified. "
 
 
 def _floor(rows: Sequence[Ranked]) -> str:
@@ -222,8 +222,8 @@ def generalised(board: Board, page: Path, numbers: Path, figures: Mapping[str, P
     """
     marks = generalisation.remark_marks(board, board.rows)
     explained = generalisation.EXPLAINED if board.target == SURFACE else "As above."
-    drawable = (rows for name, rows in board.held_out.items() if not name.startswith(IMPORTED))
-    verified = _verified(itertools.chain(*drawable), " trained for a protocol")
+    own = (rows for protocol, rows in board.held_out.items() if not on_imports(protocol))
+    verified = _verified(itertools.chain(*own), " of models trained for a protocol")
     more = f"[PSNR>20, and how near training comes]({page.as_posix()})"
     return [
         f"## {_unlike(board)}\n",

@@ -120,11 +120,12 @@ def predict(options: argparse.Namespace) -> int:
     check_file(options.predictor)
     directory = score.dataset_of(options)
     labels = score.labels_of(options, directory)
-    instances = read_meshes(meshes_of(labels, directory, options.root), labels)
+    dataset = meshes_of(labels, directory, options.root)
     settings = settings_of(options, Options)
     make_parent(out)
     parts = out.with_name(f".{out.name}.parts")
     with alone(parts):
+        instances = read_meshes(dataset, labels)
         evaluation = answers(options.predictor, labels, instances, settings, parts)
         predictions.write(out, labels, evaluation.predictions)
     cost = record.cost(evaluation, settings)

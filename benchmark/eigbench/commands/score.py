@@ -17,7 +17,7 @@ from eigbench.commands import arguments, queries
 from eigbench.commands.arguments import Command
 from eigbench.results import predictions
 from eigbench.scoring import scores, truth
-from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.training import on_imports
 from synthnet import recipe, store
 from synthnet.errors import counted
 from synthnet.store import pins
@@ -71,7 +71,7 @@ def labels_of(options: argparse.Namespace, directory: store.StoredDataset | None
     if directory is not None:
         return truth.of_dataset(directory, options.split, options.protocol)
     name = ""
-    if options.protocol.startswith(IMPORTED):
+    if on_imports(options.protocol):
         resolved = recipe.load(options.dataset)
         name = truth.imported_name(resolved, options.split, options.protocol)
     if name and pins.read(name) is None:  # for a board it must be pinned; to try, on disk will do

@@ -61,7 +61,7 @@ def add_commands(command: Command) -> None:
         "results", type=Path, nargs="+", metavar="RESULT.json", help="the rows' results"
     )
     arguments.path(sub, "--predictions", "FILE", "of one row (default: beside the result)")
-    where = "(default: the checkout's last commit, else the commit that the result names)"
+    where = "(default: the checkout's last commit that has it)"
     arguments.path(sub, "--source", "DIR", f"directory with the code {where}")
     sub.add_argument(
         "--share",

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import os
+import re
 import subprocess
 import warnings
 from collections.abc import Iterator
@@ -25,6 +26,9 @@ UNSEEN = ("ctx", "kind", "type_comment", "type_ignores")
 CODE = "baselines"  # of a checkout: the folder with the predictors of its rows
 MOST_CODE = 2**20  # bytes of a file that is parsed
 MOST_WEIGHTS = 2**40  # bytes of any file
+# What the parser raises at code that it does not know, or that is too deep
+UNPARSABLE = (SyntaxError, ValueError, RecursionError, MemoryError)
+ELSEWHERE = re.compile(r"\b(__name__|TYPE_CHECKING)\b")  # in a condition: not as it is loaded
 EARLIER = "Made by an earlier version of its code."
 
 
@@ -91,8 +95,8 @@ def digest(path: Path, below: Path | None = None) -> str:
         if path.suffix == ".py" and os.fstat(file.fileno()).st_size <= MOST_CODE:
             try:
                 return digest_of_code(file.read(MOST_CODE))
-            except (SyntaxError, ValueError, RecursionError, MemoryError):
-                file.seek(0)  # what the parser raises at code that it does not know, or too deep
+            except UNPARSABLE:
+                file.seek(0)
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -126,32 +130,36 @@ def digest_of_code(code: bytes | str) -> str:
     return hashed.hexdigest()
 
 
-def siblings(code: bytes | str) -> set[str]:
-    r"""Return the modules without a package that code imports as it is loaded, with ``.py``.
+def imported(code: bytes | str) -> set[str]:
+    r"""Return the first names of the modules that code imports as it is loaded.
 
-    What a function imports when it is called does not count.
-
-    Raises
-    ------
-    SyntaxError, ValueError
-        If it is not Python.
+    What a function imports when it is called does not count, nor what only a script or a checker
+    of types imports. Of code that does not parse nothing is known, and nothing returned.
 
     Examples
     --------
-    >>> sorted(siblings("import a, b.c\nfrom d import e\ndef f():\n  import g"))
-    ['a.py', 'b.py', 'd.py']
+    >>> sorted(imported("import a, b.c\nfrom d import e\ndef f():\n  import g"))
+    ['a', 'b', 'd']
+    >>> imported("if __name__ == '__main__':\n  import g"), imported("import")
+    (set(), set())
     """
     found: set[str] = set()
-    left: list[ast.AST] = [ast.parse(code)]
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of its escapes; they are for its author
+            left: list[ast.AST] = [ast.parse(code)]
+    except UNPARSABLE:
+        return found
     while left:
         node = left.pop()
         if isinstance(node, ast.ImportFrom) and not node.level and node.module:
             found.add(node.module)
         elif isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.If) and ELSEWHERE.search(ast.unparse(node.test)):
+            left += node.orelse
         elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             left += ast.iter_child_nodes(node)
-    return {f"{name.partition('.')[0]}.py" for name in found}
+    return {name.partition(".")[0] for name in found}
 
 
 def _imported(tree: ast.Module) -> list[str]:

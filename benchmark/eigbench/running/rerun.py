@@ -1,28 +1,26 @@
 """What verifies a row: its code, found again by its digests, and meshes that nobody has seen.
 
 The code gets the public meshes and the fresh ones in one run, in one secret order, so it trains
-once and cannot tell which of the two a mesh is of.
+once and is not told which of the two a mesh is of.
 """
 
 from __future__ import annotations
 
-import contextlib
 import secrets
 import shutil
 import subprocess
-import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from eigbench.errors import EigbenchError, ResultError
-from eigbench.results.sources import digest, git, siblings
+from eigbench.results.sources import digest, git, imported
 from eigbench.results.submission import Submission
 from eigbench.running.meshes import Instances
 from eigbench.scoring import truth
-from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.training import on_imports
 from eigbench.scoring.truth import Truth
 from synthnet import store
 from synthnet.store import StoredDataset
@@ -46,14 +44,13 @@ class Checkouts:
 
     def __init__(self, board: Path, source: Path | None, folder: Path) -> None:
         self.board, self.source, self.folder = board, source, folder
-        self.made: dict[str, Path] = {}
 
     def code(self, row: Submission) -> tuple[Path, str | None]:
         """Return the file with a row's code, and the commit that has it.
 
         The last commit comes first: what has moved since the row was made, and is still the same
         code by its digests, fits the packages that are installed. Then come the commit that the
-        result names, and every one that has changed a file of that name.
+        result names, and every one that has changed a file with a name of the row's files.
 
         Raises
         ------
@@ -63,8 +60,11 @@ class Checkouts:
         if self.source is not None:
             return code_in(self.source, row), None
         for commit in self._commits(row):
-            with contextlib.suppress(ResultError):
-                return code_in(self.commit(commit), row), commit
+            folder = self._files(commit)
+            try:
+                return code_in(folder, row), commit
+            except ResultError:
+                self._remove(folder)
         raise ResultError(
             f"no commit of {self.board.resolve()} has the code and weights that {row.result_path} "
             f"names: {', '.join(row.result['model']['sources'])}: fetch the one that has, or give "
@@ -73,33 +73,33 @@ class Checkouts:
 
     def _commits(self, row: Submission) -> list[str]:
         """Return the commits that may have a row's code, the likeliest first."""
-        file = row.result["model"]["code"].partition(":")[0]
         head = git(self.board, "rev-parse", "HEAD")
         named = row.result.get("checkout", {}).get("commit")
-        history = git(self.board, "log", "--format=%H", "HEAD", "--", f":(top,glob)**/{file}")
-        every = [head, named, *(history or "").split()]
-        return [commit for commit in dict.fromkeys(every) if commit and self._known(commit)]
+        if named and git(self.board, "cat-file", "-e", f"{named}^{{commit}}") is None:
+            named = None  # it was not fetched
+        files = [f":(top,glob)**/{name}" for name in row.result["model"]["sources"]]
+        history = git(self.board, "log", "--format=%H", "HEAD", "--", *files)
+        return [*filter(None, dict.fromkeys((head, named, *(history or "").split())))]
 
-    def _known(self, commit: str) -> bool:
-        return git(self.board, "cat-file", "-e", f"{commit}^{{commit}}") is not None
-
-    def commit(self, name: str) -> Path:
+    def _files(self, commit: str) -> Path:
         """Return a directory with the files of a commit."""
-        if name not in self.made:
-            folder = self.folder / name
-            added = self._worktree("add", "--quiet", "--detach", str(folder), name)
+        folder = self.folder / commit
+        if not folder.exists():
+            added = self._worktree("add", "--quiet", "--detach", str(folder), commit)
             if added.returncode:
                 raise EigbenchError(
-                    f"cannot check out {name[:12]} ({' '.join(added.stderr.split())[:200]}): "
+                    f"cannot check out {commit[:12]} ({' '.join(added.stderr.split())[:200]}): "
                     "give --source DIR"
                 )
-            self.made[name] = folder
-        return self.made[name]
+        return folder
 
     def close(self) -> None:
         """Take the directories of commits out of git's list of working trees."""
-        for folder in self.made.values():
-            self._worktree("remove", "--force", str(folder))
+        for folder in self.folder.glob("*"):
+            self._remove(folder)
+
+    def _remove(self, folder: Path) -> None:
+        self._worktree("remove", "--force", str(folder))
 
     def _worktree(self, *command: str) -> subprocess.CompletedProcess[str]:
         line = ["git", "-C", str(self.board), "worktree", *command]
@@ -135,25 +135,26 @@ class Draws:
     def labels(self, public: Truth) -> Truth:
         """Return the labels of a draw under the protocol of public ones.
 
-        A protocol that holds something out is asked for the same of the draw, and so for the
-        same trainings.
+        Where the protocol holds something out, it is this part of the draw that is tested.
         """
         return truth.of_dataset(self.of(public.version), "test", public.protocol)
 
 
 def check_protocol(row: Submission) -> None:
-    """Check that fresh meshes can be drawn of what a row is tested on.
+    """Check that fresh meshes can be drawn that are like those a row is tested on.
 
     Raises
     ------
     ResultError
-        If it is tested on an imported dataset.
+        If it is tested on an imported dataset, or under the protocol ``paper``.
     """
-    if row.truth.protocol.startswith(IMPORTED):
-        raise ResultError(
-            f"{row.result_path} is tested on imported meshes, and nobody can draw others like "
-            "them: verify the row of the same model under grouped"
-        )
+    if on_imports(row.truth.protocol):
+        why = "is tested on imported meshes, and nobody can draw others like them"
+    elif row.truth.protocol == "paper":
+        why = "is tested on copies of shapes that it was trained on, as no fresh ones are"
+    else:
+        return
+    raise ResultError(f"{row.result_path} {why}: verify the row of the same model under grouped")
 
 
 def code_in(folder: Path, row: Submission) -> Path:
@@ -172,7 +173,7 @@ def code_in(folder: Path, row: Submission) -> Path:
     for path in sorted(folder.rglob(file)):
         here = {name: path.parent / name for name in model["sources"]}
         same = all(p.is_file() and digest(p) == model["sources"][n] for n, p in here.items())
-        if same and not any(_beside(p) - here.keys() for p in here.values() if p.suffix == ".py"):
+        if same and not _unnamed(path.parent, here):
             return path.with_name(f"{file}:{variant}") if variant else path
     raise ResultError(
         f"{folder} has no {file} with the code and weights that {row.result_path} names: "
@@ -181,11 +182,13 @@ def code_in(folder: Path, row: Submission) -> Path:
     )
 
 
-def _beside(path: Path) -> set[str]:
-    """Return the files beside one that it imports as it is loaded."""
-    with warnings.catch_warnings(action="ignore"):  # of its escapes; they are for its author
-        named = siblings(path.read_bytes())
-    return {name for name in named if (path.parent / name).is_file()}
+def _unnamed(folder: Path, files: Mapping[str, Path]) -> set[str]:
+    """Return the files of a predictor's folder that its named files import, and that are not."""
+    modules = set().union(
+        *(imported(path.read_bytes()) for path in files.values() if path.suffix == ".py")
+    )
+    there = {name for module in modules for name in (f"{module}.py", f"{module}/__init__.py")}
+    return {name for name in there - files.keys() if (folder / name).is_file()}
 
 
 def copied(row: Submission, code: Path, folder: Path) -> Path:

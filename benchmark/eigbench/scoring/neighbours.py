@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from eigbench.scoring import targets, truth
 from eigbench.scoring.names import SURFACE
-from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.training import on_imports
 from eigbench.scoring.truth import Truth
 
 NEAR = 0.01  # a shape of training within it makes a test one of interpolation
@@ -58,7 +58,7 @@ def _shapes(labels: Truth) -> Truth:
     """Return one instance of each shape, with the spectra of the surfaces where they are known."""
     _, first = np.unique(labels.shapes, return_index=True)
     single = labels.take(np.sort(first))
-    known = None if labels.protocol.startswith(IMPORTED) else targets.at(single, SURFACE)
+    known = None if on_imports(labels.protocol) else targets.at(single, SURFACE)
     return single if known is None else known
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from eigbench.errors import EigbenchError
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.names import MESH, SURFACE, TARGETS
-from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.training import on_imports
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
 from synthnet.families.limits import Limit
@@ -84,7 +84,7 @@ def at(truth: Truth, target: str) -> Truth | None:
 
 
 def _limits_of(truth: Truth) -> dict[str, Limit] | None:
-    if truth.version not in recipe.available() or truth.protocol.startswith(IMPORTED):
+    if truth.version not in recipe.available() or on_imports(truth.protocol):
         return None
     return _pinned(recipe.load(truth.version).base)
 

@@ -17,8 +17,18 @@ def training_set(version: str, protocol: str) -> str:
     >>> training_set("2.0", "family/pretzel"), training_set("2.0", "imported/scans")
     ('2.0/family/pretzel', '2.0/grouped')
     """
-    whole = protocol.partition("/")[0] == IMPORTED  # nothing is held out
-    return f"{version}/{'grouped' if whole else protocol}"
+    return f"{version}/{'grouped' if on_imports(protocol) else protocol}"  # nothing is held out
+
+
+def on_imports(protocol: str) -> bool:
+    """Return whether a protocol tests an imported dataset.
+
+    Examples
+    --------
+    >>> on_imports("imported/scans"), on_imports("family/pretzel")
+    (True, False)
+    """
+    return protocol.partition("/")[0] == IMPORTED
 
 
 def protocols(version: str) -> list[str]:

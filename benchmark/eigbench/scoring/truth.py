@@ -192,8 +192,8 @@ def of_dataset(
     _check(split)
     version = dataset.manifest.version
     source = recipe.parse_name(version)
-    drawn = version in recipe.available() or source.kind is Kind.SEALED
-    if protocol not in PROTOCOLS and not drawn:
+    has_recipe = version in recipe.available() or source.kind is Kind.SEALED
+    if protocol not in PROTOCOLS and not has_recipe:
         raise EigbenchError(
             f"{version} has no protocol {protocol}: {' or '.join(PROTOCOLS)}"
             f"{suggestion(protocol, PROTOCOLS)}"
@@ -201,7 +201,9 @@ def of_dataset(
     own = None if protocol in PROTOCOLS else recipe.load(source.version)
     chosen = list(_choose(_stored(dataset), _trained_on(version), own, split, protocol))
     if not chosen:
-        raise EigbenchError(f"{dataset.directory} has nothing in the split {split}")
+        raise EigbenchError(
+            f"{dataset.directory} has nothing in the split {split} of protocol {protocol}"
+        )
     return _truth(chosen, version, split, protocol, dataset.manifest.recipe_digest)
 
 

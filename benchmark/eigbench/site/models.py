@@ -15,7 +15,7 @@ from eigbench.board.tables import deviation, family_title, in_order, with_uncert
 from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
 from eigbench.scoring.physics import SHARES, TITLES
-from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.training import on_imports
 from eigbench.site import scaling
 from eigbench.site.boards import Shown
 from synthnet import recipe
@@ -89,7 +89,7 @@ def _families(mine: Sequence[tuple[Shown, Ranked]]) -> Iterator[dict[str, Any]]:
     """Yield the heat strips: the mean of each family, a line a protocol, by version and target."""
     strips: dict[tuple[str, str], list[tuple[Shown, Ranked]]] = {}
     for board, row in mine:
-        if board.truth.protocol.startswith(IMPORTED):
+        if on_imports(board.truth.protocol):
             continue  # its shapes are of no family
         strips.setdefault((board.truth.version, board.truth.target), []).append((board, row))
     for (version, target), lines in strips.items():

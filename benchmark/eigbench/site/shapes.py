@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench.scoring.training import IMPORTED
+from eigbench.scoring.training import on_imports
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
 from synthnet.families import FAMILIES
@@ -25,7 +25,7 @@ STEPS = 32_767  # of a coordinate, in int16: half the largest side of the boundi
 
 def spec_of(truth: Truth, shape: str) -> ShapeSpec | None:
     """Return what a shape is drawn from; ``None`` for an imported one, which has no recipe."""
-    if truth.protocol.startswith(IMPORTED) or truth.version not in recipe.available():
+    if on_imports(truth.protocol) or truth.version not in recipe.available():
         return None
     family, _, index = shape.rpartition("-")
     return draw_shape(_whole(truth.version), family, int(index))

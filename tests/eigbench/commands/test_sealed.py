@@ -261,3 +261,40 @@ def test_seal_is_checked_before_a_predictor_is_run(eigbench, sealed_set, predict
     where = ["--sealed", sealed_set.published, "--root", tmp_path, "--out", tmp_path / "r.json"]
     assert "the sealed set " in only_line(*eigbench("evaluate", code, *where))
     assert seal.read(sealed_set.published) == sealed_set.seal
+
+
+TRAINED = """
+import numpy as np
+
+class Trained:
+    def __init__(self, training):
+        self.answer = float(sum(training.encode()))
+
+    def predict(self, meshes):
+        return np.full((len(meshes), 10), self.answer)
+
+def load(device, seed, training):
+    return Trained(training)
+"""
+
+
+@pytest.mark.slow
+def test_a_sealed_set_has_the_protocols_of_its_version(eigbench, predictor_file, tmp_path):
+    """Each family of the set is asked of a predictor that has not been trained on it."""
+    home, published, out = tmp_path / "home", tmp_path / "seal.json", tmp_path / "out.json"
+    version = seal.sealed_recipe("2.0-mini", bytes(range(32)), share=0.01)
+    made, _ = seal.make(version, root=home)
+    seal.write(published, made)
+    how = ["--sealed", published, "--root", home, "--protocol", "family"]
+    code = predictor_file(TRAINED)
+    status, _, err = eigbench("evaluate", code, *how, "--no-reference", "--out", out)
+    assert status == 0, err
+    labels = truth.of_dataset(store.open_dataset(made.dataset, home), "test", "family")
+    answers = predictions.read(out.with_suffix(".parquet"), labels)
+    names = [f"2.0/family/{family}" for family in labels.families]
+    assert len(set(names)) == 25
+    np.testing.assert_array_equal(answers[0, :, 0], [sum(name.encode()) for name in names])
+    kept = out.with_suffix(".parquet")
+    assert eigbench("score", kept, *how)[0] == 0
+    status, _, err = eigbench("score", kept, *how[:4])
+    assert (status, "--protocol say what was predicted" in err) == (2, True)

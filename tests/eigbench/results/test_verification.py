@@ -17,10 +17,13 @@ from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import predictions, submission, verification
 from eigbench.results.sources import digest
 from eigbench.running import box, packages, rerun
+from eigbench.running.evaluate import Evaluation
 from eigbench.running.meshes import Instances
+from eigbench.running.process import Loaded, Status
 from eigbench.scoring import truth
 
 from synthnet import recipe
+from synthnet.types import Mesh
 
 SAID = {
     "date": "2026-11-24",
@@ -211,6 +214,27 @@ def test_the_code_of_a_row_is_found_by_its_digests(weyl, tmp_path):
         rerun.code_in(tmp_path / "a", row)
 
 
+def test_code_that_does_not_parse_or_is_a_package_is_found_too(weyl, tmp_path):
+    """What it imports has to be named if it is a file of the predictor's folder, else not."""
+    row = submission.read(weyl.out)
+    texts = {
+        "weyl.py": weyl.code.read_text(),
+        "odd.py": "not Python",
+        "parts/__init__.py": "import types, weyl\n",  # the library's, not the file beside it
+        "parts/types.py": "",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    model = {**row.result["model"], "sources": {name: digest(tmp_path / name) for name in texts}}
+    row = dataclasses.replace(row, result={**row.result, "model": model})
+    assert rerun.code_in(tmp_path, row) == tmp_path / "weyl.py"
+    (tmp_path / "types").mkdir()
+    (tmp_path / "types" / "__init__.py").write_text("")
+    with pytest.raises(ResultError, match=r"has no weyl\.py with the code"):
+        rerun.code_in(tmp_path, row)
+
+
 def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl, tmp_path):
     def commit(text):
         (tmp_path / "board" / "weyl.py").write_text(text)
@@ -223,7 +247,7 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
         return subprocess.run(line, check=True, capture_output=True, text=True).stdout
 
     def taken(row):
-        folder = tmp_path / f"commits-{len(list(tmp_path.iterdir()))}"
+        folder = tmp_path / "commits"
         with contextlib.closing(rerun.Checkouts(tmp_path / "board", None, folder)) as checkouts:
             path, commit = checkouts.code(row)
             return path.read_text(), commit
@@ -240,13 +264,20 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
     commit(f"{code}\nCHANGED = True\n")
     assert taken(row) == (code, made_by)
     # Moved into a file that the result does not name: the digest is the same
-    (tmp_path / "board" / "numpy.py").write_text("")
-    git("add", "numpy.py")
-    commit(code)
+    beside = tmp_path / "board" / "numpy.py"
+    beside.write_text("")
+    git("add", beside.name)
+    moved = commit(code)
     assert taken(row) == (code, made_by)
+    weights = {**made["model"], "sources": {**made["model"]["sources"], "numpy.py": digest(beside)}}
+    named = dataclasses.replace(row, result={**made, "model": weights})
+    git("rm", "-q", beside.name)
+    commit(f"{code}\nCHANGED = True\n")
+    assert taken(named) == (code, moved)  # of all its files, not of the first alone
     assert len(git("worktree", "list").splitlines()) == 1
     unnamed = dataclasses.replace(row, result={**made, "checkout": {"commit": None, "dirty": True}})
-    assert taken(unnamed) == (f"# tidied up\n{code}", tidy)  # the history of the file has it
+    assert taken(unnamed) == (f"# tidied up\n{code}", tidy)  # the history of its files has it
+    assert list((tmp_path / "commits").glob("*")) == []
     elsewhere = {**made["model"], "sources": {"weyl.py": "0" * 64}}
     lost = dataclasses.replace(row, result={**made, "model": elsewhere})
     with pytest.raises(
@@ -286,21 +317,52 @@ def test_only_the_files_that_a_result_names_are_copied(weyl, tmp_path):
 
 def test_public_and_fresh_instances_are_mixed_without_a_clash(mini_truth, mini_meshes):
     public = mini_truth.take(np.arange(40))
-    fresh = mini_truth.take(np.arange(30, 50))  # ids that the public ones have too
+    fresh = mini_truth.take(np.arange(30, 50))  # of ids that the public ones have too
+    turned = {
+        id: Mesh(mesh.vertices[:, [2, 0, 1]], mesh.faces) for id, mesh in mini_meshes.shapes.items()
+    }
     labels = rerun.mixed(public, fresh)
+    every = rerun.mixed_meshes(mini_meshes, Instances(turned, mini_meshes.isometries))
     assert len(set(labels.ids)) == 60
-    meshes = [Instances(mini_meshes.shapes, mini_meshes.isometries)] * 2
-    every = rerun.mixed_meshes(*meshes)
     for number, (id, values) in enumerate(zip(labels.ids, labels.eigenvalues, strict=True)):
-        source, place = (public, number) if number < 40 else (fresh, number - 40)
+        is_public = number < 40
+        source, place = (public, number) if is_public else (fresh, number - 40)
+        meshes = mini_meshes if is_public else Instances(turned, mini_meshes.isometries)
         assert np.array_equal(values, source.eigenvalues[place])
-        expected = mini_meshes.mesh(source.ids[place])
-        assert np.array_equal(every.mesh(id).vertices, expected.vertices)
+        expected = meshes.mesh(source.ids[place]).vertices
+        assert np.array_equal(every.mesh(id).vertices, expected)
+        other = Instances(turned, mini_meshes.isometries) if is_public else mini_meshes
+        assert not np.array_equal(other.mesh(source.ids[place]).vertices, expected)
     for name in ("shapes", "groups"):
         mine, theirs = np.split(getattr(labels, name), [40])
         assert not set(mine) & set(theirs)
         assert len(set(theirs)) == len(set(getattr(fresh, name)))
     assert set(labels.trainings) == set(public.trainings)
+
+
+def test_answers_of_all_seeds_are_compared_on_the_split_and_on_the_draw(make_row, mini_truth):
+    labels = mini_truth.eigenvalues
+    row = make_row("Two seeds", [1.1 * labels, 1.12 * labels])
+    fresh = mini_truth.take(np.arange(100))
+
+    def compared(*of_draw):
+        answered = np.stack([1.1 * labels, 1.12 * labels])
+        unseen = np.stack([factor * fresh.eigenvalues for factor in of_draw])
+        status = Status(0, row.result["model"]["sources"], {})
+        nothing = np.empty(0)
+        both = np.concatenate([answered, unseen], axis=1)
+        loaded = Loaded({}, None, True, False, "")
+        timed = (nothing, nothing, np.empty(0, np.int64), np.empty(0, np.bool_), nothing)
+        return verify_row._compared(row, fresh, Evaluation(both, *timed, loaded, status))
+
+    said, against = compared(1.1, 1.12)
+    assert against == []
+    declared = row.result["scores"]["mesh"]["overall"]["rpd"]["mean"]
+    assert said["scores"]["mesh"]["declared"] == said["scores"]["mesh"]["mean"] == declared
+    assert said["sealed"]["mean"] == pytest.approx(declared, rel=1e-12)
+    assert (said["sealed"]["instances"], said["sealed"]["shapes"]) == (100, len(set(fresh.shapes)))
+    _, (against,) = compared(1.3, 1.3)
+    assert against.startswith("on shapes that nobody has seen, rpd is 1.3")
 
 
 @pytest.mark.slow
@@ -327,14 +389,16 @@ def test_a_draw_is_asked_what_a_protocol_holds_out(tmp_path):
     assert set(fresh("genus").families) == set(holes.families)
 
 
-def test_a_row_of_imported_meshes_is_not_verified(eigbench, weyl, tmp_path):
+@pytest.mark.parametrize(
+    ("protocol", "why"),
+    [("imported/scans", "nobody can draw others like them"), ("paper", "is tested on copies of")],
+)
+def test_a_row_that_fresh_meshes_say_nothing_of_is_not_verified(weyl, protocol, why):
     row = submission.read(weyl.out)
-    imported = dataclasses.replace(
-        row, truth=dataclasses.replace(row.truth, protocol="imported/scans")
-    )
-    with pytest.raises(ResultError, match="nobody can draw others like them: verify the row of"):
-        rerun.check_protocol(imported)
-    assert rerun.check_protocol(row) is None
+    rerun.check_protocol(row)
+    other = dataclasses.replace(row, truth=dataclasses.replace(row.truth, protocol=protocol))
+    with pytest.raises(ResultError, match=f"{why}.*: verify the row of the same model under"):
+        rerun.check_protocol(other)
 
 
 TABLE = """
