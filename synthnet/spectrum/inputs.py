@@ -6,7 +6,7 @@ They are recognised by their attributes, so that none of these libraries need be
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from synthnet.mesh.repair import Repaired, Rules, repair
 from synthnet.types import Mesh
 
+OURS: Final = ("C", "W")  # of arrays: contiguous, rows first, and to be written to
 EXACT = 2.0**53  # every smaller whole number has a float64 of its own
 TRIANGLE = 3  # vertices, the least that a surface can have
 SIZES = 1e-50, 1e50  # of a mesh: the squares of its areas are far from the ends of float64
@@ -43,7 +44,8 @@ def as_mesh(given: Any) -> Mesh:
     Returns
     -------
     Mesh
-        The same vertices and faces in the same order.
+        The same vertices and faces in the same order. Arrays that are read-only are copied: Numba
+        would compile every kernel once more for them, which takes half a minute.
 
     Raises
     ------
@@ -63,7 +65,7 @@ def as_mesh(given: Any) -> Mesh:
     elif faces.dtype.kind == "f":
         whole = np.array_equal(faces, np.trunc(faces)) and np.abs(faces).max() < EXACT
         faces = faces.astype(np.int64) if whole else faces
-    return Mesh(np.ascontiguousarray(vertices, dtype=np.float64), faces)
+    return Mesh(np.require(vertices, np.float64, OURS), np.require(faces, requirements=OURS))
 
 
 def repaired(given: Any) -> Repaired:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -12,9 +13,18 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from numba.core.dispatcher import Dispatcher
 
 from synthnet.mesh.open3d import to_open3d
-from synthnet.spectrum import as_mesh, certify, compute, count_below, fem_matrices, spectra
+from synthnet.spectrum import (
+    as_mesh,
+    certify,
+    compute,
+    count_below,
+    fem_matrices,
+    spectra,
+    surface_eigenvalues,
+)
 from synthnet.types import Mesh
 from tests.spectrum.meshes import sphere
 
@@ -128,6 +138,29 @@ def test_a_number_of_eigenvalues_that_is_no_integer_is_one_line(k: Any) -> None:
 def test_a_shift_that_is_not_finite_is_one_line(shift: float) -> None:
     with pytest.raises(ValueError, match=f"shifts must be finite, got 1, {shift}"):
         count_below(SPHERE, 1.0, shift)
+
+
+def compiled() -> dict[str, set[Any]]:
+    """Return the types of arguments for which each kernel of the solver was compiled or loaded."""
+    modules = {name: module for name, module in sys.modules.items() if "synthnet.spectrum" in name}
+    return {
+        f"{name}.{attribute}": set(found.signatures)
+        for name, module in modules.items()
+        for attribute, found in vars(module).items()
+        if isinstance(found, Dispatcher)
+    }
+
+
+def test_no_kernel_is_compiled_anew_for_arrays_that_are_read_only() -> None:
+    def solve(mesh: Mesh) -> Any:
+        return compute(mesh, 5).eigenvalues, surface_eigenvalues(mesh, 5)
+
+    expected, before = solve(SPHERE), compiled()
+    assert sum(map(len, before.values())) > 20
+    frozen = Mesh(SPHERE.vertices.copy(), SPHERE.faces.astype(np.int32))
+    frozen.vertices.flags.writeable = frozen.faces.flags.writeable = False
+    np.testing.assert_array_equal(solve(frozen), expected)
+    assert compiled() == before
 
 
 def test_integers_of_numpy_are_numbers_of_eigenvalues() -> None:
