@@ -32,6 +32,7 @@ SETTINGS = {"nogil": True, "fastmath": {"reassoc", "contract"}, "error_model": "
 # An environment variable: a program gives it a random value, the processes that it starts inherit
 # it, and of them all only the first to compile says so. If it is empty, none does.
 SAID = "SYNTHNET_COMPILING"
+HOW = "SYNTHNET_KERNELS_KEPT"  # another, for processes whose kernels are not kept for good
 COMPILING = "Compiling the numerical code for this machine, {how}: up to 20 s"
 LARGEST = 2**24  # bytes of a file of sources
 KEPT: dict[Callable[..., Any], str] = {}  # how often each kernel is compiled
@@ -122,7 +123,7 @@ def kernel(function: Function) -> Function:
     if not problem:
         compiled = _kept_in(folder(), function)
         if compiled is not None:
-            KEPT[function] = "kept from now on"
+            KEPT[function] = os.environ.get(HOW, "kept from now on")
             return compiled
         problem = f"{folder()} cannot be written: set NUMBA_CACHE_DIR to a folder that can"
     KEPT[function] = f"anew by every process, as {problem}"
@@ -167,7 +168,7 @@ class _Announcement(events.Listener):  # type: ignore[misc]  # numba has no type
         if how is None or not os.environ[SAID]:
             return
         try:
-            _flag().touch(exist_ok=False)
+            flag().touch(exist_ok=False)
         except OSError:  # it has been said, or that cannot be noted: no line is better than many
             return
         clear = "\r\033[K" if sys.stderr.isatty() else ""  # of what another process shows there
@@ -182,13 +183,13 @@ def _announce() -> None:
     """From now on say when kernels are compiled, in this process and those that it starts."""
     if SAID not in os.environ:
         os.environ[SAID] = uuid.uuid4().hex
-        atexit.register(lambda: _flag().unlink(missing_ok=True))
+        atexit.register(lambda: flag().unlink(missing_ok=True))
     events.register("numba:compile", _Announcement())
 
 
-def _flag() -> Path:
-    """Return the file that the first process to compile makes."""
-    return Path(tempfile.gettempdir(), f"synthnet-compiling-{os.environ[SAID]}")
+def flag(folder: Path | None = None) -> Path:
+    """Return the file that the first process to compile makes, in the folder for such files."""
+    return Path(folder or tempfile.gettempdir(), f"synthnet-compiling-{os.environ[SAID]}")
 
 
 _announce()

@@ -154,6 +154,8 @@ class Box:
             self.private.mkdir()
             own = list(_own(predictor.split(file)[0].resolve()))
             self._copy_kernels([rule.path for rule in own if rule.path.is_dir()])
+            if kernels.flag().exists():
+                kernels.flag(self.private).touch()
             handed = self.folder / "labels"
             handed.mkdir()
             if any(ASKS.search(path.read_bytes()) for path in _code(own)):
@@ -172,6 +174,9 @@ class Box:
 
     def close(self) -> None:
         """Remove the folder and what the process has left in it."""
+        if os.path.lexists(kernels.flag(self.private)):  # the next box need not say it again
+            with contextlib.suppress(OSError):
+                kernels.flag().touch()
         for folder, names, _ in os.walk(self.folder):  # it may have closed some
             for path in (Path(folder, name) for name in names):
                 if not path.is_symlink():
@@ -204,6 +209,7 @@ class Box:
             "HOME": inside,
             "TMPDIR": inside,
             "NUMBA_CACHE_DIR": f"{inside}/numba",
+            kernels.HOW: "kept as long as the sandbox is there",
             "PYTHONDONTWRITEBYTECODE": "1",
             pins.VARIABLE: str(self.labels),
         }

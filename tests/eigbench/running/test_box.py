@@ -144,6 +144,33 @@ def test_it_has_a_directory_of_its_own_that_is_gone_afterwards(asked, kind, tmp_
     assert not list(tmp_path.glob("eigbench-box-*"))
 
 
+COMPILES = """
+import numpy as np
+from synthnet.kernels import kernel
+
+@kernel
+def twice(x):
+    return 2 * x
+
+def predict(meshes):
+    return np.full((len(meshes), 10), twice(1.0))
+"""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_that_it_compiles_is_said_once_and_how_long_that_is_kept(
+    predictor_file, kind, monkeypatch, tmp_path, capfd
+):
+    meshes.warming(1)  # what this process compiles for itself
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))  # where it is noted that it was said
+    monkeypatch.setenv(kernels.SAID, "a-test")
+    line = kernels.COMPILING.format(how="kept as long as the sandbox is there")
+    for said in (f"{line}\n", ""):
+        with PredictorProcess(predictor_file(COMPILES), 10, box.Settings(sandbox=kind)) as process:
+            process.warm_up(1)
+        assert capfd.readouterr().err == said
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_folders_of_modules_that_are_not_in_it_are_not_looked_for(asked, secret, kind, monkeypatch):
     """`python -m eigbench` puts the working directory there, and the predictor may be elsewhere."""
