@@ -138,6 +138,8 @@ def _of_mesh_options(command: argparse.ArgumentParser) -> None:
 
 def run_spectrum(options: argparse.Namespace) -> int:
     """Compute spectra, print their table and write them."""
+    if options.out is not None and options.out.suffix != ".csv":
+        raise AnswerError(f"--out must end in .csv, got {options.out}")
     answers = []
     operator = _operator(options)
     console = Console(stderr=True)

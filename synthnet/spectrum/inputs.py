@@ -133,7 +133,7 @@ def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:
             return as_array(arrays[0]), as_array(arrays[1]).T if columns else as_array(arrays[1])
     hint = ""
     if isinstance(given, str | os.PathLike):
-        hint = "; read the file first: trimesh.load_mesh(path, process=False)"
+        hint = "; read the file first: trimesh.load_mesh(path)"
     elif isinstance(given, np.ndarray):
         hint = "; with parentheses of its own: compute((vertices, faces))"
     elif hasattr(given, "to_mesh"):  # a scene of trimesh

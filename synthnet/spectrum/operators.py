@@ -325,7 +325,17 @@ def _tufted(mesh: Mesh) -> Matrices:
 
 
 def _warn_of_sheets(mesh: Mesh) -> None:
-    """Warn of edges of more than two faces: the problem is well posed, but of no surface."""
+    """Warn of edges of more than two faces, and of faces that share no vertex.
+
+    The problem is well posed then, but it is that of no surface.
+    """
+    corners = mesh.faces.size
+    if len(mesh.vertices) >= corners > 3 and np.bincount(mesh.faces.ravel()).max() == 1:
+        warnings.warn(
+            f"no two of the {len(mesh.faces)} faces share a vertex, as in an STL file: each is a "
+            "component by itself; repair=True joins equal corners",
+            stacklevel=4,
+        )
     keys = np.sort(edge_keys(mesh.faces))
     many = len(np.unique(keys[2:][keys[2:] == keys[:-2]]))
     if many:

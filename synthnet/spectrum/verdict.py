@@ -11,6 +11,7 @@ that count by more than the tolerance, the verdict says so and certifies nothing
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -32,6 +33,7 @@ ZERO = 1e-6  # of Weyl's first eigenvalue: below it an answer is one of the zero
 NEARER = 1e-2  # relative: so well the distance of an answer from its eigenvalue is told
 ASIDE = 1e-9  # relative: a shift whose pivot is zero is moved by so much
 CLUSTER = 1e-6  # relative: eigenvalues so near the last one found are looked for too
+SHOWN = 10  # of the eigenvalues that are off
 LOOSEST = 0.5  # tolerance
 ORTHONORMAL = 0.5  # most that k times an entry of VᵀBV − 1 may be of eigenvectors that count
 WORTH = 10  # eigenvectors are looked for if no more than so many eigenvalues are below each answer
@@ -102,12 +104,14 @@ class Verdict:
             lines.append(
                 f"{len(self.missed)} missed below {self.shift:.6g}: {plural} {_listed(self.missed)}"
             )
-        for index, true in self.off:
+        for index, true in self.off[:SHOWN]:
             value = self.eigenvalues[index - 1]
             lines.append(
                 f"λ{index} = {value:.6g} is off by {100 * abs(value / true - 1):.2g} %: "
                 f"no eigenvalue within {self.tolerance:.2g}, it is {true:.6g}"
             )
+        if len(self.off) > SHOWN:
+            lines.append(f"and {len(self.off) - SHOWN} more are off")
         return "\n".join(lines)
 
 
@@ -510,12 +514,16 @@ def _apart(
 
 
 def _listed(numbers: Sequence[int]) -> str:
-    """Return numbers in words.
+    """Return ascending numbers in words.
 
     Examples
     --------
-    >>> _listed([7]), _listed([7, 8]), _listed([1, 2, 3])
-    ('7', '7 and 8', '1, 2 and 3')
+    >>> _listed([7]), _listed([7, 8]), _listed([1, 4, 5, 6, 9])
+    ('7', '7 and 8', '1, 4 to 6 and 9')
     """
-    *most, last = map(str, numbers)
+    parts: list[str] = []
+    for _, run in itertools.groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]):
+        row = [str(number) for _, number in run]
+        parts += row if len(row) < 3 else [f"{row[0]} to {row[-1]}"]
+    *most, last = parts
     return f"{', '.join(most)} and {last}" if most else last

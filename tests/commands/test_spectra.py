@@ -40,6 +40,13 @@ def files(tmp_path: Path) -> list[Path]:
     return paths
 
 
+def test_no_mesh_is_overwritten_by_its_spectrum(run: Run, files: list[Path]) -> None:
+    before = files[0].read_bytes()
+    code, _, err = run("spectrum", files[0], "--out", files[0])
+    assert (code, err) == (2, f"synthnet: --out must end in .csv, got {files[0]}\n")
+    assert files[0].read_bytes() == before
+
+
 def test_spectra_of_files_are_shown_written_and_certified(
     run: Run, files: list[Path], tmp_path: Path
 ) -> None:

@@ -608,3 +608,16 @@ def test_edges_of_many_faces_are_said() -> None:
         raise AssertionError("the mesh of this test has no such edge")
     with pytest.warns(UserWarning, match=f"^{many} edges have more than two faces"):
         spectrum.compute(tied)
+
+
+def test_triangles_whose_corners_are_apart_warn() -> None:
+    """As an STL file has them: each is a component, with the spectrum of a flat triangle."""
+    mesh = Mesh(BALL.vertices.astype(np.float64), BALL.faces)
+    apart = Mesh(mesh.vertices[mesh.faces.ravel()], np.arange(mesh.faces.size).reshape(-1, 3))
+    with pytest.warns(UserWarning, match=f"^no two of the {len(mesh.faces)} faces share a vertex"):
+        found = spectrum.compute(apart, 3)
+    assert found.components == len(mesh.faces)
+    joined = spectrum.compute(apart, 3, repair=True)
+    np.testing.assert_allclose(
+        joined.eigenvalues, spectrum.compute(mesh, 3).eigenvalues, rtol=1e-12
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -266,3 +267,13 @@ def test_a_mesh_is_repaired_where_that_is_asked_for() -> None:
     judged = certify(loose, VALUES["sphere"][:5], repair=True)
     assert judged.certified
     assert judged.repairs == {"loose vertices": 1}
+
+
+def test_a_long_judgement_is_short_in_words() -> None:
+    """Of a factor that was forgotten every eigenvalue is off: the first ten say it."""
+    true = VALUES["sphere"][:40]
+    lines = str(certify(SHAPES["sphere"], 7 * true)).splitlines()
+    missed, *off, rest = lines
+    assert re.search(r"^\d+ missed below \S+: indices .*\d+ to \d+", missed)
+    assert len(off) == 10
+    assert re.fullmatch(r"and \d+ more are off", rest)

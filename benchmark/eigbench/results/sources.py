@@ -29,6 +29,12 @@ MOST_WEIGHTS = 2**40  # bytes of any file
 # What the parser raises at code that it does not know, or that is too deep
 UNPARSABLE = (SyntaxError, ValueError, RecursionError, MemoryError)
 ELSEWHERE = re.compile(r"\b(__name__|TYPE_CHECKING)\b")  # in a condition: not as it is loaded
+HEAD = 2**16  # bytes of a file that are looked at to see what it is
+# By suffix: whether it is the beginning that tells, else the end, and what stands there
+OUTPUTS = {
+    ".json": (True, b'"metric_version":'),
+    ".parquet": (False, b"eigbench"),  # of its metadata
+}
 EARLIER = "Made by an earlier version of its code."
 
 
@@ -47,6 +53,20 @@ def outdated(result: dict[str, Any], root: Path) -> bool:
     if not variant and model["name"] not in code.decode("utf-8", errors="replace"):
         return False
     return any(current(root, name) != made_by for name, made_by in model["sources"].items())
+
+
+def is_output(path: Path) -> bool:
+    """Return whether a file is a result or predictions that eigbench has written.
+
+    They may have a predictor's name, and are no part of it.
+    """
+    if path.suffix not in OUTPUTS or path.is_symlink() or not path.is_file():
+        return False
+    start, mark = OUTPUTS[path.suffix]
+    with path.open("rb") as file:
+        if not start:
+            file.seek(max(0, path.stat().st_size - HEAD))
+        return mark in file.read(HEAD)
 
 
 def remark(result: dict[str, Any], path: Path) -> str:

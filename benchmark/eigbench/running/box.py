@@ -27,6 +27,7 @@ from pathlib import Path
 
 import synthnet
 from eigbench.errors import PredictorError
+from eigbench.results.sources import is_output
 from eigbench.running import landlock, predictor, supervisor
 from eigbench.scoring import truth
 from synthnet import kernels, store
@@ -354,7 +355,8 @@ def _own(file: Path) -> Iterator[Rule]:
     """Yield a predictor's own files, as docs/submit.md has them.
 
     In its directory: Python files, packages, and what has the name of one of these before its
-    first dot or as a directory. No link, since it may lead anywhere.
+    first dot or as a directory. No link, since it may lead anywhere, and nothing that eigbench has
+    written of an earlier run.
     """
     entries = sorted(entry for entry in file.parent.iterdir() if not entry.is_symlink())
     names = {entry.stem for entry in entries if entry.suffix == ".py" and entry.is_file()}
@@ -362,7 +364,7 @@ def _own(file: Path) -> Iterator[Rule]:
     names -= set(predictor.NOT_THEIRS)
     for entry in entries:
         named = entry.name in names if entry.is_dir() else entry.name.split(".")[0] in names
-        if named:
+        if named and not is_output(entry):
             yield Rule(entry)
             # What is compiled there may be of other code than the sources beside it.
             yield from (Rule(path, shown=False) for path in sorted(entry.rglob("__pycache__")))

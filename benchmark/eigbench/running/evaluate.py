@@ -30,6 +30,7 @@ WARM_UP = 16  # meshes predicted before the clock counts; none of them is of the
 REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the same batches
 LOCK = "lock"  # of the folder of answers
 BUSY = "another run keeps its answers in {where}: wait for it or choose another --out"
+ENDED = "ended.json"  # of a process that has answered everything: what it was, and its cost
 SOURCES = "sources.json"  # of a run that has begun: digests of the predictor's files
 
 
@@ -162,7 +163,7 @@ def evaluate(
             first = replace(options, reference=options.reference and seed == number == 0)
             task = _Task(path, truth.take(chosen), first, seed, training)
             folder = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
-            left = folder.exists() and options.resume
+            left = options.resume and any(folder.glob("*.npz"))
             same = _open_parts(folder, _fingerprint(task), path, options.resume)
             if left and not same:
                 on_restart()
@@ -270,6 +271,9 @@ def _run(
     done = sum(len(part.instances) for part in parts)
     if done:
         on_batch(done, sum(part.seconds for part in parts))
+    if (ended := _read_ended(folder)) is not None:
+        on_loaded(ended[0])
+        return parts, *ended
     k = truth.eigenvalues.shape[1]
     with contextlib.ExitStack() as stack:
         process = started or stack.enter_context(
@@ -306,7 +310,10 @@ def _run(
             _write_part(folder, len(parts), part)
             parts.append(part)
             on_batch(len(batch), part.seconds)
-        return parts, process.loaded, process.status()
+        status = process.status()
+        facts = {"loaded": asdict(process.loaded), "status": asdict(status)}
+        files.write_text(folder / ENDED, json.dumps(facts))
+        return parts, process.loaded, status
 
 
 def _batches_of(
@@ -384,6 +391,15 @@ def _read_parts(folder: Path) -> list[_Part]:
             # Of an array without an axis, [()] is its number
             parts.append(_Part(**{name: part[name][()] for name in part.files}))
     return parts
+
+
+def _read_ended(folder: Path) -> tuple[Loaded, Status] | None:
+    """Return what is left of a process that has answered everything, so that none is started."""
+    if not (folder / ENDED).exists():
+        return None
+    facts = json.loads((folder / ENDED).read_text())
+    status = Status(**facts["status"])
+    return Loaded(**facts["loaded"]), replace(status, refused=tuple(status.refused))
 
 
 def _write_part(folder: Path, number: int, part: _Part) -> None:

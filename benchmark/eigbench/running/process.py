@@ -19,7 +19,7 @@ import psutil
 from numpy.typing import NDArray
 
 from eigbench.errors import Died, OverMemory, OverTime, PredictorError
-from eigbench.results.sources import digest
+from eigbench.results.sources import digest, is_output
 from eigbench.running import frames, predictor, supervisor, tree
 from eigbench.running.box import BUBBLEWRAP, NONE, Box, Settings
 from eigbench.running.meshes import warming
@@ -190,7 +190,8 @@ class PredictorProcess:
         self._send(frames.CLOSING, b"", at)
         folder = predictor.split(Path(self.job.path))[0].resolve().parent
         facts = self._facts(frames.SOURCES, at)
-        names, refused, digests = facts["files"], [], self._named()
+        names = [name for name in facts["files"] if not is_output(folder / name)]
+        refused, digests = [], self._named()
         if self._box is not None:
             names = [n for n in names if self._box.shows(Path(os.path.normpath(folder / n)))]
             refused = self._box.refused(facts["attempts"])

@@ -228,6 +228,32 @@ def test_what_was_computed_before_a_failure_is_kept_and_resumed(how, evaluate, i
     assert whole["predictions"] == result["predictions"]
 
 
+def test_what_an_earlier_run_has_written_is_no_part_of_a_predictor(
+    evaluate, predictor_file, tmp_path
+):
+    """Its sources are the same, and it finds nothing of what it answered."""
+    looks = """
+from pathlib import Path
+def predict(meshes):
+    for name in ("my_model.json", "my_model.parquet"):
+        try:
+            Path(__file__).with_name(name).read_bytes()
+        except OSError:
+            continue
+        raise RuntimeError(f"{name} is there")
+    return weyl(meshes)
+"""
+    path = predictor_file(PRELUDE + looks)
+    out, kept = tmp_path / "my_model.json", tmp_path / "my_model.parquet"
+    sources = []
+    for _ in range(2):
+        code, _, err = evaluate("", "--out", out, "--predictions", kept, path=path)
+        assert code == 0, err
+        sources.append(json.loads(out.read_text())["model"]["sources"])
+    assert list(sources[0]) == ["my_model.py"]
+    assert sources[0] == sources[1]
+
+
 def test_changed_code_starts_anew(evaluate, tmp_path):
     path = tmp_path / "fails.py"
     path.write_text(PRELUDE + FAILS_IN_BATCH_2.format(how="raise RuntimeError"))
