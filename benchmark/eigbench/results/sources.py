@@ -63,10 +63,13 @@ def is_output(path: Path) -> bool:
     if path.suffix not in OUTPUTS or path.is_symlink() or not path.is_file():
         return False
     start, mark = OUTPUTS[path.suffix]
-    with path.open("rb") as file:
-        if not start:
-            file.seek(max(0, path.stat().st_size - HEAD))
-        return mark in file.read(HEAD)
+    try:
+        with path.open("rb") as file:
+            if not start:
+                file.seek(max(0, path.stat().st_size - HEAD))
+            return mark in file.read(HEAD)
+    except OSError:  # it may not be read, or is gone: whoever needs it says so
+        return False
 
 
 def remark(result: dict[str, Any], path: Path) -> str:
