@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
@@ -198,19 +199,28 @@ def answers(
     meshes_in_all = len(labels.ids) * settings.seeds
     task = progress.add_task("predicting", total=meshes_in_all)
     of = f"predicting {counted(meshes_in_all, 'mesh', 'meshes')}"
-    taken = foretold = 0.0
+    taken = starting = foretold = 0.0
+    starts, every_start, since = 0, settings.seeds, time.perf_counter()
+
+    def on_start(loaded: Loaded) -> None:
+        nonlocal starts, every_start, starting
+        trainings = len(set(labels.trainings.tolist())) if loaded.trained else 1
+        every_start = settings.seeds * trainings
+        starts, starting = starts + 1, starting + time.perf_counter() - since
+        on_loaded(loaded)
 
     def on_batch(count: int, seconds: float) -> None:
-        nonlocal taken, foretold
+        nonlocal taken, foretold, since
         loading.stop()
         progress.start()
         progress.advance(task, count)
         done, taken = progress.tasks[task].completed, taken + seconds
-        whole = taken * meshes_in_all / done
+        whole = taken * meshes_in_all / done + every_start * starting / max(starts, 1)
         off = max(whole, foretold) > CORRECTED * min(whole, foretold)  # the first batch compiles
         if estimated and off and done < meshes_in_all:
             foretold = whole
-            console.print(f"{of}: {foreseen.about(whole - taken)} more")
+            console.print(f"{of}: {foreseen.about(whole - taken - starting)} more")
+        since = time.perf_counter()
 
     try:
         loading.start()
@@ -222,7 +232,7 @@ def answers(
             parts,
             on_batch=on_batch,
             on_restart=lambda: console.print("code or settings have changed: starting anew"),
-            on_loaded=on_loaded,
+            on_loaded=on_start,
         )
     except PredictorError as error:
         if any(parts.glob("*/*.npz")):

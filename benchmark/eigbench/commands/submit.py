@@ -46,7 +46,7 @@ def submit(options: argparse.Namespace) -> int:
     """Check a result with its predictions and put both on the board, or say where it would be."""
     if scaling_results.is_scaled(options.result):
         return _submit_scaled(options)
-    root = arguments.board_root(options, make=True)
+    root = arguments.board_root(options, make=not options.dry_run)
     dataset = arguments.unpinned(options.dataset, options.root)
     if dataset is not None and not options.dry_run:
         raise EigbenchError(
@@ -74,7 +74,7 @@ def submit(options: argparse.Namespace) -> int:
 
 def _submit_scaled(options: argparse.Namespace) -> int:
     """Put a result of the scaling track, which holds its predictions, on the board."""
-    root = arguments.board_root(options, make=True)
+    root = arguments.board_root(options, make=not options.dry_run)
     row = scaling_results.read(options.result)
     scaling_page.section([row])  # a row that cannot be drawn would break the page for all
     paths = [] if options.dry_run else [scaling_results.add(row, root, replace=options.replace)]

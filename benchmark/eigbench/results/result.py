@@ -24,6 +24,7 @@ from synthnet.errors import OutsideError, counted, missing
 from synthnet.store.files import make_directory, sha256, write_atomically, write_text
 
 SCHEMA_VERSION = 3  # 2: sources by their statements, the commit; 3: scores of both targets
+PREDICTED = (".parquet", ".npz", ".csv")  # files that have predictions, by their suffix
 SPARE_CORES = 0.5  # more than the threads: the noise of timing
 APART = 10  # LaPy is timed on some of the batches; their mean time is this near that of all
 ERRORS = 100  # of a schema are looked at, to name the first
@@ -75,6 +76,8 @@ def load(path: Path, below: Path | None = None) -> Any:
     ResultError
         If it is missing or no such JSON.
     """
+    if path.suffix in PREDICTED and path.is_file():
+        raise ResultError(f"{path} has predictions: give the result, the .json beside it")
     try:
         return outside.read_json(path, below=below)
     except FileNotFoundError as error:

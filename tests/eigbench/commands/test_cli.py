@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shutil
 
 import numpy as np
@@ -268,6 +269,25 @@ def test_an_answer_that_is_a_number_in_one_batch_only_is_found():
     (difference,) = check._differences("one mesh at a time", ["a", "b"], whole, singly)
     assert difference == "other answers for one mesh at a time: up to inf relative, first for b"
     assert check._differences("shuffled order", ["a", "b"], singly, singly) == []
+
+
+def test_the_time_foretold_counts_processes_that_start_later(
+    eigbench, predictor_file, mini_home, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(foreseen, "about", lambda seconds: f"{seconds:.1f} s")
+    slow = "import time\ndef load(device, seed):\n    time.sleep(1.5)\n    return one\n"
+    code = predictor_file(WEYL.replace("def predict", "def one") + slow)
+    where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", tmp_path / "p.parquet"]
+    status, _, err = eigbench("predict", code, *where, "--seeds", 3, "--batch-size", 100)
+    assert status == 0, err
+    first = re.search(r"^predicting 918 meshes: ([\d.]+) s more$", err, flags=re.M)
+    assert 3 <= float(first[1]) < 30  # two are to be loaded yet
+
+
+def test_predictions_in_place_of_a_result_are_said(eigbench, weyl):
+    code, _, err = eigbench("compare", weyl.predictions, weyl.out)
+    line = f"{weyl.predictions} has predictions: give the result, the .json beside it"
+    assert (code, err) == (2, f"eigbench: {line}\n")
 
 
 def test_whole_result_is_not_replaced_by_a_partial_one(eigbench, weyl, mini_home, tmp_path):
