@@ -131,6 +131,7 @@ def test_two_numbers_are_found_again() -> None:
     assert (fitted.a, fitted.b) == pytest.approx((0.6, 7.0), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_shapes_without_a_number_are_left_out(tmp_path, monkeypatch) -> None:
     kept = baseline("surface_numbers")
     limits = kept.pins.read_limits("1.0")

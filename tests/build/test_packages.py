@@ -175,6 +175,7 @@ def offline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "wheels"
 
 
+@pytest.mark.slow
 def test_pip_brings_what_is_missing_or_altered_and_runs_none_of_it(
     meshes: Path,
     listed: Package,

@@ -153,6 +153,7 @@ def test_a_dataset_is_named_by_a_word_or_an_option(
     assert json.loads(out)["version"] == VERSION
 
 
+@pytest.mark.slow
 def test_a_dataset_that_is_there_is_guessed_too(
     run: Run, tmp_path: Path, tiny: recipe.Recipe
 ) -> None:
@@ -371,6 +372,7 @@ def test_json_of_versions(run: Run, mini_home: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_versions_lists_what_else_is_there(run: Run, tmp_path: Path, tiny: recipe.Recipe) -> None:
     build(dataclasses.replace(tiny, version="scans"), root=tmp_path, workers=1)
     (tmp_path / "notes").mkdir()  # no dataset

@@ -242,7 +242,10 @@ def test_bars_cover_what_more_elements_change(monkeypatch: pytest.MonkeyPatch) -
         assert (limit.bar <= 1e-4 * limit.eigenvalues).all()
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize(
+    "family",
+    [pytest.param(name, marks=pytest.mark.slow if name == "lattice" else ()) for name in FAMILIES],
+)
 def test_every_family_has_a_limit(family: str) -> None:
     parameters = next(drawn(family, 1))
     limit = FAMILIES[family].limit_spectrum(parameters, 4)

@@ -43,6 +43,7 @@ def operations(found: ordering.Ordering) -> float:
     return float(np.sum((below + np.diff(found.begin)) ** 3 - below**3))
 
 
+@pytest.mark.slow
 def test_no_edge_joins_two_parts(large: fem.Matrices) -> None:
     stages = dissection.dissect(large.indptr, large.indices)
     rows = np.repeat(np.arange(len(stages)), np.diff(large.indptr))

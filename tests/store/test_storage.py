@@ -110,6 +110,7 @@ def test_file_url_is_a_path(tmp_path: Path) -> None:
     assert recipe.load("1.0").version in str(store.dataset_directory("1.0", f"file://{tmp_path}"))
 
 
+@pytest.mark.slow
 def test_build_at_a_url_of_directories_makes_them(tiny: Recipe, tmp_path: Path) -> None:
     report = build(tiny, root=f"local://{tmp_path}/deep/data", workers=1)
     assert isinstance(report.dataset.directory, RemotePath)

@@ -177,6 +177,7 @@ def test_the_drop_is_against_the_same_shapes_and_nothing_that_is_untrained_has_o
     assert board.protocols == ["family", "resolution", "genus", "boundary"]
 
 
+@pytest.mark.slow
 def test_section_shows_scores_beside_the_iid_column_with_the_drop(held_out, tmp_path):
     whole, model = held_out
     for entry in [*whole, model]:
