@@ -271,12 +271,24 @@ def test_an_answer_that_is_a_number_in_one_batch_only_is_found():
     assert check._differences("shuffled order", ["a", "b"], singly, singly) == []
 
 
+SLOW_TO_LOAD = """
+import time
+
+class Loaded:
+    def predict(self, meshes):
+        return [one(mesh) for mesh in meshes]
+
+def load(device, seed):
+    time.sleep(1.5)
+    return Loaded()
+"""
+
+
 def test_the_time_foretold_counts_processes_that_start_later(
     eigbench, predictor_file, mini_home, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(foreseen, "about", lambda seconds: f"{seconds:.1f} s")
-    slow = "import time\ndef load(device, seed):\n    time.sleep(1.5)\n    return one\n"
-    code = predictor_file(WEYL.replace("def predict", "def one") + slow)
+    code = predictor_file(WEYL + SLOW_TO_LOAD)
     where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", tmp_path / "p.parquet"]
     status, _, err = eigbench("predict", code, *where, "--seeds", 3, "--batch-size", 100)
     assert status == 0, err
