@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from synthnet import outside
+from synthnet.errors import OutsideError
 
 # What follows from the position (ctx), from the spelling (kind), or is written as a comment.
 UNSEEN = ("ctx", "kind", "type_comment", "type_ignores")
@@ -55,20 +56,21 @@ def outdated(result: dict[str, Any], root: Path) -> bool:
     return any(current(root, name) != made_by for name, made_by in model["sources"].items())
 
 
-def is_output(path: Path) -> bool:
+def is_output(path: Path, below: Path | None = None) -> bool:
     """Return whether a file is a result or predictions that eigbench has written.
 
-    They may have a predictor's name, and are no part of it.
+    They may have a predictor's name, and are no part of it. ``below`` is as of
+    :func:`synthnet.outside.opened`; what that does not open is none.
     """
-    if path.suffix not in OUTPUTS or path.is_symlink() or not path.is_file():
+    if path.suffix not in OUTPUTS:
         return False
     start, mark = OUTPUTS[path.suffix]
     try:
-        with path.open("rb") as file:
+        with outside.opened(path, most=MOST_WEIGHTS, below=below) as file:
             if not start:
-                file.seek(max(0, path.stat().st_size - HEAD))
+                file.seek(max(0, os.fstat(file.fileno()).st_size - HEAD))
             return mark in file.read(HEAD)
-    except OSError:  # it may not be read, or is gone: whoever needs it says so
+    except (FileNotFoundError, OutsideError):  # whoever needs it says so
         return False
 
 
@@ -144,8 +146,7 @@ def digest_of_code(code: bytes | str) -> str:
     >>> digest_of_code(old) == digest_of_code(old.replace("area(x)", "area(2 * x)"))
     False
     """
-    with warnings.catch_warnings(action="ignore"):  # of its escapes; they are for its author
-        tree = ast.parse(code)
+    tree = _parsed(code)
     hashed = hashlib.sha256()
     for part in (*_imported(tree), *_tokens(tree)):
         text = part.encode("utf-8", "surrogatepass")
@@ -153,7 +154,7 @@ def digest_of_code(code: bytes | str) -> str:
     return hashed.hexdigest()
 
 
-def imported(code: bytes | str) -> set[str]:
+def modules(code: bytes | str) -> set[str]:
     r"""Return the first names of the modules that code imports as it is loaded.
 
     What a function imports when it is called does not count, nor what only a script or a checker
@@ -161,15 +162,14 @@ def imported(code: bytes | str) -> set[str]:
 
     Examples
     --------
-    >>> sorted(imported("import a, b.c\nfrom d import e\ndef f():\n  import g"))
+    >>> sorted(modules("import a, b.c\nfrom d import e\ndef f():\n  import g"))
     ['a', 'b', 'd']
-    >>> imported("if __name__ == '__main__':\n  import g"), imported("import")
+    >>> modules("if __name__ == '__main__':\n  import g"), modules("import")
     (set(), set())
     """
     found: set[str] = set()
     try:
-        with warnings.catch_warnings(action="ignore"):  # of its escapes; they are for its author
-            left: list[ast.AST] = [ast.parse(code)]
+        left: list[ast.AST] = [_parsed(code)]
     except UNPARSABLE:
         return found
     while left:
@@ -183,6 +183,12 @@ def imported(code: bytes | str) -> set[str]:
         elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             left += ast.iter_child_nodes(node)
     return {name.partition(".")[0] for name in found}
+
+
+def _parsed(code: bytes | str) -> ast.Module:
+    """Return the tree of code; warnings of its escapes are for its author."""
+    with warnings.catch_warnings(action="ignore"):
+        return ast.parse(code)
 
 
 def _imported(tree: ast.Module) -> list[str]:

@@ -190,7 +190,7 @@ class PredictorProcess:
         self._send(frames.CLOSING, b"", at)
         folder = predictor.split(Path(self.job.path))[0].resolve().parent
         facts = self._facts(frames.SOURCES, at)
-        names = [name for name in facts["files"] if not is_output(folder / name)]
+        names = [name for name in facts["files"] if not is_output(folder / name, folder)]
         refused, digests = [], self._named()
         if self._box is not None:
             names = [n for n in names if self._box.shows(Path(os.path.normpath(folder / n)))]

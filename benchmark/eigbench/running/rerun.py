@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from eigbench.errors import EigbenchError, ResultError
-from eigbench.results.sources import digest, git, imported
+from eigbench.results.sources import digest, git, modules
 from eigbench.results.submission import Submission
 from eigbench.running.meshes import Instances
 from eigbench.scoring import truth
@@ -184,10 +184,9 @@ def code_in(folder: Path, row: Submission) -> Path:
 
 def _unnamed(folder: Path, files: Mapping[str, Path]) -> set[str]:
     """Return the files of a predictor's folder that its named files import, and that are not."""
-    modules = set().union(
-        *(imported(path.read_bytes()) for path in files.values() if path.suffix == ".py")
-    )
-    there = {name for module in modules for name in (f"{module}.py", f"{module}/__init__.py")}
+    code = (path.read_bytes() for path in files.values() if path.suffix == ".py")
+    imported = set().union(*map(modules, code))
+    there = {name for module in imported for name in (f"{module}.py", f"{module}/__init__.py")}
     return {name for name in there - files.keys() if (folder / name).is_file()}
 
 
@@ -218,11 +217,8 @@ def mixed(public: Truth, fresh: Truth) -> Truth:
 def mixed_meshes(public: Instances, fresh: Instances) -> Instances:
     """Return the meshes of :func:`mixed`."""
     return Instances(
-        {**public.shapes, **dict(zip(_named(fresh.shapes), fresh.shapes.values(), strict=True))},
-        {
-            **public.isometries,
-            **dict(zip(_named(fresh.isometries), fresh.isometries.values(), strict=True)),
-        },
+        {**public.shapes, **{f"{FRESH}{id}": mesh for id, mesh in fresh.shapes.items()}},
+        {**public.isometries, **{f"{FRESH}{id}": each for id, each in fresh.isometries.items()}},
     )
 
 

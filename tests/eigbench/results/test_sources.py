@@ -5,7 +5,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from eigbench.results.sources import digest, digest_of_code, outdated, remark
+from eigbench.results.sources import digest, digest_of_code, is_output, outdated, remark
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -258,3 +258,16 @@ def test_remark_is_of_results_on_the_board_of_a_checkout(checkout):
     (root / "baselines" / "mine.py").write_text(META)
     assert remark(result, path) == "Made by an earlier version of its code."
     assert remark(result, root / "mine.json") == ""
+
+
+def test_an_output_is_one_of_a_folder_and_reached_by_no_link(tmp_path):
+    """Names come from the predictor's process: nothing else is opened."""
+    folder, kept = tmp_path / "mine", tmp_path / "kept.json"
+    folder.mkdir()
+    kept.write_text('{"schema_version": 3, "metric_version": 1}')
+    own, link = folder / "own.json", folder / "link.json"
+    own.write_bytes(kept.read_bytes())
+    link.symlink_to(kept)
+    assert is_output(own, folder)
+    for path in (folder / ".." / kept.name, kept, link, folder / "none.json"):
+        assert not is_output(path, folder)
