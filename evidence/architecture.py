@@ -38,7 +38,7 @@ def draw_architecture() -> None:
 
 
 def drawing() -> str:
-    """Return the SVG: a column a package, a row a line of its plan, an arrow an import."""
+    """Return the SVG: one column per package, one row per line of its plan, one arrow per import."""
     parts, bottom = [], 0.0
     for number, package in enumerate(house.PLANS):
         left = EDGE + number * (COLUMN + GAP)

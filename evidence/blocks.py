@@ -70,7 +70,7 @@ class Block:
 
 # The key is the page in docs/ and the name in its marks.
 BLOCKS = {
-    "cite/entries": Block(("build-1.0", "build-2.0"), card.citations),
+    "cite/entries": Block(("build-1.0", "build-2.0", "build-2.1"), card.citations),
     "clusters/million": Block(("build-1.0",), card.many_meshes),
     "clusters/memory": Block(("build-memory",), build_memory.table),
     "concepts/surfaces": Block(("surfaces",), card.surfaces),

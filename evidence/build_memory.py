@@ -67,7 +67,7 @@ def build_once(
 
 
 def table(data: dict) -> str:
-    """Return a row a build."""
+    """Return one row per build."""
     columns = {
         "families": "{families}",
         "size": "{scale} ×",

@@ -130,6 +130,6 @@ def full_runs(*builds: dict) -> str:
                 f"{instances * cost['ms_per_mesh_mean'] / 60_000:.1f} minutes",
             ]
         )
-    headers = ["version", "building it, 2 cores", "test instances", "LaPy on a part of them"]
-    headers.append("a predictor as fast as the certified solver")
+    headers = ["version", "build time and disk, 2 cores", "test instances", "LaPy as reference"]
+    headers.append("predictor as fast as the certified solver")
     return markdown.table(headers, rows, "lr")

@@ -67,7 +67,7 @@ def thumbnails(version: str, directory: Path) -> None:
 
 
 def parameters(version: str, directory: Path) -> None:
-    """Draw what each parameter of each family does, a row a parameter."""
+    """Draw what each parameter of each family does, one row per parameter."""
     drawn = recipe.load(version)
     fixed = PLAIN if drawn.sizes is not None else {}
     for name in progress(new_families(version), "parameters"):

@@ -323,7 +323,7 @@ def draw_drum(axes: Axes, form: int) -> None:
 
 
 def mesh_error(data: dict) -> str:
-    """Return an SVG: errors on the sphere against the edge length, a panel an eigenvalue."""
+    """Return an SVG: errors on the sphere against the edge length, one panel per eigenvalue."""
     with figure_on_nothing(3.6) as figure:
         panels = figure.subplots(1, len(INDICES), sharey=True)
         figure.subplots_adjust(0.085, 0.14, 0.99, 0.92, wspace=0.06)

@@ -75,7 +75,7 @@ class Outcome:
 
 
 def measure(*, kills: int = 50, flips: int = 200, seed: int = 0, only: Sequence[str] = ()) -> dict:
-    """Return a row a fault, with a reference made first."""
+    """Return one row per fault, with a reference made first."""
     with tempfile.TemporaryDirectory(prefix="break-builds-") as temporary:
         folder = Path(temporary)
         reference = folder / "reference"
@@ -405,7 +405,7 @@ def claim(data: dict) -> str:
 
 
 def table(data: dict) -> str:
-    """Return a row a fault."""
+    """Return one row per fault."""
     rows = []
     for row in data["rows"]:
         seen = ", ".join(f"{count} {what}" for what, count in sorted(row["seen"].items()))

@@ -56,7 +56,7 @@ def folded(mesh: Mesh) -> tuple[float, float]:
 
 
 def table(data: dict) -> str:
-    """Return a row a family, with the angle and the area of each size."""
+    """Return one row per family, with the angle and the area of each size."""
     cells: dict[str, list[str]] = {}
     for row in data["rows"]:
         middle, most = row["median"], row["largest"]

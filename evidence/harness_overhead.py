@@ -28,7 +28,7 @@ BATCH = 34
 
 
 def measure(*, version: str = "1.0-mini", rounds: int = 5) -> dict:
-    """Return a row a predictor."""
+    """Return one row per predictor."""
     count = len(truth.load(version).ids)
     rows = [row(name, version, rounds, count) for name in progress(PREDICTORS, "predictors")]
     return {"version": version, "meshes": count, "rounds": rounds, "rows": rows}
@@ -83,5 +83,5 @@ def charged(name: str, version: str) -> tuple[float, float]:
 
 
 def table(data: dict) -> str:
-    """Return a row a predictor."""
+    """Return one row per predictor."""
     return markdown.columns(data["rows"], {name: f"{{{name}}}" for name in data["rows"][0]}, "lr")

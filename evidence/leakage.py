@@ -51,7 +51,7 @@ class Trees:
 
 
 def measure() -> dict:
-    """Return a row a predictor and protocol."""
+    """Return one row per predictor and protocol."""
     dataset = store.open_dataset(VERSION)
     invariants = baseline("invariants").invariants
     areas, numbers, labels, splits = [], [], [], []

@@ -28,7 +28,7 @@ COMPARED = 25
 
 
 def measure(*, version: str) -> dict:
-    """Return a row a family that no version before has.
+    """Return one row per family that no version before has.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def of_labels(labels: np.ndarray, ids: list[str], limits: dict[str, Limit]) -> d
 
 
 def table(*versions: dict) -> str:
-    """Return a row a family of every version."""
+    """Return one row per family of every version."""
     cells = [
         [
             f"{FAMILIES[row['family']].title} ({data['version']})",

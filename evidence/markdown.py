@@ -49,8 +49,8 @@ def columns(rows: Iterable[Mapping], formats: Mapping[str, str], align: str = ""
 
     Examples
     --------
-    >>> print(columns([{"mesh": "torus", "ms": 3.6}], {"ms a mesh": "{ms:.2f}"}, "r"))
-    |   ms a mesh |
+    >>> print(columns([{"mesh": "torus", "ms": 3.6}], {"ms per mesh": "{ms:.2f}"}, "r"))
+    |   ms per mesh |
     |-------------|
     |        3.60 |
     """

@@ -50,7 +50,7 @@ Method = Callable[[Mesh], np.ndarray]
 
 
 def measure(*, source: str) -> dict:
-    """Return a row a method, and a row a large mesh."""
+    """Return one row per method, and one per large mesh."""
     with threadpool_limits(1):
         real, labels = read_meshes(source)
         meshes = {**real, **synthetic()}
@@ -155,21 +155,21 @@ def large_row(name: str, vertices: int, timed: dict[str, Timed]) -> dict:
 
 
 def variants(data: dict) -> str:
-    """Return a row a method."""
+    """Return one row per method."""
     columns = {
         "variant": "{method}",
         "PSNR>20 ↑": "{psnr20:.1%}",
         "RPD ↓": "{rpd:.4f}",
         "median RPD ↓": "{median rpd:.4f}",
-        "ms a mesh ↓": "{ms:.1f}",
-        "LaPy's time by this": "{by LaPy:.1f}",
-        "certified solver's": "{by certified:.1f}",
+        "ms per mesh ↓": "{ms:.1f}",
+        "LaPy's time ÷ this": "{by LaPy:.1f}",
+        "certified solver's time ÷ this": "{by certified:.1f}",
     }
     return markdown.columns(data["methods"], columns, "lr")
 
 
 def large_meshes(data: dict) -> str:
-    """Return a row a large mesh."""
+    """Return one row per large mesh."""
     ratios = {"by LaPy": LAPY, "by certified": CERTIFIED}
     rows = [
         {**row, **{name: row[method] / row[OURS] for name, method in ratios.items()}}
@@ -180,7 +180,7 @@ def large_meshes(data: dict) -> str:
         "vertices": "{vertices:,}",
         "RPD ↓": "{rpd:.4f}",
         "ms ↓": f"{{{OURS}:.1f}}",
-        "LaPy's time by this": "{by LaPy:.1f}",
-        "certified solver's": "{by certified:.1f}",
+        "LaPy's time ÷ this": "{by LaPy:.1f}",
+        "certified solver's time ÷ this": "{by certified:.1f}",
     }
     return markdown.columns(rows, columns, "lr")

@@ -157,7 +157,7 @@ def problems(data: dict) -> list[str]:
 
 
 def table(data: dict) -> str:
-    """Return the largest error of the first ten, in per cent, a row an operator."""
+    """Return the largest error of the first ten, in per cent, one row per operator."""
     shapes = list(dict.fromkeys(row["shape"] for row in data["rows"]))
     by_operator = {(row["elements"], row["mass"], row["shape"]): row for row in data["rows"]}
     rows = []

@@ -65,7 +65,7 @@ class Survey:
 
 
 def measure(directory: str) -> dict:
-    """Return a row a package.
+    """Return one row per package.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def different(dataset: StoredDataset) -> set[tuple[str, str]]:
 
 
 def table(data: dict) -> str:
-    """Return a row a package, and their sum."""
+    """Return one row per package, and their sum."""
     rows = [{**row, "why": reasons(row["refused"])} for row in data["rows"]]
     counts = ("files", "tried", "labelled", "components", "set")
     total = {name: sum(row[name] for row in rows) for name in counts}

@@ -34,12 +34,12 @@ def scores(result: dict, shapes: int) -> dict[str, float]:
 
 
 def table() -> str:
-    """Return a row a predictor trained on 2.0 or on nothing, with columns of both sets."""
+    """Return one row per predictor trained on 2.0 or on nothing, with columns of both sets."""
     boards = {name: board("2.0", name) for name in SETS}
     shapes = {name: found["exact.py"]["dataset"]["shapes"] for name, found in boards.items()}
     headers = ["predictor", "kind"]
     for name in SETS:
-        headers += [f"RPD ↓, {name}", "median ↓", f"fail, of {shapes[name]} ↓"]
+        headers += [f"RPD ↓, {name}", f"median, {name} ↓", f"fail, of {shapes[name]} ↓"]
     rows = []
     for code in PREDICTORS:
         sets = [scores(found[f"{code}.py"], shapes[name]) for name, found in boards.items()]

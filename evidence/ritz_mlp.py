@@ -67,7 +67,7 @@ def score(logs: np.ndarray, truth: np.ndarray) -> dict[str, float]:
 
 
 def ablations(data: Data) -> list[dict]:
-    """Return a row a variant."""
+    """Return one row per variant."""
     ritz, every = data.ritz, data.every
     triangles = np.isin(data.names, TRIANGLES)
     tenth = np.arange(0, len(data.features), 10)
@@ -88,7 +88,7 @@ def ablations(data: Data) -> list[dict]:
 
 
 def left_out(data: Data) -> list[dict]:
-    """Return a row a family: its errors when trained with it, and without it."""
+    """Return one row per family: its errors when trained with it, and without it."""
     whole = data.fit(data.every)
     rows = []
     for family in dict.fromkeys(data.families):
@@ -108,7 +108,7 @@ def left_out(data: Data) -> list[dict]:
 
 
 def variants_table(data: dict) -> str:
-    """Return a row a variant."""
+    """Return one row per variant."""
     columns = {
         "variant": "{variant}",
         "InvLap ↓": "{invlap:.4f}",
@@ -119,7 +119,7 @@ def variants_table(data: dict) -> str:
 
 
 def left_out_table(data: dict) -> str:
-    """Return a row a family."""
+    """Return one row per family."""
     rows = [{**row, "family": FAMILIES[row["family"]].title} for row in data["left_out"]]
     columns = {"family": "{family}", "shapes": "{shapes}"}
     for key, way in WAYS.items():

@@ -104,9 +104,9 @@ def add_command(
     command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text)
     command.epilog = f"example: {command.prog} {example}".rstrip()
     command.set_defaults(run=run)
-    command.add_argument("--json", action="store_true", help="print JSON for a program")
+    command.add_argument("--json", action="store_true", help="print machine-readable JSON")
     command.add_argument(
-        "--traceback", action="store_true", help="where it fails, show the lines of code as well"
+        "--traceback", action="store_true", help="on an error, also print the Python traceback"
     )
     return command
 

@@ -52,8 +52,8 @@ def add(commands: Commands) -> None:
     sub.add_argument(
         "--limits",
         action="store_true",
-        help="then compute the spectra of the surfaces themselves, where the repository does not "
-        "pin them: of scaled versions and sealed sets (several times the work of the build)",
+        help="then compute the spectra of the surfaces where the repository does not pin them: of "
+        "scaled versions and sealed sets (takes several times as long as the build)",
     )
 
 

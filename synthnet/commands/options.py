@@ -50,7 +50,7 @@ def dataset_argument(command: argparse._ActionsContainer, *, positional: bool = 
             help=f"{known} (default: 1.0)",
         )
         complete_with(word, _names)
-        known = "the same as an option"
+        known = "the same as DATASET"
     option = command.add_argument(
         "--dataset",
         "--version",

@@ -79,7 +79,7 @@ def add(commands: Commands) -> None:
         "--out",
         type=Path,
         metavar="CSV",
-        help="write all of them here, a row a file (default: only print the first)",
+        help="write all of them here, one row per file (default: only print the first)",
     )
     _of_mesh_options(sub)
     sub = terminal.add_command(
@@ -117,14 +117,15 @@ def _of_mesh_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--mass",
         choices=tuple(SHARES),
-        help="mass matrix, mean: of the other two (default: consistent, lumped for tufted)",
+        help="mass matrix; mean is the average of the other two (default: consistent, lumped for "
+        "tufted)",
     )
     command.add_argument(
         "--elements",
         choices=tuple(MASSES),
         default="linear",
-        help="finite elements, curved: on triangles bent to the surface that the mesh samples, "
-        "tufted: for meshes that are no manifold, taken as they are, but for the corners of STL "
+        help="finite elements; curved: on triangles bent to the surface that the mesh samples; "
+        "tufted: for non-manifold meshes, taken as they are, but for the corners of STL "
         "(default: %(default)s)",
     )
     command.add_argument(
@@ -312,7 +313,7 @@ def _table(answers: list[Answer], k: int) -> str:
 
 
 def _as_csv(answers: list[Answer], k: int) -> str:
-    """Return a row a file: its vertices, components and eigenvalues to the last digit."""
+    """Return one row per file: its vertices, components and eigenvalues to the last digit."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["file", "vertices", "components", *(f"lambda_{i}" for i in range(1, k + 1))])

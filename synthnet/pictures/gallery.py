@@ -212,7 +212,7 @@ def _varying(specs: Sequence[ShapeSpec]) -> tuple[str, ...]:
 
 
 def _ranks(among: Candidates) -> NDArray[np.float64]:
-    """Return the ranks of the parameters that are numbers, between 0 and 1, a row a shape."""
+    """Return the ranks of the parameters that are numbers, between 0 and 1, one row per shape."""
     columns = [[spec.parameters[name] for spec in among.specs] for name in among.varying]
     numbers = [(rankdata(c) - 0.5) / len(c) for c in columns if not isinstance(c[0], str)]
     return np.stack(numbers, axis=1) if numbers else np.zeros((len(among.specs), 0))

@@ -27,7 +27,7 @@ from eigbench.board.tables import number as _digits
 from eigbench.results.submission import Submission
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
-from eigbench.scoring.training import untrained
+from eigbench.scoring.training import trained_on, untrained
 from synthnet import recipe
 from synthnet.pictures.palette import GREY
 
@@ -211,7 +211,8 @@ def _point(number: int, row: Ranked, unseen: float | None) -> Point:
 def sentences(board: Board, solver: str = "lapy") -> str:
     """Return the figure in sentences; empty where the solver or trained models are missing.
 
-    There are three, and a fourth if a row without training is surely nearer than the solver.
+    There are three, and a fourth if a row without training is significantly nearer than the solver.
+    Models that say they are trained on other versions are left out.
 
     Parameters
     ----------
@@ -221,7 +222,10 @@ def sentences(board: Board, solver: str = "lapy") -> str:
         The row that predictions are compared with.
     """
     exact = [row for row in board.rows if row.submission.slug == solver]
-    trained = [row for row in board.rows if not untrained(row.submission.result["model"])]
+    models = [(row, row.submission.result["model"]) for row in board.rows]
+    trained = [
+        row for row, meta in models if not untrained(meta) and trained_on(meta, board.version)
+    ]
     unseen = {
         row.submission.name: error
         for row in trained
@@ -233,7 +237,8 @@ def sentences(board: Board, solver: str = "lapy") -> str:
     every = [
         "**A solver is exact for the mesh, not for the surface.** On the test shapes of "
         f"synthNet {board.version}, {name}'s eigenvalues are off by {_percent(least)} on average "
-        f"(mean RPD {_digits(least)}), because triangles are flat.",
+        f"(mean RPD {_digits(least)}), because linear functions on flat triangles only approximate "
+        "the surface's eigenfunctions.",
         _on_familiar_shapes(trained, exact[0]),
         _on_unseen_families(board, trained, unseen, exact[0]),
         *_without_training(board, trained, exact[0]),
@@ -242,12 +247,12 @@ def sentences(board: Board, solver: str = "lapy") -> str:
 
 
 def _on_familiar_shapes(trained: Sequence[Ranked], solver: Ranked) -> str:
-    nearer = [row for row in trained if _surely_nearer(row, solver)]
-    of = f"{len(nearer)} of {len(trained)} trained models are surely closer"
+    nearer = [row for row in trained if _nearer(row, solver)]
+    of = f"{_are(len(nearer), len(trained))} significantly closer to the surface"
     if nearer:
         best = min(nearer, key=_error)
         of += f"; the best, *{best.submission.name}*, has {_gain(best, solver)}"
-    verdict = "learning can beat it" if nearer else "no model surely beats it"
+    verdict = "learning can beat it" if nearer else "no model significantly beats it"
     return f"**On shapes like those of training, {verdict}.** {of}."
 
 
@@ -259,34 +264,41 @@ def _on_unseen_families(
     still = [
         f"*{row.submission.name}* ({_digits(unseen[row.submission.name])})"
         for row in trained
-        if row.submission.name in unseen and _surely_nearer_unseen(board, row, solver)
+        if row.submission.name in unseen and _nearer_unseen(board, row, solver)
     ]
     median = float(np.median(list(unseen.values())))
     return (
-        f"**On families never seen in training, {verdict}.** {len(still)} of {len(unseen)} "
-        f"{'is' if len(still) == 1 else 'are'} surely closer than {solver.submission.name}"
-        f"{', ' if still else ''}{' and '.join(still)}; "
-        f"the median model is off by {_percent(median)} (RPD {_digits(median)})."
+        f"**On families never seen in training, {verdict}.** {_are(len(still), len(unseen))} "
+        f"significantly closer than {solver.submission.name}"
+        f"{': ' if still else ''}{' and '.join(still)}. "
+        f"The median model is off by {_percent(median)} (RPD {_digits(median)})."
     )
+
+
+def _are(some: int, count: int) -> str:
+    """Return the subject and the verb of a sentence on some of the trained models."""
+    return f"{some} of {count} trained models {'is' if some == 1 else 'are'}"
 
 
 def _without_training(board: Board, trained: Sequence[Ranked], solver: Ranked) -> Iterator[str]:
     others = (row for row in board.rows if untrained(row.submission.result["model"]))
-    nearer = [row for row in others if _surely_nearer(row, solver)]
+    nearer = [row for row in others if _nearer(row, solver)]
     if nearer:
         best = min(nearer, key=_error)
-        beaten = all(_surely_nearer(best, row) for row in trained)
+        beaten = all(_nearer(best, row) for row in trained)
         verdict = "better elements beat all of them" if beaten else "better elements come as near"
         yield (
             f"**Without training, {verdict}.** *{best.submission.name}* has "
-            f"{_gain(best, solver)}, and nothing to unlearn on unseen families."
+            f"{_gain(best, solver)}, on every family alike: no family is unseen to it."
         )
 
 
 def _gain(row: Ranked, solver: Ranked) -> str:
     """Return how much nearer a row is than the solver, and how much faster."""
     times, ratio = _error(solver) / _error(row), row.submission.result["cost"]["reference"]["ratio"]
-    return f"{times:.2g} times less error at {ratio:.2g} times {solver.submission.name}'s speed"
+    return (
+        f"an error {times:.2g} times smaller at {ratio:.2g} times {solver.submission.name}'s speed"
+    )
 
 
 def _percent(rpd: float) -> str:
@@ -300,12 +312,12 @@ def _percent(rpd: float) -> str:
     return f"{100 * 2 * rpd / 10:.2g} %"
 
 
-def _surely_nearer(row: Ranked, solver: Ranked) -> bool:
+def _nearer(row: Ranked, solver: Ranked) -> bool:
     slug = solver.submission.slug
     return any(other.slug == slug and other.sure and other.mean > 0 for other in row.apart)
 
 
-def _surely_nearer_unseen(board: Board, row: Ranked, solver: Ranked) -> bool:
+def _nearer_unseen(board: Board, row: Ranked, solver: Ranked) -> bool:
     """Return whether a model is better than a solver on the families that it has not seen."""
     own = board.submitted(row.submission, UNSEEN)
     if own is None:

@@ -28,9 +28,9 @@ def table(rows: Sequence[Ranked]) -> Group[Ranked]:
     ms, ratio = speed()
     columns = [
         ms,
-        _fact("quartiles", "quartiles", "Quartiles of ms a mesh over the batches.", quartiles),
+        _fact("quartiles", "quartiles", "Quartiles of ms per mesh over the batches.", quartiles),
         _fact("ms-mean", "mean", mean, _number("ms_per_mesh_mean")),
-        _fact("lapy-ms", "LaPy's ms", "LaPy's ms a mesh in the same run.", _lapys_own),
+        _fact("lapy-ms", "LaPy's ms", "LaPy's ms per mesh in the same run.", _lapys_own),
         ratio,
         *peers(rows),
         _fact("batch", "batch", "Number of meshes in a call.", _number("batch_size", 0)),
@@ -40,7 +40,7 @@ def table(rows: Sequence[Ranked]) -> Group[Ranked]:
         parameters(),
         Column("training-cost", "training cost", trained, training, numeric=False),
     ]
-    note = "ms a mesh is the median over batches. The training cost is declared, not measured."
+    note = "ms per mesh is the median over batches. The training cost is declared, not measured."
     return Group("cost", "Cost", columns, note)
 
 
@@ -52,7 +52,7 @@ def speed(protocol: str | None = None) -> list[Column[Ranked]]:
 
     elsewhere = "" if protocol is None else " Timed under the protocol grouped."
     ms_note = (
-        "Milliseconds a mesh from raw vertices and faces to eigenvalues, median over batches. "
+        "Milliseconds per mesh from raw vertices and faces to eigenvalues, median over batches. "
         f"Compare them within one hardware, device and number of threads only.{elsewhere}"
     )
     ratio_note = (
@@ -60,7 +60,7 @@ def speed(protocol: str | None = None) -> list[Column[Ranked]]:
         f"batches. It may be compared between machines for equal device and threads.{elsewhere}"
     )
     return [
-        _fact("ms", "ms a mesh", ms_note, _number("ms_per_mesh")),
+        _fact("ms", "ms per mesh", ms_note, _number("ms_per_mesh")),
         _fact("lapy", SPEED, ratio_note, ratio, higher=True),
     ]
 
@@ -111,7 +111,7 @@ def _number(name: str, decimals: int = 2) -> Callable[[dict[str, Any]], Cell]:
 
 
 def _lapys_own(facts: dict[str, Any]) -> Cell:
-    """Return LaPy's ms a mesh in a run, on the batches that it was given too."""
+    """Return LaPy's ms per mesh in a run, on the batches that it was given too."""
     return _number("ms_per_mesh")(facts.get("reference") or {})
 
 

@@ -132,7 +132,7 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
 
 
 def by_index(submissions: Sequence[Submission]) -> Figure:
-    """Draw the relative error of each eigenvalue: its median over the meshes, a line a model.
+    """Draw the relative error of each eigenvalue: its median over the meshes, one line per model.
 
     A line has the colour of its model's kind; marker and dashes tell models of a kind apart. Where
     there is one model only, bands hold half and nine tenths of the meshes.
@@ -185,7 +185,7 @@ def _name(figure: Figure, axes: mpl.axes.Axes, submissions: Sequence[Submission]
 
 
 def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
-    """Draw how a metric is distributed over the meshes, a panel a model, on common axes.
+    """Draw how a metric is distributed over the meshes, one panel per model, on common axes.
 
     Raises
     ------

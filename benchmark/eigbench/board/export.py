@@ -98,7 +98,7 @@ def _in_digits(held_out: generalisation.HeldOut) -> dict[str, float | None]:
 
 
 def tidy(submission: Submission) -> pa.Table:
-    """Return a submission's predictions, a line an eigenvalue, in the columns :data:`COLUMNS`.
+    """Return a submission's predictions, one line per eigenvalue, in the columns :data:`COLUMNS`.
 
     ``shape`` and ``instance`` name a mesh, ``index`` counts eigenvalues from 1; ``mesh`` and
     ``surface`` are the two targets in 1/length², the latter null where it is not known.

@@ -140,7 +140,7 @@ def _beyond(point: Point) -> str:
 def scatter(
     axes: mpl.axes.Axes, points: Sequence[Point], *, floor: float, fastest: float = FASTEST
 ) -> None:
-    """Draw error against speed, both logarithmic: a mark a model, without its number."""
+    """Draw error against speed, both logarithmic: one mark per model, without its number."""
     for point in points:
         _mark(axes, point, min(point.speed, fastest), max(point.error, floor))
     axes.set_xscale("log")

@@ -30,7 +30,8 @@ from synthnet import recipe
 
 SHOWN = ("rpd", "psnr20")
 NOT_RUN = "not run"
-LEAD = "meshes (with one of training within 1 %)"
+FAMILIAR = "familiar shapes"  # of the whole test split: i.i.d. with those of training
+LEAD = "test meshes (share with a training shape within 1 %)"
 TITLES = {
     "family": "each family unseen",
     "resolution": "fine meshes unseen",
@@ -42,19 +43,19 @@ TITLES = {
 NO_DROP = "None where nothing is trained, or the model is trained on another version."
 
 EXPLAINED = (
-    "Test shapes predicted by models whose training held some of them and their like out; models "
-    "without training stay as they are. In brackets the drop: the score minus that of the same "
-    "model, by the same code and with the same seeds, trained on everything, on the very same "
-    "shapes. There is no drop where nothing is trained, or the model is trained on another "
-    "version; nor on imported meshes, which no training has. A family is held out together with "
-    "those that have the same surfaces. Not run: nobody has run it, or the model is trained on one "
-    "set alone."
+    "Each column after the first holds one kind of shape out of training, and tests on it. In "
+    "brackets is the drop: the score minus that of the same model, by the same code and with the "
+    "same seeds, trained on everything, on the same test shapes. Models without training and "
+    "models trained on another version have no drop, and neither has any model on imported meshes, "
+    "which are in no training set. A family is held out together with all families that share its "
+    "surfaces. *Not run*: nobody has evaluated the model there, or it has weights for one training "
+    "set only."
 )
 NEAR = (
-    "The nearest shape that a model may be trained on, by the largest relative difference of two "
-    "spectra of surfaces (of imported meshes, their labels), each divided by its geometric mean, "
-    "so that scale does not count. Where most tested shapes have one within 1 %, the test is one "
-    "of interpolation."
+    "For each tested shape, the nearest shape that a model may be trained on: by the largest "
+    "relative difference of their surfaces' spectra (of imported meshes, of their labels), each "
+    "divided by its geometric mean, so that scale does not count. If most tested shapes have such "
+    "a neighbour within 1 %, the test is one of interpolation."
 )
 
 
@@ -160,12 +161,12 @@ def tested(version: str, protocol: str, target: str) -> Truth:
 
 
 def neighbours(board: Board) -> list[list[str]]:
-    """Return a line a protocol: its name, how many shapes it tests, and how near training comes."""
+    """Return one line per protocol: its name, how many shapes it tests, and how near training comes."""
     lines = []
     for protocol in ["grouped", *board.protocols]:
         apart = near.distances(board.version, protocol)
         shares = [near.share(board.version, protocol, bound) for bound in (near.NEAR, 0.05)]
-        name = "i.i.d." if protocol == "grouped" else title(protocol)
+        name = FAMILIAR if protocol == "grouped" else title(protocol)
         lines.append([name, f"{len(apart):,}", f"{100 * np.median(apart):.1f} %", *shares])
     return lines
 
@@ -276,7 +277,7 @@ def table(board: Board, key: str, marks: Marks) -> Group[Ranked]:
     note = f"Mean {metric.title} on the whole test split, trained on everything."
     tested_ = board.rows[0].submission.result["dataset"]["shapes"]
     lead = f"{tested_:,} ({near.share(board.version, 'grouped')})"
-    first = Column(f"{key}-iid", "i.i.d.", note, iid, higher=metric.higher_is_better, lead=lead)
+    first = Column(f"{key}-iid", FAMILIAR, note, iid, higher=metric.higher_is_better, lead=lead)
     columns = [first, *map(column, board.protocols)]
     heading = f"Generalisation, {metric.heading}"
     return Group(f"protocols-{key}", heading, columns, lead=LEAD)
@@ -306,6 +307,6 @@ def drops(board: Board, protocol: str) -> list[Column[Ranked]]:
         f"was held out. {NO_DROP}"
     )
     return [
-        Column("iid", f"i.i.d. {metric}", iid_note, iid),
+        Column("iid", f"{FAMILIAR}, {metric}", iid_note, iid),
         Column("drop", "drop", drop_note, drop),
     ]

@@ -1,4 +1,4 @@
-"""The generalisation drop as dumbbells: a panel a protocol, a line a model."""
+"""The generalisation drop as dumbbells: one panel per protocol, one line per model."""
 
 from __future__ import annotations
 

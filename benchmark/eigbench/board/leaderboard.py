@@ -223,7 +223,8 @@ def generate(
         parts += page.reported_section(papers, BOARDS / "reported.md")
     generated[Path(PAGE)] = "\n".join([page.BANNER, *opening, *parts])
     if MARK in readme:
-        generated[Path(README)] = _filled(readme, [*held_out, *tops.values()], finding)
+        first = [*held_out[:1], *list(tops.values())[:1]]
+        generated[Path(README)] = _filled(readme, first, finding)
     return generated
 
 

@@ -30,7 +30,7 @@ TOP = 5  # so many rows of a board stand in the README
 BY_COST = "cost"  # the group that has a table for each hardware
 DROP, ANSWER = "Drop under each protocol", "Error to the surface against speed"
 CAPTIONS = {
-    DROP: "A panel is a protocol, a line a model: the open mark is its error when what is tested "
+    DROP: "One panel per protocol, one line per model: the open mark is its error when what is tested "
     "was held out of its training, the filled one that of the same model trained on everything.",
     ANSWER: "Lower right is better. A mark is a mean over meshes of all sizes. The line is an "
     "exact solver on fine, medium and coarse meshes of the same surfaces: a model is of use where "
@@ -42,13 +42,14 @@ NAMES = {SURFACE: "against the surface", MESH: "against the mesh"}
 EXPLAINED = {
     SURFACE: (
         "The target is the spectrum of the smooth or polyhedral surface that the mesh stands for, "
-        "known within [its bar](../../docs/labels.md). An exact solver of the mesh has the "
+        "known within [an error bar](../../docs/labels.md). An exact solver of the mesh has the "
         "discretisation error here, so a prediction can be nearer than it."
     ),
     MESH: (
         "The target is the finite element spectrum of the very mesh, as in the paper. A solver of "
-        "the same elements is exact: every answer is within a relative 1e-9. Exact rows stand "
-        "above the ranking, the faster first: their times show what exactness costs."
+        "the same elements is exact: every answer is within a relative 1e-9. The labels are the "
+        "answers of synthNet's certified solver, so its row is exact by construction. Exact rows "
+        "stand above the ranking, the faster first: their times show what exactness costs."
     ),
 }
 
@@ -57,24 +58,25 @@ BANNER = """\
 
 # Leaderboard
 
-**How near do predictors come to the Laplace-Beltrami spectrum, and at what cost?** Each dataset
-has two boards from the same predictions: *against the surface*, the spectrum that a user wants, and
-*against the mesh*, the finite element spectrum of the very mesh, as in the paper. What models make
-of shapes unlike those of their training stands first.
+**How close do predictors come to the Laplace-Beltrami spectrum, and at what cost?** Each dataset
+has two boards from the same predictions: *against the surface*, the spectrum of the smooth shape,
+and *against the mesh*, its finite element spectrum, as in the paper. Tests on shapes unlike the
+training data come first.
 
 `eigbench leaderboard` generates this page from `benchmark/results`, `benchmark/predictions` and the
 spectra pinned in this repository; CI does so again and fails if one byte differs. It runs no
 submitted model. [How to add a row](docs/submit.md) · [what the metrics mean](docs/metrics.md) ·
 [the rules](docs/rules.md)
 
-**Rank** is the interval of ranks that a row may have, at 95 %: from paired differences to every
-other row, over shapes within families and over seeds, with Holm's correction for their number.
-Scores are means ± half the 95 % interval; in brackets the standard deviation over seeds. *Families
-alike* is the mean of the families' means. Where all succeed, the rule of three gives the bound.
+**Rank** is a 95 % confidence interval: it follows from paired differences to every other row, with
+Holm's correction for their number. Scores are means ± half the width of their 95 % interval;
+brackets after a score give the standard deviation over seeds, brackets after a speed its 95 %
+interval. The *macro average* is the mean of the families' means. If no prediction fails, the bound
+(≥ …) is by the rule of three.
 
-**Verified** rows are those whose code a maintainer has run again, in a sandbox, on the test split
-and on [shapes that nobody has seen](docs/threats.md#a-row-that-is-made-up). A board that has some
-ranks them alone.
+**Verified** rows have been run again by a maintainer, in a sandbox, on the test split and on
+[freshly drawn shapes](docs/threats.md#a-row-that-is-made-up). If a board has verified rows, only
+these are ranked.
 """
 
 
@@ -129,11 +131,11 @@ def introduction(rows: Sequence[Ranked]) -> list[str]:
     metric = METRICS[RANKED_BY].title
     return [
         f"{_counts(rows)} {EXPLAINED[rows[0].submission.target]}\n",
-        f"Rows are sorted by mean {metric}. The rank is an interval: with a chance of 95 % the "
-        "row's true rank is in it. It counts the rows that are surely better and surely worse, by "
-        f"paired differences of {metric} over shapes within families and over seeds, with Holm's "
-        "correction. Scores are means over instances ± half their 95 % interval; in brackets the "
-        "standard deviation over seeds, where there are several. ms a mesh is the median over "
+        f"Rows are sorted by mean {metric}. The rank is a 95 % confidence interval. It counts the "
+        f"rows that are significantly better and worse, by paired differences of {metric} over "
+        "shapes within families and over seeds, with Holm's correction. Scores are means over "
+        "instances ± half the width of their 95 % interval; in brackets the standard deviation "
+        "over seeds, where there are several. ms per mesh is the median over "
         "batches, from raw vertices and faces to eigenvalues. Speed against LaPy is LaPy's time on "
         "one thread divided by the model's, both measured in the same run on some of the same "
         "batches. Scores, intervals and ranks follow from the predictions; kind, training, cost "
@@ -151,8 +153,8 @@ def _counts(rows: Sequence[Ranked]) -> str:
     mostly = np.median(neighbours.distances(*board)) <= NEAR
     what = ": a test of interpolation" if mostly else ""
     return (
-        f"{facts['shapes']:,} shapes, {facts['instances']:,} instances; {share} of the shapes have "
-        f"one of training within {100 * NEAR:.0f} %{what}."
+        f"{facts['shapes']:,} shapes, {facts['instances']:,} instances. {share} of the shapes have "
+        f"a training shape whose spectrum, scale removed, is within {100 * NEAR:.0f} %{what}."
     )
 
 
@@ -221,7 +223,8 @@ def generalised(board: Board, page: Path, numbers: Path, figures: Mapping[str, P
         By what they show.
     """
     marks = generalisation.remark_marks(board, board.rows)
-    explained = generalisation.EXPLAINED if board.target == SURFACE else "As above."
+    first = board.target == SURFACE
+    explained = generalisation.EXPLAINED if first else "The same tests, scored against the mesh."
     own = (rows for protocol, rows in board.held_out.items() if not on_imports(protocol))
     verified = _verified(itertools.chain(*own), " of models trained for a protocol")
     more = f"[PSNR>20, and how near training comes]({page.as_posix()})"
@@ -265,8 +268,8 @@ def generalised_top(board: Board, count: int) -> str:
     rows = board.rows[:count]
     marks = generalisation.remark_marks(board, rows)
     introduction = (
-        f"Shapes held out of training, synthNet {board.version}, {NAMES[board.target]}; in "
-        "brackets what a trained model loses there:"
+        f"Shapes held out of training, synthNet {board.version}, {NAMES[board.target]}. In "
+        "brackets: how much worse the model is than when it is trained on everything."
     )
     shown = _protocols(board, rows, generalisation.SHOWN[0], marks, lead=False)
     below = "".join(f"\n{line}\n" for _, line in marks.values())
@@ -281,7 +284,7 @@ def _protocols(
     *,
     lead: bool = True,
 ) -> str:
-    model = replace(MODEL, title=f"{METRICS[key].heading} of")
+    model = replace(MODEL, title=f"model (mean {METRICS[key].heading})")
     return as_markdown(generalisation.table(board, key, marks), rows, [model], lead=lead)
 
 

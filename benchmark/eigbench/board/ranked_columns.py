@@ -171,7 +171,7 @@ def _by_family() -> Column[Ranked]:
     """Return the mean over families of the metric that ranks go by."""
     note = f"{METRIC_NOTES[RANKED_BY]} Mean over families of their means: all weigh the same."
     column = _number(RANKED_BY, "by_family", "-by-family", note)
-    return replace(column, title=f"{column.title}, families alike")
+    return replace(column, title=f"{column.title}, macro average")
 
 
 def _plain(key: str) -> Column[Ranked]:

@@ -48,7 +48,7 @@ def groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> dict[str, Group
             "lapy",
             "LaPy beside each run",
             [_lapy(size) for size in timed],
-            "LaPy's ms a mesh in the run of each row, on the same meshes up to "
+            "LaPy's ms per mesh in the run of each row, on the same meshes up to "
             f"{surfaces.TIMED_BESIDE:,} vertices: how fast the machine was then.",
         ),
     )
@@ -66,7 +66,7 @@ def _error(size: int) -> Column[Scaled]:
 
 def _time(size: int) -> Column[Scaled]:
     note = (
-        "Milliseconds a mesh, one mesh a call; median over the surfaces. Compare them within one "
+        "Milliseconds per mesh, one mesh a call; median over the surfaces. Compare them within one "
         "hardware, device and number of threads only."
     )
     return _median("ms", size, "ms", note, lambda m: (ms(m.seconds), 1e3 * m.seconds))
@@ -99,7 +99,7 @@ def _lapy(size: int) -> Column[Scaled]:
         seconds = scores.beside_seconds(row, size)
         return ("not run", None) if seconds is None else (ms(seconds), six_digits(1e3 * seconds))
 
-    note = "LaPy's ms a mesh in the same run, on the same meshes: how fast the machine was then."
+    note = "LaPy's ms per mesh in the same run, on the same meshes: how fast the machine was then."
     return Column(f"lapy-{size}", f"{size:,}: ms", f"At {size:,} vertices. {note}", cell)
 
 

@@ -1,4 +1,4 @@
-"""The picture of the scaling track: error to the surface against speed, a panel a size."""
+"""The picture of the scaling track: error to the surface against speed, one panel per size."""
 
 from __future__ import annotations
 

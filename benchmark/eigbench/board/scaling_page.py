@@ -14,6 +14,7 @@ from eigbench import results
 from eigbench.board import scaling_columns, scaling_figure
 from eigbench.board.columns import as_markdown, six_digits
 from eigbench.board.markdown import cell as escaped
+from eigbench.board.markdown import table
 from eigbench.board.scaling_columns import KIND, MODEL, ms, percent
 from eigbench.board.tables import family_title
 from eigbench.scaling import scores, surfaces
@@ -23,10 +24,7 @@ from synthnet.store.files import sha256
 
 FIGURE = Path("benchmark", "figures", "scaling.svg")
 PAGE, JSON = (Path("benchmark", "boards", f"scaling.{kind}") for kind in ("md", "json"))
-BETTER = (
-    "faster than the fastest exact solver, also on a coarser mesh that is as good, and nearer to "
-    "the label than the label is to the surface's spectrum"
-)
+WON = "Where prediction beats the exact solver"
 
 
 def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
@@ -46,8 +44,8 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
             *_remarks(mine),
         ]
     parts += [
-        f"![Error to the surface against speed, a panel a size]({FIGURE.as_posix()})\n",
-        "*A panel is a size, a number a model. The line is the fastest exact solver on coarser and "
+        f"![Error to the surface against speed, one panel per size]({FIGURE.as_posix()})\n",
+        "*One panel per size, one number per model. The line is the fastest exact solver on coarser and "
         "finer meshes of the same surfaces; in the green region a prediction can win.*\n",
     ]
     files = {FIGURE: scaling_figure.draw(by_setting), PAGE: details(rows), JSON: as_json(rows)}
@@ -113,11 +111,11 @@ def introduction(sizes: Sequence[int], root: str = "") -> str:
         f"{', '.join(f'{size:,}' for size in sizes)} vertices, one mesh a call "
         f"([what is measured]({root}docs/scaling.md)). Numbers are medians over the surfaces. The "
         "error is the mean relative error of the ten eigenvalues against the label, the exact "
-        "spectrum of the mesh. The label itself differs from the surface's spectrum: by the "
-        "discretisation error. A prediction wins if it is nearer to the label than that, faster "
-        "than the fastest exact solver, and faster than that solver on a coarser mesh just as far "
-        "from the surface's spectrum; a faster prediction further off trades accuracy for time. "
-        "Times are compared within one hardware, device and number of threads only."
+        "spectrum of the mesh. The label differs from the surface's spectrum by the discretisation "
+        "error. A prediction wins if it is at least as near to the label as the label is to the "
+        "surface's spectrum, faster than the fastest exact solver, and faster than that solver on "
+        "a coarser mesh with the same error to the surface's spectrum. Times are compared within "
+        "one hardware, device and number of threads only."
     )
 
 
@@ -145,31 +143,20 @@ def _remarks(rows: Sequence[Scaled]) -> list[str]:
 
 
 def answer(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> str:
-    """Return where prediction beats the exact solver, in a sentence."""
-    return f"**Where prediction beats the exact solver.** {escaped(_answer(verdicts, rows))}\n"
-
-
-def _answer(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> str:
+    """Return on how many surfaces of each size each winner beats the exact solver, as a table."""
     if not any(verdict.compared for verdict in verdicts):
-        return "No exact solver was run in this setting, so nothing can be said."
-    by_slug = {row.slug: row for row in rows}
-    won = []
-    for verdict in verdicts:
-        winners = [
-            f"{by_slug[slug].name} ({by_slug[slug].result['model']['kind']}, {wins} of "
-            f"{verdict.compared})"
-            for slug, (_, wins) in verdict.faster.items()
-            if wins
-        ]
-        if winners:
-            won.append(f"at {verdict.size:,} vertices {', '.join(winners)}")
-    if not won:
-        return f"Nowhere: no prediction is {BETTER}."
-    elsewhere = " None at another size." if len(won) < len(verdicts) else ""
-    return (
-        f"The following predictions (kind, number of surfaces) are {BETTER}: "
-        f"{'; '.join(won)}.{elsewhere}"
-    )
+        return f"**{WON}.** No exact solver was run in this setting, so nothing can be said.\n"
+    lines = []
+    for row in sorted(rows, key=lambda row: row.slug):
+        wins = [verdict.faster.get(row.slug, (0, 0))[1] for verdict in verdicts]
+        if any(wins):
+            lines.append([row.name, row.result["model"]["kind"], *(str(n or "–") for n in wins)])
+    if not lines:
+        return f"**{WON}.** Nowhere: no prediction wins at any size.\n"
+    headers = ["model", "kind"]
+    headers += [f"{verdict.size:,}, of {verdict.compared}" for verdict in verdicts]
+    shown = table(headers, lines, [False, False, *(True for _ in verdicts)])
+    return f"**{WON}**, by the number of surfaces at each number of vertices:\n\n{shown}"
 
 
 def _facts(verdict: Verdict, rows: Sequence[Scaled]) -> str:

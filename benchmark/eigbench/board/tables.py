@@ -202,8 +202,8 @@ def cost(result: dict[str, Any]) -> Table:
     setting = f"{facts['batch_size']}, {facts['threads']}, {facts['device']}"
     parameters = result["model"]["parameters"]
     rows = [
-        ["ms a mesh, median of batches (quartiles)", median],
-        ["ms a mesh, mean", f"{facts['ms_per_mesh_mean']:.2f}"],
+        ["ms per mesh, median of batches (quartiles)", median],
+        ["ms per mesh, mean", f"{facts['ms_per_mesh_mean']:.2f}"],
         [f"{SPEED}, same meshes", beside_lapy(facts)],
         ["batch size, threads, device", setting],
         ["cores used", f"{facts['cores_used']:.2f}{_counted(facts, 'processor_time')}"],

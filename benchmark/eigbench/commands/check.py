@@ -26,7 +26,7 @@ def add_commands(command: Command) -> None:
     sub = command(
         "check",
         check,
-        "try a predictor on some hundred small meshes; this runs the file's code",
+        "try a predictor on about 130 small meshes; this runs the file's code",
         "my_model.py",
     )
     arguments.predictor(sub)

@@ -142,7 +142,7 @@ def predict(options: argparse.Namespace) -> int:
     else:
         print(
             f"{evaluation.loaded.meta['name']}: {len(labels.ids):,} instances, "
-            f"{cost['ms_per_mesh']:.3g} ms a mesh, sandbox {settings.sandbox}\n"
+            f"{cost['ms_per_mesh']:.3g} ms per mesh, sandbox {settings.sandbox}\n"
             f"predictions {out}; now: eigbench score {out}{_split(options)}"
         )
     for finding in record.findings(cost, evaluation.status.refused):

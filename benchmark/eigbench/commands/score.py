@@ -51,8 +51,8 @@ def add_split(sub: argparse.ArgumentParser) -> None:
         "--protocol",
         default="grouped",
         metavar="P",
-        help=f"{', '.join(PROTOCOLS)}, or one that the version defines, in 2.0 family, "
-        "resolution, genus, boundary, imported/NAME (default: %(default)s)",
+        help=f"{', '.join(PROTOCOLS)}, imported/NAME, or a protocol of the version: family, "
+        "resolution, genus, boundary (2.0); cad, cortex (2.1) (default: %(default)s)",
     )
     complete_with(
         protocol, lambda options: [*PROTOCOLS, *(recipe.load(options.dataset).protocols or ())]

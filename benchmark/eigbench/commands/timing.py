@@ -45,12 +45,11 @@ def add_commands(command: Command) -> None:
         nargs="*",
         default=[],
         metavar="FILE",
-        help="of these files, the peers that ratios are given to, besides LaPy as it comes "
-        "(default: none)",
+        help="those of the files to which speed ratios are given, besides LaPy (default: none)",
     )
     arguments.dataset(sub, "1.0", "a version")
     arguments.root(sub)
-    count = "timed in each repeat, of the test split, always the same"
+    count = "test meshes timed in each repeat, always the same"
     arguments.count(sub, "--meshes", "N", count, 100)
     arguments.count(sub, "--batch-size", "B", "meshes a call", 10)
     repeats = "batches of each size, of other shapes; the median of their times counts"
@@ -164,5 +163,5 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         lines.append([row["name"], ms, *cells, cores])
     peers = list(rows[0]["cost"]["peers"]) if rows else []
     beside = [f"× faster than {name}" for name in ["LaPy", *peers]]
-    headers = ["model", "ms a mesh", *beside, "cores"]
+    headers = ["model", "ms per mesh", *beside, "cores"]
     return str(tabulate(lines, headers=headers, disable_numparse=True))

@@ -238,7 +238,8 @@ def _compared(
     if there["low"] is None or there["low"] > max(numbers[MESH]["high"] or 0, ROUNDING):
         problems.append(
             f"on shapes that nobody has seen, {RANKED_BY} is {there['mean']} ({there['low']} to "
-            f"{there['high']}), surely worse than {numbers[MESH]['mean']} on the public split"
+            f"{there['high']}), significantly worse than {numbers[MESH]['mean']} on the public "
+            "split"
         )
     for labels, predicted in ((row.truth, answered), (fresh, unseen)):
         problems.append(predictions.looked_up(model["kind"], labels, predicted))

@@ -168,7 +168,7 @@ def validate(result: Any, path: Path) -> None:
         apart = own / result["cost"]["ms_per_mesh_mean"]
         if not 1 / APART <= apart <= APART:
             raise ResultError(
-                f"{path}: LaPy's time and the ratio give {own:.3g} ms a mesh, the mean is "
+                f"{path}: LaPy's time and the ratio give {own:.3g} ms per mesh, the mean is "
                 f"{result['cost']['ms_per_mesh_mean']:.3g}"
             )
 

@@ -36,7 +36,7 @@ OUTPUTS = {
     ".json": (True, b'"metric_version":'),
     ".parquet": (False, b"eigbench"),  # of its metadata
 }
-EARLIER = "Made by an earlier version of its code."
+EARLIER = "This row was made by an earlier version of the model's code."
 
 
 def outdated(result: dict[str, Any], root: Path) -> bool:

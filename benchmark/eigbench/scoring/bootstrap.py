@@ -57,7 +57,7 @@ class Resamples:
         Parameters
         ----------
         values : ndarray of shape (seeds, n), float64
-            Finite values of each instance, a row a seed.
+            Finite values of each instance, one row per seed.
         name : str
             Of the model: models draw their seeds apart, each always the same.
         """

@@ -1,4 +1,4 @@
-// The generalisation drop: a chart a protocol, a line a model, from trained on everything to held out.
+// The generalisation drop: a chart a protocol, one line per model, from trained on everything to held out.
 
 import { axisX, axisY, dot, gridX, link, plot, pointer, tip } from "@observablehq/plot";
 import { drawn, element } from "./dom.js";

@@ -128,7 +128,7 @@ function familiesBeside(page, second, board) {
   return plainTable({ title: `Families, with ${second.name}`, headers: ["family", `RPD, ${page.name}`, `RPD, ${second.name}`, "smaller"], rows });
 }
 
-/** A heat strip: the mean RPD of each family, a line a protocol. */
+/** A heat strip: the mean RPD of each family, one line per protocol. */
 function heat({ title, families, lines }, key, slug) {
   const shade = (value) => (value === null ? null : `background: rgb(213 94 0 / ${(0.45 * Math.min(1, Math.max(0, Math.log10(Math.max(value, GOOD) / GOOD) / 4))).toFixed(3)})`);
   return element("div", { class: "scroll", role: "region", "aria-label": title, tabindex: "0" },

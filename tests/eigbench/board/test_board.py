@@ -473,8 +473,8 @@ def test_first_rows_stand_between_the_marks_of_the_readme(eigbench, board):
     assert lines[:2] == ["Mine", "<!-- begin leaderboard -->"]
     assert lines[2] == (
         "synthNet 1.0-mini, test split, protocol grouped, against the surface, 4 rows. 34 shapes, "
-        "306 instances; 53 % of the shapes have one of training within 1 %: a test of "
-        "interpolation."
+        "306 instances. 53 % of the shapes have a training shape whose spectrum, scale removed, is "
+        "within 1 %: a test of interpolation."
     )
     assert lines[-2:] == ["<!-- end leaderboard -->", "end"]
     assert [line.split(" | ")[0:2] for line in lines if re.match(r"\| \d", line)] == [
@@ -972,7 +972,7 @@ def test_row_whose_code_has_changed_is_marked_until_it_is_run_again(
     root = board
     scaled = make_scaled("Slow", {1_000: (0.1, 1.0)})
     scaling_results.add(scaled, root)
-    mark = "Made by an earlier version of its code."
+    mark = "This row was made by an earlier version of the model's code."
 
     def page():
         assert eigbench("leaderboard", "--board", root)[0] == 0

@@ -256,7 +256,7 @@ def test_remark_is_of_results_on_the_board_of_a_checkout(checkout):
     path = root / "benchmark" / "results" / "1.0-test-grouped" / "mine.json"
     assert remark(result, path) == ""
     (root / "baselines" / "mine.py").write_text(META)
-    assert remark(result, path) == "Made by an earlier version of its code."
+    assert remark(result, path) == "This row was made by an earlier version of the model's code."
     assert remark(result, root / "mine.json") == ""
 
 

@@ -116,7 +116,7 @@ ON_THE_BOARD = {
     "rank": "rank",
     "rpd": METRICS["rpd"].heading,
     "psnr20": METRICS["psnr20"].heading,
-    "ms": "ms a mesh",
+    "ms": "ms per mesh",
     "lapy": "speed against LaPy",
     "training": "training set",
     "hardware": "hardware",
@@ -171,7 +171,7 @@ def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, n
         section = pages[leaderboard.BOARDS / f"{name}.md"]
         title = generalisation.title(submission.truth.protocol)
         for key in generalisation.SHOWN:
-            lines = table(section, f"{METRICS[key].heading} of")
+            lines = table(section, f"model (mean {METRICS[key].heading})")
             for row in read(content, f"boards/{submission.board}-{submission.target}.js")["rows"]:
                 line = lines[cell(row["name"])]
                 shown = line[title].rstrip(

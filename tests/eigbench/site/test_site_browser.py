@@ -566,7 +566,7 @@ def test_a_phone_has_a_card_a_row_and_sorts_by_any_column(visit, overflow):
     expect(page.locator("#status")).to_contain_text("sorted by PSNR>20")
     card = page.locator("#table tbody tr").first
     shown = card.locator("td:visible").evaluate_all("cells => cells.map(one => one.dataset.title)")
-    assert {"RPD ↓", "PSNR>20 ↑", "ms a mesh", "training set"} <= set(shown)
+    assert {"RPD ↓", "PSNR>20 ↑", "ms per mesh", "training set"} <= set(shown)
     page.get_by_role("link", name="Far", exact=True).tap()
     meshes(page)
     assert overflow(page) == 0
