@@ -38,7 +38,7 @@ def draw_architecture() -> None:
 
 
 def drawing() -> str:
-    """Return the SVG: one column per package, one row per line of its plan, one arrow per import."""
+    """Return the SVG: one column per package, one row per line of its plan, arrows for imports."""
     parts, bottom = [], 0.0
     for number, package in enumerate(house.PLANS):
         left = EDGE + number * (COLUMN + GAP)

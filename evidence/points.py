@@ -16,7 +16,7 @@ ROWS = (
 
 
 def table() -> str:
-    """Return one row per predictor: its error on familiar shapes and on real meshes, and its speed."""
+    """Return one row per predictor: its error on familiar and on real meshes, and its speed."""
     familiar = {row["name"]: row for row in json.loads(FAMILIAR.read_text())["rows"]}
     real = [board("2.0", name) for name in SETS]
     rows = []

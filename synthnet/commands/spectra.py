@@ -26,11 +26,12 @@ from synthnet.mesh.geometry import MeshFacts
 from synthnet.mesh.reading import Reader
 from synthnet.mesh.repair import Refused, Repaired, welded
 from synthnet.spectrum import Operator, certify, compute, discretise, repaired
-from synthnet.spectrum.operators import BOUNDARIES, MASSES, SHARES
+from synthnet.spectrum.operators import BOUNDARIES, JOINED, MASSES, SHARES
 from synthnet.store.files import make_parent, write_text
 from synthnet.terminal import Commands
 from synthnet.types import Mesh, Spectrum
 
+VALUES = ("eigenvalue", "eigenvalues", "lambda", "λ")  # the name of their column
 SHOWN = 6  # so many eigenvalues fit in a row of the terminal
 NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)", re.IGNORECASE)
 CELL = re.compile(r'"[^"]*"|[^\s,]+')  # no field of csv, which may have 131,072 characters at most
@@ -146,7 +147,7 @@ def run_spectrum(options: argparse.Namespace) -> int:
     console = Console(stderr=True)
     with Reader() as reader, console.status("") as status:
         for number, file in enumerate(options.files, start=1):
-            status.update(f"{file.name} ({number} of {len(options.files)})")
+            status.update(f"{_printable(file.name)} ({number} of {len(options.files)})")
             answers.append(_answer(reader, file, options.k, operator, mended=options.repair))
     if options.out is not None:
         make_parent(options.out)
@@ -161,7 +162,7 @@ def run_spectrum(options: argparse.Namespace) -> int:
         if answer.spectrum is not None and answer.spectrum.components > 1:
             print(_of_components(answer.file, answer.spectrum.components), file=sys.stderr)
         for message in (*answer.warnings, *filter(None, [answer.problem])):
-            print(f"synthnet: {answer.file}: {message}", file=sys.stderr)
+            print(f"synthnet: {_printable(answer.file)}: {message}", file=sys.stderr)
     return terminal.WRONG_INPUT if any(answer.problem for answer in answers) else 0
 
 
@@ -204,7 +205,7 @@ def run_certify(options: argparse.Namespace) -> int:
 
 def _of_components(file: Path, count: int) -> str:
     return (
-        f"synthnet: {file} has {count:,} components, each with a zero of its own where nothing is "
+        f"synthnet: {_printable(file)} has {count:,} components, each with a zero of its own where nothing is "
         "held: zeros are left out"
     )
 
@@ -217,6 +218,8 @@ def _mesh(reader: Reader, file: Path, operator: Operator, *, mended: bool) -> Re
     """
     if file.is_dir():
         raise UnreadableError("a directory: name files, or `synthnet import` it")
+    if file.exists() and not file.is_file():
+        raise UnreadableError("is no file that can be read twice, but a pipe or a device")
     mesh = reader.read(file)
     if not mended:
         return Repaired(mesh)
@@ -262,14 +265,22 @@ def _answer(reader: Reader, file: Path, k: int, operator: Operator, *, mended: b
     try:
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
-            spectrum = compute(state.mesh, k, operator=operator)
+            spectrum = compute(
+                state.mesh, k, operator=operator, sharp=operator.elements == "linear"
+            )
     except SpectrumError as error:
         return Answer(file, problem=str(error))
     except ValueError as error:
         helps = not mended and operator.elements != "tufted" and _would_mend(state.mesh, operator)
         hint = "; without --no-repair what can be mended is" if helps else ""
         return Answer(file, problem=f"{error}{hint}")
-    return Answer(file, state, spectrum, warnings=tuple(str(w.message) for w in warned))
+    said = (str(w.message).replace(JOINED, "without --no-repair they are joined") for w in warned)
+    return Answer(file, state, spectrum, warnings=tuple(said))
+
+
+def _printable(path: Path | str) -> str:
+    """Return a path as UTF-8 has it, with bytes that are none escaped."""
+    return str(path).encode("utf-8", "backslashreplace").decode()
 
 
 def _said(repaired: Repaired) -> str:
@@ -299,12 +310,14 @@ def _table(answers: list[Answer], k: int) -> str:
     rows = []
     for answer in answers:
         if answer.spectrum is None or answer.repaired is None:
-            rows.append([answer.file.name, "", "", *[""] * (shown + (k > shown)), "no spectrum"])
+            rows.append(
+                [_printable(answer.file.name), "", "", *[""] * (shown + (k > shown)), "no spectrum"]
+            )
             continue
         values = [f"{value:.6g}" for value in answer.spectrum.eigenvalues]
         shortened = values if k == shown else [*values[: shown - 1], "…", values[-1]]
         count = len(answer.repaired.mesh.vertices)
-        facts = [answer.file.name, f"{count:,}", str(answer.spectrum.components)]
+        facts = [_printable(answer.file.name), f"{count:,}", str(answer.spectrum.components)]
         rows.append([*facts, *shortened, _said(answer.repaired)])
     names = [f"λ{i}" for i in range(1, k + 1)]
     names = names if k == shown else [*names[: shown - 1], "", names[-1]]
@@ -319,7 +332,11 @@ def _as_csv(answers: list[Answer], k: int) -> str:
     writer.writerow(["file", "vertices", "components", *(f"lambda_{i}" for i in range(1, k + 1))])
     for answer in answers:
         if answer.spectrum is not None and answer.repaired is not None:
-            facts = [answer.file, len(answer.repaired.mesh.vertices), answer.spectrum.components]
+            facts = [
+                _printable(answer.file),
+                len(answer.repaired.mesh.vertices),
+                answer.spectrum.components,
+            ]
             writer.writerow([*facts, *map(repr, answer.spectrum.eigenvalues.tolist())])
     return text.getvalue()
 
@@ -328,7 +345,8 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
     """Return the eigenvalues of a file.
 
     Numbers stand on lines or between commas, one line of names may come first. In a table with the
-    columns ``file`` and ``lambda_1`` and so on, the row of the mesh counts.
+    columns ``file`` and ``lambda_1`` and so on, the row of the mesh counts; of columns with other
+    names, the one that is named ``eigenvalue``.
 
     Raises
     ------
@@ -350,11 +368,27 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
     if "file" in names and "lambda_1" in names:
         rows = [_of_mesh(text, mesh, path)]
     elif _are_names(names):
-        rows = rows[1:]
+        rows = _of_column(names, rows[1:], path)
     values = list(_numbers(rows, path))
     if not values:
         raise AnswerError(f"{path} holds no numbers: give eigenvalues, one a line or by commas")
     return np.array(values)
+
+
+def _of_column(
+    names: list[str], rows: list[tuple[int, list[str]]], path: Path
+) -> list[tuple[int, list[str]]]:
+    """Return the cells of the column of eigenvalues; of one series of names, as λ1 and λ2, all."""
+    series = len({re.sub(r"[\W\d_]+$", "", name) for name in names}) == 1
+    whole = rows and all(len(cells) == len(names) for _, cells in rows)
+    if series or names[0].startswith("#") or not whole:
+        return rows
+    mine = [i for i, name in enumerate(names) if name.lower() in VALUES]
+    if len(mine) != 1:
+        raise AnswerError(
+            f"{path} has the columns {', '.join(names)}: name that of the eigenvalues 'eigenvalue'"
+        )
+    return [(number, cells[mine[0] : mine[0] + 1]) for number, cells in rows]
 
 
 def _are_names(cells: list[str]) -> bool:

@@ -186,6 +186,8 @@ def read_off(content: bytes) -> Triangles:
     head = re.match(rb"(ST)?C?N?OFF", words[0])
     if head is None:
         raise UnreadableError(f"line {line}: it begins with {_quoted(words[0])}, not with OFF")
+    if words[1:2] == [b"BINARY"]:
+        raise UnreadableError("a binary OFF file: save it as text")
     counts = [word for word in (words[0][head.end() :], *words[1:]) if word]
     if not counts:
         line, counts = next(rows, (line, []))

@@ -29,6 +29,7 @@ from synthnet.spectrum.fem import Matrices
 from synthnet.types import Mesh
 
 BOUNDARIES = ("neumann", "dirichlet")
+JOINED = "repair=True joins equal corners"  # the end of a warning
 SHARES = {"consistent": 1.0, "mean": 0.5, "lumped": 0.0}  # of the consistent mass in each
 MASSES = {
     "linear": tuple(SHARES),
@@ -333,7 +334,7 @@ def _warn_of_sheets(mesh: Mesh) -> None:
     if len(mesh.vertices) >= corners > 3 and np.bincount(mesh.faces.ravel()).max() == 1:
         warnings.warn(
             f"no two of the {len(mesh.faces)} faces share a vertex, as in an STL file: each is a "
-            "component by itself; repair=True joins equal corners",
+            f"component by itself; {JOINED}",
             stacklevel=4,
         )
     keys = np.sort(edge_keys(mesh.faces))

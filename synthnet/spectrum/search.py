@@ -10,7 +10,7 @@ from scipy import linalg
 
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
-from synthnet.spectrum.certificate import NEAR_ZERO, Candidate, inertia, largest_residual
+from synthnet.spectrum.certificate import NEAR_ZERO, Candidate, count_in_gap, largest_residual
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.lanczos import Lanczos, RitzPairs
 from synthnet.spectrum.ldl import Factor, factorise
@@ -18,6 +18,7 @@ from synthnet.spectrum.ordering import Ordering
 from synthnet.spectrum.substitution import solve
 
 MIDDLE = 0.5  # of a window: where its shift lies
+PLACINGS = 40  # most counts that place a shift
 ROUNDS = 8  # most searches for further copies of an eigenvalue: a start of two vectors shows two
 Rows = NDArray[np.float64]
 
@@ -40,7 +41,8 @@ class Setting:
     vectors : int
         Most vectors in the basis.
     strict : bool
-        Whether to keep the basis orthogonal to rounding at every step.
+        Whether to keep the basis orthogonal to rounding at every step, and to count in other
+        places than the middle of the gap if rounding moves that count too far.
     seed : int
         Seed of the vectors to start from.
     lean : bool
@@ -140,7 +142,7 @@ def search(
         raise SpectrumError(f"a pivot of A - {sigma:g} B is zero")
     problem = _Problem(matrices, ordering, factor, sigma, setting, window)
     candidate = _find(problem, k)
-    counted = inertia(matrices, ordering, candidate.middle)
+    candidate, counted = count_in_gap(matrices, ordering, candidate, elsewhere=setting.strict)
     for seed in range(1, ROUNDS + 1):
         missing = counted.negative - window.count - len(candidate.values)
         if missing <= 0:
@@ -150,6 +152,23 @@ def search(
             break
         candidate = more
     return candidate, counted
+
+
+def shift_amid(matrices: Matrices, ordering: Ordering, k: int) -> float:
+    """Return a shift with k/2 to k eigenvalues after the zeros below it, or next to a cluster.
+
+    By counts: where triangles are so large beside the surface that Weyl's law says nothing.
+    """
+    low, high = 0.0, np.inf
+    shift = 4 * np.pi * k / float(matrices.lumped.sum())
+    for _ in range(PLACINGS):
+        counted = factorise(matrices, ordering, shift, pivots_only=True)
+        below = counted.negative - matrices.zeros
+        if k <= 2 * below <= 2 * k:
+            break
+        low, high = (low, shift) if below > k else (shift, high)
+        shift = 2 * low if high == np.inf else high / 4 if low == 0 else np.sqrt(low * high)
+    return float(shift)
 
 
 def _find(problem: _Problem, k: int, known: Candidate | None = None, seed: int = 0) -> Candidate:

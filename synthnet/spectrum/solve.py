@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,14 @@ from scipy import linalg
 
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import components
-from synthnet.spectrum.certificate import Candidate, certify, inertia, largest_residual
+from synthnet.spectrum.certificate import (
+    SAFETY,
+    Candidate,
+    certify,
+    count_in_gap,
+    inertia,
+    largest_residual,
+)
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import as_mesh, check_count, repaired
 from synthnet.spectrum.operators import (
@@ -24,11 +32,12 @@ from synthnet.spectrum.operators import (
 )
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.rounding import sharpened
-from synthnet.spectrum.search import Setting, search
+from synthnet.spectrum.search import Setting, search, shift_amid
 from synthnet.spectrum.slices import LONG, search_in_slices
 from synthnet.types import Certificate, Mesh, Spectrum
 
-# Up to so many vertices, or vertices for each pair up to so many, a dense solver is as fast.
+# Up to so many vertices, or vertices for each pair up to so many, a dense solver is as fast; and no
+# iteration finds most of all pairs.
 DENSE, DENSE_FOR, DENSE_AT_MOST = 64, 6, 1500
 
 
@@ -39,11 +48,15 @@ NORMAL = Setting(
 # From so many pairs on, the shift is nearly amid their eigenvalues. From so many entries of all
 # eigenvectors on, a basis and its products with B would not stay in the processor's cache.
 MANY_FROM, LARGE_FROM = 24, 1_000_000
+ROUGH = 1e-2  # of an eigenvalue: where rounding may have moved it by more, there is a warning
+UNMOVED = 1e-6  # relative: a shift that rounding moves by no more is counted at once
 MANY = replace(NORMAL, shift=0.62, amid=True)
 # Below the spectrum A − σB is definite, so that its factorisation is backward stable.
 STRONGER = Setting(
     shift=-0.05, residual=1e-7, excused=np.inf, gap=1e-2, vectors=401, strict=True, seed=1
 )
+# The shift is placed by counts: for a spectrum that is not at all as Weyl's law has it.
+PLACED = replace(STRONGER, gap=1e-3, seed=2)
 
 
 def compute(
@@ -154,6 +167,7 @@ def compute(
     )
     if not sharp:
         bounds = np.abs(values - candidate.values[: len(values)]) + bounds
+        _warn_of_rounding(candidate.values[:k], bounds[:k])
     certificate = replace(certificate, error_bound=bounds[:k])
     spectrum = _spectrum(discrete, k, candidate, certificate, numbers)
     if vectors is None:
@@ -162,6 +176,19 @@ def compute(
     trivial = 0.0 if discrete.free is None else np.nan
     vectors = _turned(vectors.T[:k]).T
     return replace(spectrum, eigenvalues=values[:k], eigenvectors=vectors, trivial=trivial)
+
+
+def _warn_of_rounding(values: NDArray[np.float64], bounds: NDArray[np.float64]) -> None:
+    """Warn where rounding has left an eigenvalue no more than a digit or two."""
+    rough = np.flatnonzero(~(bounds <= ROUGH * np.abs(values)))
+    if len(rough):
+        i = int(rough[0])
+        warnings.warn(
+            f"rounding on thin triangles may have moved λ{i + 1} = {values[i]:.6g} by up to "
+            f"{bounds[i]:.2g}: sharp=True computes it from the energies of triangles",
+            RuntimeWarning,
+            stacklevel=3,
+        )
 
 
 def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
@@ -246,7 +273,8 @@ def count_below(mesh: Any, *shifts: float, operator: Operator = PLAIN) -> list[i
     ValueError
         See :func:`compute`; if a shift is not finite.
     SpectrumError
-        If a shift is so close to an eigenvalue that a pivot is zero.
+        If a shift is so close to an eigenvalue that a pivot is zero, or if rounding on thin
+        triangles moves it past eigenvalues.
 
     Examples
     --------
@@ -261,7 +289,23 @@ def count_below(mesh: Any, *shifts: float, operator: Operator = PLAIN) -> list[i
         )
     matrices = discretise(as_mesh(mesh), operator).matrices
     ordering = find_ordering(matrices.indptr, matrices.indices)
-    return [inertia(matrices, ordering, shift).negative for shift in shifts]
+    return [_count_below(matrices, ordering, shift) for shift in shifts]
+
+
+def _count_below(matrices: Matrices, ordering: Ordering, shift: float) -> int:
+    """Count the eigenvalues below a shift, and beside it too where rounding moves it far."""
+    counted = inertia(matrices, ordering, shift)
+    moved = SAFETY * counted.uncertainty
+    if moved > UNMOVED * abs(shift):
+        least, most = (
+            inertia(matrices, ordering, shift + side * moved).negative for side in (-1, 1)
+        )
+        if least < most:
+            raise SpectrumError(
+                f"rounding moves the shift {shift:g} by up to {moved:.2g}, so {least} to {most} "
+                "eigenvalues may be below it: spectrum.compute with sharp=True has them"
+            )
+    return counted.negative
 
 
 def _solved(
@@ -290,16 +334,22 @@ def _connected(matrices: Matrices, ordering: Ordering, k: int) -> tuple[Candidat
         setting = replace(NORMAL if k < MANY_FROM else MANY, lean=lean)
         return _certified(matrices, ordering, k, setting)
     except SpectrumError:
+        pass
+    try:
         return _certified(matrices, ordering, k, STRONGER)
+    except SpectrumError:
+        weyl = 4 * np.pi * k / float(matrices.lumped.sum())
+        shift = shift_amid(matrices, ordering, k) / weyl
+        return _certified(matrices, ordering, k, replace(PLACED, shift=shift))
 
 
 def _certified(
     matrices: Matrices, ordering: Ordering, k: int, setting: Setting
 ) -> tuple[Candidate, Certificate]:
     n = len(matrices.lumped)
-    if n <= max(DENSE, min(DENSE_FOR * (k + 1), DENSE_AT_MOST)):
-        candidate = _dense(matrices, k, setting)
-        counted = inertia(matrices, ordering, candidate.middle)
+    if n <= max(DENSE, min(DENSE_FOR * (k + 1), DENSE_AT_MOST), 2 * k):
+        found = _dense(matrices, k, setting)
+        candidate, counted = count_in_gap(matrices, ordering, found, elsewhere=setting.strict)
     elif k > LONG and not setting.strict:
         return search_in_slices(matrices, ordering, k, setting)
     else:

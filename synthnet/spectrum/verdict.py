@@ -30,7 +30,7 @@ from synthnet.spectrum.solve import compute, of_matrices
 from synthnet.types import Mesh
 
 ZERO = 1e-6  # of Weyl's first eigenvalue: below it an answer is one of the zeros
-NEARER = 1e-2  # relative: so well the distance of an answer from its eigenvalue is told
+DIGITS = 5e-7  # relative: so well an eigenvalue is told that an answer is off from
 ASIDE = 1e-9  # relative: a shift whose pivot is zero is moved by so much
 CLUSTER = 1e-6  # relative: eigenvalues so near the last one found are looked for too
 SHOWN = 10  # of the eigenvalues that are off
@@ -365,7 +365,7 @@ def _counted(counter: _Counter, values: NDArray[np.float64], asked: float) -> Ve
     for index in wrong:
         beside = [rank for rank in missed if abs(rank - 1 - index) <= len(wrong)]
         rank = min(beside, key=lambda rank: abs(rank - 1 - index), default=index + 1)
-        true = _located(counter, rank + counter.zeros, values[index], tolerance)
+        true = _located(counter, rank + counter.zeros)
         off.append((index + 1, true))
         if rank in missed:
             missed.remove(rank)
@@ -401,10 +401,10 @@ def _matched(
     return matched, wrong
 
 
-def _located(counter: _Counter, rank: int, value: float, tolerance: float) -> float:
-    """Return the eigenvalue of a rank, zeros counted, so well that its distance is known."""
+def _located(counter: _Counter, rank: int) -> float:
+    """Return the eigenvalue of a rank, zeros counted, to six digits if rounding leaves so many."""
     low, high = counter.around(rank)
-    while high - low > max(NEARER * abs(value - (low + high) / 2), tolerance * high):
+    while high - low > max(DIGITS * high, 2 * counter.blur * high):
         middle = (low + high) / 2
         low, high = (low, middle) if counter(middle) >= rank else (middle, high)
     return (low + high) / 2

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import pytest
 import trimesh
 
 from synthnet.commands import cli
-from synthnet.commands.spectra import read_answer
+from synthnet.commands.spectra import AnswerError, read_answer
 from synthnet.spectrum import Operator, compute
 
 Run = Callable[..., tuple[int, str, str]]
@@ -246,3 +248,42 @@ def test_a_missing_mesh_is_one_line(run: Run, files: list[Path], tmp_path: Path)
     assert code == 2
     assert len(err.splitlines()) == 1
     assert "none.ply: cannot be opened" in err
+
+
+def test_a_name_that_is_not_utf8_loses_no_file(run: Run, files: list[Path], tmp_path: Path) -> None:
+    other = Path(os.fsdecode(os.fsencode(tmp_path) + b"/b\xff.ply"))
+    other.write_bytes(files[0].read_bytes())
+    out = tmp_path / "spectra.csv"
+    assert run("spectrum", other, files[0], "--out", out)[0] == 0
+    rows = list(csv.reader(out.read_text().splitlines()))
+    assert [Path(row[0]).name for row in rows[1:]] == ["b\\udcff.ply", "a.ply"]
+    assert rows[1][1:] == rows[2][1:]
+
+
+def test_a_pipe_is_not_waited_for(run: Run, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.obj")
+    code, _, err = run("spectrum", tmp_path / "a.obj")
+    assert code == 2
+    assert err.endswith("a.obj: is no file that can be read twice, but a pipe or a device\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("index,eigenvalue\n1,2.5\n2,3.5\n", [2.5, 3.5]),
+        ("Eigenvalue,error\n2.5,1e-3\n3.5,1e-3\n", [2.5, 3.5]),
+        ("lambda_1,lambda_2\n2.5,3.5\n", [2.5, 3.5]),
+        ("# index, of all\n2.5\n3.5\n", [2.5, 3.5]),
+        ("index,value\n1,2.5\n", "has the columns index, value: name that of the eigenvalues"),
+    ],
+)
+def test_of_several_columns_that_of_the_eigenvalues_counts(
+    tmp_path: Path, text: str, values: list[float] | str
+) -> None:
+    path = tmp_path / "answer.csv"
+    path.write_text(text)
+    if isinstance(values, str):
+        with pytest.raises(AnswerError, match=values):
+            read_answer(path, Path("a.ply"))
+    else:
+        assert read_answer(path, Path("a.ply")).tolist() == values

@@ -40,6 +40,7 @@ def test_exact_eigenvalues_are_within_the_bound(aspect: float, kind: str, sharp:
             assert not within(matrices, worst + 1, value, off / LOOSE)
 
 
+@pytest.mark.filterwarnings("ignore:rounding on thin")
 @pytest.mark.parametrize("mass", ["lumped", "mean"])
 @pytest.mark.parametrize("sharp", [False, True], ids=["matrices", "sharp"])
 @pytest.mark.parametrize("thin", [1e-3, 1e-7])

@@ -161,7 +161,7 @@ def tested(version: str, protocol: str, target: str) -> Truth:
 
 
 def neighbours(board: Board) -> list[list[str]]:
-    """Return one line per protocol: its name, how many shapes it tests, and how near training comes."""
+    """Return one line per protocol: its name, shapes tested, and how near training comes."""
     lines = []
     for protocol in ["grouped", *board.protocols]:
         apart = near.distances(board.version, protocol)

@@ -86,7 +86,7 @@ def _standing(board: Shown, row: Ranked) -> dict[str, Any]:
 
 
 def _families(mine: Sequence[tuple[Shown, Ranked]]) -> Iterator[dict[str, Any]]:
-    """Yield the heat strips: the mean of each family, one line per protocol, by version and target."""
+    """Yield the heat strips: means of families, one line per protocol, by version and target."""
     strips: dict[tuple[str, str], list[tuple[Shown, Ranked]]] = {}
     for board, row in mine:
         if on_imports(board.truth.protocol):

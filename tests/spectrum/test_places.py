@@ -1,0 +1,110 @@
+"""Where eigenvalues are counted and where a search begins: the usual place fails on these."""
+
+import warnings
+
+import numpy as np
+import pytest
+import trimesh
+from scipy import linalg
+
+from synthnet import spectrum
+from synthnet.errors import SpectrumError
+from synthnet.spectrum import Operator, solve
+
+
+def strip(cells, height=1.0, width=1.0):
+    """One row of rectangles, each cut along the same diagonal, as vertices and faces."""
+    x, y = np.divmod(np.arange(2 * cells + 2), 2)
+    low = 2 * np.arange(cells)
+    faces = np.stack([[low, low + 2, low + 3], [low, low + 3, low + 1]]).transpose(2, 0, 1)
+    vertices = np.stack([x * height, y * width, 0.0 * x], axis=1)
+    return vertices, faces.reshape(-1, 3)
+
+
+def dense(mesh, k):
+    matrices = spectrum.discretise(spectrum.as_mesh(mesh), Operator()).matrices
+    stiffness, mass = (matrix.toarray() for matrix in spectrum.as_sparse(matrices))
+    values = linalg.eigh(stiffness, mass, eigvals_only=True)
+    return values[matrices.zeros :][:k]
+
+
+@pytest.mark.parametrize("height", [2.0, 3.0])
+@pytest.mark.parametrize("cells", [1, 9, 12, 39])
+def test_a_count_beside_the_middle_of_the_gap(cells, height):
+    mesh = strip(cells, height)
+    answer = spectrum.compute(mesh, cells)  # in the middle of the gap above, a pivot is zero
+    np.testing.assert_allclose(answer.eigenvalues, dense(mesh, cells), rtol=1e-10)
+    assert answer.certificate.count == cells + 1
+    low, high = dense(mesh, cells + 1)[-2:]
+    assert low < answer.certificate.shift < high
+    assert spectrum.certify(mesh, answer.eigenvalues).certified
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_an_octahedron_of_lumped_mass(k):
+    corners = np.concatenate([np.eye(3), -np.eye(3)])
+    faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
+    answer = spectrum.compute((corners, faces), k, operator=Operator(mass="lumped"))
+    np.testing.assert_allclose(answer.eigenvalues, np.full(k, 2.0), rtol=1e-12)
+
+
+def test_all_eigenvalues_of_a_mesh_of_many_vertices(monkeypatch):
+    box = trimesh.creation.box().subdivide().subdivide()
+    monkeypatch.setattr(solve, "DENSE", 0)
+    monkeypatch.setattr(solve, "DENSE_AT_MOST", 0)
+    most = len(box.vertices) - 1
+    answer = spectrum.compute(box, most)
+    expected = dense((box.vertices, box.faces), most)
+    np.testing.assert_allclose(answer.eigenvalues, expected, rtol=1e-9)
+
+
+def test_a_strip_so_long_that_weyls_law_says_nothing(monkeypatch):
+    mesh = strip(3000)
+    attempts = []
+    certified = solve._certified
+
+    def only_the_last(matrices, ordering, k, setting):
+        attempts.append(setting.seed)
+        if len(attempts) < 3:
+            raise SpectrumError("as if it had not converged")
+        return certified(matrices, ordering, k, setting)
+
+    monkeypatch.setattr(solve, "_certified", only_the_last)
+    answer = spectrum.compute(mesh, 10)
+    np.testing.assert_allclose(
+        answer.eigenvalues, (np.pi * np.arange(1, 11) / 3000) ** 2, rtol=1e-4
+    )
+    assert attempts == [0, 1, 2]
+
+
+@pytest.fixture(scope="module")
+def ball():
+    sphere = trimesh.creation.icosphere(subdivisions=1)
+    return np.array(sphere.vertices), np.array(sphere.faces)
+
+
+def test_a_count_that_rounding_may_change_is_refused(ball):
+    vertices, faces = ball
+    thin = vertices * [1, 1e-8, 1e-8], faces
+    with pytest.raises(SpectrumError, match=r"^rounding moves the shift 2 by up to .* 0 to 2 eig"):
+        spectrum.count_below(thin, 2.0)
+    assert spectrum.count_below(ball, 2.0, 3.0, 100.0) == [1, 4, 42]
+
+
+def test_eigenvalues_that_rounding_has_spoilt_come_with_a_warning(ball):
+    vertices, faces = ball
+    thin = vertices * [1, 1e-8, 1e-8], faces
+    with pytest.warns(RuntimeWarning, match=r"rounding on thin triangles may have moved λ1 = "):
+        spectrum.compute(thin, 1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert spectrum.compute(thin, 1, sharp=True).eigenvalues[0] == pytest.approx(4.287856)
+        spectrum.compute(ball, 10)
+
+
+@pytest.mark.parametrize("largest", [18647.0, 1e5, 1e12])
+def test_an_answer_far_too_large_does_not_blur_the_others(ball, largest):
+    true = dense(ball, 4)
+    judged = spectrum.certify(ball, [2.0, *true[1:3], largest])
+    assert [index for index, _ in judged.off] == [1, 4]
+    np.testing.assert_allclose([value for _, value in judged.off], true[[0, 3]], rtol=1e-6)
