@@ -11,6 +11,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 from eigbench.board import foreseen
@@ -191,6 +193,7 @@ def answers(
     on_loaded: Callable[[Loaded], None] = lambda loaded: None,
     *,
     estimated: bool = True,
+    sets: NDArray[np.int64] | None = None,
 ) -> Evaluation:
     """Run a predictor over a split, with progress and, if ``estimated``, the time it may take."""
     console = Console(stderr=True, highlight=False)
@@ -233,6 +236,7 @@ def answers(
             on_batch=on_batch,
             on_restart=lambda: console.print("code or settings have changed: starting anew"),
             on_loaded=on_start,
+            sets=sets,
         )
     except PredictorError as error:
         if any(parts.glob("*/*.npz")):

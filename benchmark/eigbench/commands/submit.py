@@ -17,6 +17,7 @@ from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import predictions, submission
 from eigbench.results.submission import Submission
+from eigbench.results.verification import is_verified
 from eigbench.scaling import results as scaling_results
 
 NEAR = 2  # rows above and below that a dry run shows
@@ -54,6 +55,11 @@ def submit(options: argparse.Namespace) -> int:
             "add --dry-run to check one"
         )
     row = submission.read(options.result, options.predictions, dataset)
+    if is_verified(row.result) and not options.dry_run:
+        raise EigbenchError(
+            f"{options.result} says that it is verified, and a submitted row is not: `eigbench "
+            "verify-row` says so of a row on the board; take 'verified' out of the file"
+        )
     kind = row.result["model"]["kind"]
     score.warn(predictions.looked_up(kind, row.truth, row.predictions))
     if options.dry_run:

@@ -174,16 +174,17 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
         )
         with Console(stderr=True).status("drawing and labelling a fresh sealed set"):
             drawn, fresh = setup.draws.of(row.truth.version), setup.draws.labels(row.truth)
-        evaluation = predict.answers(
-            code,
-            rerun.mixed(row.truth, fresh),
-            rerun.mixed_meshes(
-                predict.read_meshes(dataset, row.truth), predict.read_meshes(drawn, fresh)
-            ),
-            settings,
-            folder / "answers",
+        both = rerun.mixed(row.truth, fresh)
+        given = rerun.mixed_meshes(
+            predict.read_meshes(dataset, row.truth), predict.read_meshes(drawn, fresh)
         )
+        public = len(row.truth.ids)
+        sets = (np.arange(len(both.ids)) >= public).astype(np.int64)
+        answers = folder / "answers"
+        evaluation = predict.answers(code, both, given, settings, answers, sets=sets)
     verified, against = _compared(row, fresh, evaluation)
+    against += record.two_faced(both, evaluation)
+    against += filter(None, [rerun.slower(evaluation, given, both, public)])
     verified["sealed"]["share"] = setup.options.share
     return verified | {
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),

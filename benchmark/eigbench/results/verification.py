@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import subprocess
 import tempfile
 import textwrap
@@ -23,6 +24,7 @@ from eigbench.errors import EigbenchError, ResultError
 SIGNERS = Path("benchmark", "allowed_signers")
 NAMESPACE = "eigbench"  # of ssh-keygen: a signature for something else is none for this
 COMPUTED = ("schema_version", "metric_version", "scores")  # with each release, by `leaderboard`
+SCORED_BY = "rpd"
 BEGIN, END = (f"-----{word} SSH SIGNATURE-----" for word in ("BEGIN", "END"))
 UNSIGNED = ("digest", "signature")
 
@@ -52,7 +54,14 @@ def check(result: dict[str, Any], path: Path, root: Path | None = None) -> None:
     if not is_verified(result):
         return
     verified = result["verified"]
-    if verified["digest"] != digest(result):
+    same = verified["digest"] == digest(result)
+    for target, again in verified["scores"].items():
+        scored = result["scores"].get(target)
+        declared = None if scored is None else scored["overall"][SCORED_BY]["mean"]
+        said = None if again is None else again["declared"]
+        same = same and (declared is None) == (said is None)
+        same = same and (said is None or math.isclose(said, declared, rel_tol=1e-6, abs_tol=1e-9))
+    if not same:
         raise ResultError(f"{path}: what it says of its verification was altered: verify it again")
     if root is None or not (root / SIGNERS).is_file():
         return

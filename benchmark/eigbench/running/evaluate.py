@@ -72,6 +72,8 @@ class Evaluation:
         shapes; their times tell whether a predictor remembers, and do not count as its cost.
     reference_seconds : ndarray of shape (batches,)
         Wall seconds of LaPy on the same meshes; NaN where it was not asked.
+    asked : sequence of (int, ndarray)
+        The seed and the instances of every batch.
     loaded : Loaded
         META and parameters of the predictor.
     status : Status
@@ -84,8 +86,17 @@ class Evaluation:
     sizes: NDArray[np.int64]
     new: NDArray[np.bool_]
     reference_seconds: NDArray[np.float64]
+    asked: Sequence[tuple[int, NDArray[np.int64]]]
     loaded: Loaded
     status: Status
+
+    @property
+    def first(self) -> NDArray[np.bool_]:
+        """Which answers, (seeds, n), are the first of their shape: those that are timed."""
+        first = np.zeros(self.predictions.shape[:2], dtype=np.bool_)
+        for (seed, instances), new in zip(self.asked, self.new, strict=True):
+            first[seed, instances] = new
+        return first
 
 
 @contextlib.contextmanager
@@ -119,6 +130,8 @@ def evaluate(
     on_batch: Callable[[int, float], None] = lambda count, seconds: None,
     on_restart: Callable[[], None] = lambda: None,
     on_loaded: Callable[[Loaded], None] = lambda loaded: None,
+    *,
+    sets: NDArray[np.int64] | None = None,
 ) -> Evaluation:
     """Run a predictor over the instances of a split, in an order that is drawn anew.
 
@@ -143,6 +156,8 @@ def evaluate(
         Called if answers were left to go on from, but not by this code and these options.
     on_loaded : callable, optional
         Called when the predictor is loaded, before it predicts; what it raises ends the run.
+    sets : ndarray of shape (n,), int64, optional
+        The set that each instance is of: a batch holds those of one, so that it has a time.
 
     Raises
     ------
@@ -151,7 +166,8 @@ def evaluate(
         hangs or dies. The batches before, if any, are kept in ``parts``.
     """
     everything = np.arange(len(truth.ids))
-    runs = []
+    sets = np.zeros_like(everything) if sets is None else sets
+    runs, asked = [], []
     predictions = np.empty((options.seeds, *truth.eigenvalues.shape))
     with contextlib.ExitStack() as stack:
         trainings, started = _trainings(path, truth, options, stack)
@@ -161,7 +177,7 @@ def evaluate(
         ):
             chosen = np.flatnonzero(truth.trainings == training) if several else everything
             first = replace(options, reference=options.reference and seed == number == 0)
-            task = _Task(path, truth.take(chosen), first, seed, training)
+            task = _Task(path, truth.take(chosen), sets[chosen], first, seed, training)
             folder = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
             left = options.resume and any(folder.glob("*.npz"))
             same = _open_parts(folder, _fingerprint(task), path, options.resume)
@@ -170,6 +186,7 @@ def evaluate(
             run = _run(task, instances, folder, on_batch, on_loaded, started)
             for part in run[0]:
                 predictions[seed, chosen[part.instances]] = part.values
+                asked.append((seed, chosen[part.instances]))
             runs.append(run)
             stack.close()
             started = None
@@ -182,6 +199,7 @@ def evaluate(
         sizes=np.array([len(part.instances) for part in saved]),
         new=np.array([part.new for part in saved]),
         reference_seconds=np.array([part.reference_seconds for part in saved]),
+        asked=asked,
         loaded=loaded[0],
         status=Status(
             max(status.peak_bytes for status in statuses),
@@ -240,6 +258,7 @@ class _Task:
 
     path: Path
     truth: Truth
+    sets: NDArray[np.int64]
     options: Options
     seed: int
     training: str
@@ -288,7 +307,7 @@ def _run(
         process.warm_up(warm_up)
         files.write_text(folder / SOURCES, json.dumps(process.status().sources))
         peer: PredictorProcess | None = None
-        for chosen, new, beside in _batches_of(truth, parts, options):
+        for chosen, new, beside in _batches_of(task, parts):
             batch = [truth.ids[i] for i in chosen]
             given = [instances.mesh(id) for id in batch]
             answered = process.predict(batch, given)
@@ -317,25 +336,31 @@ def _run(
 
 
 def _batches_of(
-    truth: Truth, parts: Sequence[_Part], options: Options
+    task: _Task, parts: Sequence[_Part]
 ) -> list[tuple[NDArray[np.int64], bool, bool]]:
     """Return what is left to ask: indices, whether their shapes are new, and whether LaPy is timed.
 
     The order is drawn anew, so it can be learned from no file and no earlier run.
     """
-    order = np.random.default_rng(secrets.randbits(128)).permutation(len(truth.ids))
+    truth, options = task.truth, task.options
+    rng = np.random.default_rng(secrets.randbits(128))
+    order = rng.permutation(len(truth.ids))
     asked = np.concatenate([np.empty(0, np.int64), *(part.instances for part in parts)])
     order = np.concatenate([asked, order[~np.isin(order, asked)]])
     first = np.zeros(len(order), dtype=bool)
     first[np.unique(truth.shapes[order], return_index=True)[1]] = True
     left = np.arange(len(order)) >= len(asked)
     batches = []
-    for new in (True, False):
-        chosen = order[left & (first == new)]
-        before = int(first.sum()) - len(chosen)
+    for new, part in itertools.product((True, False), np.unique(task.sets)):
+        mine = task.sets[order] == part
+        chosen = order[left & mine & (first == new)]
+        before = int((first & mine).sum()) - len(chosen)
         for i, j in _batches(len(chosen), options.batch_size):
             edge = before + i < REFERENCE or j > len(chosen) - REFERENCE
             batches.append((chosen[i:j], new, options.reference and new and edge))
+    if task.sets.any():  # of several sets, in turn
+        batches = [batches[i] for i in rng.permutation(len(batches))]
+        batches.sort(key=lambda batch: not batch[1])
     return batches
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from eigbench.results import SCHEMA_VERSION, dataset_facts, overused
@@ -24,6 +25,9 @@ from synthnet.kernels import processor
 from synthnet.store.files import sha256
 
 REMEMBERS = 0.5  # of the time of a new shape, a copy takes less
+SPENDS = 3.0  # times as long as a new shape: an honest predictor spends no more on a copy
+BETTER = 1.2  # times as large an error of new shapes as of copies shows two kinds of answers
+SURE = 5.0  # standard errors of the mean paired difference, so that it is no chance
 PACKAGES = ("synthnet", "numpy", "scipy", "lapy", "torch", "torch-geometric", "scikit-learn")
 
 
@@ -120,6 +124,41 @@ def of_copies(evaluation: Evaluation) -> float | None:
         return None
     each = seconds[new].sum() / sizes[new].sum()
     return float(seconds[~new].sum() / sizes[~new].sum() / each)
+
+
+def two_faced(truth: Truth, evaluation: Evaluation) -> list[str]:
+    """Return what shows that shapes are answered in another way when they are asked again.
+
+    Which instance of a shape is asked first, and timed, is drawn at random. So an honest
+    predictor's errors on these are neither larger nor smaller than on the copies asked later.
+    """
+    lines = []
+    new, again = _by_turn(scores.of_metric(truth, evaluation.predictions, "rpd"), truth, evaluation)
+    if len(new) > 1 and np.isfinite(new - again).all():
+        chance = float(np.std(new - again, ddof=1)) / np.sqrt(len(new))
+        if np.mean(new - again) > SURE * chance and new.mean() > BETTER * again.mean():
+            lines.append(
+                f"answers that are timed have an RPD of {new.mean():.3g}, those on copies of the "
+                f"same shapes, which are not, {again.mean():.3g}: they are not made alike"
+            )
+    if (ratio := of_copies(evaluation)) is not None and ratio > SPENDS:
+        lines.append(
+            f"a copy of a shape takes {ratio:.2f} times as long as a new one, which alone is timed"
+        )
+    return lines
+
+
+def _by_turn(
+    errors: NDArray[np.float64], truth: Truth, evaluation: Evaluation
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return mean errors of the first answer of each shape, and of its others, if it has any."""
+    first, each = evaluation.first, np.broadcast_to(truth.shapes, errors.shape)
+    means = pd.DataFrame({"error": errors.ravel(), "first": first.ravel(), "shape": each.ravel()})
+    by_turn = means.pivot_table("error", "shape", "first", dropna=False)
+    if len(by_turn.columns) < 2:
+        return np.empty(0), np.empty(0)
+    by_turn = by_turn.dropna()
+    return by_turn[True].to_numpy(), by_turn[False].to_numpy()
 
 
 def findings(cost: dict[str, Any], refused: Sequence[str] = ()) -> list[str]:

@@ -1,7 +1,8 @@
 """What verifies a row: its code, found again by its digests, and meshes that nobody has seen.
 
-The code gets the public meshes and the fresh ones in one run, in one secret order, so it trains
-once and is not told which of the two a mesh is of.
+The code gets the public meshes and the fresh ones in one run, batches of either in one secret
+order, so it trains once and is not told which of the two a mesh is of. Each batch has a time: code
+that looks public meshes up takes longer for the fresh ones.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.results.sources import digest, git, modules
 from eigbench.results.submission import Submission
+from eigbench.running.evaluate import Evaluation
 from eigbench.running.meshes import Instances
 from eigbench.scoring import truth
 from eigbench.scoring.training import on_imports
@@ -26,6 +28,7 @@ from synthnet import store
 from synthnet.store import StoredDataset
 from synthnet.verify import seal
 
+LONGER = 3.0  # times as long for a vertex of fresh meshes: no other load explains that
 FRESH = "fresh/"  # before the ids of fresh shapes: the public ones may have the same
 
 
@@ -211,6 +214,34 @@ def mixed(public: Truth, fresh: Truth) -> Truth:
         families=np.concatenate([public.families, fresh.families]),
         trainings=np.concatenate([public.trainings, fresh.trainings]),
         eigenvalues=np.concatenate([public.eigenvalues, fresh.eigenvalues]),
+    )
+
+
+def slower(evaluation: Evaluation, instances: Instances, truth: Truth, public: int) -> str:
+    """Return what shows that fresh meshes take longer than as many vertices of public ones; or "".
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+        Of the two sets.
+    instances, truth
+        Its meshes and labels.
+    public : int
+        How many of its instances are public: the first ones.
+    """
+    vertices = instances.vertices(truth.ids)
+    seconds, asked = np.zeros(2), np.zeros(2)
+    batches = zip(evaluation.asked, evaluation.new, evaluation.seconds, strict=True)
+    for (_, chosen), new, taken in batches:
+        if new:  # copies may be remembered
+            seconds[int(chosen[0] >= public)] += taken
+            asked[int(chosen[0] >= public)] += vertices[chosen].sum()
+    ratio = float(seconds[1] / asked[1] / (seconds[0] / asked[0]))
+    if ratio <= LONGER:
+        return ""
+    return (
+        f"meshes that nobody has seen take {ratio:.1f} times as long as public ones of as many "
+        "vertices: it knows these"
     )
 
 
