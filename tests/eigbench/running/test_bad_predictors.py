@@ -235,7 +235,7 @@ def test_what_an_earlier_run_has_written_is_no_part_of_a_predictor(
     looks = """
 from pathlib import Path
 def predict(meshes):
-    for name in ("my_model.json", "my_model.parquet"):
+    for name in ("my_model.json", "my_model.parquet", "my_model.log"):
         try:
             Path(__file__).with_name(name).read_bytes()
         except OSError:
@@ -247,6 +247,7 @@ def predict(meshes):
     out, kept = tmp_path / "my_model.json", tmp_path / "my_model.parquet"
     sources = []
     for _ in range(2):
+        (tmp_path / "my_model.log").write_text("what the run before has printed")
         code, _, err = evaluate("", "--out", out, "--predictions", kept, path=path)
         assert code == 0, err
         sources.append(json.loads(out.read_text())["model"]["sources"])
@@ -258,9 +259,8 @@ def test_changed_code_starts_anew(evaluate, tmp_path):
     path = tmp_path / "fails.py"
     path.write_text(PRELUDE + FAILS_IN_BATCH_2.format(how="raise RuntimeError"))
     assert evaluate("", path=path)[0] == 2
-    path.write_text(path.read_text() + "\n# a comment\n")
     assert "starting anew" not in evaluate("", "--resume", path=path)[2]
-    path.write_text(path.read_text() + "\nchanged = True\n")
+    path.write_text('"""2.0"""\n' + path.read_text())  # which its code may read
     again = evaluate("", "--resume", path=path)
     assert again[0] == 2
     assert "code or settings have changed: starting anew" in again[2]
