@@ -333,7 +333,8 @@ def checked_meta(given: Mapping[Any, Any], path: Path) -> dict[str, str]:
     Raises
     ------
     PredictorError
-        If a key or the kind is unknown, or something is too long or no single line.
+        If a key or the kind is unknown, or something is too long, no single line, or looks like
+        another text.
     """
     unknown = sorted(map(str, set(given) - set(META_KEYS)))
     if unknown:
@@ -346,10 +347,12 @@ def checked_meta(given: Mapping[Any, Any], path: Path) -> dict[str, str]:
     if not 1 <= len(meta["name"]) <= 80:
         raise PredictorError(f"{path}: META name must have 1 to 80 characters")
     for key, value in meta.items():
-        if len(value) > META_LENGTH or not value.isprintable():
+        if len(value) > META_LENGTH or len(value.splitlines()) > 1:
             raise PredictorError(
                 f"{path}: META {key} must be one line of at most {META_LENGTH} characters"
             )
+        if problem := outside.strange(value) or (outside.mixed(value) if key == "name" else ""):
+            raise PredictorError(f"{path}: META {key} has {problem}")
     for key, known in (("kind", KINDS), ("target", TARGETS)):
         if key in meta and meta[key] not in known:
             raise PredictorError(
