@@ -235,8 +235,9 @@ def check_finite(submission: Submission, values: NDArray[np.float64], title: str
     Raises
     ------
     EigbenchError
-        If a prediction is far too large or small, or a value is not finite: because a prediction is not, or because the measure is infinite
-        for a finite one, as PSNR for an exact prediction and InvLap for a prediction of 0.
+        If a prediction is far too large or small, or a value is not finite: because a prediction
+        is not, or because the measure is infinite for a finite one, as PSNR for an exact
+        prediction and InvLap for a prediction of 0.
     """
     if predictions.extreme(submission.predictions).any():
         raise EigbenchError(

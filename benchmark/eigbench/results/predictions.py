@@ -24,7 +24,7 @@ from synthnet.store.files import one_line, write_atomically
 
 METADATA_KEY = b"eigbench"  # of a Parquet file: what was predicted, as JSON
 SEEDS = 20  # of a file at most
-# What an eigenvalue may be, in 1/length²: metrics of what lies outside overflow, or lose their digits
+# What an eigenvalue may be, in 1/length²: metrics of what lies outside may overflow
 LEAST, MOST = 1e-30, 1e30
 SPARE = 4  # times as many values a row as there are eigenvalues are read, to say what is wrong
 DAMAGED = (

@@ -882,11 +882,14 @@ def test_answers_at_the_ends_of_float64_are_refused_on_one_line(
 ):
     answers = mini_truth.eigenvalues.copy()
     answers[0, -1] = value
-    one, all_ = make_submission("One", answers), make_submission("All", np.full_like(answers, value))
+    one, all_ = (
+        make_submission("One", answers),
+        make_submission("All", np.full_like(answers, value)),
+    )
     for path, count in ((one, 1), (all_, len(answers))):
         code, _, err = eigbench("submit", path, "--dry-run")
         assert code == 2
-        assert f"the predictions of {count} of {len(answers)} instances are not from 1e-30 to" in err
+        assert f"of {count} of {len(answers)} instances are not from 1e-30 to 1e+30" in err
         code, _, err = eigbench("plot", path, "--out", tmp_path)
         assert code == 2
         assert err.endswith("has predictions that are not from 1e-30 to 1e+30: no picture\n")

@@ -101,6 +101,36 @@ CASES = {
         "def predict(meshes): raise Silent",
         "the predictor failed: Silent: its message cannot be read: KeyError",
     ),
+    "raises what is no Exception": (
+        "class Odd(BaseException): pass\ndef predict(meshes): raise Odd('a')",
+        "the predictor failed: Odd: a (my_model.py:12: in predict: def predict(meshes): raise",
+    ),
+    "raises what is no Exception and cannot be said": (
+        "class Odd(BaseException):\n    def __str__(self): raise Odd\n"
+        "def predict(meshes): raise Odd",
+        "the predictor failed: Odd: its message cannot be read: Odd (my_model.py:13: in predict",
+    ),
+    "raises the harness's error, which cannot be said": (
+        "from eigbench.errors import PredictorError\nclass Mine(PredictorError):\n"
+        "    def __str__(self): raise KeyError\ndef predict(meshes): raise Mine",
+        "Mine: its message cannot be read: KeyError",
+    ),
+    "is interrupted by itself at import": (
+        "raise KeyboardInterrupt",
+        "failed to load: KeyboardInterrupt (my_model.py:11: raise KeyboardInterrupt)",
+    ),
+    "leaves a generator that there is not": (
+        "raise GeneratorExit",
+        "failed to load: GeneratorExit (my_model.py:11: raise GeneratorExit)",
+    ),
+    "is interrupted in load": (
+        "def load(device, seed): raise KeyboardInterrupt",
+        "failed to load: KeyboardInterrupt (my_model.py:11: in load: def load(device, seed):",
+    ),
+    "raises at length": (
+        "def predict(meshes): raise ValueError('x' * 6_000_000)",
+        "ValueError: " + "x" * 500 + " … (my_model.py:11: in predict",
+    ),
     "exits": ("def predict(meshes): sys.exit(0)", "SystemExit: 0"),
     "fails in a function of its own": (
         "def predict(meshes):\n    return [helper(m) for m in meshes]\n"
@@ -134,13 +164,19 @@ CASES = {
 }
 
 
-AT_A_BATCH = set(CASES) - {"dies at import", "needs a package", "takes too little", "has no door"}
+AT_LOADING = {
+    *("dies at import", "needs a package", "takes too little", "has no door"),
+    *("is interrupted by itself at import", "is interrupted in load"),
+    "leaves a generator that there is not",
+}
+AT_A_BATCH = set(CASES) - AT_LOADING
 
 
 # One of each kind: a wrong answer, a changed input, an exception, a dead process, a bad file.
 QUICK = {
     *("wrong shape", "writes past NumPy", "writes to the harness's socket"),
     *("fails in a library", "is killed", "needs a package"),
+    *("raises at length", "is interrupted by itself at import", "raises what is no Exception"),
 }
 
 
