@@ -12,6 +12,7 @@ import hashlib
 import json
 import math
 import os
+import re
 import stat
 import unicodedata
 from collections.abc import Iterator, Sequence
@@ -28,6 +29,18 @@ DEPTH = 32  # of JSON in JSON; a result has 6
 VALUES = 50_000  # keys and values of a JSON file; a result has 3,000
 DIGITS = 40  # of a number; float64 needs 24 with sign and exponent
 LONGEST = 4096  # characters of a text in JSON
+# Characters that are printable to Python and leave nothing on a page: Unicode's default-ignorable
+# ones (DerivedCoreProperties), and blank signs
+UNSEEN = frozenset(
+    (
+        *(0x034F, 0x115F, 0x1160, 0x17B4, 0x17B5, 0x2800, 0x3164, 0xFFA0, 0x16FE4, 0x1D159),
+        *range(0x180B, 0x1810),
+        *range(0xFE00, 0xFE10),
+        *range(0xE0100, 0xE01F0),
+    )
+)
+# First words of the Unicode names of letters that look like those of the others
+ALIKE = ("LATIN", "GREEK", "CYRILLIC", "ARMENIAN", "COPTIC", "CHEROKEE", "LISU")
 
 
 @contextmanager
@@ -188,17 +201,56 @@ def strange(text: str) -> str:
 
     These are what cannot be printed: control characters, marks that turn the direction of text,
     joiners without a width, halves of surrogate pairs, spaces of other widths, characters that
-    are not assigned; and letters that are not composed (NFC), which look like others.
+    are not assigned; what leaves nothing on a page, such as U+3164 or a variation selector; letters
+    that are not composed (NFC), which look like others; and marks that do not compose with a letter
+    of :data:`ALIKE`. Other scripts need their marks.
 
     Examples
     --------
     >>> strange("Weyl's law, ℓ²"), strange("a\u202eb"), strange("e\u0301")
     ('', 'the character U+202E, which cannot be printed', 'letters that are not composed (NFC)')
+    >>> strange("Weyl\u3164"), strange("Weyl\u0332")
+    ('the character U+3164, which cannot be seen', 'the mark U+0332, which joins no letter')
     """
     for character in text:
         if not character.isprintable():
             return f"the character U+{ord(character):04X}, which cannot be printed"
-    return "" if unicodedata.is_normalized("NFC", text) else "letters that are not composed (NFC)"
+        if ord(character) in UNSEEN:
+            return f"the character U+{ord(character):04X}, which cannot be seen"
+    if not unicodedata.is_normalized("NFC", text):
+        return "letters that are not composed (NFC)"
+    before = ""  # the last character that is no mark
+    for character in text:
+        if unicodedata.category(character) not in ("Mn", "Me"):
+            before = character
+        elif not before.isalpha() or _script(before) in ALIKE:
+            return f"the mark U+{ord(character):04X}, which joins no letter"
+    return ""
+
+
+def mixed(text: str) -> str:
+    r"""Return what a name has that makes it look like another; empty if it has no such word.
+
+    That is a word with letters of two scripts of :data:`ALIKE`. A Greek letter alone is none.
+
+    Examples
+    --------
+    >>> mixed("Fit of λ, Poincaré"), mixed("W\u0435yl's law")
+    ('', 'the character U+0435 in a word with LATIN letters')
+    """
+    for word in re.findall(r"[^\W_]+", text):
+        letters = [letter for letter in word if _script(letter) in ALIKE]
+        foreign = [letter for letter in letters if _script(letter) != "LATIN"] or [""]
+        for letter in letters:
+            if _script(letter) != _script(foreign[0] or letter):
+                script = _script(letter)
+                return f"the character U+{ord(foreign[0]):04X} in a word with {script} letters"
+    return ""
+
+
+def _script(letter: str) -> str:
+    """Return the first word of a character's Unicode name, which for a letter is its script."""
+    return unicodedata.name(letter, "").partition(" ")[0]
 
 
 def check(value: Any) -> None:

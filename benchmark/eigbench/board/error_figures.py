@@ -226,6 +226,7 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
     return figure
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of predictions near the ends of float64
 def _relative(submission: Submission) -> NDArray[np.float64]:
     """Return the relative error of each instance and eigenvalue, mean over seeds, shape (n, k)."""
     labels = submission.truth.eigenvalues

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from eigbench.board.ranking import RANKED_BY
 from eigbench.board.tables import times_faster
 from eigbench.errors import EigbenchError
+from eigbench.results import predictions
 from eigbench.results.submission import Submission
 from eigbench.scoring.metrics import METRICS
 from synthnet import recipe
@@ -234,9 +235,15 @@ def check_finite(submission: Submission, values: NDArray[np.float64], title: str
     Raises
     ------
     EigbenchError
-        If a value is not finite: because a prediction is not, or because the measure is infinite
-        for a finite one, as PSNR for an exact prediction and InvLap for a prediction of 0.
+        If a prediction is far too large or small, or a value is not finite: because a prediction
+        is not, or because the measure is infinite for a finite one, as PSNR for an exact
+        prediction and InvLap for a prediction of 0.
     """
+    if predictions.extreme(submission.predictions).any():
+        raise EigbenchError(
+            f"{submission.result_path} has predictions that are not from {predictions.LEAST:g} to "
+            f"{predictions.MOST:g}: no picture"
+        )
     finite = np.isfinite(values)
     if finite.all():
         return

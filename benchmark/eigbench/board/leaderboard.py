@@ -143,8 +143,8 @@ def check_fit(row: Submission) -> None:
     ------
     ResultError
         If it is partial, not of a test split, of a single training of a protocol, not in
-        Parquet, has predictions that are not finite or not positive, or used more cores than its
-        threads.
+        Parquet, has predictions that no eigenvalue has (not finite, not positive, far too large
+        or small), or used more cores than its threads.
     """
     split, protocol = (row.result["dataset"][key] for key in ("split", "protocol"))
     problem = predictions.unphysical(row.truth, row.predictions)

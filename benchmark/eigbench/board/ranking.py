@@ -131,6 +131,7 @@ class Ranked:
         return "–".join(str(rank) for rank in dict.fromkeys(self.ranks))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of predictions near the ends of float64
 def per_mesh(submission: Submission, key: str) -> NDArray[np.float64]:
     """Return a metric of each instance, mean over seeds, shape (n,)."""
     table = scores.of_metric(submission.truth, submission.predictions, key)
@@ -149,6 +150,7 @@ def at_quantile(errors: NDArray[np.float64], quantile: float) -> int:
     return int(ordered[round(quantile * (len(errors) - 1))])
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of predictions near the ends of float64
 def difference(a: Submission, b: Submission, key: str, family: str | None = None) -> Difference:
     """Return the paired difference a − b of a metric, over all or in one family.
 
@@ -170,13 +172,15 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
     )
     floor = targets.floor(truth, key)
     means = float(x.mean()), float(y.mean())
-    worse_a, worse_b = not np.isfinite(x).all(), not np.isfinite(y).all()
+    worse_a, worse_b = not np.isfinite(means[0]), not np.isfinite(means[1])
     if worse_a or worse_b:  # what is not finite is worse than what is
         verdict, why = ("tie", "not finite") if worse_a and worse_b else ("ba"[worse_b], "")
         return Difference(*means, np.nan, np.nan, floor, verdict, why)
     drawn = bootstrap.resamples(truth)
     low, high = bootstrap.interval(drawn.means(x, a.slug) - drawn.means(y, b.slug))
     why = ""
+    if not np.isfinite((low, high)).all():
+        return Difference(*means, np.nan, np.nan, floor, "tie", "not finite")
     if x.shape == y.shape and np.array_equal(x, y):
         why, low, high = "equal", 0.0, 0.0
     elif drawn.shapes < FEWEST:

@@ -48,9 +48,14 @@ def out(sub: argparse.ArgumentParser, default: str, text: str, metavar: str = "F
 
 def process(sub: argparse.ArgumentParser) -> None:
     """Add what the predictor's process computes with: device and threads."""
+    compute_device(sub)
+    count(sub, "--threads", "N", "threads that the predictor may use", 1)
+
+
+def compute_device(sub: argparse.ArgumentParser) -> None:
+    """Add the device that the predictor computes on."""
     text = "PyTorch device passed to the predictor (default: %(default)s)"
     sub.add_argument("--device", type=device, default="cpu", help=text)
-    count(sub, "--threads", "N", "threads that the predictor may use", 1)
 
 
 def count(sub: argparse.ArgumentParser, option: str, metavar: str, text: str, default: int) -> None:

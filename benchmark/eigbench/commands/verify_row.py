@@ -71,6 +71,7 @@ def add_commands(command: Command) -> None:
         help="of the fresh draw: surfaces of each family, as a share of the version's (default: "
         "%(default)s)",
     )
+    arguments.compute_device(sub)
     sub.add_argument("--by", metavar="NAME", help="who verifies (default: git's user.name)")
     arguments.path(sub, "--key", "FILE", "an SSH key that signs (default: unsigned)")
     arguments.board(sub)
@@ -127,6 +128,12 @@ def _read(path: Path, options: argparse.Namespace) -> Submission | None:
     except WRONG as error:
         terminal.report("eigbench", options, error)
         return None
+    # Not the row's to choose: an accelerator's box shows the machine's devices
+    if (declared := row.result["cost"]["device"]) != options.device:
+        print(
+            f"{path} was run with --device {declared}, and is run again with {options.device}",
+            file=sys.stderr,
+        )
     return row
 
 
@@ -169,7 +176,6 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
             batch_size=row.batch_size,
             seeds=len(row.predictions),
             threads=row.result["cost"]["threads"],
-            device=row.result["cost"]["device"],
             packages=own,
         )
         with Console(stderr=True).status("drawing and labelling a fresh sealed set"):

@@ -24,6 +24,8 @@ from synthnet.store.files import one_line, write_atomically
 
 METADATA_KEY = b"eigbench"  # of a Parquet file: what was predicted, as JSON
 SEEDS = 20  # of a file at most
+# What an eigenvalue may be, in 1/length²: metrics of what lies outside may overflow
+LEAST, MOST = 1e-30, 1e30
 SPARE = 4  # times as many values a row as there are eigenvalues are read, to say what is wrong
 DAMAGED = (
     *(OSError, EOFError, ValueError, TypeError, KeyError),
@@ -113,11 +115,17 @@ def read(path: Path, truth: Truth, below: Path | None = None) -> NDArray[np.floa
 
 
 def unphysical(truth: Truth, answers: NDArray[np.float64]) -> str:
-    """Return one line about values that are not finite or not positive, empty if there are none.
+    """Return one line about values that no eigenvalue has, empty if there are none.
+
+    These are values that are not finite, not positive, or not from :data:`LEAST` to :data:`MOST`.
 
     They are scored as they are, never left out of a mean; but a board does not take them.
     """
-    for what, bad in (("not finite", ~np.isfinite(answers)), ("not positive", ~(answers > 0))):
+    for what, bad in (
+        ("not finite", ~np.isfinite(answers)),
+        ("not positive", ~(answers > 0)),
+        (f"not from {LEAST:g} to {MOST:g}", extreme(answers)),
+    ):
         rows = np.flatnonzero(bad.any(axis=(0, 2)))
         if len(rows):
             first = ", ".join(truth.ids[i] for i in rows[:3])
@@ -126,6 +134,18 @@ def unphysical(truth: Truth, answers: NDArray[np.float64]) -> str:
                 f"ids: {first}; they are scored as they are, but a board does not take them"
             )
     return ""
+
+
+def extreme(answers: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which values are finite, not 0, and too large or too small for an eigenvalue.
+
+    Examples
+    --------
+    >>> extreme(np.array([2.0, 0.0, -1.7e308, 5e-324, np.inf])).tolist()
+    [False, False, True, True, False]
+    """
+    size = np.abs(answers)
+    return np.isfinite(answers) & (size > 0) & ((size < LEAST) | (size > MOST))
 
 
 def identical(truth: Truth, answers: NDArray[np.float64]) -> int:

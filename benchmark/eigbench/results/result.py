@@ -211,6 +211,8 @@ def check_schema(result: Any, required: dict[str, Any], path: Path) -> None:
         outside.check(result)
     except OutsideError as error:
         raise ResultError(f"{path} is no result: it has {error}") from error
+    if problem := outside.mixed(result.get("model", {}).get("name", "")):
+        raise ResultError(f"{path} is no result: its model's name has {problem}")
 
 
 def _check_version(result: Any, required: dict[str, Any], path: Path) -> None:

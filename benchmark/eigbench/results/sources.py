@@ -13,13 +13,14 @@ import os
 import re
 import subprocess
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from synthnet import outside
 from synthnet.errors import OutsideError
+from synthnet.store.files import sha256
 
 # What follows from the position (ctx), from the spelling (kind), or is written as a comment.
 UNSEEN = ("ctx", "kind", "type_comment", "type_ignores")
@@ -36,6 +37,23 @@ OUTPUTS = {
     ".json": (True, b'"metric_version":'),
     ".parquet": (False, b"eigbench"),  # of its metadata
 }
+# Suffixes of notes, logs and pictures: no predictor reads them. A .txt or .csv may hold its numbers
+NOTES = frozenset(
+    (
+        ".log",
+        ".out",
+        ".err",
+        ".md",
+        ".rst",
+        ".html",
+        ".pdf",
+        ".svg",
+        ".png",
+        ".jpg",
+        ".jpeg",
+        ".gif",
+    )
+)
 EARLIER = "This row was made by an earlier version of the model's code."
 
 
@@ -57,11 +75,14 @@ def outdated(result: dict[str, Any], root: Path) -> bool:
 
 
 def is_output(path: Path, below: Path | None = None) -> bool:
-    """Return whether a file is a result or predictions that eigbench has written.
+    """Return whether a file is an earlier run's: results, predictions, or a log, note or picture.
 
-    They may have a predictor's name, and are no part of it. ``below`` is as of
+    They may have a predictor's name, and are no part of it. Results and predictions are known by
+    what eigbench has written, the others by their suffix. ``below`` is as of
     :func:`synthnet.outside.opened`; what that does not open is none.
     """
+    if path.suffix in NOTES:
+        return True
     if path.suffix not in OUTPUTS:
         return False
     start, mark = OUTPUTS[path.suffix]
@@ -123,6 +144,26 @@ def digest(path: Path, below: Path | None = None) -> str:
             except UNPARSABLE:
                 file.seek(0)
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def contents(names: Iterable[str], folders: Sequence[Path]) -> dict[str, str]:
+    """Return the SHA-256 of the bytes of a predictor's files: what a run may go on with.
+
+    Code may read its docstring, and a name imported from elsewhere is another: :func:`digest`
+    sees neither.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Their names, as a result has them.
+    folders : sequence of Path
+        Where they are, the first that has a file of the name; one that is in none is left out.
+    """
+    paths = {
+        name: next((path for path in (folder / name for folder in folders) if path.is_file()), None)
+        for name in names
+    }
+    return {name: sha256(path) for name, path in paths.items() if path is not None}
 
 
 def digest_of_code(code: bytes | str) -> str:

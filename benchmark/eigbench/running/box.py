@@ -12,6 +12,7 @@ and may make namespaces, else :mod:`eigbench.running.landlock`.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import functools
 import itertools
 import json
@@ -34,6 +35,7 @@ from synthnet import kernels, store
 from synthnet.store import pins
 
 ROOTS = (Path(synthnet.__path__[0]), Path(__file__).parents[1])  # synthnet and eigbench
+FOLDER = "eigbench-boxed-"  # how the names of boxes' folders begin
 TIME_LIMIT = 3600.0  # seconds
 BUBBLEWRAP, LANDLOCK, NONE = "bubblewrap", "landlock", "none"
 ISOLATED = (
@@ -149,7 +151,8 @@ class Box:
         self.kind = settings.sandbox
         self.accelerated = settings.device.startswith("cuda")
         self.directory = predictor.split(file)[0].resolve().parent
-        self.folder = Path(tempfile.mkdtemp(prefix="eigbench-box-"))
+        sweep()
+        self.folder, self._lock = _made()
         try:
             self.private = self.folder / "private"
             self.private.mkdir()
@@ -178,11 +181,8 @@ class Box:
         if os.path.lexists(kernels.flag(self.private)):  # the next box need not say it again
             with contextlib.suppress(OSError):
                 kernels.flag().touch()
-        for folder, names, _ in os.walk(self.folder):  # it may have closed some
-            for path in (Path(folder, name) for name in names):
-                if not path.is_symlink():
-                    path.chmod(0o700)
-        shutil.rmtree(self.folder, ignore_errors=True)
+        _remove(self.folder)
+        os.close(self._lock)
 
     def command(self, descriptor: int) -> list[str]:
         """Return the command that runs a predictor's supervisor in the box."""
@@ -294,6 +294,48 @@ class Box:
             "listed": [str(path) for path in (self.directory, *packages, *split)],
             "writable": [str(path) for path in writable],
         }
+
+
+def sweep() -> None:
+    """Remove the folders of boxes whose process is gone without closing them, as by ``kill -9``.
+
+    Each process holds a lock on its folders, which the kernel gives back when it ends.
+    """
+    for folder in Path(tempfile.gettempdir()).glob(f"{FOLDER}*"):
+        try:
+            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        except OSError:  # another user's, or gone by now
+            continue
+        try:
+            if os.fstat(lock).st_uid == os.getuid():
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                _remove(folder)
+        except OSError:  # its process still runs
+            pass
+        finally:
+            os.close(lock)
+
+
+def _made() -> tuple[Path, int]:
+    """Make a folder that only this process removes; return it, and a descriptor that holds it.
+
+    It has its name once it is held: before, another process might sweep it.
+    """
+    unheld = Path(tempfile.mkdtemp(prefix="eigbench-new-"))
+    lock = os.open(unheld, os.O_RDONLY | os.O_DIRECTORY)
+    with contextlib.suppress(OSError):  # a file system without locks, where none is swept
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    folder = unheld.with_name(FOLDER + unheld.name.rpartition("-")[2])
+    return unheld.rename(folder), lock
+
+
+def _remove(folder: Path) -> None:
+    """Remove a folder, with those in it that a predictor has closed."""
+    for above, names, _ in os.walk(folder):
+        for path in (Path(above, name) for name in names):
+            if not path.is_symlink():
+                path.chmod(0o700)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def hand_over(training: str, folder: Path) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
-from eigbench.results.sources import digest
+from eigbench.results.sources import contents
 from eigbench.running.box import TIME_LIMIT, Settings
 from eigbench.running.meshes import Instances
 from eigbench.running.process import REFERENCE_FILE, Loaded, PredictorProcess, Status
@@ -31,7 +31,7 @@ REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the sam
 LOCK = "lock"  # of the folder of answers
 BUSY = "another run keeps its answers in {where}: wait for it or choose another --out"
 ENDED = "ended.json"  # of a process that has answered everything: what it was, and its cost
-SOURCES = "sources.json"  # of a run that has begun: digests of the predictor's files
+SOURCES = "contents.json"  # of a run that has begun: the SHA-256 of the predictor's files
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +180,7 @@ def evaluate(
             task = _Task(path, truth.take(chosen), sets[chosen], first, seed, training)
             folder = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
             left = options.resume and any(folder.glob("*.npz"))
-            same = _open_parts(folder, _fingerprint(task), path, options.resume)
+            same = _open_parts(folder, task)
             if left and not same:
                 on_restart()
             run = _run(task, instances, folder, on_batch, on_loaded, started)
@@ -305,7 +305,8 @@ def _run(
             )
         warm_up = min(WARM_UP, options.batch_size)
         process.warm_up(warm_up)
-        files.write_text(folder / SOURCES, json.dumps(process.status().sources))
+        content = contents(process.status().sources, _folders(task))
+        files.write_text(folder / SOURCES, json.dumps(content))
         peer: PredictorProcess | None = None
         for chosen, new, beside in _batches_of(task, parts):
             batch = [truth.ids[i] for i in chosen]
@@ -387,11 +388,11 @@ def _fingerprint(task: _Task) -> dict[str, object]:
     }
 
 
-def _open_parts(folder: Path, fingerprint: dict[str, object], path: Path, resume: bool) -> bool:
+def _open_parts(folder: Path, task: _Task) -> bool:
     """Make the directory of parts; return whether what it holds is to be gone on from."""
-    note = folder / "run.json"
-    same = resume and note.exists() and json.loads(note.read_text()) == fingerprint
-    same = same and _unchanged(folder / SOURCES, path.resolve().parent)
+    note, fingerprint = folder / "run.json", _fingerprint(task)
+    same = task.options.resume and note.exists() and json.loads(note.read_text()) == fingerprint
+    same = same and _unchanged(folder / SOURCES, task)
     if not same:
         shutil.rmtree(folder, ignore_errors=True)
         files.make_directory(folder)
@@ -399,14 +400,18 @@ def _open_parts(folder: Path, fingerprint: dict[str, object], path: Path, resume
     return same
 
 
-def _unchanged(note: Path, root: Path) -> bool:
-    """Whether the code of an earlier run is still what it was."""
+def _folders(task: _Task) -> list[Path]:
+    """Return the folders that a predictor's sources are named from."""
+    shown = [path.parent for path in task.options.readable]
+    return [task.path.resolve().parent, *shown]
+
+
+def _unchanged(note: Path, task: _Task) -> bool:
+    """Whether the files of an earlier run are still what they were, to the byte."""
     if not note.exists():
         return False  # it did not come as far as the first batch
-    return all(
-        (root / name).is_file() and digest(root / name) == earlier
-        for name, earlier in json.loads(note.read_text()).items()
-    )
+    earlier: dict[str, str] = json.loads(note.read_text())
+    return contents(earlier, _folders(task)) == earlier
 
 
 def _read_parts(folder: Path) -> list[_Part]:

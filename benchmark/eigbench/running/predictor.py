@@ -159,7 +159,7 @@ def _through_a_door(
         raise
     except ModuleNotFoundError as error:
         raise _lacking(path, error) from error
-    except (Exception, SystemExit) as error:
+    except BaseException as error:  # Ctrl-C does not come here, only what the code raises
         raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
     raise PredictorError(
         f"{path} has no predictor: define predict(meshes), a class Predictor, "
@@ -289,7 +289,8 @@ def checked(values: NDArray[Any], count: int, k: int) -> NDArray[np.float64]:
         raise PredictorError(f"the answer has dtype {values.dtype}, it must be real numbers")
     if values.shape != (count, k):
         raise PredictorError(f"the answer has shape {values.shape}, it must be ({count}, {k})")
-    return values.astype(np.float64)
+    with np.errstate(over="ignore"):  # a longdouble beyond float64 becomes infinite
+        return values.astype(np.float64)
 
 
 def _module(path: Path) -> ModuleType:
@@ -305,7 +306,7 @@ def _module(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except ModuleNotFoundError as error:
         raise _lacking(path, error) from error
-    except (Exception, SystemExit) as error:
+    except BaseException as error:  # Ctrl-C does not come here, only what the code raises
         raise PredictorError(f"{path} failed to load: {described(error, path)}") from error
     return module
 
@@ -333,7 +334,8 @@ def checked_meta(given: Mapping[Any, Any], path: Path) -> dict[str, str]:
     Raises
     ------
     PredictorError
-        If a key or the kind is unknown, or something is too long or no single line.
+        If a key or the kind is unknown, or something is too long, no single line, or looks like
+        another text.
     """
     unknown = sorted(map(str, set(given) - set(META_KEYS)))
     if unknown:
@@ -346,10 +348,12 @@ def checked_meta(given: Mapping[Any, Any], path: Path) -> dict[str, str]:
     if not 1 <= len(meta["name"]) <= 80:
         raise PredictorError(f"{path}: META name must have 1 to 80 characters")
     for key, value in meta.items():
-        if len(value) > META_LENGTH or not value.isprintable():
+        if len(value) > META_LENGTH or len(value.splitlines()) > 1:
             raise PredictorError(
                 f"{path}: META {key} must be one line of at most {META_LENGTH} characters"
             )
+        if problem := outside.strange(value) or (outside.mixed(value) if key == "name" else ""):
+            raise PredictorError(f"{path}: META {key} has {problem}")
     for key, known in (("kind", KINDS), ("target", TARGETS)):
         if key in meta and meta[key] not in known:
             raise PredictorError(
@@ -405,7 +409,7 @@ def described(error: BaseException, path: Path | None = None) -> str:
     """Return an error on one line; with a predictor's file, the innermost line of its author's."""
     try:
         message = " ".join(str(error).split())
-    except Exception as another:  # noqa: BLE001 - its author's code
+    except BaseException as another:  # noqa: BLE001 - its author's code
         message = f"its message cannot be read: {type(another).__name__}"
     if len(message) > LONGEST_MESSAGE:
         message = f"{message[:LONGEST_MESSAGE]} …"

@@ -44,6 +44,7 @@ class ControlGroup:
         above = own_directory()
         if above is None:
             return None
+        sweep(above)
         group = cls(above / f"eigbench-{os.getpid()}-{next(_numbers)}")
         try:
             group._directory.mkdir()
@@ -107,6 +108,18 @@ def directory_of(groups: str, mounts: str) -> Path | None:
     own = Path(group[1])
     visible = own.is_relative_to(root) and ".." not in own.parts
     return point / own.relative_to(root) if visible else None
+
+
+def sweep(above: Path) -> None:
+    """Remove the groups below one whose process is gone without removing them, as by ``kill -9``.
+
+    The system refuses to remove a group in which something still runs.
+    """
+    for group in above.glob("eigbench-*-*"):
+        pid = group.name.split("-")[1]
+        if pid.isdecimal() and not psutil.pid_exists(int(pid)):
+            with contextlib.suppress(OSError):
+                group.rmdir()
 
 
 class Usage:

@@ -23,6 +23,7 @@ from eigbench.running import frames, predictor
 from synthnet.types import Mesh
 
 LONGEST, LONGEST_PATH = 10_000, 900  # letters of a message, and of a path
+LONGEST_TRACE = 100_000  # letters of a traceback; each is up to twelve bytes of a frame
 MOST_ATTEMPTS = 1000
 FACTS = ("meta", "parameters", "seeded", "trained")  # of a predictor that is loaded
 WATCHED = {  # Python's audit events, and what they are here
@@ -74,14 +75,25 @@ def work(descriptor: int) -> None:
                     answer = _answer(loaded, frames.unpacked(body, file), job)
                     channel.send(frames.ANSWER, answer.astype("<f8").tobytes())
         except PredictorError as error:
-            trace = "".join(traceback.format_exception(error))
-            _tell(channel, frames.FAILED, {"message": str(error)[:LONGEST], "traceback": trace})
+            _tell(channel, frames.FAILED, _failure(error))
         except (EOFError, ConnectionError):
             pass  # the other side has what it wants
 
 
 def _tell(channel: frames.Channel, kind: bytes, facts: dict[str, Any]) -> None:
     channel.send(kind, json.dumps(facts).encode())
+
+
+def _failure(error: PredictorError) -> dict[str, Any]:
+    """Return what a failure says, cut to what a frame may hold. The predictor may have made it."""
+    try:
+        message, trace = str(error), "".join(traceback.format_exception(error))
+    except BaseException as another:  # noqa: BLE001 - its author's code
+        name = type(another).__name__
+        message, trace = f"{type(error).__name__}: its message cannot be read: {name}", ""
+    if len(trace) > LONGEST_TRACE:
+        trace = f"{trace[:LONGEST_TRACE]} …"
+    return {"message": message[:LONGEST], "traceback": trace}
 
 
 def _attempts() -> dict[str, None]:
@@ -124,7 +136,7 @@ def _answer(loaded: predictor.Predictor, meshes: Sequence[Mesh], job: Job) -> ND
         answer = predictor.as_array(loaded.predict(meshes))
     except PredictorError:
         raise
-    except (Exception, SystemExit, KeyboardInterrupt) as error:  # the harness ends it otherwise
+    except BaseException as error:  # the harness ends it otherwise
         file, _ = predictor.split(Path(job.path))
         described = predictor.described(error, file)
         hint = "; meshes are read-only: copy what you change" if "read-only" in described else ""

@@ -59,6 +59,7 @@ def rounded(numbers: Any) -> Any:
     return float(f"{numbers:.{DIGITS}g}") if isinstance(numbers, float) else numbers
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of predictions near the ends of float64
 def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
     """Score predictions of shape (seeds, n, k) against one target.
 
@@ -134,13 +135,13 @@ def _middles(values: NDArray[np.float64]) -> dict[str, float | None]:
 
 def _mean_of(means: list[float | None]) -> float | None:
     known = [mean for mean in means if mean is not None]
-    return None if len(known) < len(means) else float(np.mean(known))
+    return None if len(known) < len(means) else _number(np.mean(known))
 
 
 def _spread(means: NDArray[np.float64]) -> float | None:
     if len(means) < 2 or not np.isfinite(means).all():
         return None
-    return float(means.std(ddof=1))
+    return _number(means.std(ddof=1))
 
 
 def _number(value: Any) -> float | None:

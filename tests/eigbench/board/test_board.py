@@ -876,6 +876,29 @@ def test_plot_of_answers_that_are_not_finite_is_refused(
     assert eigbench("plot", bad, "--out", tmp_path, "--metric", "psnr")[2] == err
 
 
+@pytest.mark.parametrize("value", [1.7e308, 5e-324])
+def test_answers_at_the_ends_of_float64_are_refused_on_one_line(
+    eigbench, make_submission, mini_truth, tmp_path, value
+):
+    answers = mini_truth.eigenvalues.copy()
+    answers[0, -1] = value
+    one, all_ = (
+        make_submission("One", answers),
+        make_submission("All", np.full_like(answers, value)),
+    )
+    for path, count in ((one, 1), (all_, len(answers))):
+        code, _, err = eigbench("submit", path, "--dry-run")
+        assert code == 2
+        assert f"of {count} of {len(answers)} instances are not from 1e-30 to 1e+30" in err
+        code, _, err = eigbench("plot", path, "--out", tmp_path)
+        assert code == 2
+        assert err.endswith("has predictions that are not from 1e-30 to 1e+30: no picture\n")
+        assert len(err.splitlines()) == 1
+    code, out, err = eigbench("compare", one, all_)
+    assert (code, err) == (0, "")
+    assert "rpd" in out.lower()
+
+
 @pytest.mark.slow
 def test_plot_of_a_metric_that_is_infinite_on_finite_answers_says_so(
     eigbench, make_submission, mini_truth, tmp_path

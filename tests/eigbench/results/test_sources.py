@@ -2,6 +2,7 @@
 
 import ast
 import hashlib
+import json
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from eigbench.results.sources import digest, digest_of_code, is_output, outdated
 from hypothesis import given
 from hypothesis import strategies as st
 
+ROOT = Path(__file__).parents[3]
 CODE = '''\
 """A model."""
 
@@ -271,3 +273,18 @@ def test_an_output_is_one_of_a_folder_and_reached_by_no_link(tmp_path):
     assert is_output(own, folder)
     for path in (folder / ".." / kept.name, kept, link, folder / "none.json"):
         assert not is_output(path, folder)
+
+
+def test_a_log_a_note_and_a_picture_are_outputs_and_numbers_are_not(tmp_path):
+    for suffix in (".log", ".md", ".svg", ".png"):
+        assert is_output(tmp_path / f"my_model{suffix}")
+    for suffix in (".py", ".txt", ".csv", ".npz", ".safetensors"):
+        assert not is_output(tmp_path / f"my_model{suffix}")
+
+
+def test_no_source_of_a_row_is_an_output():
+    results = sorted((ROOT / "benchmark" / "results").glob("*/*.json"))
+    names = {name for path in results for name in json.loads(path.read_text())["model"]["sources"]}
+    there = [ROOT / "baselines" / name for name in names]
+    assert len([path for path in there if path.is_file()]) > 50
+    assert not [path for path in there if path.is_file() and is_output(path)]

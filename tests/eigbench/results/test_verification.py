@@ -468,6 +468,29 @@ def test_a_row_is_written_if_nothing_speaks_against_it(
 
 @BOXED
 @pytest.mark.parametrize(
+    ("given", "device"), [([], "cpu"), (["--device", "cuda"], "cuda"), (["--device", "mps"], "mps")]
+)
+def test_the_device_is_the_maintainers_choice(eigbench, weyl, tmp_path, monkeypatch, given, device):
+    out = tmp_path / "result.json"
+    result = json.loads(weyl.out.read_text())
+    result["cost"]["device"] = "cuda"
+    out.write_text(json.dumps(result))
+    shutil.copy(weyl.predictions, out.with_suffix(".parquet"))
+    devices = []
+
+    def verify(row, setup):
+        devices.append(setup.settings.device)
+        return {}, ["enough"]
+
+    monkeypatch.setattr(verify_row, "_verify", verify)
+    _, _, wrong = eigbench("verify-row", out, "--by", "Me", *given)
+    assert devices == [device]
+    line = f"{out} was run with --device cuda, and is run again with {device}\n"
+    assert (line in wrong) == (device != "cuda")
+
+
+@BOXED
+@pytest.mark.parametrize(
     ("given", "wrong"),
     [
         (["{row}", "{row}", "--predictions", "{row}"], "--predictions is for one row"),

@@ -101,6 +101,36 @@ CASES = {
         "def predict(meshes): raise Silent",
         "the predictor failed: Silent: its message cannot be read: KeyError",
     ),
+    "raises what is no Exception": (
+        "class Odd(BaseException): pass\ndef predict(meshes): raise Odd('a')",
+        "the predictor failed: Odd: a (my_model.py:12: in predict: def predict(meshes): raise",
+    ),
+    "raises what is no Exception and cannot be said": (
+        "class Odd(BaseException):\n    def __str__(self): raise Odd\n"
+        "def predict(meshes): raise Odd",
+        "the predictor failed: Odd: its message cannot be read: Odd (my_model.py:13: in predict",
+    ),
+    "raises the harness's error, which cannot be said": (
+        "from eigbench.errors import PredictorError\nclass Mine(PredictorError):\n"
+        "    def __str__(self): raise KeyError\ndef predict(meshes): raise Mine",
+        "Mine: its message cannot be read: KeyError",
+    ),
+    "is interrupted by itself at import": (
+        "raise KeyboardInterrupt",
+        "failed to load: KeyboardInterrupt (my_model.py:11: raise KeyboardInterrupt)",
+    ),
+    "leaves a generator that there is not": (
+        "raise GeneratorExit",
+        "failed to load: GeneratorExit (my_model.py:11: raise GeneratorExit)",
+    ),
+    "is interrupted in load": (
+        "def load(device, seed): raise KeyboardInterrupt",
+        "failed to load: KeyboardInterrupt (my_model.py:11: in load: def load(device, seed):",
+    ),
+    "raises at length": (
+        "def predict(meshes): raise ValueError('x' * 6_000_000)",
+        "ValueError: " + "x" * 500 + " … (my_model.py:11: in predict",
+    ),
     "exits": ("def predict(meshes): sys.exit(0)", "SystemExit: 0"),
     "fails in a function of its own": (
         "def predict(meshes):\n    return [helper(m) for m in meshes]\n"
@@ -134,13 +164,19 @@ CASES = {
 }
 
 
-AT_A_BATCH = set(CASES) - {"dies at import", "needs a package", "takes too little", "has no door"}
+AT_LOADING = {
+    *("dies at import", "needs a package", "takes too little", "has no door"),
+    *("is interrupted by itself at import", "is interrupted in load"),
+    "leaves a generator that there is not",
+}
+AT_A_BATCH = set(CASES) - AT_LOADING
 
 
 # One of each kind: a wrong answer, a changed input, an exception, a dead process, a bad file.
 QUICK = {
     *("wrong shape", "writes past NumPy", "writes to the harness's socket"),
     *("fails in a library", "is killed", "needs a package"),
+    *("raises at length", "is interrupted by itself at import", "raises what is no Exception"),
 }
 
 
@@ -235,7 +271,7 @@ def test_what_an_earlier_run_has_written_is_no_part_of_a_predictor(
     looks = """
 from pathlib import Path
 def predict(meshes):
-    for name in ("my_model.json", "my_model.parquet"):
+    for name in ("my_model.json", "my_model.parquet", "my_model.log"):
         try:
             Path(__file__).with_name(name).read_bytes()
         except OSError:
@@ -247,6 +283,7 @@ def predict(meshes):
     out, kept = tmp_path / "my_model.json", tmp_path / "my_model.parquet"
     sources = []
     for _ in range(2):
+        (tmp_path / "my_model.log").write_text("what the run before has printed")
         code, _, err = evaluate("", "--out", out, "--predictions", kept, path=path)
         assert code == 0, err
         sources.append(json.loads(out.read_text())["model"]["sources"])
@@ -258,9 +295,8 @@ def test_changed_code_starts_anew(evaluate, tmp_path):
     path = tmp_path / "fails.py"
     path.write_text(PRELUDE + FAILS_IN_BATCH_2.format(how="raise RuntimeError"))
     assert evaluate("", path=path)[0] == 2
-    path.write_text(path.read_text() + "\n# a comment\n")
     assert "starting anew" not in evaluate("", "--resume", path=path)[2]
-    path.write_text(path.read_text() + "\nchanged = True\n")
+    path.write_text('"""2.0"""\n' + path.read_text())  # which its code may read
     again = evaluate("", "--resume", path=path)
     assert again[0] == 2
     assert "code or settings have changed: starting anew" in again[2]

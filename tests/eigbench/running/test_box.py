@@ -7,6 +7,8 @@ import os
 import platform
 import py_compile
 import socket
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -141,7 +143,36 @@ def test_it_has_a_directory_of_its_own_that_is_gone_afterwards(asked, kind, tmp_
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     code = "Path(os.environ['TMPDIR'], 'mine').write_text(str(Path.home()))"
     assert asked(code, kind).refused == ()
-    assert not list(tmp_path.glob("eigbench-box-*"))
+    assert not list(tmp_path.glob("eigbench-*"))
+
+
+def test_the_folder_of_a_process_that_was_killed_is_swept_and_no_other(
+    predictor_file, tmp_path, monkeypatch
+):
+    path, code = predictor_file("def predict(meshes): pass"), tmp_path / "holds.py"
+    code.write_text(
+        "import sys\nfrom pathlib import Path\nfrom eigbench.running import box\n"
+        "made = box.Box(Path(sys.argv[1]), '1.0/grouped', box.Settings(sandbox='landlock'))\n"
+        "closed = made.private / 'closed' / 'in'\nclosed.mkdir(parents=True)\n"
+        "closed.parent.chmod(0)\nprint(made.folder, flush=True)\nsys.stdin.read()"
+    )
+    temporary, other = tmp_path / "tmp", tmp_path / "tmp" / f"{box.FOLDER}file"
+    temporary.mkdir()
+    other.write_text("no folder")
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    command = [sys.executable, str(code), str(path)]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as holder:
+        folder = Path(holder.stdout.readline().strip())
+        assert folder.parent == temporary
+        box.sweep()
+        assert folder.is_dir()
+        holder.kill()
+    assert folder.is_dir()
+    box.Box(path, "1.0/grouped", box.Settings(sandbox="landlock")).close()
+    assert list(temporary.iterdir()) == [other]
 
 
 COMPILES = """

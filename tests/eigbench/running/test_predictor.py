@@ -214,11 +214,28 @@ def test_every_key_of_meta_is_allowed_by_the_schema_of_results():
         ("{1: 'a', 'b': 'c'}", "META has the unknown key 1, b; it may have"),
         (f"{{'paper': {'x' * 301!r}}}", "META paper must be one line of at most 300 characters"),
         ("{'training_data': 'a\\nb'}", "META training_data must be one line of at most"),
+        ("{'paper': 'a\\x1bb'}", r"META paper has the character U\+001B, which cannot be printed"),
+        ("{'name': 'Weyl\\u0332'}", r"META name has the mark U\+0332, which joins no letter"),
+        ("{'name': 'Weyl\\u034f'}", r"META name has the character U\+034F, which cannot be seen"),
+        ("{'name': 'Weyl\\ufe0f'}", r"META name has the character U\+FE0F, which cannot be seen"),
+        ("{'name': 'Weyl\\u3164'}", r"META name has the character U\+3164, which cannot be seen"),
+        ("{'name': 'Weyl\\u2800'}", r"META name has the character U\+2800, which cannot be seen"),
+        ("{'name': 'W\\u0435yl'}", r"META name has the character U\+0435 in a word with LATIN"),
+        ("{'name': '\\u0410rea'}", r"META name has the character U\+0410 in a word with LATIN"),
+        ("{'name': 'Weyl \\u039cean'}", r"META name has the character U\+039C in a word"),
     ],
 )
 def test_wrong_meta_is_refused_before_anything_is_run(predictor_file, meta, message):
     with pytest.raises(PredictorError, match=message):
         predictor.load(predictor_file(f"META = {meta}\n{FUNCTION}"))
+
+
+@pytest.mark.parametrize(
+    "name", ["λ", "Fit of λ₁ and λ2", "Poincaré", "Δ-net", "Метод Галёркина", "गाउस", "ガウス"]
+)
+def test_a_name_may_have_letters_of_any_script(predictor_file, name):
+    meta = predictor.load(predictor_file(f"META = {{'name': {name!r}}}\n{FUNCTION}")).meta
+    assert meta["name"] == name
 
 
 # --- what does not load ----------------------------------------------------------------
@@ -282,6 +299,12 @@ def test_file_that_does_not_load_says_why_on_one_line(predictor_file, code, mess
 
 
 # --- answers ---------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).max == np.finfo(float).max, reason="no wider float")
+def test_what_float64_cannot_hold_is_infinite_without_a_warning():
+    answer = np.array([[np.longdouble(10) ** 400, -(np.longdouble(10) ** 400), 2.0]])
+    assert predictor.checked(predictor.as_array(answer), 1, 3).tolist() == [[np.inf, -np.inf, 2.0]]
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Where processor time and memory of a predictor are read."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -37,6 +38,16 @@ def test_where_none_may_be_made_there_is_none(tmp_path, monkeypatch):
     monkeypatch.setattr(usage, "own_directory", lambda: tmp_path)  # not of such a file system
     assert ControlGroup.make() is None
     assert list(tmp_path.iterdir()) == []
+
+
+def test_groups_of_processes_that_are_gone_are_swept(tmp_path):
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    names = [f"eigbench-{gone.pid}-0", f"eigbench-{os.getpid()}-0", "eigbench-other-0", "user"]
+    for name in names:
+        (tmp_path / name).mkdir()
+    usage.sweep(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names[1:])
 
 
 def test_a_control_group_ends_with_all_that_runs_in_it():
