@@ -24,8 +24,11 @@ def measure() -> dict:
     for version, timed in timing.read(ROOT).items():
         for path in sorted((ROOT / RESULTS / f"{version}-test-grouped").glob("*.json")):
             result = results.load(path)
-            cost, own = timing.cost_of(result, timed), result["cost"]
-            if cost is None or own.get("reference") is None or own["hardware"] == cost["hardware"]:
+            row, own = timing.row_of(result, timed), result["cost"]
+            if row is None or own.get("reference") is None:
+                continue
+            cost = timing.cost_of(row)
+            if own["hardware"] == cost["hardware"]:
                 continue
             if "copies_ratio" not in own:  # by a clock in the predictor's process
                 continue

@@ -15,8 +15,8 @@ class AddMeshSpectrum(BaseTransform):  # type: ignore[misc]
     """Add the mesh's certified eigenvalues, and eigenvectors if wanted, to a ``Data``.
 
     ``data.eigenvalues``, of shape (1, k) so that batches have one row per mesh, in 1/length², after
-    the zeros, ascending; ``data.eigenvectors``, of shape (n, k), orthonormal in the mass matrix. Both
-    have the dtype and the device of ``data.pos``, and PyTorch's default dtype where that is of
+    the zeros, ascending; ``data.eigenvectors``, of shape (n, k), orthonormal in the mass matrix.
+    Both have the dtype and the device of ``data.pos``, and PyTorch's default dtype where that is of
     whole numbers; they are computed in float64 on the CPU, Neumann on a boundary.
 
     Parameters

@@ -205,8 +205,8 @@ def run_certify(options: argparse.Namespace) -> int:
 
 def _of_components(file: Path, count: int) -> str:
     return (
-        f"synthnet: {_printable(file)} has {count:,} components, each with a zero of its own where nothing is "
-        "held: zeros are left out"
+        f"synthnet: {_printable(file)} has {count:,} components, each with a zero of its own where "
+        "nothing is held: zeros are left out"
     )
 
 

@@ -81,9 +81,11 @@ def _rows(root: Path, board: str, on_row: Callable[[str], None]) -> list[Submiss
         verification.check(row.result, path, root)
         if (row.board, row.slug) != (path.parent.name, path.stem):
             raise ResultError(f"{path} belongs at {RESULTS / row.board / row.slug}.json")
-        cost = timing.cost_of(row.result, times.get(row.truth.version, []))
-        if cost is not None:
-            row = replace(row, result={**row.result, "cost": cost})
+        timed = timing.row_of(row.result, times.get(row.truth.version, []))
+        if timed is not None:
+            if row.truth.protocol == "grouped":
+                timing.check_answers(timed, row)
+            row = replace(row, result={**row.result, "cost": timing.cost_of(timed)})
             check_fit(row)
         rows.append(row)
     return rows

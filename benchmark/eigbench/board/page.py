@@ -31,7 +31,8 @@ BY_COST = "cost"  # the group that has a table for each hardware
 DROP, ANSWER = "Drop under each protocol", "Error to the surface against speed"
 CAPTIONS = {
     DROP: "One panel per protocol, one line per model: the open mark is its error when what is "
-    "tested was held out of its training, the filled one that of the same model trained on everything.",
+    "tested was held out of its training, the filled one that of the same model trained on "
+    "everything.",
     ANSWER: "Lower right is better. A mark is a mean over meshes of all sizes. The line is an "
     "exact solver on fine, medium and coarse meshes of the same surfaces: a model is of use where "
     "it lies below. An arrow leads from a model's error on familiar shapes to its error on "

@@ -45,8 +45,9 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
         ]
     parts += [
         f"![Error to the surface against speed, one panel per size]({FIGURE.as_posix()})\n",
-        "*One panel per size, one number per model. The line is the fastest exact solver on coarser "
-        "and finer meshes of the same surfaces; in the green region a prediction can win.*\n",
+        "*One panel per size, one number per model. The line is the fastest exact solver on "
+        "coarser and finer meshes of the same surfaces; in the green region a prediction can win."
+        "*\n",
     ]
     files = {FIGURE: scaling_figure.draw(by_setting), PAGE: details(rows), JSON: as_json(rows)}
     return parts, files

@@ -23,7 +23,7 @@ from eigbench.running.box import Settings
 from eigbench.running.clock import Timed
 from eigbench.running.predictor import check_file, split
 from eigbench.running.process import REFERENCE_FILE
-from eigbench.scoring import truth
+from eigbench.scoring import scores, truth
 from synthnet import store
 from synthnet.store.files import make_parent, write_text
 
@@ -68,7 +68,8 @@ def run_time(options: argparse.Namespace) -> int:
         raise EigbenchError(f"--against {unknown[0]}: name it among the predictors too")
     settings = predict.settings_of(options, Settings)
     make_parent(options.out)
-    labels = clock.shapes_of(truth.load(options.dataset), options.meshes * options.repeats)
+    labels = truth.load(options.dataset)
+    labels = labels.take(timing.asked(labels, options.meshes * options.repeats))
     console = Console(stderr=True)
     with console.status("reading the meshes") as status:
         instances = meshes.read(store.open_dataset(options.dataset, options.root), labels.ids)
@@ -81,7 +82,7 @@ def run_time(options: argparse.Namespace) -> int:
             settings=settings,
             on_step=status.update,
         )
-    content = described(timed, np.sort(instances.vertices(labels.ids)), options)
+    content = described(timed, labels, np.sort(instances.vertices(labels.ids)), options)
     write_text(options.out, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
     if options.json:
         print(json.dumps(content, indent=1, ensure_ascii=False))
@@ -93,11 +94,16 @@ def run_time(options: argparse.Namespace) -> int:
 
 
 def described(
-    timed: Sequence[Timed], vertices: NDArray[np.int64], options: argparse.Namespace
+    timed: Sequence[Timed],
+    labels: truth.Truth,
+    vertices: NDArray[np.int64],
+    options: argparse.Namespace,
 ) -> dict[str, Any]:
     """Return what the file holds: a row for every predictor but LaPy as the reference.
 
-    ``vertices`` are those of the meshes, ascending as they were timed.
+    ``labels`` are those of the meshes, ``vertices`` their numbers, ascending as they were timed.
+    ``rpd`` is the error of the answers that were timed, against the mesh: a row of the board must
+    have the same on the same meshes.
     """
     lapy, *others = timed
     step = options.batch_size * options.repeats
@@ -112,7 +118,13 @@ def described(
         "repeats": options.repeats,
         "hardware": record.hardware(),
         "environment": record.environment(),
-        "rows": [_row(row, sizes, lapy.seconds, peers, options) for row in others],
+        "rows": [
+            {
+                **_row(row, sizes, lapy.seconds, peers, options),
+                "rpd": float(scores.of_metric(labels, row.predictions, "rpd").mean()),
+            }
+            for row in others
+        ],
     }
 
 

@@ -11,13 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench import results
-from eigbench.errors import ResultError
-from eigbench.scoring import bootstrap
+from eigbench.errors import EigbenchError, ResultError
+from eigbench.results.submission import Submission
+from eigbench.scoring import bootstrap, scores
+from eigbench.scoring.truth import Truth
 
 FOLDER = Path("benchmark", "timing")
 VERSION = 1
 RESAMPLES = 2000
 AGREE = 1e-6  # relative, between a ratio and the quotient of the times
+ALIKE, EXACT = 0.05, 1e-6  # relative and absolute, between two means of RPD: other seeds, rounding
 
 
 def ratio(theirs: NDArray[np.float64], own: NDArray[np.float64]) -> dict[str, float]:
@@ -59,7 +62,8 @@ def read(root: Path) -> dict[str, list[dict[str, Any]]]:
         means = {row["name"]: row["cost"]["ms_per_mesh_mean"] for row in timed["rows"]}
         for row in timed["rows"]:
             _check(row, means, path)
-        times[path.stem] = timed["rows"]
+        shapes = timed["meshes"] * timed["repeats"]
+        times[path.stem] = [{**row, "asked": shapes} for row in timed["rows"]]
     return times
 
 
@@ -90,8 +94,46 @@ def _check(row: dict[str, Any], means: Mapping[str, float], path: Path) -> None:
             )
 
 
-def cost_of(result: dict[str, Any], timed: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
-    """Return the cost of a result's predictor, if it was timed as it is; ``None`` if not.
+def asked(truth: Truth, count: int) -> NDArray[np.int64]:
+    """Return the instances to time: one of each of ``count`` shapes, drawn, always the same.
+
+    Raises
+    ------
+    EigbenchError
+        If there are fewer shapes.
+    """
+    first = np.sort(np.unique(truth.shapes[truth.order], return_index=True)[1])
+    if len(first) < count:
+        raise EigbenchError(
+            f"{truth.version} has {len(first)} shapes in its {truth.split} split, and none is "
+            f"timed twice: --meshes times --repeats may be {len(first)} at most"
+        )
+    return np.sort(truth.order[first[:count]])
+
+
+def check_answers(timed: dict[str, Any], row: Submission) -> None:
+    """Check that a predictor answered, while it was timed, as well as its row on the same meshes.
+
+    Nothing is checked of times of earlier releases, which do not say how well it answered.
+
+    Raises
+    ------
+    ResultError
+        If it did not.
+    """
+    if "rpd" not in timed:
+        return
+    errors = scores.of_metric(row.truth, row.predictions[:1], "rpd")[0]
+    own = float(errors[asked(row.truth, timed["asked"])].mean())
+    if not math.isclose(timed["rpd"], own, rel_tol=ALIKE, abs_tol=EXACT):
+        raise ResultError(
+            f"{row.result_path}: while it was timed, {timed['name']} answered with an RPD of "
+            f"{timed['rpd']:.3g}, and the row has {own:.3g} on the same meshes: time it again"
+        )
+
+
+def row_of(result: dict[str, Any], timed: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
+    """Return the times of a result's predictor, if it was timed as it is; ``None`` if not.
 
     The timing may name files that the result does not: older results name none that lie beside
     a module which the predictor imports.
@@ -99,5 +141,10 @@ def cost_of(result: dict[str, Any], timed: Sequence[dict[str, Any]]) -> dict[str
     sources = result["model"]["sources"].items()
     for row in timed:
         if row["code"] == result["model"]["code"] and sources <= row["sources"].items():
-            return {**row["cost"], "loading_seconds": row["loading_seconds"]}
+            return row
     return None
+
+
+def cost_of(row: dict[str, Any]) -> dict[str, Any]:
+    """Return times as a result has its cost."""
+    return {**row["cost"], "loading_seconds": row["loading_seconds"]}

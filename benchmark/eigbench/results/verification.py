@@ -12,19 +12,20 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import subprocess
 import tempfile
 import textwrap
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from eigbench.errors import EigbenchError, ResultError
 
 SIGNERS = Path("benchmark", "allowed_signers")
 NAMESPACE = "eigbench"  # of ssh-keygen: a signature for something else is none for this
 COMPUTED = ("schema_version", "metric_version", "scores")  # with each release, by `leaderboard`
-SCORED_BY = "rpd"
+SCORED_BY, SAME = "rpd", 1e-6  # each release computes scores anew, to rounding
 BEGIN, END = (f"-----{word} SSH SIGNATURE-----" for word in ("BEGIN", "END"))
 UNSIGNED = ("digest", "signature")
 
@@ -54,14 +55,7 @@ def check(result: dict[str, Any], path: Path, root: Path | None = None) -> None:
     if not is_verified(result):
         return
     verified = result["verified"]
-    same = verified["digest"] == digest(result)
-    for target, again in verified["scores"].items():
-        scored = result["scores"].get(target)
-        declared = None if scored is None else scored["overall"][SCORED_BY]["mean"]
-        said = None if again is None else again["declared"]
-        same = same and (declared is None) == (said is None)
-        same = same and (said is None or math.isclose(said, declared, rel_tol=1e-6, abs_tol=1e-9))
-    if not same:
+    if verified["digest"] != digest(result) or not _of_these_scores(result):
         raise ResultError(f"{path}: what it says of its verification was altered: verify it again")
     if root is None or not (root / SIGNERS).is_file():
         return
@@ -75,6 +69,20 @@ def check(result: dict[str, Any], path: Path, root: Path | None = None) -> None:
         done = _run(command, verified["digest"])
     if done.returncode:
         raise ResultError(f"{path}: its signature is none of {verified['by']} in {SIGNERS}")
+
+
+def _of_these_scores(result: dict[str, Any]) -> bool:
+    """Return whether the scores that were run again are those that the result declares."""
+    for target, again in result["verified"]["scores"].items():
+        scored = result["scores"].get(target)
+        means = [
+            None if again is None else again["declared"],
+            None if scored is None else scored["overall"][SCORED_BY]["mean"],
+        ]
+        said, declared = (np.nan if mean is None else float(mean) for mean in means)
+        if not np.isclose(said, declared, rtol=SAME, atol=SAME, equal_nan=True):
+            return False
+    return True
 
 
 def sign(digest: str, key: Path) -> str:

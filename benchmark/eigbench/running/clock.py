@@ -16,13 +16,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench.errors import EigbenchError
 from eigbench.running.box import NONE, Settings
+from eigbench.running.evaluate import WARM_UP
 from eigbench.running.meshes import Instances
 from eigbench.running.process import REFERENCE_FILE, Loaded, PredictorProcess, Status
 from eigbench.scoring.truth import Truth
-
-WARM_UP = 4  # meshes that each predictor gets before the clock counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +33,8 @@ class Timed:
         Its file.
     seconds, cpu_seconds : ndarray of shape (batches,)
         Wall and CPU seconds of a batch of each size: medians over those of that size.
+    predictions : ndarray of shape (1, n, k), float64
+        What it answered meanwhile, in the order of the truth's ids.
     loaded, status
         Its META and the seconds of loading it, and its peak memory and digests.
     """
@@ -42,6 +42,7 @@ class Timed:
     path: Path
     seconds: NDArray[np.float64]
     cpu_seconds: NDArray[np.float64]
+    predictions: NDArray[np.float64]
     loaded: Loaded
     status: Status
 
@@ -80,9 +81,11 @@ def together(
             held = replace(settings, sandbox=NONE) if path == REFERENCE_FILE else settings
             process = PredictorProcess(path, k, held, training=training)
             processes.append(stack.enter_context(process))
-            process.warm_up(WARM_UP)
+            process.warm_up(min(WARM_UP, batch_size))
         wall = np.empty((repeats, len(paths), len(groups)))
         cpu = np.empty_like(wall)
+        values = np.empty((len(paths), 1, *truth.eigenvalues.shape))
+        place = {id: i for i, id in enumerate(truth.ids)}
         for step, (number, repeat) in enumerate(asked):
             batch = groups[number][repeat]
             meshes = [instances.mesh(id) for id in batch]
@@ -92,33 +95,18 @@ def together(
                 answered = processes[i].predict(batch, meshes)
                 wall[repeat, i, number] = answered.seconds
                 cpu[repeat, i, number] = answered.cpu_seconds
+                values[i, 0, [place[id] for id in batch]] = answered.values
         return [
             Timed(
                 path,
                 np.median(wall[:, i], axis=0),
                 np.median(cpu[:, i], axis=0),
+                values[i],
                 processes[i].loaded,
                 processes[i].status(),
             )
             for i, path in enumerate(paths)
         ]
-
-
-def shapes_of(truth: Truth, count: int) -> Truth:
-    """Return one instance of each of ``count`` shapes, in a random order that is always the same.
-
-    Raises
-    ------
-    EigbenchError
-        If it has fewer.
-    """
-    first = np.sort(np.unique(truth.shapes[truth.order], return_index=True)[1])
-    if len(first) < count:
-        raise EigbenchError(
-            f"{truth.version} has {len(first)} shapes in its {truth.split} split, and none is "
-            f"timed twice: --meshes times --repeats may be {len(first)} at most"
-        )
-    return truth.take(np.sort(truth.order[first[:count]]))
 
 
 def by_size(

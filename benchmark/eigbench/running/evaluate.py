@@ -336,9 +336,7 @@ def _run(
         return parts, process.loaded, status
 
 
-def _batches_of(
-    task: _Task, parts: Sequence[_Part]
-) -> list[tuple[NDArray[np.int64], bool, bool]]:
+def _batches_of(task: _Task, parts: Sequence[_Part]) -> list[tuple[NDArray[np.int64], bool, bool]]:
     """Return what is left to ask: indices, whether their shapes are new, and whether LaPy is timed.
 
     The order is drawn anew, so it can be learned from no file and no earlier run.

@@ -40,8 +40,17 @@ SAID = {
 BOXED = pytest.mark.skipif(box.available() == box.NONE, reason="no sandbox works here")
 
 
+def said_of(result):
+    """What a verification says of a result, with the scores that this declares."""
+    said = copy.deepcopy(SAID)
+    for target, scored in result["scores"].items():
+        declared = None if scored is None else scored["overall"]["rpd"]["mean"]
+        said["scores"][target] = scored and {**SAID["scores"]["mesh"], "declared": declared}
+    return said
+
+
 def as_verified(result, **changes):
-    made = {**copy.deepcopy(result), "verified": {**copy.deepcopy(SAID), **changes}}
+    made = {**copy.deepcopy(result), "verified": {**said_of(result), **changes}}
     made["verified"]["digest"] = verification.digest(made)
     return made
 
@@ -56,6 +65,22 @@ def verified(make_submission, mini_truth):
 
 def test_a_verification_that_is_whole_is_read(verified):
     assert verification.is_verified(submission.read(verified).result)
+
+
+def test_a_verification_of_other_scores_is_none(verified):
+    result = results.read(verified)
+    scores = copy.deepcopy(result["verified"]["scores"])
+    scores["mesh"]["declared"] += 0.001
+    forged = as_verified(result, scores=scores)  # with a digest of its own
+    verified.write_text(json.dumps(forged))
+    with pytest.raises(ResultError, match=r"says of its verification was altered"):
+        submission.read(verified)
+
+
+def test_a_verified_result_is_not_submitted(verified, eigbench, tmp_path):
+    code, _, err = eigbench("submit", verified, "--board", tmp_path / "board")
+    assert code == 2
+    assert "says that it is verified, and a submitted row is not" in err
 
 
 @pytest.mark.parametrize(
@@ -352,7 +377,7 @@ def test_answers_of_all_seeds_are_compared_on_the_split_and_on_the_draw(make_row
         nothing = np.empty(0)
         both = np.concatenate([answered, unseen], axis=1)
         loaded = Loaded({}, None, True, False, "")
-        timed = (nothing, nothing, np.empty(0, np.int64), np.empty(0, np.bool_), nothing)
+        timed = (nothing, nothing, np.empty(0, np.int64), np.empty(0, np.bool_), nothing, ())
         return verify_row._compared(row, fresh, Evaluation(both, *timed, loaded, status))
 
     said, against = compared(1.1, 1.12)
@@ -455,7 +480,7 @@ def test_a_row_is_written_if_nothing_speaks_against_it(
     out = tmp_path / "result.json"
     shutil.copy(weyl.out, out)
     shutil.copy(weyl.predictions, out.with_suffix(".parquet"))
-    said = {key: value for key, value in SAID.items() if key != "by"}
+    said = {key: value for key, value in said_of(results.read(out)).items() if key != "by"}
     monkeypatch.setattr(verify_row, "_verify", lambda row, setup: (copy.deepcopy(said), against))
     found, printed, wrong = eigbench("verify-row", out, "--by", "Me")
     assert found == code

@@ -9,7 +9,7 @@ import numpy as np
 import psutil
 import pytest
 from eigbench.errors import PredictorError
-from eigbench.running import meshes, usage
+from eigbench.running import meshes, record, rerun, usage
 from eigbench.running.box import Settings
 from eigbench.running.evaluate import Options, evaluate, predict_meshes
 from eigbench.running.process import PredictorProcess
@@ -258,3 +258,77 @@ def test_files_that_are_not_there_are_left_out(predictor_file):
     code = predictor_file(NAMES.replace("{name!r}", "'gone.txt'"))
     _, _, status = asked(code)
     assert list(status.sources) == ["my_model.py"]
+
+
+TWO_FACED = """
+import numpy as np
+
+META = {"name": "Two-faced", "kind": "learned"}
+seen = set()
+table = dict(np.load(__file__.replace("my_model.py", "my_model.npz")))
+
+def predict(meshes):
+    answers = []
+    for mesh in meshes:
+        key = str(len(mesh.vertices)) + "/" + str(hash(mesh.faces.tobytes()))
+        values = table.get(str(len(mesh.vertices)), np.ones(10))
+        answers.append(values if key in seen else FIRST)
+        seen.add(key)
+    return np.array(answers)
+"""
+
+
+@pytest.mark.parametrize(("first", "told"), [("2 * values", True), ("values", False)])
+def test_who_answers_copies_better_than_what_is_timed_is_told(
+    first, told, predictor_file, mini_truth, mini_meshes, tmp_path
+):
+    sizes = mini_meshes.vertices(mini_truth.ids).tolist()
+    table = {str(n): v for n, v in zip(sizes, mini_truth.eigenvalues, strict=True)}
+    np.savez(tmp_path / "my_model.npz", **table)
+    question = (predictor_file(TWO_FACED.replace("FIRST", first)), mini_truth, mini_meshes)
+    evaluation = evaluate(*question, Options(batch_size=50), tmp_path / "parts")
+    assert evaluation.first.sum() == len(set(mini_truth.shapes.tolist()))
+    findings = record.two_faced(mini_truth, evaluation)
+    assert any("are not made alike" in finding for finding in findings) == told
+
+
+def test_who_turns_the_answers_of_copies_is_not_two_faced(
+    predictor_file, mini_truth, mini_meshes, tmp_path
+):
+    code = "import numpy as np\ndef predict(meshes):\n    return np.stack([1 + np.abs(m.vertices"
+    code += "[:10, 0]) for m in meshes])\n"  # which a rotation changes
+    question = (predictor_file(code), mini_truth, mini_meshes, Options(batch_size=50))
+    evaluation = evaluate(*question, tmp_path / "parts")
+    assert record.two_faced(mini_truth, evaluation) == []
+
+
+KNOWS = """
+import time
+import numpy as np
+
+known = {name.item() for name in np.load(__file__.replace("my_model.py", "my_model.npy"))}
+
+def predict(meshes):
+    time.sleep(0.05 * sum(len(mesh.vertices) not in known for mesh in meshes))
+    return np.ones((len(meshes), 10))
+"""
+
+
+def test_who_knows_public_meshes_is_slower_on_fresh_ones(
+    predictor_file, mini_truth, mini_meshes, tmp_path
+):
+    vertices = mini_meshes.vertices(mini_truth.ids)
+    half = len(np.unique(vertices)) // 2
+    public = mini_truth.take(np.isin(vertices, np.unique(vertices)[::2]))
+    fresh = mini_truth.take(~np.isin(vertices, np.unique(vertices)[::2]))
+    assert half > 8
+    both, given = rerun.mixed(public, fresh), rerun.mixed_meshes(mini_meshes, mini_meshes)
+    sets = (np.arange(len(both.ids)) >= len(public.ids)).astype(np.int64)
+    for known, told in ((vertices[np.isin(vertices, np.unique(vertices)[::2])], True), ([], False)):
+        np.save(tmp_path / "my_model.npy", np.unique(np.array(known, dtype=np.int64)))
+        question = (predictor_file(KNOWS), both, given, Options(batch_size=4))
+        evaluation = evaluate(*question, tmp_path / "parts", sets=sets)
+        for _, chosen in evaluation.asked:  # a batch holds instances of one set
+            assert len(set(sets[chosen].tolist())) == 1
+        said = rerun.slower(evaluation, given, both, len(public.ids))
+        assert said.endswith("it knows these") == told

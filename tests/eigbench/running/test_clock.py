@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from eigbench.board import leaderboard
 from eigbench.commands.timing import described
-from eigbench.errors import EigbenchError, PredictorError
+from eigbench.errors import EigbenchError, PredictorError, ResultError
 from eigbench.results import timing
 from eigbench.running import box, clock
 
@@ -29,7 +29,7 @@ def two(predictor_file):
 
 
 def test_every_predictor_gets_every_batch_and_batches_go_by_size(two, mini_truth, mini_meshes):
-    labels = clock.shapes_of(mini_truth, 14)
+    labels = mini_truth.take(timing.asked(mini_truth, 14))
     steps = []
     timed = clock.together(
         two,
@@ -56,14 +56,14 @@ def test_predictors_are_timed_in_the_box(predictor_file, mini_truth, mini_meshes
     secret.parent.mkdir()
     secret.write_text("1,2,3")
     file = predictor_file(f"open({str(secret)!r})\ndef predict(meshes): ...", "spy.py")
-    labels = clock.shapes_of(mini_truth, 4)
+    labels = mini_truth.take(timing.asked(mini_truth, 4))
     how = {"batch_size": 2, "repeats": 1, "settings": box.Settings(sandbox=box.available())}
     with pytest.raises(PredictorError, match=r"the sandbox shows the predictor's own files"):
         clock.together([file], labels, mini_meshes, **how)
 
 
 def test_no_shape_is_asked_twice_and_the_batches_of_a_size_are_alike(mini_truth, mini_meshes):
-    labels = clock.shapes_of(mini_truth, 14)
+    labels = mini_truth.take(timing.asked(mini_truth, 14))
     assert len(set(labels.shapes.tolist())) == 14
     groups = clock.by_size(labels, mini_meshes, 3, 2)
     assert [[len(batch) for batch in group] for group in groups] == [[3, 3], [3, 3], [1, 1]]
@@ -75,7 +75,7 @@ def test_no_shape_is_asked_twice_and_the_batches_of_a_size_are_alike(mini_truth,
 
 def test_too_few_shapes_is_one_line(mini_truth):
     with pytest.raises(EigbenchError, match=r"has 34 shapes .* --repeats may be 34 at most"):
-        clock.shapes_of(mini_truth, 35)
+        timing.asked(mini_truth, 35)
 
 
 def test_ratio_is_that_of_the_whole_times_with_an_interval_over_batches():
@@ -99,8 +99,9 @@ def test_ratio_is_that_of_the_whole_times_with_an_interval_over_batches():
 def test_times_are_of_the_files_that_a_result_names(sources, counts):
     facts = {"sources": {"a.py": "1", "b.py": "2"}, "cost": {"ms_per_mesh": 5}}
     timed = [{"code": "a.py", "loading_seconds": 0.5, **facts}]
-    cost = timing.cost_of({"model": {"code": "a.py", "sources": sources}}, timed)
-    assert cost == ({"ms_per_mesh": 5, "loading_seconds": 0.5} if counts else None)
+    row = timing.row_of({"model": {"code": "a.py", "sources": sources}}, timed)
+    assert row == (timed[0] if counts else None)
+    assert timing.cost_of(timed[0]) == {"ms_per_mesh": 5, "loading_seconds": 0.5}
 
 
 @pytest.mark.slow
@@ -119,9 +120,7 @@ def test_command_writes_times_that_the_board_shows(
     assert times["vertices"] == sorted(times["vertices"])
     assert slow["cost"]["peers"]["slow"] == {"ratio": 1.0, "low": 1.0, "high": 1.0}
     assert fast["cost"]["peers"]["slow"]["ratio"] > 2
-    known = make_row(
-        "fast", mini_truth.eigenvalues * 1.01, code=fast["code"], sources=fast["sources"]
-    )
+    known = make_row("fast", np.ones((306, 10)), code=fast["code"], sources=fast["sources"])
     changed = make_row(
         "slow", mini_truth.eigenvalues * 1.02, code="slow.py", sources={"slow.py": "0" * 64}
     )
@@ -130,16 +129,27 @@ def test_command_writes_times_that_the_board_shows(
     rows = {row.name: row for row in leaderboard.read(board)}
     assert rows["fast"].result["cost"]["ms_per_mesh"] == fast["cost"]["ms_per_mesh"]
     assert rows["slow"].result["cost"]["ms_per_mesh"] != slow["cost"]["ms_per_mesh"]
+    better = make_row(
+        "fast", mini_truth.eigenvalues * 1.01, code=fast["code"], sources=fast["sources"]
+    )
+    leaderboard.add(better, board, replace=True)
+    with pytest.raises(
+        ResultError, match=r"while it was timed, fast answered with an RPD of .* 0.0"
+    ):
+        leaderboard.read(board)
     text = leaderboard.generate(rows.values(), [])
     assert "| against slow |" in text[leaderboard.BOARDS / "1.0-mini-test-grouped-mesh.md"]
 
 
-def test_a_peer_that_is_named_like_the_reference_does_not_replace_it():
+def test_a_peer_that_is_named_like_the_reference_does_not_replace_it(mini_truth):
+    labels = mini_truth.take(np.arange(4))
+
     def took(name, seconds):
         return clock.Timed(
             Path(f"{name}.py"),
             np.array([seconds]),
             np.array([seconds]),
+            labels.eigenvalues[None],
             SimpleNamespace(meta={"name": "LaPy"}, loading_seconds=0.0),
             SimpleNamespace(sources={}, peak_bytes=0, counted_by={}),
         )
@@ -148,7 +158,7 @@ def test_a_peer_that_is_named_like_the_reference_does_not_replace_it():
         batch_size=4, repeats=1, against=[Path("other.py")], dataset="1.0-mini", meshes=4
     )
     timed = [took("reference", 2.0), took("other", 1.0)]
-    cost = described(timed, np.arange(4), options)["rows"][0]["cost"]
+    cost = described(timed, labels, np.arange(4), options)["rows"][0]["cost"]
     assert cost["reference"]["ratio"] == 2
     assert cost["peers"]["LaPy"]["ratio"] == 1
 
