@@ -289,174 +289,158 @@ def test_tampering_with_nothing_changes_nothing(mini_home: Path, mini_copy: Path
         ).read_bytes()
 
 
-def test_altered_eigenvalue_is_found_by_the_pins(mini_copy: Path, failed: Failed) -> None:
-    id = tamper_first(
-        mini_copy, lambda s: {"eigenvalues": s.eigenvalues * (1 + 1e-5 * (np.arange(10) == 3))}
-    )
-    assert failed() == {"pins": [f"{id}: eigenvalues differ by 1e-05 relative, more than 1e-06"]}
+def only(array, place):
+    """Ones at a place of an array, and zeros elsewhere."""
+    return np.arange(len(array)).reshape(-1, *[1] * (array.ndim - 1)) == place
+
+
+def eigenvalues(change):
+    return lambda s: {"eigenvalues": change(s.eigenvalues)}
+
+
+def vertices(change):
+    return lambda s: {"mesh": Mesh(change(s.mesh.vertices), s.mesh.faces)}
+
+
+def faces(change):
+    return lambda s: {"mesh": Mesh(s.mesh.vertices, change(s.mesh.faces))}
+
+
+def certificate(change):
+    return lambda s: {"certificate": dataclasses.replace(s.certificate, **change(s))}
+
+
+def missing(lost):
+    """Leave an eigenvalue out of a label, under a true certificate of eleven."""
+
+    def change(s):
+        beyond = spectrum.compute(s.mesh, 12)
+        proof = dataclasses.replace(beyond.certificate, residual=s.certificate.residual)
+        label = np.delete(beyond.eigenvalues, lost)[:10]
+        return {"eigenvalues": label, "certificate": proof}
+
+    return change
+
+
+OFF = "eigenvalues differ by {} relative, more than 1e-06"
+MOVED = "a vertex is {} of the size off, more than 1e-06"
+FACTS = "id, parameters, splits or faces differ from the pinned ones"
+UNCOVERED = r"\d+ eigenvalues counted below \S+ do not cover the label's 10 up to \S+"
+COUNTED = r"\d+ eigenvalues are below \S+, the certificate has \d+"
+SURPLUS = r"1[01] eigenvalues are below \S+, the label has \d+"
+
+# How a sample is changed, and by each check that tells what it says, one pattern a problem.
+TAMPERED = {
+    "an eigenvalue": (
+        eigenvalues(lambda e: e * (1 + 1e-5 * only(e, 3))),
+        {"pins": [OFF.format("1e-05")]},
+    ),
+    **{
+        f"an eigenvalue of {value}": (
+            eigenvalues(lambda e, value=value: np.where(only(e, 0), value, e)),
+            {"pins": [OFF.format(off)]},
+        )
+        for value, off in {np.nan: "nan", np.inf: "inf", -1.0: "1.3", 0.0: "1"}.items()
+    },
+    "an eigenvalue less": (
+        eigenvalues(lambda e: e[:-1]),
+        {"pins": ["9 eigenvalues instead of 10"]},
+    ),
+    "a vertex": (
+        vertices(lambda v: v + np.float32(0.01) * only(v, 5)),
+        {
+            "meshes": [MOVED.format("0.01")],
+            "pins": [r"vertices differ by \S+ of their size, more than 1e-06"],
+        },
+    ),
+    "a vertex, too little for the moments": (
+        vertices(lambda v: v + np.float32(4e-6) * np.abs(v).max() * (only(v, 5) & only(v.T, 2).T)),
+        {"meshes": [MOVED.format("4e-06")]},
+    ),
+    "two vertices swapped": (
+        vertices(lambda v: v[[*range(5), 9, *range(6, 9), 5, *range(10, len(v))]]),
+        {
+            "meshes": [MOVED.format(r"\S+")],
+            "certificates": [COUNTED, SURPLUS],
+            "pins": [r"vertices differ by \S+ of their size, more than 1e-06"],
+        },
+    ),
+    "a face turned": (
+        faces(lambda f: np.where(only(f, 7), f[:, ::-1], f)),
+        {"meshes": ["faces differ from those generated anew"], "pins": [FACTS]},
+    ),
+    "a count too small": (
+        certificate(lambda s: {"count": s.certificate.count - 1}),
+        {"certificates": [UNCOVERED, COUNTED]},
+    ),
+    "a count too large": (
+        certificate(lambda s: {"count": s.certificate.count + 1}),
+        {"certificates": [COUNTED]},
+    ),
+    "a shift that does not reach the label": (
+        certificate(lambda s: {"shift": float(s.eigenvalues[-1]) * (1 - 1e-6)}),
+        {"certificates": [UNCOVERED, COUNTED]},
+    ),
+    **{
+        f"a residual of {residual}": (
+            certificate(lambda s, residual=residual: {"residual": residual}),
+            {"certificates": [f"residual is {residual:.3g}, not between 0 and 1e-06"]},
+        )
+        for residual in (2e-6, np.nan, -1e-9)
+    },
+    **{
+        f"eigenvalue {lost} left out under a true certificate": (
+            missing(lost),
+            {"certificates": [SURPLUS], "pins": [OFF.format(r"\S+")]},
+        )
+        for lost in (1, 4)
+    },
+    "the split": (
+        lambda s: {"split": "test" if s.split == "train" else "train"},
+        {"recipe": ["splits differ from the recipe's"], "pins": [FACTS]},
+    ),
+    "a split of the paper": (
+        lambda s: {"paper_splits": (*s.paper_splits[1:], "nowhere")},
+        {"recipe": ["splits differ from the recipe's"], "pins": [FACTS]},
+    ),
+    "a parameter": (
+        lambda s: {
+            "spec": dataclasses.replace(s.spec, parameters={**s.spec.parameters, "height": 1.25})
+        },
+        {
+            "recipe": ["parameters differ from the recipe's draw"],
+            "meshes": [MOVED.format(r"\S+")],
+            "pins": [FACTS],
+        },
+    ),
+    "the isometries": (
+        lambda s: {"isometries": s.isometries * 1.001},
+        {"recipe": ["isometries differ from the recipe's draw"]},
+    ),
+}
+
+
+@pytest.mark.parametrize("what", TAMPERED)
+def test_tampering_with_a_sample_is_found(what, mini_copy, failed):
+    change, told = TAMPERED[what]
+    id = tamper_first(mini_copy, change)
+    problems = failed()
+    assert list(problems) == list(told)
+    for check, patterns in told.items():
+        for problem, pattern in zip(problems[check], patterns, strict=True):
+            assert re.fullmatch(f"{id}: {pattern}", problem)
 
 
 @pytest.mark.usefixtures("pinned")
 def test_altered_eigenvalue_is_found_by_the_labels(
     mini_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    id = tamper_first(  # too little for the pins
-        mini_copy, lambda s: {"eigenvalues": s.eigenvalues * (1 + 1e-7 * (np.arange(10) == 3))}
-    )
+    too_little_for_the_pins = eigenvalues(lambda e: e * (1 + 1e-7 * only(e, 3)))
+    id = tamper_first(mini_copy, too_little_for_the_pins)
     monkeypatch.setattr(checks, "_choose", lambda *_: {id})
     report = verify(VERSION, root=mini_copy)
     assert problems(report) == {"labels": (f"{id}: label is 1e-07 off LaPy's, more than 1e-08",)}
     assert {c.name: c.examined for c in report.checks}["labels"] == 1
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 0.0])
-def test_eigenvalue_that_is_no_label_is_found(
-    value: float, mini_copy: Path, failed: Failed
-) -> None:
-    id = tamper_first(
-        mini_copy, lambda s: {"eigenvalues": np.where(np.arange(10) == 0, value, s.eigenvalues)}
-    )
-    ((name, (problem,)),) = failed().items()
-    assert name == "pins"
-    assert problem.startswith(f"{id}: eigenvalues differ")
-
-
-def test_missing_eigenvalue_is_found(mini_copy: Path, failed: Failed) -> None:
-    id = tamper_first(mini_copy, lambda s: {"eigenvalues": s.eigenvalues[:-1]})
-    ((name, (problem,)),) = failed().items()
-    assert name == "pins"
-    assert problem.startswith(f"{id}: ")
-
-
-def test_moved_vertex_is_found(mini_copy: Path, failed: Failed) -> None:
-    def move(sample: Sample) -> dict[str, Any]:
-        vertices = sample.mesh.vertices.copy()
-        vertices[5] += np.float32(0.01)
-        return {"mesh": Mesh(vertices, sample.mesh.faces)}
-
-    id = tamper_first(mini_copy, move)
-    failures = failed()
-    assert list(failures) == ["meshes", "pins"]
-    assert failures["meshes"][0].startswith(f"{id}: a vertex is ")
-    assert failures["pins"][0].startswith(f"{id}: vertices differ by ")
-
-
-def test_vertex_moved_too_little_for_the_moments_is_found(mini_copy: Path, failed: Failed) -> None:
-    def move(sample: Sample) -> dict[str, Any]:
-        vertices = sample.mesh.vertices.copy()
-        vertices[5, 2] += np.float32(4e-6) * np.abs(vertices).max()
-        return {"mesh": Mesh(vertices, sample.mesh.faces)}
-
-    id = tamper_first(mini_copy, move)
-    assert failed()["meshes"][0].startswith(f"{id}: a vertex is ")
-
-
-def test_swapped_vertices_are_found(mini_copy: Path, failed: Failed) -> None:
-    def swap(sample: Sample) -> dict[str, Any]:
-        vertices = sample.mesh.vertices.copy()
-        vertices[[5, 9]] = vertices[[9, 5]]
-        return {"mesh": Mesh(vertices, sample.mesh.faces)}
-
-    tamper_first(mini_copy, swap)
-    assert list(failed()) == ["meshes", "certificates", "pins"]
-
-
-def test_changed_face_is_found(mini_copy: Path, failed: Failed) -> None:
-    def turn(sample: Sample) -> dict[str, Any]:
-        faces = sample.mesh.faces.copy()
-        faces[7] = faces[7][::-1]
-        return {"mesh": Mesh(sample.mesh.vertices, faces)}
-
-    id = tamper_first(mini_copy, turn)
-    assert failed() == {
-        "meshes": [f"{id}: faces differ from those generated anew"],
-        "pins": [f"{id}: id, parameters, splits or faces differ from the pinned ones"],
-    }
-
-
-@pytest.mark.parametrize("change", [-1, 1])
-def test_altered_count_of_a_certificate_is_found(
-    change: int, mini_copy: Path, failed: Failed
-) -> None:
-    def claim(sample: Sample) -> dict[str, Any]:
-        proof = sample.certificate
-        return {"certificate": dataclasses.replace(proof, count=proof.count + change)}
-
-    id = tamper_first(mini_copy, claim)
-    messages = failed()["certificates"]
-    pattern = rf"{id}: \d+ eigenvalues are below \S+, the certificate has \d+"
-    assert re.fullmatch(pattern, messages[-1])
-
-
-def test_certificate_that_does_not_reach_the_label_is_found(
-    mini_copy: Path, failed: Failed
-) -> None:
-    def lower(sample: Sample) -> dict[str, Any]:
-        shift = float(sample.eigenvalues[-1]) * (1 - 1e-6)
-        return {"certificate": dataclasses.replace(sample.certificate, shift=shift)}
-
-    id = tamper_first(mini_copy, lower)
-    messages = failed()["certificates"]
-    assert re.match(
-        rf"{id}: \d+ eigenvalues counted below \S+ do not cover the label's 10", messages[0]
-    )
-    assert len(messages) == 2  # and there are fewer
-
-
-@pytest.mark.parametrize("residual", [2e-6, np.nan, -1e-9])
-def test_residual_out_of_its_limits_is_found(
-    residual: float, mini_copy: Path, failed: Failed
-) -> None:
-    id = tamper_first(
-        mini_copy,
-        lambda s: {"certificate": dataclasses.replace(s.certificate, residual=residual)},
-    )
-    message = f"{id}: residual is {residual:.3g}, not between 0 and 1e-06"
-    assert failed() == {"certificates": [message]}
-
-
-@pytest.mark.parametrize("lost", [1, 4])
-def test_label_that_misses_an_eigenvalue_under_a_true_certificate_is_found(
-    lost: int, mini_copy: Path, failed: Failed
-) -> None:
-    def miss(sample: Sample) -> dict[str, Any]:
-        beyond = spectrum.compute(sample.mesh, 12)
-        proof = dataclasses.replace(beyond.certificate, residual=sample.certificate.residual)
-        label = np.delete(beyond.eigenvalues, lost)[:10]
-        return {"eigenvalues": label, "certificate": proof}
-
-    id = tamper_first(mini_copy, miss)
-    (message,) = failed()["certificates"]
-    assert re.fullmatch(rf"{id}: 1[01] eigenvalues are below \S+, the label has \d+", message)
-
-
-def test_changed_split_is_found(mini_copy: Path, failed: Failed) -> None:
-    id = tamper_first(mini_copy, lambda s: {"split": "test" if s.split == "train" else "train"})
-    assert failed() == {
-        "recipe": [f"{id}: splits differ from the recipe's"],
-        "pins": [f"{id}: id, parameters, splits or faces differ from the pinned ones"],
-    }
-
-
-def test_changed_paper_split_is_found(mini_copy: Path, failed: Failed) -> None:
-    id = tamper_first(mini_copy, lambda s: {"paper_splits": (*s.paper_splits[1:], "nowhere")})
-    assert failed()["recipe"] == [f"{id}: splits differ from the recipe's"]
-
-
-def test_changed_parameter_is_found(mini_copy: Path, failed: Failed) -> None:
-    def change(sample: Sample) -> dict[str, Any]:
-        parameters = {**sample.spec.parameters, "height": 1.25}
-        return {"spec": dataclasses.replace(sample.spec, parameters=parameters)}
-
-    id = tamper_first(mini_copy, change)
-    failures = failed()
-    assert failures["recipe"] == [f"{id}: parameters differ from the recipe's draw"]
-    assert list(failures) == ["recipe", "meshes", "pins"]
-
-
-def test_changed_isometry_is_found(mini_copy: Path, failed: Failed) -> None:
-    tamper_first(mini_copy, lambda s: {"isometries": s.isometries * 1.001})
-    assert list(failed()) == ["recipe"]
 
 
 def test_foreign_shape_is_found(mini_copy: Path, failed: Failed) -> None:
