@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -221,17 +222,26 @@ def sealed_set(tmp_path_factory: pytest.TempPathFactory) -> SealedSet:
 # --- end of the sealed set ------------------------------------------------------------
 
 
+def called(main, captured, *arguments):
+    """Run a command line in this process; anything but an exit code fails the test."""
+    captured.readouterr()
+    try:
+        code = main([str(argument) for argument in arguments])
+    except SystemExit as stop:
+        code = stop.code
+    assert isinstance(code, int)
+    return code, *captured.readouterr()
+
+
+def only_line(code, out, err):
+    """Return the one line on stderr of a command that could not do it."""
+    line = err.strip()
+    assert (code, out, line.count("\n")) == (2, "", 0), err
+    assert line.startswith(("synthnet", "eigbench"))
+    return line
+
+
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
-    """Run a command of synthnet in this process; anything but an exit code fails the test."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        capsys.readouterr()
-        try:
-            code: object = cli.main([str(a) for a in arguments])
-        except SystemExit as exit:
-            code = exit.code
-        assert isinstance(code, int)
-        return code, *capsys.readouterr()
-
-    return call
+def run(capsys):
+    """Return a function that runs a command of synthnet: exit code, stdout and stderr."""
+    return partial(called, cli.main, capsys)

@@ -20,6 +20,7 @@ from synthnet.build.workers import cores
 from synthnet.recipe.plan import plan_shards
 from synthnet.terminal import WRONG_INPUT
 from synthnet.verify.checks import CHECKS
+from tests.conftest import only_line
 
 VERSION = "1.0-mini"
 READERS = (["info"], ["verify"], ["croissant"], ["show", "torus-00000"])  # of what is built
@@ -81,16 +82,6 @@ def test_an_interrupt_names_shards_where_a_command_makes_them(
 
 
 # One line and exit code 2
-
-
-def only_line(code: int, out: str, err: str) -> str:
-    """The one line of standard error of a command that could not do it."""
-    assert code == WRONG_INPUT
-    assert out == ""
-    lines = [line for line in err.splitlines() if line.strip()]
-    assert len(lines) == 1, err
-    assert lines[0].startswith("synthnet")
-    return lines[0]
 
 
 @pytest.mark.parametrize("arguments", [["build"], *READERS])

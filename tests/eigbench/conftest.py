@@ -10,6 +10,7 @@ import itertools
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from eigbench.scoring.truth import Truth
 
 from synthnet import store
 from synthnet.store.files import sha256
+from tests.conftest import called
 
 ONES = """
 import numpy as np
@@ -90,14 +92,17 @@ def eigbench(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str,
     The descriptors are captured, so that what a predictor's process writes is seen too.
     """
 
-    def run(*arguments: object) -> tuple[int, str, str]:
-        capfd.readouterr()
-        try:
-            code = cli.main([str(argument) for argument in arguments])
-        except SystemExit as stop:
-            code = int(stop.code or 0)
-        out, err = capfd.readouterr()
-        return code, out, err
+    return partial(called, cli.main, capfd)
+
+
+@pytest.fixture
+def refused(eigbench):
+    """Return a function that runs what must be refused, and returns what it says on stderr."""
+
+    def run(*arguments):
+        code, out, err = eigbench(*arguments)
+        assert (code, out) == (2, "")
+        return err
 
     return run
 

@@ -24,6 +24,7 @@ from synthnet.store import files, pins
 from synthnet.types import ShapeSpec
 from synthnet.verify import seal
 from synthnet.verify.unseal import verify_sealed
+from tests.conftest import only_line
 from tests.datasets import contents
 
 SALT = bytes(range(32))
@@ -57,13 +58,6 @@ def written(path: Path, content: dict[str, Any]) -> Path:
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()
     path.write_text(json.dumps({**content, "sha256": digest}, indent=1) + "\n")
     return path
-
-
-def only_line(code: int, out: str, err: str) -> str:
-    """The one line of standard error of a command that could not do it."""
-    lines = [line for line in err.splitlines() if line.strip()]
-    assert (code, out, len(lines)) == (2, "", 1)
-    return lines[0]
 
 
 # The salt
