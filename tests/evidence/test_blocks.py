@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from eigbench.board.marks import marked
@@ -61,10 +63,12 @@ def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A page of its own with two blocks, and a table of both."""
     page = tmp_path / "page.md"
     page.write_text(PAGE)
+    made = SimpleNamespace(rows=lambda data: f"{len(data['rows'])} rows", new=lambda: "new")
     table = {
-        "page/a-b": Block(("solver",), lambda data: f"{len(data['rows'])} rows", inline=True),
-        "page/c": Block((), lambda: "new"),
+        "page/a-b": Block(("solver",), "made.rows", inline=True),
+        "page/c": Block((), "made.new"),
     }
+    monkeypatch.setitem(sys.modules, "evidence.made", made)
     monkeypatch.setattr(blocks, "DOCS", tmp_path)
     monkeypatch.setattr("evidence.blocks.BLOCKS", table)
     monkeypatch.setattr("evidence.__main__.BLOCKS", table)
