@@ -268,16 +268,6 @@ def test_meshes_are_sound(family: str, kind: str, recipe_2_0: recipe.Recipe) -> 
         assert 0.4 < len(mesh.vertices) / 1500 < 2.5
 
 
-@pytest.mark.parametrize("family", CHARTED)
-def test_a_mesh_is_a_pure_function_of_its_parameters(family: str) -> None:
-    assert len(TRIANGULATIONS) == 3
-    for kind in TRIANGULATIONS:
-        parameters = drawn(family, triangulation=kind, vertices=500)
-        first, second = (FAMILIES[family].generate(parameters) for _ in range(2))
-        assert first.vertices.tobytes() == second.vertices.tobytes()
-        assert first.faces.tobytes() == second.faces.tobytes()
-
-
 @pytest.mark.parametrize("family", SOME)
 def test_kinds_and_seeds_give_different_meshes_of_one_shape(family: str) -> None:
     parameters = [drawn(family, triangulation=kind, vertices=6000) for kind in TRIANGULATIONS]

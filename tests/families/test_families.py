@@ -1,4 +1,5 @@
 import dataclasses
+import itertools
 import math
 from collections import Counter
 from typing import Any
@@ -9,7 +10,8 @@ import pytest
 from synthnet import recipe, spectrum
 from synthnet.build import filters
 from synthnet.errors import RecipeError
-from synthnet.families import FAMILIES, PRIMITIVES, primitives
+from synthnet.families import CHARTED, FAMILIES, PRIMITIVES, primitives
+from synthnet.families.charted import TRIANGULATIONS
 from synthnet.families.primitives import convex_hull
 from synthnet.mesh import geometry
 from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe, distributions
@@ -95,10 +97,16 @@ def test_meshes_are_sound(family: str, case: str | int, limits: FilterSettings) 
     assert facts.euler_characteristic == declared.euler_characteristic
 
 
-@pytest.mark.parametrize("case", ["least", 0])
-@pytest.mark.parametrize("family", PRIMITIVES)
-def test_a_mesh_is_a_pure_function_of_its_parameters(family: str, case: str | int) -> None:
-    parameters = parameters_of(family, case)
+@pytest.mark.parametrize(
+    ("family", "how"),
+    [*itertools.product(PRIMITIVES, ["least", 0]), *itertools.product(CHARTED, TRIANGULATIONS)],
+)
+def test_a_mesh_is_a_pure_function_of_its_parameters(family, how):
+    if family in PRIMITIVES:
+        parameters = parameters_of(family, how)
+    else:
+        drawn = draw_shape(recipe.load("2.1"), family, 0).parameters
+        parameters = {**drawn, "triangulation": how, "vertices": 500, "seed": 7}
     before = dict(parameters)
     first, second = (FAMILIES[family].generate(parameters) for _ in range(2))
     assert first.vertices.tobytes() == second.vertices.tobytes()
