@@ -19,7 +19,7 @@ def test_matrices_are_those_of_lapy(family):
             assert abs(matrix - theirs).max() <= 1e-12 * abs(theirs).max()
 
 
-def test_pairs_solve_the_equation_and_the_same_matrices_give_the_same_numbers() -> None:
+def test_pairs_solve_the_equation_and_the_same_matrices_give_the_same_numbers():
     mesh = drawn("cylinder")
     stiffness, mass = reference.matrices(mesh.vertices, mesh.faces)
     values, vectors = reference.eigenpairs(stiffness, mass, 5)
@@ -31,7 +31,7 @@ def test_pairs_solve_the_equation_and_the_same_matrices_give_the_same_numbers() 
     assert values.tobytes() == again.tobytes()
 
 
-def test_the_count_is_that_of_all_eigenvalues() -> None:
+def test_the_count_is_that_of_all_eigenvalues():
     mesh = drawn("tetrahedron")
     stiffness, mass = reference.matrices(mesh.vertices, mesh.faces)
     values = reference.all_eigenvalues(stiffness, mass)
@@ -45,7 +45,7 @@ def test_the_count_is_that_of_all_eigenvalues() -> None:
     assert reference.count_below(stiffness, mass, 2 * values[-1]) == n
 
 
-def test_a_zero_pivot_is_no_count() -> None:
+def test_a_zero_pivot_is_no_count():
     stiffness, mass = reference.matrices(np.eye(3), np.array([[0, 1, 2]]))
     zero = stiffness[0, 0] / mass[0, 0]  # makes the diagonal of A - sigma B vanish
     with pytest.raises(RuntimeError, match=r"a pivot of A - \S+ B is zero|singular"):
@@ -53,7 +53,7 @@ def test_a_zero_pivot_is_no_count() -> None:
 
 
 @pytest.mark.parametrize("family", [*list(PRIMITIVES)[::2], *list(CHARTED)[::6]])
-def test_the_fast_solver_finds_the_same(family: str) -> None:
+def test_the_fast_solver_finds_the_same(family):
     mesh = drawn(family)
     stiffness, mass = reference.matrices(mesh.vertices, mesh.faces)
     for ours, theirs in zip(spectrum.fem_matrices(mesh), (stiffness, mass), strict=True):

@@ -1,18 +1,13 @@
 """Tests of `synthnet verify` and of the pins: everything that was tampered with is found."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re
 import shutil
 import sys
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -21,14 +16,13 @@ from synthnet.commands import cli
 from synthnet.errors import MissingPackageError, RecipeError, StoreError
 from synthnet.recipe.plan import plan_shards
 from synthnet.store import pins, unpacked
-from synthnet.types import Mesh, Rejection, Sample, ShapeSpec
+from synthnet.types import Mesh, Rejection
 from synthnet.verify import checks, files, shapes
-from synthnet.verify.checks import VerifyReport, verify, verify_files
+from synthnet.verify.checks import verify, verify_files
 
 VERSION = "1.0-mini"
 FAMILY = "split_cone"  # small meshes
 SHARD = f"shards/{FAMILY}-0000.parquet"
-Failed = Callable[[], dict[str, list[str]]]
 EXAMINED = {
     "manifest": 1,
     "digests": 11,
@@ -44,23 +38,23 @@ EXAMINED = {
 
 
 @pytest.fixture(scope="session")
-def fixture_pins(mini_home: Path) -> dict[str, pins.Pin]:
+def fixture_pins(mini_home):
     """The pins of the fixture itself."""
     samples = store.open_dataset(VERSION, mini_home).samples()
     return {sample.spec.id: pins.pin(sample) for sample in samples}
 
 
 @pytest.fixture(scope="session")
-def known_meshes() -> dict[str, Mesh]:
+def known_meshes():
     return {}
 
 
 @pytest.fixture(autouse=True)
-def generate_each_mesh_once(known_meshes: dict[str, Mesh], monkeypatch: pytest.MonkeyPatch) -> None:
+def generate_each_mesh_once(known_meshes, monkeypatch):
     """Generating the meshes of 1.0-mini takes two seconds, and most tests here want them."""
     generate = shapes.generated_anew
 
-    def once(spec: ShapeSpec) -> Mesh:
+    def once(spec):
         key = json.dumps([spec.family, dict(spec.parameters)])
         if key not in known_meshes:
             known_meshes[key] = generate(spec)
@@ -70,19 +64,16 @@ def generate_each_mesh_once(known_meshes: dict[str, Mesh], monkeypatch: pytest.M
 
 
 @pytest.fixture(scope="session")
-def known_counts() -> dict[tuple[bytes, bytes, tuple[float, ...]], list[int]]:
+def known_counts():
     return {}
 
 
 @pytest.fixture(autouse=True)
-def count_each_mesh_once(
-    known_counts: dict[tuple[bytes, bytes, tuple[float, ...]], list[int]],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def count_each_mesh_once(known_counts, monkeypatch):
     """Counting the eigenvalues of all of 1.0-mini takes five seconds."""
     count = spectrum.count_below
 
-    def once(mesh: Mesh, *shifts: float) -> list[int]:
+    def once(mesh, *shifts):
         key = (mesh.vertices.tobytes(), mesh.faces.tobytes(), shifts)
         if key not in known_counts:
             known_counts[key] = count(mesh, *shifts)
@@ -92,17 +83,17 @@ def count_each_mesh_once(
 
 
 @pytest.fixture
-def pinned(fixture_pins: dict[str, pins.Pin], monkeypatch: pytest.MonkeyPatch) -> None:
+def pinned(fixture_pins, monkeypatch):
     """Let the repository pin the fixture, so that nothing but the tampering differs."""
     monkeypatch.setattr(pins, "read", lambda version: fixture_pins)
 
 
-def problems(report: VerifyReport) -> dict[str, tuple[str, ...]]:
+def problems(report):
     """The checks that found something."""
     return {check.name: check.problems for check in report.checks if check.problems}
 
 
-def tamper(home: Path, change: Callable[[list[Sample]], list[Sample]]) -> None:
+def tamper(home, change):
     """Rewrite a shard and its digest in the manifest, as someone who covers his tracks."""
     directory = home / VERSION
     manifest = store.open_dataset(VERSION, home).manifest
@@ -118,20 +109,20 @@ def tamper(home: Path, change: Callable[[list[Sample]], list[Sample]]) -> None:
     shutil.rmtree(directory / "limits", ignore_errors=True)  # they would tell: of another shard
 
 
-def alter_manifest(home: Path, of_shard: Mapping[str, Any] = {}, **changes: Any) -> None:
+def alter_manifest(home, of_shard=None, **changes):
     """Rewrite the manifest, with its digest, and what it says of the shard."""
     manifest = store.open_dataset(VERSION, home).manifest
     shards = tuple(
-        dataclasses.replace(s, **of_shard) if s.file == SHARD else s for s in manifest.shards
+        dataclasses.replace(s, **of_shard or {}) if s.file == SHARD else s for s in manifest.shards
     )
     manifest = dataclasses.replace(manifest, shards=shards, **changes)
     store.write_manifest(home / VERSION, manifest)
 
 
-def tamper_first(home: Path, change: Callable[[Sample], dict[str, Any]]) -> str:
+def tamper_first(home, change):
     """Tamper with the first sample of a shard, and return its id."""
 
-    def altered(samples: list[Sample]) -> list[Sample]:
+    def altered(samples):
         return [dataclasses.replace(samples[0], **change(samples[0])), *samples[1:]]
 
     tamper(home, altered)
@@ -139,10 +130,10 @@ def tamper_first(home: Path, change: Callable[[Sample], dict[str, Any]]) -> str:
 
 
 @pytest.fixture
-def failed(mini_copy: Path, pinned: None, run: Callable[..., tuple[int, str, str]]) -> Failed:
+def failed(mini_copy, pinned, run):
     """Return a function that verifies the copy, which must fail: what the checks have found."""
 
-    def verified() -> dict[str, list[str]]:
+    def verified():
         where = ["--version", VERSION, "--out", mini_copy]
         code, out, _ = run("verify", *where, "--sample", 0, "--json")
         printed = json.loads(out)
@@ -155,8 +146,8 @@ def failed(mini_copy: Path, pinned: None, run: Callable[..., tuple[int, str, str
 # The fixture as it is
 
 
-def test_fresh_build_passes_every_check(mini_home: Path) -> None:
-    counted: list[tuple[int, int]] = []
+def test_fresh_build_passes_every_check(mini_home):
+    counted = []
     report = verify(
         VERSION, root=mini_home, sample=12, on_shard=lambda done, of: counted.append((done, of))
     )
@@ -166,9 +157,7 @@ def test_fresh_build_passes_every_check(mini_home: Path) -> None:
     assert report.directory == mini_home / VERSION
 
 
-def test_every_check_is_explained_on_the_command_line(
-    mini_home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_check_is_explained_on_the_command_line(mini_home, capsys):
     assert list(checks.CHECKS) == [*EXAMINED]
     cli.main(["verify", "--version", VERSION, "--out", str(mini_home), "--sample", "0"])
     printed = capsys.readouterr().out
@@ -176,10 +165,10 @@ def test_every_check_is_explained_on_the_command_line(
 
 
 @pytest.mark.slow
-def test_sample_is_drawn_by_its_seed(mini_home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[int] = []
+def test_sample_is_drawn_by_its_seed(mini_home, monkeypatch):
+    seen = []
 
-    def count(mesh: Mesh, k: int) -> np.ndarray[Any, Any]:
+    def count(mesh, k):
         seen.append(len(mesh.vertices))
         return np.ones(k)
 
@@ -199,14 +188,14 @@ def test_sample_is_drawn_by_its_seed(mini_home: Path, monkeypatch: pytest.Monkey
     assert sum("LaPy has" in problem for problem in messages) > 300  # ones are below most shifts
 
 
-def test_version_that_is_not_built_says_so(tmp_path: Path) -> None:
+def test_version_that_is_not_built_says_so(tmp_path):
     with pytest.raises(StoreError, match="no finished dataset in"):
         verify(VERSION, root=tmp_path)
     with pytest.raises(RecipeError, match="unknown version '3'"):
         verify("3", root=tmp_path)
 
 
-def test_manifest_of_another_version_than_its_recipe_is_found(mini_home: Path) -> None:
+def test_manifest_of_another_version_than_its_recipe_is_found(mini_home):
     manifest = store.open_dataset(VERSION, mini_home).manifest
     assert [*files.check_manifest(manifest, recipe.load(VERSION))] == []
     other = dataclasses.replace(manifest, version="1.0-mini-sealed-0123456789ab")
@@ -214,18 +203,14 @@ def test_manifest_of_another_version_than_its_recipe_is_found(mini_home: Path) -
     assert problem == f"manifest: of {other.version}, its recipe of {VERSION}"
 
 
-def test_a_missing_lapy_is_said_before_anything_is_read(
-    mini_home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_lapy_is_said_before_anything_is_read(mini_home, monkeypatch):
     monkeypatch.setitem(sys.modules, "lapy", None)
     monkeypatch.setattr(checks, "_verify_drawn", None)
     with pytest.raises(MissingPackageError, match=r"^checking labels needs LaPy"):
         verify(VERSION, root=mini_home)
 
 
-def test_version_without_pins_is_not_verified(
-    failed: Failed, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_version_without_pins_is_not_verified(failed, monkeypatch):
     monkeypatch.setattr(pins, "read", lambda version: None)
     assert failed() == {"pins": ["the repository pins nothing for 1.0"]}
 
@@ -233,7 +218,7 @@ def test_version_without_pins_is_not_verified(
 # Tampering that leaves traces in the files
 
 
-def test_altered_byte_is_found(mini_copy: Path, failed: Failed) -> None:
+def test_altered_byte_is_found(mini_copy, failed):
     path = mini_copy / VERSION / SHARD
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
@@ -245,7 +230,7 @@ def test_altered_byte_is_found(mini_copy: Path, failed: Failed) -> None:
     assert "manifest" not in failures
 
 
-def test_altered_footer_is_found(mini_copy: Path, failed: Failed) -> None:
+def test_altered_footer_is_found(mini_copy, failed):
     path = mini_copy / VERSION / SHARD
     content = path.read_bytes()
     assert b"parquet-cpp-arrow" in content
@@ -253,13 +238,13 @@ def test_altered_footer_is_found(mini_copy: Path, failed: Failed) -> None:
     assert list(failed()) == ["digests"]
 
 
-def test_truncated_shard_is_found(mini_copy: Path, failed: Failed) -> None:
+def test_truncated_shard_is_found(mini_copy, failed):
     path = mini_copy / VERSION / SHARD
     path.write_bytes(path.read_bytes()[:-1])
     assert list(failed()) == ["digests", "shards", "recipe", "pins"]
 
 
-def test_removed_shard_is_found(mini_copy: Path, failed: Failed) -> None:
+def test_removed_shard_is_found(mini_copy, failed):
     (mini_copy / VERSION / SHARD).unlink()
     failures = failed()
     assert failures["digests"] == [f"{SHARD}: missing"]
@@ -271,7 +256,7 @@ def test_removed_shard_is_found(mini_copy: Path, failed: Failed) -> None:
 
 
 @pytest.mark.usefixtures("pinned")
-def test_tampering_with_nothing_changes_nothing(mini_home: Path, mini_copy: Path) -> None:
+def test_tampering_with_nothing_changes_nothing(mini_home, mini_copy):
     tamper(mini_copy, lambda samples: samples)
     for name in (SHARD, "manifest.json"):
         assert (mini_copy / VERSION / name).read_bytes() == (
@@ -422,9 +407,7 @@ def test_tampering_with_a_sample_is_found(what, mini_copy, failed):
 
 
 @pytest.mark.usefixtures("pinned")
-def test_altered_eigenvalue_is_found_by_the_labels(
-    mini_copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_altered_eigenvalue_is_found_by_the_labels(mini_copy, monkeypatch):
     too_little_for_the_pins = eigenvalues(lambda e: e * (1 + 1e-7 * only(e, 3)))
     id = tamper_first(mini_copy, too_little_for_the_pins)
     monkeypatch.setattr(checks, "_choose", lambda *_: {id})
@@ -433,7 +416,7 @@ def test_altered_eigenvalue_is_found_by_the_labels(
     assert {c.name: c.examined for c in report.checks}["labels"] == 1
 
 
-def test_foreign_shape_is_found(mini_copy: Path, failed: Failed) -> None:
+def test_foreign_shape_is_found(mini_copy, failed):
     taken = {s.spec.id for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes}
     foreign = next(id for i in range(999) if (id := f"{FAMILY}-{i:05d}") not in taken)
     first = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
@@ -450,7 +433,7 @@ def test_foreign_shape_is_found(mini_copy: Path, failed: Failed) -> None:
     }
 
 
-def test_dropped_row_is_found(mini_copy: Path, failed: Failed) -> None:
+def test_dropped_row_is_found(mini_copy, failed):
     dropped = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
     tamper(mini_copy, lambda samples: samples[1:])
     failures = failed()
@@ -460,13 +443,13 @@ def test_dropped_row_is_found(mini_copy: Path, failed: Failed) -> None:
     assert failures["recipe"] == [f"{dropped}: neither stored nor rejected"]
 
 
-def test_repeated_row_is_found(mini_copy: Path, failed: Failed) -> None:
+def test_repeated_row_is_found(mini_copy, failed):
     lost = list(store.read_samples(mini_copy / VERSION / SHARD))[-1].spec.id
     tamper(mini_copy, lambda samples: [samples[0], *samples[:-1]])
     assert failed()["recipe"] == [f"{lost}: neither stored nor rejected"]
 
 
-def test_row_dropped_as_if_it_had_been_rejected_is_found(mini_copy: Path, failed: Failed) -> None:
+def test_row_dropped_as_if_it_had_been_rejected_is_found(mini_copy, failed):
     dropped = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
     tamper(mini_copy, lambda samples: samples[1:])
     made_up = Rejection(dropped, FAMILY, "residual", "made up")
@@ -479,7 +462,7 @@ def test_row_dropped_as_if_it_had_been_rejected_is_found(mini_copy: Path, failed
 
 
 @pytest.mark.parametrize("what", ["rows", "vertices", "faces"])
-def test_altered_count_of_a_shard_is_found(what: str, mini_copy: Path, failed: Failed) -> None:
+def test_altered_count_of_a_shard_is_found(what, mini_copy, failed):
     manifest = store.open_dataset(VERSION, mini_copy).manifest
     (true,) = (getattr(s, what) for s in manifest.shards if s.file == SHARD)
     alter_manifest(mini_copy, {what: true + 1})
@@ -489,7 +472,7 @@ def test_altered_count_of_a_shard_is_found(what: str, mini_copy: Path, failed: F
     assert ("manifest" in failures) == (what == "rows")
 
 
-def test_altered_count_of_a_family_is_found(mini_copy: Path, failed: Failed) -> None:
+def test_altered_count_of_a_family_is_found(mini_copy, failed):
     drawn = store.open_dataset(VERSION, mini_copy).manifest.drawn
     alter_manifest(mini_copy, drawn={**drawn, FAMILY: 21})
     assert failed() == {
@@ -499,15 +482,13 @@ def test_altered_count_of_a_family_is_found(mini_copy: Path, failed: Failed) -> 
     }
 
 
-def test_altered_recipe_digest_is_found(mini_copy: Path, failed: Failed) -> None:
+def test_altered_recipe_digest_is_found(mini_copy, failed):
     alter_manifest(mini_copy, recipe_digest="0" * 64)
     assert failed() == {"manifest": ["manifest: made from another recipe than this release's"]}
 
 
 @pytest.mark.usefixtures("pinned")
-def test_command_lists_what_differs_up_to_a_limit(
-    mini_copy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_command_lists_what_differs_up_to_a_limit(mini_copy, capsys):
     tamper(mini_copy, lambda samples: samples[8:])
     arguments = ["verify", "--version", VERSION, "--out", str(mini_copy), "--sample", "0"]
     assert cli.main([*arguments, "--limit", "3"]) == 1
@@ -522,7 +503,7 @@ def test_command_lists_what_differs_up_to_a_limit(
 # Pins
 
 
-def test_pins_come_back(fixture_pins: dict[str, pins.Pin], tmp_path: Path) -> None:
+def test_pins_come_back(fixture_pins, tmp_path):
     path = tmp_path / "9.9.lock.parquet"
     pins.write(path, fixture_pins.values())
     before = path.read_bytes()
@@ -537,7 +518,7 @@ def test_pins_come_back(fixture_pins: dict[str, pins.Pin], tmp_path: Path) -> No
     assert path.read_bytes() == before
 
 
-def _read_pins(path: Path) -> dict[str, pins.Pin]:
+def _read_pins(path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pins.resources, "files", lambda package: path.parent)
         stored = pins.read(path.name.removesuffix(".lock.parquet"))
@@ -545,11 +526,11 @@ def _read_pins(path: Path) -> dict[str, pins.Pin]:
     return stored
 
 
-def test_pins_are_read_by_path(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pins_are_read_by_path(monkeypatch):
     # Reading an open Python file aborted one process in ten as it ended, see shipped_table.
-    sources: list[object] = []
+    sources = []
 
-    def read_table(source: object) -> pa.Table:
+    def read_table(source):
         sources.append(source)
         return pq_read_table(source)
 
@@ -560,11 +541,11 @@ def test_pins_are_read_by_path(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [type(source) for source in sources] == [type(Path())] * 2
 
 
-def test_version_without_a_lock_has_no_pins() -> None:
+def test_version_without_a_lock_has_no_pins():
     assert pins.read("no such version") is None
 
 
-def test_repository_pins_what_is_built(fixture_pins: dict[str, pins.Pin]) -> None:
+def test_repository_pins_what_is_built(fixture_pins):
     pinned = pins.read("1.0")
     assert pinned is not None
     drawn = [s.spec.id for plan in plan_shards(recipe.load("1.0")) for s in plan.shapes]
@@ -575,15 +556,13 @@ def test_repository_pins_what_is_built(fixture_pins: dict[str, pins.Pin]) -> Non
 
 
 @pytest.fixture
-def pin(tiny_samples: dict[str, list[Sample]]) -> pins.Pin:
+def pin(tiny_samples):
     return pins.pin(tiny_samples["torus"][0])
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("which", [0, 9])
-def test_eigenvalues_are_compared_within_the_tolerance(
-    pin: pins.Pin, which: int, sign: int
-) -> None:
+def test_eigenvalues_are_compared_within_the_tolerance(pin, which, sign):
     for factor, expected in ((0.9, []), (1.1, ["eigenvalues differ by 1.1e-06 relative"])):
         change = 1 + sign * factor * pins.TOLERANCE * (np.arange(10) == which)
         changed = dataclasses.replace(pin, eigenvalues=pin.eigenvalues * change)
@@ -592,7 +571,7 @@ def test_eigenvalues_are_compared_within_the_tolerance(
 
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("which", range(6))
-def test_moments_are_compared_within_the_tolerance(pin: pins.Pin, which: int, sign: int) -> None:
+def test_moments_are_compared_within_the_tolerance(pin, which, sign):
     size = np.sqrt(pin.moments[3:].sum())  # root mean square distance from the origin
     unit = size if which < 3 else size**2
     for factor, expected in ((0.9, []), (1.1, ["vertices differ by 1.1e-06 of their size"])):
@@ -601,7 +580,7 @@ def test_moments_are_compared_within_the_tolerance(pin: pins.Pin, which: int, si
         assert [d.split(",")[0] for d in pins.differences(changed, pin)] == expected
 
 
-def test_moments_by_hand(tiny_samples: dict[str, list[Sample]]) -> None:
+def test_moments_by_hand(tiny_samples):
     vertices = np.array([[2, 0, 0], [0, 4, 0], [0, 0, -1]], np.float32)
     mesh = Mesh(vertices, np.array([[0, 1, 2]], np.int32))
     sample = dataclasses.replace(tiny_samples["torus"][0], mesh=mesh)
@@ -611,7 +590,7 @@ def test_moments_by_hand(tiny_samples: dict[str, list[Sample]]) -> None:
     np.testing.assert_allclose(pins.moments(sample), expected, rtol=1e-14)
 
 
-def test_digest_is_of_all_that_is_exact(tiny_samples: dict[str, list[Sample]]) -> None:
+def test_digest_is_of_all_that_is_exact(tiny_samples):
     sample = tiny_samples["torus"][0]
     spec, mesh = sample.spec, sample.mesh
     same = [
@@ -633,7 +612,7 @@ def test_digest_is_of_all_that_is_exact(tiny_samples: dict[str, list[Sample]]) -
     assert len({pins.digest(sample), *digests}) == 1 + len(other)
 
 
-def test_what_was_unpacked_is_verified_to_the_last_byte(mini_copy: Path) -> None:
+def test_what_was_unpacked_is_verified_to_the_last_byte(mini_copy):
     dataset = store.open_dataset(VERSION, mini_copy)
     where = unpacked.folder(dataset) / "any"
     where.mkdir(parents=True)
@@ -641,7 +620,7 @@ def test_what_was_unpacked_is_verified_to_the_last_byte(mini_copy: Path) -> None
         (where / name).write_bytes(name.encode())
     unpacked.write_contents(where, dataset, by_item=(".bin",))
 
-    def checked() -> tuple[int, tuple[str, ...]]:
+    def checked():
         (check,) = (c for c in verify_files(VERSION, root=mini_copy).checks if c.name == "unpacked")
         return check.examined, check.problems
 

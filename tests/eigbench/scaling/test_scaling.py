@@ -25,7 +25,6 @@ from synthnet.mesh import geometry
 
 ONE = {"ellipsoid": surfaces.SURFACES["ellipsoid"]}
 TWO = {**ONE, "open_cylinder": surfaces.SURFACES["open_cylinder"]}
-HERE = "this machine"
 
 EIGHTY = """
 import numpy as np
@@ -325,7 +324,7 @@ def rows(made):
     ]
 
 
-def page_of(rows) -> str:
+def page_of(rows):
     return scaling_page.section(rows)[1][scaling_page.PAGE]
 
 
