@@ -6,41 +6,14 @@ function of files of docs/data, so it can be checked without measuring anything 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 from eigbench.board.marks import marked
 
-from evidence import (
-    DOCS,
-    ROOT,
-    build_memory,
-    card,
-    concepts,
-    faults,
-    flaws,
-    folds,
-    growth,
-    harness_overhead,
-    installation,
-    limits,
-    missed,
-    multilevel,
-    numbers,
-    operators,
-    packages,
-    parts,
-    peers,
-    points,
-    ratios,
-    real_sets,
-    ritz_mlp,
-    shapes,
-    solver,
-    start,
-    thin_meshes,
-)
+from evidence import DOCS, ROOT, numbers
 from synthnet.store.files import write_text
 
 
@@ -53,77 +26,77 @@ class Block:
     data
         Names of files of docs/data, without their suffix.
     render
-        Makes the Markdown from the contents of these files.
+        The module and the function that make the Markdown from the contents of these files.
     inline
         Whether the block stands within a paragraph.
     """
 
     data: tuple[str, ...]
-    render: Callable[..., str]
+    render: str
     inline: bool = False
 
     def text(self) -> str:
         """Return what stands between the marks."""
-        text = self.render(*map(numbers.read, self.data))
+        module, _, function = self.render.partition(".")
+        render = getattr(import_module(f"evidence.{module}"), function)
+        text = render(*map(numbers.read, self.data))
         return text if self.inline else f"\n{text}\n"
 
 
+CARDS = {"1.0": "dataset-card", "2.0": "dataset-card-2.0", "2.1": "dataset-card-2.1"}
+OF_EVERY_CARD = {
+    "composition": ("build", "card.composition"),
+    "parameters": ("shapes", "shapes.parameter_table"),
+    "sizes": ("shapes", "shapes.size_table"),
+    "rejections": ("shapes", "shapes.rejections"),
+    "splits": ("shapes", "shapes.split_table"),
+}
 # The key is the page in docs/ and the name in its marks.
 BLOCKS = {
-    "cite/entries": Block(("build-1.0", "build-2.0", "build-2.1"), card.citations),
-    "clusters/million": Block(("build-1.0",), card.many_meshes),
-    "clusters/memory": Block(("build-memory",), build_memory.table),
-    "concepts/surfaces": Block(("surfaces",), card.surfaces),
-    "concepts/weyl": Block(("concepts",), concepts.weyl_caption),
-    "concepts/drums": Block(("concepts",), concepts.drums_caption),
-    "concepts/mesh-error": Block(("concepts",), concepts.errors_caption),
-    "dataset-card/composition": Block(("build-1.0",), card.composition),
-    "dataset-card/parameters": Block(("shapes-1.0",), shapes.parameter_table),
-    "dataset-card/sizes": Block(("shapes-1.0",), shapes.size_table),
-    "dataset-card/rejections": Block(("shapes-1.0",), shapes.rejections),
-    "dataset-card/splits": Block(("shapes-1.0",), shapes.split_table),
-    "dataset-card/split-cones": Block(("flaws-1.0",), flaws.split_cones, inline=True),
-    "dataset-card/inverted-cones": Block(("flaws-1.0",), flaws.inverted_cones, inline=True),
-    "dataset-card/cost": Block(("build-cost", "build-full", "loading-1.0"), card.cost),
-    "dataset-card-2.0/composition": Block(("build-2.0",), card.composition),
-    "dataset-card-2.0/parameters": Block(("shapes-2.0",), shapes.parameter_table),
-    "dataset-card-2.0/sizes": Block(("shapes-2.0",), shapes.size_table),
-    "dataset-card-2.0/rejections": Block(("shapes-2.0",), shapes.rejections),
-    "dataset-card-2.0/splits": Block(("shapes-2.0",), shapes.split_table),
-    "dataset-card-2.1/composition": Block(("build-2.1",), card.composition),
-    "dataset-card-2.1/parameters": Block(("shapes-2.1",), shapes.parameter_table),
-    "dataset-card-2.1/sizes": Block(("shapes-2.1",), shapes.size_table),
-    "dataset-card-2.1/rejections": Block(("shapes-2.1",), shapes.rejections),
-    "dataset-card-2.1/splits": Block(("shapes-2.1",), shapes.split_table),
-    "dataset-card-2.1/real": Block((), real_sets.more_families),
-    "dataset-card-2.0/folds": Block(("folds-2.0",), folds.table),
-    "faults/claim": Block(("faults",), faults.claim, inline=True),
-    "faults/faults": Block(("faults",), faults.table),
-    "import/packages": Block(("packages",), packages.table),
-    "import/labelled": Block(("packages",), packages.claim, inline=True),
-    "import/real-sets": Block((), real_sets.table),
-    "labels/solver-claim": Block(("solver",), solver.claim, inline=True),
-    "labels/solver": Block(("solver",), solver.table),
-    "labels/start": Block(("start",), start.claim, inline=True),
-    "labels/growth": Block(("growth",), growth.table),
-    "labels/limits": Block(("limits-1.0", "limits-2.0"), limits.table),
-    "labels/failing": Block(("limits-1.0", "limits-2.0"), limits.failing_labels),
-    "learned/ablation": Block(("ritz-mlp",), ritz_mlp.variants_table),
-    "learned/left-out": Block(("ritz-mlp",), ritz_mlp.left_out_table),
-    "learned/points": Block((), points.table),
-    "real-shapes/ablation": Block(("multilevel",), multilevel.variants),
-    "real-shapes/parts": Block(("parts",), parts.table),
-    "real-shapes/thin": Block(("thin-meshes",), thin_meshes.table),
-    "real-shapes/large": Block(("multilevel",), multilevel.large_meshes),
-    "start/full-runs": Block(("build-1.0", "build-2.0"), card.full_runs),
-    "spectrum/peers": Block(("peers",), peers.table),
-    "spectrum/missed": Block(("missed",), missed.table),
-    "spectrum/peers-long": Block(("peers",), peers.long, inline=True),
-    "spectrum/peers-claim": Block(("peers",), peers.claim, inline=True),
-    "spectrum/operators": Block(("operators",), operators.table),
-    "submit/ratios": Block(("ratios",), ratios.table),
-    "README/installation": Block(("installation",), installation.sizes, inline=True),
-    "submit/overhead": Block(("harness-overhead",), harness_overhead.table),
+    "cite/entries": Block(("build-1.0", "build-2.0", "build-2.1"), "card.citations"),
+    "clusters/million": Block(("build-1.0",), "card.many_meshes"),
+    "clusters/memory": Block(("build-memory",), "build_memory.table"),
+    "concepts/surfaces": Block(("surfaces",), "card.surfaces"),
+    "concepts/weyl": Block(("concepts",), "concepts.weyl_caption"),
+    "concepts/drums": Block(("concepts",), "concepts.drums_caption"),
+    "concepts/mesh-error": Block(("concepts",), "concepts.errors_caption"),
+    **{
+        f"{page}/{name}": Block((f"{data}-{version}",), render)
+        for version, page in CARDS.items()
+        for name, (data, render) in OF_EVERY_CARD.items()
+    },
+    "dataset-card/split-cones": Block(("flaws-1.0",), "flaws.split_cones", inline=True),
+    "dataset-card/inverted-cones": Block(("flaws-1.0",), "flaws.inverted_cones", inline=True),
+    "dataset-card/cost": Block(("build-cost", "build-full", "loading-1.0"), "card.cost"),
+    "dataset-card-2.1/real": Block((), "real_sets.more_families"),
+    "dataset-card-2.0/folds": Block(("folds-2.0",), "folds.table"),
+    "faults/claim": Block(("faults",), "faults.claim", inline=True),
+    "faults/faults": Block(("faults",), "faults.table"),
+    "import/packages": Block(("packages",), "packages.table"),
+    "import/labelled": Block(("packages",), "packages.claim", inline=True),
+    "import/real-sets": Block((), "real_sets.table"),
+    "labels/solver-claim": Block(("solver",), "solver.claim", inline=True),
+    "labels/solver": Block(("solver",), "solver.table"),
+    "labels/start": Block(("start",), "start.claim", inline=True),
+    "labels/growth": Block(("growth",), "growth.table"),
+    "labels/limits": Block(("limits-1.0", "limits-2.0"), "limits.table"),
+    "labels/failing": Block(("limits-1.0", "limits-2.0"), "limits.failing_labels"),
+    "learned/ablation": Block(("ritz-mlp",), "ritz_mlp.variants_table"),
+    "learned/left-out": Block(("ritz-mlp",), "ritz_mlp.left_out_table"),
+    "learned/points": Block((), "points.table"),
+    "real-shapes/ablation": Block(("multilevel",), "multilevel.variants"),
+    "real-shapes/parts": Block(("parts",), "parts.table"),
+    "real-shapes/thin": Block(("thin-meshes",), "thin_meshes.table"),
+    "real-shapes/large": Block(("multilevel",), "multilevel.large_meshes"),
+    "start/full-runs": Block(("build-1.0", "build-2.0"), "card.full_runs"),
+    "spectrum/peers": Block(("peers",), "peers.table"),
+    "spectrum/missed": Block(("missed",), "missed.table"),
+    "spectrum/peers-long": Block(("peers",), "peers.long", inline=True),
+    "spectrum/peers-claim": Block(("peers",), "peers.claim", inline=True),
+    "spectrum/operators": Block(("operators",), "operators.table"),
+    "submit/ratios": Block(("ratios",), "ratios.table"),
+    "README/installation": Block(("installation",), "installation.sizes", inline=True),
+    "submit/overhead": Block(("harness-overhead",), "harness_overhead.table"),
 }
 PAGE = "reproduction"  # a page that is generated as a whole, with its pictures
 # Blocks that another command writes.

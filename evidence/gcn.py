@@ -111,16 +111,15 @@ def sides(
 
 
 def plain_graph(mesh: Mesh) -> object:
-    """Return a mesh as PyTorch Geometric has it, encoded by the transforms."""
+    """Return a mesh as PyTorch Geometric has it, encoded without a trick."""
     import torch
     from torch_geometric.data import Data
 
-    from baselines.gcn.encodings import encoding
+    from baselines.gcn.plain import encode
 
     pos = torch.from_numpy(mesh.vertices.astype(np.float64))
     face = torch.from_numpy(mesh.faces.T.astype(np.int64))
-    encoded = encoding(ENCODING)(Data(pos=pos, face=face))
-    return Data(x=encoded.x, edge_index=encoded.edge_index, edge_weight=encoded.edge_weight)
+    return encode(Data(pos=pos, face=face), virtual_node=False)
 
 
 def row(task: str, dtype: torch.dtype, peer: Callable, ours: Callable, rounds: int) -> dict:

@@ -19,12 +19,14 @@ import numpy as np
 import threadpoolctl
 
 from evidence import DOCS, markdown
+from evidence.concepts import as_svg, figure_on_nothing
 from evidence.timing import in_new_process, peak_mb, progress
 from synthnet import spectrum
 from synthnet.families import FAMILIES
 from synthnet.pictures.palette import BLUE
 from synthnet.processes import THREADS
 from synthnet.spectrum.ordering import LARGE
+from synthnet.store.files import write_text
 from synthnet.types import Mesh
 
 if TYPE_CHECKING:
@@ -148,21 +150,15 @@ def draw(data: dict) -> None:
 
 @contextmanager
 def drawn(name: str) -> Iterator[Figure]:
-    """Give a figure, and write it to docs/ at the end; the same numbers give the same bytes."""
-    import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    matplotlib.rcParams["svg.hashsalt"] = "synthnet"
-    figure = Figure(figsize=(9, 3.8), layout="constrained")
-    FigureCanvasSVG(figure)
-    yield figure
-    figure.savefig(DOCS / name, metadata={"Date": None, "Creator": None})
+    """Give a figure, and write it to docs/ at the end."""
+    with figure_on_nothing(3.8) as figure:
+        figure.set_layout_engine("constrained")
+        yield figure
+        write_text(DOCS / name, as_svg(figure))
 
 
 def label_axes(axes: Axes, x: str, y: str) -> None:
-    """Name logarithmic axes, with a grid and without a frame."""
+    """Name logarithmic axes, with a grid."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     axes.grid(True, which="both", alpha=0.2)
-    axes.spines[["top", "right"]].set_visible(False)

@@ -21,33 +21,19 @@ from synthnet.types import PROTOCOLS
 VERSION = "1.0"
 
 
-class Nearest:
-    """The spectrum of the training shape with the nearest numbers."""
-
-    name = "Nearest training shape"
-
-    def __init__(self, numbers: np.ndarray, targets: np.ndarray) -> None:
-        self.scale = numbers.std(axis=0)
-        self.tree, self.targets = cKDTree(numbers / self.scale), targets
-
-    def __call__(self, numbers: np.ndarray) -> np.ndarray:
-        """Return log(λ · area) of each shape."""
-        return self.targets[self.tree.query(numbers / self.scale)[1]]
+def nearest(numbers: np.ndarray, targets: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """Return the log(λ · area) of the training shape with the nearest numbers."""
+    scale = numbers.std(axis=0)
+    return targets[cKDTree(numbers / scale).query(asked / scale)[1]]
 
 
-class Trees:
-    """The ensembles of baselines/boosted_trees.py."""
+def trees(numbers: np.ndarray, targets: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """Return log(λ · area) by the ensembles of baselines/boosted_trees.py."""
+    ensembles = baseline("boosted_trees").Trees(numbers, targets, seed=0).ensembles
+    return np.sort(np.stack([one.predict(asked) for one in ensembles], axis=1), axis=1)
 
-    name = "Boosted trees"
 
-    def __init__(self, numbers: np.ndarray, targets: np.ndarray) -> None:
-        trees = baseline("boosted_trees").Trees(numbers, targets, seed=0)
-        self.ensembles = trees.ensembles
-
-    def __call__(self, numbers: np.ndarray) -> np.ndarray:
-        """Return log(λ · area) of each shape."""
-        values = [ensemble.predict(numbers) for ensemble in self.ensembles]
-        return np.sort(np.stack(values, axis=1), axis=1)
+PREDICTORS = {"Nearest training shape": nearest, "Boosted trees": trees}
 
 
 def measure() -> dict:
@@ -64,18 +50,18 @@ def measure() -> dict:
         splits.append({"grouped": (sample.split,) * copies, "paper": sample.paper_splits})
     area, features, label = np.array(areas)[:, None], np.array(numbers), np.array(labels)
     rows = []
-    for kind in (Nearest, Trees):
+    for name, predict in PREDICTORS.items():
         for protocol in PROTOCOLS:
             train = np.array(["train" in instances[protocol] for instances in splits])
             tests = np.array([instances[protocol].count("test") for instances in splits])
             shapes, weights = np.flatnonzero(tests), tests[tests > 0] / tests.sum()
-            predict = kind(features[train], np.log(label * area)[train])
-            predicted = np.exp(predict(features[shapes])) / area[shapes]
+            known = features[train], np.log(label * area)[train]
+            predicted = np.exp(predict(*known, features[shapes])) / area[shapes]
             psnr20 = metrics.psnr_above_20(predicted, label[shapes])
             rpd = metrics.relative_percent_difference(predicted, label[shapes])
             rows.append(
                 {
-                    "predictor": kind.name,
+                    "predictor": name,
                     "protocol": protocol,
                     "instances": int(tests.sum()),
                     "seen": round(float(weights @ train[shapes]), 6),

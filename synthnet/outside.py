@@ -140,18 +140,18 @@ def check_way(path: Path, below: Path) -> None:
             raise OutsideError(f"{part} is a symbolic link: put a folder there, or remove it")
 
 
-def read_json(path: Path, *, most: int = MOST_JSON, below: Path | None = None) -> Any:
+def read_json(path: Path, *, below: Path | None = None) -> Any:
     """Return what a file of JSON holds, as :func:`parsed` reads it."""
-    content = read(path, most=most, below=below)
+    content = read(path, most=MOST_JSON, below=below)
     try:
         return parsed(content)
     except OutsideError as error:
         raise OutsideError(f"{path} cannot be read: {error}") from error
 
 
-def read_line(path: Path, *, most: int = MOST_TEXT, below: Path | None = None) -> str:
+def read_line(path: Path, *, below: Path | None = None) -> str:
     """Return a text on one line: its words, a space between them."""
-    content = read(path, most=most, below=below)
+    content = read(path, most=MOST_TEXT, below=below)
     try:
         text = " ".join(content.decode("utf-8").split())
     except UnicodeDecodeError as error:

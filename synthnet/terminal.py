@@ -1,8 +1,9 @@
-"""What both command lines share: parser, shell completion, errors, exit code, progress bars."""
+"""What both command lines share: parser, completion, errors, exit code, answers, progress."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 import traceback
@@ -174,6 +175,16 @@ def _line(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"
     return str(error)
+
+
+def print_json(value: Any) -> None:
+    """Print a value as the commands' ``--json`` does."""
+    sys.stdout.write(json.dumps(value, indent=1) + "\n")
+
+
+def print_answer(options: argparse.Namespace, value: Any, text: str) -> None:
+    """Print what a command answers: a value with ``--json``, else text."""
+    sys.stdout.write((json.dumps(value, indent=1) if options.json else text) + "\n")
 
 
 class Rate(ProgressColumn):

@@ -1,13 +1,10 @@
-from __future__ import annotations
-
 import dataclasses
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import filelock
 import hypothesis
@@ -17,10 +14,10 @@ import synthnet
 from synthnet import kernels, recipe
 from synthnet.build.label import make_sample
 from synthnet.commands import cli
-from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe, plan, splits
+from synthnet.recipe import FamilyRecipe, Recipe, plan, splits
 from synthnet.recipe.drawing import draw_shapes
 from synthnet.store import files
-from synthnet.types import Sample, ShapeSpec
+from synthnet.types import Sample
 from synthnet.verify import seal
 
 hypothesis.settings.register_profile("synthnet", derandomize=True, deadline=None)
@@ -34,36 +31,36 @@ os.environ[kernels.SAID] = ""  # tests compare what commands print, whatever the
 
 
 @pytest.fixture(scope="session")
-def recipe_1_0() -> Recipe:
+def recipe_1_0():
     return recipe.load("1.0")
 
 
 @pytest.fixture(scope="session")
-def limits(recipe_1_0: Recipe) -> FilterSettings:
+def limits(recipe_1_0):
     return recipe_1_0.filters
 
 
 @pytest.fixture(scope="session")
-def specs(recipe_1_0: Recipe) -> list[ShapeSpec]:
+def specs(recipe_1_0):
     return draw_shapes(recipe_1_0)
 
 
 @pytest.fixture(scope="session", autouse=True)
-def recipes_are_drawn_once() -> Iterator[None]:
+def recipes_are_drawn_once():
     """Let a plan take the shapes of a recipe, and their splits, that this process has drawn.
 
     Drawing the 16,550 shapes of 1.0 takes seconds, and every verification does it.
     """
-    drawn: dict[str, list[ShapeSpec]] = {}
-    split: dict[tuple[str, str], Any] = {}
+    drawn = {}
+    split = {}
     paper = splits.paper
 
-    def draw_once(version: Recipe) -> list[ShapeSpec]:
+    def draw_once(version):
         if version.digest not in drawn:
             drawn[version.digest] = draw_shapes(version)
         return drawn[version.digest]
 
-    def split_once(specs: list[ShapeSpec], *settings: object) -> Any:
+    def split_once(specs, *settings):
         digest = next((digest for digest, known in drawn.items() if known is specs), None)
         if digest is None:
             return paper(specs, *settings)
@@ -83,22 +80,22 @@ def recipes_are_drawn_once() -> Iterator[None]:
 # --- a built dataset, the command line and processes (store, build, verify, cli, hf) --
 
 
-def _environment(**more: str) -> dict[str, str]:
+def _environment(**more):
     path = [str(Path(synthnet.__file__).parent.parent), os.environ.get("PYTHONPATH", "")]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, path)), **more}
 
 
 @pytest.fixture(scope="session")
-def environment() -> dict[str, str]:
+def environment():
     """Environment in which `python -m synthnet` is this very checkout."""
     return _environment()
 
 
 @pytest.fixture(scope="session")
-def command() -> Callable[..., subprocess.CompletedProcess[str]]:
+def command():
     """Return a function that runs `python -m synthnet` to its end in a new process."""
 
-    def run(*arguments: object, **more: str) -> subprocess.CompletedProcess[str]:
+    def run(*arguments, **more):
         return subprocess.run(
             [sys.executable, "-m", "synthnet", *map(str, arguments)],
             env=_environment(**more),
@@ -111,9 +108,7 @@ def command() -> Callable[..., subprocess.CompletedProcess[str]]:
 
 
 @pytest.fixture(scope="session")
-def build(
-    command: Callable[..., subprocess.CompletedProcess[str]],
-) -> Callable[[str, Path], None]:
+def build(command):
     """Return a function that builds a version by two workers.
 
     Or copies it, where ``SYNTHNET_TEST_HOME`` names a directory in which this very checkout has
@@ -121,7 +116,7 @@ def build(
     """
     ready = os.environ.get("SYNTHNET_TEST_HOME")
 
-    def make(version: str, home: Path) -> None:
+    def make(version, home):
         if ready:
             unpacked = shutil.ignore_patterns("processed")
             shutil.copytree(Path(ready, version), home / version, ignore=unpacked)
@@ -133,7 +128,7 @@ def build(
 
 
 @pytest.fixture(scope="session")
-def mini_home(tmp_path_factory: pytest.TempPathFactory, build: Callable[[str, Path], None]) -> Path:
+def mini_home(tmp_path_factory, build):
     """Directory with 1.0-mini, made once. Read only: copy it to damage it."""
     base = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -146,7 +141,7 @@ def mini_home(tmp_path_factory: pytest.TempPathFactory, build: Callable[[str, Pa
 
 
 @pytest.fixture(scope="session")
-def unpacking_home(mini_home: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def unpacking_home(mini_home, tmp_path_factory):
     """Directory with a copy of 1.0-mini beside which PyG and datasets may put their files."""
     home = tmp_path_factory.mktemp("unpacking") / "home"
     shutil.copytree(mini_home, home)
@@ -154,14 +149,14 @@ def unpacking_home(mini_home: Path, tmp_path_factory: pytest.TempPathFactory) ->
 
 
 @pytest.fixture
-def mini_copy(mini_home: Path, tmp_path: Path) -> Path:
+def mini_copy(mini_home, tmp_path):
     """Directory with a copy of 1.0-mini that a test may damage."""
     shutil.copytree(mini_home, tmp_path / "copy")
     return tmp_path / "copy"
 
 
 @pytest.fixture(scope="session")
-def tiny(recipe_1_0: Recipe) -> Recipe:
+def tiny(recipe_1_0):
     """A recipe of ten small shapes that keeps the families' real parameters."""
     least = {
         "torus": {"radial_resolution": 8, "tubular_resolution": 6},
@@ -178,9 +173,9 @@ def tiny(recipe_1_0: Recipe) -> Recipe:
 
 
 @pytest.fixture(scope="session")
-def tiny_samples(tiny: Recipe) -> dict[str, list[Sample]]:
+def tiny_samples(tiny):
     """The samples of the tiny recipe by family."""
-    made: dict[str, list[Sample]] = {name: [] for name in tiny.families}
+    made = {name: [] for name in tiny.families}
     for shard in plan.plan_shards(tiny):
         for shape in shard.shapes:
             sample = make_sample(shape, tiny)
@@ -207,7 +202,7 @@ class SealedSet:
 
 
 @pytest.fixture(scope="session")
-def sealed_set(tmp_path_factory: pytest.TempPathFactory) -> SealedSet:
+def sealed_set(tmp_path_factory):
     """One shape of each family of 1.0-mini, sealed by one worker. Read only."""
     location = tmp_path_factory.mktemp("sealed")
     salt, published, home = location / "salt.txt", location / "seal.json", location / "home"
@@ -221,17 +216,26 @@ def sealed_set(tmp_path_factory: pytest.TempPathFactory) -> SealedSet:
 # --- end of the sealed set ------------------------------------------------------------
 
 
+def called(main, captured, *arguments):
+    """Run a command line in this process; anything but an exit code fails the test."""
+    captured.readouterr()
+    try:
+        code = main([str(argument) for argument in arguments])
+    except SystemExit as stop:
+        code = stop.code
+    assert isinstance(code, int)
+    return code, *captured.readouterr()
+
+
+def only_line(code, out, err):
+    """Return the one line on stderr of a command that could not do it."""
+    line = err.strip()
+    assert (code, out, line.count("\n")) == (2, "", 0), err
+    assert line.startswith(("synthnet", "eigbench"))
+    return line
+
+
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
-    """Run a command of synthnet in this process; anything but an exit code fails the test."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        capsys.readouterr()
-        try:
-            code: object = cli.main([str(a) for a in arguments])
-        except SystemExit as exit:
-            code = exit.code
-        assert isinstance(code, int)
-        return code, *capsys.readouterr()
-
-    return call
+def run(capsys):
+    """Return a function that runs a command of synthnet: exit code, stdout and stderr."""
+    return partial(called, cli.main, capsys)

@@ -9,11 +9,11 @@ from synthnet import recipe, store
 from synthnet.build import limits, versions
 from synthnet.build.jobs import BuildReport
 from synthnet.build.workers import Engine, dask_cluster, mpi_processes
-from synthnet.commands.options import add_command, print_json, workers_options
+from synthnet.commands.options import add_command, workers_options
 from synthnet.commands.report import family_table, of_run, summary, with_bars
 from synthnet.errors import counted
 from synthnet.store.limits import DIRECTORY
-from synthnet.terminal import Commands
+from synthnet.terminal import Commands, print_json
 
 EXAMPLES = """example: synthnet build 1.0-small --workers 2
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 
 from synthnet import store
-from synthnet.commands.options import add_command, print_answer
-from synthnet.terminal import Commands
+from synthnet.commands.options import add_command
+from synthnet.terminal import Commands, print_answer
 
 
 def add(commands: Commands) -> None:

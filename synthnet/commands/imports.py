@@ -11,11 +11,11 @@ from pathlib import Path
 
 from tabulate import tabulate
 
-from synthnet.commands.options import add_command, print_json, workers_options
+from synthnet.commands.options import add_command, workers_options
 from synthnet.commands.report import summary, with_bars
 from synthnet.errors import MeshImportError, counted
 from synthnet.mesh.repair import COMPONENTS, KEEP, LARGEST, REPAIRS, SPLIT
-from synthnet.terminal import WRONG_INPUT, Commands
+from synthnet.terminal import WRONG_INPUT, Commands, print_json
 
 
 def add(commands: Commands) -> None:

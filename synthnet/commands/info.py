@@ -9,12 +9,12 @@ from tabulate import tabulate
 
 from synthnet import store
 from synthnet.build.importing import file_outcomes
-from synthnet.commands.options import add_command, print_answer, print_json
+from synthnet.commands.options import add_command
 from synthnet.commands.report import family_table, summary
 from synthnet.errors import StoreError, counted
 from synthnet.recipe import Kind
 from synthnet.store import limits, storage
-from synthnet.terminal import Commands
+from synthnet.terminal import Commands, print_answer, print_json
 from synthnet.types import SPLITS
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
-from typing import Any
 
 from synthnet import recipe, store, terminal
 from synthnet.terminal import Commands, DatasetName, complete_with
@@ -96,13 +94,3 @@ def at_least(least: int) -> Callable[[str], int]:
 
     number.__name__ = "int"  # argparse's name for what is no number at all
     return number
-
-
-def print_json(value: Any) -> None:
-    """Print a value as the commands' ``--json`` does."""
-    print(json.dumps(value, indent=1))
-
-
-def print_answer(options: argparse.Namespace, value: Any, text: str) -> None:
-    """Print what a command answers: a value with ``--json``, else text."""
-    print(json.dumps(value, indent=1) if options.json else text)

@@ -8,11 +8,11 @@ from functools import partial
 from pathlib import Path
 
 from synthnet import recipe
-from synthnet.commands.options import add_command, print_answer, print_json, workers_options
+from synthnet.commands.options import add_command, workers_options
 from synthnet.commands.report import family_table, with_bars
 from synthnet.errors import counted
 from synthnet.store.files import make_parent
-from synthnet.terminal import Commands
+from synthnet.terminal import Commands, print_answer, print_json
 
 
 def add(commands: Commands) -> None:

@@ -19,7 +19,7 @@ from rich.console import Console
 from tabulate import tabulate
 
 from synthnet import terminal
-from synthnet.commands.options import at_least, print_json
+from synthnet.commands.options import at_least
 from synthnet.errors import SpectrumError, SynthNetError, missing
 from synthnet.mesh.formats import SUFFIXES, UnreadableError, kind_of
 from synthnet.mesh.geometry import MeshFacts
@@ -28,7 +28,7 @@ from synthnet.mesh.repair import Refused, Repaired, welded
 from synthnet.spectrum import Operator, certify, compute, discretise, repaired
 from synthnet.spectrum.operators import BOUNDARIES, JOINED, MASSES, SHARES
 from synthnet.store.files import make_parent, write_text
-from synthnet.terminal import Commands
+from synthnet.terminal import Commands, print_json
 from synthnet.types import Mesh, Spectrum
 
 VALUES = ("eigenvalue", "eigenvalues", "lambda", "λ")  # the name of their column

@@ -7,8 +7,8 @@ import argparse
 from tabulate import tabulate
 
 from synthnet import recipe, store
-from synthnet.commands.options import add_command, print_json
-from synthnet.terminal import Commands
+from synthnet.commands.options import add_command
+from synthnet.terminal import Commands, print_json
 
 
 def add(commands: Commands) -> None:

@@ -115,8 +115,9 @@ def layers_at(atlas: Atlas) -> Integers:
     return np.asarray(layers, dtype=np.int64)
 
 
-def _corners(atlas: Atlas, near: float = 1e-4, rays: int = 9) -> tuple[Floats, NDArray[np.bool_]]:
+def _corners(atlas: Atlas) -> tuple[Floats, NDArray[np.bool_]]:
     """Return each patch corner's angle on the surface, and whether the chart has a kink there."""
+    near, rays = 1e-4, 9
     t = np.linspace(0, 1, rays)
     angles = np.zeros((*atlas.charts.shape, 3))
     kinks = np.zeros(angles.shape, dtype=np.bool_)

@@ -23,17 +23,17 @@ BOX = trimesh.creation.box((1.0, 1.3, 1.9)).subdivide().subdivide().subdivide()
 HALVES = trimesh.util.concatenate([TORUS, BOX.copy().apply_translation([9, 0, 0])])
 
 
-def tria(mesh: trimesh.Trimesh) -> lapy.TriaMesh:
+def tria(mesh):
     return lapy.TriaMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 
-def data(mesh: trimesh.Trimesh) -> Data:
+def data(mesh):
     return Data(pos=torch.tensor(mesh.vertices), face=torch.tensor(mesh.faces).T)
 
 
 @pytest.mark.parametrize("lump", [False, True])
 @pytest.mark.parametrize("mesh", [TORUS, BOX, HALVES], ids=["torus", "box", "two components"])
-def test_the_solver_gives_the_numbers_of_lapy(mesh: trimesh.Trimesh, lump: bool) -> None:
+def test_the_solver_gives_the_numbers_of_lapy(mesh, lump):
     ours, theirs = Solver(tria(mesh), lump=lump), lapy.Solver(tria(mesh), lump=lump)
     assert abs(ours.stiffness - theirs.stiffness).max() < 1e-12
     assert abs(ours.mass - theirs.mass).max() < 1e-12
@@ -45,7 +45,7 @@ def test_the_solver_gives_the_numbers_of_lapy(mesh: trimesh.Trimesh, lump: bool)
 
 
 @pytest.mark.parametrize("k", [1, 2, 3])
-def test_the_zeros_of_components_are_the_first(k: int) -> None:
+def test_the_zeros_of_components_are_the_first(k):
     values, vectors = Solver(tria(HALVES)).eigs(k)
     assert vectors.shape == (len(HALVES.vertices), k)
     assert np.count_nonzero(values) == max(0, k - 2)
@@ -61,17 +61,17 @@ def test_the_zeros_of_components_are_the_first(k: int) -> None:
         ({"tol": 1e-3}, TypeError, "no parameter tol"),
     ],
 )
-def test_what_the_solver_does_not_do_is_one_line(given, error, message) -> None:
+def test_what_the_solver_does_not_do_is_one_line(given, error, message):
     with pytest.raises(error, match=message):
         Solver(tria(TORUS)).eigs(**given)
 
 
-def test_anisotropic_elements_are_refused() -> None:
+def test_anisotropic_elements_are_refused():
     with pytest.raises(ValueError, match=r"use lapy\.Solver"):
         Solver(tria(TORUS), aniso=1.0)
 
 
-def test_the_transform_adds_a_row_a_mesh_and_vectors_a_vertex() -> None:
+def test_the_transform_adds_a_row_a_mesh_and_vectors_a_vertex():
     add = AddMeshSpectrum(4, eigenvectors=True)
     batch = Batch.from_data_list([add(data(TORUS)), add(data(BOX))])
     expected = [compute(TORUS, 4), compute(BOX, 4)]
@@ -82,7 +82,7 @@ def test_the_transform_adds_a_row_a_mesh_and_vectors_a_vertex() -> None:
     assert repr(add) == "AddMeshSpectrum(4, eigenvectors=True)"
 
 
-def test_the_transform_keeps_the_dtype_and_adds_no_vectors_unasked() -> None:
+def test_the_transform_keeps_the_dtype_and_adds_no_vectors_unasked():
     given = data(TORUS)
     given.pos = given.pos.float()
     done = AddMeshSpectrum(3)(given)
@@ -91,7 +91,7 @@ def test_the_transform_keeps_the_dtype_and_adds_no_vectors_unasked() -> None:
     assert "eigenvalues" not in given  # a transform leaves what it is given as it is
 
 
-def test_the_transform_of_whole_coordinates_has_the_default_dtype() -> None:
+def test_the_transform_of_whole_coordinates_has_the_default_dtype():
     whole = Data(pos=(1000 * data(TORUS).pos).round().long(), face=data(TORUS).face)
     done = AddMeshSpectrum(3, eigenvectors=True)(whole)
     assert done.eigenvalues.dtype == done.eigenvectors.dtype == torch.float32
@@ -99,7 +99,7 @@ def test_the_transform_of_whole_coordinates_has_the_default_dtype() -> None:
     np.testing.assert_allclose(done.eigenvalues[0], expected, rtol=1e-6)
 
 
-def test_shape_dna_is_a_step_of_a_pipeline() -> None:
+def test_shape_dna_is_a_step_of_a_pipeline():
     larger = TORUS.copy().apply_scale(3.0)
     rows = make_pipeline(clone(ShapeDNA(k=5))).fit_transform([TORUS, larger, BOX])
     np.testing.assert_allclose(rows[0], compute(TORUS, 5).eigenvalues * TORUS.area, rtol=1e-12)
@@ -108,7 +108,7 @@ def test_shape_dna_is_a_step_of_a_pipeline() -> None:
     np.testing.assert_allclose(scaled.mean(axis=0), 0, atol=1e-12)
 
 
-def test_shape_dna_takes_every_normalisation_and_names_its_columns() -> None:
+def test_shape_dna_takes_every_normalisation_and_names_its_columns():
     values = compute(TORUS, 3).eigenvalues
     for normalisation, expected in {
         "none": values,
@@ -125,19 +125,19 @@ def test_shape_dna_takes_every_normalisation_and_names_its_columns() -> None:
 
 @pytest.mark.parametrize("offset", [0.0, 1e6, 1e8])
 @pytest.mark.parametrize("turn", [1, -1])
-def test_shape_dna_by_volume_hangs_neither_on_the_place_nor_on_inside_out(offset, turn) -> None:
+def test_shape_dna_by_volume_hangs_neither_on_the_place_nor_on_inside_out(offset, turn):
     there = TORUS.vertices + np.array([offset, offset, 0])
     (row,) = ShapeDNA(3, "volume").transform([(there, TORUS.faces[:, ::turn])])
     expected = compute(TORUS, 3).eigenvalues * TORUS.volume ** (2 / 3)
     np.testing.assert_allclose(row, expected, rtol=1e-6)
 
 
-def test_shape_dna_by_volume_refuses_an_open_surface() -> None:
+def test_shape_dna_by_volume_refuses_an_open_surface():
     with pytest.raises(ValueError, match="3 edges have not two faces: only a closed surface"):
         ShapeDNA(3, "volume").transform([(TORUS.vertices, TORUS.faces[1:])])
 
 
-def test_adapters_repair_where_that_is_asked_for() -> None:
+def test_adapters_repair_where_that_is_asked_for():
     soup = trimesh.Trimesh(
         TORUS.triangles.reshape(-1, 3),
         np.arange(3 * len(TORUS.faces)).reshape(-1, 3),
@@ -172,13 +172,13 @@ def test_adapters_repair_where_that_is_asked_for() -> None:
 OPERATORS = ("frames", "massvec", "L", "evals", "evecs", "gradX", "gradY")
 
 
-def operators(mesh: trimesh.Trimesh, k: int = 8, **options) -> dict[str, torch.Tensor]:
+def operators(mesh, k=8, **options):
     vertices, faces = torch.tensor(mesh.vertices), torch.tensor(mesh.faces)
     return dict(zip(OPERATORS, compute_operators(vertices, faces, k, **options), strict=True))
 
 
 @pytest.mark.parametrize("mesh", [TORUS, BOX, HALVES], ids=["torus", "box", "two components"])
-def test_diffusionnets_matrices_and_pairs_are_those_of_lapy_with_a_lumped_mass(mesh) -> None:
+def test_diffusionnets_matrices_and_pairs_are_those_of_lapy_with_a_lumped_mass(mesh):
     ours, theirs = operators(mesh), lapy.Solver(tria(mesh), lump=True)
     np.testing.assert_allclose(ours["L"].to_dense(), theirs.stiffness.toarray(), atol=1e-12)
     np.testing.assert_allclose(ours["massvec"], theirs.mass.diagonal(), rtol=1e-12)
@@ -189,7 +189,7 @@ def test_diffusionnets_matrices_and_pairs_are_those_of_lapy_with_a_lumped_mass(m
     assert np.abs(defects).max() < 1e-6
 
 
-def test_a_frame_is_two_tangents_and_the_mean_normal() -> None:
+def test_a_frame_is_two_tangents_and_the_mean_normal():
     frames = operators(TORUS)["frames"].numpy()
     cosines = []
     for i, (x, y, normal) in enumerate(frames):
@@ -205,7 +205,7 @@ def test_a_frame_is_two_tangents_and_the_mean_normal() -> None:
     assert min(cosines) < 0.9 < max(cosines)
 
 
-def test_a_gradient_is_the_regularised_fit_to_the_differences_along_edges() -> None:
+def test_a_gradient_is_the_regularised_fit_to_the_differences_along_edges():
     small = TORUS.copy().apply_scale(0.02)  # edges so short that the constant counts
     ours = operators(small)
     function = np.random.default_rng(0).normal(size=len(small.vertices))
@@ -224,7 +224,7 @@ def test_a_gradient_is_the_regularised_fit_to_the_differences_along_edges() -> N
     assert far > 1  # without the constant it would be another gradient
 
 
-def test_a_linear_function_on_a_plane_has_a_constant_gradient() -> None:
+def test_a_linear_function_on_a_plane_has_a_constant_gradient():
     side = np.linspace(0, 100, 7)
     flat = np.stack([*np.meshgrid(side, side), np.zeros((7, 7))], axis=-1).reshape(-1, 3)
     flat[:, :2] += np.random.default_rng(1).uniform(-4, 4, size=(49, 2))
@@ -242,7 +242,7 @@ def test_a_linear_function_on_a_plane_has_a_constant_gradient() -> None:
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_operators_have_the_shapes_and_the_dtype_of_diffusionnets(dtype: torch.dtype) -> None:
+def test_operators_have_the_shapes_and_the_dtype_of_diffusionnets(dtype):
     vertices, faces = torch.tensor(BOX.vertices, dtype=dtype), torch.tensor(BOX.faces)
     computed = dict(zip(OPERATORS, compute_operators(vertices, faces, 5), strict=True))
     n = len(vertices)
@@ -264,14 +264,14 @@ def test_operators_have_the_shapes_and_the_dtype_of_diffusionnets(dtype: torch.d
     assert (none[3].shape, none[4].shape) == ((0,), (n, 0))
 
 
-def test_given_normals_are_taken() -> None:
+def test_given_normals_are_taken():
     tilted = torch.tensor(TORUS.vertex_normals)
     assert torch.equal(operators(TORUS, normals=tilted)["frames"][:, 2], tilted)
     with pytest.raises(ValueError, match="normals must be 288 vectors of length one"):
         operators(TORUS, normals=2 * tilted)
 
 
-def test_what_has_no_operators_is_one_line() -> None:
+def test_what_has_no_operators_is_one_line():
     points = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     with pytest.raises(ValueError, match="the faces around 3 vertices cancel"):
         compute_operators(points, torch.tensor([[0, 1, 2], [0, 2, 1]]), 1)
@@ -284,14 +284,14 @@ def test_what_has_no_operators_is_one_line() -> None:
 # geomfum's eigensolver
 
 
-def lumped(mesh: trimesh.Trimesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+def lumped(mesh):
     theirs = lapy.Solver(tria(mesh), lump=True)
     return theirs.stiffness, theirs.mass
 
 
 @pytest.mark.filterwarnings("ignore:BackendImporter:ImportWarning")
 @pytest.mark.parametrize("mesh", [TORUS, HALVES], ids=["torus", "two components"])
-def test_the_eigensolver_gives_the_numbers_of_a_finder_of_geomfum(mesh: trimesh.Trimesh) -> None:
+def test_the_eigensolver_gives_the_numbers_of_a_finder_of_geomfum(mesh):
     from geomfum.laplacian import LaplacianFinder, LaplacianSpectrumFinder
     from geomfum.shape import TriangleMesh
 
@@ -313,7 +313,7 @@ def test_the_eigensolver_gives_the_numbers_of_a_finder_of_geomfum(mesh: trimesh.
 
 
 @pytest.mark.filterwarnings("ignore:Sparse (CSC tensor|invariant checks):UserWarning")
-def test_the_eigensolver_returns_tensors_where_tensors_are_given() -> None:
+def test_the_eigensolver_returns_tensors_where_tensors_are_given():
     stiffness, mass = lumped(HALVES)
     tensors = [
         torch.sparse_csc_tensor(
@@ -327,7 +327,7 @@ def test_the_eigensolver_returns_tensors_where_tensors_are_given() -> None:
         np.testing.assert_array_equal(tensor, array)
 
 
-def test_matrices_that_are_no_laplacian_and_lumped_mass_are_one_line() -> None:
+def test_matrices_that_are_no_laplacian_and_lumped_mass_are_one_line():
     stiffness, mass = lumped(TORUS)
     solver = CertifiedEigsh(6)
     with pytest.raises(ValueError, match="mass matrix is not diagonal"):
@@ -360,7 +360,7 @@ def test_matrices_that_are_no_laplacian_and_lumped_mass_are_one_line() -> None:
         solver(torch.eye(3), M=torch.eye(3))
 
 
-def test_one_negative_eigenvalue_among_others_is_refused() -> None:
+def test_one_negative_eigenvalue_among_others_is_refused():
     stiffness, mass = lumped(TORUS)
     bump = np.zeros(288)
     bump[[3, 200]] = 1, -1

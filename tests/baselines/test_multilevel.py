@@ -1,9 +1,6 @@
 """baselines/multilevel.py: Galerkin levels, upper bounds, and what may not change an answer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -21,22 +18,22 @@ from synthnet.types import Mesh
 
 
 @pytest.fixture(scope="module")
-def multilevel() -> ModuleType:
+def multilevel():
     return baseline("multilevel")
 
 
 @pytest.fixture(scope="module")
-def kernels() -> ModuleType:
+def kernels():
     return baseline("multilevel_kernels")
 
 
-def drawn(family: str, vertices: int = 1500) -> Mesh:
+def drawn(family, vertices=1500):
     parameters = draw_shape(recipe.load("2.0"), family, 0).parameters
     how = {"triangulation": "uniform", "vertices": vertices, "seed": 7}
     return FAMILIES[family].generate({**parameters, **how})
 
 
-def blob() -> Mesh:
+def blob():
     """A surface without symmetry, so that no comparison of floats is a tie."""
     atlas = radial(
         lambda d: 1 + 0.3 * np.sin(3 * d[:, 0] + 1) * np.cos(2 * d[:, 1]) + 0.1 * d[:, 2]
@@ -44,7 +41,7 @@ def blob() -> Mesh:
     return atlas.mesh(atlas.uniform(12))
 
 
-def slivers() -> Mesh:
+def slivers():
     """A plate cut into needles and caps: angles from less than 0.01 to nearly 180 degrees."""
     x = np.cumsum(np.random.default_rng(3).uniform(0.05, 1, size=400) ** 2)
     x = x / x[-1]
@@ -66,27 +63,25 @@ HARD = {
 
 
 @pytest.fixture(scope="module", params=HARD)
-def mesh(request: pytest.FixtureRequest) -> Mesh:
+def mesh(request):
     return HARD[request.param]()
 
 
-def matrix(values: np.ndarray, indptr: np.ndarray, indices: np.ndarray, n: int) -> np.ndarray:
+def matrix(values, indptr, indices, n):
     return sparse.csr_matrix((values, indices, indptr), shape=(len(indptr) - 1, n)).toarray()
 
 
 # --- levels ----------------------------------------------------------------------------
 
 
-def test_matrices_are_those_of_the_label(mesh: Mesh, multilevel: ModuleType) -> None:
+def test_matrices_are_those_of_the_label(mesh, multilevel):
     stiffness, mass = multilevel.finest(mesh).dense()
     expected = spectrum.fem_matrices(mesh)
     for matrix, known in zip((stiffness, mass), expected, strict=True):
         np.testing.assert_allclose(matrix, known.toarray(), atol=1e-12 * abs(known).max())
 
 
-def test_aggregates_partition_the_vertices_and_hang_together(
-    mesh: Mesh, multilevel: ModuleType, kernels: ModuleType
-) -> None:
+def test_aggregates_partition_the_vertices_and_hang_together(mesh, multilevel, kernels):
     level = multilevel.finest(mesh)
     of, count = kernels.aggregates(*level.pattern, level.stiffness, 0.24)
     assert (np.unique(of) == np.arange(count)).all()
@@ -97,7 +92,7 @@ def test_aggregates_partition_the_vertices_and_hang_together(
     assert sparse.csgraph.connected_components(graph)[0] == count
 
 
-def test_coarse_matrices_are_galerkin(mesh: Mesh, multilevel: ModuleType) -> None:
+def test_coarse_matrices_are_galerkin(mesh, multilevel):
     fine, coarse = multilevel.coarsened(multilevel.finest(mesh), multilevel.SETTING)
     starts, columns, values = fine.prolongation
     p = matrix(values, starts, columns, len(coarse))
@@ -107,9 +102,7 @@ def test_coarse_matrices_are_galerkin(mesh: Mesh, multilevel: ModuleType) -> Non
         np.testing.assert_allclose(small, p.T @ large @ p, atol=1e-12 * abs(large).max())
 
 
-def test_every_level_is_symmetric_semidefinite_with_the_constants_in_its_kernel(
-    mesh: Mesh, multilevel: ModuleType
-) -> None:
+def test_every_level_is_symmetric_semidefinite_with_the_constants_in_its_kernel(mesh, multilevel):
     levels = multilevel.hierarchy(mesh)
     assert len(levels) >= 2
     area = levels[0].mass.sum()
@@ -124,7 +117,7 @@ def test_every_level_is_symmetric_semidefinite_with_the_constants_in_its_kernel(
         assert np.linalg.eigvalsh(b)[0] > 0
 
 
-def test_prolongation_of_a_path_by_hand(kernels: ModuleType) -> None:
+def test_prolongation_of_a_path_by_hand(kernels):
     # Four vertices in a row, couplings 1, 3, 1; aggregates {0, 1}, {2, 3}; half of each is shared.
     indptr = np.array([0, 2, 5, 8, 10], np.int32)
     indices = np.array([0, 1, 1, 0, 2, 2, 1, 3, 3, 2], np.int32)
@@ -136,9 +129,7 @@ def test_prolongation_of_a_path_by_hand(kernels: ModuleType) -> None:
         np.testing.assert_allclose(matrix(values, starts, columns, 2), expected)
 
 
-def test_a_dropped_share_does_not_spoil_the_next_row(
-    mesh: Mesh, multilevel: ModuleType, kernels: ModuleType
-) -> None:
+def test_a_dropped_share_does_not_spoil_the_next_row(mesh, multilevel, kernels):
     level = multilevel.finest(mesh)
     of, count = kernels.aggregates(*level.pattern, level.stiffness, 0.24)
     whole, cut = (
@@ -155,7 +146,7 @@ def test_a_dropped_share_does_not_spoil_the_next_row(
     np.testing.assert_allclose(cut * other, kept, atol=1e-12)
 
 
-def test_a_cycle_reduces_the_error_in_energy(mesh: Mesh, multilevel: ModuleType) -> None:
+def test_a_cycle_reduces_the_error_in_energy(mesh, multilevel):
     levels = multilevel.hierarchy(mesh)[:2]
     a = levels[0].dense()[0]
     coarse = np.linalg.pinv(levels[1].dense()[0], hermitian=True)
@@ -169,9 +160,7 @@ def test_a_cycle_reduces_the_error_in_energy(mesh: Mesh, multilevel: ModuleType)
 # --- answers ---------------------------------------------------------------------------
 
 
-def test_answers_bound_the_eigenvalues_from_above_and_are_close(
-    mesh: Mesh, multilevel: ModuleType
-) -> None:
+def test_answers_bound_the_eigenvalues_from_above_and_are_close(mesh, multilevel):
     exact = spectrum.compute(mesh).eigenvalues
     values = multilevel.ritz_values(mesh)
     assert (values >= exact * (1 - 1e-9)).all()
@@ -180,13 +169,13 @@ def test_answers_bound_the_eigenvalues_from_above_and_are_close(
     assert np.abs(values / exact - 1).mean() < 0.03
 
 
-def test_with_cycles_enough_the_answers_are_exact(mesh: Mesh, multilevel: ModuleType) -> None:
+def test_with_cycles_enough_the_answers_are_exact(mesh, multilevel):
     setting = replace(multilevel.SETTING, enough=0.0, cycles=40)
     exact = spectrum.compute(mesh).eigenvalues
     np.testing.assert_allclose(multilevel.ritz_values(mesh, setting), exact, rtol=1e-4)
 
 
-def test_more_cycles_never_raise_a_value(multilevel: ModuleType) -> None:
+def test_more_cycles_never_raise_a_value(multilevel):
     mesh = slivers()
     values = [
         multilevel.ritz_values(mesh, replace(multilevel.SETTING, enough=0.0, cycles=cycles))
@@ -197,7 +186,7 @@ def test_more_cycles_never_raise_a_value(multilevel: ModuleType) -> None:
     assert (values[2] <= values[1] * (1 + 1e-12)).all()
 
 
-def test_scale_and_motion(multilevel: ModuleType) -> None:
+def test_scale_and_motion(multilevel):
     mesh = blob()
     values = multilevel.ritz_values(mesh)
     turn, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
@@ -207,7 +196,7 @@ def test_scale_and_motion(multilevel: ModuleType) -> None:
     np.testing.assert_allclose(1e-10 * multilevel.ritz_values(moved), values, rtol=1e-9)
 
 
-def test_another_numbering_changes_less_than_the_error_allowed(multilevel: ModuleType) -> None:
+def test_another_numbering_changes_less_than_the_error_allowed(multilevel):
     mesh = blob()
     order = np.random.default_rng(2).permutation(len(mesh.vertices))
     renumbered = Mesh(mesh.vertices[order], np.argsort(order)[mesh.faces])
@@ -216,7 +205,7 @@ def test_another_numbering_changes_less_than_the_error_allowed(multilevel: Modul
     np.testing.assert_allclose(again, values, rtol=0.03)
 
 
-def test_neither_batch_nor_order_nor_another_call_changes_a_bit(multilevel: ModuleType) -> None:
+def test_neither_batch_nor_order_nor_another_call_changes_a_bit(multilevel):
     pair = [blob(), slivers()]
     both = multilevel.predict(pair)
     assert (multilevel.predict(pair[::-1])[::-1] == both).all()
@@ -224,14 +213,14 @@ def test_neither_batch_nor_order_nor_another_call_changes_a_bit(multilevel: Modu
 
 
 @pytest.mark.parametrize("resolution", [1, 2, 3])
-def test_a_small_mesh_is_solved_exactly(resolution: int, multilevel: ModuleType) -> None:
+def test_a_small_mesh_is_solved_exactly(resolution, multilevel):
     atlas = radial(lambda directions: 1 + 0.1 * directions[:, 0])
     mesh = atlas.mesh(atlas.uniform(resolution))  # 12, 42 and 92 vertices
     exact = spectrum.compute(mesh).eigenvalues
     np.testing.assert_allclose(multilevel.ritz_values(mesh), exact, rtol=1e-9)
 
 
-def test_components_make_more_zeros_and_leave_the_rest(multilevel: ModuleType) -> None:
+def test_components_make_more_zeros_and_leave_the_rest(multilevel):
     single = blob()
     both = Mesh(
         np.concatenate([single.vertices, 2 * single.vertices + 9]),
@@ -256,9 +245,7 @@ RING = [[i, i + 1, (i + 2) % 12] for i in range(2, 12, 2)]
         (np.eye(11)[:, :3], [[0, 1, 2]], "8 vertices belong to no triangle"),
     ],
 )
-def test_what_has_no_answer(
-    vertices: np.ndarray, faces: list, message: str, multilevel: ModuleType
-) -> None:
+def test_what_has_no_answer(vertices, faces, message, multilevel):
     with pytest.raises(ValueError, match=message):
         multilevel.predict([Mesh(vertices, np.array(faces))])
 
@@ -266,16 +253,14 @@ def test_what_has_no_answer(
 # --- trust -----------------------------------------------------------------------------
 
 
-def test_up_to_five_thousand_vertices_the_answer_is_certified(
-    mesh: Mesh, multilevel: ModuleType
-) -> None:
+def test_up_to_five_thousand_vertices_the_answer_is_certified(mesh, multilevel):
     values, certified = multilevel.eigenvalues(mesh)
     assert certified
     assert (values == spectrum.compute(mesh).eigenvalues).all()
 
 
 @pytest.mark.parametrize("family", ["pretzel", "drum", "mobius_band"])
-def test_meshes_of_good_triangles_are_trusted_and_near(family: str, multilevel: ModuleType) -> None:
+def test_meshes_of_good_triangles_are_trusted_and_near(family, multilevel):
     mesh = drawn(family, 6000)
     values, certified = multilevel.eigenvalues(mesh)
     assert not certified
@@ -284,7 +269,7 @@ def test_meshes_of_good_triangles_are_trusted_and_near(family: str, multilevel: 
     np.testing.assert_allclose(values, exact, rtol=0.05)
 
 
-def test_a_mesh_on_which_the_iteration_fails_is_not_trusted(multilevel: ModuleType) -> None:
+def test_a_mesh_on_which_the_iteration_fails_is_not_trusted(multilevel):
     plate = made(seed=0, number=15)  # thin, with holes, and cut in one half: of those tuned on
     assert isinstance(plate, Solid)
     mesh = plate.mesh
@@ -296,7 +281,7 @@ def test_a_mesh_on_which_the_iteration_fails_is_not_trusted(multilevel: ModuleTy
     assert (values == exact).all()
 
 
-def test_one_flat_triangle_is_enough_for_the_certified_solver(multilevel: ModuleType) -> None:
+def test_one_flat_triangle_is_enough_for_the_certified_solver(multilevel):
     mesh = drawn("mobius_band", 6000)
     assert multilevel.trusted(mesh) is not None
     apex, left, right = mesh.faces[0]
@@ -306,7 +291,7 @@ def test_one_flat_triangle_is_enough_for_the_certified_solver(multilevel: Module
     assert multilevel.trusted(Mesh(vertices, mesh.faces)) is None
 
 
-def test_components_are_not_trusted(multilevel: ModuleType) -> None:
+def test_components_are_not_trusted(multilevel):
     single = drawn("pretzel", 3000)
     both = Mesh(
         np.concatenate([single.vertices, single.vertices + 9]),
@@ -320,7 +305,7 @@ def test_components_are_not_trusted(multilevel: ModuleType) -> None:
 # --- page ------------------------------------------------------------------------------
 
 
-def test_page_has_the_tables_that_were_measured() -> None:
+def test_page_has_the_tables_that_were_measured():
     assert fill(["real-shapes/ablation", "real-shapes/large"], check=True) == []
     measured = numbers.read("multilevel")
     assert [row["method"] for row in measured["methods"]] == list(variants.methods())

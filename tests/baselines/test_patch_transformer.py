@@ -1,15 +1,10 @@
 """The transformer on patches of points: what it sees of a mesh, and how it is trained."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
 from eigbench.errors import PredictorError
 from eigbench.running import predictor
-from eigbench.running.predictor import Predictor
 
 from baselines import patch_network, train_patch_transformer
 from baselines.patch_network import PatchTransformer
@@ -21,16 +16,16 @@ from synthnet.types import Mesh
 SIDES = ("width", "height", "depth")
 
 
-def box() -> Mesh:
+def box():
     shape = dict(zip(SIDES, (1.0, 0.6, 1.7), strict=True), subdivisions=3)
     return FAMILIES["rectangular_prism"].generate(shape)
 
 
-def rotation() -> np.ndarray:
+def rotation():
     return np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
 
 
-def test_points_are_spread_by_area_over_the_faces_whose_normals_they_have() -> None:
+def test_points_are_spread_by_area_over_the_faces_whose_normals_they_have():
     area, points = patch_network.cloud(box())
     assert area == pytest.approx(2 * (0.6 + 1.7 + 1.02))
     assert points.shape == (patch_network.KEPT, 6)
@@ -46,7 +41,7 @@ def test_points_are_spread_by_area_over_the_faces_whose_normals_they_have() -> N
     assert np.bincount(axis) / len(points) == pytest.approx(shares, abs=0.002)
 
 
-def test_points_do_not_depend_on_size_position_and_rotation_up_to_mirrors() -> None:
+def test_points_do_not_depend_on_size_position_and_rotation_up_to_mirrors():
     mesh = box()
     moved = Mesh(3.0 * mesh.vertices @ rotation() + [5.0, 0.0, -2.0], mesh.faces)
     (area, points), (larger, others) = patch_network.cloud(mesh), patch_network.cloud(moved)
@@ -56,12 +51,12 @@ def test_points_do_not_depend_on_size_position_and_rotation_up_to_mirrors() -> N
 
 
 @pytest.mark.parametrize("faces", [[[0, 1, 1]], np.empty((0, 3), dtype=np.int64)])
-def test_a_mesh_without_area_is_refused(faces: object) -> None:
+def test_a_mesh_without_area_is_refused(faces):
     with pytest.raises(ValueError, match="the mesh has no area"):
         patch_network.cloud(Mesh(np.eye(3), np.array(faces)))
 
 
-def test_each_centre_is_the_farthest_point_from_those_before_it() -> None:
+def test_each_centre_is_the_farthest_point_from_those_before_it():
     points = torch.randn(2, 50, 3, generator=torch.Generator().manual_seed(0))
     chosen = patch_network.far_apart(points, 12)
     assert chosen[:, 0].tolist() == [0, 0]
@@ -71,7 +66,7 @@ def test_each_centre_is_the_farthest_point_from_those_before_it() -> None:
             assert nearest[mine[number]] == nearest.max()
 
 
-def test_shown_points_are_mirrored_as_a_whole_with_their_normals() -> None:
+def test_shown_points_are_mirrored_as_a_whole_with_their_normals():
     torch.manual_seed(0)
     kept = torch.rand(8, patch_network.KEPT, 6) + 0.1  # whose signs are those of the mirrors
     seen = shown(kept)
@@ -85,7 +80,7 @@ def test_shown_points_are_mirrored_as_a_whole_with_their_normals() -> None:
     assert distances.min(dim=1).values.max() < 1e-6
 
 
-def test_views_have_each_point_once_and_are_the_same_at_each_call() -> None:
+def test_views_have_each_point_once_and_are_the_same_at_each_call():
     kept = torch.rand(2, patch_network.KEPT, 6) + 0.1
     seen = torch.cat(list(patch_network.views(kept)), dim=1)
     assert torch.equal(seen, torch.cat(list(patch_network.views(kept)), dim=1))
@@ -96,7 +91,7 @@ def test_views_have_each_point_once_and_are_the_same_at_each_call() -> None:
     assert all(np.prod(row) == 1 for row in signs)  # half turns, no mirrors
 
 
-def boxes(count: int) -> Clouds:
+def boxes(count):
     """Random boxes with the spectra of their surfaces."""
     sides = np.random.default_rng(0).uniform(0.3, 3.0, size=(count, 3)).tolist()
     shapes = [dict(zip(SIDES, side, strict=True), subdivisions=0) for side in sides]
@@ -111,7 +106,7 @@ def boxes(count: int) -> Clouds:
 
 
 @pytest.mark.slow
-def test_training_learns_the_spectra_of_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_training_learns_the_spectra_of_boxes(monkeypatch):
     for module in (patch_network, train_patch_transformer):
         monkeypatch.setattr(module, "SHOWN", 128)
     monkeypatch.setattr(patch_network, "PATCHES", 16)
@@ -127,7 +122,7 @@ def test_training_learns_the_spectra_of_boxes(monkeypatch: pytest.MonkeyPatch) -
     assert errors[-1] < 0.7 * error(model, unseen)
 
 
-def test_weights_are_kept_beside_those_of_other_trainings(tmp_path: Path) -> None:
+def test_weights_are_kept_beside_those_of_other_trainings(tmp_path):
     path = tmp_path / "weights.safetensors"
     torch.manual_seed(0)
     models = {"2.0/grouped/0": PatchTransformer(), "2.0/genus/1": PatchTransformer()}
@@ -144,12 +139,12 @@ def test_weights_are_kept_beside_those_of_other_trainings(tmp_path: Path) -> Non
 
 
 @pytest.fixture(scope="module")
-def row() -> Predictor:
+def row():
     """The row as the harness loads it."""
     return predictor.load(BASELINES / "patch_transformer.py", training="2.0/grouped")
 
 
-def test_the_row_answers_for_a_sphere_of_any_size(row: Predictor) -> None:
+def test_the_row_answers_for_a_sphere_of_any_size(row):
     sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 20})
     small, large = row.predict([sphere, Mesh(10.0 * sphere.vertices, sphere.faces)])
     assert large == pytest.approx(small / 100, rel=1e-5)
@@ -157,14 +152,14 @@ def test_the_row_answers_for_a_sphere_of_any_size(row: Predictor) -> None:
     assert row.parameters == 590_794
 
 
-def test_answers_do_not_depend_on_the_batch(row: Predictor) -> None:
+def test_answers_do_not_depend_on_the_batch(row):
     sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 20})
     both = row.predict([box(), sphere])
     assert both[1] == pytest.approx(row.predict([sphere])[0], rel=1e-5)
     assert baseline("patch_transformer").load("cpu", 0).predict([]).shape == (0, 10)
 
 
-def test_another_training_is_refused_by_name() -> None:
+def test_another_training_is_refused_by_name():
     file = BASELINES / "patch_transformer.py"
     assert predictor.load(file, training="1.0/grouped")  # no mesh of 1.0 is in 2.0
     with pytest.raises(PredictorError, match=r"has no 2\.0/paper/0, only 2\.0/grouped/0"):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from evidence import baseline
+from evidence.operators import square
 from synthnet import Mesh, spectrum
 from synthnet.families import FAMILIES
 
@@ -13,19 +14,10 @@ def ritz():
     return baseline("ritz")
 
 
-def square(n):
-    """The unit square in a plane askew, (n + 1)² vertices."""
-    x, y = (axis.ravel() for axis in np.meshgrid(*[np.linspace(0, 1, n + 1)] * 2, indexing="ij"))
-    i = np.arange((n + 1) * n).reshape(n, n + 1)[:, :n].ravel()
-    faces = np.vstack(
-        [np.stack([i, i + n + 1, i + n + 2], axis=1), np.stack([i, i + n + 2, i + 1], axis=1)]
-    )
-    return Mesh(np.stack([x, y, 0.3 * x - 0.2 * y], axis=1), faces)
-
-
 @pytest.mark.parametrize("degree", [1, 3, 5])
 def test_ritz_values_are_upper_bounds_ten_of_them_also_in_a_plane(ritz, degree):
-    mesh = square(20)  # of degree 3 a plane has 9 functions besides the constant
+    flat = square(20)  # of degree 3 a plane has 9 functions besides the constant
+    mesh = Mesh(flat.vertices @ [[1, 0, 0.3], [0, 1, -0.2], [0, 0, 0]], flat.faces)  # askew
     values = ritz.ritz_values(mesh, degree)
     exact = spectrum.compute(mesh).eigenvalues
     assert values.shape == (10,)

@@ -1,10 +1,5 @@
 """baselines/ritz_mlp.py: its features, their invariance, and the committed weights."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from types import ModuleType
-
 import numpy as np
 import pytest
 from eigbench.errors import PredictorError
@@ -17,30 +12,28 @@ from evidence import BASELINES, baseline
 from synthnet import store
 from synthnet.families import FAMILIES
 from synthnet.spectrum import fem_matrices
-from synthnet.types import Mesh, Sample
+from synthnet.types import Mesh
 
 
 @pytest.fixture(scope="module")
-def features() -> ModuleType:
+def features():
     return baseline("ritz_features")
 
 
 @pytest.fixture(scope="module")
-def ritz() -> ModuleType:
+def ritz():
     return baseline("ritz")
 
 
 @pytest.fixture(scope="module")
-def samples(mini_home: Path) -> list[Sample]:
+def samples(mini_home):
     """The test shapes of 1.0-mini."""
     stored = store.open_dataset("1.0-mini", mini_home)
     return [sample for sample in stored.samples() if sample.split == "test"]
 
 
 @pytest.mark.slow
-def test_ritz_values_are_those_of_the_plain_way(
-    features: ModuleType, ritz: ModuleType, samples: list[Sample]
-) -> None:
+def test_ritz_values_are_those_of_the_plain_way(features, ritz, samples):
     assert len(samples) == 34
     for sample in samples:
         # In doubles: the plain way rounds its polynomials as the vertices are, here 1e-6 of a value
@@ -55,7 +48,7 @@ def test_ritz_values_are_those_of_the_plain_way(
         assert (expected > sample.eigenvalues * (1 - 1e-9)).all()  # they bound the label from above
 
 
-def test_basis_is_all_products_up_to_the_degree(features: ModuleType) -> None:
+def test_basis_is_all_products_up_to_the_degree(features):
     x = np.random.default_rng(0).uniform(-1, 1, size=(5, 3))
     basis = np.zeros((5, 36))
     features.legendre(x, np.ones(3), 4, basis)
@@ -72,7 +65,7 @@ def test_basis_is_all_products_up_to_the_degree(features: ModuleType) -> None:
     assert (basis[:, 35] == 0).all()
 
 
-def test_moments_of_a_unit_cube_by_hand(features: ModuleType) -> None:
+def test_moments_of_a_unit_cube_by_hand(features):
     cube = FAMILIES["rectangular_prism"].generate(
         {"width": 1.0, "height": 1.0, "depth": 1.0, "subdivisions": 2}
     )
@@ -87,9 +80,7 @@ def test_moments_of_a_unit_cube_by_hand(features: ModuleType) -> None:
 
 
 @pytest.mark.parametrize("reflected", [False, True])
-def test_no_isometry_scale_or_renumbering_changes_the_features(
-    reflected: bool, features: ModuleType, samples: list[Sample]
-) -> None:
+def test_no_isometry_scale_or_renumbering_changes_the_features(reflected, features, samples):
     rng = np.random.default_rng(int(reflected))
     assert len(samples) == 34
     for sample in samples:
@@ -105,14 +96,14 @@ def test_no_isometry_scale_or_renumbering_changes_the_features(
         np.testing.assert_allclose(moved_numbers, numbers, atol=1e-6)
 
 
-def test_weights_fit_their_features(features: ModuleType) -> None:
+def test_weights_fit_their_features(features):
     with safe_open(BASELINES / "ritz_mlp.safetensors", framework="np") as file:
         assert file.metadata()["features"] == ",".join(features.NAMES)
         assert {name.split(".")[0] for name in file.keys()} == {"seed0", "seed1", "seed2"}  # noqa: SIM118
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_every_seed_is_a_good_predictor(seed: int, samples: list[Sample]) -> None:
+def test_every_seed_is_a_good_predictor(seed, samples):
     row = predictor.load(BASELINES / "ritz_mlp.py", seed=seed)
     predicted = row.predict([sample.mesh for sample in samples])
     expected = np.array([sample.eigenvalues for sample in samples])
@@ -121,19 +112,19 @@ def test_every_seed_is_a_good_predictor(seed: int, samples: list[Sample]) -> Non
     assert (np.diff(predicted, axis=1) >= 0).all()
 
 
-def test_a_seed_without_weights() -> None:
+def test_a_seed_without_weights():
     with pytest.raises(PredictorError, match="has the seeds 0 to 2, not 3"):
         predictor.load(BASELINES / "ritz_mlp.py", seed=3)
 
 
 @pytest.mark.parametrize("training", ["1.0/grouped", "2.0/grouped"])
-def test_weights_of_each_version_answer_and_no_meshes_are_no_answers(training: str) -> None:
+def test_weights_of_each_version_answer_and_no_meshes_are_no_answers(training):
     row = predictor.load(BASELINES / "ritz_mlp.py", training=training)
     assert row.trained
     assert row.predict([]).shape == (0, 10)
 
 
-def test_numbers_are_kept_for_every_training_shape_of_2_0(features: ModuleType) -> None:
+def test_numbers_are_kept_for_every_training_shape_of_2_0(features):
     ritz_mlp = baseline("ritz_mlp")
     numbers, logs = ritz_mlp.kept("2.0/boundary")
     assert (numbers.shape, logs.shape) == ((5733, len(features.NAMES)), (5733, 10))
@@ -146,11 +137,11 @@ def test_numbers_are_kept_for_every_training_shape_of_2_0(features: ModuleType) 
     ("faces", "message"),
     [(np.zeros((0, 3), int), "the mesh has no faces"), (np.array([[0, 1, 1]]), "has area 0")],
 )
-def test_a_mesh_without_area(faces: np.ndarray, message: str, features: ModuleType) -> None:
+def test_a_mesh_without_area(faces, message, features):
     with pytest.raises(ValueError, match=message):
         features.features(Mesh(np.eye(3), faces))
 
 
-def test_one_triangle_has_too_few_values(features: ModuleType) -> None:
+def test_one_triangle_has_too_few_values(features):
     with pytest.raises(ValueError, match="polynomials have 2 values on the mesh, 10 are needed"):
         features.features(Mesh(np.eye(3), np.array([[0, 1, 2]])))

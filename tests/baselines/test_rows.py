@@ -1,7 +1,5 @@
 """The rows of the leaderboard: which are marked, and what is run for them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The rows of baselines/ that aim at the spectrum of the surface."""
 
-from __future__ import annotations
-
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -14,37 +12,37 @@ from synthnet.types import Mesh
 SPHERE = np.repeat([2.0, 6.0, 12.0], [3, 5, 2])
 
 
-def sphere(resolution: int) -> Mesh:
+def sphere(resolution):
     return FAMILIES["sphere"].generate({"radius": 1.0, "resolution": resolution})
 
 
-def box(subdivisions: int) -> tuple[Mesh, np.ndarray]:
+def box(subdivisions):
     """A box and the spectrum of its surface."""
     parameters = {"width": 1.0, "height": 0.6, "depth": 1.7, "subdivisions": subdivisions}
     family = FAMILIES["rectangular_prism"]
     return family.generate(parameters), family.limit_spectrum(parameters).eigenvalues
 
 
-def error(values: np.ndarray, limit: np.ndarray) -> float:
+def error(values, limit):
     return float(np.abs(values / limit - 1).max())
 
 
 @pytest.mark.parametrize("row", ["quadratic", "richardson"])
-def test_fourth_order_on_a_polyhedron(row: str) -> None:
+def test_fourth_order_on_a_polyhedron(row):
     eigenvalues = baseline(row).eigenvalues
     coarse, fine = (error(eigenvalues(mesh), limit) for mesh, limit in (box(3), box(4)))
     assert fine < 2e-4
     assert coarse / fine > 6  # sixteen, but for the corners
 
 
-def test_on_a_sphere_all_beat_the_consistent_mass_whose_error_is_its_inscribed_triangles() -> None:
+def test_on_a_sphere_all_beat_the_consistent_mass_whose_error_is_its_inscribed_triangles():
     mesh = sphere(20)
     consistent = error(spectrum.compute(mesh).eigenvalues, SPHERE)
     for row, share in (("two_masses", 0.5), ("quadratic", 0.3), ("richardson", 0.3)):
         assert error(baseline(row).predict([mesh])[0], SPHERE) < share * consistent
 
 
-def test_richardson_keeps_the_finer_value_where_quartering_halves_an_eigenvalue() -> None:
+def test_richardson_keeps_the_finer_value_where_quartering_halves_an_eigenvalue():
     parameters = {"width": 1.0, "height": 0.02, "depth": 0.02, "subdivisions": 1}
     mesh = FAMILIES["rectangular_prism"].generate(parameters)
     fine = spectrum.compute(baseline("refined").quartered(mesh)).eigenvalues
@@ -55,7 +53,7 @@ def test_richardson_keeps_the_finer_value_where_quartering_halves_an_eigenvalue(
     assert np.isin(fine[:6][halved], values).all()
 
 
-def test_richardson_is_sorted() -> None:
+def test_richardson_is_sorted():
     mesh = sphere(12)
     coarse = spectrum.compute(mesh).eigenvalues
     values = baseline("richardson").eigenvalues(mesh)
@@ -63,7 +61,7 @@ def test_richardson_is_sorted() -> None:
     assert (values < coarse).all()
 
 
-def test_quarters_are_the_same_surface_with_half_the_edges() -> None:
+def test_quarters_are_the_same_surface_with_half_the_edges():
     mesh, _ = box(2)
     fine = baseline("refined").quartered(mesh)
     assert len(fine.faces) == 4 * len(mesh.faces)
@@ -74,7 +72,7 @@ def test_quarters_are_the_same_surface_with_half_the_edges() -> None:
     assert baseline("ritz_features").features(fine)[0] == pytest.approx(area)
 
 
-def test_lumped_values_are_bounds_next_to_those_of_a_solve_of_its_own() -> None:
+def test_lumped_values_are_bounds_next_to_those_of_a_solve_of_its_own():
     mesh, _ = box(3)
     consistent, lumped = baseline("two_masses").spectra(mesh)
     matrices = spectrum.assemble(mesh)
@@ -85,20 +83,20 @@ def test_lumped_values_are_bounds_next_to_those_of_a_solve_of_its_own() -> None:
     assert (lumped - expected <= 0.2 * (consistent - expected)).all()
 
 
-def test_mean_of_both_masses_is_far_better_than_each_on_a_polyhedron() -> None:
+def test_mean_of_both_masses_is_far_better_than_each_on_a_polyhedron():
     mesh, limit = box(4)
     both = baseline("two_masses").spectra(mesh)
     assert 3 * error(both.mean(axis=0), limit) < min(error(each, limit) for each in both)
 
 
-def test_cholmod_changes_no_digit_that_counts() -> None:
+def test_cholmod_changes_no_digit_that_counts():
     pytest.importorskip("cholespy", reason="of the extra cholmod")
     mesh = sphere(12)
     values = baseline("lapy_cholmod").eigenvalues(mesh)
     np.testing.assert_allclose(values, spectrum.compute(mesh).eigenvalues, rtol=1e-8)
 
 
-def test_kriging_goes_through_its_points_and_follows_a_trend() -> None:
+def test_kriging_goes_through_its_points_and_follows_a_trend():
     kriging = baseline("kriging")
     rng = np.random.default_rng(0)
     numbers = rng.normal(size=(400, len(kriging.NAMES)))
@@ -110,7 +108,7 @@ def test_kriging_goes_through_its_points_and_follows_a_trend() -> None:
     np.testing.assert_allclose(linear.logs(other), 3 + other @ slopes, atol=0.01)
 
 
-def test_multilevel_values_are_bounds_and_their_errors_are_seen_beside_them() -> None:
+def test_multilevel_values_are_bounds_and_their_errors_are_seen_beside_them():
     masses = baseline("multilevel_masses")
     mesh = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 40})
     area = baseline("ritz_features").features(mesh)[0]
@@ -124,7 +122,7 @@ def test_multilevel_values_are_bounds_and_their_errors_are_seen_beside_them() ->
     np.testing.assert_allclose(grown, masses.features(mesh), atol=1e-9)
 
 
-def test_two_numbers_are_found_again() -> None:
+def test_two_numbers_are_found_again():
     masses = baseline("multilevel_masses")
     numbers = np.abs(np.random.default_rng(0).normal(size=(50, 30)))
     fitted = masses.fit(numbers, masses.TwoNumbers(0.6, 7.0).logs(numbers))
@@ -132,7 +130,7 @@ def test_two_numbers_are_found_again() -> None:
 
 
 @pytest.mark.slow
-def test_shapes_without_a_number_are_left_out(tmp_path, monkeypatch) -> None:
+def test_shapes_without_a_number_are_left_out(tmp_path, monkeypatch):
     kept = baseline("surface_numbers")
     limits = kept.pins.read_limits("1.0")
     ids = np.unique(kept.truth.load("1.0", "train").shapes)
@@ -151,9 +149,7 @@ def test_shapes_without_a_number_are_left_out(tmp_path, monkeypatch) -> None:
 
 
 @pytest.mark.slow
-def test_a_later_version_adds_its_shapes_to_those_of_the_one_it_extends(
-    tmp_path, monkeypatch
-) -> None:
+def test_a_later_version_adds_its_shapes_to_those_of_the_one_it_extends(tmp_path, monkeypatch):
     more = baseline("more_numbers")
     for protocol in ("grouped", "cad"):
         shapes = np.unique(more.truth.load("2.1", "train", protocol).shapes)

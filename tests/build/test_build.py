@@ -1,7 +1,5 @@
 """Tests of the orchestrator: same bytes always, and nothing finished is ever lost."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import random
@@ -11,9 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -23,34 +19,32 @@ import synthnet.commands.cli
 from evidence import build_process
 from synthnet import recipe, spectrum, store
 from synthnet.build import filters
-from synthnet.build.jobs import ShardResult, keep_or_make
+from synthnet.build.jobs import keep_or_make
 from synthnet.build.label import make_sample
 from synthnet.build.terms import terms_of
 from synthnet.build.versions import build, ensure_built, shard_job
 from synthnet.errors import BuildError, CertificateError, SpectrumError, StoreError, counted
-from synthnet.recipe import Recipe
-from synthnet.recipe.plan import ShardPlan, plan_shards
+from synthnet.recipe.plan import plan_shards
 from synthnet.store import files
-from synthnet.types import Mesh, Rejection, Sample, Spectrum
+from synthnet.types import Mesh, Rejection, Sample
 from tests.datasets import contents
 
 VERSION = "1.0-mini"
-Command = Callable[..., subprocess.CompletedProcess[str]]
 linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
 
 
-def build_shard(plan: ShardPlan, recipe: Recipe, directory: Path) -> ShardResult:
+def build_shard(plan, recipe, directory):
     """Make one shard in this process, or keep it."""
     return keep_or_make(shard_job(plan, terms_of(recipe, directory)))
 
 
-def assert_same(built: Path, expected: Path) -> None:
+def assert_same(built, expected):
     first, second = contents(built / VERSION), contents(expected / VERSION)
     assert list(first) == list(second)
     assert [name for name in first if first[name] != second[name]] == []
 
 
-def one_line(text: str) -> str:
+def one_line(text):
     """The one line of standard error that is no progress."""
     bar = re.compile(r"^(\w+ .* \d+/\d+ .*(-:--:--|\d:\d\d:\d\d)\s*|\w+: done)$")
     lines = [line for line in text.splitlines() if line.strip() and not bar.match(line)]
@@ -61,7 +55,7 @@ def one_line(text: str) -> str:
 # Same bytes
 
 
-def test_mini_has_the_files_it_should(mini_home: Path) -> None:
+def test_mini_has_the_files_it_should(mini_home):
     names = [plan.file for plan in plan_shards(recipe.load(VERSION))]
     limits = [name.replace("shards/", "limits/") for name in names]
     assert sorted(contents(mini_home / VERSION)) == sorted(["manifest.json", *names, *limits])
@@ -76,16 +70,14 @@ def test_mini_has_the_files_it_should(mini_home: Path) -> None:
 
 
 @pytest.mark.slow
-def test_one_worker_gives_the_same_bytes_as_two(
-    mini_home: Path, tmp_path: Path, command: Command
-) -> None:
+def test_one_worker_gives_the_same_bytes_as_two(mini_home, tmp_path, command):
     done = command("build", "--version", VERSION, "--out", tmp_path, "--workers", "1")
     assert done.returncode == 0, done.stderr
     assert_same(tmp_path, mini_home)
 
 
 @pytest.mark.slow
-def test_mini_is_a_part_of_small_is_a_part_of_full() -> None:
+def test_mini_is_a_part_of_small_is_a_part_of_full():
     shapes = {
         version: {s.spec.id: s for plan in plan_shards(recipe.load(version)) for s in plan.shapes}
         for version in ("1.0", "1.0-small", "1.0-mini")
@@ -100,11 +92,11 @@ def test_mini_is_a_part_of_small_is_a_part_of_full() -> None:
 
 
 @pytest.fixture
-def started(environment: dict[str, str]) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+def started(environment):
     """Start builds in process groups of their own; end what is left of them."""
-    builds: list[subprocess.Popen[str]] = []
+    builds = []
 
-    def start(home: Path) -> subprocess.Popen[str]:
+    def start(home):
         arguments = ["build", "--version", VERSION, "--out", str(home), "--workers", "2"]
         builds.append(
             subprocess.Popen(
@@ -127,32 +119,32 @@ def started(environment: dict[str, str]) -> Iterator[Callable[..., subprocess.Po
         process.communicate()
 
 
-def group(leader: int) -> dict[int, str]:
+def group(leader):
     """Command lines of the processes alive in a group, by their number."""
     return dict(build_process.group(leader))
 
 
-def workers(leader: int) -> list[int]:
+def workers(leader):
     return [pid for pid, line in group(leader).items() if "spawn_main" in line]
 
 
-def wait_for(what: Callable[[], object], seconds: float = 60) -> None:
+def wait_for(what, seconds=60):
     end = time.monotonic() + seconds
     while not what():
         assert time.monotonic() < end, "waited in vain"
         time.sleep(0.01)
 
 
-def shards(home: Path) -> int:
+def shards(home):
     return len(list((home / VERSION / "shards").glob("[!.]*.parquet")))
 
 
-def wait_for_shards(home: Path, count: int, process: subprocess.Popen[str]) -> None:
+def wait_for_shards(home, count, process):
     wait_for(lambda: shards(home) >= count or process.poll() is not None)
     assert process.poll() is None, process.communicate()
 
 
-def finish(home: Path, expected: Path, command: Command) -> None:
+def finish(home, expected, command):
     """Resume a build: it keeps what is there, and ends with the same bytes."""
     kept = {p: p.stat().st_mtime_ns for p in (home / VERSION / "shards").glob("[!.]*.parquet")}
     done = command("build", "--version", VERSION, "--out", home, "--workers", "2")
@@ -165,11 +157,8 @@ def finish(home: Path, expected: Path, command: Command) -> None:
 @linux
 @pytest.mark.slow
 def test_killed_at_random_points_and_resumed_ends_with_the_same_bytes(
-    mini_home: Path,
-    tmp_path: Path,
-    command: Command,
-    started: Callable[..., subprocess.Popen[str]],
-) -> None:
+    mini_home, tmp_path, command, started
+):
     rng = random.Random(20240726)
     process = started(tmp_path)
     time.sleep(rng.uniform(0.5, 3))  # anywhere while it starts
@@ -192,12 +181,7 @@ def test_killed_at_random_points_and_resumed_ends_with_the_same_bytes(
 
 @linux
 @pytest.mark.slow
-def test_worker_that_dies_ends_the_build_in_one_line(
-    mini_home: Path,
-    tmp_path: Path,
-    command: Command,
-    started: Callable[..., subprocess.Popen[str]],
-) -> None:
+def test_worker_that_dies_ends_the_build_in_one_line(mini_home, tmp_path, command, started):
     process = started(tmp_path)
     wait_for_shards(tmp_path, 2, process)
     os.kill(workers(process.pid)[0], signal.SIGKILL)
@@ -223,14 +207,8 @@ def test_worker_that_dies_ends_the_build_in_one_line(
     ids=["ctrl-c at the start", "ctrl-c", "sigterm"],
 )
 def test_an_interrupt_ends_the_build_in_one_line(
-    when: str,
-    send: Callable[[int, int], None],
-    number: int,
-    mini_home: Path,
-    tmp_path: Path,
-    command: Command,
-    started: Callable[..., subprocess.Popen[str]],
-) -> None:
+    when, send, number, mini_home, tmp_path, command, started
+):
     if when == "workers work":  # the long ones are there already, to save time
         (tmp_path / VERSION / "shards").mkdir(parents=True)
         for name in ("split_sphere-0000", "inverted_cone-0000", "inverted_cone-0001"):
@@ -255,9 +233,7 @@ def test_an_interrupt_ends_the_build_in_one_line(
 
 @linux
 @pytest.mark.slow
-def test_two_builds_at_once_do_not_mix(
-    tmp_path: Path, command: Command, started: Callable[..., subprocess.Popen[str]]
-) -> None:
+def test_two_builds_at_once_do_not_mix(tmp_path, command, started):
     first = started(tmp_path)
     wait_for(lambda: workers(first.pid))
     os.kill(first.pid, signal.SIGSTOP)  # or it may be done before the second has started
@@ -274,9 +250,7 @@ def test_two_builds_at_once_do_not_mix(
 # Finished, and damaged again
 
 
-def test_second_build_has_nothing_to_do(
-    mini_home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_second_build_has_nothing_to_do(mini_home, capsys):
     files = {p: p.stat().st_mtime_ns for p in mini_home.rglob("*")}
     report = build(VERSION, root=mini_home)
     assert report.nothing_to_do
@@ -287,15 +261,13 @@ def test_second_build_has_nothing_to_do(
 
 
 @pytest.mark.slow
-def test_missing_shard_is_built_again(mini_home: Path, mini_copy: Path, command: Command) -> None:
+def test_missing_shard_is_built_again(mini_home, mini_copy, command):
     (mini_copy / VERSION / "shards" / "torus-0000.parquet").unlink()
     finish(mini_copy, mini_home, command)
 
 
 @pytest.mark.slow
-def test_damaged_shards_are_built_again_and_leftovers_removed(
-    mini_home: Path, mini_copy: Path, command: Command
-) -> None:
+def test_damaged_shards_are_built_again_and_leftovers_removed(mini_home, mini_copy, command):
     directory = mini_copy / VERSION
     truncated = directory / "shards" / "split_cone-0000.parquet"
     truncated.write_bytes(truncated.read_bytes()[:-100])
@@ -314,7 +286,7 @@ def test_damaged_shards_are_built_again_and_leftovers_removed(
     assert_same(mini_copy, mini_home)
 
 
-def test_data_of_another_recipe_is_refused(mini_copy: Path) -> None:
+def test_data_of_another_recipe_is_refused(mini_copy):
     manifest = store.open_dataset(VERSION, mini_copy).manifest
     other = dataclasses.replace(manifest, recipe_digest="0" * 64)
     store.write_manifest(mini_copy / VERSION, other)
@@ -323,7 +295,7 @@ def test_data_of_another_recipe_is_refused(mini_copy: Path) -> None:
         build(VERSION, root=mini_copy)
 
 
-def test_shard_of_another_recipe_is_refused(tiny: Recipe, tmp_path: Path) -> None:
+def test_shard_of_another_recipe_is_refused(tiny, tmp_path):
     (plan, *_) = plan_shards(tiny)
     (tmp_path / "shards").mkdir()
     build_shard(plan, tiny, tmp_path)
@@ -335,13 +307,13 @@ def test_shard_of_another_recipe_is_refused(tiny: Recipe, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("workers", [0, -1])
-def test_workers_must_be_at_least_one(workers: int, tmp_path: Path) -> None:
+def test_workers_must_be_at_least_one(workers, tmp_path):
     with pytest.raises(ValueError, match=f"workers must be at least 1, got {workers}"):
         build(VERSION, root=tmp_path, workers=workers)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+def test_place_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("no directory")
     with pytest.raises(
         BuildError, match=r"cannot write to .*: choose another directory with --out"
@@ -352,21 +324,15 @@ def test_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
 # On first use
 
 
-def test_finished_dataset_is_opened_without_a_word(
-    mini_home: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_finished_dataset_is_opened_without_a_word(mini_home, capfd):
     assert ensure_built(VERSION, mini_home) == store.open_dataset(VERSION, mini_home)
     assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.slow
 def test_unfinished_dataset_is_built_on_first_use_and_says_so(
-    mini_home: Path,
-    mini_copy: Path,
-    environment: dict[str, str],
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+    mini_home, mini_copy, environment, monkeypatch, capfd
+):
     monkeypatch.setenv("PYTHONPATH", environment["PYTHONPATH"])
     (mini_copy / VERSION / "manifest.json").unlink()
     dataset = ensure_built(VERSION, mini_copy)
@@ -377,9 +343,7 @@ def test_unfinished_dataset_is_built_on_first_use_and_says_so(
     assert_same(mini_copy, mini_home)
 
 
-def test_build_on_first_use_that_fails_says_so(
-    tmp_path: Path, environment: dict[str, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_build_on_first_use_that_fails_says_so(tmp_path, environment, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", environment["PYTHONPATH"])
     (tmp_path / "file").write_text("no directory")
     with pytest.raises(BuildError, match=r"run `python -m synthnet build"):
@@ -389,13 +353,13 @@ def test_build_on_first_use_that_fails_says_so(
 # One shape, one shard
 
 
-def with_tube_radius(tiny: Recipe, radius: float) -> Recipe:
+def with_tube_radius(tiny, radius):
     torus = tiny.families["torus"]
     touching = dataclasses.replace(torus, parameters={**torus.parameters, "tube_radius": radius})
     return dataclasses.replace(tiny, families={**tiny.families, "torus": touching})
 
 
-def test_degenerate_shapes_are_rejected_and_counted(tiny: Recipe, tmp_path: Path) -> None:
+def test_degenerate_shapes_are_rejected_and_counted(tiny, tmp_path):
     # A tube as thick as the torus meets itself in the axis: one ring of points becomes one.
     flat = with_tube_radius(tiny, 1.0)
     plan = next(plan for plan in plan_shards(flat) if plan.family == "torus")
@@ -414,17 +378,15 @@ def test_degenerate_shapes_are_rejected_and_counted(tiny: Recipe, tmp_path: Path
     assert list(store.read_samples(tmp_path / plan.file)) == []
 
 
-def test_solver_that_gives_up_is_counted(
-    tiny: Recipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_solver_that_gives_up_is_counted(tiny, tmp_path, monkeypatch):
     plan = next(plan for plan in plan_shards(tiny) if plan.family == "torus")
     solve, calls = spectrum.compute, []
 
-    def third_fails(mesh: Mesh, *args: object, **options: object) -> Spectrum:
+    def third_fails(mesh, *args, **options):
         calls.append(mesh)
         if len(calls) == 3:
             raise SpectrumError("Lanczos iteration failed: planted")
-        return solve(mesh, *args, **options)  # type: ignore[arg-type]
+        return solve(mesh, *args, **options)
 
     monkeypatch.setattr(spectrum, "compute", third_fails)
     (tmp_path / "shards").mkdir()
@@ -436,10 +398,8 @@ def test_solver_that_gives_up_is_counted(
     assert ids == ["torus-00000", "torus-00001", "torus-00003"]
 
 
-def test_spectrum_without_certificate_is_counted(
-    tiny: Recipe, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def uncertain(*args: object, **options: object) -> NoReturn:
+def test_spectrum_without_certificate_is_counted(tiny, monkeypatch):
+    def uncertain(*args, **options):
         raise CertificateError("12 eigenvalues are below 3, but 11 were found")
 
     monkeypatch.setattr(spectrum, "compute", uncertain)
@@ -452,13 +412,11 @@ def test_spectrum_without_certificate_is_counted(
     )
 
 
-def test_spectrum_that_fails_a_check_is_counted(
-    tiny: Recipe, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_spectrum_that_fails_a_check_is_counted(tiny, monkeypatch):
     solve = spectrum.compute
 
-    def inexact(mesh: Mesh, *args: object, **options: object) -> Spectrum:
-        label = solve(mesh, *args, **options)  # type: ignore[arg-type]
+    def inexact(mesh, *args, **options):
+        label = solve(mesh, *args, **options)
         worse = dataclasses.replace(label.certificate, residual=1e-3)
         return dataclasses.replace(label, certificate=worse)
 
@@ -469,10 +427,8 @@ def test_spectrum_that_fails_a_check_is_counted(
     )
 
 
-def test_error_that_is_no_finding_is_not_swallowed(
-    tiny: Recipe, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def broken(*args: object, **options: object) -> NoReturn:
+def test_error_that_is_no_finding_is_not_swallowed(tiny, monkeypatch):
+    def broken(*args, **options):
         raise ZeroDivisionError("a bug")
 
     monkeypatch.setattr(spectrum, "compute", broken)
@@ -481,7 +437,7 @@ def test_error_that_is_no_finding_is_not_swallowed(
 
 
 @pytest.mark.parametrize("family", ["tetrahedron", "split_cone", "sphere", "torus"])
-def test_label_is_of_the_stored_vertices(family: str, mini_home: Path) -> None:
+def test_label_is_of_the_stored_vertices(family, mini_home):
     path = mini_home / VERSION / "shards" / f"{family}-0000.parquet"
     samples = list(store.read_samples(path))[:2]
     assert len(samples) == 2
@@ -495,7 +451,7 @@ def test_label_is_of_the_stored_vertices(family: str, mini_home: Path) -> None:
             assert (label.trivial, label.certificate) == (sample.trivial, sample.certificate)
 
 
-def test_shapes_do_not_depend_on_their_company(tiny: Recipe) -> None:
+def test_shapes_do_not_depend_on_their_company(tiny):
     plan = next(plan for plan in plan_shards(tiny) if plan.family == "torus")
     alone = make_sample(plan.shapes[-1], tiny)
     in_a_row = [make_sample(shape, tiny) for shape in plan.shapes][-1]

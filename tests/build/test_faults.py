@@ -1,14 +1,11 @@
 """Builds killed, starved and damaged, a few times each; evidence/faults.py does more."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import random
 import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NoReturn
 
 import pytest
 
@@ -19,7 +16,6 @@ from synthnet.build.versions import build
 from synthnet.build.workers import given
 from synthnet.commands import cli
 from synthnet.errors import BuildError
-from synthnet.recipe import Recipe
 from synthnet.store import files
 from synthnet.verify.checks import verify_files
 
@@ -30,7 +26,7 @@ linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks i
 
 @linux
 @pytest.mark.slow
-def test_killed_builds_end_with_the_same_bytes(mini_home: Path, tmp_path: Path) -> None:
+def test_killed_builds_end_with_the_same_bytes(mini_home, tmp_path):
     rng, small = random.Random(1), faults.small_ones
     outcome = faults.kill_builds(mini_home, tmp_path, 2, rng, missing=small, seconds=4.0)
     assert (outcome.wrong, outcome.cases, outcome.same) == ([], 2, 2)
@@ -38,7 +34,7 @@ def test_killed_builds_end_with_the_same_bytes(mini_home: Path, tmp_path: Path) 
 
 @linux
 @pytest.mark.slow
-def test_full_disk_is_one_line_and_the_build_goes_on(mini_home: Path, tmp_path: Path) -> None:
+def test_full_disk_is_one_line_and_the_build_goes_on(mini_home, tmp_path):
     outcome = faults.fill_disks(mini_home, tmp_path, 1, random.Random(0), faults.small_ones)
     if outcome.skipped:
         pytest.skip(outcome.skipped)
@@ -47,13 +43,13 @@ def test_full_disk_is_one_line_and_the_build_goes_on(mini_home: Path, tmp_path: 
 
 @linux
 @pytest.mark.slow
-def test_every_altered_byte_is_found_and_mended_or_refused(mini_home: Path, tmp_path: Path) -> None:
+def test_every_altered_byte_is_found_and_mended_or_refused(mini_home, tmp_path):
     outcome = faults.flip_bytes(mini_home, tmp_path, 30, random.Random(3), build_every=30)
     assert (outcome.wrong, outcome.same) == ([], 30)
     assert {"verify: digests", "verify: refused"} <= set(outcome.seen)
 
 
-def test_harness_notices_what_is_wrong() -> None:
+def test_harness_notices_what_is_wrong():
     expected = {"a": b"1", "b": b"2"}
     assert faults.difference(expected, expected) is None
     assert faults.difference({"a": b"0", "b": b"2"}, expected) == "differ: a"
@@ -62,9 +58,7 @@ def test_harness_notices_what_is_wrong() -> None:
 
 
 @pytest.mark.slow
-def test_altered_shard_is_mended_by_a_build_though_its_size_is_right(
-    mini_home: Path, mini_copy: Path
-) -> None:
+def test_altered_shard_is_mended_by_a_build_though_its_size_is_right(mini_home, mini_copy):
     path = mini_copy / VERSION / SHARD
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
@@ -73,9 +67,7 @@ def test_altered_shard_is_mended_by_a_build_though_its_size_is_right(
     assert path.read_bytes() == (mini_home / VERSION / SHARD).read_bytes()
 
 
-def test_files_alone_are_verified_on_request(
-    mini_copy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_files_alone_are_verified_on_request(mini_copy, capsys):
     arguments = ["verify", "--files", "--version", VERSION, "--out", str(mini_copy)]
     assert cli.main(arguments) == 0
     capsys.readouterr()
@@ -87,7 +79,7 @@ def test_files_alone_are_verified_on_request(
     assert SHARD in problems["shards"][0]
 
 
-def test_files_of_another_recipe_are_noticed(mini_copy: Path) -> None:
+def test_files_of_another_recipe_are_noticed(mini_copy):
     (check, *_) = verify_files(VERSION, root=mini_copy).checks
     assert (check.name, check.problems) == ("manifest", ())
     manifest = store.open_dataset(VERSION, mini_copy).manifest
@@ -98,10 +90,8 @@ def test_files_of_another_recipe_are_noticed(mini_copy: Path) -> None:
 
 
 @pytest.mark.parametrize("error", [MemoryError(), SystemError("error return without exception")])
-def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(
-    error: Exception, tiny: Recipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def starve(*_: object) -> NoReturn:
+def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(error, tiny, tmp_path, monkeypatch):
+    def starve(*_):
         raise error
 
     with monkeypatch.context() as patch, ThreadPoolExecutor(1) as pool:
@@ -113,7 +103,7 @@ def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(
         assert not build(tiny, root=tmp_path, engine=given(pool, workers=1)).nothing_to_do
 
 
-def test_a_report_survives_json() -> None:
+def test_a_report_survives_json():
     outcome = faults.Outcome("killed", cases=3, refused=1, same=2, wrong=["left behind"])
     outcome.seen["the build, at work"] = 3
     row = json.loads(json.dumps(outcome.row()))
@@ -122,14 +112,12 @@ def test_a_report_survives_json() -> None:
     assert re.search(r"killed +\| 3 +\| 1 +\| 2 +\| 1 +\| 3 the build, at work", table)
 
 
-def test_a_build_that_fails_leaves_no_partial_file_of_a_stopped_worker(
-    tiny: Recipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_build_that_fails_leaves_no_partial_file_of_a_stopped_worker(tiny, tmp_path, monkeypatch):
     shards = tmp_path / "tiny" / "shards"
 
     begun = []
 
-    def stopped(*_: object) -> None:
+    def stopped(*_):
         if not begun:  # a job that has been queued may begin when the build is over
             (shards / ".torus-0000.parquet.1.partial").write_text("of a worker that was stopped")
         begun.append(True)
@@ -141,15 +129,13 @@ def test_a_build_that_fails_leaves_no_partial_file_of_a_stopped_worker(
     assert not list(tmp_path.rglob("*.partial"))
 
 
-def test_two_builds_may_look_for_a_place_at_once(tmp_path: Path) -> None:
+def test_two_builds_may_look_for_a_place_at_once(tmp_path):
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(files.make_directory, [tmp_path / "place"] * 2000))
     assert list((tmp_path / "place").iterdir()) == []
 
 
-def test_leftover_that_vanishes_is_no_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_leftover_that_vanishes_is_no_error(tmp_path, monkeypatch):
     gone = tmp_path / ".torus-0000.parquet.1.partial"
     monkeypatch.setattr(Path, "glob", lambda *_: [gone])  # a dying worker has just moved it
     files.remove_partial_files(tmp_path)

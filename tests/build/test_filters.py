@@ -14,11 +14,11 @@ CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
 FACES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
 
 
-def mesh_of(vertices: list[list[float]], faces: list[list[int]]) -> Mesh:
+def mesh_of(vertices, faces):
     return Mesh(np.array(vertices, dtype=np.float64), np.array(faces))
 
 
-def spectrum_of(*eigenvalues: float, trivial: float = 1e-15, residual: float = 1e-12) -> Spectrum:
+def spectrum_of(*eigenvalues, trivial=1e-15, residual=1e-12):
     proof = Certificate(len(eigenvalues) + 1, 2 * max(eigenvalues), residual)
     return Spectrum(np.array(eigenvalues), trivial, proof, np.zeros((0, len(eigenvalues))))
 
@@ -68,12 +68,12 @@ BAD_SPECTRA = {
 }
 
 
-def test_every_check_has_a_mesh_or_a_spectrum_here_that_fails_it() -> None:
+def test_every_check_has_a_mesh_or_a_spectrum_here_that_fails_it():
     assert set(BAD_MESHES) == set(MESH_CHECKS)
     assert set(BAD_SPECTRA) == set(SPECTRUM_CHECKS)
 
 
-def test_the_order_of_the_checks_is_fixed() -> None:
+def test_the_order_of_the_checks_is_fixed():
     assert list(MESH_CHECKS) == [
         "finite",
         "degenerate_face",
@@ -93,21 +93,21 @@ def test_the_order_of_the_checks_is_fixed() -> None:
     ]
 
 
-def test_reasons_are_distinct_and_name_their_function() -> None:
+def test_reasons_are_distinct_and_name_their_function():
     for checks in (MESH_CHECKS, SPECTRUM_CHECKS):
         assert all(name == check.__name__ for name, check in checks.items())
     assert filters.SOLVER not in {*MESH_CHECKS, *SPECTRUM_CHECKS}
     assert not set(MESH_CHECKS) & set(SPECTRUM_CHECKS)
 
 
-def test_a_good_mesh_and_a_good_spectrum_pass() -> None:
+def test_a_good_mesh_and_a_good_spectrum_pass():
     assert check_mesh(GOOD_MESH, LIMITS, Topology(2)) is None
     assert check_mesh(GOOD_MESH.stored(), LIMITS, Topology(2)) is None
     assert check_spectrum(GOOD_SPECTRUM, LIMITS) is None
 
 
 @pytest.mark.parametrize("name", MESH_CHECKS)
-def test_bad_mesh_is_refused_by_its_check_and_not_by_an_earlier_one(name: str) -> None:
+def test_bad_mesh_is_refused_by_its_check_and_not_by_an_earlier_one(name):
     mesh, finding = BAD_MESHES[name]
     # Of connected surfaces only one with a boundary has a torus's number, and none a sphere's.
     expected = Topology(0 if name == "boundary" else 2)
@@ -115,12 +115,12 @@ def test_bad_mesh_is_refused_by_its_check_and_not_by_an_earlier_one(name: str) -
 
 
 @pytest.mark.parametrize("name", SPECTRUM_CHECKS)
-def test_bad_spectrum_is_refused_by_its_check_and_not_by_an_earlier_one(name: str) -> None:
+def test_bad_spectrum_is_refused_by_its_check_and_not_by_an_earlier_one(name):
     spectrum, finding = BAD_SPECTRA[name]
     assert check_spectrum(spectrum, LIMITS) == (name, finding)
 
 
-def test_the_first_failure_is_the_one_reported() -> None:
+def test_the_first_failure_is_the_one_reported():
     # Faces twice: every edge has four faces, passed twice in one direction.
     doubled = mesh_of(CORNERS, FACES + FACES)
     assert check_mesh(doubled, LIMITS, Topology(2)) == ("duplicate_face", "4 faces repeat another")
@@ -128,13 +128,13 @@ def test_the_first_failure_is_the_one_reported() -> None:
     assert check_spectrum(worst, LIMITS) == ("non_positive_eigenvalue", "first eigenvalue is -1")
 
 
-def test_a_surface_turned_inside_out_is_refused() -> None:
+def test_a_surface_turned_inside_out_is_refused():
     inside_out = Mesh(GOOD_MESH.vertices, GOOD_MESH.faces[:, ::-1])
     refusal = check_mesh(inside_out, LIMITS, Topology(2))
     assert refusal == ("orientation", "the enclosed volume is -0.167")
 
 
-def test_an_open_surface_needs_no_volume() -> None:
+def test_an_open_surface_needs_no_volume():
     assert check_mesh(mesh_of(CORNERS, [[0, 1, 2]]), LIMITS, Topology(1, 1)) == (
         "components",
         "2 components instead of one",
@@ -142,7 +142,7 @@ def test_an_open_surface_needs_no_volume() -> None:
     assert check_mesh(mesh_of(CORNERS[:3], [[0, 1, 2]]), LIMITS, Topology(1, 1)) is None
 
 
-def test_a_surface_of_one_side_needs_no_orientation() -> None:
+def test_a_surface_of_one_side_needs_no_orientation():
     band = [[i, (i + 1) % 5, (i + 2) % 5] for i in range(5)]  # Möbius's own five triangles
     corners = [[np.cos(i), np.sin(i), np.sin(3.0 * i)] for i in range(5)]
     mesh = mesh_of(corners, band)
@@ -152,19 +152,19 @@ def test_a_surface_of_one_side_needs_no_orientation() -> None:
     assert refusal[0] == "orientation"
 
 
-def test_the_euler_characteristic_is_compared_with_the_declared_one() -> None:
+def test_the_euler_characteristic_is_compared_with_the_declared_one():
     refusal = check_mesh(GOOD_MESH, LIMITS, Topology(0))
     assert refusal == ("euler_characteristic", "Euler characteristic 2 instead of 0")
 
 
-def test_a_face_with_a_corner_twice_is_degenerate() -> None:
+def test_a_face_with_a_corner_twice_is_degenerate():
     refusal = check_mesh(mesh_of(CORNERS, [*FACES, [1, 1, 2]]), LIMITS, Topology(2))
     assert refusal is not None
     assert refusal[0] == "degenerate_face"
 
 
-def test_an_altitude_at_the_limit_is_refused_and_one_above_is_not() -> None:
-    def flat(altitude: float) -> Mesh:
+def test_an_altitude_at_the_limit_is_refused_and_one_above_is_not():
+    def flat(altitude):
         return mesh_of([[0, 0, 0], [2, 0, 0], [1, 2 * altitude, 0]], [[0, 1, 2]])
 
     limits = dataclasses.replace(LIMITS, altitude=2.0**-10)
@@ -173,23 +173,23 @@ def test_an_altitude_at_the_limit_is_refused_and_one_above_is_not() -> None:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_trivial_eigenvalue_and_residual_may_be_at_the_limit(sign: int) -> None:
+def test_trivial_eigenvalue_and_residual_may_be_at_the_limit(sign):
     limits = FilterSettings(altitude=0.0, trivial=0.25, residual=0.5)
     at_limit = spectrum_of(2.0, trivial=sign * 0.5, residual=0.5)
     assert check_spectrum(at_limit, limits) is None
 
 
-def test_a_zero_first_eigenvalue_is_refused_before_it_divides() -> None:
+def test_a_zero_first_eigenvalue_is_refused_before_it_divides():
     refusal = check_spectrum(spectrum_of(0.0, 1.0), LIMITS)
     assert refusal == ("non_positive_eigenvalue", "first eigenvalue is 0")
 
 
-def test_what_is_not_finite_beside_the_eigenvalues_is_refused_too() -> None:
+def test_what_is_not_finite_beside_the_eigenvalues_is_refused_too():
     refusal = check_spectrum(spectrum_of(2.0, trivial=math.nan), LIMITS)
     assert refusal == ("non_finite_eigenvalue", "1 eigenvalues are not finite")
     refusal = check_spectrum(spectrum_of(2.0, residual=math.nan), LIMITS)
     assert refusal == ("residual", "relative residual is nan, above 1e-05")
 
 
-def test_equal_eigenvalues_are_ascending() -> None:
+def test_equal_eigenvalues_are_ascending():
     assert check_spectrum(spectrum_of(2.0, 2.0, 2.0), LIMITS) is None

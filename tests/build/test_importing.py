@@ -1,13 +1,10 @@
 """Folders of mesh files become datasets; a bad file is a rejection and stops no other."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import shlex
 import shutil
-from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
@@ -24,14 +21,13 @@ from evidence import fuzz_import
 from synthnet import spectrum, store
 from synthnet.build import filters, importing, sources, surfaces
 from synthnet.build.importing import Settings, file_outcomes, import_meshes
-from synthnet.build.jobs import BuildReport, Watcher, exclusive
+from synthnet.build.jobs import Watcher, exclusive
 from synthnet.build.workers import Workers
 from synthnet.commands import cli
 from synthnet.errors import BuildError, MeshImportError, RecipeError, StoreError
 from synthnet.families import FAMILIES
 from synthnet.loaders.pyg import SynthNet
 from synthnet.mesh import geometry, repair
-from synthnet.recipe.plan import ShardPlan
 from synthnet.store import pins
 from synthnet.types import Mesh
 from synthnet.verify.checks import verify, verify_files
@@ -39,11 +35,10 @@ from tests.datasets import contents
 
 SPHERE = trimesh.creation.icosphere(subdivisions=2)
 TORUS = trimesh.creation.torus(3.0, 1.0, major_sections=16, minor_sections=12)
-Run = Callable[..., BuildReport]
 FAR = SPHERE.copy().apply_translation([10.0, 0, 0]).apply_scale(0.5)
 
 
-def seamed(mesh: trimesh.Trimesh) -> str:
+def seamed(mesh):
     """Return OBJ text in which every face has texture coordinates of its own."""
     lines = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in mesh.vertices]
     lines += [f"vt {i / len(mesh.faces)} {c / 3}" for i in range(len(mesh.faces)) for c in range(3)]
@@ -53,7 +48,7 @@ def seamed(mesh: trimesh.Trimesh) -> str:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     """Two directories of files that each meet one rule, or none."""
     directory = tmp_path / "My Meshes"
     (directory / "below").mkdir(parents=True)
@@ -67,30 +62,24 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def scans(tmp_path: Path) -> Path:
+def scans(tmp_path):
     """An empty directory for mesh files."""
     (tmp_path / "scans").mkdir()
     return tmp_path / "scans"
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Run:
-    def imported(
-        *places: Path,
-        name: str = "mine",
-        root: Path = tmp_path / "root",
-        watcher: Watcher | None = None,
-        **options: object,
-    ) -> BuildReport:
+def run(tmp_path):
+    def imported(*places, name="mine", root=tmp_path / "root", watcher=None, **options):
         with ThreadPoolExecutor(1) as pool:
-            settings = Settings(**options)  # type: ignore[arg-type]
+            settings = Settings(**options)
             engine = nullcontext(Workers(pool, lambda: 1))
             return import_meshes(places, name, settings, root=root, engine=engine, watcher=watcher)
 
     return imported
 
 
-def test_folder_becomes_a_dataset(folder: Path, run: Run) -> None:
+def test_folder_becomes_a_dataset(folder, run):
     dataset = run(folder).dataset
     rows = {row["file"]: (row["outcome"], row["what"]) for row in file_outcomes(dataset)}
     merged = 3 * len(SPHERE.faces) - len(SPHERE.vertices)
@@ -105,12 +94,12 @@ def test_folder_becomes_a_dataset(folder: Path, run: Run) -> None:
     assert ids == [f"my_meshes-{number:05d}" for number in (0, 1, 2, 4)]
 
 
-def outcomes_by_file(report: BuildReport) -> dict[str, str]:
+def outcomes_by_file(report):
     """What became of each file, by its name."""
     return {str(row["file"]): str(row["what"]) for row in file_outcomes(report.dataset)}
 
 
-def test_labels_are_those_of_the_surface(folder: Path, run: Run) -> None:
+def test_labels_are_those_of_the_surface(folder, run):
     ply, stl, torus, both = run(folder).dataset.samples()
     parts = [spectrum.compute(Mesh(np.array(m.vertices), np.array(m.faces))) for m in (SPHERE, FAR)]
     merged = np.sort(np.concatenate([part.eigenvalues for part in parts]))[:10]
@@ -125,7 +114,7 @@ def test_labels_are_those_of_the_surface(folder: Path, run: Run) -> None:
         assert sample.isometries.tolist() == [np.eye(3).tolist()]
 
 
-def test_every_reader_takes_it(folder: Path, run: Run, tmp_path: Path) -> None:
+def test_every_reader_takes_it(folder, run, tmp_path):
     dataset = run(folder).dataset
     root = tmp_path / "root"
     shapes = SynthNet(version="mine", split="test", root=root)
@@ -139,7 +128,7 @@ def test_every_reader_takes_it(folder: Path, run: Run, tmp_path: Path) -> None:
         assert report.problems == ()
 
 
-def test_verify_finds_an_altered_label(folder: Path, run: Run, tmp_path: Path) -> None:
+def test_verify_finds_an_altered_label(folder, run, tmp_path):
     dataset = run(folder).dataset
     (path,) = dataset.paths()
     samples = list(store.read_samples(path))
@@ -153,7 +142,7 @@ def test_verify_finds_an_altered_label(folder: Path, run: Run, tmp_path: Path) -
     assert counts["labels"] == 4
 
 
-def test_second_import_has_nothing_to_do(folder: Path, run: Run, tmp_path: Path) -> None:
+def test_second_import_has_nothing_to_do(folder, run, tmp_path):
     first = run(folder)
     files = contents(tmp_path / "root" / "mine")
     manifest = tmp_path / "root" / "mine" / "manifest.json"
@@ -171,18 +160,16 @@ def test_second_import_has_nothing_to_do(folder: Path, run: Run, tmp_path: Path)
 class Interrupted(Watcher):
     """Is interrupted when the second shard is about to be made."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.seen = 0
 
-    def submitted(self, plan: ShardPlan) -> None:
+    def submitted(self, plan):
         self.seen += 1
         if self.seen == 2:
             raise KeyboardInterrupt
 
 
-def test_import_that_was_interrupted_goes_on(
-    folder: Path, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_import_that_was_interrupted_goes_on(folder, run, tmp_path, monkeypatch):
     monkeypatch.setattr(sources, "SHARD_FILES", 3)
     run(folder, root=tmp_path / "other")
     with pytest.raises(KeyboardInterrupt):
@@ -196,7 +183,7 @@ def test_import_that_was_interrupted_goes_on(
     assert len(contents(tmp_path / "other" / "mine")) == 3
 
 
-def test_shards_are_of_few_files_and_of_few_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shards_are_of_few_files_and_of_few_bytes(monkeypatch):
     monkeypatch.setattr(sources, "SHARD_FILES", 3)
     monkeypatch.setattr(sources, "SHARD_BYTES", 10)
     assert list(sources._chunks([1, 1, 1, 1])) == [(0, 3), (3, 4)]
@@ -205,9 +192,7 @@ def test_shards_are_of_few_files_and_of_few_bytes(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.slow
-def test_any_number_of_workers_makes_the_same_bytes(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_any_number_of_workers_makes_the_same_bytes(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(sources, "SHARD_FILES", 2)
     for workers in (1, 2):
         import_meshes([folder], "mine", root=tmp_path / str(workers), workers=workers)
@@ -228,13 +213,8 @@ def test_any_number_of_workers_makes_the_same_bytes(
     ],
 )
 def test_other_import_under_the_same_name_overwrites_nothing(
-    change: str,
-    difference: str,
-    folder: Path,
-    run: Run,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    change, difference, folder, run, tmp_path, monkeypatch
+):
     run(folder)
     files = contents(tmp_path / "root" / "mine")
     other = tmp_path / "other"
@@ -261,15 +241,13 @@ def test_other_import_under_the_same_name_overwrites_nothing(
         assert contents(tmp_path / "root" / "mine") == files
 
 
-def test_a_dataset_that_was_built_is_refused(
-    folder: Path, run: Run, mini_home: Path, tmp_path: Path
-) -> None:
+def test_a_dataset_that_was_built_is_refused(folder, run, mini_home, tmp_path):
     shutil.copytree(mini_home / "1.0-mini", tmp_path / "root" / "mine")
     with pytest.raises(StoreError, match="mine was not imported, but built; nothing was overwr"):
         run(folder)
 
 
-def test_stranger_among_the_shards_is_refused(folder: Path, run: Run, tmp_path: Path) -> None:
+def test_stranger_among_the_shards_is_refused(folder, run, tmp_path):
     (tmp_path / "root" / "mine" / "shards").mkdir(parents=True)
     (tmp_path / "root" / "mine" / "shards" / "notes.txt").write_text("mine")
     with pytest.raises(StoreError, match=r"notes\.txt .*, or of none; nothing was overwritten"):
@@ -277,7 +255,7 @@ def test_stranger_among_the_shards_is_refused(folder: Path, run: Run, tmp_path: 
     assert contents(tmp_path / "root") == {"mine/shards/notes.txt": b"mine"}
 
 
-def test_import_waits_for_another_or_says_so(folder: Path, run: Run, tmp_path: Path) -> None:
+def test_import_waits_for_another_or_says_so(folder, run, tmp_path):
     directory = tmp_path / "root" / "mine"
     directory.mkdir(parents=True)
     with (
@@ -287,7 +265,7 @@ def test_import_waits_for_another_or_says_so(folder: Path, run: Run, tmp_path: P
         run(folder)
 
 
-def test_unit_area_is_recorded(folder: Path, run: Run) -> None:
+def test_unit_area_is_recorded(folder, run):
     samples = list(run(folder, unit_area=True).dataset.samples())
     assert len(samples) == 4
     for sample in samples[:3]:
@@ -298,7 +276,7 @@ def test_unit_area_is_recorded(folder: Path, run: Run) -> None:
         assert sample.eigenvalues * scale**2 == pytest.approx(expected.eigenvalues, rel=1e-5)
 
 
-def test_largest_component_is_kept_if_asked(folder: Path, run: Run) -> None:
+def test_largest_component_is_kept_if_asked(folder, run):
     rows = file_outcomes(run(folder, components="largest").dataset)
     (kept,) = [row for row in rows if row["file"] == "e.ply"]
     assert (kept["outcome"], kept["what"]) == (
@@ -308,7 +286,7 @@ def test_largest_component_is_kept_if_asked(folder: Path, run: Run) -> None:
     assert kept["vertices"] == len(SPHERE.vertices)
 
 
-def test_the_bound_of_the_error_changes_no_pin(folder: Path, run: Run) -> None:
+def test_the_bound_of_the_error_changes_no_pin(folder, run):
     sample = next(iter(run(folder).dataset.samples()))
     others = {k: v for k, v in sample.spec.parameters.items() if k != "error_bound"}
     assert len(others) == len(sample.spec.parameters) - 1
@@ -316,7 +294,7 @@ def test_the_bound_of_the_error_changes_no_pin(folder: Path, run: Run) -> None:
     assert pins.digest(without) == pins.digest(sample)
 
 
-def test_each_component_is_a_shape_if_asked(folder: Path, run: Run, tmp_path: Path) -> None:
+def test_each_component_is_a_shape_if_asked(folder, run, tmp_path):
     dataset = run(folder, components="split").dataset
     rows = {row["id"]: row for row in file_outcomes(dataset)}
     large, small = rows["my_meshes-00004"], rows["my_meshes-00005"]
@@ -332,7 +310,7 @@ def test_each_component_is_a_shape_if_asked(folder: Path, run: Run, tmp_path: Pa
     assert verify("mine", root=tmp_path / "root").problems == ()
 
 
-def test_500_spheres_in_a_file_are_one_shape_with_all_shares(scans: Path, run: Run) -> None:
+def test_500_spheres_in_a_file_are_one_shape_with_all_shares(scans, run):
     ball = trimesh.creation.icosphere(subdivisions=1)
     many = [
         ball.copy().apply_scale(2.0 if i == 0 else 1.0).apply_translation([5 * i, 0, 0])
@@ -347,7 +325,7 @@ def test_500_spheres_in_a_file_are_one_shape_with_all_shares(scans: Path, run: R
 
 
 @pytest.mark.parametrize("cut", [False, True])
-def test_fins_are_cut_by_the_command_line_if_asked(scans: Path, tmp_path: Path, cut: bool) -> None:
+def test_fins_are_cut_by_the_command_line_if_asked(scans, tmp_path, cut):
     points = SPHERE.vertices.tolist()
     a, b = SPHERE.edges_unique[0]
     points.append(3 * (SPHERE.vertices[a] + SPHERE.vertices[b]))
@@ -363,7 +341,7 @@ def test_fins_are_cut_by_the_command_line_if_asked(scans: Path, tmp_path: Path, 
         assert str(row["what"]).startswith("non_manifold_edge: 1 edge has more than two faces")
 
 
-def test_a_file_alone_is_imported(folder: Path, run: Run) -> None:
+def test_a_file_alone_is_imported(folder, run):
     dataset = run(folder / "a.ply", folder / "b.STL").dataset
     assert [row["file"] for row in file_outcomes(dataset)] == ["a.ply", "b.STL"]
     assert list(dataset.manifest.drawn) == ["my_meshes"]
@@ -371,12 +349,7 @@ def test_a_file_alone_is_imported(folder: Path, run: Run) -> None:
         run(folder / "f.txt", name="other")
 
 
-def test_shapes_are_found_by_the_name_of_their_file(
-    folder: Path,
-    run: Run,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_shapes_are_found_by_the_name_of_their_file(folder, run, tmp_path, capsys):
     shutil.copy(folder / "a.ply", folder / "below" / "a.ply")
     dataset = run(folder).dataset
     for name in ("below/c.obj", "c.obj", "c", "my_meshes-00003"):
@@ -404,9 +377,7 @@ def test_shapes_are_found_by_the_name_of_their_file(
     assert json.loads(capsys.readouterr().out)["ids"] == ["my_meshes-00003"]
 
 
-def test_a_largest_component_of_less_than_half_is_said(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_largest_component_of_less_than_half_is_said(folder, tmp_path, capsys):
     three = [SPHERE.copy().apply_translation([4.0 * i, 0, 0]) for i in range(3)]
     trimesh.util.concatenate(three).export(folder / "three.ply")
     where = ["--name", "mine", "--out", str(tmp_path / "root"), "--workers", "1"]
@@ -415,7 +386,7 @@ def test_a_largest_component_of_less_than_half_is_said(
     assert "in 1 of the files (three.ply) the largest component has less than half" in line
 
 
-def strip(aspect: float) -> trimesh.Trimesh:
+def strip(aspect):
     """A strip of needles, turned in space."""
     x, y = np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 3), indexing="ij")
     corner = (np.arange(8)[:, None] * 3 + np.arange(2)).ravel()
@@ -425,9 +396,7 @@ def strip(aspect: float) -> trimesh.Trimesh:
     return trimesh.Trimesh(points @ turn.T, np.concatenate(faces, axis=1).T, process=False)
 
 
-def test_thin_meshes_are_labelled_within_the_limit_or_refused_and_verify_agrees(
-    tmp_path: Path, run: Run
-) -> None:
+def test_thin_meshes_are_labelled_within_the_limit_or_refused_and_verify_agrees(tmp_path, run):
     directory = tmp_path / "thin"
     directory.mkdir()
     for number in range(7):
@@ -442,7 +411,7 @@ def test_thin_meshes_are_labelled_within_the_limit_or_refused_and_verify_agrees(
     assert verify("mine", root=tmp_path / "root").problems == ()
 
 
-def test_copies_of_a_file_are_in_one_split(scans: Path, run: Run) -> None:
+def test_copies_of_a_file_are_in_one_split(scans, run):
     for i in range(12):
         mesh = SPHERE.copy().apply_scale(1 + i / 10)
         mesh.export(scans / f"{i:02d}.off")
@@ -453,7 +422,7 @@ def test_copies_of_a_file_are_in_one_split(scans: Path, run: Run) -> None:
     assert len({sample.split for sample in samples}) > 1
 
 
-def test_far_coordinates_keep_their_shape(scans: Path, run: Run) -> None:
+def test_far_coordinates_keep_their_shape(scans, run):
     SPHERE.copy().apply_translation([5e5, 4e6, 0]).export(scans / "a.ply", encoding="ascii")
     lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in np.add(SPHERE.vertices, [5e5, 4e6, 0])]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in SPHERE.faces]
@@ -464,15 +433,13 @@ def test_far_coordinates_keep_their_shape(scans: Path, run: Run) -> None:
 
 
 @pytest.mark.parametrize("name", ["1.0", "../up", ""])
-def test_name_that_will_not_do_is_refused(
-    name: str, folder: Path, run: Run, tmp_path: Path
-) -> None:
+def test_name_that_will_not_do_is_refused(name, folder, run, tmp_path):
     with pytest.raises(MeshImportError, match="--name must be a letter"):
         run(folder, name=name)
     assert not (tmp_path / "root").exists()
 
 
-def test_directories_that_will_not_do_are_refused(folder: Path, run: Run, tmp_path: Path) -> None:
+def test_directories_that_will_not_do_are_refused(folder, run, tmp_path):
     (tmp_path / "empty").mkdir()
     (tmp_path / "other" / "my-meshes").mkdir(parents=True)
     shutil.copy(folder / "a.ply", tmp_path / "other" / "my-meshes")
@@ -493,9 +460,7 @@ def test_directories_that_will_not_do_are_refused(folder: Path, run: Run, tmp_pa
 @pytest.mark.parametrize(
     ("root", "name"), [("", "scans"), ("scans", "data"), ("scans/below", "deep"), ("..", "here")]
 )
-def test_dataset_is_never_among_the_meshes(
-    root: str, name: str, folder: Path, run: Run, tmp_path: Path
-) -> None:
+def test_dataset_is_never_among_the_meshes(root, name, folder, run, tmp_path):
     directory = tmp_path / "here" / "scans"
     directory.parent.mkdir()
     shutil.copytree(folder, directory)
@@ -505,7 +470,7 @@ def test_dataset_is_never_among_the_meshes(
     assert contents(tmp_path) == before
 
 
-def test_dataset_is_never_written_over_other_things(folder: Path, run: Run, tmp_path: Path) -> None:
+def test_dataset_is_never_written_over_other_things(folder, run, tmp_path):
     (tmp_path / "root" / "mine").mkdir(parents=True)
     (tmp_path / "root" / "mine" / "thesis.tex").write_text("mine")
     (tmp_path / "root" / "note").write_text("mine")
@@ -516,16 +481,14 @@ def test_dataset_is_never_written_over_other_things(folder: Path, run: Run, tmp_
     assert len(contents(tmp_path / "root")) == 2
 
 
-def test_files_that_cannot_be_opened_are_rejections(
-    folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_that_cannot_be_opened_are_rejections(folder, run, monkeypatch):
     (folder / "loop.obj").symlink_to("loop.obj")
     (folder / "gone.obj").symlink_to("nowhere.obj")
     (folder / "secret").mkdir()
     os.mkfifo(folder / "pipe.stl")
     scan = os.scandir
 
-    def denied(path: str) -> object:
+    def denied(path):
         if Path(path).name == "secret":
             raise PermissionError(13, "Permission denied", path)
         return scan(path)
@@ -540,14 +503,14 @@ def test_files_that_cannot_be_opened_are_rejections(
     assert outcomes["a.ply"] == ""
 
 
-def test_links_to_directories_are_not_followed(folder: Path, run: Run) -> None:
+def test_links_to_directories_are_not_followed(folder, run):
     (folder / "below" / "up").symlink_to(folder)
     assert len(outcomes_by_file(run(folder))) == 5
 
 
-def test_file_that_changes_or_goes_in_between_is_a_rejection(folder: Path, run: Run) -> None:
+def test_file_that_changes_or_goes_in_between_is_a_rejection(folder, run):
     class Meddler(Watcher):
-        def planned(self, drawn: Mapping[str, int]) -> None:
+        def planned(self, drawn):
             TORUS.export(folder / "a.ply")
             (folder / "b.STL").unlink()
 
@@ -557,21 +520,16 @@ def test_file_that_changes_or_goes_in_between_is_a_rejection(folder: Path, run: 
     assert outcomes["below/c.obj"] == ""
 
 
-def test_directory_that_goes_in_between_stops_the_import(folder: Path, run: Run) -> None:
+def test_directory_that_goes_in_between_stops_the_import(folder, run):
     class Unmounted(Watcher):
-        def planned(self, drawn: Mapping[str, int]) -> None:
+        def planned(self, drawn):
             folder.rename(folder.with_name("elsewhere"))
 
     with pytest.raises(BuildError, match=r"the worker on .* does not see .*My Meshes: the meshes"):
         run(folder, watcher=Unmounted())
 
 
-def test_files_of_odd_names(
-    folder: Path,
-    run: Run,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_files_of_odd_names(folder, run, tmp_path, capsys):
     names = [b"a: b.ply", b"\xff.ply", b"new\nline.ply", b"\x1b[31m.ply", "é.ply".encode()]
     for name in names:
         shutil.copy(folder / "a.ply", folder / os.fsdecode(name))
@@ -589,9 +547,7 @@ def test_files_of_odd_names(
     assert "imported already: nothing to do" in out
 
 
-def test_too_large_files_are_rejections(
-    folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_too_large_files_are_rejections(folder, run, monkeypatch):
     size = (folder / "below" / "c.obj").stat().st_size
     monkeypatch.setattr(sources, "MOST_BYTES", size - 1)
     monkeypatch.setattr(repair, "MOST_VERTICES", 161)
@@ -608,16 +564,10 @@ def test_too_large_files_are_rejections(
         (ValueError("a vertex\nno triangle"), "solver: a vertex no triangle"),
     ],
 )
-def test_label_that_fails_is_the_file_s_own_rejection(
-    error: Exception,
-    expected: str,
-    folder: Path,
-    run: Run,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_label_that_fails_is_the_file_s_own_rejection(error, expected, folder, run, monkeypatch):
     compute = spectrum.compute
 
-    def failing(mesh: Mesh, k: int = 10, **options: bool) -> object:
+    def failing(mesh, k=10, **options):
         if len(mesh.vertices) == len(TORUS.vertices):
             raise error
         return compute(mesh, k, **options)
@@ -628,7 +578,7 @@ def test_label_that_fails_is_the_file_s_own_rejection(
     assert outcomes["a.ply"] == ""
 
 
-def test_mobius_band_is_not_called_repaired(scans: Path, run: Run) -> None:
+def test_mobius_band_is_not_called_repaired(scans, run):
     band = FAMILIES["mobius_band"].generate(
         {"width": 1.0, "half_turns": 1, "triangulation": "uniform", "vertices": 50, "seed": 0}
     )
@@ -638,9 +588,7 @@ def test_mobius_band_is_not_called_repaired(scans: Path, run: Run) -> None:
 
 
 @pytest.mark.parametrize("n", [9, 10, 11, 12, 25])
-def test_smallest_surfaces_are_labelled_and_verified(
-    n: int, scans: Path, tmp_path: Path, run: Run
-) -> None:
+def test_smallest_surfaces_are_labelled_and_verified(n, scans, tmp_path, run):
     """Pyramids over a polygon: n + 2 vertices."""
     angle = 2 * np.pi * np.arange(n) / n
     rim = np.column_stack([np.cos(angle), 1.1 * np.sin(angle), 0.1 * np.sin(3 * angle)])
@@ -651,7 +599,7 @@ def test_smallest_surfaces_are_labelled_and_verified(
     assert verify("mine", root=tmp_path / "root").problems == ()
 
 
-def test_ten_vertices_are_too_few(scans: Path, run: Run) -> None:
+def test_ten_vertices_are_too_few(scans, run):
     trimesh.creation.box().export(scans / "a.off")
     assert outcomes_by_file(run(scans)) == {
         "a.off": "few_vertices: 8 vertices, a spectrum needs at least 11"
@@ -659,7 +607,7 @@ def test_ten_vertices_are_too_few(scans: Path, run: Run) -> None:
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e5])
-def test_any_unit_is_verified(size: float, scans: Path, tmp_path: Path, run: Run) -> None:
+def test_any_unit_is_verified(size, scans, tmp_path, run):
     TORUS.copy().apply_scale(size).export(scans / "a.off", digits=17)
     (sample,) = run(scans).dataset.samples()
     expected = spectrum.compute(Mesh(np.array(TORUS.vertices), np.array(TORUS.faces)))
@@ -667,7 +615,7 @@ def test_any_unit_is_verified(size: float, scans: Path, tmp_path: Path, run: Run
     assert verify("mine", root=tmp_path / "root").problems == ()
 
 
-def test_eigenvalues_next_to_zero_are_verified(scans: Path, tmp_path: Path, run: Run) -> None:
+def test_eigenvalues_next_to_zero_are_verified(scans, tmp_path, run):
     """One vertex of a torus far away: relative to itself no solver is exact to 1e-8 there."""
     spiked = TORUS.copy()
     spiked.vertices[7] *= 1e4
@@ -677,9 +625,7 @@ def test_eigenvalues_next_to_zero_are_verified(scans: Path, tmp_path: Path, run:
     assert verify("mine", root=tmp_path / "root").problems == ()
 
 
-def test_verify_compares_the_shapes_with_the_list_of_files(
-    folder: Path, run: Run, tmp_path: Path
-) -> None:
+def test_verify_compares_the_shapes_with_the_list_of_files(folder, run, tmp_path):
     dataset = run(folder).dataset
     (path,) = dataset.paths()
     manifest = dataset.manifest
@@ -708,9 +654,7 @@ def test_verify_compares_the_shapes_with_the_list_of_files(
     assert problems["digests"] == problems["shards"] == problems["labels"] == []
 
 
-def test_import_without_a_list_of_files_cannot_be_verified(
-    folder: Path, run: Run, tmp_path: Path
-) -> None:
+def test_import_without_a_list_of_files_cannot_be_verified(folder, run, tmp_path):
     dataset = run(folder).dataset
     old = replace(dataset.manifest, recipe={"imported": {}, "rules": "1.0"})
     store.write_manifest(dataset.directory, old)
@@ -719,12 +663,7 @@ def test_import_without_a_list_of_files_cannot_be_verified(
 
 
 @pytest.mark.slow
-def test_predictor_is_evaluated_on_an_import(
-    folder: Path,
-    run: Run,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_predictor_is_evaluated_on_an_import(folder, run, tmp_path, capsys):
     run(folder)
     code = "import numpy as np\n\ndef predict(meshes):\n    return np.ones((len(meshes), 10))\n"
     (tmp_path / "ones.py").write_text(code)
@@ -742,7 +681,7 @@ def test_predictor_is_evaluated_on_an_import(
     assert "would have rank 1 of 1" in capsys.readouterr().out
 
 
-def test_reasons_are_those_of_the_documentation() -> None:
+def test_reasons_are_those_of_the_documentation():
     code = Path(repair.__file__).read_text()
     reasons = set(re.findall(r'Refused\(\s*"(\w+)"', code))
     reasons |= {sources.UNREADABLE, sources.TOO_LARGE, surfaces.CHANGED, surfaces.MEMORY}
@@ -751,7 +690,7 @@ def test_reasons_are_those_of_the_documentation() -> None:
     assert reasons <= set(re.findall(r"`(\w+)`", PAGE))
 
 
-def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_line(folder, tmp_path, capsys):
     where = ["--name", "mine", "--out", str(tmp_path / "root"), "--workers", "1"]
     for name in ("more.txt", "a.mtl", "b.MTL", "LICENSE"):
         (folder / name).write_text("no mesh")
@@ -771,9 +710,7 @@ def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
 PAGE = (Path(__file__).parents[2] / "docs" / "import.md").read_text()
 
 
-def test_the_command_for_thingi10k_imports_a_folder_of_its_layout(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_for_thingi10k_imports_a_folder_of_its_layout(tmp_path, monkeypatch, capsys):
     directory = tmp_path / "Thingi10K" / "raw_meshes"
     directory.mkdir(parents=True)
     SPHERE.export(directory / "32770.stl")
@@ -796,7 +733,7 @@ def test_the_command_for_thingi10k_imports_a_folder_of_its_layout(
     assert areas == pytest.approx([1.0, 1.0], rel=1e-6)
 
 
-def test_page_shows_what_became_of_the_hostile_files() -> None:
+def test_page_shows_what_became_of_the_hostile_files():
     data = Path(__file__).parents[2] / "docs" / "data" / "import-hostile.json"
     files = json.loads(data.read_text())["files"]
     assert len(files) == 10
@@ -804,21 +741,14 @@ def test_page_shows_what_became_of_the_hostile_files() -> None:
         assert f"| `{file['file']}` | {file['outcome']} | {file['what']} |\n" in PAGE
 
 
-def test_number_of_workers_is_checked(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_number_of_workers_is_checked(folder, tmp_path, capsys):
     where = ["--name", "mine", "--out", str(tmp_path / "root"), "--workers", "0"]
     assert cli.main(["import", str(folder), *where]) == 2
     assert capsys.readouterr().err.strip() == "synthnet: workers must be at least 1, got 0"
     assert not (tmp_path / "root").exists()
 
 
-def test_verify_tells_of_an_import_what_makes_it_anew(
-    folder: Path,
-    run: Run,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_verify_tells_of_an_import_what_makes_it_anew(folder, run, tmp_path, capsys):
     (shard,) = run(folder).dataset.paths()
     Path(shard).unlink()
     where = ["--version", "mine", "--out", str(tmp_path / "root")]
@@ -828,9 +758,7 @@ def test_verify_tells_of_an_import_what_makes_it_anew(
     assert "run the `synthnet import` of mine again" in out
 
 
-def test_folder_without_one_good_file_exits_with_2(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_folder_without_one_good_file_exits_with_2(tmp_path, capsys):
     (tmp_path / "bad").mkdir()
     (tmp_path / "bad" / "a.obj").write_text("f 1 2 3\n")
     where = ["--name", "bad", "--out", str(tmp_path / "root"), "--workers", "1"]
@@ -841,7 +769,7 @@ def test_folder_without_one_good_file_exits_with_2(
 
 
 @pytest.mark.slow
-def test_altered_files_become_certified_shapes_or_rejections() -> None:
+def test_altered_files_become_certified_shapes_or_rejections():
     measured = fuzz_import.measure(cases=36, seed=1)
     assert measured["problems"] == []
     assert sum(sum(row.values()) for row in measured["outcomes"].values()) == 36

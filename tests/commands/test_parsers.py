@@ -1,14 +1,11 @@
 """What every command of both programs has: found in the parsers, so none can be forgotten."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import re
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import eigbench.commands.cli
 import pytest
@@ -22,7 +19,7 @@ PROGRAMS = {
 }
 
 
-def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+def commands_of(parser):
     (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
     return dict(commands.choices)
 
@@ -36,13 +33,13 @@ COMMANDS = {name: parser for name, parser in PARSERS.items() if " " in name}
 every_command = pytest.mark.parametrize("name", COMMANDS)
 
 
-def test_there_are_commands() -> None:
+def test_there_are_commands():
     assert {"synthnet build", "synthnet versions", "eigbench submit"} < COMMANDS.keys()
     assert all(type(parser) is Parser for parser in PARSERS.values())
 
 
 @pytest.mark.parametrize("name", PARSERS)
-def test_help_has_an_example_that_is_understood(name: str) -> None:
+def test_help_has_an_example_that_is_understood(name):
     examples = re.findall(r"^example: (.*)$", PARSERS[name].epilog or "", re.MULTILINE)
     assert len(examples) == 1
     program, *words = shlex.split(examples[0])
@@ -51,7 +48,7 @@ def test_help_has_an_example_that_is_understood(name: str) -> None:
 
 
 @every_command
-def test_help_says_what_the_command_is_for(name: str) -> None:
+def test_help_says_what_the_command_is_for(name):
     program, _, command = name.partition(" ")
     parser = PARSERS[name]
     assert parser.description
@@ -60,7 +57,7 @@ def test_help_says_what_the_command_is_for(name: str) -> None:
 
 
 @every_command
-def test_help_says_every_default(name: str) -> None:
+def test_help_says_every_default(name):
     actions = COMMANDS[name]._actions
     optional = [action for action in actions if action.nargs != 0 and not action.required]
     assert len(actions) > 2  # --help, --json and --traceback take no value
@@ -75,9 +72,7 @@ def test_help_says_every_default(name: str) -> None:
 
 
 @every_command
-def test_a_misspelt_option_is_guessed_and_the_commands_help_named(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_misspelt_option_is_guessed_and_the_commands_help_named(name, capsys):
     parser = COMMANDS[name]
     options = [o for a in parser._actions for o in a.option_strings if o.startswith("--")]
     assert {"--json", "--traceback"} <= {*options}
@@ -90,7 +85,7 @@ def test_a_misspelt_option_is_guessed_and_the_commands_help_named(
 
 
 @every_command
-def test_one_word_names_a_dataset(name: str) -> None:
+def test_one_word_names_a_dataset(name):
     options = {o for a in COMMANDS[name]._actions for o in a.option_strings}
     assert ("--version" in options) <= ("--dataset" in options)
     if "--dataset" in options:
@@ -119,9 +114,7 @@ SPHERES = [f"sphere-0000{number}" for number in (0, 1, 2, 4, 7)]  # of 1.0-mini
         ("eigbench submit --dry", ["--dry-run"]),
     ],
 )
-def test_the_shell_completes(
-    line: str, expected: list[str], mini_home: Path, environment: dict[str, str], tmp_path: Path
-) -> None:
+def test_the_shell_completes(line, expected, mini_home, environment, tmp_path):
     text, answer = line.format(home=mini_home), tmp_path / "answer"
     program = text.partition(" ")[0]
     asking = {

@@ -1,11 +1,8 @@
 """``synthnet spectrum`` and ``synthnet certify`` on files."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +13,12 @@ from synthnet.commands import cli
 from synthnet.commands.spectra import AnswerError, read_answer
 from synthnet.spectrum import Operator, compute
 
-Run = Callable[..., tuple[int, str, str]]
-
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
+def run(capsys):
     """Return a function that runs the command line: exit code, stdout and stderr."""
 
-    def command(*words: object) -> tuple[int, str, str]:
+    def command(*words):
         code = cli.main([str(word) for word in words])
         out, err = capsys.readouterr()
         return code, out, err
@@ -32,7 +27,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 
 
 @pytest.fixture
-def files(tmp_path: Path) -> list[Path]:
+def files(tmp_path):
     """A sphere as PLY, the same as STL, whose corners are apart, and a file that is none."""
     sphere = trimesh.creation.icosphere(subdivisions=2)
     paths = [tmp_path / name for name in ("a.ply", "b.stl", "c.obj")]
@@ -42,16 +37,14 @@ def files(tmp_path: Path) -> list[Path]:
     return paths
 
 
-def test_no_mesh_is_overwritten_by_its_spectrum(run: Run, files: list[Path]) -> None:
+def test_no_mesh_is_overwritten_by_its_spectrum(run, files):
     before = files[0].read_bytes()
     code, _, err = run("spectrum", files[0], "--out", files[0])
     assert (code, err) == (2, f"synthnet: --out must end in .csv, got {files[0]}\n")
     assert files[0].read_bytes() == before
 
 
-def test_spectra_of_files_are_shown_written_and_certified(
-    run: Run, files: list[Path], tmp_path: Path
-) -> None:
+def test_spectra_of_files_are_shown_written_and_certified(run, files, tmp_path):
     out = tmp_path / "made" / "spectra.csv"
     code, table, err = run("spectrum", *files, "-k", 12, "--out", out)
     assert code == 2  # of the third; the others are kept
@@ -77,7 +70,7 @@ def test_spectra_of_files_are_shown_written_and_certified(
     assert max(facts["error_bound"]) < 1e-9
 
 
-def test_files_have_other_operators(run: Run, files: list[Path], tmp_path: Path) -> None:
+def test_files_have_other_operators(run, files, tmp_path):
     answer = tmp_path / "lumped.csv"
     code, _, _ = run("spectrum", files[0], "-k", 5, "--mass", "lumped", "--out", answer)
     assert code == 0
@@ -94,7 +87,7 @@ def test_files_have_other_operators(run: Run, files: list[Path], tmp_path: Path)
     assert err == "synthnet: tufted elements have no mean mass: lumped only: leave --mass out\n"
 
 
-def test_an_answer_is_judged(run: Run, files: list[Path], tmp_path: Path) -> None:
+def test_an_answer_is_judged(run, files, tmp_path):
     values = compute(trimesh.load(files[0]), 8).eigenvalues
     answer = tmp_path / "answer.csv"
     answer.write_text("eigenvalue\n" + "\n".join(map(str, [0.0, *np.delete(values, 1)])))
@@ -118,7 +111,7 @@ def test_an_answer_is_judged(run: Run, files: list[Path], tmp_path: Path) -> Non
         ("1.5 " * 50_000, [1.5] * 50_000),  # csv takes no field of so many characters
     ],
 )
-def test_an_answer_is_read_whole(text: str, values: list[float], tmp_path: Path) -> None:
+def test_an_answer_is_read_whole(text, values, tmp_path):
     answer = tmp_path / "answer.csv"
     answer.write_bytes(text.encode())
     assert read_answer(answer, Path("a.ply")).tolist() == values
@@ -143,9 +136,7 @@ def test_an_answer_is_read_whole(text: str, values: list[float], tmp_path: Path)
         (b"\xff\xfe", "is no text"),
     ],
 )
-def test_an_answer_that_cannot_be_read_is_one_line(
-    text: str | bytes, message: str, run: Run, files: list[Path], tmp_path: Path
-) -> None:
+def test_an_answer_that_cannot_be_read_is_one_line(text, message, run, files, tmp_path):
     answer = tmp_path / "answer.csv"
     answer.write_bytes(text if isinstance(text, bytes) else text.encode())
     code, out, err = run("certify", files[0], answer)
@@ -169,9 +160,7 @@ FIN = "v 0 0 1\nf 2 3 5\n"  # a third triangle at the edge of the two
         (FLAT + "v 9 9 9\n", ["--elements", "tufted"], False),  # which nothing mends
     ],
 )
-def test_repair_is_named_where_it_would_help_alone(
-    text: str, options: list[object], helps: bool, run: Run, tmp_path: Path
-) -> None:
+def test_repair_is_named_where_it_would_help_alone(text, options, helps, run, tmp_path):
     file = tmp_path / "flat.obj"
     file.write_text(text)
     code, _, err = run("spectrum", file, "--no-repair", "-k", 1, *options)
@@ -181,9 +170,7 @@ def test_repair_is_named_where_it_would_help_alone(
 
 
 @pytest.mark.parametrize("options", [[], ["--no-repair"]])
-def test_all_eigenvalues_of_a_mesh_are_had_and_judged(
-    options: list[str], run: Run, files: list[Path], tmp_path: Path
-) -> None:
+def test_all_eigenvalues_of_a_mesh_are_had_and_judged(options, run, files, tmp_path):
     n, answer = 162, tmp_path / "answer.csv"
     code, _, err = run("spectrum", files[0], "-k", n - 1, "--out", answer, *options)
     assert (code, err) == (0, "")
@@ -195,7 +182,7 @@ def test_all_eigenvalues_of_a_mesh_are_had_and_judged(
     assert err.endswith(f"k must be between 1 and {n - 1} for {n} vertices, got {n}\n")
 
 
-def test_quadratic_elements_have_more_eigenvalues_than_vertices(run: Run, tmp_path: Path) -> None:
+def test_quadratic_elements_have_more_eigenvalues_than_vertices(run, tmp_path):
     file = tmp_path / "flat.obj"
     file.write_text(FLAT)
     code, printed, err = run("spectrum", file, "-k", 8, "--elements", "quadratic", "--json")
@@ -203,7 +190,7 @@ def test_quadratic_elements_have_more_eigenvalues_than_vertices(run: Run, tmp_pa
     assert len(json.loads(printed)[0]["eigenvalues"]) == 8  # of 4 vertices and 5 edges
 
 
-def book(n: int = 4) -> trimesh.Trimesh:
+def book(n=4):
     """Three squares that share an edge."""
     row, column = np.divmod(np.arange((n + 1) ** 2), n + 1)
     corner = np.flatnonzero((row < n) & (column < n))
@@ -217,9 +204,7 @@ def book(n: int = 4) -> trimesh.Trimesh:
     return trimesh.Trimesh(np.concatenate(sheets), faces)  # which merges equal positions
 
 
-def test_three_sheets_that_meet_have_one_tufted_spectrum_in_any_format(
-    run: Run, tmp_path: Path
-) -> None:
+def test_three_sheets_that_meet_have_one_tufted_spectrum_in_any_format(run, tmp_path):
     pytest.importorskip("robust_laplacian")
     spectra = {}
     for name in ("book.off", "book.stl"):
@@ -234,14 +219,14 @@ def test_three_sheets_that_meet_have_one_tufted_spectrum_in_any_format(
     )
 
 
-def test_a_refusal_of_no_manifold_names_the_elements_that_take_it(run: Run, tmp_path: Path) -> None:
+def test_a_refusal_of_no_manifold_names_the_elements_that_take_it(run, tmp_path):
     book().export(tmp_path / "book.off")
     code, _, err = run("spectrum", tmp_path / "book.off")
     assert code == 2
     assert "`synthnet import --cut-fins` may cut them, --elements tufted takes the mesh" in err
 
 
-def test_a_missing_mesh_is_one_line(run: Run, files: list[Path], tmp_path: Path) -> None:
+def test_a_missing_mesh_is_one_line(run, files, tmp_path):
     answer = tmp_path / "answer.csv"
     answer.write_text("1.0\n")
     code, _, err = run("certify", files[0].with_name("none.ply"), answer)
@@ -250,7 +235,7 @@ def test_a_missing_mesh_is_one_line(run: Run, files: list[Path], tmp_path: Path)
     assert "none.ply: cannot be opened" in err
 
 
-def test_a_name_that_is_not_utf8_loses_no_file(run: Run, files: list[Path], tmp_path: Path) -> None:
+def test_a_name_that_is_not_utf8_loses_no_file(run, files, tmp_path):
     other = Path(os.fsdecode(os.fsencode(tmp_path) + b"/b\xff.ply"))
     other.write_bytes(files[0].read_bytes())
     out = tmp_path / "spectra.csv"
@@ -260,7 +245,7 @@ def test_a_name_that_is_not_utf8_loses_no_file(run: Run, files: list[Path], tmp_
     assert rows[1][1:] == rows[2][1:]
 
 
-def test_a_pipe_is_not_waited_for(run: Run, tmp_path: Path) -> None:
+def test_a_pipe_is_not_waited_for(run, tmp_path):
     os.mkfifo(tmp_path / "a.obj")
     code, _, err = run("spectrum", tmp_path / "a.obj")
     assert code == 2
@@ -277,9 +262,7 @@ def test_a_pipe_is_not_waited_for(run: Run, tmp_path: Path) -> None:
         ("index,value\n1,2.5\n", "has the columns index, value: name that of the eigenvalues"),
     ],
 )
-def test_of_several_columns_that_of_the_eigenvalues_counts(
-    tmp_path: Path, text: str, values: list[float] | str
-) -> None:
+def test_of_several_columns_that_of_the_eigenvalues_counts(tmp_path, text, values):
     path = tmp_path / "answer.csv"
     path.write_text(text)
     if isinstance(values, str):

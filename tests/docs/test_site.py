@@ -1,13 +1,11 @@
 """The documentation's site. `make docs`, which CI runs, builds it and fails at a broken link."""
 
-from __future__ import annotations
-
 import ast
 import doctest
 import importlib.util
 import re
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import pytest
 
@@ -17,7 +15,7 @@ PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("baselines/*
 pytest.importorskip("sphinx", reason="the site's tools are not installed: pip install -e '.[docs]'")
 
 
-def formulas(docstring: str) -> list[str]:
+def formulas(docstring):
     """Return what stands in the roles and blocks ``math`` of a docstring."""
     blocks = re.findall(r"^( *)\.\. math::\n\n((?:\1 +.*\n?|\n)+)", docstring, flags=re.M)
     roles = re.findall(r":math:`(.+?)`", docstring, flags=re.S)
@@ -25,7 +23,7 @@ def formulas(docstring: str) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def conf() -> ModuleType:
+def conf():
     spec = importlib.util.spec_from_file_location("conf", ROOT / "docs" / "conf.py")
     assert spec is not None
     assert spec.loader is not None

@@ -1,15 +1,13 @@
 """Predictors written to files, the command line in this process, one whole evaluation."""
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import hashlib
 import io
 import itertools
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +17,16 @@ import pytest
 from eigbench import results
 from eigbench.commands import cli
 from eigbench.results import predictions, submission
-from eigbench.results.submission import Submission
 from eigbench.running import evaluate as running
 from eigbench.running import meshes
-from eigbench.running.meshes import Instances
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
-from eigbench.scaling.results import Scaled
 from eigbench.scoring import scores, truth
 from eigbench.scoring.truth import Truth
 
 from synthnet import store
 from synthnet.store.files import sha256
+from tests.conftest import called
 
 ONES = """
 import numpy as np
@@ -61,21 +57,21 @@ class Evaluated:
 
 
 @pytest.fixture(scope="session")
-def mini_truth() -> Truth:
+def mini_truth():
     return truth.load("1.0-mini")
 
 
 @pytest.fixture(scope="session")
-def mini_meshes(mini_home: Path, mini_truth: Truth) -> Instances:
+def mini_meshes(mini_home, mini_truth):
     """The meshes of the test split of 1.0-mini. Read only."""
     return meshes.read(store.open_dataset("1.0-mini", mini_home), mini_truth.ids)
 
 
 @pytest.fixture
-def predictor_file(tmp_path: Path) -> Callable[..., Path]:
+def predictor_file(tmp_path):
     """Return a function that writes a predictor's code to a file."""
 
-    def write(code: str, name: str = "my_model.py") -> Path:
+    def write(code, name="my_model.py"):
         path = tmp_path / name
         path.write_text(code)
         return path
@@ -84,26 +80,29 @@ def predictor_file(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def eigbench(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+def eigbench(capfd):
     """Return a function that runs the command line: exit code, stdout and stderr.
 
     The descriptors are captured, so that what a predictor's process writes is seen too.
     """
 
-    def run(*arguments: object) -> tuple[int, str, str]:
-        capfd.readouterr()
-        try:
-            code = cli.main([str(argument) for argument in arguments])
-        except SystemExit as stop:
-            code = int(stop.code or 0)
-        out, err = capfd.readouterr()
-        return code, out, err
+    return partial(called, cli.main, capfd)
+
+
+@pytest.fixture
+def refused(eigbench):
+    """Return a function that runs what must be refused, and returns what it says on stderr."""
+
+    def run(*arguments):
+        code, out, err = eigbench(*arguments)
+        assert (code, out) == (2, "")
+        return err
 
     return run
 
 
 @pytest.fixture(scope="session")
-def weyl(mini_home: Path) -> Evaluated:
+def weyl(mini_home):
     """The area-scaled Weyl law on the whole test split of 1.0-mini. Read only."""
     location = mini_home.parent / "weyl"  # the processes of one run share it, as they do 1.0-mini
     code, out = location / "weyl.py", location / "result.json"
@@ -125,12 +124,10 @@ def weyl(mini_home: Path) -> Evaluated:
 
 
 @pytest.fixture(scope="session")
-def make_submission(
-    weyl: Evaluated, mini_truth: Truth, tmp_path_factory: pytest.TempPathFactory
-) -> Callable[..., Path]:
+def make_submission(weyl, mini_truth, tmp_path_factory):
     """Return a function that makes a result and predictions of its own name and answers."""
 
-    def make(name: str, values: Any, labels: Truth = mini_truth, **model: Any) -> Path:
+    def make(name, values, labels=mini_truth, **model):
         location = tmp_path_factory.mktemp("made")
         out, kept = location / "result.json", location / "result.parquet"
         values = np.asarray(values, dtype=np.float64)
@@ -150,17 +147,17 @@ def make_submission(
 
 
 @pytest.fixture(scope="session")
-def make_row(make_submission: Callable[..., Path]) -> Callable[..., Submission]:
+def make_row(make_submission):
     """Return a function that makes a submission of its own name and answers, and reads it."""
     return lambda *given, **model: submission.read(make_submission(*given, **model))
 
 
 @pytest.fixture
-def made_truth() -> Callable[..., Truth]:
+def made_truth():
     """Return a function that makes a truth of given shapes, families and labels."""
 
-    def make(shapes: list[str], families: list[str], eigenvalues: Any) -> Truth:
-        seen: dict[str, int] = {}
+    def make(shapes, families, eigenvalues):
+        seen = {}
         ids = []
         for shape in shapes:
             seen[shape] = seen.get(shape, -1) + 1
@@ -182,17 +179,13 @@ def made_truth() -> Callable[..., Truth]:
 
 
 @pytest.fixture(scope="session")
-def make_scaled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Scaled]:
+def make_scaled(tmp_path_factory):
     """Return a function that makes a result of the scaling track.
 
     For each size a time, and a factor of the labels; None where it took too long.
     """
 
-    def make(
-        name: str,
-        sizes: dict[int, tuple[float, float | None]],
-        hardware: str = "this machine",
-    ) -> Scaled:
+    def make(name, sizes, hardware="this machine"):
         meshes = []
         for (size, (seconds, factor)), surface in itertools.product(
             sizes.items(), surfaces.SURFACES

@@ -1,13 +1,10 @@
 """Measurements: how sides are timed, and that a small measurement runs from the command."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
 from inspect import Parameter, signature
 from itertools import count
-from pathlib import Path
 
 import pytest
 
@@ -16,8 +13,8 @@ from evidence.__main__ import main, parser
 from evidence.measurements import FILES, MEASUREMENTS, add_options
 
 
-def test_sides_are_called_in_turn_and_medians_are_returned() -> None:
-    called: list[str] = []
+def test_sides_are_called_in_turn_and_medians_are_returned():
+    called = []
     ticks = iter([0, 1, 1, 3, 3, 13, 13, 14, 14, 16, 16, 20])  # 1, 2; 10, 1; 2, 4
     timed = timing.in_turn(
         {"a": lambda: called.append("a") or len(called), "b": lambda: called.append("b")},
@@ -30,14 +27,14 @@ def test_sides_are_called_in_turn_and_medians_are_returned() -> None:
     assert next(ticks, None) is None
 
 
-def test_the_last_side_can_begin() -> None:
-    called: list[str] = []
+def test_the_last_side_can_begin():
+    called = []
     sides = {name: lambda name=name: called.append(name) for name in "ab"}
     timing.in_turn(sides, backwards=True, clock=count().__next__)
     assert called == ["b", "a"]
 
 
-def test_a_new_process_has_its_environment_and_this_one_keeps_its_own() -> None:
+def test_a_new_process_has_its_environment_and_this_one_keeps_its_own():
     assert (
         timing.in_new_process(os.getenv, "EVIDENCE_TEST", environment={"EVIDENCE_TEST": "1"}) == "1"
     )
@@ -45,9 +42,7 @@ def test_a_new_process_has_its_environment_and_this_one_keeps_its_own() -> None:
     assert timing.in_new_process(os.getpid) != os.getpid()
 
 
-def test_a_measurement_writes_its_numbers_and_the_machine(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_measurement_writes_its_numbers_and_the_machine(tmp_path, capsys):
     path = tmp_path / "solver.json"
     small = ["--shapes", "2", "--spheres", "1", "--repeats", "1"]
     assert main(["measure", "solver", *small, "--out", str(path)]) == 0
@@ -58,10 +53,8 @@ def test_a_measurement_writes_its_numbers_and_the_machine(
     assert MEASUREMENTS["solver"].table(written).count("\n") == len(written["rows"]) + 1
 
 
-def test_wrong_numbers_are_named_and_nothing_is_written_on_request(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def measure() -> dict:
+def test_wrong_numbers_are_named_and_nothing_is_written_on_request(monkeypatch, capsys):
+    def measure():
         return {"rows": [{"meshes": "torus", "largest difference": 1e-3}]}
 
     monkeypatch.setattr(MEASUREMENTS["solver"], "measure", measure)
@@ -70,7 +63,7 @@ def test_wrong_numbers_are_named_and_nothing_is_written_on_request(
     assert capsys.readouterr().err == "WRONG: torus: eigenvalues differ by 1e-03\n"
 
 
-def test_numbers_are_written_as_they_are(tmp_path: Path) -> None:
+def test_numbers_are_written_as_they_are(tmp_path):
     data = {"rows": [{"name": "a [1,  2]", "list": [1.5, 2.0]}], "none": []}
     numbers.write(tmp_path / "a.json", data)
     text = (tmp_path / "a.json").read_text()
@@ -80,7 +73,7 @@ def test_numbers_are_written_as_they_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", MEASUREMENTS)
-def test_every_measurement_has_its_options(name: str) -> None:
+def test_every_measurement_has_its_options(name):
     needed = {"errors": ["1.0"], "limits": ["1.0"], "shapes": ["2.0"], "multilevel": ["real-28"]}
     needed |= {"packages": ["meshes"]}
     options = vars(parser().parse_args(["measure", name, *needed.get(name, ())]))
@@ -91,8 +84,8 @@ def test_every_measurement_has_its_options(name: str) -> None:
         assert parameter.default in (Parameter.empty, options[key])
 
 
-def test_parameters_become_options() -> None:
-    def measure(*, source: str, scale: tuple = (1, 4), only: tuple = (), all: bool = False) -> None:
+def test_parameters_become_options():
+    def measure(*, source, scale=(1, 4), only=(), all=False):
         """Take one option of each kind."""
 
     command = argparse.ArgumentParser()
@@ -107,7 +100,7 @@ def test_parameters_become_options() -> None:
     assert (given.scale, given.only, given.all) == ([2], ["b", "c"], True)
 
 
-def test_an_installation_that_replaces_torch_is_wrong() -> None:
+def test_an_installation_that_replaces_torch_is_wrong():
     kept = {"torch": "CPU", "before": "2.13.0+cpu", "after": "2.13.0+cpu", "bytes": 2_940_000_000}
     replaced = {"torch": "CUDA", "before": "2.4.0", "after": "2.13.0", "bytes": 7_000_000_000}
     data = {"extras": "all", "rows": [kept, replaced]}

@@ -1,9 +1,6 @@
 """Which meshes of packages are tried and which make the set, on packages made here."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +12,7 @@ from synthnet.build.packages import Package, read
 BOX = Package("toy-box", "1.0", "MIT", "toys", "toybox", ("other licence",), {})
 
 
-def bumpy(seed: int, subdivisions: int = 3) -> trimesh.Trimesh:
+def bumpy(seed, subdivisions=3):
     """Return a ball that no other seed's is like."""
     ball = trimesh.creation.icosphere(subdivisions=subdivisions)
     a, b, c = np.random.default_rng(seed).normal(size=(3, 3))
@@ -25,7 +22,7 @@ def bumpy(seed: int, subdivisions: int = 3) -> trimesh.Trimesh:
 
 
 @pytest.fixture
-def meshes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def meshes(tmp_path, monkeypatch):
     """A folder with a package whose files each meet one rule."""
     folder = tmp_path / "meshes" / "toybox"
     for below in ("a", "other licence"):
@@ -49,7 +46,7 @@ def meshes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "meshes"
 
 
-def test_each_rule_leaves_out_what_it_says(meshes: Path) -> None:
+def test_each_rule_leaves_out_what_it_says(meshes):
     (survey,) = packages.surveys(meshes)
     assert list(survey.package.files) == ["a/arm_L.stl", "head.ply"]
     # small.ply, arm_R.stl and z_bytes.ply are counted among the files, and not tried
@@ -59,9 +56,7 @@ def test_each_rule_leaves_out_what_it_says(meshes: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_list_that_is_not_what_the_files_give_is_wrong(
-    meshes: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_list_that_is_not_what_the_files_give_is_wrong(meshes, monkeypatch):
     (survey,) = packages.surveys(meshes)
     row = packages.measure(str(meshes))
     assert packages.problems(row) == [
@@ -71,9 +66,7 @@ def test_a_list_that_is_not_what_the_files_give_is_wrong(
     assert packages.problems(packages.measure(str(meshes))) == []
 
 
-def test_the_list_is_read_as_it_was_written(
-    meshes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_list_is_read_as_it_was_written(meshes, tmp_path, monkeypatch):
     monkeypatch.setattr(packages, "LIST", tmp_path / "packages.toml")
     packages.pin_packages(meshes)
     (written,) = read((tmp_path / "packages.toml").read_text())
@@ -91,12 +84,12 @@ def test_the_list_is_read_as_it_was_written(
         ("lunate.stl", "runate.stl", False),
     ],
 )
-def test_sides_are_words_of_a_name(one: str, other: str, same: bool) -> None:
+def test_sides_are_words_of_a_name(one, other, same):
     one, other = (packages.SIDE.sub("side", name.lower()) for name in (one, other))
     assert (one == other) is same
 
 
-def test_the_table_has_a_sum() -> None:
+def test_the_table_has_a_sum():
     row = {"package": "a", "version": "1", "licence": "MIT", "meshes": "toys", "files": 9}
     row |= {"tried": 5, "labelled": 3, "refused": {"non_manifold_edge": 2}, "components": 1}
     row |= {"set": 2, "listed": True}

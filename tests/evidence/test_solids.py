@@ -11,7 +11,7 @@ from synthnet import Mesh
 from synthnet.mesh.geometry import MeshFacts, volume
 
 
-def test_solids_are_closed_surfaces_of_one_component_and_of_every_kind() -> None:
+def test_solids_are_closed_surfaces_of_one_component_and_of_every_kind():
     made = [solid for solid in solids(len(KINDS), seed=5) if isinstance(solid, Solid)]
     assert [solid.kind for solid in made] == list(KINDS)
     for solid in made:
@@ -21,7 +21,7 @@ def test_solids_are_closed_surfaces_of_one_component_and_of_every_kind() -> None
         assert facts.volume > 0
 
 
-def test_a_solid_depends_on_seed_and_number_alone() -> None:
+def test_a_solid_depends_on_seed_and_number_alone():
     few, more, other = (
         [solid.mesh.vertices for solid in solids(count, seed) if isinstance(solid, Solid)]
         for count, seed in ((2, 5), (3, 5), (2, 6))
@@ -30,7 +30,7 @@ def test_a_solid_depends_on_seed_and_number_alone() -> None:
     assert few[0].shape != other[0].shape or (few[0] != other[0]).any()
 
 
-def test_a_box_has_its_volume_and_a_plate_a_handle_a_hole() -> None:
+def test_a_box_has_its_volume_and_a_plate_a_handle_a_hole():
     assert volume(as_mesh(box(1, 2, 3))) == pytest.approx(6)
     rng = np.random.default_rng(3)
     holes = rng.integers(3, 12) * rng.integers(2, 9)  # the first numbers that it draws
@@ -38,7 +38,7 @@ def test_a_box_has_its_volume_and_a_plate_a_handle_a_hole() -> None:
     assert MeshFacts(plate).euler_characteristic == 2 - 2 * holes
 
 
-def test_what_is_off_refused_or_without_a_certificate_is_counted() -> None:
+def test_what_is_off_refused_or_without_a_certificate_is_counted():
     tetrahedron = Mesh(
         np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     )

@@ -1,7 +1,7 @@
 import dataclasses
+import itertools
 import math
 from collections import Counter
-from typing import Any
 
 import numpy as np
 import pytest
@@ -9,14 +9,15 @@ import pytest
 from synthnet import recipe, spectrum
 from synthnet.build import filters
 from synthnet.errors import RecipeError
-from synthnet.families import FAMILIES, PRIMITIVES, primitives
+from synthnet.families import CHARTED, FAMILIES, PRIMITIVES, primitives
+from synthnet.families.charted import TRIANGULATIONS
 from synthnet.families.primitives import convex_hull
 from synthnet.mesh import geometry
-from synthnet.recipe import FamilyRecipe, FilterSettings, Recipe, distributions
+from synthnet.recipe import FamilyRecipe, distributions
 from synthnet.recipe.drawing import draw_shape, draw_shapes
-from synthnet.types import Mesh, ShapeSpec, Topology
+from synthnet.types import ShapeSpec, Topology
 
-LEAST: dict[str, dict[str, Any]] = {
+LEAST = {
     name: {p: least if isinstance(least, int) else 1.0 for p, least in family.least.items()}
     for name, family in PRIMITIVES.items()
 }
@@ -45,33 +46,33 @@ COUNTS = {
 
 
 class SameNumber:
-    def __init__(self, value: float) -> None:
+    def __init__(self, value):
         self.value = value
 
-    def random(self) -> float:
+    def random(self):
         return self.value
 
 
-def parameters_of(family: str, case: str | int) -> dict[str, Any]:
+def parameters_of(family, case):
     if case == "least":
         return LEAST[family]
     recipe_1_0 = recipe.load("1.0")
     if isinstance(case, int):
         return dict(draw_shape(recipe_1_0, family, case).parameters)
     number = SameNumber({"low": 0.0, "high": 1 - 2**-53}[case])
-    return distributions.draw(recipe_1_0.families[family].parameters, number)  # type: ignore[arg-type]
+    return distributions.draw(recipe_1_0.families[family].parameters, number)
 
 
-def make(family: str, **changes: Any) -> Mesh:
+def make(family, **changes):
     return FAMILIES[family].generate({**LEAST[family], **changes})
 
 
-def polygon(n: int) -> tuple[float, float, float]:
+def polygon(n):
     """Area, side and apothem of a regular n-gon of radius 1."""
     return n / 2 * math.sin(2 * math.pi / n), 2 * math.sin(math.pi / n), math.cos(math.pi / n)
 
 
-def rounded_rows(points: np.ndarray) -> set[tuple[float, ...]]:
+def rounded_rows(points):
     return {tuple(row) for row in (np.round(points, 9) + 0.0).tolist()}
 
 
@@ -79,12 +80,12 @@ def rounded_rows(points: np.ndarray) -> set[tuple[float, ...]]:
 
 
 @pytest.mark.parametrize("family", PRIMITIVES)
-def test_a_family_is_registered_under_its_name(family: str) -> None:
+def test_a_family_is_registered_under_its_name(family):
     assert FAMILIES[family].name == family
 
 
 @pytest.mark.parametrize(("family", "case"), CASES)
-def test_meshes_are_sound(family: str, case: str | int, limits: FilterSettings) -> None:
+def test_meshes_are_sound(family, case, limits):
     declared = FAMILIES[family].topology(parameters_of(family, case))
     mesh = FAMILIES[family].generate(parameters_of(family, case))
     assert (mesh.vertices.dtype, mesh.faces.dtype) == (np.float64, np.int64)
@@ -95,10 +96,16 @@ def test_meshes_are_sound(family: str, case: str | int, limits: FilterSettings) 
     assert facts.euler_characteristic == declared.euler_characteristic
 
 
-@pytest.mark.parametrize("case", ["least", 0])
-@pytest.mark.parametrize("family", PRIMITIVES)
-def test_a_mesh_is_a_pure_function_of_its_parameters(family: str, case: str | int) -> None:
-    parameters = parameters_of(family, case)
+@pytest.mark.parametrize(
+    ("family", "how"),
+    [*itertools.product(PRIMITIVES, ["least", 0]), *itertools.product(CHARTED, TRIANGULATIONS)],
+)
+def test_a_mesh_is_a_pure_function_of_its_parameters(family, how):
+    if family in PRIMITIVES:
+        parameters = parameters_of(family, how)
+    else:
+        drawn = draw_shape(recipe.load("2.1"), family, 0).parameters
+        parameters = {**drawn, "triangulation": how, "vertices": 500, "seed": 7}
     before = dict(parameters)
     first, second = (FAMILIES[family].generate(parameters) for _ in range(2))
     assert first.vertices.tobytes() == second.vertices.tobytes()
@@ -107,19 +114,19 @@ def test_a_mesh_is_a_pure_function_of_its_parameters(family: str, case: str | in
 
 
 @pytest.mark.parametrize("family", PRIMITIVES)
-def test_writing_to_a_mesh_does_not_reach_another(family: str) -> None:
+def test_writing_to_a_mesh_does_not_reach_another(family):
     first, second = (FAMILIES[family].generate(LEAST[family]) for _ in range(2))
     for a, b in ((first.vertices, second.vertices), (first.faces, second.faces)):
         assert not (np.shares_memory(a, b) and a.flags.writeable)
 
 
-def test_a_whole_float_is_an_integer() -> None:
+def test_a_whole_float_is_an_integer():
     mesh = make("sphere", resolution=20.0)
     assert mesh.vertices.tobytes() == make("sphere", resolution=20).vertices.tobytes()
 
 
 @pytest.mark.parametrize(("family", "parameter"), INTEGERS)
-def test_an_integer_below_its_limit_is_refused(family: str, parameter: str) -> None:
+def test_an_integer_below_its_limit_is_refused(family, parameter):
     least = FAMILIES[family].least[parameter]
     message = f"^{family}: {parameter} must be at least {least}, got {least - 1}$"
     with pytest.raises(ValueError, match=message):
@@ -127,7 +134,7 @@ def test_an_integer_below_its_limit_is_refused(family: str, parameter: str) -> N
 
 
 @pytest.mark.parametrize(("family", "parameter"), INTEGERS)
-def test_an_integer_parameter_takes_no_fraction(family: str, parameter: str) -> None:
+def test_an_integer_parameter_takes_no_fraction(family, parameter):
     value = FAMILIES[family].least[parameter] + 2.5
     with pytest.raises(ValueError, match=f"^{family}: {parameter} must be an integer, got {value}"):
         make(family, **{parameter: value})
@@ -135,13 +142,13 @@ def test_an_integer_parameter_takes_no_fraction(family: str, parameter: str) -> 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
 @pytest.mark.parametrize(("family", "parameter"), LENGTHS)
-def test_a_length_is_positive_and_finite(family: str, parameter: str, value: float) -> None:
+def test_a_length_is_positive_and_finite(family, parameter, value):
     with pytest.raises(ValueError, match=f"^{family}: {parameter} must be positive, got {value}$"):
         make(family, **{parameter: value})
 
 
 @pytest.mark.parametrize("family", PRIMITIVES)
-def test_a_missing_or_unknown_parameter_is_refused(family: str) -> None:
+def test_a_missing_or_unknown_parameter_is_refused(family):
     takes = f"^{family} takes the parameters {', '.join(LEAST[family])}; got "
     with pytest.raises(ValueError, match=takes + ".*, colour$"):
         make(family, colour=1)
@@ -153,7 +160,7 @@ def test_a_missing_or_unknown_parameter_is_refused(family: str) -> None:
 
 
 @pytest.mark.parametrize("family", PRIMITIVES)
-def test_groups_differ_with_every_parameter_and_not_with_their_order(family: str) -> None:
+def test_groups_differ_with_every_parameter_and_not_with_their_order(family):
     group, parameters = FAMILIES[family].group, LEAST[family]
     assert group(dict(reversed(parameters.items()))) == group(parameters)
     groups = {group({**parameters, p: value + 1}) for p, value in parameters.items()}
@@ -161,7 +168,7 @@ def test_groups_differ_with_every_parameter_and_not_with_their_order(family: str
     assert len(groups | {group(parameters)}) == len(parameters) + 1 - mirrored
 
 
-def test_groups_differ_between_families() -> None:
+def test_groups_differ_between_families():
     tetrahedron, prism = FAMILIES["tetrahedron"], FAMILIES["rectangular_prism"]
     assert tetrahedron.least == prism.least
     assert tetrahedron.group(LEAST["tetrahedron"]) != prism.group(LEAST["tetrahedron"])
@@ -171,7 +178,7 @@ def test_groups_differ_between_families() -> None:
 
 
 @pytest.mark.parametrize("subdivisions", [0, 3])
-def test_box(subdivisions: int) -> None:
+def test_box(subdivisions):
     w, h, d = size = (1.0, 0.25, 3.0)
     mesh = make("rectangular_prism", width=w, height=h, depth=d, subdivisions=subdivisions)
     assert len(mesh.faces) == 12 * 4**subdivisions
@@ -182,7 +189,7 @@ def test_box(subdivisions: int) -> None:
 
 
 @pytest.mark.parametrize("subdivisions", [0, 3])
-def test_tetrahedron(subdivisions: int) -> None:
+def test_tetrahedron(subdivisions):
     w, h, d = 1.0, 0.5, 7.0
     mesh = make("tetrahedron", width=w, height=h, depth=d, subdivisions=subdivisions)
     legs, slope = w * h + h * d + d * w, math.hypot(w * h, h * d, d * w)  # de Gua
@@ -191,7 +198,7 @@ def test_tetrahedron(subdivisions: int) -> None:
     assert geometry.area(mesh) == pytest.approx((legs + slope) / 2, rel=1e-13)
 
 
-def test_cylinder() -> None:
+def test_cylinder():
     n, split, height = 20, 4, 3.0
     mesh = make("cylinder", height=height, resolution=n, split=split)
     base, side, _ = polygon(n)
@@ -201,7 +208,7 @@ def test_cylinder() -> None:
 
 
 @pytest.mark.parametrize("subdivisions", [0, 2])
-def test_cone(subdivisions: int) -> None:
+def test_cone(subdivisions):
     n, split, radius, height = 20, 3, 2.0, 5.0
     shape = {"radius": radius, "height": height, "resolution": n, "split": split}
     mesh = make("cone", **shape, subdivisions=subdivisions)
@@ -213,7 +220,7 @@ def test_cone(subdivisions: int) -> None:
 
 
 @pytest.mark.parametrize("scaling", [0.3, 1.0, 4.0])
-def test_frustum(scaling: float) -> None:
+def test_frustum(scaling):
     n, split, height = 24, 4, 2.0
     mesh = make("conical_frustum", height=height, resolution=n, split=split, scaling=scaling)
     x, y, z = mesh.vertices.T
@@ -224,7 +231,7 @@ def test_frustum(scaling: float) -> None:
     assert geometry.volume(mesh) == pytest.approx(volume, rel=1e-13)
 
 
-def test_frustum_that_scales_by_one_is_the_cylinder() -> None:
+def test_frustum_that_scales_by_one_is_the_cylinder():
     shape = {"height": 0.7, "resolution": 21, "split": 5}
     frustum, cylinder = make("conical_frustum", scaling=1.0, **shape), make("cylinder", **shape)
     np.testing.assert_array_equal(frustum.vertices, cylinder.vertices)
@@ -232,7 +239,7 @@ def test_frustum_that_scales_by_one_is_the_cylinder() -> None:
 
 
 @pytest.mark.parametrize("n", [2, 7, 40])
-def test_sphere(n: int) -> None:
+def test_sphere(n):
     mesh = make("sphere", resolution=n)
     assert len(mesh.vertices) == 2 + (n - 1) * 2 * n
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1, rtol=1e-14)
@@ -243,7 +250,7 @@ def test_sphere(n: int) -> None:
 
 
 @pytest.mark.parametrize("tube", [0.1, 0.389910102, 10**0.5])  # 10^(+1/2): the printed sign
-def test_torus(tube: float, limits: FilterSettings) -> None:
+def test_torus(tube, limits):
     shape = {"tube_radius": tube, "radial_resolution": 30, "tubular_resolution": 20}
     mesh = make("torus", **shape)
     x, y, z = mesh.vertices.T
@@ -257,7 +264,7 @@ def test_torus(tube: float, limits: FilterSettings) -> None:
     assert filters.check_mesh(mesh.stored(), limits, Topology(0)) is None
 
 
-def test_the_torus_that_touches_itself_is_refused(limits: FilterSettings) -> None:
+def test_the_torus_that_touches_itself_is_refused(limits):
     parameters = parameters_of("torus", "high")
     assert parameters["tube_radius"] == 1.0
     mesh = FAMILIES["torus"].generate(parameters).stored()
@@ -274,7 +281,7 @@ CONE = {"height": 1.7, "resolution": 20, "split": 5, "subdivisions": 1}  # ten r
 
 
 @pytest.mark.parametrize("flip", [0.25, 0.5, 0.66, 0.9, 1.0])
-def test_inverted_cone_has_the_spectrum_of_the_cone(flip: float) -> None:
+def test_inverted_cone_has_the_spectrum_of_the_cone(flip):
     inverted = spectrum.compute(make("inverted_cone", flip=flip, **CONE))
     upright = spectrum.compute(make("cone", **CONE))
     np.testing.assert_allclose(inverted.eigenvalues, upright.eigenvalues, rtol=1e-9)
@@ -284,7 +291,7 @@ def test_inverted_cone_has_the_spectrum_of_the_cone(flip: float) -> None:
     ("flip", "ring"),
     [(0.5, 5), (0.74, 7), (0.75, 8), (0.849, 8), (0.949, 9), (0.95, 10), (1.0, 10)],
 )
-def test_inverted_cone_is_reflected_above_the_nearest_ring(flip: float, ring: int) -> None:
+def test_inverted_cone_is_reflected_above_the_nearest_ring(flip, ring):
     cone, inverted = make("cone", **CONE), make("inverted_cone", flip=flip, **CONE)
     plane = CONE["height"] * ring / 10
     above = cone.vertices[:, 2] > plane + 1e-9
@@ -299,14 +306,14 @@ def test_inverted_cone_is_reflected_above_the_nearest_ring(flip: float, ring: in
     assert geometry.volume(inverted) == pytest.approx(volume, rel=1e-12)
 
 
-def test_vertices_strictly_below_the_plane_keep_their_bytes() -> None:
+def test_vertices_strictly_below_the_plane_keep_their_bytes():
     cone, inverted = make("cone", **CONE), make("inverted_cone", flip=0.6, **CONE)
     below = cone.vertices[:, 2] < 0.59 * CONE["height"]
     assert below.sum() > len(below) / 2
     assert inverted.vertices[below].tobytes() == cone.vertices[below].tobytes()
 
 
-def test_a_flip_above_one_is_refused() -> None:
+def test_a_flip_above_one_is_refused():
     with pytest.raises(ValueError, match=r"inverted_cone: flip must be at most 1, got 1\.01"):
         make("inverted_cone", flip=1.01)
 
@@ -314,7 +321,7 @@ def test_a_flip_above_one_is_refused() -> None:
 # --- split shapes ---------------------------------------------------------------------
 
 
-def half_lattice(n: int) -> int:
+def half_lattice(n):
     """Vertices of the sphere of resolution n with x ≤ 0, poles left out."""
     # 2n meridians: with n even two lie in x = 0 and n - 1 behind it, with n odd n do.
     return (n - 1) * (n + 1 if n % 2 == 0 else n)
@@ -331,7 +338,7 @@ def half_lattice(n: int) -> int:
         (99, 100, 0),
     ],
 )
-def test_split_sphere_keeps_every_point_of_both_halves(a: int, b: int, shared: int) -> None:
+def test_split_sphere_keeps_every_point_of_both_halves(a, b, shared):
     mesh = make("split_sphere", resolution_a=a, resolution_b=b)
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1, rtol=1e-14)
     assert len(mesh.vertices) == 2 + half_lattice(a) + half_lattice(b) - shared
@@ -346,7 +353,7 @@ def test_split_sphere_keeps_every_point_of_both_halves(a: int, b: int, shared: i
 
 
 @pytest.mark.parametrize("n", [6, 7, 20])
-def test_split_sphere_of_equal_halves_is_the_sphere(n: int) -> None:
+def test_split_sphere_of_equal_halves_is_the_sphere(n):
     split = make("split_sphere", resolution_a=n, resolution_b=n)
     sphere = make("sphere", resolution=n)
     assert rounded_rows(split.vertices) == rounded_rows(sphere.vertices)
@@ -364,7 +371,7 @@ def test_split_sphere_of_equal_halves_is_the_sphere(n: int) -> None:
         ("split_cone", {"resolution_a": 100, "resolution_b": 64, "height": 100.0}),
     ],
 )
-def test_faces_of_a_hull_do_not_hang_on_the_last_bit(family: str, shape: dict[str, Any]) -> None:
+def test_faces_of_a_hull_do_not_hang_on_the_last_bit(family, shape):
     mesh = make(family, **shape)
     rng = np.random.default_rng(0)
     for _ in range(3):
@@ -376,7 +383,7 @@ def test_faces_of_a_hull_do_not_hang_on_the_last_bit(family: str, shape: dict[st
 @pytest.mark.parametrize(
     ("a", "b"), [(2, 2), (2, 9), (3, 2), (20, 20), (20, 51), (33, 22), (42, 86), (61, 60)]
 )
-def test_hemispheres_are_joined_as_any_halves_are(a: int, b: int) -> None:
+def test_hemispheres_are_joined_as_any_halves_are(a, b):
     halves = [primitives.sphere(radius=1.0, resolution=resolution) for resolution in (a, b)]
     expected = primitives.join_halves(*halves)
     joined = primitives.join_hemispheres(*halves)
@@ -384,11 +391,11 @@ def test_hemispheres_are_joined_as_any_halves_are(a: int, b: int) -> None:
     np.testing.assert_array_equal(joined.faces, expected.faces)
 
 
-def test_hull_of_most_of_two_hemispheres_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hull_of_most_of_two_hemispheres_is_known(monkeypatch):
     sought = []
     hull = primitives._hull
 
-    def count(points: np.ndarray) -> np.ndarray:
+    def count(points):
         sought.append(len(points))
         return hull(points)
 
@@ -399,9 +406,7 @@ def test_hull_of_most_of_two_hemispheres_is_known(monkeypatch: pytest.MonkeyPatc
     assert sought[0] < len(joined.vertices) / 6
 
 
-def test_hemispheres_with_a_gap_are_joined_by_their_whole_hull(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_hemispheres_with_a_gap_are_joined_by_their_whole_hull(monkeypatch):
     halves = [primitives.sphere(radius=1.0, resolution=resolution) for resolution in (9, 12)]
     expected = primitives.join_halves(*halves)
     band = primitives._band
@@ -410,7 +415,7 @@ def test_hemispheres_with_a_gap_are_joined_by_their_whole_hull(
     np.testing.assert_array_equal(joined.faces, expected.faces)
 
 
-def test_convex_hull_drops_inner_points_and_fans_flat_facets_from_their_first_vertex() -> None:
+def test_convex_hull_drops_inner_points_and_fans_flat_facets_from_their_first_vertex():
     corners = [[i & 1, i >> 1 & 1, i >> 2] for i in range(8)]
     inner = [[0.5, 0.5, 0.5], [0.5, 0.5, 0.0], [0.5, 0.0, 0.0]]
     hull = convex_hull(np.array(inner + corners, dtype=np.float64))
@@ -422,7 +427,7 @@ def test_convex_hull_drops_inner_points_and_fans_flat_facets_from_their_first_ve
     np.testing.assert_array_equal(hull.faces, expected)
 
 
-def test_exchanging_the_halves_of_a_split_sphere_gives_the_same_group() -> None:
+def test_exchanging_the_halves_of_a_split_sphere_gives_the_same_group():
     group = FAMILIES["split_sphere"].group
     shape = {"radius": 1.0, "resolution_a": 20, "resolution_b": 30}
     swapped = {"radius": 1.0, "resolution_a": 30, "resolution_b": 20}
@@ -434,9 +439,7 @@ def test_exchanging_the_halves_of_a_split_sphere_gives_the_same_group() -> None:
 
 @pytest.mark.parametrize(("a", "b"), [(20, 20), (20, 32), (22, 20), (22, 26), (98, 100)])
 @pytest.mark.parametrize("split", [1, 7])
-def test_split_cone_has_no_vertices_but_the_base_circle_and_the_apex(
-    a: int, b: int, split: int
-) -> None:
+def test_split_cone_has_no_vertices_but_the_base_circle_and_the_apex(a, b, split):
     mesh = make("split_cone", resolution_a=a, resolution_b=b, split_a=split, split_b=2 * split)
     # A circle of n = 4 m points has two in x = 0; so 2 m + 1 in a closed half. One of
     # n = 4 m + 2 has none, so 2 m + 1 too. Shared are those in x = 0 of both.
@@ -447,7 +450,7 @@ def test_split_cone_has_no_vertices_but_the_base_circle_and_the_apex(
     np.testing.assert_allclose(np.hypot(*mesh.vertices[:, :2].T) + mesh.vertices[:, 2], 1)
 
 
-def test_split_cone_of_equal_halves_encloses_the_cone() -> None:
+def test_split_cone_of_equal_halves_encloses_the_cone():
     split = make("split_cone", height=2.0, resolution_a=20, resolution_b=20, subdivisions=1)
     cone = make("cone", height=2.0, resolution=20, split=4)
     assert geometry.volume(split) == pytest.approx(geometry.volume(cone), rel=1e-12)
@@ -458,11 +461,11 @@ def test_split_cone_of_equal_halves_encloses_the_cone() -> None:
 # --- the draw -------------------------------------------------------------------------
 
 
-def with_family(base: Recipe, name: str, family: FamilyRecipe) -> Recipe:
+def with_family(base, name, family):
     return dataclasses.replace(base, families={**base.families, name: family})
 
 
-def test_an_unknown_family_is_refused(recipe_1_0: Recipe) -> None:
+def test_an_unknown_family_is_refused(recipe_1_0):
     changed = with_family(recipe_1_0, "klein_bottle", FamilyRecipe(1, {}))
     message = f"unknown family 'klein_bottle': choose from {', '.join(FAMILIES)}"
     with pytest.raises(RecipeError, match=message):
@@ -470,41 +473,37 @@ def test_an_unknown_family_is_refused(recipe_1_0: Recipe) -> None:
 
 
 @pytest.mark.parametrize("parameters", [{"radius": 1.0}, {"radius": 1.0, "n": 3}])
-def test_wrong_parameters_in_a_recipe_are_refused(
-    recipe_1_0: Recipe, parameters: dict[str, Any]
-) -> None:
+def test_wrong_parameters_in_a_recipe_are_refused(recipe_1_0, parameters):
     changed = with_family(recipe_1_0, "sphere", FamilyRecipe(1, parameters))
     message = "family sphere takes the parameters radius, resolution; the recipe gives "
     with pytest.raises(RecipeError, match=message + ", ".join(parameters)):
         draw_shapes(changed)
 
 
-def test_the_draw_of_1_0_has_the_counts_of_the_paper(specs: list[ShapeSpec]) -> None:
+def test_the_draw_of_1_0_has_the_counts_of_the_paper(specs):
     assert len(specs) == 16_550
     assert Counter(spec.family for spec in specs) == COUNTS
     assert list(dict.fromkeys(spec.family for spec in specs)) == list(COUNTS)
 
 
-def test_ids_are_unique_and_say_family_and_index(specs: list[ShapeSpec]) -> None:
+def test_ids_are_unique_and_say_family_and_index(specs):
     assert len({spec.id for spec in specs}) == len(specs)
     assert all(spec.id == f"{spec.family}-{spec.index:05d}" for spec in specs)
     assert [s.index for s in specs if s.family == "cone"] == list(range(1000))
 
 
-def test_one_shape_drawn_alone_is_the_one_drawn_among_all(
-    recipe_1_0: Recipe, specs: list[ShapeSpec]
-) -> None:
+def test_one_shape_drawn_alone_is_the_one_drawn_among_all(recipe_1_0, specs):
     assert len(specs[::-97]) > 100
     for spec in specs[::-97]:
         assert draw_shape(recipe_1_0, spec.family, spec.index) == spec
 
 
-def test_drawn_shapes_do_not_hang_on_other_families(recipe_1_0: Recipe) -> None:
+def test_drawn_shapes_do_not_hang_on_other_families(recipe_1_0):
     alone = dataclasses.replace(recipe_1_0, families={"sphere": recipe_1_0.families["sphere"]})
     assert draw_shapes(alone) == [draw_shape(recipe_1_0, "sphere", i) for i in range(50)]
 
 
-def test_a_drawn_shape_is_what_it_always_was(recipe_1_0: Recipe) -> None:
+def test_a_drawn_shape_is_what_it_always_was(recipe_1_0):
     assert draw_shape(recipe_1_0, "split_sphere", 7) == ShapeSpec(
         id="split_sphere-00007",
         family="split_sphere",
@@ -515,7 +514,7 @@ def test_a_drawn_shape_is_what_it_always_was(recipe_1_0: Recipe) -> None:
     assert draw_shape(recipe_1_0, "torus", 42).parameters["tube_radius"] == 0.389910102
 
 
-def test_parameters_of_1_0_stay_within_three_standard_deviations(specs: list[ShapeSpec]) -> None:
+def test_parameters_of_1_0_stay_within_three_standard_deviations(specs):
     for spec in specs:
         for name in ("height", "depth", "scaling"):
             assert 0.01 <= spec.parameters.get(name, 1.0) <= 100
@@ -539,7 +538,7 @@ BOX = {"width": 1.0, "height": 0.6, "depth": 1.7}
 ROUND = {"radius": 1.0, "height": 2.0, "resolution": 9, "split": 2}
 HALVES = {"resolution_a": 9, "resolution_b": 12, "split_a": 2, "split_b": 3}
 TUBE = {"torus_radius": 1.0, "tube_radius": 0.4}
-SMALL: dict[str, dict[str, Any]] = {
+SMALL = {
     "rectangular_prism": {**BOX, "subdivisions": 1},
     "cone": {**ROUND, "subdivisions": 1},
     "cylinder": ROUND,
@@ -569,7 +568,7 @@ POLYHEDRA = ("rectangular_prism", "tetrahedron")
 
 
 @pytest.mark.parametrize("family", PRIMITIVES)
-def test_triangulations_of_the_surface_approach_its_area_by_a_quarter(family: str) -> None:
+def test_triangulations_of_the_surface_approach_its_area_by_a_quarter(family):
     meshes = [FAMILIES[family].at_level(SMALL[family], level) for level in (1, 2, 3)]
     missing = [AREAS[family] - geometry.area(mesh) for mesh in meshes]
     if family in POLYHEDRA:
@@ -583,7 +582,7 @@ def test_triangulations_of_the_surface_approach_its_area_by_a_quarter(family: st
 
 
 @pytest.mark.parametrize("family", PRIMITIVES)
-def test_meshes_are_inscribed_and_their_labels_above_the_limit(family: str) -> None:
+def test_meshes_are_inscribed_and_their_labels_above_the_limit(family):
     mesh = FAMILIES[family].generate(SMALL[family])
     missing = AREAS[family] - geometry.area(mesh)
     assert missing == pytest.approx(0, abs=1e-12) if family in POLYHEDRA else missing > 0.01
@@ -591,7 +590,7 @@ def test_meshes_are_inscribed_and_their_labels_above_the_limit(family: str) -> N
     assert (spectrum.compute(mesh, 6).eigenvalues > limit.eigenvalues + limit.bar).all()
 
 
-def test_a_level_below_one_is_refused() -> None:
+def test_a_level_below_one_is_refused():
     with pytest.raises(ValueError, match=r"^level must be at least 1, got 0$"):
         FAMILIES["sphere"].at_level(LEAST["sphere"], 0)
 

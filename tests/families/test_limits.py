@@ -16,7 +16,7 @@ PARAMETERS = {
 }
 
 
-def torus(tube_radius: float, k: int = 10) -> np.ndarray:
+def torus(tube_radius, k=10):
     values = FAMILIES["torus"].limit_eigenvalues(
         {
             "torus_radius": 1.0,
@@ -30,18 +30,18 @@ def torus(tube_radius: float, k: int = 10) -> np.ndarray:
     return values
 
 
-def test_sphere_is_l_times_l_plus_one() -> None:
+def test_sphere_is_l_times_l_plus_one():
     expected = np.repeat([2.0, 6.0, 12.0, 20.0], [3, 5, 7, 9]) / 4
     np.testing.assert_array_equal(limits.of_sphere(2.0, 24), expected)
 
 
-def test_sphere_is_a_surface_of_revolution() -> None:
+def test_sphere_is_a_surface_of_revolution():
     quarter = math.pi / 2
     values = limits.of_revolution([Arc(quarter, np.sin), Arc(quarter, np.cos)], 24)
     np.testing.assert_allclose(values, limits.of_sphere(1.0, 24), rtol=1e-10)
 
 
-def test_two_discs_back_to_back_have_the_zeros_of_bessel_functions() -> None:
+def test_two_discs_back_to_back_have_the_zeros_of_bessel_functions():
     # Even functions obey Neumann's condition on the rim, odd ones Dirichlet's.
     zeros = [
         np.repeat(zero, 1 if m == 0 else 2)
@@ -54,9 +54,7 @@ def test_two_discs_back_to_back_have_the_zeros_of_bessel_functions() -> None:
 
 
 @pytest.mark.parametrize("beta", [0.2, 0.7, 1.3])
-def test_two_cones_base_to_base_have_the_zeros_of_bessel_functions_of_any_order(
-    beta: float,
-) -> None:
+def test_two_cones_base_to_base_have_the_zeros_of_bessel_functions_of_any_order(beta):
     # On a cone of half angle β, u is J of order m / sin β: the tip is singular.
     zeros = []
     for m in range(10):
@@ -73,7 +71,7 @@ def test_two_cones_base_to_base_have_the_zeros_of_bessel_functions_of_any_order(
     np.testing.assert_allclose(limits.of_revolution([up, down], 10), expected, rtol=2e-6)
 
 
-def test_thin_torus_is_a_flat_one() -> None:
+def test_thin_torus_is_a_flat_one():
     # Circles of length 2π and 2πa; the first ten lie along the long one if a is below 1/5.
     # The curvature changes them by a share of order a².
     for tube_radius, share in ((0.1, 0.03), (0.01, 0.0003)):
@@ -83,9 +81,7 @@ def test_thin_torus_is_a_flat_one() -> None:
 
 @pytest.mark.parametrize("height", [0.01, 0.3, 3.0, 100.0])
 @pytest.mark.parametrize("family", PARAMETERS)
-def test_ends_converge_to_a_relative_1e_8(
-    family: str, height: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ends_converge_to_a_relative_1e_8(family, height, monkeypatch):
     parameters = {**PARAMETERS[family], "height": height}
     values = FAMILIES[family].limit_eigenvalues(parameters)
     monkeypatch.setattr(limits, "PIECES", 2 * limits.PIECES)
@@ -98,9 +94,7 @@ def test_ends_converge_to_a_relative_1e_8(
 
 
 @pytest.mark.parametrize("tube_radius", [0.1, 0.5, 0.99])
-def test_tori_converge_to_a_relative_1e_8(
-    tube_radius: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_tori_converge_to_a_relative_1e_8(tube_radius, monkeypatch):
     values = torus(tube_radius)
     monkeypatch.setattr(limits, "PIECES", 2 * limits.PIECES)
     finer = torus(tube_radius)
@@ -108,7 +102,7 @@ def test_tori_converge_to_a_relative_1e_8(
     np.testing.assert_allclose(values, finer, rtol=1e-8)
 
 
-def test_a_frustum_of_equal_radii_is_a_cylinder() -> None:
+def test_a_frustum_of_equal_radii_is_a_cylinder():
     size = {"radius": 1.0, "height": 2.0, "resolution": 9, "split": 1}
     cylinder = FAMILIES["cylinder"].limit_eigenvalues(size)
     frustum = FAMILIES["conical_frustum"].limit_eigenvalues({**size, "scaling": 1.0})
@@ -117,7 +111,7 @@ def test_a_frustum_of_equal_radii_is_a_cylinder() -> None:
     np.testing.assert_allclose(cylinder, frustum, rtol=1e-12)
 
 
-def test_a_surface_twice_the_size_has_a_quarter_of_the_eigenvalues() -> None:
+def test_a_surface_twice_the_size_has_a_quarter_of_the_eigenvalues():
     size = {"resolution": 9, "split": 1}
     single = FAMILIES["cylinder"].limit_eigenvalues({"radius": 1.0, "height": 0.7, **size})
     double = FAMILIES["cylinder"].limit_eigenvalues({"radius": 2.0, "height": 1.4, **size})

@@ -1,9 +1,5 @@
 """The parts and folded balls of 2.1: their areas, volumes and topologies by formulas."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -20,13 +16,12 @@ from synthnet.families import (
 from synthnet.families.charted import one_shape
 from synthnet.mesh import geometry
 from synthnet.recipe.drawing import draw_shape
-from synthnet.types import Mesh
 
 FINE = 30_000  # vertices: areas and volumes of curved surfaces are then right to a thousandth
 SURFACES = range(6)
 
 
-def made(family: str, surface: int, **changes: Any) -> tuple[dict[str, Any], Mesh]:
+def made(family, surface, **changes):
     """The parameters of a surface without those of its triangulation, and a fine mesh of it."""
     spec = draw_shape(recipe.load("2.1"), family, 3 * surface)
     parameters = {**spec.parameters, "triangulation": "irregular", "vertices": FINE, **changes}
@@ -34,7 +29,7 @@ def made(family: str, surface: int, **changes: Any) -> tuple[dict[str, Any], Mes
 
 
 @pytest.mark.parametrize("family", [box_union, lattice], ids=["box_union", "lattice"])
-def test_solids_of_boxes_have_the_volume_of_their_cells(family: Any) -> None:
+def test_solids_of_boxes_have_the_volume_of_their_cells(family):
     solid = {box_union: "union", lattice: "frame"}[family]
     genera = set()
     for surface in SURFACES:
@@ -59,22 +54,20 @@ def test_solids_of_boxes_have_the_volume_of_their_cells(family: Any) -> None:
         ([(0, 0, 0), (0, 0, 1), (0, 1, 1), (1, 1, 1)], True),
     ],
 )
-def test_cells_that_share_an_edge_or_a_corner_alone_make_no_surface(
-    cells: list[tuple[int, int, int]], manifold: bool
-) -> None:
+def test_cells_that_share_an_edge_or_a_corner_alone_make_no_surface(cells, manifold):
     filled = np.zeros((2, 2, 2), dtype=np.bool_)
     filled[tuple(np.array(cells).T)] = True
     assert boxes.is_manifold(filled) is manifold
 
 
-def test_a_frame_around_a_window_has_a_handle() -> None:
+def test_a_frame_around_a_window_has_a_handle():
     filled = np.ones((3, 3, 1), dtype=np.bool_)
     filled[1, 1] = False
     assert boxes.euler(filled) == 0
     assert boxes.euler(np.ones((2, 2, 2), dtype=np.bool_)) == 2
 
 
-def test_a_perforated_plate_has_the_area_and_volume_of_a_plate_with_holes() -> None:
+def test_a_perforated_plate_has_the_area_and_volume_of_a_plate_with_holes():
     drilled = []
     for surface in SURFACES:
         parameters, mesh = made("perforated_plate", surface)
@@ -89,7 +82,7 @@ def test_a_perforated_plate_has_the_area_and_volume_of_a_plate_with_holes() -> N
     assert len(set(drilled)) > 1
 
 
-def test_bending_a_sheet_keeps_its_volume() -> None:
+def test_bending_a_sheet_keeps_its_volume():
     """By Pappus's theorem, since lengths halfway through it stay as they are."""
     for surface in SURFACES:
         parameters, mesh = made("sheet_metal", surface)
@@ -102,7 +95,7 @@ def test_bending_a_sheet_keeps_its_volume() -> None:
         assert not part.plate.holes[bends > 0].any()
 
 
-def test_a_rounded_box_has_the_area_and_volume_of_steiners_formula() -> None:
+def test_a_rounded_box_has_the_area_and_volume_of_steiners_formula():
     for surface in SURFACES:
         parameters, mesh = made("rounded_box", surface)
         sides = np.array([parameters[name] for name in ("width", "height", "depth")])
@@ -117,7 +110,7 @@ def test_a_rounded_box_has_the_area_and_volume_of_steiners_formula() -> None:
         assert geometry.volume(mesh) == pytest.approx(volume, rel=1e-3)
 
 
-def test_a_shaft_has_the_volume_of_its_steps() -> None:
+def test_a_shaft_has_the_volume_of_its_steps():
     bores = set()
     for surface in SURFACES:
         parameters, mesh = made("shaft", surface)
@@ -132,7 +125,7 @@ def test_a_shaft_has_the_volume_of_its_steps() -> None:
     assert bores == {0, 1}
 
 
-def test_shears_keep_the_volume_of_a_folded_ball() -> None:
+def test_shears_keep_the_volume_of_a_folded_ball():
     sheared = 0
     for surface in SURFACES:
         parameters, mesh = made("folded_ball", surface)
@@ -143,7 +136,7 @@ def test_shears_keep_the_volume_of_a_folded_ball() -> None:
     assert sheared > 1
 
 
-def test_valleys_of_a_folded_ball_are_as_deep_as_its_depth_says() -> None:
+def test_valleys_of_a_folded_ball_are_as_deep_as_its_depth_says():
     _, mesh = made("folded_ball", 0, slope=0.0, b=1.0, c=1.0, depth=0.3, folds=6.0)
     radius = np.linalg.norm(mesh.vertices, axis=1)
     assert radius.min() == pytest.approx(0.7, abs=1e-3)

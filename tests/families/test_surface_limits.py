@@ -1,7 +1,6 @@
 """Spectra of surfaces by elements of high degree: closed forms, other methods, and their bars."""
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -10,20 +9,19 @@ from evidence import scikit_fem
 from synthnet import recipe
 from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES, PRIMITIVES, drum, elements, limits, surface_limits
-from synthnet.families.atlas import Atlas, Charted, lattice, rectangle
+from synthnet.families.atlas import Atlas, lattice, rectangle
 from synthnet.families.polyhedra import flat, polyhedron
 from synthnet.recipe.drawing import draw_shape
-from synthnet.types import Parameters
 
 UNKNOWN = [name for name, family in FAMILIES.items() if family.limit is None]
 KNOWN = [name for name in FAMILIES if name not in UNKNOWN]
 
 
-def slow(name: str) -> object:
+def slow(name):
     return pytest.param(name, marks=pytest.mark.slow)
 
 
-def drawn(family: str, count: int) -> Iterator[Parameters]:
+def drawn(family, count):
     """Evenly spaced draws of the version that the family is of."""
     resolved = recipe.load("1.0" if family in PRIMITIVES else "2.1")
     total = resolved.families[family].count
@@ -31,7 +29,7 @@ def drawn(family: str, count: int) -> Iterator[Parameters]:
         yield draw_shape(resolved, family, index).parameters
 
 
-def of_atlas(family: str, parameters: Parameters, k: int = 10) -> limits.Limit:
+def of_atlas(family, parameters, k=10):
     atlas = FAMILIES[family].atlas
     return surface_limits.limit(atlas(**parameters), k)
 
@@ -40,7 +38,7 @@ def of_atlas(family: str, parameters: Parameters, k: int = 10) -> limits.Limit:
 
 
 @pytest.mark.parametrize("degree", [1, 2, 5, 8])
-def test_bernsteins_polynomials_are_a_partition_of_unity(degree: int) -> None:
+def test_bernsteins_polynomials_are_a_partition_of_unity(degree):
     points, weights = elements.quadrature(degree + 1)
     values, slopes = elements.bernstein(degree, points)
     np.testing.assert_allclose(values.sum(axis=1), 1, rtol=1e-13)
@@ -51,7 +49,7 @@ def test_bernsteins_polynomials_are_a_partition_of_unity(degree: int) -> None:
 
 
 @pytest.mark.parametrize("degree", [2, 5, 9])
-def test_slopes_are_derivatives(degree: int) -> None:
+def test_slopes_are_derivatives(degree):
     points = np.array([[0.2, 0.5, 0.3], [0.7, 0.1, 0.2]])
     _, slopes = elements.bernstein(degree, points)
     step = 1e-6
@@ -63,7 +61,7 @@ def test_slopes_are_derivatives(degree: int) -> None:
 
 
 @pytest.mark.parametrize("degree", [3, 6, 9])
-def test_interpolation_nodes_lie_evenly_and_are_symmetric(degree: int) -> None:
+def test_interpolation_nodes_lie_evenly_and_are_symmetric(degree):
     nodes = elements.interpolation_nodes(degree)
     np.testing.assert_allclose(nodes.sum(axis=1), 1, rtol=1e-14)
     assert (nodes >= -1e-15).all()
@@ -75,7 +73,7 @@ def test_interpolation_nodes_lie_evenly_and_are_symmetric(degree: int) -> None:
     assert np.abs(nodes[:, 2] - j / degree).max() < 1.1 / degree
 
 
-def test_a_mass_matrix_has_the_area_and_constants_have_no_energy() -> None:
+def test_a_mass_matrix_has_the_area_and_constants_have_no_energy():
     atlas = FAMILIES["conforming_split_sphere"].atlas(radius=2.0)
     matrices = elements.assemble(atlas, atlas.uniform(2), 6)
     assert matrices.mass.sum() == pytest.approx(16 * math.pi, rel=1e-7)
@@ -84,16 +82,16 @@ def test_a_mass_matrix_has_the_area_and_constants_have_no_energy() -> None:
     assert np.abs(sums).max() < 1e-11
 
 
-def test_a_triangle_without_area_is_refused() -> None:
+def test_a_triangle_without_area_is_refused():
     atlas = polyhedron(np.array([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]]))
     with pytest.raises(ValueError, match="a triangle of the surface has no area"):
         elements.assemble(atlas, atlas.uniform(1), 2)
 
 
-def test_patches_that_meet_in_their_corners_only_are_refused() -> None:
+def test_patches_that_meet_in_their_corners_only_are_refused():
     patches = rectangle(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
 
-    def chart(charts: np.ndarray, u: np.ndarray) -> np.ndarray:
+    def chart(charts, u):
         bulge = np.where(charts == 0, u[:, 0] * (1 - u[:, 0]), 0)
         return np.column_stack([u, bulge])
 
@@ -105,7 +103,7 @@ def test_patches_that_meet_in_their_corners_only_are_refused() -> None:
 # --- triangulations --------------------------------------------------------------------
 
 
-def test_corners_have_layers_by_their_angle() -> None:
+def test_corners_have_layers_by_their_angle():
     cube = FAMILIES["rectangular_prism"].atlas(width=1.0, height=1.0, depth=1.0)
     # 3π/2 around a corner: exponent 4/3, and 0.2^(8/3 · 3) is below 1e-5 first.
     assert surface_limits.layers_at(cube).tolist() == [3] * 8
@@ -121,7 +119,7 @@ def test_corners_have_layers_by_their_angle() -> None:
 
 
 @pytest.mark.parametrize("family", ["rectangular_prism", "drum", "extruded_star", "elliptic_disc"])
-def test_layers_leave_the_surface_as_it_is(family: str) -> None:
+def test_layers_leave_the_surface_as_it_is(family):
     parameters = next(drawn(family, 1))
     atlas = FAMILIES[family].atlas(**parameters)
     layers = surface_limits.layers_at(atlas)
@@ -139,7 +137,7 @@ def test_layers_leave_the_surface_as_it_is(family: str) -> None:
 
 
 @pytest.mark.parametrize("family", ["sphere", "flat_rectangle", "open_cylinder"])
-def test_closed_forms_are_met_within_the_bars(family: str) -> None:
+def test_closed_forms_are_met_within_the_bars(family):
     for parameters in drawn(family, 3):
         limit = of_atlas(family, parameters)
         known = FAMILIES[family].limit_eigenvalues(parameters)
@@ -150,7 +148,7 @@ def test_closed_forms_are_met_within_the_bars(family: str) -> None:
 @pytest.mark.parametrize(
     "family", ["torus", "cone", "cylinder", "conical_frustum", "annulus", "spherical_cap"]
 )
-def test_surfaces_of_revolution_agree_with_the_one_dimensional_solver(family: str) -> None:
+def test_surfaces_of_revolution_agree_with_the_one_dimensional_solver(family):
     for parameters in drawn(family, 3):
         limit = of_atlas(family, parameters)
         known = FAMILIES[family].limit_eigenvalues(parameters)
@@ -159,7 +157,7 @@ def test_surfaces_of_revolution_agree_with_the_one_dimensional_solver(family: st
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", KNOWN)
-def test_twenty_five_of_a_family_agree_with_what_is_known_of_them(family: str) -> None:
+def test_twenty_five_of_a_family_agree_with_what_is_known_of_them(family):
     for parameters in drawn(family, 25):
         limit = of_atlas(family, parameters)
         known = FAMILIES[family].limit_spectrum(parameters)
@@ -170,7 +168,7 @@ QUICK = ("simplex", "mobius_band", "ellipsoid", "drum")
 
 
 @pytest.mark.parametrize("family", [n if n in QUICK else slow(n) for n in UNKNOWN])
-def test_scikit_fem_has_the_same_spectrum(family: str) -> None:
+def test_scikit_fem_has_the_same_spectrum(family):
     """Of 25 surfaces a family: ``python -m evidence measure limits``."""
     for parameters in drawn(family, 1):
         limit = FAMILIES[family].limit_spectrum(parameters)
@@ -182,7 +180,7 @@ def test_scikit_fem_has_the_same_spectrum(family: str) -> None:
 
 
 @pytest.mark.parametrize("lean", [0.0, 0.17])
-def test_the_two_drums_sound_alike(lean: float) -> None:
+def test_the_two_drums_sound_alike(lean):
     """Gordon, Webb, Wolpert: two polygons that are not congruent, of one spectrum."""
     first, second = (
         surface_limits.limit(drum.atlas(form=form, size=1.0, lean=lean), 10) for form in (0, 1)
@@ -192,7 +190,7 @@ def test_the_two_drums_sound_alike(lean: float) -> None:
     assert (apart < 1e-5 * first.eigenvalues).all()
 
 
-def test_a_box_as_thin_as_a_sheet_is_a_sheet_twice() -> None:
+def test_a_box_as_thin_as_a_sheet_is_a_sheet_twice():
     """Even functions obey Neumann's condition on the edges, odd ones Dirichlet's nearly."""
     thin = {"width": 1.0, "height": 1e-4, "depth": 0.7}
     values = of_atlas("rectangular_prism", thin).eigenvalues
@@ -203,7 +201,7 @@ def test_a_box_as_thin_as_a_sheet_is_a_sheet_twice() -> None:
     np.testing.assert_allclose(values, expected, rtol=1e-3)
 
 
-def test_a_regular_tetrahedron_is_a_flat_torus_under_a_half_turn() -> None:
+def test_a_regular_tetrahedron_is_a_flat_torus_under_a_half_turn():
     r"""Functions on it are the even ones on :math:`\mathbb{R}^2 / 2\Lambda`, with edges 1.
 
     So its eigenvalues are :math:`4\pi^2 |w|^2 / 4` over the dual lattice, each pair ±w once:
@@ -218,14 +216,14 @@ def test_a_regular_tetrahedron_is_a_flat_torus_under_a_half_turn() -> None:
     assert (np.abs(limit.eigenvalues - expected) <= limit.bar).all()
 
 
-def test_a_surface_twice_the_size_has_a_quarter_of_the_eigenvalues() -> None:
+def test_a_surface_twice_the_size_has_a_quarter_of_the_eigenvalues():
     size = {"width": 1.0, "height": 0.4, "depth": 2.0}
     single = of_atlas("rectangular_prism", size)
     double = of_atlas("rectangular_prism", {name: 2 * value for name, value in size.items()})
     np.testing.assert_allclose(single.eigenvalues, 4 * double.eigenvalues, rtol=1e-9)
 
 
-def test_bars_cover_what_more_elements_change(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bars_cover_what_more_elements_change(monkeypatch):
     parameters = [
         {"width": 1.0, "height": 0.7, "depth": 1.6},
         {"width": 1.0, "height": 0.01, "depth": 100.0},
@@ -246,7 +244,7 @@ def test_bars_cover_what_more_elements_change(monkeypatch: pytest.MonkeyPatch) -
     "family",
     [pytest.param(name, marks=pytest.mark.slow if name == "lattice" else ()) for name in FAMILIES],
 )
-def test_every_family_has_a_limit(family: str) -> None:
+def test_every_family_has_a_limit(family):
     parameters = next(drawn(family, 1))
     limit = FAMILIES[family].limit_spectrum(parameters, 4)
     assert limit.eigenvalues.shape == limit.bar.shape == (4,)
@@ -257,9 +255,7 @@ def test_every_family_has_a_limit(family: str) -> None:
     assert (relative > 0).all()
 
 
-def test_the_target_is_given_up_where_it_would_take_too_much(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_target_is_given_up_where_it_would_take_too_much(monkeypatch):
     monkeypatch.setattr(surface_limits, "MOST", 0)
     plate = polyhedron(flat(rectangle(np.array([0.0, 1.0]), np.array([0.0, 30.0]))))
     limit = surface_limits.limit(plate, 10)
@@ -268,13 +264,11 @@ def test_the_target_is_given_up_where_it_would_take_too_much(
     assert (np.abs(limit.eigenvalues - known) <= limit.bar).all()
 
 
-def test_what_the_solver_fails_on_leaves_the_bar_that_was_reached(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_the_solver_fails_on_leaves_the_bar_that_was_reached(monkeypatch):
     atlas = polyhedron(flat(rectangle(np.array([0.0, 1.0]), np.array([0.0, 30.0]))))
     computed = surface_limits.spectrum
 
-    def failing(atlas: Atlas, mesh: Charted, degree: int, k: int) -> np.ndarray:
+    def failing(atlas, mesh, degree, k):
         if len(mesh.faces) > most:
             raise SpectrumError("no convergence")
         return computed(atlas, mesh, degree, k)

@@ -98,14 +98,14 @@ sys.meta_path.insert(0, Blocker())
 """
 
 
-def run(code: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+def run(code, cwd):
     """Run code in a process in which no optional package can be imported."""
     return subprocess.run(
         [sys.executable, "-c", BLOCK + code], capture_output=True, text=True, check=False, cwd=cwd
     )
 
 
-def modules() -> list[str]:
+def modules():
     names = (
         ".".join((package, *path.relative_to(folder).with_suffix("").parts))
         for package, folder in FOLDERS.items()
@@ -114,7 +114,7 @@ def modules() -> list[str]:
     return sorted(name.removesuffix(".__init__") for name in names)
 
 
-def test_only_the_modules_that_need_an_extra_fail_to_import_without_it(tmp_path: Path) -> None:
+def test_only_the_modules_that_need_an_extra_fail_to_import_without_it(tmp_path):
     names = [name for name in modules() if name != A_PREDICTOR]
     assert len(names) > 100
     code = f"""
@@ -131,7 +131,7 @@ print(json.dumps(lines))
     assert json.loads(done.stdout) == LINES
 
 
-def loaded(code: str, cwd: Path) -> set[str]:
+def loaded(code, cwd):
     """Return what code loads that is not Python's own, by its top name."""
     code = f"before = {{*sys.modules}}\n{code}\nprint(json.dumps([*{{*sys.modules}} - before]))"
     done = run(code, cwd)
@@ -139,9 +139,7 @@ def loaded(code: str, cwd: Path) -> set[str]:
     return {name.partition(".")[0] for name in json.loads(done.stdout)} - sys.stdlib_module_names
 
 
-def test_import_of_the_package_loads_nothing_and_the_spectrum_only_what_computes(
-    tmp_path: Path,
-) -> None:
+def test_import_of_the_package_loads_nothing_and_the_spectrum_only_what_computes(tmp_path):
     """How long both take: ``python -m evidence measure start``."""
     assert loaded("import synthnet", tmp_path) == {"synthnet"}
     spectrum = loaded("import synthnet.spectrum", tmp_path)
@@ -149,7 +147,7 @@ def test_import_of_the_package_loads_nothing_and_the_spectrum_only_what_computes
     assert not spectrum & {*OPTIONAL, "pyarrow", "pandas", "fsspec", "rich", "tabulate"}
 
 
-def test_code_that_needs_an_extra_names_it_in_one_line(tmp_path: Path) -> None:
+def test_code_that_needs_an_extra_names_it_in_one_line(tmp_path):
     code = f"""
 from synthnet.errors import MissingPackageError
 lines = {{}}
@@ -166,9 +164,7 @@ print(json.dumps(lines))
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_command_that_needs_an_extra_exits_with_2_and_one_line(
-    command: str, tmp_path: Path
-) -> None:
+def test_a_command_that_needs_an_extra_exits_with_2_and_one_line(command, tmp_path):
     program, *arguments = command.split()
     code = f"""
 from {program}.commands.cli import main
@@ -180,14 +176,14 @@ raise SystemExit(main({[*arguments]!r}))
     assert done.stderr.strip().splitlines() == [COMMANDS[command]]
 
 
-def test_lapy_beside_a_predictor_is_missed_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lapy_beside_a_predictor_is_missed_in_one_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "lapy", None)
     line = r"needs the package lapy, which is not installed: pip install 'synthnet\[verify\]'$"
     with pytest.raises(PredictorError, match=line):
         predictor.load(REFERENCE_FILE)
 
 
-def test_extras_are_those_of_the_project_and_all_has_every_one_but_what_is_gpl() -> None:
+def test_extras_are_those_of_the_project_and_all_has_every_one_but_what_is_gpl():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
         "optional-dependencies"
     ]
@@ -197,9 +193,9 @@ def test_extras_are_those_of_the_project_and_all_has_every_one_but_what_is_gpl()
     assert extras["all"] == [f"synthnet[{','.join(free)}]"]
 
 
-def test_other_packages_and_other_errors_are_left_alone() -> None:
+def test_other_packages_and_other_errors_are_left_alone():
     with pytest.raises(ModuleNotFoundError, match="no_such_thing"), needed_by("this"):
-        import no_such_thing  # type: ignore[import-not-found]  # noqa: F401
+        import no_such_thing  # noqa: F401
     with pytest.raises(ZeroDivisionError), needed_by("this"):
         _ = 1 / 0
     line = "this needs PyTorch Geometric: "
@@ -208,7 +204,7 @@ def test_other_packages_and_other_errors_are_left_alone() -> None:
     assert install("cv2") == "pip install it"
 
 
-def test_a_package_that_is_there_and_broken_is_not_said_to_be_missing() -> None:
+def test_a_package_that_is_there_and_broken_is_not_said_to_be_missing():
     line = r"^drawing needs Matplotlib, which is installed and cannot be imported: no libfreetype$"
     with pytest.raises(MissingPackageError, match=line), needed_by("drawing"):
         raise ImportError("no libfreetype", name="matplotlib.ft2font")
@@ -219,7 +215,7 @@ def test_a_package_that_is_there_and_broken_is_not_said_to_be_missing() -> None:
             raise ModuleNotFoundError(name="lapy")
 
 
-def test_the_advice_to_install_an_extra_is_written_once() -> None:
+def test_the_advice_to_install_an_extra_is_written_once():
     files = [path for folder in FOLDERS.values() for path in folder.rglob("*.py")]
     assert len(files) > 100
     advising = {

@@ -2,7 +2,6 @@
 
 import ast
 import re
-from collections.abc import Iterator
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -52,7 +51,7 @@ OURS = {"synthnet", "eigbench", "baselines", "evidence", "tests"}
 PACKAGES = {"synthnet": {"synthnet"}, "eigbench": {"synthnet", "eigbench"}}
 
 
-def level(package: str, room: str) -> int:
+def level(package, room):
     """Return a room's line in the plan; -1 is the ground."""
     if room in GROUND[package]:
         return -1
@@ -61,11 +60,11 @@ def level(package: str, room: str) -> int:
     return next(i for i, line in enumerate(PLANS[package]) if room in line.split())
 
 
-def room_of(file: str) -> str:
+def room_of(file):
     return file.split("/")[0].removesuffix(".py")
 
 
-def imports_of(package: str, file: str) -> Iterator[str]:
+def imports_of(package, file):
     """Full names of what a file imports: in functions, for types, and by a string too."""
     for node in ast.walk(ast.parse((ROOTS[package] / file).read_text())):
         if isinstance(node, ast.Import):
@@ -77,14 +76,14 @@ def imports_of(package: str, file: str) -> Iterator[str]:
             yield str(node.value)
 
 
-def test_every_file_is_in_a_room_and_every_room_has_files() -> None:
+def test_every_file_is_in_a_room_and_every_room_has_files():
     for package, plan in PLANS.items():
         rooms = {room for line in plan for room in line.split()}
         filled = {room_of(file) for owner, file in FILES if owner == package}
         assert filled == rooms | GROUND[package] | DOORS[package]
 
 
-def drawn() -> tuple[list[str], list[str]]:
+def drawn():
     """Return the first words of the map's drawing: synthnet's column, and eigbench's."""
     text = (Path(__file__).parents[2] / "docs" / "architecture.md").read_text()
     match = re.search(r"```text\n(synthnet/ .*?)```", text, re.DOTALL)
@@ -105,7 +104,7 @@ def drawn() -> tuple[list[str], list[str]]:
     )
 
 
-def test_the_map_draws_these_rooms_in_this_order() -> None:
+def test_the_map_draws_these_rooms_in_this_order():
     for plan, column in zip(PLANS.values(), drawn(), strict=True):
         rooms = [room for line in plan for room in line.split()]
         assert [word for word in column if word not in ("ground", "doors")] == rooms
@@ -113,13 +112,13 @@ def test_the_map_draws_these_rooms_in_this_order() -> None:
         assert column[-1] == "doors"
 
 
-def test_imports_are_seen() -> None:
+def test_imports_are_seen():
     assert "synthnet.errors.RecipeError" in imports_of("synthnet", "recipe/drawing.py")
     assert "synthnet.loaders.hf" in imports_of("synthnet", "__init__.py")  # by a string
 
 
 @pytest.mark.parametrize(("package", "file"), FILES)
-def test_rooms_import_only_the_rooms_before_them(package: str, file: str) -> None:
+def test_rooms_import_only_the_rooms_before_them(package, file):
     room = room_of(file)
     here = level(package, room)
     for name in imports_of(package, file):
@@ -132,7 +131,7 @@ def test_rooms_import_only_the_rooms_before_them(package: str, file: str) -> Non
             assert there < here or imported == room or both_ground, f"{file} imports {name}"
 
 
-def test_files_of_a_room_import_each_other_in_no_circle() -> None:
+def test_files_of_a_room_import_each_other_in_no_circle():
     graph = {}
     for package, file in FILES:
         module = f"{package}.{file.removesuffix('.py').replace('/', '.')}".removesuffix(".__init__")
@@ -142,9 +141,9 @@ def test_files_of_a_room_import_each_other_in_no_circle() -> None:
         module: {n if n in known else n.rpartition(".")[0] for n in names} & known - {module}
         for module, names in graph.items()
     }
-    done: set[str] = set()
+    done = set()
 
-    def visit(module: str, path: tuple[str, ...]) -> None:
+    def visit(module, path):
         assert module not in path, " -> ".join([*path[path.index(module) :], module])
         if module not in done:
             for name in sorted(edges[module]):
@@ -156,14 +155,14 @@ def test_files_of_a_room_import_each_other_in_no_circle() -> None:
     assert len(done) == len(FILES)
 
 
-def reached(module: str) -> set[str]:
+def reached(module):
     """Return the modules of eigbench that a module imports, and those that these import."""
     files = {
         file.removesuffix(".py").replace("/", ".").removesuffix(".__init__"): file
         for package, file in FILES
         if package == "eigbench"
     }
-    seen: set[str] = set()
+    seen = set()
     left = [module]
     while left:
         for name in imports_of("eigbench", files[left.pop()]):
@@ -174,7 +173,7 @@ def reached(module: str) -> set[str]:
     return seen
 
 
-def test_nothing_past_a_result_can_run_a_predictor() -> None:
+def test_nothing_past_a_result_can_run_a_predictor():
     running = {f"running.{name}" for name in ("predictor", "worker", "process", "evaluate")}
     assert reached("commands.evaluate") >= running
     assert reached("commands.scaling") >= running - {"running.evaluate"}
@@ -182,7 +181,7 @@ def test_nothing_past_a_result_can_run_a_predictor() -> None:
         assert not reached(f"commands.{command}") & running
 
 
-def test_tests_of_every_room_are_collected(pytestconfig: pytest.Config) -> None:
+def test_tests_of_every_room_are_collected(pytestconfig):
     """Pytest goes into no directory named build, unless it is told otherwise."""
     folders = {
         folder.name

@@ -4,10 +4,7 @@ import importlib.util
 import ssl
 import subprocess
 import urllib.error
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import pytest
 
@@ -15,7 +12,7 @@ SCRIPT = Path(__file__).parents[2] / "scripts" / "make_venv.py"
 
 
 @pytest.fixture
-def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def script(monkeypatch):
     """Load the script as on a machine that lacks python3-venv."""
     spec = importlib.util.spec_from_file_location("make_venv", SCRIPT)
     assert spec is not None
@@ -23,7 +20,7 @@ def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
 
-    def run(*command: Any) -> subprocess.CompletedProcess[str]:
+    def run(*command):
         return subprocess.CompletedProcess(command, 0 if "--without-pip" in command else 1, "", "")
 
     monkeypatch.setattr(module, "run", run)
@@ -33,12 +30,10 @@ def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 @pytest.fixture
-def refusal(
-    script: ModuleType, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> Callable[[], str]:
+def refusal(script, capsys, tmp_path):
     """Return a function that runs the script, which must refuse: what it says."""
 
-    def run() -> str:
+    def run():
         with pytest.raises(SystemExit) as stopped:
             script.make(tmp_path / "venv")
         assert stopped.value.code == 2
@@ -47,12 +42,10 @@ def refusal(
     return run
 
 
-def test_an_unknown_certificate_is_refused_in_one_line(
-    script: ModuleType, refusal: Callable[[], str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    contexts: list[ssl.SSLContext] = []
+def test_an_unknown_certificate_is_refused_in_one_line(script, refusal, monkeypatch):
+    contexts = []
 
-    def urlopen(url: str, *, timeout: float, context: ssl.SSLContext) -> Any:
+    def urlopen(url, *, timeout, context):
         contexts.append(context)
         raise urllib.error.URLError(ssl.SSLCertVerificationError(1, "unknown issuer"))
 
@@ -67,18 +60,14 @@ def test_an_unknown_certificate_is_refused_in_one_line(
     assert context.check_hostname
 
 
-def test_an_index_that_does_not_answer_is_named(
-    script: ModuleType, refusal: Callable[[], str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def urlopen(*_: Any, **options: Any) -> Any:
+def test_an_index_that_does_not_answer_is_named(script, refusal, monkeypatch):
+    def urlopen(*_, **options):
         raise urllib.error.URLError("timed out")
 
     monkeypatch.setattr(script.urllib.request, "urlopen", urlopen)
     assert "cannot get pip from the package index index.example: " in refusal()
 
 
-def test_a_certificate_file_that_is_missing_is_an_error(
-    refusal: Callable[[], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_certificate_file_that_is_missing_is_an_error(refusal, monkeypatch, tmp_path):
     monkeypatch.setenv("PIP_CERT", str(tmp_path / "none.pem"))
     assert "No such file" in refusal()

@@ -25,7 +25,7 @@ WRITES = {
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
-def test_workflows_may_read_alone(path: Path) -> None:
+def test_workflows_may_read_alone(path):
     workflow = yaml.safe_load(path.read_text())
     assert workflow["permissions"] == {"contents": "read"}
     jobs = workflow["jobs"]
@@ -36,7 +36,7 @@ def test_workflows_may_read_alone(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
-def test_actions_are_named_by_commit_and_leave_no_token(path: Path) -> None:
+def test_actions_are_named_by_commit_and_leave_no_token(path):
     lines = [line for line in path.read_text().splitlines() if "uses:" in line]
     assert lines
     for line in lines:
@@ -47,7 +47,7 @@ def test_actions_are_named_by_commit_and_leave_no_token(path: Path) -> None:
                 assert step["with"]["persist-credentials"] is False
 
 
-def test_every_package_has_one_version() -> None:
+def test_every_package_has_one_version():
     lines = [
         line for line in (ROOT / "constraints.txt").read_text().splitlines() if line[:1] != "#"
     ]
@@ -58,7 +58,7 @@ def test_every_package_has_one_version() -> None:
 @pytest.mark.skipif(
     (sys.platform, platform.machine()) != ("linux", "x86_64"), reason="CI runs on Linux, x86-64"
 )
-def test_ci_installs_every_package_but_pytorch_by_its_digests() -> None:
+def test_ci_installs_every_package_but_pytorch_by_its_digests():
     entry = re.compile(r"(\S+)==(\S+)((?: \\\n    --hash=sha256:[0-9a-f]{64})+)\n")
     about, text = (ROOT / ".ci" / "hashes.txt").read_text().split("\n", 1)
     assert about == hash_pins.ABOUT
@@ -69,7 +69,7 @@ def test_ci_installs_every_package_but_pytorch_by_its_digests() -> None:
 
 
 @pytest.mark.parametrize("path", [ROOT / ".ci" / "run", *WORKFLOWS], ids=lambda path: path.name)
-def test_nothing_but_the_installer_installs_packages(path: Path) -> None:
+def test_nothing_but_the_installer_installs_packages(path):
     """It has the digests; a workflow that installs in another way has none."""
     installer = (ROOT / ".ci" / "install").read_text()
     by_digest = installer.index("pip install --quiet --require-hashes --no-deps -r .ci/hashes.txt")
@@ -92,12 +92,12 @@ def test_nothing_but_the_installer_installs_packages(path: Path) -> None:
         ("a-b-c-1.0.tar.gz", False),
     ],
 )
-def test_the_files_of_a_version_for_ci(file: str, fits: bool) -> None:
+def test_the_files_of_a_version_for_ci(file, fits):
     assert hash_pins.taken(file, "a-b", "1.0") is fits
 
 
 @pytest.mark.slow
-def test_the_list_of_packages_has_the_pinned_versions(tmp_path: Path) -> None:
+def test_the_list_of_packages_has_the_pinned_versions(tmp_path):
     """The tool checks what it writes against the schema of CycloneDX."""
     out = tmp_path / "sbom.json"
     venv.create(tmp_path / "venv", with_pip=True)

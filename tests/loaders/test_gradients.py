@@ -1,10 +1,7 @@
 """Eigenvalues as a function of the vertices: their derivative against finite differences."""
 
-from __future__ import annotations
-
 import runpy
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +14,7 @@ torch = pytest.importorskip("torch")
 from synthnet.torch import eigenvalues  # noqa: E402 - it needs torch
 
 
-def bumpy(n: int = 8) -> tuple[Any, Any]:
+def bumpy(n=8):
     """A sphere whose symmetry random moves have taken away, and its faces."""
     sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": n})
     rng = np.random.default_rng(3)
@@ -25,7 +22,7 @@ def bumpy(n: int = 8) -> tuple[Any, Any]:
     return torch.tensor(moved, dtype=torch.float64, requires_grad=True), torch.tensor(sphere.faces)
 
 
-def test_values_are_those_of_compute() -> None:
+def test_values_are_those_of_compute():
     vertices, faces = bumpy()
     values = eigenvalues(vertices, faces, 6)
     assert values.dtype == torch.float64
@@ -33,14 +30,14 @@ def test_values_are_those_of_compute() -> None:
     np.testing.assert_allclose(values.detach().numpy(), expected, rtol=1e-9)
 
 
-def test_gradient_is_that_of_finite_differences() -> None:
+def test_gradient_is_that_of_finite_differences():
     vertices, faces = bumpy(4)
     assert torch.autograd.gradcheck(
         lambda v: eigenvalues(v, faces, 4), (vertices,), eps=1e-6, atol=1e-6, rtol=1e-4
     )
 
 
-def test_gradient_knows_that_eigenvalues_scale_and_do_not_move_or_turn() -> None:
+def test_gradient_knows_that_eigenvalues_scale_and_do_not_move_or_turn():
     vertices, faces = bumpy()
     values = eigenvalues(vertices, faces, 5)
     for i in range(5):
@@ -51,7 +48,7 @@ def test_gradient_knows_that_eigenvalues_scale_and_do_not_move_or_turn() -> None
         np.testing.assert_allclose(turned.detach().numpy(), 0, atol=1e-9)
 
 
-def test_each_eigenvalue_of_a_cluster_has_the_gradient_of_its_mean() -> None:
+def test_each_eigenvalue_of_a_cluster_has_the_gradient_of_its_mean():
     octahedron = torch.tensor(
         [[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]],
         dtype=torch.float64,
@@ -71,7 +68,7 @@ def test_each_eigenvalue_of_a_cluster_has_the_gradient_of_its_mean() -> None:
     assert change.item() == pytest.approx((gradient * step).sum().item(), rel=1e-3)
 
 
-def test_a_batch_is_its_meshes_and_single_precision_stays() -> None:
+def test_a_batch_is_its_meshes_and_single_precision_stays():
     (a, faces), (b, more) = bumpy(6), bumpy(8)
     single = a.detach().to(torch.float32).requires_grad_()
     batch = eigenvalues([single, b], [faces, more.numpy()], 3)
@@ -83,7 +80,7 @@ def test_a_batch_is_its_meshes_and_single_precision_stays() -> None:
     np.testing.assert_allclose(single.grad.numpy(), expected.numpy(), rtol=1e-3, atol=1e-5)
 
 
-def test_clusters_are_neighbours_with_small_gaps() -> None:
+def test_clusters_are_neighbours_with_small_gaps():
     assert clusters(np.array([1.0, 1.0 + 1e-6, 2.0]), 1e-5).tolist() == [0, 0, 1]
     assert clusters(np.array([1.0, 1.0 + 1e-4, 2.0]), 1e-5).tolist() == [0, 1, 2]
 
@@ -102,7 +99,7 @@ def test_clusters_are_neighbours_with_small_gaps() -> None:
         ({"faces": torch.zeros(3, 9, dtype=torch.int64)}, "transpose PyG's data.face"),
     ],
 )
-def test_bad_input_is_one_line(change: dict[str, Any], message: str) -> None:
+def test_bad_input_is_one_line(change, message):
     vertices = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     faces = torch.tensor([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     given = {"vertices": vertices, "faces": faces, "k": 2, **change}
@@ -115,7 +112,7 @@ def test_bad_input_is_one_line(change: dict[str, Any], message: str) -> None:
         )
 
 
-def test_the_example_recovers_the_axes_of_an_ellipsoid(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_example_recovers_the_axes_of_an_ellipsoid(capsys):
     path = Path(__file__).parents[2] / "examples" / "ellipsoid_axes.py"
     example = runpy.run_path(str(path))
     assert example["recover"]() == pytest.approx([0.8, 1.0, 1.3], abs=1e-3)

@@ -1,12 +1,9 @@
 """Tests of the Hugging Face dataset over the shards: local, offline, equal to the store."""
 
-from __future__ import annotations
-
 import shutil
 import socket
 import sys
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -21,15 +18,15 @@ VERSION = "1.0-mini"
 
 
 @pytest.fixture(scope="module")
-def home(unpacking_home: Path) -> Path:
+def home(unpacking_home):
     """A copy of the dataset in which the library, which must be there, may put its cache."""
     pytest.importorskip("datasets")
     return unpacking_home
 
 
 @pytest.fixture(autouse=True)
-def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*args: object, **options: object) -> NoReturn:
+def _no_network(monkeypatch):
+    def refuse(*args, **options):
         raise AssertionError("this must not use the network")
 
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
@@ -39,13 +36,13 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(socket, "getaddrinfo", refuse)
 
 
-def test_the_network_is_blocked() -> None:
+def test_the_network_is_blocked():
     with pytest.raises(AssertionError, match="must not use the network"):
         socket.create_connection(("127.0.0.1", 9))
 
 
 @pytest.mark.parametrize("split", SPLITS)
-def test_split_holds_its_shapes(split: str, home: Path) -> None:
+def test_split_holds_its_shapes(split, home):
     dataset = synthnet.load_dataset(VERSION, split=split, root=home)
     planned = [s for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes]
     assert dataset["id"][:] == [s.spec.id for s in planned if s.split == split]
@@ -54,13 +51,13 @@ def test_split_holds_its_shapes(split: str, home: Path) -> None:
     assert dataset.column_names == [*store.SCHEMA.names, "surface_eigenvalues", "surface_bar"]
 
 
-def test_splits_are_all_there_is(home: Path) -> None:
+def test_splits_are_all_there_is(home):
     sizes = [len(synthnet.load_dataset(VERSION, split=split, root=home)) for split in SPLITS]
     assert sum(sizes) == 335
     assert sizes == pytest.approx([0.7 * 335, 0.2 * 335, 0.1 * 335], abs=10)
 
 
-def test_rows_are_those_of_the_store(home: Path) -> None:
+def test_rows_are_those_of_the_store(home):
     stored = store.open_dataset(VERSION, home)
     dataset = synthnet.load_dataset(VERSION, split="test", root=home)
     for row in dataset:
@@ -78,7 +75,7 @@ def test_rows_are_those_of_the_store(home: Path) -> None:
     assert len(dataset) > 0
 
 
-def test_limits_are_those_of_the_shapes(home: Path, tmp_path: Path) -> None:
+def test_limits_are_those_of_the_shapes(home, tmp_path):
     dataset = synthnet.load_dataset(VERSION, split="test", root=home)
     known = {row.id: row for row in limits.read(store.open_dataset(VERSION, home))}
     assert len(dataset) == 34
@@ -96,24 +93,24 @@ def test_limits_are_those_of_the_shapes(home: Path, tmp_path: Path) -> None:
     assert added.column_names == [*store.SCHEMA.names, *names]
 
 
-def test_split_is_train_unless_said(home: Path) -> None:
+def test_split_is_train_unless_said(home):
     assert set(synthnet.load_dataset(VERSION, root=home)["split"][:]) == {"train"}
 
 
-def test_dataset_lies_beside_the_shards(home: Path) -> None:
+def test_dataset_lies_beside_the_shards(home):
     dataset = synthnet.load_dataset(VERSION, split="test", root=home)
     assert dataset.cache_files
     for file in dataset.cache_files:
         assert Path(file["filename"]).is_relative_to(home / VERSION)
 
 
-def test_unknown_split_is_refused(mini_home: Path) -> None:
+def test_unknown_split_is_refused(mini_home):
     message = "split must be one of train, validation, test, got 'dev'"
     with pytest.raises(ValueError, match=message):
         synthnet.load_dataset(VERSION, split="dev", root=mini_home)
 
 
-def test_missing_library_is_explained(mini_home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_library_is_explained(mini_home, monkeypatch):
     monkeypatch.setitem(sys.modules, "datasets", None)
     with pytest.raises(ImportError, match=r"needs datasets: pip install 'synthnet\[datasets\]'$"):
         synthnet.load_dataset(VERSION, root=mini_home)

@@ -1,10 +1,7 @@
 """Files of each format: read as they stand, or refused with what is wrong and where."""
 
-from __future__ import annotations
-
 import codecs
 import gzip
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,16 +26,16 @@ PLY += "property float z\nelement face 1\nproperty list uchar int vertex_indices
 FACET = "facet normal 0 0 1\nouter loop\n" + "vertex 1 2 3\n" * 3 + "endloop\nendfacet\n"
 
 
-def content(name: str) -> bytes:
+def content(name):
     made = SPHERE.export(**FORMATS[name])
     return made.encode() if isinstance(made, str) else made
 
 
-def suffix(name: str) -> str:
+def suffix(name):
     return name[name.index(".") :]
 
 
-def refused(text: str | bytes, kind: str) -> str:
+def refused(text, kind):
     with pytest.raises(UnreadableError) as error:
         read(text.encode() if isinstance(text, str) else text, kind)
     (line,) = str(error.value).splitlines()
@@ -47,7 +44,7 @@ def refused(text: str | bytes, kind: str) -> str:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_every_format_is_read(name: str) -> None:
+def test_every_format_is_read(name):
     mesh = read(content(name), suffix(name))
     vertices, faces = mesh.vertices, mesh.faces
     assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
@@ -57,7 +54,7 @@ def test_every_format_is_read(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(set(FORMATS) - {"ascii.obj"}))
-def test_no_file_that_was_cut_off_is_read(name: str) -> None:
+def test_no_file_that_was_cut_off_is_read(name):
     """But within the digits of the last number, or the blanks and the name at the end."""
     whole = content(name)
     end = len(whole.rstrip().removesuffix(b"endsolid")) if name == "ascii.stl" else len(whole)
@@ -69,7 +66,7 @@ def test_no_file_that_was_cut_off_is_read(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["ascii.off", "ascii.ply", "ascii.stl"])
-def test_a_line_that_is_gone_or_there_twice_is_seen(name: str) -> None:
+def test_a_line_that_is_gone_or_there_twice_is_seen(name):
     lines = content(name).splitlines(keepends=True)
     assert len(lines) > 100
     for i, line in enumerate(lines):
@@ -80,14 +77,14 @@ def test_a_line_that_is_gone_or_there_twice_is_seen(name: str) -> None:
             refused(b"".join([*lines[:i], line, *lines[i:]]), suffix(name))
 
 
-def test_obj_counts_from_1_or_back_from_the_last_vertex_so_far() -> None:
+def test_obj_counts_from_1_or_back_from_the_last_vertex_so_far():
     text = VERTICES + "f -4 -3 -2\nv 9 9 9\nf 1/7 3//2 4/1/1 # a comment\nf -5 4 5\n"
     assert read(text.encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name.startswith("ascii")])
 @pytest.mark.parametrize("start", [codecs.BOM_UTF8, codecs.BOM_UTF8 + b"# made by hand\n\n"])
-def test_text_may_begin_with_a_mark_of_its_bytes_order(name: str, start: bytes) -> None:
+def test_text_may_begin_with_a_mark_of_its_bytes_order(name, start):
     if name == "ascii.ply":  # whose first word is ply
         start = codecs.BOM_UTF8
     mesh, expected = read(start + content(name), suffix(name)), read(content(name), suffix(name))
@@ -95,7 +92,7 @@ def test_text_may_begin_with_a_mark_of_its_bytes_order(name: str, start: bytes) 
     np.testing.assert_array_equal(mesh.faces, expected.faces)
 
 
-def test_obj_is_read_alone() -> None:
+def test_obj_is_read_alone():
     text = "mtllib missing.mtl\nvt 0 0\nvn 0 0 1\no a\ng b\nusemtl c\ns off\nv 5 5 5 1 0 0\n"
     mesh = read((text + VERTICES + "f 2 3 4\nl 1 2\np 1\n").encode(), ".obj")
     vertices, faces = mesh.vertices, mesh.faces
@@ -104,7 +101,7 @@ def test_obj_is_read_alone() -> None:
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-def test_lines_end_in_any_way(newline: str) -> None:
+def test_lines_end_in_any_way(newline):
     text = (VERTICES + "f 1 2 3\n").replace("\n", newline)
     assert len(read(text.encode(), ".obj").faces) == 1
     text = f"OFF\n4 1 0\n{POINTS}3 0 1 2\n".replace("\n", newline)
@@ -117,7 +114,7 @@ def test_lines_end_in_any_way(newline: str) -> None:
 
 
 @pytest.mark.parametrize("newline", [b"\n", b"\r\n"])
-def test_binary_ply_begins_after_the_line_end_header(newline: bytes) -> None:
+def test_binary_ply_begins_after_the_line_end_header(newline):
     header, end, body = content("binary.ply").partition(b"end_header\n")
     header = header.replace(b"element vertex", b"comment before end_header\nelement vertex", 1)
     whole = (header + end).replace(b"\n", newline) + body
@@ -125,7 +122,7 @@ def test_binary_ply_begins_after_the_line_end_header(newline: bytes) -> None:
 
 
 @pytest.mark.parametrize("end", ["", "\n"])
-def test_off_may_have_all_vertices_on_a_line_and_all_faces(end: str) -> None:
+def test_off_may_have_all_vertices_on_a_line_and_all_faces(end):
     points = " ".join(POINTS.split())
     mesh = read(f"OFF\n4 3 0\n{points}\n3 0 1 2 3 0 2 3 4 0 1 2 3{end}".encode(), ".off")
     assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
@@ -137,12 +134,12 @@ def test_off_may_have_all_vertices_on_a_line_and_all_faces(end: str) -> None:
 
 
 @pytest.mark.parametrize("head", ["OFF\n4 1 0", "OFF 4 1 0", "OFF4 1 0", "# c\n\nCOFF # c\n4 1"])
-def test_off_headers(head: str) -> None:
+def test_off_headers(head):
     text = f"{head}\n{POINTS}4 0 1 2 3 255 0 0\n"
     assert read(text.encode(), ".off").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
-def test_polygons_are_fans_in_the_order_of_the_file() -> None:
+def test_polygons_are_fans_in_the_order_of_the_file():
     hexagon = [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3]
     text = "".join(f"v {x} {y} 0\n" for x, y in hexagon) + "f 1 2 3 4 5 6\nf 1 2 3\nf 3 2 1 6\n"
     assert read(text.encode(), ".obj").faces.tolist() == [
@@ -160,9 +157,7 @@ def test_polygons_are_fans_in_the_order_of_the_file() -> None:
         ("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 1 1 0\n", "f 1 2 3 4", [[3, 0, 1], [1, 2, 3]]),
     ],
 )
-def test_polygons_that_a_fan_cannot_cut_are_cut_by_ears(
-    points: str, face: str, faces: list[list[int]]
-) -> None:
+def test_polygons_that_a_fan_cannot_cut_are_cut_by_ears(points, face, faces):
     mesh = read((points + face).encode(), ".obj")
     assert mesh.clipped == 1
     corners = mesh.vertices[mesh.faces]
@@ -171,14 +166,14 @@ def test_polygons_that_a_fan_cannot_cut_are_cut_by_ears(
     assert {frozenset(f) for f in mesh.faces.tolist()} == {frozenset(f) for f in faces}
 
 
-def comb(teeth: int) -> np.ndarray:
+def comb(teeth):
     """The corners of a comb, counter-clockwise, one of them amid its straight back."""
     up = [(2 * i + dx, y) for i in range(teeth) for dx, y in ((0.6, 0.2), (1.4, 3))]
     return np.array([(2 * teeth, -1), *up[::-1], (0, 3.5), (0, -1), (teeth, -1)], float)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1.0])
-def test_ears_cover_a_polygon_once_and_keep_every_corner(tilt: float) -> None:
+def test_ears_cover_a_polygon_once_and_keep_every_corner(tilt):
     flat = comb(9)
     x, y = flat.T
     area = abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
@@ -193,12 +188,12 @@ def test_ears_cover_a_polygon_once_and_keep_every_corner(tilt: float) -> None:
     assert np.linalg.norm(normals.sum(axis=0)) == pytest.approx(area)  # all face one way
 
 
-def test_a_polygon_that_crosses_itself_is_refused() -> None:
+def test_a_polygon_that_crosses_itself_is_refused():
     message = refused(VERTICES + "f 1 2 4\nf 1 2 4 3", ".obj")  # a bow tie
     assert message == "line 6: a polygon that crosses itself or has no area"
 
 
-def test_arrow_is_cut_from_its_inner_corner_or_its_tip() -> None:
+def test_arrow_is_cut_from_its_inner_corner_or_its_tip():
     text = "v 0 0 0\nv 2 0 0\nv 1 .5 0\nv 1 2 0\nf 3 4 1 2\nf 1 2 3 4\n"
     assert read(text.encode(), ".obj").faces.tolist() == [
         [2, 3, 0],
@@ -208,11 +203,11 @@ def test_arrow_is_cut_from_its_inner_corner_or_its_tip() -> None:
     ]
 
 
-def test_polygons_that_name_a_vertex_twice_are_left_to_repair() -> None:
+def test_polygons_that_name_a_vertex_twice_are_left_to_repair():
     assert read((VERTICES + "f 1 2 3 3").encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 2]]
 
 
-def binary_ply(faces: str, rows: bytes, order: str = "<", vertices: str = "") -> bytes:
+def binary_ply(faces, rows, order="<", vertices=""):
     name = {"<": "little", ">": "big"}[order]
     header = f"ply\nformat binary_{name}_endian 1.0\ncomment c\nelement vertex 4\n"
     header += (
@@ -227,7 +222,7 @@ LIST = "element face 2\nproperty list uchar short vertex_index\nproperty uchar r
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
-def test_binary_ply_of_any_kinds_and_order(order: str) -> None:
+def test_binary_ply_of_any_kinds_and_order(order):
     kinds = np.dtype([("n", "u1"), ("i", order + "i2", 4), ("red", "u1")])
     rows = np.array([(4, [0, 1, 2, 3], 7), (4, [3, 2, 1, 0], 7)], kinds).tobytes()
     mesh = read(binary_ply(LIST, rows, order), ".ply")
@@ -236,7 +231,7 @@ def test_binary_ply_of_any_kinds_and_order(order: str) -> None:
     assert faces.tolist() == [[0, 1, 2], [0, 2, 3], [3, 2, 1], [3, 1, 0]]
 
 
-def test_ascii_ply_with_other_elements_and_properties() -> None:
+def test_ascii_ply_with_other_elements_and_properties():
     text = PLY.replace("element face 1\n", "element camera 1\nproperty float f\nelement face 1\n")
     text = text.replace(
         "property list", ("property uchar red\nproperty list uchar float uv\nproperty list")
@@ -245,7 +240,7 @@ def test_ascii_ply_with_other_elements_and_properties() -> None:
     assert read(text.encode(), ".ply").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
-def test_ascii_stl_of_two_solids_and_any_names() -> None:
+def test_ascii_stl_of_two_solids_and_any_names():
     text = f"solid vertex of a facet\n{FACET}endsolid\nSOLID b\n{FACET.upper()}ENDSOLID b\n"
     mesh = read(text.encode(), ".stl")
     vertices, faces = mesh.vertices, mesh.faces
@@ -253,7 +248,7 @@ def test_ascii_stl_of_two_solids_and_any_names() -> None:
     assert faces.tolist() == [[0, 1, 2], [3, 4, 5]]
 
 
-def test_binary_stl_may_begin_with_solid() -> None:
+def test_binary_stl_may_begin_with_solid():
     whole = b"solid".ljust(80) + content("binary.stl")[80:]
     assert len(read(whole, ".stl").faces) == 80
 
@@ -348,12 +343,12 @@ def test_binary_stl_may_begin_with_solid() -> None:
         (".stl", "solid\nfacet\nvertex 1 two 3\n", "line 3: '1 two 3' are no three numbers"),
     ],
 )
-def test_what_is_no_mesh_is_refused(kind: str, text: str | bytes, message: str) -> None:
+def test_what_is_no_mesh_is_refused(kind, text, message):
     assert message in refused(text, kind)
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
-def test_binary_ply_of_polygons_of_several_sizes(order: str) -> None:
+def test_binary_ply_of_polygons_of_several_sizes(order):
     rows = b"".join(
         bytes([len(face)]) + np.array(face, order + "i2").tobytes() + b"\x07"
         for face in ([0, 1, 2, 3], [3, 2, 1])
@@ -364,21 +359,21 @@ def test_binary_ply_of_polygons_of_several_sizes(order: str) -> None:
     ]
 
 
-def test_lines_of_obj_that_go_on_are_joined() -> None:
+def test_lines_of_obj_that_go_on_are_joined():
     text = VERTICES + "f 1 2 \\\n3\nf 1 \\\n 3 \\\n4\n"
     assert read(text.encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
     assert refused(text + "f 1 2 9\n", ".obj").startswith("line 10: ")
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_compressed_files_are_read_whole_or_not_at_all(name: str) -> None:
+def test_compressed_files_are_read_whole_or_not_at_all(name):
     whole = gzip.compress(content(name), mtime=0)
     mesh, expected = read(whole, suffix(name) + ".gz"), read(content(name), suffix(name))
     np.testing.assert_array_equal(mesh.faces, expected.faces)
     assert "cut off or no gzip file" in refused(whole[:-40], suffix(name) + ".gz")
 
 
-def test_gifti() -> None:
+def test_gifti():
     gifti = pytest.importorskip("nibabel").gifti
     arrays = [
         gifti.GiftiDataArray(SPHERE.vertices.astype(np.float32), "NIFTI_INTENT_POINTSET"),
@@ -394,7 +389,7 @@ def test_gifti() -> None:
     assert "it has no points" in refused(gifti.GiftiImage(darrays=arrays[1:]).to_bytes(), ".gii")
 
 
-def test_freesurfer(tmp_path: Path) -> None:
+def test_freesurfer(tmp_path):
     freesurfer = pytest.importorskip("nibabel").freesurfer
     path = tmp_path / "lh.pial"
     freesurfer.write_geometry(path, SPHERE.vertices, SPHERE.faces)
@@ -414,11 +409,11 @@ def test_freesurfer(tmp_path: Path) -> None:
         *(("obj", None), ("a.gz", None), ("lh.curv", None)),
     ],
 )
-def test_kinds_of_files(name: str, kind: str | None) -> None:
+def test_kinds_of_files(name, kind):
     assert formats.kind_of(name) == kind
 
 
-def test_suffixes_are_those_of_the_documentation() -> None:
+def test_suffixes_are_those_of_the_documentation():
     others = {".gii": "GIfTI", **dict.fromkeys(formats.FREESURFER, "FreeSurfer")}
     assert (".obj", ".off", ".ply", ".stl", *others) == formats.SUFFIXES
     assert all(

@@ -8,7 +8,7 @@ from synthnet.families import FAMILIES, PRIMITIVES
 from synthnet.mesh import geometry
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.recipe.drawing import draw_shape
-from synthnet.types import Mesh, ShapeSpec
+from synthnet.types import Mesh
 
 TETRAHEDRON = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
 CUBE = [  # vertex number = x + 2y + 4z
@@ -17,22 +17,22 @@ CUBE = [  # vertex number = x + 2y + 4z
 ]
 
 
-def mesh_of(vertices: list[list[float]], faces: list[list[int]]) -> Mesh:
+def mesh_of(vertices, faces):
     return Mesh(
         np.array(vertices, dtype=np.float64), np.array(faces, dtype=np.int64).reshape(-1, 3)
     )
 
 
-def corner_tetrahedron() -> Mesh:
+def corner_tetrahedron():
     return mesh_of([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], TETRAHEDRON)
 
 
-def cube() -> Mesh:
+def cube():
     return mesh_of([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)], CUBE)
 
 
-def grid_torus(n: int) -> Mesh:
-    def number(i: int, j: int) -> int:
+def grid_torus(n):
+    def number(i, j):
         return i % n * n + j % n
 
     faces = [
@@ -47,7 +47,7 @@ def grid_torus(n: int) -> Mesh:
     return mesh_of([[0.0, 0.0, 0.0]] * n**2, faces)
 
 
-def angle_defects(mesh: Mesh) -> np.ndarray:
+def angle_defects(mesh):
     corners = mesh.vertices[mesh.faces]
     to_next = np.roll(corners, -1, axis=1) - corners
     to_last = np.roll(corners, 1, axis=1) - corners
@@ -56,13 +56,13 @@ def angle_defects(mesh: Mesh) -> np.ndarray:
     return 2 * np.pi - np.bincount(mesh.faces.ravel(), angles.ravel(), len(mesh.vertices))
 
 
-def test_corner_edges_are_opposite_their_corner_and_add_up_to_zero() -> None:
+def test_corner_edges_are_opposite_their_corner_and_add_up_to_zero():
     edges = geometry.corner_edges(mesh_of([[0, 0, 0], [3, 0, 0], [0, 4, 0]], [[0, 1, 2]]))
     np.testing.assert_array_equal(edges, [[[-3, 4, 0], [0, -4, 0], [3, 0, 0]]])
     np.testing.assert_array_equal(edges.sum(axis=1), 0)
 
 
-def test_corner_edges_are_float64_though_vertices_are_float32() -> None:
+def test_corner_edges_are_float64_though_vertices_are_float32():
     mesh = corner_tetrahedron().stored()
     assert geometry.corner_edges(mesh).dtype == np.float64
     # 1e6 + 1 is a float32, its square is not: the area would come out 0 or 2.
@@ -70,14 +70,14 @@ def test_corner_edges_are_float64_though_vertices_are_float32() -> None:
     assert geometry.area(large) == (1e6 + 1) / 2
 
 
-def test_areas_of_three_triangles() -> None:
+def test_areas_of_three_triangles():
     vertices = [[0, 0, 0], [3, 0, 0], [0, 4, 0], [6, 0, 0], [0, 0, 5]]
     mesh = mesh_of(vertices, [[0, 1, 2], [0, 1, 3], [0, 4, 3]])
     np.testing.assert_array_equal(geometry.face_areas(mesh), [6, 0, 15])
     assert geometry.area(mesh) == MeshFacts(mesh).area == 21
 
 
-def test_relative_altitudes() -> None:
+def test_relative_altitudes():
     half = math.sqrt(3) / 2
     vertices = [[0, 0, 0], [1, 0, 0], [0.5, half, 0], [2, 0, 0], [0, 3, 0], [4, 0, 0]]
     mesh = mesh_of(vertices, [[0, 1, 2], [0, 1, 3], [0, 0, 1], [1, 1, 1], [0, 5, 4]])
@@ -86,7 +86,7 @@ def test_relative_altitudes() -> None:
     np.testing.assert_allclose(MeshFacts(mesh).relative_altitudes, expected, rtol=1e-15)
 
 
-def test_relative_altitudes_do_not_change_with_the_scale() -> None:
+def test_relative_altitudes_do_not_change_with_the_scale():
     mesh = corner_tetrahedron()
     for scale in (2.0**-60, 2.0**60):
         scaled = Mesh(mesh.vertices * scale, mesh.faces)
@@ -95,12 +95,12 @@ def test_relative_altitudes_do_not_change_with_the_scale() -> None:
         )
 
 
-def test_volume_and_area_of_the_unit_cube() -> None:
+def test_volume_and_area_of_the_unit_cube():
     assert geometry.volume(cube()) == 1
     assert geometry.area(cube()) == 6
 
 
-def cubes(turn: int, side: float, offset: float) -> Mesh:
+def cubes(turn, side, offset):
     """The unit cube, and another one of that side and place, with its faces as they are or not."""
     one = cube()
     vertices = np.concatenate([one.vertices, one.vertices * side + offset])
@@ -117,9 +117,7 @@ def cubes(turn: int, side: float, offset: float) -> Mesh:
 )
 @pytest.mark.parametrize("offset", [0.0, 1e8])
 @pytest.mark.parametrize("turn", [1, -1])
-def test_enclosed_volume_is_that_between_outer_walls_and_cavities(
-    mesh: Mesh, volume: float, offset: float, turn: int
-) -> None:
+def test_enclosed_volume_is_that_between_outer_walls_and_cavities(mesh, volume, offset, turn):
     moved = Mesh(mesh.vertices + offset, mesh.faces[:, ::turn])
     assert geometry.enclosed_volume(moved) == pytest.approx(volume, rel=1e-12)
 
@@ -136,12 +134,12 @@ def test_enclosed_volume_is_that_between_outer_walls_and_cavities(
         (cubes(-1, 2.0, 3.0), "component of face 0 is oriented against the largest"),
     ],
 )
-def test_what_encloses_no_volume_is_one_line(mesh: Mesh, message: str) -> None:
+def test_what_encloses_no_volume_is_one_line(mesh, message):
     with pytest.raises(ValueError, match=message):
         geometry.enclosed_volume(mesh)
 
 
-def test_volume_is_signed_and_does_not_hang_on_the_origin() -> None:
+def test_volume_is_signed_and_does_not_hang_on_the_origin():
     mesh = corner_tetrahedron()
     assert geometry.volume(mesh) == pytest.approx(1 / 6, rel=1e-15)
     assert geometry.volume(Mesh(mesh.vertices, mesh.faces[:, ::-1])) == -geometry.volume(mesh)
@@ -166,7 +164,7 @@ def test_volume_is_signed_and_does_not_hang_on_the_origin() -> None:
     ],
     ids=["tetrahedron", "cube", "torus", "disc", "loose vertex", "two tetrahedra", "no faces"],
 )
-def test_topology(mesh: Mesh, euler: int, closed: bool, components: int) -> None:
+def test_topology(mesh, euler, closed, components):
     facts = MeshFacts(mesh)
     assert facts.euler_characteristic == euler
     assert facts.is_closed is closed
@@ -174,26 +172,26 @@ def test_topology(mesh: Mesh, euler: int, closed: bool, components: int) -> None
     assert facts.n_repeated_half_edges == 0
 
 
-def test_edge_valences_of_three_triangles_on_one_edge() -> None:
+def test_edge_valences_of_three_triangles_on_one_edge():
     mesh = mesh_of([[0, 0, 0]] * 5, [[0, 1, 2], [1, 0, 3], [0, 1, 4]])
     assert sorted(MeshFacts(mesh).edge_valences) == [1, 1, 1, 1, 1, 1, 3]
     assert MeshFacts(mesh).n_repeated_half_edges == 1
 
 
-def test_every_turned_triangle_repeats_its_half_edges() -> None:
+def test_every_turned_triangle_repeats_its_half_edges():
     mesh = corner_tetrahedron()
     turned = mesh.faces.copy()
     turned[0] = turned[0, ::-1]
     assert MeshFacts(Mesh(mesh.vertices, turned)).n_repeated_half_edges == 3
 
 
-def test_duplicate_faces_are_found_in_any_order_of_their_corners() -> None:
+def test_duplicate_faces_are_found_in_any_order_of_their_corners():
     faces = [[0, 1, 2], [1, 2, 3], [2, 0, 1], [0, 2, 1], [3, 2, 1]]
     assert MeshFacts(mesh_of([[0, 0, 0]] * 4, faces)).n_duplicate_faces == 3
     assert MeshFacts(corner_tetrahedron()).n_duplicate_faces == 0
 
 
-def test_numbers_beyond_int32_do_not_overflow() -> None:
+def test_numbers_beyond_int32_do_not_overflow():
     n = 2**17  # in int32, 2¹⁵ n + 40000 would be 0 n + 40000
     faces = np.array([[0, 40_000, 1], [2**15, 40_000, 2]], dtype=np.int32)
     facts = MeshFacts(Mesh(np.zeros((n, 3), dtype=np.float32), faces))
@@ -202,13 +200,13 @@ def test_numbers_beyond_int32_do_not_overflow() -> None:
     assert facts.n_repeated_half_edges == 0
 
 
-def test_angle_defect_of_a_cube_is_a_right_angle_at_every_corner() -> None:
+def test_angle_defect_of_a_cube_is_a_right_angle_at_every_corner():
     np.testing.assert_allclose(angle_defects(cube()), np.pi / 2, rtol=1e-14)
 
 
 @pytest.mark.parametrize("family", PRIMITIVES)
-def test_gauss_bonnet(family: str) -> None:
-    spec: ShapeSpec = draw_shape(recipe.load("1.0"), family, 3)
+def test_gauss_bonnet(family):
+    spec = draw_shape(recipe.load("1.0"), family, 3)
     mesh = FAMILIES[family].generate(spec.parameters)
     euler = FAMILIES[family].euler_characteristic
     assert angle_defects(mesh).sum() == pytest.approx(2 * np.pi * euler, abs=1e-8)

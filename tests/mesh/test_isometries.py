@@ -12,14 +12,14 @@ from synthnet.types import Mesh
 TWO_AND_TWO = AugmentationSettings(rotations=2, reflections=2)
 
 
-def isometries_of(index: int, settings: AugmentationSettings = TWO_AND_TWO) -> np.ndarray:
+def isometries_of(index, settings=TWO_AND_TWO):
     return isometries.draw_isometries(
         settings.rotations, settings.reflections, generator(20240726, "cone", index, ISOMETRIES)
     )
 
 
 @pytest.mark.parametrize("index", range(10))
-def test_isometries_are_orthogonal(index: int) -> None:
+def test_isometries_are_orthogonal(index):
     q = isometries_of(index)
     assert q.dtype == np.float64
     np.testing.assert_allclose(
@@ -27,7 +27,7 @@ def test_isometries_are_orthogonal(index: int) -> None:
     )
 
 
-def test_isometries_come_in_the_order_that_is_documented() -> None:
+def test_isometries_come_in_the_order_that_is_documented():
     identity, r1, r2, s1, s2, *products = isometries_of(0)
     np.testing.assert_array_equal(identity, np.eye(3))
     np.testing.assert_array_equal(products, [r1 @ s1, r1 @ s2, r2 @ s1, r2 @ s2])
@@ -38,7 +38,7 @@ def test_isometries_come_in_the_order_that_is_documented() -> None:
 
 
 @pytest.mark.parametrize(("rotations", "reflections"), [(0, 0), (3, 0), (0, 2), (1, 4)])
-def test_number_of_isometries(rotations: int, reflections: int) -> None:
+def test_number_of_isometries(rotations, reflections):
     settings = AugmentationSettings(rotations, reflections)
     q = isometries_of(0, settings)
     assert q.shape == (settings.instances, 3, 3)
@@ -46,12 +46,12 @@ def test_number_of_isometries(rotations: int, reflections: int) -> None:
     assert (proper, len(q) - proper) == (1 + rotations, reflections * (1 + rotations))
 
 
-def test_every_shape_has_isometries_of_its_own() -> None:
+def test_every_shape_has_isometries_of_its_own():
     np.testing.assert_array_equal(isometries_of(3), isometries_of(3))
     assert np.abs(isometries_of(3)[1:] - isometries_of(4)[1:]).max(axis=(1, 2)).min() > 1e-3
 
 
-def test_reflection_is_an_involution_that_fixes_a_plane() -> None:
+def test_reflection_is_an_involution_that_fixes_a_plane():
     rng = np.random.default_rng(0)
     for _ in range(20):
         s = isometries.random_reflection(rng)
@@ -61,13 +61,13 @@ def test_reflection_is_an_involution_that_fixes_a_plane() -> None:
         assert np.linalg.det(s) == pytest.approx(-1, rel=1e-14)
 
 
-def test_rotation_is_proper() -> None:
+def test_rotation_is_proper():
     rng = np.random.default_rng(0)
     for _ in range(20):
         assert np.linalg.det(isometries.random_rotation(rng)) == pytest.approx(1, rel=1e-14)
 
 
-def test_rotations_are_uniform() -> None:
+def test_rotations_are_uniform():
     n = 4000
     rng = np.random.default_rng(0)
     r = np.stack([isometries.random_rotation(rng) for _ in range(n)])
@@ -82,7 +82,7 @@ def test_rotations_are_uniform() -> None:
     assert abs((r[:, 0, 1] * r[:, 1, 0]).mean()) < 4 * np.sqrt(2 / 15 / n)
 
 
-def test_normals_of_reflections_are_uniform() -> None:
+def test_normals_of_reflections_are_uniform():
     n = 4000
     rng = np.random.default_rng(0)
     # S = 1 - 2 u uᵀ; E u uᵀ = 1/3, and u_i² has variance 4/45.
@@ -91,7 +91,7 @@ def test_normals_of_reflections_are_uniform() -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_apply_moves_every_vertex_and_turns_the_faces_of_a_mirror_image(dtype: type) -> None:
+def test_apply_moves_every_vertex_and_turns_the_faces_of_a_mirror_image(dtype):
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], dtype=dtype)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int32)
     mesh = Mesh(vertices, faces)
@@ -109,7 +109,7 @@ def test_apply_moves_every_vertex_and_turns_the_faces_of_a_mirror_image(dtype: t
 
 
 @pytest.mark.parametrize("family", PRIMITIVES)
-def test_every_instance_has_the_volume_of_the_shape(family: str) -> None:
+def test_every_instance_has_the_volume_of_the_shape(family):
     spec = draw_shape(recipe.load("1.0"), family, 4)
     mesh = FAMILIES[family].generate(spec.parameters)
     assert len(isometries_of(4)) == 9
@@ -121,7 +121,7 @@ def test_every_instance_has_the_volume_of_the_shape(family: str) -> None:
 
 @pytest.mark.parametrize("family", ["torus", "tetrahedron", "split_cone"])
 @pytest.mark.parametrize("instance", range(9))
-def test_every_instance_has_the_spectrum_of_the_shape(family: str, instance: int) -> None:
+def test_every_instance_has_the_spectrum_of_the_shape(family, instance):
     spec = draw_shape(recipe.load("1.0"), family, 0)
     mesh = FAMILIES[family].generate(spec.parameters)
     isometry = isometries_of(0)[instance]

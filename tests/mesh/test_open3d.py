@@ -8,14 +8,14 @@ import pytest
 from synthnet.mesh import open3d
 
 
-def run(code: str) -> str:
+def run(code):
     """Run code in a fresh interpreter, which has loaded nothing yet."""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
 
-def test_load_open3d_gives_a_working_module() -> None:
+def test_load_open3d_gives_a_working_module():
     o3d = open3d.load_open3d()
     box = o3d.geometry.TriangleMesh.create_box()
     assert len(box.vertices) == 8
@@ -24,14 +24,12 @@ def test_load_open3d_gives_a_working_module() -> None:
     assert open3d.load_open3d() is o3d
 
 
-def test_importing_the_door_does_not_import_open3d() -> None:
+def test_importing_the_door_does_not_import_open3d():
     code = "import sys, synthnet.mesh.open3d; print('open3d' in sys.modules)"
     assert run(code) == "False"
 
 
-def test_a_missing_open3d_is_explained_in_one_line(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_missing_open3d_is_explained_in_one_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "open3d", None)  # makes `import open3d` fail
     with pytest.raises(
         ImportError, match=r"needs Open3D: pip install 'synthnet\[build\]'$"
@@ -43,7 +41,7 @@ def test_a_missing_open3d_is_explained_in_one_line(
 
 @pytest.mark.skipif(sys.platform != "linux", reason="stand-ins are ELF files")
 @pytest.mark.parametrize("version", ["", "SYNTHNET_1.0"])
-def test_stand_in_is_found_by_name_and_returns_zero(version: str) -> None:
+def test_stand_in_is_found_by_name_and_returns_zero(version):
     code = f"""
 import ctypes
 from synthnet.mesh.open3d import _load_stand_in
@@ -60,7 +58,7 @@ print({{second[name]() for name in names}}, hasattr(first, names[-1]))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="stand-ins are ELF files")
-def test_open3d_works_with_stand_ins_for_all_libraries() -> None:
+def test_open3d_works_with_stand_ins_for_all_libraries():
     # As on a server that has none of them: no library counts as present.
     code = """
 from synthnet.mesh import open3d

@@ -1,7 +1,5 @@
 """Reading in a process of its own: files that change, processes that die, hang or want too much."""
 
-from __future__ import annotations
-
 import os
 import random
 import resource
@@ -9,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -24,40 +21,38 @@ SPHERE = trimesh.creation.icosphere(subdivisions=1)
 
 
 @pytest.fixture(scope="module")
-def reader() -> Iterator[Reader]:
+def reader():
     with Reader() as shared:
         yield shared
 
 
 @pytest.fixture
-def sphere(tmp_path: Path) -> Path:
+def sphere(tmp_path):
     path = tmp_path / "A.PLY"
     SPHERE.export(path, file_type="ply")
     return path
 
 
-def pid_of(reader: Reader) -> int:
+def pid_of(reader):
     assert reader._process is not None
     assert reader._process.pid is not None
     return reader._process.pid
 
 
-def test_file_is_read(reader: Reader, sphere: Path) -> None:
+def test_file_is_read(reader, sphere):
     mesh = reader.read(sphere, sha256(sphere))
     np.testing.assert_array_equal(mesh.faces, SPHERE.faces)
     np.testing.assert_allclose(mesh.vertices, SPHERE.vertices, atol=1e-6)
 
 
-def test_file_of_any_name_is_read(reader: Reader, sphere: Path) -> None:
+def test_file_of_any_name_is_read(reader, sphere):
     odd = sphere.with_name(os.fsdecode(b"a\nb: \xff.ply"))
     sphere.rename(odd)
     assert len(reader.read(odd).faces) == 80
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".off", ".ply", ".stl"])
-def test_truncated_and_altered_files_are_read_or_refused(
-    suffix: str, reader: Reader, tmp_path: Path
-) -> None:
+def test_truncated_and_altered_files_are_read_or_refused(suffix, reader, tmp_path):
     rng = random.Random(suffix)
     exported = SPHERE.export(file_type=suffix[1:])
     whole = exported.encode() if isinstance(exported, str) else exported
@@ -78,28 +73,26 @@ def test_truncated_and_altered_files_are_read_or_refused(
     assert outcomes == {"Mesh", "refused"}
 
 
-def test_file_of_no_suffix_we_know_is_refused(reader: Reader, tmp_path: Path) -> None:
+def test_file_of_no_suffix_we_know_is_refused(reader, tmp_path):
     with pytest.raises(
         UnreadableError, match=r"a\.txt is none of \.obj, \.off, \.ply, \.stl, \.gii"
     ):
         reader.read(tmp_path / "a.txt")
 
 
-def test_file_that_is_not_there_is_refused_without_its_directory(
-    reader: Reader, tmp_path: Path
-) -> None:
+def test_file_that_is_not_there_is_refused_without_its_directory(reader, tmp_path):
     with pytest.raises(UnreadableError) as error:
         reader.read(tmp_path / "none.obj")
     assert str(error.value) == "cannot be opened (No such file or directory)"
 
 
-def test_file_of_other_bytes_is_told(reader: Reader, sphere: Path) -> None:
+def test_file_of_other_bytes_is_told(reader, sphere):
     with pytest.raises(ChangedError, match="its bytes are others than when the import began"):
         reader.read(sphere, "0" * 64)
     assert len(reader.read(sphere).faces) == 80
 
 
-def test_process_that_died_before_is_no_file_s_fault(sphere: Path) -> None:
+def test_process_that_died_before_is_no_file_s_fault(sphere):
     with Reader() as reader:
         reader.read(sphere)
         os.kill(pid_of(reader), signal.SIGKILL)
@@ -107,12 +100,10 @@ def test_process_that_died_before_is_no_file_s_fault(sphere: Path) -> None:
     assert reader._process is None
 
 
-def test_file_of_which_two_processes_die_is_refused(
-    sphere: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_file_of_which_two_processes_die_is_refused(sphere, monkeypatch):
     begin = Reader._begin
 
-    def doomed(self: Reader) -> None:
+    def doomed(self):
         begin(self)
         os.kill(pid_of(self), signal.SIGKILL)
 
@@ -124,7 +115,7 @@ def test_file_of_which_two_processes_die_is_refused(
         assert len(reader.read(sphere).faces) == 80
 
 
-def test_file_that_hangs_is_refused(sphere: Path) -> None:
+def test_file_that_hangs_is_refused(sphere):
     with Reader() as reader:
         reader.read(sphere)
         os.kill(pid_of(reader), signal.SIGSTOP)
@@ -135,7 +126,7 @@ def test_file_that_hangs_is_refused(sphere: Path) -> None:
         assert len(reader.read(sphere).faces) == 80
 
 
-def test_file_that_takes_too_much_processor_time_is_refused(sphere: Path, tmp_path: Path) -> None:
+def test_file_that_takes_too_much_processor_time_is_refused(sphere, tmp_path):
     long = tmp_path / "long.obj"
     long.write_bytes(b"v 0 0 0\n" * 6_000_000)  # some seconds
     with Reader(seconds=0.01) as reader:
@@ -145,7 +136,7 @@ def test_file_that_takes_too_much_processor_time_is_refused(sphere: Path, tmp_pa
         assert len(reader.read(sphere).faces) == 80
 
 
-def test_file_that_wants_all_memory_is_refused(tmp_path: Path) -> None:
+def test_file_that_wants_all_memory_is_refused(tmp_path):
     path = tmp_path / "a.stl"
     with path.open("wb") as file:
         file.write(bytes(80) + (10**7).to_bytes(4, "little"))
@@ -155,7 +146,7 @@ def test_file_that_wants_all_memory_is_refused(tmp_path: Path) -> None:
         reader.read(path)
 
 
-def test_limits_are_at_most_those_of_who_started_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limits_are_at_most_those_of_who_started_it(monkeypatch):
     made = []
     monkeypatch.setattr(resource, "setrlimit", lambda kind, limits: made.append(limits))
     monkeypatch.setattr(resource, "getrlimit", lambda kind: (100, 100))
@@ -179,9 +170,7 @@ if __name__ == "__main__":
 """
 
 
-def test_process_ends_with_its_parent(
-    sphere: Path, tmp_path: Path, environment: dict[str, str]
-) -> None:
+def test_process_ends_with_its_parent(sphere, tmp_path, environment):
     """Also in the middle of a file."""
     long = tmp_path / "long.obj"
     long.write_bytes(b"v 0 0 0\n" * 20_000_000)
@@ -200,7 +189,7 @@ def test_process_ends_with_its_parent(
         time.sleep(0.05)
 
 
-def alive(pid: int) -> bool:
+def alive(pid):
     """Whether a process is there and not waiting to be reaped."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"

@@ -1,7 +1,5 @@
 """Each rule on the smallest mesh that offends it, and that nothing else is changed."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np
@@ -24,19 +22,19 @@ FACES = np.array(
 )
 
 
-def done(vertices: np.ndarray, faces: np.ndarray, **options: object) -> repair.Repaired:
-    rules = repair.Rules(least=4, **options)  # type: ignore[arg-type]
+def done(vertices, faces, **options):
+    rules = repair.Rules(least=4, **options)
     return repair.repair(Mesh(np.asarray(vertices, float), np.asarray(faces)), rules)
 
 
-def refused(vertices: np.ndarray, faces: np.ndarray, **options: object) -> str:
+def refused(vertices, faces, **options):
     with pytest.raises(repair.Refused) as error:
         done(vertices, faces, **options)
     assert str(error.value) == f"{error.value.reason}: {error.value.detail}"
     return error.value.reason
 
 
-def test_clean_mesh_is_left_as_it_is() -> None:
+def test_clean_mesh_is_left_as_it_is():
     repaired = done(CUBE, FACES)
     assert (repaired.repairs, repaired.orientable) == ({}, True)
     np.testing.assert_array_equal(repaired.mesh.vertices, CUBE)
@@ -44,7 +42,7 @@ def test_clean_mesh_is_left_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("family", PRIMITIVES)
-def test_every_family_is_left_as_it_is(family: str) -> None:
+def test_every_family_is_left_as_it_is(family):
     version = recipe.load("1.0")
     spec = draw_shape(version, family, 0)
     mesh = FAMILIES[family].generate(spec.parameters).stored()
@@ -53,7 +51,7 @@ def test_every_family_is_left_as_it_is(family: str) -> None:
     np.testing.assert_array_equal(repaired.mesh.faces, mesh.faces)
 
 
-def test_soup_of_triangles_becomes_a_surface() -> None:
+def test_soup_of_triangles_becomes_a_surface():
     repaired = done(CUBE[FACES].reshape(-1, 3), np.arange(36).reshape(-1, 3))
     assert repaired.repairs == {"merged vertices": 28}
     facts = MeshFacts(repaired.mesh)
@@ -62,7 +60,7 @@ def test_soup_of_triangles_becomes_a_surface() -> None:
 
 
 @pytest.mark.parametrize(("apart", "merged"), [(1e-8, True), (1e-6, False)])
-def test_nearly_equal_positions_are_merged(apart: float, merged: bool) -> None:
+def test_nearly_equal_positions_are_merged(apart, merged):
     soup = CUBE[FACES].reshape(-1, 3) + np.arange(36)[:, None] % 2 * apart
     corners = np.arange(36).reshape(-1, 3)
     repaired = done(soup, corners)
@@ -70,19 +68,19 @@ def test_nearly_equal_positions_are_merged(apart: float, merged: bool) -> None:
     assert (repaired.repairs == {"merged vertices": 28}) == merged
 
 
-def test_of_merged_vertices_the_first_stays_and_the_order_is_kept() -> None:
+def test_of_merged_vertices_the_first_stays_and_the_order_is_kept():
     pair = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1e-8, 0], [1, 1, 0], [1e-8, 1, 0]])
     repaired = done(pair, np.array([[0, 1, 2], [5, 3, 4]]))
     np.testing.assert_array_equal(repaired.mesh.vertices, pair[[0, 1, 2, 4]])
     assert repaired.mesh.faces.tolist() == [[0, 1, 2], [2, 1, 3]]
 
 
-def test_merging_goes_by_the_size_of_the_mesh() -> None:
+def test_merging_goes_by_the_size_of_the_mesh():
     soup = 1e-9 * CUBE[FACES].reshape(-1, 3)
     assert done(soup, np.arange(36).reshape(-1, 3)).repairs == {"merged vertices": 28}
 
 
-def test_merging_joins_what_steps_below_the_distance_join_and_little_more() -> None:
+def test_merging_joins_what_steps_below_the_distance_join_and_little_more():
     """Against all pairs: those below the distance are joined, others up to 3.5 times it may be."""
     rng = np.random.default_rng(0)
     points = np.concatenate([rng.random((400, 3)) * 30, np.repeat(rng.random((5, 3)) * 30, 9, 0)])
@@ -97,7 +95,7 @@ def test_merging_joins_what_steps_below_the_distance_join_and_little_more() -> N
     assert 5 < joined.max() + 1 < len(points) - 40
 
 
-def test_a_vertex_far_away_is_refused_and_takes_no_memory() -> None:
+def test_a_vertex_far_away_is_refused_and_takes_no_memory():
     """All others are within the merging distance of each other: 10^10 pairs."""
     n = 300
     grid = np.stack([*np.meshgrid(np.arange(n), np.arange(n)), np.zeros((n, n))], -1).reshape(-1, 3)
@@ -108,7 +106,7 @@ def test_a_vertex_far_away_is_refused_and_takes_no_memory() -> None:
         repair.repair(Mesh(far, np.concatenate([faces, [[0, 1, n * n]]])))
 
 
-def test_a_few_slivers_are_merged_away() -> None:
+def test_a_few_slivers_are_merged_away():
     """An edge cut in two 1e-9 from its end, in both of its faces."""
     vertices = np.concatenate([CUBE, [[1e-9, 0, 0]]])
     faces = [f for f in FACES.tolist() if not {0, 1} <= set(f)]
@@ -121,20 +119,18 @@ def test_a_few_slivers_are_merged_away() -> None:
     ("limit", "message"),
     [("MOST_FACES", "12 faces, more than 7"), ("MOST_VERTICES", "8 vertices, more than 7")],
 )
-def test_what_is_too_large_is_refused(
-    limit: str, message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_too_large_is_refused(limit, message, monkeypatch):
     monkeypatch.setattr(repair, limit, 7)
     with pytest.raises(repair.Refused, match=f"too_large: {message}"):
         done(CUBE, FACES)
 
 
-def test_faces_whose_area_is_no_number_are_flat() -> None:
+def test_faces_whose_area_is_no_number_are_flat():
     assert repair.flat_faces(Mesh(np.where(CUBE == 1, np.nan, CUBE), FACES)) == 12
     assert repair.flat_faces(Mesh(CUBE, FACES)) == 0
 
 
-def test_small_repairs_are_counted_and_the_surface_is_the_same() -> None:
+def test_small_repairs_are_counted_and_the_surface_is_the_same():
     faces = [*FACES, FACES[0], FACES[1][::-1], [0, 0, 1], [2, 5, 2]]
     vertices = [*CUBE, [9, 9, 9], [np.nan, 0, 0]]
     repaired = done(vertices, faces)
@@ -147,7 +143,7 @@ def test_small_repairs_are_counted_and_the_surface_is_the_same() -> None:
     np.testing.assert_array_equal(repaired.mesh.faces, FACES)
 
 
-def test_faces_are_turned_to_agree_and_outwards() -> None:
+def test_faces_are_turned_to_agree_and_outwards():
     mixed = FACES.copy()
     mixed[[2, 5, 7]] = mixed[[2, 5, 7], ::-1]
     repaired = done(CUBE, mixed)
@@ -159,7 +155,7 @@ def test_faces_are_turned_to_agree_and_outwards() -> None:
     assert volume(inside_out.mesh) == pytest.approx(1)
 
 
-def test_open_surface_is_turned_as_most_of_it_is() -> None:
+def test_open_surface_is_turned_as_most_of_it_is():
     opened = FACES[2:].copy()
     opened[0] = opened[0, ::-1]
     repaired = done(CUBE, opened)
@@ -167,7 +163,7 @@ def test_open_surface_is_turned_as_most_of_it_is() -> None:
     np.testing.assert_array_equal(repaired.mesh.faces[1:], opened[1:])
 
 
-def strip(turns: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
+def strip(turns, n=12):
     """Return a closed strip with so many half turns: 0 a cylinder, 1 a Möbius band."""
     angle = 2 * np.pi * np.arange(n) / n
     tilt = turns * angle / 2
@@ -183,7 +179,7 @@ def strip(turns: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
     return vertices, np.array(faces)
 
 
-def test_mobius_band_stays_as_it_is() -> None:
+def test_mobius_band_stays_as_it_is():
     vertices, faces = strip(1)
     repaired = done(vertices, faces)
     assert not repaired.orientable
@@ -192,7 +188,7 @@ def test_mobius_band_stays_as_it_is() -> None:
     assert done(*strip(0)).orientable
 
 
-def test_pinched_vertex_is_split() -> None:
+def test_pinched_vertex_is_split():
     """Two fans that meet in one vertex, and are one surface elsewhere."""
     vertices, faces = strip(0)
     faces = np.where(faces == 6, 0, faces)  # opposite points of a rim become one
@@ -202,7 +198,7 @@ def test_pinched_vertex_is_split() -> None:
     assert (repaired.mesh.vertices[repaired.mesh.faces] == vertices[faces]).all()
 
 
-def test_two_cubes_that_share_a_corner_are_two_components() -> None:
+def test_two_cubes_that_share_a_corner_are_two_components():
     faces = np.concatenate([FACES, np.where(FACES == 0, 7, FACES + 8)])
     repaired = done(np.concatenate([CUBE, CUBE + 1]), faces)
     assert repaired.components == 2
@@ -221,9 +217,7 @@ TWO = np.concatenate([CUBE, 5 + 2 * CUBE]), np.concatenate([FACES, FACES + 8])
         ({"part": 1}, 6, {}),
     ],
 )
-def test_several_components(
-    options: dict[str, object], size: float, repairs: dict[str, int]
-) -> None:
+def test_several_components(options, size, repairs):
     repaired = done(*TWO, **options)
     np.testing.assert_allclose(repaired.shares, [0.8, 0.2])
     assert repaired.components == (1 if options else 2)
@@ -231,7 +225,7 @@ def test_several_components(
     assert area(repaired.mesh) == pytest.approx(size)
 
 
-def test_components_are_chosen_before_they_are_judged() -> None:
+def test_components_are_chosen_before_they_are_judged():
     """A flat triangle and an edge of three faces, both in the smaller component."""
     vertices = np.concatenate([CUBE, 5 + 2 * CUBE])
     broken = [*FACES, [0, 7, 1]]
@@ -240,7 +234,7 @@ def test_components_are_chosen_before_they_are_judged() -> None:
     assert done(vertices, faces, components="largest").repairs == {"components left out": 1}
 
 
-def test_each_component_is_turned_by_itself() -> None:
+def test_each_component_is_turned_by_itself():
     vertices, faces = TWO[0], TWO[1].copy()
     faces[[1, 3, 14]] = faces[[1, 3, 14], ::-1]
     repaired = done(vertices, faces)
@@ -251,7 +245,7 @@ def test_each_component_is_turned_by_itself() -> None:
 # Repairs that can be left out
 
 
-def with_cap(count: int) -> tuple[np.ndarray, np.ndarray]:
+def with_cap(count):
     """A cube with corners on an edge that only one of its two faces knows: a fan of flat caps."""
     middle = np.linspace(0, 1, count + 2)[1:-1]
     vertices = np.concatenate([CUBE, np.stack([middle, 0 * middle, 0 * middle], axis=1)])
@@ -263,7 +257,7 @@ def with_cap(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("count", [1, 2, 7])
-def test_flat_caps_go_and_the_surface_stays(count: int) -> None:
+def test_flat_caps_go_and_the_surface_stays(count):
     vertices, faces = with_cap(count)
     assert repair.flat_faces(Mesh(vertices, faces)) == count
     repaired = done(vertices, faces)
@@ -275,14 +269,14 @@ def test_flat_caps_go_and_the_surface_stays(count: int) -> None:
     assert refused(vertices, faces, without=("caps",)) == "degenerate_face"
 
 
-def test_a_flat_cap_on_the_boundary_is_dropped() -> None:
+def test_a_flat_cap_on_the_boundary_is_dropped():
     vertices, faces = [*CUBE[:4], [0.5, 0, 0]], [[0, 2, 3], [0, 3, 4], [4, 3, 1], [0, 4, 1]]
     repaired = done(vertices, faces)
     assert repaired.repairs == {"flat faces": 1}
     assert (len(repaired.mesh.faces), area(repaired.mesh)) == (3, pytest.approx(1))
 
 
-def test_a_flat_face_that_no_flip_takes_away_is_refused() -> None:
+def test_a_flat_face_that_no_flip_takes_away_is_refused():
     """The edge that a flip would make is there already."""
     vertices = [*CUBE[:4], [0.5, 0.5, 0]]
     faces = [[0, 2, 3], [0, 3, 1], [0, 4, 3], [1, 3, 4], [4, 0, 1]]
@@ -290,7 +284,7 @@ def test_a_flat_face_that_no_flip_takes_away_is_refused() -> None:
     assert caps.without_caps(Mesh(np.array(vertices), np.array(faces)))[1] == 0
 
 
-def side_by_side(*, orientation: int = 1) -> tuple[np.ndarray, np.ndarray]:
+def side_by_side(*, orientation=1):
     """Two cubes with a common edge."""
     second = CUBE + np.array([1, 1, 0])
     faces = np.concatenate([FACES, (FACES + 8)[:, ::orientation]])
@@ -299,7 +293,7 @@ def side_by_side(*, orientation: int = 1) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("shared", [False, True], ids=["doubled corners", "shared corners"])
 @pytest.mark.parametrize("orientation", [1, -1])
-def test_cubes_with_a_common_edge_are_two_surfaces(shared: bool, orientation: int) -> None:
+def test_cubes_with_a_common_edge_are_two_surfaces(shared, orientation):
     vertices, faces = side_by_side(orientation=orientation)
     if shared:
         _, first, number = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
@@ -314,7 +308,7 @@ def test_cubes_with_a_common_edge_are_two_surfaces(shared: bool, orientation: in
     assert refused(vertices, faces, without=tuple(without)) == "non_manifold_edge"
 
 
-def test_a_solid_that_touches_itself_is_cut_there() -> None:
+def test_a_solid_that_touches_itself_is_cut_there():
     """Five cubes about a corner, the first and the last with a common edge: one component."""
     cells = [(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (1, 1, 0)]
     faces, corners = [], {}
@@ -345,7 +339,7 @@ def test_a_solid_that_touches_itself_is_cut_there() -> None:
     assert volume(repaired.mesh) == pytest.approx(5)
 
 
-def test_a_fin_is_cut_off_only_if_asked() -> None:
+def test_a_fin_is_cut_off_only_if_asked():
     vertices, faces = [*CUBE, [0.5, 0.5, 2]], [*FACES, [4, 7, 8]]
     assert refused(vertices, faces) == "non_manifold_edge"
     repaired = done(vertices, faces, cut_fins=True)
@@ -354,7 +348,7 @@ def test_a_fin_is_cut_off_only_if_asked() -> None:
     assert area(repaired.mesh) == pytest.approx(6 + np.sqrt(0.5))
 
 
-def klein(n: int = 24, m: int = 12) -> tuple[np.ndarray, np.ndarray]:
+def klein(n=24, m=12):
     """A Klein bottle as a figure of eight that is turned: it passes through itself on a circle."""
     u, v = np.meshgrid(2 * np.pi * np.arange(n) / n, 2 * np.pi * np.arange(m) / m, indexing="ij")
     r = 3 + np.cos(u / 2) * np.sin(v) - np.sin(u / 2) * np.sin(2 * v)
@@ -366,7 +360,7 @@ def klein(n: int = 24, m: int = 12) -> tuple[np.ndarray, np.ndarray]:
     return points, np.concatenate([np.stack(t, -1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
 
 
-def test_a_klein_bottle_that_passes_through_itself_stays_one_surface() -> None:
+def test_a_klein_bottle_that_passes_through_itself_stays_one_surface():
     vertices, faces = klein()
     repaired = done(vertices, faces)
     facts = MeshFacts(repaired.mesh)
@@ -389,20 +383,18 @@ def test_a_klein_bottle_that_passes_through_itself_stays_one_surface() -> None:
         (CUBE[:3], [[0, 1, 2]], "few_vertices"),
     ],
 )
-def test_what_no_rule_mends_is_refused(
-    vertices: np.ndarray, faces: np.ndarray, reason: str
-) -> None:
+def test_what_no_rule_mends_is_refused(vertices, faces, reason):
     assert refused(vertices, np.asarray(faces)) == reason
 
 
-def test_unit_area() -> None:
+def test_unit_area():
     mesh, scale = repair.unit_area(Mesh(3 * CUBE + 7, FACES))
     assert area(mesh) == pytest.approx(1)
     assert scale == pytest.approx(1 / np.sqrt(54))
     np.testing.assert_allclose(mesh.vertices.mean(axis=0), 0, atol=1e-12)
 
 
-def test_an_open_surface_that_touches_itself_stays_one_but_a_seam_is_closed() -> None:
+def test_an_open_surface_that_touches_itself_stays_one_but_a_seam_is_closed():
     """A strip is rolled so far that its end stands on its middle, where an edge is."""
     turns = np.array([[0.0, 0], [1, 0], [2, 0], [2, 1], [1, 1], [1, 0]])
     points = np.concatenate([np.insert(turns, 1, z, axis=1) for z in (0.0, 1.0)])
@@ -425,9 +417,7 @@ def test_an_open_surface_that_touches_itself_stays_one_but_a_seam_is_closed() ->
         ("orientation", CUBE, [FACES[0, ::-1], *FACES[1:]], 1),
     ],
 )
-def test_a_repair_that_is_left_out_is_not_made(
-    name: str, vertices: np.ndarray, faces: np.ndarray, outcome: int | str
-) -> None:
+def test_a_repair_that_is_left_out_is_not_made(name, vertices, faces, outcome):
     assert len(done(vertices, faces).repairs) == 1
     if isinstance(outcome, str):
         assert refused(vertices, faces, without=(name, "cut")) == outcome
@@ -437,7 +427,7 @@ def test_a_repair_that_is_left_out_is_not_made(
     np.testing.assert_array_equal(repaired.mesh.faces, faces)
 
 
-def test_a_pinch_that_is_not_to_be_split_is_refused() -> None:
+def test_a_pinch_that_is_not_to_be_split_is_refused():
     vertices = np.concatenate([CUBE, 1 + CUBE[1:]])  # two cubes that share a corner
     corner = int(np.flatnonzero((CUBE == 1).all(axis=1))[0])
     second = np.where(FACES == 0, corner, FACES + 7)
@@ -446,7 +436,7 @@ def test_a_pinch_that_is_not_to_be_split_is_refused() -> None:
     assert refused(vertices, faces, without=("pinches",)) == "pinched_vertex"
 
 
-def test_an_open_surface_is_not_turned_by_its_volume() -> None:
+def test_an_open_surface_is_not_turned_by_its_volume():
     inwards = FACES[2:, ::-1]  # a box without its bottom
     assert volume(repair.centred(Mesh(CUBE, inwards))) < 0
     repaired = done(CUBE, inwards)
@@ -454,5 +444,5 @@ def test_an_open_surface_is_not_turned_by_its_volume() -> None:
     np.testing.assert_array_equal(repaired.mesh.faces, inwards)
 
 
-def test_the_least_number_of_vertices_is_enough() -> None:
+def test_the_least_number_of_vertices_is_enough():
     assert len(done(CUBE[:4], [[0, 1, 3], [0, 3, 2]]).mesh.vertices) == 4

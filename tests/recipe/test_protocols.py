@@ -1,7 +1,5 @@
 """Protocols that ask for generalisation: what a recipe may say, and who trains on what."""
 
-from __future__ import annotations
-
 from collections import Counter
 from types import SimpleNamespace
 
@@ -14,18 +12,18 @@ from synthnet.families import CHARTED, FAMILIES
 from synthnet.loaders.pyg import SynthNet
 from synthnet.recipe import splits
 from synthnet.recipe.drawing import draw_shape
-from synthnet.recipe.plan import PlannedShape, plan_shards
+from synthnet.recipe.plan import plan_shards
 from synthnet.types import SPLITS
 
 VERSION = "2.0-mini"
 
 
 @pytest.fixture(scope="module")
-def shapes() -> list[PlannedShape]:
+def shapes():
     return [shape for shard in plan_shards(recipe.load(VERSION)) for shape in shard.shapes]
 
 
-def taken(shapes: list[PlannedShape], protocol: str, split: str) -> set[str]:
+def taken(shapes, protocol, split):
     version = recipe.load(VERSION)
     return {
         shape.spec.id
@@ -36,9 +34,7 @@ def taken(shapes: list[PlannedShape], protocol: str, split: str) -> set[str]:
 
 
 @pytest.mark.parametrize("protocol", ["resolution", "genus", "boundary", "family/pretzel"])
-def test_what_is_held_out_is_tested_and_never_trained_on(
-    shapes: list[PlannedShape], protocol: str
-) -> None:
+def test_what_is_held_out_is_tested_and_never_trained_on(shapes, protocol):
     parts = {split: taken(shapes, protocol, split) for split in SPLITS}
     assert all(parts.values())
     kinds = {
@@ -50,9 +46,7 @@ def test_what_is_held_out_is_tested_and_never_trained_on(
     assert parts["train"] < everything
 
 
-def test_each_family_is_tested_once_by_a_model_that_has_not_seen_it(
-    shapes: list[PlannedShape],
-) -> None:
+def test_each_family_is_tested_once_by_a_model_that_has_not_seen_it(shapes):
     families = Counter(id.rpartition("-")[0] for id in taken(shapes, "family", "test"))
     assert list(families)
     assert families.total() == sum(s.split == "test" for s in shapes)
@@ -61,9 +55,7 @@ def test_each_family_is_tested_once_by_a_model_that_has_not_seen_it(
 
 
 @pytest.mark.parametrize("group", splits.SAME_SURFACES)
-def test_a_family_is_tested_by_a_model_that_has_seen_none_of_the_same_surfaces(
-    shapes: list[PlannedShape], group: tuple[str, ...]
-) -> None:
+def test_a_family_is_tested_by_a_model_that_has_seen_none_of_the_same_surfaces(shapes, group):
     assert len(group) > 1
     for family in group:
         seen = {id.rpartition("-")[0] for id in taken(shapes, f"family/{family}", "train")}
@@ -84,7 +76,7 @@ SAME = {  # of each family, sizes with which the families of a group are one sur
 
 
 @pytest.mark.parametrize("group", splits.SAME_SURFACES)
-def test_families_that_are_held_out_together_share_a_surface(group: tuple[str, ...]) -> None:
+def test_families_that_are_held_out_together_share_a_surface(group):
     version = recipe.load("2.0")
     spectra = []
     for family in group:
@@ -99,7 +91,7 @@ def test_families_that_are_held_out_together_share_a_surface(group: tuple[str, .
         np.testing.assert_array_less(np.abs(eigenvalues - first), bar + own + 1e-12)
 
 
-def test_genus_and_boundary_hold_out_what_their_names_say() -> None:
+def test_genus_and_boundary_hold_out_what_their_names_say():
     version = recipe.load("2.0")
     (genus,), (boundary,) = (splits.folds(version, name) for name in ("genus", "boundary"))
     families = {name: CHARTED[name] for name in version.families}
@@ -120,12 +112,12 @@ def test_genus_and_boundary_hold_out_what_their_names_say() -> None:
         ("imported/scans", "test", "test on a dataset of `synthnet import`"),
     ],
 )
-def test_a_protocol_that_is_not_there_is_refused(protocol: str, split: str, message: str) -> None:
+def test_a_protocol_that_is_not_there_is_refused(protocol, split, message):
     with pytest.raises(RecipeError, match=message):
         splits.folds(recipe.load(VERSION), protocol, split)
 
 
-def test_a_version_without_protocols_has_the_two_of_all() -> None:
+def test_a_version_without_protocols_has_the_two_of_all():
     with pytest.raises(
         RecipeError, match=r"protocol of 1\.0 must be one of grouped, paper: 'genus'"
     ):
@@ -133,9 +125,7 @@ def test_a_version_without_protocols_has_the_two_of_all() -> None:
 
 
 @pytest.mark.parametrize("protocol", ["resolution", "genus", "family/pretzel", "family"])
-def test_dataset_of_a_protocol_has_the_shapes_of_its_split(
-    shapes: list[PlannedShape], protocol: str
-) -> None:
+def test_dataset_of_a_protocol_has_the_shapes_of_its_split(shapes, protocol):
     stored = SimpleNamespace(
         families=[shape.spec.family for shape in shapes],
         ids=[shape.spec.id for shape in shapes],
@@ -148,7 +138,7 @@ def test_dataset_of_a_protocol_has_the_shapes_of_its_split(
         assert {stored.ids[i] for i in np.flatnonzero(mine)} == taken(shapes, protocol, split)
 
 
-def test_meshes_of_a_surface_have_the_sizes_in_the_order_of_the_recipe() -> None:
+def test_meshes_of_a_surface_have_the_sizes_in_the_order_of_the_recipe():
     version = recipe.load("2.0")
     sizes = version.sizes or ()
     assert len(sizes) == 3

@@ -2,7 +2,6 @@ import dataclasses
 import tomllib
 from collections.abc import Iterator
 from importlib import resources
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,23 +31,23 @@ LAST_BELOW_ONE = 1 - 2**-53  # the largest value of Generator.random
 
 
 class FakeRandom:
-    def __init__(self, *values: float) -> None:
+    def __init__(self, *values):
         self.values: Iterator[float] = iter(values)
 
-    def random(self) -> float:
+    def random(self):
         return next(self.values)
 
 
-def draw_one(distribution: Any, u: float) -> float | int:
-    return distributions.draw({"x": distribution}, FakeRandom(u))["x"]  # type: ignore[arg-type]
+def draw_one(distribution, u):
+    return distributions.draw({"x": distribution}, FakeRandom(u))["x"]
 
 
-def edited(old: str, new: str, text: str = TEXT) -> str:
+def edited(old, new, text=TEXT):
     assert text.count(old) == 1
     return text.replace(old, new)
 
 
-def leaves(tree: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+def leaves(tree, path=()):
     for key, value in tree.items():
         if isinstance(value, dict):
             yield from leaves(value, (*path, key))
@@ -56,32 +55,32 @@ def leaves(tree: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[s
             yield (*path, key)
 
 
-def changed(value: Any) -> Any:
+def changed(value):
     if isinstance(value, list):
         return [value[0] - 1, *value[1:]]
     return value + "x" if isinstance(value, str) else value + 1
 
 
-def test_the_test_recipe_is_good() -> None:
+def test_the_test_recipe_is_good():
     parsed = recipe.parse(TEXT)
     assert (parsed.version, parsed.base, parsed.seed, parsed.count) == ("test", "test", 7, 5)
     assert parsed.subset is None
 
 
 @pytest.mark.parametrize("text", ["schema = ", "a = 1\na = 2", "[families"])
-def test_text_that_is_no_toml_is_refused(text: str) -> None:
+def test_text_that_is_no_toml_is_refused(text):
     with pytest.raises(RecipeError, match=r"recipe is not valid TOML: \w+"):
         recipe.parse(text)
 
 
 @pytest.mark.parametrize("schema", ["", "schema = 2", 'schema = "1"'])
-def test_another_schema_is_refused(schema: str) -> None:
+def test_another_schema_is_refused(schema):
     with pytest.raises(RecipeError, match="recipe schema must be 1: use a matching"):
         recipe.parse(edited("schema = 1", schema))
 
 
 @pytest.mark.parametrize("table", ["label", "filters", "augmentation", "splits", "families"])
-def test_a_missing_table_is_named(table: str) -> None:
+def test_a_missing_table_is_named(table):
     lines = [s for s in TEXT.split("[families")[0].splitlines() if not s.startswith(table)]
     families = "" if table == "families" else "[families" + TEXT.split("[families")[1]
     with pytest.raises(RecipeError, match=f"^recipe has a missing key: {table}$"):
@@ -103,7 +102,7 @@ def test_a_missing_table_is_named(table: str) -> None:
         ("count = 5", "count = 5\nweight = 2", "weight"),
     ],
 )
-def test_a_missing_or_unknown_key_is_named(old: str, new: str, named: str) -> None:
+def test_a_missing_or_unknown_key_is_named(old, new, named):
     with pytest.raises(RecipeError, match=rf"has an? (missing|unknown) key: .*{named}"):
         recipe.parse(edited(old, new))
 
@@ -127,7 +126,7 @@ def test_a_missing_or_unknown_key_is_named(old: str, new: str, named: str) -> No
         "{ log10_normal = [0, -1] }",
     ],
 )
-def test_a_bad_distribution_is_refused(value: str) -> None:
+def test_a_bad_distribution_is_refused(value):
     message = "parameter resolution must be a number or one of log10_normal, uniform, integers"
     with pytest.raises(RecipeError, match=f"family sphere: {message}"):
         recipe.parse(edited("{ integers = [4, 9] }", value))
@@ -154,12 +153,12 @@ def test_a_bad_distribution_is_refused(value: str) -> None:
         ("rotations = 2", "rotations = -1", "^augmentation: rotations must be at least 0, got -1$"),
     ],
 )
-def test_a_value_that_will_not_do_is_named(old: str, new: str, message: str) -> None:
+def test_a_value_that_will_not_do_is_named(old, new, message):
     with pytest.raises(RecipeError, match=message):
         recipe.parse(edited(old, new))
 
 
-def test_families_must_be_tables() -> None:
+def test_families_must_be_tables():
     text = TEXT.split("[families")[0].replace("schema = 1", "schema = 1\nfamilies = []")
     with pytest.raises(RecipeError, match=r"^families must be tables, got \[\]$"):
         recipe.parse(text)
@@ -178,25 +177,25 @@ def test_families_must_be_tables() -> None:
         ('"1.0"', '"0.9"', r"unknown version '0\.9'"),
     ],
 )
-def test_a_subset_that_will_not_do_is_refused(old: str, new: str, message: str) -> None:
+def test_a_subset_that_will_not_do_is_refused(old, new, message):
     with pytest.raises(RecipeError, match=message):
         recipe.parse(edited(old, new, SUBSET))
 
 
-def test_an_unknown_version_is_answered_with_the_known_ones() -> None:
+def test_an_unknown_version_is_answered_with_the_known_ones():
     message = r"unknown version '0.9': choose one of 1.0, 1.0-mini, 1.0-small, 2.0"
     with pytest.raises(RecipeError, match=message):
         recipe.load("0.9")
 
 
 @pytest.mark.parametrize("version", recipe.available())
-def test_every_version_that_ships_carries_its_own_name(version: str) -> None:
+def test_every_version_that_ships_carries_its_own_name(version):
     loaded = recipe.load(version)
     assert (loaded.version, loaded.base) == (version, version.partition("-")[0])
     assert loaded == recipe.load(version)
 
 
-def test_a_subset_inherits_everything_but_its_name() -> None:
+def test_a_subset_inherits_everything_but_its_name():
     base, mini = recipe.load("1.0"), recipe.load("1.0-mini")
     assert dataclasses.replace(mini, version="1.0", subset=None) == base
 
@@ -205,7 +204,7 @@ TORUS = "[families.torus]\ncount = 3\nparameters.tube_radius = 0.3\n"
 EXTENSION = f'schema = 1\nversion = "more"\nextends = "2.0"\n{TORUS}'
 
 
-def test_an_extension_adds_families_and_keeps_the_rest() -> None:
+def test_an_extension_adds_families_and_keeps_the_rest():
     base = recipe.load("2.0")
     more = recipe.parse(EXTENSION)
     assert list(more.families) == [*base.families, "torus"]
@@ -216,7 +215,7 @@ def test_an_extension_adds_families_and_keeps_the_rest() -> None:
     assert more.families["torus"].count == 3
 
 
-def test_an_extension_may_have_protocols_of_its_own() -> None:
+def test_an_extension_may_have_protocols_of_its_own():
     more = recipe.parse(EXTENSION + '[protocols.round]\nheld_out.families = ["torus", "drum"]\n')
     assert list(more.protocols or {}) == ["round"]
 
@@ -231,12 +230,12 @@ def test_an_extension_may_have_protocols_of_its_own() -> None:
         (TORUS, "families = 3", "^families must be tables, got 3$"),
     ],
 )
-def test_an_extension_that_will_not_do_is_refused(old: str, new: str, message: str) -> None:
+def test_an_extension_that_will_not_do_is_refused(old, new, message):
     with pytest.raises(RecipeError, match=message):
         recipe.parse(edited(old, new, EXTENSION))
 
 
-def test_2_1_has_all_of_2_0_with_the_same_splits() -> None:
+def test_2_1_has_all_of_2_0_with_the_same_splits():
     planned = {
         version: {
             shape.spec.id: (shape.spec, shape.split)
@@ -249,11 +248,11 @@ def test_2_1_has_all_of_2_0_with_the_same_splits() -> None:
     assert planned["2.0"].items() <= planned["2.1"].items()
 
 
-def test_the_digest_changes_with_every_value() -> None:
+def test_the_digest_changes_with_every_value():
     text = resources.files("synthnet.recipe.versions").joinpath("1.0.toml").read_text()
     original = recipe.parse(text)
 
-    def build(raw: dict[str, Any]) -> Recipe:
+    def build(raw):
         families = {n: recipe.FamilyRecipe(**f) for n, f in raw["families"].items()}
         return Recipe(
             raw["version"],
@@ -280,7 +279,7 @@ def test_the_digest_changes_with_every_value() -> None:
     assert len(digests) == len(paths) + 3
 
 
-def test_the_digest_does_not_hang_on_the_order_of_keys() -> None:
+def test_the_digest_does_not_hang_on_the_order_of_keys():
     swapped = edited("train = 0.7, validation = 0.2", "validation = 0.2, train = 0.7")
     assert recipe.parse(swapped).digest == recipe.parse(TEXT).digest
 
@@ -297,14 +296,14 @@ def test_the_digest_does_not_hang_on_the_order_of_keys() -> None:
         (1.0, 7, 7),
     ],
 )
-def test_size_of_a_subset(share: float, count: int, size: int) -> None:
+def test_size_of_a_subset(share, count, size):
     assert Subset("1.0", share, least=5).size(count) == size
 
 
 @pytest.mark.parametrize(
     ("rotations", "reflections", "instances"), [(2, 2, 9), (0, 0, 1), (3, 0, 4), (0, 1, 2)]
 )
-def test_number_of_instances(rotations: int, reflections: int, instances: int) -> None:
+def test_number_of_instances(rotations, reflections, instances):
     assert AugmentationSettings(rotations, reflections).instances == instances
 
 
@@ -321,23 +320,23 @@ def test_number_of_instances(rotations: int, reflections: int, instances: int) -
         (LAST_BELOW_ONE, 100.0),
     ],
 )
-def test_log_normal_is_clamped_at_three_standard_deviations(u: float, value: float) -> None:
+def test_log_normal_is_clamped_at_three_standard_deviations(u, value):
     assert draw_one({"log10_normal": [0.0, 2 / 3]}, u) == pytest.approx(value, rel=1e-5)
 
 
-def test_log_normal_at_one_standard_deviation() -> None:
+def test_log_normal_at_one_standard_deviation():
     # Phi(1) = 0.841344746; 10^(1/2 + 1/6) = 4.64158883
     assert draw_one({"log10_normal": [0.5, 1 / 6]}, 0.8413447460685429) == 4.64158883
 
 
-def test_tube_radius_ends_exactly_at_the_limit_of_embeddedness() -> None:
+def test_tube_radius_ends_exactly_at_the_limit_of_embeddedness():
     tube = recipe.load("1.0").families["torus"].parameters["tube_radius"]
     assert draw_one(tube, 0.0) == 0.1
     assert draw_one(tube, LAST_BELOW_ONE) == 1.0
 
 
 @pytest.mark.parametrize(("low", "high"), [(3, 5), (20, 100), (1, 20), (7, 7), (-2, 1)])
-def test_integers_take_both_ends_and_all_between_equally_often(low: int, high: int) -> None:
+def test_integers_take_both_ends_and_all_between_equally_often(low, high):
     count = high - low + 1
     grid = [(i + 0.5) / (16 * count) for i in range(16 * count)]
     values = [draw_one({"integers": [low, high]}, u) for u in grid]
@@ -345,18 +344,18 @@ def test_integers_take_both_ends_and_all_between_equally_often(low: int, high: i
     assert all(type(v) is int for v in values)
 
 
-def test_integers_at_the_ends_of_the_unit_interval() -> None:
+def test_integers_at_the_ends_of_the_unit_interval():
     for count in range(1, 300):
         assert draw_one({"integers": [1, count]}, 0.0) == 1
         assert draw_one({"integers": [1, count]}, LAST_BELOW_ONE) == count
 
 
-def test_uniform_is_linear_and_takes_both_ends() -> None:
+def test_uniform_is_linear_and_takes_both_ends():
     flip = {"uniform": [0.5, 1.0]}
     assert [draw_one(flip, u) for u in (0.0, 0.25, LAST_BELOW_ONE)] == [0.5, 0.625, 1.0]
 
 
-def test_values_have_nine_significant_digits() -> None:
+def test_values_have_nine_significant_digits():
     assert draw_one({"uniform": [0.0, 1.0]}, 1 / 3) == 0.333333333
     assert draw_one({"uniform": [0.0, 1000.0]}, 2 / 3) == 666.666667
     assert draw_one({"log10_normal": [1 / 2, 0.0]}, 0.7) == 3.16227766  # sqrt(10)
@@ -366,15 +365,15 @@ def test_values_have_nine_significant_digits() -> None:
             assert value == float(f"{value:.9g}")
 
 
-def test_a_constant_uses_up_a_number_and_is_kept_as_it_is() -> None:
+def test_a_constant_uses_up_a_number_and_is_kept_as_it_is():
     uniform = {"uniform": [0.0, 1.0]}
-    drawn = distributions.draw({"a": uniform, "b": 3, "c": uniform}, FakeRandom(0.25, 0.5, 0.75))  # type: ignore[arg-type]
+    drawn = distributions.draw({"a": uniform, "b": 3, "c": uniform}, FakeRandom(0.25, 0.5, 0.75))
     assert drawn == {"a": 0.25, "b": 3, "c": 0.75}
     assert type(drawn["b"]) is int
 
 
-def test_generator_is_a_function_of_its_arguments() -> None:
-    def numbers(*key: Any) -> tuple[float, ...]:
+def test_generator_is_a_function_of_its_arguments():
+    def numbers(*key):
         return tuple(distributions.generator(*key).random(3))
 
     keys = [
@@ -390,11 +389,11 @@ def test_generator_is_a_function_of_its_arguments() -> None:
     assert len(set(first.values())) == len(keys)
 
 
-def test_generator_draws_what_it_always_drew() -> None:
+def test_generator_draws_what_it_always_drew():
     assert distributions.generator(20240726, "torus", 42, 0).random() == 0.5330528482406418
 
 
-def test_digests_of_the_versions_that_ship_never_change() -> None:
+def test_digests_of_the_versions_that_ship_never_change():
     frozen = [v for v in recipe.available() if pins.read(recipe.load(v).base) is not None]
     assert {v: recipe.load(v).digest[:16] for v in frozen} == {
         "1.0": "c8bd58d9b709a29e",
@@ -411,7 +410,7 @@ def test_digests_of_the_versions_that_ship_never_change() -> None:
 SIZED = TEXT.replace("[families", '[[sizes]]\nname = "a"\nvertices = 500\n\n[families', 1)
 
 
-def test_sizes_are_meshes_of_one_surface() -> None:
+def test_sizes_are_meshes_of_one_surface():
     text = SIZED.replace("[families", '[[sizes]]\nname = "b"\nvertices = 900\n\n[families', 1)
     loaded = recipe.parse(text.replace("count = 5", "count = 6"))
     assert (loaded.copies, loaded.count) == (2, 6)
@@ -432,23 +431,23 @@ def test_sizes_are_meshes_of_one_surface() -> None:
         ('"many"', "size a: vertices must be a number or one of"),
     ],
 )
-def test_sizes_that_no_mesh_has_are_refused(vertices: str, line: str) -> None:
+def test_sizes_that_no_mesh_has_are_refused(vertices, line):
     with pytest.raises(RecipeError, match=line):
         recipe.parse(SIZED.replace("vertices = 500", f"vertices = {vertices}"))
 
 
 @pytest.mark.parametrize("version", ["1.0-x0", "1.0-x1", "1.0-x100001"])
-def test_scale_out_of_range_is_refused(version: str) -> None:
+def test_scale_out_of_range_is_refused(version):
     with pytest.raises(RecipeError, match="scale must be an integer from 2 to 100,000, got"):
         recipe.load(version)
 
 
-def test_scale_of_a_scaled_version_is_refused() -> None:
+def test_scale_of_a_scaled_version_is_refused():
     with pytest.raises(RecipeError, match=r"1\.0-x2 is scaled already"):
         recipe.load("1.0-x2-x2")
 
 
-def with_protocol(held_out: str, text: str = SIZED) -> str:
+def with_protocol(held_out, text=SIZED):
     return f"{text}\n[protocols.mine]\n{held_out}\n"
 
 
@@ -461,7 +460,7 @@ def with_protocol(held_out: str, text: str = SIZED) -> str:
         ('held_out = "nothing"', ()),
     ],
 )
-def test_recipe_says_what_is_held_out(held_out: str, folds: tuple[recipe.Fold, ...]) -> None:
+def test_recipe_says_what_is_held_out(held_out, folds):
     loaded = recipe.parse(with_protocol(held_out))
     assert loaded.protocols == {"mine": folds}
     assert loaded.digest != recipe.parse(SIZED).digest
@@ -491,6 +490,6 @@ def test_recipe_says_what_is_held_out(held_out: str, folds: tuple[recipe.Fold, .
         ("protocols.mine = 3\n" + SIZED, "protocol mine must be a table, got 3"),
     ],
 )
-def test_protocols_that_make_no_sense_are_refused(text: str, line: str) -> None:
+def test_protocols_that_make_no_sense_are_refused(text, line):
     with pytest.raises(RecipeError, match=line):
         recipe.parse(text)

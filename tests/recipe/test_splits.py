@@ -6,33 +6,31 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthnet.recipe import Recipe, SplitSettings, splits
+from synthnet.recipe import SplitSettings, splits
 from synthnet.types import SPLITS, ShapeSpec
 
 SHARES = SplitSettings(0.7, 0.2, 0.1)
 
 
-def specs_of(sizes: list[int], family: str = "cone") -> list[ShapeSpec]:
+def specs_of(sizes, family="cone"):
     groups = [f"{family}/{group}" for group, size in enumerate(sizes) for _ in range(size)]
     return [ShapeSpec(f"{family}-{i:05d}", family, i, {}, g) for i, g in enumerate(groups)]
 
 
 @pytest.fixture(scope="module")
-def grouped(specs: list[ShapeSpec], recipe_1_0: Recipe) -> dict[str, str]:
+def grouped(specs, recipe_1_0):
     return splits.grouped(specs, recipe_1_0.splits, recipe_1_0.seed)
 
 
 @pytest.fixture(scope="module")
-def paper(specs: list[ShapeSpec], recipe_1_0: Recipe) -> dict[str, tuple[str, ...]]:
+def paper(specs, recipe_1_0):
     return splits.paper(specs, 9, recipe_1_0.splits, recipe_1_0.seed)
 
 
 # --- version 1.0 ----------------------------------------------------------------------
 
 
-def test_grouped_gives_every_family_its_shares(
-    specs: list[ShapeSpec], grouped: dict[str, str]
-) -> None:
+def test_grouped_gives_every_family_its_shares(specs, grouped):
     assert set(grouped) == {spec.id for spec in specs}
     families = defaultdict(Counter)
     for spec in specs:
@@ -42,13 +40,13 @@ def test_grouped_gives_every_family_its_shares(
         assert shares == pytest.approx([0.7, 0.2, 0.1], abs=0.005), family
 
 
-def test_paper_gives_all_instances_their_shares_exactly(paper: dict[str, tuple[str, ...]]) -> None:
+def test_paper_gives_all_instances_their_shares_exactly(paper):
     counts = Counter(split for instances in paper.values() for split in instances)
     assert counts == {"train": 104_265, "validation": 29_790, "test": 14_895}  # of 148,950
     assert all(len(instances) == 9 for instances in paper.values())
 
 
-def test_no_group_crosses_under_grouped(specs: list[ShapeSpec], grouped: dict[str, str]) -> None:
+def test_no_group_crosses_under_grouped(specs, grouped):
     splits_of_group = defaultdict(set)
     for spec in specs:
         splits_of_group[spec.group].add(grouped[spec.id])
@@ -56,9 +54,7 @@ def test_no_group_crosses_under_grouped(specs: list[ShapeSpec], grouped: dict[st
     assert len(splits_of_group) < len(specs)  # there are groups of several, so this says something
 
 
-def test_equal_shapes_stay_together_under_grouped(
-    specs: list[ShapeSpec], grouped: dict[str, str]
-) -> None:
+def test_equal_shapes_stay_together_under_grouped(specs, grouped):
     spheres, halves, tori = defaultdict(list), defaultdict(list), defaultdict(list)
     for spec in specs:
         p, split = spec.parameters, grouped[spec.id]
@@ -73,7 +69,7 @@ def test_equal_shapes_stay_together_under_grouped(
         assert all(len(set(assigned)) == 1 for assigned in shapes.values())
 
 
-def test_there_are_mirror_images_among_the_split_spheres(specs: list[ShapeSpec]) -> None:
+def test_there_are_mirror_images_among_the_split_spheres(specs):
     drawn = {
         (s.parameters["resolution_a"], s.parameters["resolution_b"])
         for s in specs
@@ -82,7 +78,7 @@ def test_there_are_mirror_images_among_the_split_spheres(specs: list[ShapeSpec])
     assert sum((b, a) in drawn for a, b in drawn if a != b) > 100
 
 
-def test_paper_leaks_as_documented(paper: dict[str, tuple[str, ...]]) -> None:
+def test_paper_leaks_as_documented(paper):
     leaking = [i for i, instances in paper.items() if {"train", "test"} <= set(instances)]
     # Of nine instances with shares 0.7 and 0.1: 1 - 0.9⁹ - 0.3⁹ + 0.2⁹ have both.
     expected = 1 - 0.9**9 - 0.3**9 + 0.2**9
@@ -90,9 +86,7 @@ def test_paper_leaks_as_documented(paper: dict[str, tuple[str, ...]]) -> None:
     assert abs(len(leaking) / len(paper) - expected) < 4 * deviation
 
 
-def test_splits_are_what_they_always_were(
-    grouped: dict[str, str], paper: dict[str, tuple[str, ...]]
-) -> None:
+def test_splits_are_what_they_always_were(grouped, paper):
     golden = {
         "cone-00000": "train",
         "inverted_cone-03999": "test",
@@ -106,20 +100,13 @@ def test_splits_are_what_they_always_were(
     assert paper["torus-00042"] == ("validation", *["train"] * 8)
 
 
-def test_splits_do_not_hang_on_the_order_of_the_shapes(
-    specs: list[ShapeSpec],
-    recipe_1_0: Recipe,
-    grouped: dict[str, str],
-    paper: dict[str, tuple[str, ...]],
-) -> None:
+def test_splits_do_not_hang_on_the_order_of_the_shapes(specs, recipe_1_0, grouped, paper):
     shuffled = [specs[i] for i in np.random.default_rng(0).permutation(len(specs))]
     assert splits.grouped(shuffled, recipe_1_0.splits, recipe_1_0.seed) == grouped
     assert splits.paper(shuffled, 9, recipe_1_0.splits, recipe_1_0.seed) == paper
 
 
-def test_a_new_family_does_not_move_the_others(
-    specs: list[ShapeSpec], recipe_1_0: Recipe, grouped: dict[str, str]
-) -> None:
+def test_a_new_family_does_not_move_the_others(specs, recipe_1_0, grouped):
     more = [*specs, *specs_of([1] * 30 + [3] * 5, family="ellipsoid")]
     assigned = splits.grouped(more, recipe_1_0.splits, recipe_1_0.seed)
     assert {spec.id: assigned[spec.id] for spec in specs} == grouped
@@ -136,9 +123,7 @@ def test_a_new_family_does_not_move_the_others(
     st.sampled_from([SHARES, SplitSettings(0.5, 0.5, 0.0), SplitSettings(0.0, 0.1, 0.9)]),
     st.integers(0, 2**32),
 )
-def test_every_shape_gets_one_split_and_no_group_crosses(
-    sizes: list[int], shares: SplitSettings, seed: int
-) -> None:
+def test_every_shape_gets_one_split_and_no_group_crosses(sizes, shares, seed):
     specs = specs_of(sizes) + specs_of(sizes[::-1], family="torus")
     assigned = splits.grouped(specs, shares, seed)
     assert set(assigned) == {spec.id for spec in specs}
@@ -157,13 +142,13 @@ def test_every_shape_gets_one_split_and_no_group_crosses(
 
 
 @given(st.integers(1, 500), st.integers(0, 2**32))
-def test_single_shapes_meet_their_quotas_exactly(total: int, seed: int) -> None:
+def test_single_shapes_meet_their_quotas_exactly(total, seed):
     counts = Counter(splits.grouped(specs_of([1] * total), SHARES, seed).values())
     assert [counts[split] for split in SPLITS] == splits.quotas(total, SHARES)
 
 
 @given(st.integers(0, 40), st.integers(1, 9), st.integers(0, 2**32))
-def test_paper_splits_meet_their_quotas_exactly(shapes: int, instances: int, seed: int) -> None:
+def test_paper_splits_meet_their_quotas_exactly(shapes, instances, seed):
     assigned = splits.paper(specs_of([1] * shapes), instances, SHARES, seed)
     assert all(len(of_shape) == instances for of_shape in assigned.values())
     counts = Counter(split for of_shape in assigned.values() for split in of_shape)
@@ -171,7 +156,7 @@ def test_paper_splits_meet_their_quotas_exactly(shapes: int, instances: int, see
 
 
 @given(st.integers(0, 10**6), st.floats(0, 1), st.floats(0, 1))
-def test_quotas_add_up_and_are_within_one_of_the_share(total: int, a: float, b: float) -> None:
+def test_quotas_add_up_and_are_within_one_of_the_share(total, a, b):
     low, high = sorted((a, b))
     shares = SplitSettings(low, high - low, 1 - high)
     quotas = splits.quotas(total, shares)
@@ -192,11 +177,11 @@ def test_quotas_add_up_and_are_within_one_of_the_share(total: int, a: float, b: 
         (16_550, [11_585, 3310, 1655]),
     ],
 )
-def test_quotas_by_largest_remainder(total: int, expected: list[int]) -> None:
+def test_quotas_by_largest_remainder(total, expected):
     assert splits.quotas(total, SHARES) == expected
 
 
-def test_seeds_and_protocols_give_different_splits(specs: list[ShapeSpec]) -> None:
+def test_seeds_and_protocols_give_different_splits(specs):
     cones = [spec for spec in specs if spec.family == "cone"]
     by_group = [splits.grouped(cones, SHARES, seed) for seed in (0, 1)]
     one_instance = [splits.paper(cones, 1, SHARES, seed) for seed in (0, 1)]

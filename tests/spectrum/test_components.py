@@ -1,7 +1,5 @@
 """Meshes of several components: the union of their spectra, each zero left out."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,12 +11,12 @@ from synthnet.types import Mesh
 from tests.spectrum.meshes import sphere
 
 
-def tetrahedron(scale: float) -> Mesh:
+def tetrahedron(scale):
     corners = scale * np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     return Mesh(corners, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
 
 
-def together(meshes: Sequence[Mesh]) -> Mesh:
+def together(meshes):
     """Put meshes side by side, their vertices in a random order."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     vertices = np.concatenate([mesh.vertices + 3.0 * i for i, mesh in enumerate(meshes)])
@@ -29,13 +27,13 @@ def together(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(vertices[order], number[faces])
 
 
-def union(meshes: Sequence[Mesh], k: int) -> np.ndarray:
+def union(meshes, k):
     """The first k eigenvalues after all zeros, by the dense solver."""
     every = [reference.all_eigenvalues(*reference.matrices(m.vertices, m.faces)) for m in meshes]
     return np.sort(np.concatenate([values[1:] for values in every]))[:k]
 
 
-def test_two_components_have_the_union_of_their_spectra() -> None:
+def test_two_components_have_the_union_of_their_spectra():
     meshes = [sphere(20), sphere(16, radius=1.5)]
     mesh = together(meshes)
     result = spectrum.compute(mesh, k=12)
@@ -48,7 +46,7 @@ def test_two_components_have_the_union_of_their_spectra() -> None:
     assert np.abs(defects).max() < 1e-8
 
 
-def test_the_count_is_that_of_all_components() -> None:
+def test_the_count_is_that_of_all_components():
     meshes = [sphere(20), sphere(16, radius=1.5), tetrahedron(0.1)]
     proof = spectrum.compute(together(meshes), k=7).certificate
     stiffness, mass = spectrum.fem_matrices(together(meshes))
@@ -57,9 +55,7 @@ def test_the_count_is_that_of_all_components() -> None:
 
 @pytest.mark.parametrize("k", range(1, 13))
 @pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-5, 0.1])
-def test_the_count_is_right_where_components_have_nearly_the_same_spectrum(
-    k: int, apart: float
-) -> None:
+def test_the_count_is_right_where_components_have_nearly_the_same_spectrum(k, apart):
     """A component is solved up to its own k-th pair: above that, others must not tell of it."""
     mesh = together([sphere(8, radius=1 + i * apart) for i in range(3)])
     proof = spectrum.compute(mesh, k=k).certificate
@@ -68,7 +64,7 @@ def test_the_count_is_right_where_components_have_nearly_the_same_spectrum(
 
 
 @pytest.mark.parametrize("copies", [2, 11, 60])
-def test_equal_components(copies: int) -> None:
+def test_equal_components(copies):
     mesh = sphere(8)
     result = spectrum.compute(together([mesh] * copies))
     assert result.components == copies
@@ -76,14 +72,14 @@ def test_equal_components(copies: int) -> None:
 
 
 @pytest.mark.parametrize("scale", [1e-2, 1e-5, 1e-8])
-def test_debris_changes_nothing(scale: float) -> None:
+def test_debris_changes_nothing(scale):
     mesh = sphere(20)
     result = spectrum.compute(together([mesh, *[tetrahedron(scale)] * 5]))
     assert result.components == 6
     np.testing.assert_allclose(result.eigenvalues, union([mesh], 10), rtol=1e-8)
 
 
-def test_k_is_at_most_the_vertices_less_the_components() -> None:
+def test_k_is_at_most_the_vertices_less_the_components():
     mesh = together([tetrahedron(1.0), tetrahedron(0.5)])
     assert len(spectrum.compute(mesh, k=6).eigenvalues) == 6
     with pytest.raises(ValueError, match="between 1 and 6 for 8 vertices in 2 components, got 7"):
@@ -95,7 +91,7 @@ def test_k_is_at_most_the_vertices_less_the_components() -> None:
     sizes=st.lists(st.tuples(st.integers(4, 12), st.floats(0.05, 20.0)), min_size=2, max_size=6),
     k=st.integers(1, 20),
 )
-def test_any_components(sizes: list[tuple[int, float]], k: int) -> None:
+def test_any_components(sizes, k):
     meshes = [sphere(*size) for size in sizes]
     result = spectrum.compute(together(meshes), k=k)
     np.testing.assert_allclose(result.eigenvalues, union(meshes, k), rtol=1e-8)

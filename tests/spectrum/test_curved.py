@@ -1,7 +1,5 @@
 """Triangles bent to the surface, and the estimate of its spectrum."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +10,7 @@ from synthnet import spectrum
 from synthnet.errors import SpectrumError
 from synthnet.families import FAMILIES
 from synthnet.spectrum import Operator, curved, surface, surface_eigenvalues
-from synthnet.spectrum.bending import Patches, bend, straight
+from synthnet.spectrum.bending import bend, straight
 from synthnet.spectrum.operators import as_sparse, discretise
 from synthnet.types import Mesh
 from tests.spectrum.meshes import side_by_side, sphere
@@ -21,30 +19,30 @@ CURVED = Operator(elements="curved")
 SPHERE = np.repeat([2.0, 6.0, 12.0], [3, 5, 2])
 
 
-def family(name: str, **parameters: float) -> Mesh:
+def family(name, **parameters):
     return FAMILIES[name].generate(parameters)
 
 
-def cylinder() -> Mesh:
+def cylinder():
     return family("cylinder", radius=1.0, height=2.0, resolution=24, split=4)
 
 
-def middles(patches: Patches) -> np.ndarray:
+def middles(patches):
     return patches.vertices[patches.ends].mean(axis=1) + patches.rises
 
 
-def error(values: np.ndarray, exact: np.ndarray) -> float:
+def error(values, exact):
     return float(np.abs(values / exact - 1).max())
 
 
-def test_middles_of_arcs_are_on_the_sphere_to_the_fourth_order() -> None:
+def test_middles_of_arcs_are_on_the_sphere_to_the_fourth_order():
     off = [np.abs(np.linalg.norm(middles(bend(sphere(r))), axis=1) - 1).max() for r in (10, 20)]
     flat = np.linalg.norm(middles(bend(sphere(20))) - bend(sphere(20)).rises, axis=1)
     assert off[1] < 0.02 * (1 - flat.min())
     assert off[0] / off[1] > 12
 
 
-def test_faces_of_a_box_stay_flat_and_give_quadratic_elements() -> None:
+def test_faces_of_a_box_stay_flat_and_give_quadratic_elements():
     box = family("rectangular_prism", width=1.0, height=0.6, depth=1.7, subdivisions=2)
     assert np.abs(bend(box).rises).max() < 1e-15
     flat, same = (
@@ -53,7 +51,7 @@ def test_faces_of_a_box_stay_flat_and_give_quadratic_elements() -> None:
     np.testing.assert_allclose(same.eigenvalues, flat.eigenvalues, rtol=1e-10)
 
 
-def test_creases_are_bent_along_themselves() -> None:
+def test_creases_are_bent_along_themselves():
     patches = bend(cylinder())
     points, ends = patches.vertices, patches.ends
     on_rim = (np.abs(np.hypot(points[:, 0], points[:, 1]) - 1) < 1e-6) & (
@@ -71,7 +69,7 @@ def test_creases_are_bent_along_themselves() -> None:
     assert np.abs(patches.rises[spokes]).max() < 1e-12  # the caps are flat
 
 
-def test_a_boundary_is_bent_and_its_corners_are_not() -> None:
+def test_a_boundary_is_bent_and_its_corners_are_not():
     radii = np.linalg.norm(middles(bend(disc(16))), axis=1)
     rim = radii > 0.97
     assert rim.sum() == 48
@@ -79,7 +77,7 @@ def test_a_boundary_is_bent_and_its_corners_are_not() -> None:
     assert np.abs(bend(square(6)).rises).max() < 1e-15
 
 
-def test_a_large_flat_face_beside_a_fine_fillet_stays_flat() -> None:
+def test_a_large_flat_face_beside_a_fine_fillet_stays_flat():
     """As CAD parts have them: the normals at its border are the face's, not the fillet's."""
     turns = np.radians(90 * np.arange(1, 7) / 6)
     profile = np.array([(0, 0), (10, 0), *zip(10 + np.sin(turns), 1 - np.cos(turns), strict=True)])
@@ -103,7 +101,7 @@ def test_a_large_flat_face_beside_a_fine_fillet_stays_flat() -> None:
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
-def test_faces_need_not_be_oriented_alike(share: float) -> None:
+def test_faces_need_not_be_oriented_alike(share):
     mesh = cylinder()
     turned = np.random.default_rng(0).random(len(mesh.faces)) < share
     faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)
@@ -114,7 +112,7 @@ def test_faces_need_not_be_oriented_alike(share: float) -> None:
         np.testing.assert_allclose(rises[tuple(ends)], rise, atol=1e-14)
 
 
-def test_arcs_do_not_depend_on_the_order_of_faces_and_corners() -> None:
+def test_arcs_do_not_depend_on_the_order_of_faces_and_corners():
     mesh = scattered(4)  # so coarse that normals of both sides of an edge are not of the same faces
     units = np.cross(*np.moveaxis(np.diff(mesh.vertices[mesh.faces], axis=1), 1, 0))
     units /= np.linalg.norm(units, axis=1)[:, None]
@@ -130,7 +128,7 @@ def test_arcs_do_not_depend_on_the_order_of_faces_and_corners() -> None:
         np.testing.assert_allclose(again.rises, first.rises, atol=1e-13)
 
 
-def test_a_patch_that_would_turn_over_is_made_flat() -> None:
+def test_a_patch_that_would_turn_over_is_made_flat():
     """In its plane, with sides bent so far, no point of the quadrature has a small area."""
     mesh = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.2, 0]]), np.array([[0, 1, 2]]))
     patches = straight(mesh)
@@ -141,7 +139,7 @@ def test_a_patch_that_would_turn_over_is_made_flat() -> None:
         np.testing.assert_array_equal(block, flat)
 
 
-def test_an_estimate_does_not_depend_on_how_many_are_wanted() -> None:
+def test_an_estimate_does_not_depend_on_how_many_are_wanted():
     axes = np.array([1.0, 1.3, 1.7])
     sphere = scattered(14)
     ellipsoid = Mesh(sphere.vertices * axes, sphere.faces)
@@ -149,7 +147,7 @@ def test_an_estimate_does_not_depend_on_how_many_are_wanted() -> None:
     np.testing.assert_allclose(surface_eigenvalues(ellipsoid, 4), many[:4], rtol=1e-7)
 
 
-def test_without_an_estimate_there_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_an_estimate_there_is_no_answer(monkeypatch):
     """No mesh is known to us whose rounding leaves none."""
     blocks = -np.ones((1, 3, 3)), np.zeros((1, 3, 3))
     energies = surface._energies(
@@ -168,7 +166,7 @@ def test_without_an_estimate_there_is_no_answer(monkeypatch: pytest.MonkeyPatch)
         surface_eigenvalues(sphere(10), 2)
 
 
-def test_an_edge_of_three_faces_stays_straight() -> None:
+def test_an_edge_of_three_faces_stays_straight():
     fan = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0.5], [0.9, 0.4, 0.5], [-1, 0, 0.5]], float)
     faces = np.array([[0, 1, 2], [0, 1, 3], [1, 0, 4]])
     patches = bend(Mesh(fan, faces))
@@ -179,7 +177,7 @@ def test_an_edge_of_three_faces_stays_straight() -> None:
 
 @given(st.integers(0, 2**32), st.floats(0.001, 1.0))
 @settings(max_examples=60)
-def test_mass_is_above_its_bound_on_any_mesh(seed: int, size: float) -> None:
+def test_mass_is_above_its_bound_on_any_mesh(seed, size):
     """Random heights make creases, folds and thin triangles; random turns, bad orientations."""
     rng = np.random.default_rng(seed)
     mesh = square(5)
@@ -201,7 +199,7 @@ def test_mass_is_above_its_bound_on_any_mesh(seed: int, size: float) -> None:
         assert np.abs(stiffness.sum(axis=0)).max() < 1e-12 * values[-1]
 
 
-def test_the_estimate_is_near_curved_elements_and_ten_times_nearer_the_sphere_than_flat() -> None:
+def test_the_estimate_is_near_curved_elements_and_ten_times_nearer_the_sphere_than_flat():
     mesh = sphere(20)
     values = surface_eigenvalues(mesh)
     quadratic = spectrum.compute(mesh, operator=CURVED).eigenvalues
@@ -209,12 +207,12 @@ def test_the_estimate_is_near_curved_elements_and_ten_times_nearer_the_sphere_th
     assert error(values, SPHERE) < 0.03 * error(spectrum.compute(mesh).eigenvalues, SPHERE)
 
 
-def test_the_estimate_converges_faster_than_linear_elements() -> None:
+def test_the_estimate_converges_faster_than_linear_elements():
     coarse, fine = (error(surface_eigenvalues(sphere(r)), SPHERE) for r in (10, 20))
     assert coarse / fine > 7
 
 
-def test_the_estimate_holds_where_a_mesh_is_too_coarse_for_an_eigenvalue() -> None:
+def test_the_estimate_holds_where_a_mesh_is_too_coarse_for_an_eigenvalue():
     """There θ M is larger than C on some patches; an answer must stay between zero and θ."""
     cone = family(
         "split_cone",
@@ -232,14 +230,14 @@ def test_the_estimate_holds_where_a_mesh_is_too_coarse_for_an_eigenvalue() -> No
     assert (values < linear).all()
 
 
-def test_each_component_has_its_surface() -> None:
+def test_each_component_has_its_surface():
     one, other = sphere(10), sphere(14)
     expected = np.sort(np.concatenate([surface_eigenvalues(one, 3), surface_eigenvalues(other, 3)]))
     both = side_by_side(one, other)
     np.testing.assert_allclose(surface_eigenvalues(both, 6), expected, rtol=1e-9)
 
 
-def test_bad_meshes_end_in_one_line() -> None:
+def test_bad_meshes_end_in_one_line():
     points, face = np.eye(3), np.array([[0, 1, 2]])
     for vertices, faces, match in (
         (points[:, :1] * np.ones(3), face, "have no area"),

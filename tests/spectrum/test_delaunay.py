@@ -1,7 +1,5 @@
 """Intrinsic Delaunay triangulations: flips move nothing, and give what robust_laplacian gives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import robust_laplacian
@@ -16,7 +14,7 @@ from tests.spectrum.meshes import sphere
 INTRINSIC = Operator(elements="delaunay")
 
 
-def wavy(resolution: int = 14) -> Mesh:
+def wavy(resolution=14):
     """A closed surface with obtuse triangles: a sphere that is stretched along one axis."""
     ball = sphere(resolution)
     points = ball.vertices.astype(np.float64)
@@ -24,7 +22,7 @@ def wavy(resolution: int = 14) -> Mesh:
     return Mesh(points * [6.0, 1.0, 1.0], ball.faces)
 
 
-def mobius() -> Mesh:
+def mobius():
     """A band of one side with long triangles."""
     n, m = 24, 4
     u, v = np.meshgrid(2 * np.pi * np.arange(n) / n, np.linspace(-1, 1, m), indexing="ij")
@@ -38,7 +36,7 @@ def mobius() -> Mesh:
 
 
 @pytest.mark.parametrize("mesh", [wavy(), mobius()], ids=["closed", "one side"])
-def test_flips_keep_the_surface_and_no_angles_add_up_to_more_than_pi(mesh: Mesh) -> None:
+def test_flips_keep_the_surface_and_no_angles_add_up_to_more_than_pi(mesh):
     corners, lengths = delaunay.triangulate(mesh)
     plain, _ = as_sparse(discretise(mesh).matrices)
     stiffness, mass = as_sparse(discretise(mesh, INTRINSIC).matrices)
@@ -58,7 +56,7 @@ def test_flips_keep_the_surface_and_no_angles_add_up_to_more_than_pi(mesh: Mesh)
     assert (energies[0] < energies[1]).all()
 
 
-def _boundary_part(mesh: Mesh, stiffness):  # type: ignore[no-untyped-def]
+def _boundary_part(mesh, stiffness):
     """Entries of edges of one face, where an angle alone may be more than a right one."""
     sides = np.sort(np.concatenate([mesh.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
     edges, counts = np.unique(sides, axis=0, return_counts=True)
@@ -70,7 +68,7 @@ def _boundary_part(mesh: Mesh, stiffness):  # type: ignore[no-untyped-def]
     return part.tocsc()
 
 
-def test_it_is_the_operator_of_robust_laplacian_on_a_closed_surface() -> None:
+def test_it_is_the_operator_of_robust_laplacian_on_a_closed_surface():
     mesh = wavy()
     lumped = Operator(elements="delaunay", mass="lumped")
     stiffness, mass = as_sparse(discretise(mesh, lumped).matrices)
@@ -79,12 +77,12 @@ def test_it_is_the_operator_of_robust_laplacian_on_a_closed_surface() -> None:
     assert abs(mass - weights).max() < 1e-9 * abs(weights).max()
 
 
-def test_a_delaunay_mesh_is_left_as_it_is() -> None:
+def test_a_delaunay_mesh_is_left_as_it_is():
     mesh = square(8)
     np.testing.assert_array_equal(delaunay.triangulate(mesh)[0], mesh.faces)
 
 
-def test_flat_triangles_go_by_flips_and_edges_of_many_faces_are_refused() -> None:
+def test_flat_triangles_go_by_flips_and_edges_of_many_faces_are_refused():
     corners = np.array([[0.0, 0, 0], [2, 0, 0], [1, 0, 0], [1, 1, 0], [1, -1, 0]])
     faces = np.array([[0, 1, 2], [0, 2, 3], [2, 1, 3], [1, 0, 4]])  # the first is flat
     result = spectrum.compute(Mesh(corners, faces), 3, operator=INTRINSIC)
@@ -97,7 +95,7 @@ def test_flat_triangles_go_by_flips_and_edges_of_many_faces_are_refused() -> Non
         spectrum.compute(turned, 2, operator=INTRINSIC)
 
 
-def test_on_thin_triangles_it_is_nearer_to_the_surface() -> None:
+def test_on_thin_triangles_it_is_nearer_to_the_surface():
     exact = np.pi**2 * np.array([1, 1, 2])
     mesh = crossed(12)
     plain = spectrum.compute(mesh, 3).eigenvalues
@@ -105,7 +103,7 @@ def test_on_thin_triangles_it_is_nearer_to_the_surface() -> None:
     assert np.abs(intrinsic / exact - 1).max() < np.abs(plain / exact - 1).max() / 2
 
 
-def crossed(cells: int) -> Mesh:
+def crossed(cells):
     """A square whose inner edges were flipped wherever that makes thinner triangles."""
     mesh = square(cells)
     points = mesh.vertices.copy()

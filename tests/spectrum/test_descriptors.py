@@ -1,9 +1,5 @@
 """Descriptors against their formulas, LaPy, and what is known of the smooth surface."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -26,7 +22,7 @@ AREA, VOLUME = geometry.area(SPHERE), geometry.volume(SPHERE)
 
 
 @pytest.mark.parametrize(("normalisation", "method"), [("area", "surface"), ("volume", "volume")])
-def test_shape_dna_is_lapys(normalisation: str, method: str) -> None:
+def test_shape_dna_is_lapys(normalisation, method):
     lapy, shapedna = pytest.importorskip("lapy"), pytest.importorskip("lapy.shapedna")
     mesh = lapy.TriaMesh(SPHERE.vertices.astype(np.float64), SPHERE.faces)
     mesh.orient_()
@@ -40,7 +36,7 @@ def test_shape_dna_is_lapys(normalisation: str, method: str) -> None:
     assert weighted == pytest.approx(shapedna.reweight_ev(descriptor), rel=1e-12)
 
 
-def test_normalised_shape_dna_does_not_know_the_size() -> None:
+def test_normalised_shape_dna_does_not_know_the_size():
     large = compute((3 * SPHERE.vertices, SPHERE.faces), 10)
     for normalisation in ("area", "volume", "first"):
         descriptor = shape_dna(large, normalisation, area=9 * AREA, volume=27 * VOLUME)
@@ -49,14 +45,14 @@ def test_normalised_shape_dna_does_not_know_the_size() -> None:
     assert shape_dna(large) == pytest.approx(FOUND.eigenvalues[:10] / 9, rel=1e-6)
 
 
-def test_a_tensor_that_has_a_gradient_is_taken_by_its_values() -> None:
+def test_a_tensor_that_has_a_gradient_is_taken_by_its_values():
     torch = pytest.importorskip("torch")
     values = torch.tensor(FOUND.eigenvalues, requires_grad=True)
     np.testing.assert_array_equal(shape_dna(values), FOUND.eigenvalues)
     assert heat_trace(values, 1.0) == heat_trace(FOUND.eigenvalues, 1.0)
 
 
-def test_heat_trace_begins_as_area_over_four_pi_t() -> None:
+def test_heat_trace_begins_as_area_over_four_pi_t():
     degrees = np.arange(200)
     series = np.repeat(degrees * (degrees + 1.0), 2 * degrees + 1)[1:]  # the unit sphere's
     for t in (0.001, 0.01):
@@ -65,7 +61,7 @@ def test_heat_trace_begins_as_area_over_four_pi_t() -> None:
     assert two == pytest.approx(1 + heat_trace(series, [0.01]))
 
 
-def test_signatures_are_the_plain_formulas() -> None:
+def test_signatures_are_the_plain_formulas():
     values, vectors = FOUND.eigenvalues, FOUND.eigenvectors
     times = np.array([0.1, 1.0])
     heat = heat_kernel_signature(FOUND, times, area=AREA)
@@ -82,7 +78,7 @@ def test_signatures_are_the_plain_formulas() -> None:
             assert waves[x, j] == pytest.approx(plain, rel=1e-12)
 
 
-def test_heat_kernel_signature_and_trace_are_lapys() -> None:
+def test_heat_kernel_signature_and_trace_are_lapys():
     lapy, heat = pytest.importorskip("lapy"), pytest.importorskip("lapy.heat")
     points = SPHERE.vertices.astype(np.float64) * [1.0, 1.3, 1.7]  # no eigenvalue is multiple
     k, times = 20, np.array([[0.05, 0.3, 2.0]])
@@ -110,8 +106,8 @@ def test_heat_kernel_signature_and_trace_are_lapys() -> None:
     ],
 )
 def test_only_a_component_that_is_free_everywhere_adds_a_zero_to_the_heat_trace(
-    mesh: Mesh, k: int, operator: Operator, zeros: int
-) -> None:
+    mesh, k, operator, zeros
+):
     spectrum = compute(mesh, k, operator=operator)
     assert spectrum.certificate.zeros == zeros
     decayed = np.exp(-spectrum.eigenvalues).sum()
@@ -119,7 +115,7 @@ def test_only_a_component_that_is_free_everywhere_adds_a_zero_to_the_heat_trace(
     assert heat_trace(spectrum, 1.0, components=5) == pytest.approx(5 + decayed, rel=1e-12)
 
 
-def test_a_drum_has_no_constant_in_its_heat_kernel_signature() -> None:
+def test_a_drum_has_no_constant_in_its_heat_kernel_signature():
     drum = compute(square(10), 8, operator=Operator("dirichlet"))
     plain = heat_kernel_signature(drum, [0.1])
     np.testing.assert_array_equal(heat_kernel_signature(drum, [0.1], area=1.0), plain)
@@ -134,13 +130,13 @@ def test_a_drum_has_no_constant_in_its_heat_kernel_signature() -> None:
         (Operator(np.arange(len(BOTH.vertices)) < 121), "the constant is zero on components"),
     ],
 )
-def test_zeros_whose_constants_differ_are_one_line(operator: Operator, message: str) -> None:
+def test_zeros_whose_constants_differ_are_one_line(operator, message):
     spectrum = compute(BOTH, 5, operator=operator)
     with pytest.raises(ValueError, match=message):
         heat_kernel_signature(spectrum, [0.1], area=2.0)
 
 
-def test_default_times_and_energies_are_the_papers() -> None:
+def test_default_times_and_energies_are_the_papers():
     values = FOUND.eigenvalues
     ends = 4 * np.log(10) / values[[-1, 0]]
     heat = heat_kernel_signature(FOUND)
@@ -163,12 +159,12 @@ def test_default_times_and_energies_are_the_papers() -> None:
         (lambda: shape_dna([2.0, 1.0]), "eigenvalues must ascend"),
         (lambda: shape_dna([np.nan]), "eigenvalues must be finite"),
         (lambda: heat_trace([1.0], 0.0), "times must be positive"),
-        (lambda: heat_kernel_signature(FOUND.eigenvalues), "a signature needs eigenvectors"),  # type: ignore[arg-type]
+        (lambda: heat_kernel_signature(FOUND.eigenvalues), "a signature needs eigenvectors"),
         (lambda: wave_kernel_signature(FOUND, sigma=9.0), "sigma 9 is too large"),
         (lambda: wave_kernel_signature(FOUND, [np.inf]), "energies must be a list of finite"),
         (lambda: wave_kernel_signature(compute(SPHERE, 1)), "sigma must be positive"),
     ],
 )
-def test_bad_input_is_one_line(call: Any, message: str) -> None:
+def test_bad_input_is_one_line(call, message):
     with pytest.raises(ValueError, match=message):
         call()

@@ -9,13 +9,12 @@ from scipy.sparse.csgraph import connected_components
 
 from synthnet import processes, spectrum
 from synthnet.families import FAMILIES
-from synthnet.spectrum import dissection, fem, ldl, ordering, substitution
+from synthnet.spectrum import dissection, ldl, ordering, substitution
 from synthnet.spectrum.degree import minimum_degree
-from synthnet.types import Mesh
 from tests.spectrum.test_solver import check_ordering, matrices_of, pattern_of
 
 
-def torus(around: int, across: int) -> Mesh:
+def torus(around, across):
     return FAMILIES["torus"].generate(
         {
             "torus_radius": 1.0,
@@ -27,24 +26,24 @@ def torus(around: int, across: int) -> Mesh:
 
 
 @pytest.fixture
-def large(monkeypatch: pytest.MonkeyPatch) -> fem.Matrices:
+def large(monkeypatch):
     """Return matrices of a torus that counts as large."""
     monkeypatch.setattr(ordering, "LARGE", 1)
     monkeypatch.setattr(dissection, "PART", 300)
     return matrices_of(torus(90, 60))
 
 
-def graph_of(matrices: fem.Matrices) -> sparse.csr_matrix:
+def graph_of(matrices):
     return sparse.csr_matrix((np.ones(len(matrices.indices)), matrices.indices, matrices.indptr))
 
 
-def operations(found: ordering.Ordering) -> float:
+def operations(found):
     below = np.diff(found.first_row).astype(float)
     return float(np.sum((below + np.diff(found.begin)) ** 3 - below**3))
 
 
 @pytest.mark.slow
-def test_no_edge_joins_two_parts(large: fem.Matrices) -> None:
+def test_no_edge_joins_two_parts(large):
     stages = dissection.dissect(large.indptr, large.indices)
     rows = np.repeat(np.arange(len(stages)), np.diff(large.indptr))
     levels = 5  # 5400 vertices, halved until there are no more than 300
@@ -58,7 +57,7 @@ def test_no_edge_joins_two_parts(large: fem.Matrices) -> None:
     assert sizes[parts:].sum() < len(stages) / 4
 
 
-def test_the_last_cut_leaves_two_halves_and_is_short(large: fem.Matrices) -> None:
+def test_the_last_cut_leaves_two_halves_and_is_short(large):
     stages = dissection.dissect(large.indptr, large.indices)
     left = stages < stages.max()
     count, numbers = connected_components(graph_of(large)[left][:, left])
@@ -67,12 +66,12 @@ def test_the_last_cut_leaves_two_halves_and_is_short(large: fem.Matrices) -> Non
     assert (~left).sum() <= 1.2 * 2 * 60  # two circles across, of 60 vertices each
 
 
-def test_stages_depend_on_the_pattern_alone(large: fem.Matrices) -> None:
+def test_stages_depend_on_the_pattern_alone(large):
     first = dissection.dissect(large.indptr, large.indices)
     np.testing.assert_array_equal(first, dissection.dissect(large.indptr, large.indices))
 
 
-def test_dissection_saves_operations_on_a_large_torus() -> None:
+def test_dissection_saves_operations_on_a_large_torus():
     matrices = matrices_of(torus(367, 245))
     n = len(matrices.lumped)
     plain = ordering.find_ordering(matrices.indptr, matrices.indices)
@@ -84,9 +83,7 @@ def test_dissection_saves_operations_on_a_large_torus() -> None:
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(1, 60), st.floats(0.0, 0.3), st.integers(0, 2**32 - 1))
-def test_the_order_of_a_dissected_random_graph_is_one_of_its_factor(
-    n: int, p: float, seed: int
-) -> None:
+def test_the_order_of_a_dissected_random_graph_is_one_of_its_factor(n, p, seed):
     rng = np.random.default_rng(seed)
     indptr, indices = pattern_of(np.triu(rng.random((n, n)) < p, 1).astype(float))
     with pytest.MonkeyPatch.context() as patch:
@@ -101,7 +98,7 @@ def test_the_order_of_a_dissected_random_graph_is_one_of_its_factor(
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(1, 40), st.floats(0.0, 0.4), st.integers(0, 2**32 - 1))
-def test_no_vertex_is_eliminated_before_its_stage(n: int, p: float, seed: int) -> None:
+def test_no_vertex_is_eliminated_before_its_stage(n, p, seed):
     rng = np.random.default_rng(seed)
     indptr, indices = pattern_of(np.triu(rng.random((n, n)) < p, 1).astype(float))
     stages = rng.integers(0, 4, n).astype(np.int32)
@@ -118,9 +115,7 @@ def test_no_vertex_is_eliminated_before_its_stage(n: int, p: float, seed: int) -
 
 
 @pytest.mark.parametrize("shift", [-1.0, 30.0])
-def test_any_number_of_threads_gives_the_same_factor(
-    large: fem.Matrices, monkeypatch: pytest.MonkeyPatch, shift: float
-) -> None:
+def test_any_number_of_threads_gives_the_same_factor(large, monkeypatch, shift):
     found = ordering.find_ordering(large.indptr, large.indices)
     assert found.subtrees >= 4
     assert len(found.portions) > found.subtrees
@@ -144,7 +139,7 @@ def test_any_number_of_threads_gives_the_same_factor(
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_solutions_by_portions_are_those_at_once(large: fem.Matrices, count: int) -> None:
+def test_solutions_by_portions_are_those_at_once(large, count):
     found = ordering.find_ordering(large.indptr, large.indices)
     factor = ldl.factorise(large, found, 30.0)
     rows = np.random.default_rng(1).normal(size=(count, len(large.lumped)))
@@ -156,7 +151,7 @@ def test_solutions_by_portions_are_those_at_once(large: fem.Matrices, count: int
         np.testing.assert_allclose(by_portions[begin], pair[0], rtol=1e-9, atol=1e-9)
 
 
-def test_any_number_of_threads_gives_the_same_spectrum(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_any_number_of_threads_gives_the_same_spectrum(monkeypatch):
     mesh = torus(90, 60)
     at_once = spectrum.compute(mesh, k=20)
     monkeypatch.setattr(ordering, "LARGE", 1)
@@ -171,7 +166,7 @@ def test_any_number_of_threads_gives_the_same_spectrum(monkeypatch: pytest.Monke
         np.testing.assert_array_equal(other.eigenvectors, found[0].eigenvectors)
 
 
-def test_portions_give_the_factor_of_the_whole(large: fem.Matrices) -> None:
+def test_portions_give_the_factor_of_the_whole(large):
     cut = ordering.find_ordering(large.indptr, large.indices)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ordering, "PORTION", 1.0)
@@ -183,7 +178,7 @@ def test_portions_give_the_factor_of_the_whole(large: fem.Matrices) -> None:
     assert in_portions.uncertainty == pytest.approx(at_once.uncertainty)
 
 
-def test_threads_are_those_that_openmp_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_are_those_that_openmp_is_told(monkeypatch):
     for value, count in (("3", 3), ("2,4", 2), ("0", 1), ("many", processes.cores())):
         monkeypatch.setenv("OMP_NUM_THREADS", value)
         assert processes.threads() == count

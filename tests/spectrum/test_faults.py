@@ -1,9 +1,6 @@
 """A fault planted in a good mesh is one line that names it, and never a wrong spectrum."""
 
-from __future__ import annotations
-
 import re
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,7 +21,7 @@ each_kind = settings(max_examples=200, derandomize=True, deadline=None)
 
 
 @st.composite
-def meshes(draw: st.DrawFn) -> Mesh:
+def meshes(draw):
     """A closed surface or, without one of its faces, an open one; sheared, scaled and moved."""
     solid = draw(st.sampled_from(SOLIDS))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
@@ -34,7 +31,7 @@ def meshes(draw: st.DrawFn) -> Mesh:
     return Mesh(points, faces[rng.permutation(len(faces))])
 
 
-def line(mesh: Any, k: int = 3) -> str:
+def line(mesh, k=3):
     """The one line that both a spectrum and a judgement end in."""
     lines = set()
     for judge in (lambda: compute(mesh, k), lambda: certify(mesh, [1.0, 2.0])):
@@ -45,7 +42,7 @@ def line(mesh: Any, k: int = 3) -> str:
     return message
 
 
-def some(draw: st.DrawFn, count: int, most: int) -> np.ndarray:
+def some(draw, count, most):
     """A few numbers below a count, ascending."""
     chosen = draw(st.sets(st.integers(0, count - 1), min_size=1, max_size=min(most, count)))
     return np.array(sorted(chosen))
@@ -53,7 +50,7 @@ def some(draw: st.DrawFn, count: int, most: int) -> np.ndarray:
 
 @each_kind
 @given(st.data())
-def test_not_finite(data: st.DataObject) -> None:
+def test_not_finite(data):
     mesh = data.draw(meshes())
     bad = some(data.draw, len(mesh.vertices), 4)
     points = mesh.vertices.copy()
@@ -66,7 +63,7 @@ def test_not_finite(data: st.DataObject) -> None:
 
 @each_kind
 @given(st.data())
-def test_shapes(data: st.DataObject) -> None:
+def test_shapes(data):
     mesh = data.draw(meshes())
     arrays = [mesh.vertices, mesh.faces]
     which = data.draw(st.integers(0, 1))
@@ -80,7 +77,7 @@ def test_shapes(data: st.DataObject) -> None:
 
 @each_kind
 @given(st.data())
-def test_faces_out_of_range(data: st.DataObject) -> None:
+def test_faces_out_of_range(data):
     mesh = data.draw(meshes())
     n, faces = len(mesh.vertices), mesh.faces.copy()
     beyond = data.draw(st.sampled_from([-1, -n, n, n + 1, 10**6]))
@@ -91,7 +88,7 @@ def test_faces_out_of_range(data: st.DataObject) -> None:
 @pytest.mark.filterwarnings("ignore:.* edges have more than two faces")
 @each_kind
 @given(st.data())
-def test_zero_area(data: st.DataObject) -> None:
+def test_zero_area(data):
     mesh = data.draw(meshes())
     points, faces = mesh.vertices.copy(), mesh.faces.copy()
     a, b, _ = faces[0]
@@ -108,7 +105,7 @@ def test_zero_area(data: st.DataObject) -> None:
 
 @each_kind
 @given(st.data())
-def test_vertices_without_a_triangle(data: st.DataObject) -> None:
+def test_vertices_without_a_triangle(data):
     mesh = data.draw(meshes())
     count = data.draw(st.integers(1, 5))
     at = data.draw(st.integers(0, len(mesh.vertices)))
@@ -123,7 +120,7 @@ def test_vertices_without_a_triangle(data: st.DataObject) -> None:
 
 @each_kind
 @given(st.data())
-def test_components_are_counted(data: st.DataObject) -> None:
+def test_components_are_counted(data):
     parts = data.draw(st.lists(meshes(), min_size=2, max_size=3))
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     whole = Mesh(
@@ -140,7 +137,7 @@ def test_components_are_counted(data: st.DataObject) -> None:
 
 @each_kind
 @given(st.data())
-def test_more_eigenvalues_than_there_are(data: st.DataObject) -> None:
+def test_more_eigenvalues_than_there_are(data):
     mesh = data.draw(meshes())
     n = len(mesh.vertices)
     k = data.draw(st.one_of(st.integers(n, n + 5), st.integers(-3, 0)))

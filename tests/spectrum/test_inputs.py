@@ -1,13 +1,9 @@
 """Meshes of other libraries, and bad ones: the same numbers, or one line."""
 
-from __future__ import annotations
-
 import re
 import sys
 import types
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,41 +28,41 @@ SPHERE = sphere(12)
 V, F = SPHERE.vertices.astype(np.float64), SPHERE.faces
 
 
-def trimesh() -> Any:
+def trimesh():
     module = pytest.importorskip("trimesh")
     return module.Trimesh(V, F, process=False)
 
 
-def open3d() -> Any:
+def open3d():
     return to_open3d(SPHERE)
 
 
-def lapy() -> Any:
+def lapy():
     return pytest.importorskip("lapy").TriaMesh(V, F)
 
 
-def pyg() -> Any:
+def pyg():
     torch, data = pytest.importorskip("torch"), pytest.importorskip("torch_geometric.data")
     return data.Data(pos=torch.tensor(V, requires_grad=True), face=torch.tensor(F.T))
 
 
-def tensors() -> Any:
+def tensors():
     torch = pytest.importorskip("torch")
     return torch.tensor(V), torch.tensor(F)
 
 
-def lists() -> Any:
+def lists():
     return V.tolist(), F.tolist()
 
 
-def pyvista() -> Any:
+def pyvista():
     return types.SimpleNamespace(points=V, regular_faces=F)
 
 
 @pytest.mark.parametrize(
     "make", [trimesh, open3d, lapy, pyg, tensors, pyvista, lists, lambda: SPHERE]
 )
-def test_meshes_of_other_libraries_give_the_same_numbers(make: Any) -> None:
+def test_meshes_of_other_libraries_give_the_same_numbers(make):
     mesh = make()
     converted = as_mesh(mesh)
     assert converted.vertices.dtype == np.float64
@@ -99,7 +95,7 @@ def test_meshes_of_other_libraries_give_the_same_numbers(make: Any) -> None:
         ((0 * V, F), "area"),
     ],
 )
-def test_what_is_no_mesh_is_one_line(mesh: Any, message: str) -> None:
+def test_what_is_no_mesh_is_one_line(mesh, message):
     for judge in (lambda: compute(mesh, 5), lambda: certify(mesh, [1.0])):
         with pytest.raises(ValueError, match=message) as caught:
             judge()
@@ -119,7 +115,7 @@ def test_what_is_no_mesh_is_one_line(mesh: Any, message: str) -> None:
     ],
 )
 @pytest.mark.filterwarnings("ignore:Sparse (CSR tensor|invariant checks):UserWarning")
-def test_a_tensor_that_is_no_array_of_numpy_is_one_line(change: Any, message: str) -> None:
+def test_a_tensor_that_is_no_array_of_numpy_is_one_line(change, message):
     vertices, faces = tensors()
     with pytest.raises(ValueError, match=message) as caught:
         as_mesh((change(vertices), faces))
@@ -127,7 +123,7 @@ def test_a_tensor_that_is_no_array_of_numpy_is_one_line(change: Any, message: st
 
 
 @pytest.mark.parametrize("k", [1.5, 1.0, "3", None, True, [3]])
-def test_a_number_of_eigenvalues_that_is_no_integer_is_one_line(k: Any) -> None:
+def test_a_number_of_eigenvalues_that_is_no_integer_is_one_line(k):
     with pytest.raises(ValueError, match=f"k must be an integer, got {re.escape(repr(k))}"):
         next(spectra([SPHERE], k))
     with pytest.raises(ValueError, match=f"k must be an integer, got {re.escape(repr(k))}"):
@@ -135,12 +131,12 @@ def test_a_number_of_eigenvalues_that_is_no_integer_is_one_line(k: Any) -> None:
 
 
 @pytest.mark.parametrize("shift", [np.nan, np.inf, -np.inf])
-def test_a_shift_that_is_not_finite_is_one_line(shift: float) -> None:
+def test_a_shift_that_is_not_finite_is_one_line(shift):
     with pytest.raises(ValueError, match=f"shifts must be finite, got 1, {shift}"):
         count_below(SPHERE, 1.0, shift)
 
 
-def compiled() -> dict[str, set[Any]]:
+def compiled():
     """Return the types of arguments for which each kernel of the solver was compiled or loaded."""
     modules = {name: module for name, module in sys.modules.items() if "synthnet.spectrum" in name}
     return {
@@ -151,8 +147,8 @@ def compiled() -> dict[str, set[Any]]:
     }
 
 
-def test_no_kernel_is_compiled_anew_for_arrays_that_are_read_only() -> None:
-    def solve(mesh: Mesh) -> Any:
+def test_no_kernel_is_compiled_anew_for_arrays_that_are_read_only():
+    def solve(mesh):
         return compute(mesh, 5).eigenvalues, surface_eigenvalues(mesh, 5)
 
     expected, before = solve(SPHERE), compiled()
@@ -163,12 +159,12 @@ def test_no_kernel_is_compiled_anew_for_arrays_that_are_read_only() -> None:
     assert compiled() == before
 
 
-def test_integers_of_numpy_are_numbers_of_eigenvalues() -> None:
+def test_integers_of_numpy_are_numbers_of_eigenvalues():
     (found,) = spectra([SPHERE], np.int32(3))
     np.testing.assert_array_equal(found.eigenvalues, compute(SPHERE, 3).eigenvalues)
 
 
-def result_or_line(call: Callable[[], Any]) -> Any:
+def result_or_line(call):
     """What a call returns, or the one line that it raises."""
     try:
         return call()
@@ -189,7 +185,7 @@ NUMBERS = st.one_of(st.floats(width=32), st.integers(-3, 40), st.none(), st.text
     k=st.integers(-2, 9),
 )
 @example(vertices=[[0.0, 0.0, 0.0]], faces=[[0.0, 0.0, float("inf")]], k=1)
-def test_any_lists_have_a_spectrum_or_a_line(vertices: Any, faces: Any, k: int) -> None:
+def test_any_lists_have_a_spectrum_or_a_line(vertices, faces, k):
     result = result_or_line(lambda: compute((vertices, faces), k))
     if not isinstance(result, str):
         assert len(result.eigenvalues) == k
@@ -201,7 +197,7 @@ def test_any_lists_have_a_spectrum_or_a_line(vertices: Any, faces: Any, k: int) 
     answer=st.lists(st.one_of(st.floats(), st.integers(-2, 50)), max_size=8),
     tolerance=st.sampled_from([1e-9, 1e-3, 0.4, 0.0, 1.0]),
 )
-def test_any_answer_is_judged_or_refused_in_a_line(answer: Any, tolerance: float) -> None:
+def test_any_answer_is_judged_or_refused_in_a_line(answer, tolerance):
     verdict = result_or_line(lambda: certify(SPHERE, answer, tolerance=tolerance))
     if not isinstance(verdict, str):
         first = compute(SPHERE, 1).eigenvalues[0]
@@ -209,7 +205,7 @@ def test_any_answer_is_judged_or_refused_in_a_line(answer: Any, tolerance: float
 
 
 @pytest.mark.parametrize("sharp", [False, True])
-def test_eigenvectors_are_orthonormal_and_their_largest_entry_is_positive(sharp: bool) -> None:
+def test_eigenvectors_are_orthonormal_and_their_largest_entry_is_positive(sharp):
     vectors = compute(SPHERE, 7, sharp=sharp).eigenvectors
     assert (np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None], axis=0) > 0).all()
     mass = fem_matrices(SPHERE)[1]
@@ -219,7 +215,7 @@ def test_eigenvectors_are_orthonormal_and_their_largest_entry_is_positive(sharp:
 
 
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_spectra_of_many_are_those_of_each(workers: int) -> None:
+def test_spectra_of_many_are_those_of_each(workers):
     results = list(spectra([SPHERE, (2 * V, F)], k=4, workers=workers))
     np.testing.assert_array_equal(results[0].eigenvalues, compute(SPHERE, 4).eigenvalues)
     assert results[1].eigenvalues == pytest.approx(results[0].eigenvalues / 4)

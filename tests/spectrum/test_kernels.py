@@ -4,7 +4,6 @@ import os
 import stat
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import platformdirs
@@ -22,7 +21,7 @@ def _twice(x):
 
 
 @pytest.mark.parametrize("order", [("room.part", "part"), ("part", "room.part")])
-def test_a_module_may_be_imported_by_two_names(order: tuple[str, str], tmp_path: Path) -> None:
+def test_a_module_may_be_imported_by_two_names(order, tmp_path):
     """As baselines.gcn by its training, and as gcn by its rows."""
     (tmp_path / "room").mkdir()
     (tmp_path / "room" / "part.py").write_text(SOURCE)
@@ -57,14 +56,14 @@ part._twice(2)  # of whole numbers: compiled a second time
 
 
 @pytest.mark.slow
-def test_a_program_and_its_processes_say_once_that_they_compile(tmp_path: Path) -> None:
+def test_a_program_and_its_processes_say_once_that_they_compile(tmp_path):
     (tmp_path / "part.py").write_text(SOURCE)
     (tmp_path / "program.py").write_text(COMPILES)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     environment["TMPDIR"] = str(tmp_path)
     del environment[kernels.SAID]  # empty in tests
 
-    def stderr() -> str:
+    def stderr():
         command = [sys.executable, "program.py", "with others"]
         done = subprocess.run(
             command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
@@ -77,13 +76,13 @@ def test_a_program_and_its_processes_say_once_that_they_compile(tmp_path: Path) 
 
 
 @pytest.fixture(autouse=True)
-def checked_anew() -> Iterator[None]:
+def checked_anew():
     kernels.own.cache_clear()
     yield
     kernels.own.cache_clear()
 
 
-def test_the_folder_is_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_folder_is_the_users_own(tmp_path, monkeypatch):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     assert kernels.folder() == platformdirs.user_cache_path("synthnet-kernels")
     path = tmp_path / "cache" / "kernels"
@@ -92,9 +91,7 @@ def test_the_folder_is_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert stat.S_IMODE(path.stat().st_mode) == 0o700
 
 
-def test_a_folder_that_another_could_have_written_to_is_not_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_that_another_could_have_written_to_is_not_used(tmp_path, monkeypatch):
     open_to_all, linked, file = (tmp_path / name for name in ("open", "linked", "file"))
     open_to_all.mkdir()
     open_to_all.chmod(0o777)
@@ -109,13 +106,13 @@ def test_a_folder_that_another_could_have_written_to_is_not_used(
     assert kernels.own(mine) == f"{mine} {remedy}"
 
 
-def test_what_lies_beside_a_module_is_never_loaded(tmp_path: Path) -> None:
+def test_what_lies_beside_a_module_is_never_loaded(tmp_path):
     """A kernel that is planted there would run: Numba unpickles it."""
     (tmp_path / "part.py").write_text(SOURCE)
     cache = tmp_path / "cache"
     code = "import part; print(part._twice(2.0), part._twice.stats.cache_path)"
 
-    def run(open_to_all: bool) -> tuple[str, str]:
+    def run(open_to_all):
         if open_to_all:
             cache.chmod(0o777)
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "TMPDIR": str(tmp_path)}
@@ -140,13 +137,13 @@ def test_what_lies_beside_a_module_is_never_loaded(tmp_path: Path) -> None:
     assert len(list(cache.rglob("*.nbi"))) == 1
 
 
-def test_a_folder_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_written(tmp_path, monkeypatch):
     full = tmp_path / "cache"
     full.touch()  # Numba can make no folder below it
     monkeypatch.setattr(kernels, "own", lambda path: "")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(full))
 
-    def twice(x: float) -> float:
+    def twice(x):
         return 2.0 * x
 
     compiled = kernels.kernel(twice)
@@ -155,7 +152,7 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.Mon
     assert str(full) != kernels.config.CACHE_DIR
 
 
-def test_kernels_of_a_folder_are_found_where_numba_keeps_them_and_no_others() -> None:
+def test_kernels_of_a_folder_are_found_where_numba_keeps_them_and_no_others():
     spectrum.compile_solver()
     room = Path(spectrum.__file__).parent
     found = list(kernels.compiled([room, room.parent / "commands"]))

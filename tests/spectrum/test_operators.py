@@ -1,7 +1,6 @@
 """Boundary conditions, mass matrices and elements, against closed forms and dense solvers."""
 
 from itertools import product
-from typing import Any
 
 import mpmath
 import numpy as np
@@ -24,7 +23,7 @@ CHOICES = [(elements, mass) for elements, masses in MASSES.items() for mass in m
 ORDERS = {"linear": 2, "quadratic": 4, "curved": 4, "delaunay": 2, "tufted": 2}
 
 
-def dense(mesh: Mesh, operator: Operator) -> np.ndarray:
+def dense(mesh, operator):
     """All eigenvalues, zeros among them, by LAPACK."""
     stiffness, mass = as_sparse(discretise(mesh, operator).matrices)
     return scipy.linalg.eigvalsh(stiffness.toarray(), mass.toarray())
@@ -32,7 +31,7 @@ def dense(mesh: Mesh, operator: Operator) -> np.ndarray:
 
 @pytest.mark.parametrize("name", SHAPES)
 @pytest.mark.parametrize(("elements", "mass"), CHOICES)
-def test_errors_fall_at_the_order_of_the_elements(name: str, elements: str, mass: str) -> None:
+def test_errors_fall_at_the_order_of_the_elements(name, elements, mass):
     shape = SHAPES[name]
     errors = []
     for cells in CELLS:
@@ -47,9 +46,7 @@ def test_errors_fall_at_the_order_of_the_elements(name: str, elements: str, mass
 
 @pytest.mark.parametrize(("elements", "mass"), CHOICES)
 @pytest.mark.parametrize("boundary", ["neumann", "dirichlet", "mask"])
-def test_none_is_missed_and_vectors_are_orthonormal(
-    elements: str, mass: str, boundary: str
-) -> None:
+def test_none_is_missed_and_vectors_are_orthonormal(elements, mass, boundary):
     mesh = square(9)
     held = mesh.vertices[:, 0] == 0 if boundary == "mask" else boundary
     operator = Operator(held, mass, elements)
@@ -74,7 +71,7 @@ def test_none_is_missed_and_vectors_are_orthonormal(
 
 @given(st.integers(0, 2**32), st.sampled_from(CHOICES), st.booleans())
 @settings(max_examples=40, deadline=None)
-def test_random_discs_with_random_masks(seed: int, choice: tuple[str, str], several: bool) -> None:
+def test_random_discs_with_random_masks(seed, choice, several):
     rng = np.random.default_rng(seed)
     mesh = square(int(rng.integers(3, 9)))
     mesh = Mesh(mesh.vertices + rng.uniform(-0.02, 0.02, mesh.vertices.shape), mesh.faces)
@@ -98,7 +95,7 @@ def test_random_discs_with_random_masks(seed: int, choice: tuple[str, str], seve
 @pytest.mark.parametrize("mass", ["consistent", "mean", "lumped"])
 @pytest.mark.parametrize("aspect", [0.3, 1e-4])
 @pytest.mark.parametrize("held", [False, True], ids=["neumann", "held"])
-def test_exact_eigenvalues_are_within_the_bound(mass: str, aspect: float, held: bool) -> None:
+def test_exact_eigenvalues_are_within_the_bound(mass, aspect, held):
     mesh = thin(aspect, "needles", seed=1)
     mask = np.zeros(len(mesh.vertices), dtype=bool)
     mask[mesh.faces[0, 0]] = held
@@ -124,7 +121,7 @@ def test_exact_eigenvalues_are_within_the_bound(mass: str, aspect: float, held: 
             assert below <= i < above
 
 
-def negative(stiffness, mass, free, shift) -> int:  # type: ignore[no-untyped-def]
+def negative(stiffness, mass, free, shift):
     """Count negative pivots of A − σB on the free rows, in the precision of its entries."""
     rows = [[stiffness[i, j] - shift * mass[i, j] for j in free.tolist()] for i in free.tolist()]
     count = 0
@@ -137,7 +134,7 @@ def negative(stiffness, mass, free, shift) -> int:  # type: ignore[no-untyped-de
     return count
 
 
-def test_quadratic_elements_are_those_of_the_atlas_of_flat_triangles() -> None:
+def test_quadratic_elements_are_those_of_the_atlas_of_flat_triangles():
     mesh = sphere(12)
     corners = mesh.vertices[mesh.faces]
     charts = np.zeros(len(corners), dtype=np.int64)
@@ -147,14 +144,14 @@ def test_quadratic_elements_are_those_of_the_atlas_of_flat_triangles() -> None:
     np.testing.assert_allclose(mine.eigenvalues, other.eigenvalues, rtol=1e-9)
 
 
-def test_tufted_is_the_lumped_cotangent_operator_of_a_delaunay_surface() -> None:
+def test_tufted_is_the_lumped_cotangent_operator_of_a_delaunay_surface():
     mesh = sphere(20)
     tufted = spectrum.compute(mesh, operator=Operator(elements="tufted"))
     plain = spectrum.compute(mesh, operator=Operator(mass="lumped"))
     np.testing.assert_allclose(tufted.eigenvalues, plain.eigenvalues, rtol=1e-3)
 
 
-def test_tufted_takes_what_is_no_manifold_and_flat_triangles_without_a_word() -> None:
+def test_tufted_takes_what_is_no_manifold_and_flat_triangles_without_a_word():
     page = square(8)
     spine = np.flatnonzero(page.vertices[:, 0] == 0)
     book = [page.vertices]
@@ -182,7 +179,7 @@ def test_tufted_takes_what_is_no_manifold_and_flat_triangles_without_a_word() ->
         spectrum.compute(flat, 2)
 
 
-def test_a_component_that_is_not_held_keeps_its_zero() -> None:
+def test_a_component_that_is_not_held_keeps_its_zero():
     mesh = side_by_side(square(10), sphere(12))
     operator = Operator("dirichlet")
     result = spectrum.compute(mesh, 10, operator=operator)
@@ -193,7 +190,7 @@ def test_a_component_that_is_not_held_keeps_its_zero() -> None:
 
 
 @pytest.mark.parametrize(("elements", "mass"), CHOICES)
-def test_certify_judges_the_operator_that_is_named(elements: str, mass: str) -> None:
+def test_certify_judges_the_operator_that_is_named(elements, mass):
     mesh, operator = square(9), Operator("dirichlet", mass, elements)
     pairs = spectrum.compute(mesh, 6, operator=operator)
     assert spectrum.certify(mesh, pairs.eigenvalues, operator=operator).certified
@@ -222,12 +219,12 @@ def test_certify_judges_the_operator_that_is_named(elements: str, mass: str) -> 
         ({"elements": "tufted", "mass": "mean"}, "tufted elements have no mean mass: lumped only"),
     ],
 )
-def test_an_operator_that_there_is_not_is_one_line(names: dict[str, Any], line: str) -> None:
+def test_an_operator_that_there_is_not_is_one_line(names, line):
     with pytest.raises(ValueError, match=line):
         Operator(**names)
 
 
-def test_a_mask_is_of_the_vertices_that_are_solved_for() -> None:
+def test_a_mask_is_of_the_vertices_that_are_solved_for():
     """Repairs may give vertices other numbers, so none is made beside a mask."""
     mesh = square(4)
     mask = mesh.vertices[:, 0] == 0
@@ -253,7 +250,7 @@ def test_a_mask_is_of_the_vertices_that_are_solved_for() -> None:
         (np.ones(9, bool), r'such as Operator\(boundary="dirichlet"\), got ndarray'),
     ],
 )
-def test_what_is_no_operator_is_one_line(operator: Any, line: str) -> None:
+def test_what_is_no_operator_is_one_line(operator, line):
     for solve in (spectrum.compute, spectrum.count_below):
         with pytest.raises(ValueError, match=f"operator must be an Operator, {line}"):
             solve(square(2), 5, operator=operator)
@@ -275,7 +272,7 @@ def test_what_is_no_operator_is_one_line(operator: Any, line: str) -> None:
         (square(3), "dirichlet", "k must be between 1 and 4 for 4 free vertices, got 5"),
     ],
 )
-def test_a_boundary_that_does_not_fit_is_one_line(mesh: Mesh, boundary: Any, line: str) -> None:
+def test_a_boundary_that_does_not_fit_is_one_line(mesh, boundary, line):
     with pytest.raises(ValueError, match=line):
         spectrum.compute(mesh, 5, operator=Operator(boundary))
 
@@ -289,17 +286,17 @@ def test_a_boundary_that_does_not_fit_is_one_line(mesh: Mesh, boundary: Any, lin
         (Operator("dirichlet", elements="quadratic"), "1 and 9 for 9 free unknowns, got 50"),
     ],
 )
-def test_more_eigenvalues_than_unknowns_are_one_line(operator: Operator, line: str) -> None:
+def test_more_eigenvalues_than_unknowns_are_one_line(operator, line):
     with pytest.raises(ValueError, match=line):
         spectrum.compute(square(2), 50, operator=operator)
 
 
-def test_only_linear_elements_are_sharp() -> None:
+def test_only_linear_elements_are_sharp():
     with pytest.raises(ValueError, match="sharp is for linear elements, not tufted ones"):
         spectrum.compute(square(3), 5, sharp=True, operator=Operator(elements="tufted"))
 
 
-def test_repair_names_what_it_did_and_gives_the_mesh_of_the_vectors() -> None:
+def test_repair_names_what_it_did_and_gives_the_mesh_of_the_vectors():
     ball = sphere(12)
     corners = ball.vertices[ball.faces].reshape(-1, 3)
     soup = Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
@@ -315,7 +312,7 @@ def test_repair_names_what_it_did_and_gives_the_mesh_of_the_vectors() -> None:
         spectrum.compute(sphere(3), 500, repair=True)
 
 
-def test_a_repaired_mesh_has_as_many_eigenvalues_as_the_same_mesh_had_before() -> None:
+def test_a_repaired_mesh_has_as_many_eigenvalues_as_the_same_mesh_had_before():
     mesh, quadratic = sphere(3), Operator(elements="quadratic")
     n = len(mesh.vertices)
     values = spectrum.compute(mesh, n - 1, repair=True).eigenvalues

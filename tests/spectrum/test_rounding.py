@@ -1,7 +1,6 @@
 """The error bound of a spectrum, against exact arithmetic."""
 
 import dataclasses
-from typing import Literal
 
 import mpmath
 import numpy as np
@@ -21,7 +20,7 @@ from tests.spectrum.meshes import side_by_side, sphere
     [0.3, 1e-3, 1e-6, *(pytest.param(10.0**-e, marks=pytest.mark.slow) for e in (1, 2, 4, 5, 7))],
 )
 @pytest.mark.parametrize("sharp", [False, True], ids=["matrices", "sharp"])
-def test_exact_eigenvalues_are_within_the_bound(aspect: float, kind: str, sharp: bool) -> None:
+def test_exact_eigenvalues_are_within_the_bound(aspect, kind, sharp):
     mesh = thin(aspect, kind, seed=round(-100 * np.log10(aspect)))
     if (kind, aspect) == ("row", 1e-7):  # one thin row beside wide ones: the count cannot be proved
         with pytest.raises(CertificateError, match="rounding moves the shift"):
@@ -44,9 +43,7 @@ def test_exact_eigenvalues_are_within_the_bound(aspect: float, kind: str, sharp:
 @pytest.mark.parametrize("mass", ["lumped", "mean"])
 @pytest.mark.parametrize("sharp", [False, True], ids=["matrices", "sharp"])
 @pytest.mark.parametrize("thin", [1e-3, 1e-7])
-def test_bounds_of_other_masses_hold_beside_a_tiny_angle(
-    thin: float, mass: Literal["lumped", "mean"], sharp: bool
-) -> None:
+def test_bounds_of_other_masses_hold_beside_a_tiny_angle(thin, mass, sharp):
     """Of its two long edges, the area is wrong by rounding over the sine of that angle."""
     corners = [[0, 0, 0], [1 / 3, thin / 7, thin / 3], [1, 0.5, 0.6], [thin, thin / 3, thin / 9]]
     vertices = np.array(corners) + np.array([0.1, 0.2, 0.3])
@@ -63,9 +60,7 @@ def test_bounds_of_other_masses_hold_beside_a_tiny_angle(
 
 
 @pytest.mark.parametrize(("aspect", "gain"), [(1e-5, 5), (0.3, 1)])
-def test_sharp_eigenvalues_are_nearer_on_thin_triangles_and_the_same_on_others(
-    aspect: float, gain: float
-) -> None:
+def test_sharp_eigenvalues_are_nearer_on_thin_triangles_and_the_same_on_others(aspect, gain):
     gains = []
     for seed in range(6):  # how much a single mesh gains depends on the processor's rounding
         mesh = thin(aspect, "needles", seed=seed)
@@ -83,7 +78,7 @@ def test_sharp_eigenvalues_are_nearer_on_thin_triangles_and_the_same_on_others(
     assert np.exp(np.log(gains).mean()) > gain
 
 
-def test_the_residual_alone_does_not_see_the_rounding_of_a_thin_strip() -> None:
+def test_the_residual_alone_does_not_see_the_rounding_of_a_thin_strip():
     mesh = thin(1e-5, "needles", seed=0)
     result = spectrum.compute(mesh, K)
     bound = result.certificate.error_bound
@@ -91,7 +86,7 @@ def test_the_residual_alone_does_not_see_the_rounding_of_a_thin_strip() -> None:
     assert (bound / result.eigenvalues).max() > 20 * result.certificate.residual
 
 
-def test_on_an_ordinary_mesh_the_bound_is_rounding() -> None:
+def test_on_an_ordinary_mesh_the_bound_is_rounding():
     result = spectrum.compute(sphere(40))
     bound = result.certificate.error_bound
     assert bound is not None
@@ -99,19 +94,19 @@ def test_on_an_ordinary_mesh_the_bound_is_rounding() -> None:
     assert (bound / result.eigenvalues).max() < 1e-11
 
 
-def test_so_many_that_they_are_bounded_in_blocks_have_a_bound_as_sharp() -> None:
+def test_so_many_that_they_are_bounded_in_blocks_have_a_bound_as_sharp():
     result = spectrum.compute(square(40), 150)
     bound = result.certificate.error_bound
     assert bound is not None
     assert (bound / result.eigenvalues).max() < 2e-12  # 7e-12 by vectors taken as Ritz vectors
 
 
-def test_certificates_are_compared_without_the_bound() -> None:
+def test_certificates_are_compared_without_the_bound():
     proof = spectrum.compute(thin(0.3, "needles", seed=0), K).certificate
     assert dataclasses.replace(proof, error_bound=None) == proof
 
 
-def test_equal_components_have_bounds_though_the_last_of_the_label_is_in_a_cluster() -> None:
+def test_equal_components_have_bounds_though_the_last_of_the_label_is_in_a_cluster():
     twice = side_by_side(sphere(14), sphere(14))
     for sharp in (False, True):
         bound = spectrum.compute(twice, sharp=sharp).certificate.error_bound

@@ -19,30 +19,30 @@ from synthnet.types import Mesh
 from tests.spectrum.meshes import side_by_side
 
 
-def ball(subdivisions: int) -> Mesh:
+def ball(subdivisions):
     """The icosphere: its eigenvalues come in copies of up to five."""
     sphere = trimesh.creation.icosphere(subdivisions=subdivisions)
     return Mesh(np.asarray(sphere.vertices), np.asarray(sphere.faces))
 
 
-def dense(mesh: Mesh, operator: Operator = solve.PLAIN) -> np.ndarray:
+def dense(mesh, operator=solve.PLAIN):
     stiffness, mass = as_sparse(discretise(mesh, operator).matrices)
     return scipy.linalg.eigvalsh(stiffness.toarray(), mass.toarray())
 
 
-def bumpy(cells: int, seed: int) -> Mesh:
+def bumpy(cells, seed):
     mesh = square(cells)
     moved = np.random.default_rng(seed).uniform(-0.3 / cells, 0.3 / cells, mesh.vertices.shape)
     return Mesh(mesh.vertices + moved, mesh.faces)
 
 
 @pytest.fixture
-def sliced(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+def sliced(monkeypatch):
     """Slices on small meshes; the number of pairs of each that was searched for."""
-    asked: list[int] = []
+    asked = []
     search = slices.search
 
-    def counted(matrices, ordering, k, *others):  # type: ignore[no-untyped-def]
+    def counted(matrices, ordering, k, *others):
         asked.append(k)
         return search(matrices, ordering, k, *others)
 
@@ -61,9 +61,7 @@ def sliced(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         (square(15), Operator("dirichlet", elements="quadratic"), 0),
     ],
 )
-def test_none_is_missed_over_several_slices(
-    mesh: Mesh, operator: Operator, zeros: int, sliced: list[int]
-) -> None:
+def test_none_is_missed_over_several_slices(mesh, operator, zeros, sliced):
     result = spectrum.compute(mesh, 200, operator=operator)
     assert len(sliced) >= 3
     values = dense(mesh, operator)
@@ -84,7 +82,7 @@ def test_none_is_missed_over_several_slices(
 
 @given(st.integers(0, 2**32), st.integers(6, 20), st.integers(1, 12))
 @settings(max_examples=30, deadline=None)
-def test_any_slices_give_the_spectrum(seed: int, pairs: int, beside: int) -> None:
+def test_any_slices_give_the_spectrum(seed, pairs, beside):
     mesh = bumpy(16, seed)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(solve, "DENSE_AT_MOST", 0)
@@ -95,19 +93,17 @@ def test_any_slices_give_the_spectrum(seed: int, pairs: int, beside: int) -> Non
     np.testing.assert_allclose(result.eigenvalues, dense(mesh)[1:81], rtol=1e-9)
 
 
-def test_components_may_have_long_spectra(sliced: list[int]) -> None:
+def test_components_may_have_long_spectra(sliced):
     mesh = side_by_side(ball(3), square(20))
     result = spectrum.compute(mesh, 150)
     assert sliced
     np.testing.assert_allclose(result.eigenvalues, dense(mesh)[2:152], rtol=1e-9)
 
 
-def test_a_slice_that_lacks_a_pair_is_no_answer(
-    monkeypatch: pytest.MonkeyPatch, sliced: list[int]
-) -> None:
+def test_a_slice_that_lacks_a_pair_is_no_answer(monkeypatch, sliced):
     search = slices.search
 
-    def lossy(matrices, ordering, k, setting, window):  # type: ignore[no-untyped-def]
+    def lossy(matrices, ordering, k, setting, window):
         part, counted = search(matrices, ordering, k, setting, window)
         if window is not None:
             part = replace(part, values=part.values[1:], vectors=part.vectors[1:])
@@ -120,12 +116,10 @@ def test_a_slice_that_lacks_a_pair_is_no_answer(
         slices.search_in_slices(matrices, ordering, 120, solve.NORMAL)
 
 
-def test_a_pair_that_may_be_of_the_slice_before_is_no_answer(
-    monkeypatch: pytest.MonkeyPatch, sliced: list[int]
-) -> None:
+def test_a_pair_that_may_be_of_the_slice_before_is_no_answer(monkeypatch, sliced):
     search = slices.search
 
-    def rough(matrices, ordering, k, setting, window):  # type: ignore[no-untyped-def]
+    def rough(matrices, ordering, k, setting, window):
         part, counted = search(matrices, ordering, k, setting, window)
         if window is None:
             return part, counted
@@ -140,8 +134,8 @@ def test_a_pair_that_may_be_of_the_slice_before_is_no_answer(
         slices.search_in_slices(matrices, ordering, 120, solve.NORMAL)
 
 
-def test_where_slices_fail_one_search_is_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    def failing(*_: object) -> None:
+def test_where_slices_fail_one_search_is_the_answer(monkeypatch):
+    def failing(*_):
         raise SpectrumError("no slice")
 
     mesh = square(20)
@@ -152,7 +146,7 @@ def test_where_slices_fail_one_search_is_the_answer(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.slow
-def test_a_thousand_eigenvalues_of_a_sphere_are_clusters_around_the_smooth_ones() -> None:
+def test_a_thousand_eigenvalues_of_a_sphere_are_clusters_around_the_smooth_ones():
     result = spectrum.compute(ball(5), 1000)
     smooth = np.repeat([n * (n + 1.0) for n in range(1, 32)], [2 * n + 1 for n in range(1, 32)])
     off = result.eigenvalues / smooth[:1000] - 1
@@ -162,9 +156,7 @@ def test_a_thousand_eigenvalues_of_a_sphere_are_clusters_around_the_smooth_ones(
 
 
 @pytest.mark.parametrize("mesh", [ball(3), square(25)], ids=["sphere", "square"])
-def test_one_search_finds_a_spectrum_that_just_needs_no_slices(
-    mesh: Mesh, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_search_finds_a_spectrum_that_just_needs_no_slices(mesh, monkeypatch):
     monkeypatch.setattr(solve, "DENSE_AT_MOST", 0)
     monkeypatch.setattr(solve, "search_in_slices", None)  # is not called
     result = spectrum.compute(mesh, solve.LONG)

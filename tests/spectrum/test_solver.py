@@ -10,16 +10,15 @@ from synthnet.families import FAMILIES, PRIMITIVES
 from synthnet.spectrum import fem, ldl, reference, substitution
 from synthnet.spectrum.degree import minimum_degree
 from synthnet.spectrum.lanczos import Lanczos
-from synthnet.spectrum.ordering import Ordering, find_ordering
-from synthnet.types import Mesh
+from synthnet.spectrum.ordering import find_ordering
 from tests.spectrum.meshes import drawn, sphere
 
 
-def matrices_of(mesh: Mesh) -> fem.Matrices:
+def matrices_of(mesh):
     return fem.assemble(mesh.vertices, mesh.faces.astype(np.int32))
 
 
-def dense(matrices: fem.Matrices) -> tuple[np.ndarray, np.ndarray]:
+def dense(matrices):
     stiffness, mass = (
         sparse.csr_matrix((values, matrices.indices, matrices.indptr)).toarray()
         for values in (matrices.stiffness, matrices.mass)
@@ -27,13 +26,13 @@ def dense(matrices: fem.Matrices) -> tuple[np.ndarray, np.ndarray]:
     return stiffness, mass
 
 
-def pattern_of(graph: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def pattern_of(graph):
     matrix = sparse.csr_matrix(graph + graph.T + np.eye(len(graph)))
     matrix.sort_indices()
     return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)
 
 
-def fill(indptr: np.ndarray, indices: np.ndarray, order: np.ndarray) -> int:
+def fill(indptr, indices, order):
     """Entries of the factor below the diagonal, by elimination on a set of neighbours."""
     position = np.argsort(order)
     later = [set() for _ in order]
@@ -50,14 +49,14 @@ def fill(indptr: np.ndarray, indices: np.ndarray, order: np.ndarray) -> int:
 # --- the matrices' pattern ---------------------------------------------------------------
 
 
-def test_pattern_of_two_triangles() -> None:
+def test_pattern_of_two_triangles():
     faces = np.array([[3, 0, 1], [1, 2, 3]], np.int32)
     indptr, indices = fem.pattern(faces, 4)
     assert indptr.tolist() == [0, 3, 7, 10, 14]
     assert indices.tolist() == [0, 1, 3, 0, 1, 2, 3, 1, 2, 3, 0, 1, 2, 3]
 
 
-def test_a_vertex_of_many_faces_has_sorted_neighbours() -> None:
+def test_a_vertex_of_many_faces_has_sorted_neighbours():
     mesh = FAMILIES["cone"].generate(
         {"radius": 1.0, "height": 1.0, "resolution": 97, "split": 1, "subdivisions": 0}
     )
@@ -67,7 +66,7 @@ def test_a_vertex_of_many_faces_has_sorted_neighbours() -> None:
     assert all((np.diff(row) > 0).all() for row in rows)
 
 
-def test_products_are_those_of_the_matrix() -> None:
+def test_products_are_those_of_the_matrix():
     matrices = matrices_of(drawn("conical_frustum"))
     stiffness, _ = dense(matrices)
     for count in (1, 2, 5):
@@ -79,7 +78,7 @@ def test_products_are_those_of_the_matrix() -> None:
 # --- the ordering ------------------------------------------------------------------------
 
 
-def check_ordering(ordering: Ordering, indptr: np.ndarray, indices: np.ndarray) -> None:
+def check_ordering(ordering, indptr, indices):
     n, fronts = len(ordering.order), len(ordering.child)
     assert sorted(ordering.order) == list(range(n))
     assert (ordering.position[ordering.order] == np.arange(n)).all()
@@ -108,20 +107,20 @@ def check_ordering(ordering: Ordering, indptr: np.ndarray, indices: np.ndarray) 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(1, 40), st.floats(0.0, 0.4), st.integers(0, 2**32 - 1))
-def test_ordering_of_a_random_graph_is_one_of_its_factor(n: int, p: float, seed: int) -> None:
+def test_ordering_of_a_random_graph_is_one_of_its_factor(n, p, seed):
     rng = np.random.default_rng(seed)
     indptr, indices = pattern_of(np.triu(rng.random((n, n)) < p, 1).astype(float))
     check_ordering(find_ordering(indptr, indices), indptr, indices)
 
 
 @pytest.mark.parametrize("family", PRIMITIVES)
-def test_ordering_of_every_family_is_one_of_its_factor(family: str) -> None:
+def test_ordering_of_every_family_is_one_of_its_factor(family):
     matrices = matrices_of(drawn(family))
     ordering = find_ordering(matrices.indptr, matrices.indices)
     check_ordering(ordering, matrices.indptr, matrices.indices)
 
 
-def test_a_path_and_a_star_are_eliminated_without_fill() -> None:
+def test_a_path_and_a_star_are_eliminated_without_fill():
     for n in (2, 9, 40):
         path = np.eye(n, k=1)
         star = np.zeros((n, n))
@@ -132,7 +131,7 @@ def test_a_path_and_a_star_are_eliminated_without_fill() -> None:
             assert fill(indptr, indices, ordering.order) == n - 1
 
 
-def test_fill_of_a_grid_is_that_of_a_good_ordering() -> None:
+def test_fill_of_a_grid_is_that_of_a_good_ordering():
     side = 30
     line = np.eye(side, k=1)
     grid = np.kron(line, np.eye(side)) + np.kron(np.eye(side), line)
@@ -144,7 +143,7 @@ def test_fill_of_a_grid_is_that_of_a_good_ordering() -> None:
     assert dissected < 31 / 4 * side**2 * np.log2(side**2) / 4 < natural
 
 
-def test_vertices_with_the_same_neighbours_are_eliminated_together() -> None:
+def test_vertices_with_the_same_neighbours_are_eliminated_together():
     indptr, indices = pattern_of(np.triu(np.ones((12, 12)), 1))
     _, pivots, size, below = minimum_degree(indptr, indices, np.zeros(12, np.int32))
     assert size[pivots].tolist() == [12]
@@ -156,7 +155,7 @@ def test_vertices_with_the_same_neighbours_are_eliminated_together() -> None:
 
 @pytest.mark.parametrize("family", PRIMITIVES)
 @pytest.mark.parametrize("shift", [-1.0, 3.0, 30.0])
-def test_factor_solves_and_counts(family: str, shift: float) -> None:
+def test_factor_solves_and_counts(family, shift):
     matrices = matrices_of(drawn(family))
     ordering = find_ordering(matrices.indptr, matrices.indices)
     factor = ldl.factorise(matrices, ordering, shift)
@@ -179,7 +178,7 @@ def test_factor_solves_and_counts(family: str, shift: float) -> None:
     assert (factor.negative == 0) == (shift < 0)
 
 
-def test_pivots_of_a_random_matrix_have_the_signs_of_its_eigenvalues() -> None:
+def test_pivots_of_a_random_matrix_have_the_signs_of_its_eigenvalues():
     rng = np.random.default_rng(3)
     n = 30
     indptr, indices = pattern_of(np.triu(rng.random((n, n)) < 0.2, 1).astype(float))
@@ -205,7 +204,7 @@ def test_pivots_of_a_random_matrix_have_the_signs_of_its_eigenvalues() -> None:
 @pytest.mark.parametrize(
     ("size", "width"), [(5, 3), (60, 11), (90, 48), (121, 50), (161, 102), (150, 150)]
 )
-def test_a_front_is_eliminated_as_by_hand(size: int, width: int) -> None:
+def test_a_front_is_eliminated_as_by_hand(size, width):
     half = np.random.default_rng(size).normal(size=(size, size))
     symmetric = half + half.T + 3 * np.diag(np.sign(half[0]) * size)
     front = np.triu(symmetric) + np.tril(np.full((size, size), np.nan), -1)  # not to be read
@@ -218,7 +217,7 @@ def test_a_front_is_eliminated_as_by_hand(size: int, width: int) -> None:
     np.testing.assert_allclose(rest, np.triu(left)[width:, width:], rtol=1e-9, atol=1e-9)
 
 
-def test_uncertainty_is_that_of_the_absolute_factors() -> None:
+def test_uncertainty_is_that_of_the_absolute_factors():
     # A - 2B = [[-1, 1], [1, 3]]: L21 = -1, D = (-1, 4); |L||D||L'| = diag(1, 1 + 4).
     indptr, indices = np.array([0, 2, 4], np.int32), np.array([0, 1, 0, 1], np.int32)
     values, mass = np.array([1.0, 1, 1, 7]), np.array([1.0, 0, 0, 2])
@@ -229,7 +228,7 @@ def test_uncertainty_is_that_of_the_absolute_factors() -> None:
     assert factor.uncertainty == pytest.approx(4 * np.finfo(float).eps * largest)
 
 
-def test_uncertainty_of_a_mesh_is_that_of_the_dense_factors() -> None:
+def test_uncertainty_of_a_mesh_is_that_of_the_dense_factors():
     matrices = matrices_of(sphere(10))
     ordering = find_ordering(matrices.indptr, matrices.indices)
     a, b = dense(matrices)
@@ -247,7 +246,7 @@ def test_uncertainty_of_a_mesh_is_that_of_the_dense_factors() -> None:
     assert factor.uncertainty == pytest.approx(4 * np.finfo(float).eps * largest, rel=1e-6)
 
 
-def test_zero_pivot_is_not_finite() -> None:
+def test_zero_pivot_is_not_finite():
     indptr, indices = np.array([0, 2, 4], np.int32), np.array([0, 1, 0, 1], np.int32)
     matrices = fem.Matrices(
         indptr, indices, np.array([0.0, 1, 1, 0]), np.eye(2).ravel(), np.ones(2)
@@ -258,7 +257,7 @@ def test_zero_pivot_is_not_finite() -> None:
 # --- Lanczos -----------------------------------------------------------------------------
 
 
-def search(mesh: Mesh, sigma: float, *, limit: int = 81, **options: bool) -> Lanczos:
+def search(mesh, sigma, *, limit=81, **options):
     matrices = matrices_of(mesh)
     ordering = find_ordering(matrices.indptr, matrices.indices)
     factor = ldl.factorise(matrices, ordering, sigma)
@@ -267,9 +266,7 @@ def search(mesh: Mesh, sigma: float, *, limit: int = 81, **options: bool) -> Lan
 
 @pytest.mark.parametrize("lean", [False, True])
 @pytest.mark.parametrize("strict", [False, True])
-def test_basis_is_orthonormal_and_the_projection_that_of_the_operator(
-    strict: bool, lean: bool
-) -> None:
+def test_basis_is_orthonormal_and_the_projection_that_of_the_operator(strict, lean):
     mesh = drawn("torus")
     lanczos = search(mesh, 5.0, strict=strict, lean=lean)
     assert lanczos.extend(20)
@@ -286,7 +283,7 @@ def test_basis_is_orthonormal_and_the_projection_that_of_the_operator(
     )
 
 
-def test_error_bounds_hold_and_fall() -> None:
+def test_error_bounds_hold_and_fall():
     mesh = drawn("cylinder")
     a, b = dense(matrices_of(mesh))
     exact = reference.all_eigenvalues(*reference.matrices(mesh.vertices, mesh.faces))
@@ -307,7 +304,7 @@ def test_error_bounds_hold_and_fall() -> None:
         assert defect <= 1e-6 * np.linalg.norm(b @ vector)
 
 
-def test_search_ends_where_there_is_no_room() -> None:
+def test_search_ends_where_there_is_no_room():
     lanczos = search(drawn("tetrahedron"), 5.0, limit=11)
     assert lanczos.extend(3)
     assert not lanczos.extend(3)
@@ -317,7 +314,7 @@ def test_search_ends_where_there_is_no_room() -> None:
 
 
 @pytest.mark.parametrize("lean", [False, True])
-def test_a_shift_close_to_an_eigenvalue_makes_the_search_strict(lean: bool) -> None:
+def test_a_shift_close_to_an_eigenvalue_makes_the_search_strict(lean):
     mesh = drawn("torus")
     exact = reference.all_eigenvalues(*reference.matrices(mesh.vertices, mesh.faces))
     lanczos = search(mesh, exact[6] * (1 - 1e-5), lean=lean)

@@ -1,11 +1,7 @@
 """Judgements of eigenvalues: what is right, off and missing, beside a dense solver."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +21,7 @@ SHAPES = {
 }
 
 
-def exact(mesh: Mesh) -> Any:
+def exact(mesh):
     """All eigenvalues after the zero, by LAPACK."""
     stiffness, mass = (matrix.toarray() for matrix in fem_matrices(mesh))
     return linalg.eigh(stiffness, mass, eigvals_only=True)[1:]
@@ -35,7 +31,7 @@ VALUES = {name: exact(mesh) for name, mesh in SHAPES.items()}
 
 
 @contextmanager
-def without_a_solver() -> Iterator[None]:
+def without_a_solver():
     """No eigenvectors can be found, so that everything is counted."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(verdict, "_found", lambda *_: None)
@@ -43,7 +39,7 @@ def without_a_solver() -> Iterator[None]:
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_right_answers_are_certified(name: str) -> None:
+def test_right_answers_are_certified(name):
     for answer in (VALUES[name][:9], np.append(VALUES[name][8::-1], 1e-15)):
         judged = certify(SHAPES[name], answer)
         assert judged.certified
@@ -51,7 +47,7 @@ def test_right_answers_are_certified(name: str) -> None:
         assert judged.count >= 10
 
 
-def test_one_count_says_what_a_hundred_do() -> None:
+def test_one_count_says_what_a_hundred_do():
     values = VALUES["torus"][:50]
     few = certify(SHAPES["torus"], values)
     with without_a_solver():
@@ -64,9 +60,7 @@ def test_one_count_says_what_a_hundred_do() -> None:
 
 @settings(max_examples=60)
 @given(st.sampled_from(sorted(SHAPES)), st.integers(0, 2**32), st.sampled_from([1e-6, 1e-3, 0.1]))
-def test_counts_that_follow_are_those_of_factorisations(
-    name: str, seed: int, tolerance: float
-) -> None:
+def test_counts_that_follow_are_those_of_factorisations(name, seed, tolerance):
     rng = np.random.default_rng(seed)
     answer = VALUES[name][np.sort(rng.integers(0, 20, rng.integers(1, 12)))]
     answer = answer * (1 + rng.choice([0, 1e-7, 1e-2, 0.2]) * rng.standard_normal(len(answer)))
@@ -87,9 +81,7 @@ def test_counts_that_follow_are_those_of_factorisations(
     st.sampled_from([1e-6, 1e-3, 0.1, 0.5]),
     st.sampled_from([0.5, 0.9, 1.5, 5.0]),
 )
-def test_what_is_certified_is_near_eigenvalue_by_eigenvalue(
-    name: str, seed: int, tolerance: float, by: float
-) -> None:
+def test_what_is_certified_is_near_eigenvalue_by_eigenvalue(name, seed, tolerance, by):
     """Also where tolerances overlap, so that the count of a group says nothing of its members."""
     rng = np.random.default_rng(seed)
     true = VALUES[name][: rng.integers(1, 30)]
@@ -102,7 +94,7 @@ def test_what_is_certified_is_near_eigenvalue_by_eigenvalue(
     )
 
 
-def test_answers_that_are_bunched_or_stretched_are_off() -> None:
+def test_answers_that_are_bunched_or_stretched_are_off():
     """As many lie between two right ones as should, and each within reach of its neighbour."""
     true = VALUES["torus"][:60]
     stretched = np.append(true[:9], np.geomspace(true[9], true[59], 51))
@@ -115,7 +107,7 @@ def test_answers_that_are_bunched_or_stretched_are_off() -> None:
     assert [index for index, _ in judged.off] == [2, 3]
 
 
-def dumbbell(neck: float) -> Mesh:
+def dumbbell(neck):
     """Two spheres, joined where a triangle of each, shrunk, is cut out."""
     vertices, faces = SHAPES["sphere"].vertices.copy(), SHAPES["sphere"].faces
     cut = faces[len(faces) // 2]
@@ -132,7 +124,7 @@ def dumbbell(neck: float) -> Mesh:
 
 
 @pytest.mark.parametrize("neck", [1e-3, 1e-5, 1e-6])
-def test_the_small_eigenvalue_of_a_neck_is_no_zero(neck: float) -> None:
+def test_the_small_eigenvalue_of_a_neck_is_no_zero(neck):
     mesh = dumbbell(neck)
     values = compute(mesh, 4, sharp=True).eigenvalues
     assert values[0] < 1e-3
@@ -144,7 +136,7 @@ def test_the_small_eigenvalue_of_a_neck_is_no_zero(neck: float) -> None:
     )
 
 
-def test_what_rounding_leaves_open_is_not_certified() -> None:
+def test_what_rounding_leaves_open_is_not_certified():
     mesh = dumbbell(1e-8)
     values = compute(mesh, 4, sharp=True).eigenvalues
     judged = certify(mesh, values)
@@ -155,7 +147,7 @@ def test_what_rounding_leaves_open_is_not_certified() -> None:
 
 
 @pytest.mark.parametrize("size", [1e2, 1e4, 1e8])
-def test_components_of_all_sizes_are_judged_within_what_was_asked(size: float) -> None:
+def test_components_of_all_sizes_are_judged_within_what_was_asked(size):
     mesh = SHAPES["sphere"]
     scales = np.array([1 / size, 1, size])
     vertices = [scale * mesh.vertices + [4 * size * i, 0, 0] for i, scale in enumerate(scales)]
@@ -170,7 +162,7 @@ def test_components_of_all_sizes_are_judged_within_what_was_asked(size: float) -
 
 @settings(max_examples=60)
 @given(st.sampled_from(sorted(SHAPES)), st.sets(st.integers(0, 9), max_size=4))
-def test_what_is_missing_is_named_by_its_index(name: str, left_out: set[int]) -> None:
+def test_what_is_missing_is_named_by_its_index(name, left_out):
     values = VALUES[name][:12]
     judged = certify(SHAPES[name], np.delete(values, sorted(left_out)))
     assert not judged.off
@@ -182,7 +174,7 @@ def test_what_is_missing_is_named_by_its_index(name: str, left_out: set[int]) ->
 
 @pytest.mark.parametrize("name", SHAPES)
 @pytest.mark.parametrize("by", [1e-4, -1e-4])
-def test_what_is_off_is_named_with_the_eigenvalue_it_stands_for(name: str, by: float) -> None:
+def test_what_is_off_is_named_with_the_eigenvalue_it_stands_for(name, by):
     answer = VALUES[name][:6] * (1 + by)
     judged = certify(SHAPES[name], answer)
     assert [index for index, _ in judged.off] == [1, 2, 3, 4, 5, 6]
@@ -192,7 +184,7 @@ def test_what_is_off_is_named_with_the_eigenvalue_it_stands_for(name: str, by: f
     assert certify(SHAPES[name], answer, tolerance=2e-4).certified
 
 
-def test_a_constant_that_is_given_for_an_eigenvector_misleads_nobody() -> None:
+def test_a_constant_that_is_given_for_an_eigenvector_misleads_nobody():
     mesh = SHAPES["torus"]
     result = compute(mesh, 8)
     values, vectors = result.eigenvalues.copy(), result.eigenvectors.copy()
@@ -203,14 +195,14 @@ def test_a_constant_that_is_given_for_an_eigenvector_misleads_nobody() -> None:
     assert judged.off[0][1] == pytest.approx(result.eigenvalues[0], rel=3e-6)
 
 
-def test_a_copy_too_many_is_off() -> None:
+def test_a_copy_too_many_is_off():
     values = VALUES["torus"]
     judged = certify(SHAPES["torus"], [values[0], *values[:2], values[1]])
     assert not judged.certified
     assert len(judged.off) >= 1
 
 
-def test_with_eigenvectors_one_factorisation_suffices_and_bad_ones_do_not_mislead() -> None:
+def test_with_eigenvectors_one_factorisation_suffices_and_bad_ones_do_not_mislead():
     mesh = SHAPES["torus"]
     result = compute(mesh, 8)
     judged = certify(mesh, result.eigenvalues, result.eigenvectors)
@@ -228,7 +220,7 @@ def test_with_eigenvectors_one_factorisation_suffices_and_bad_ones_do_not_mislea
     assert missing.missed in ((1,), (2,))  # a pair: either is the other
 
 
-def test_zeros_of_components_may_be_given_all_or_none() -> None:
+def test_zeros_of_components_may_be_given_all_or_none():
     mesh = SHAPES["sphere"]
     two = Mesh(
         np.concatenate([mesh.vertices, mesh.vertices + 5]),
@@ -253,12 +245,12 @@ def test_zeros_of_components_may_be_given_all_or_none() -> None:
         ([0.0], "there must be 1 to .* answers after the zeros, got 0"),
     ],
 )
-def test_what_is_no_answer_is_one_line(answer: Any, message: str) -> None:
+def test_what_is_no_answer_is_one_line(answer, message):
     with pytest.raises(ValueError, match=message):
         certify(SHAPES["sphere"], answer)
 
 
-def test_a_mesh_is_repaired_where_that_is_asked_for() -> None:
+def test_a_mesh_is_repaired_where_that_is_asked_for():
     mesh = SHAPES["sphere"]
     loose = Mesh(np.vstack([mesh.vertices, [[9.0, 9, 9]]]), mesh.faces)
     with pytest.raises(ValueError, match=r"1 vertices belong to no triangle.*repair=True"):
@@ -268,7 +260,7 @@ def test_a_mesh_is_repaired_where_that_is_asked_for() -> None:
     assert judged.repairs == {"loose vertices": 1}
 
 
-def test_a_long_judgement_is_short_in_words() -> None:
+def test_a_long_judgement_is_short_in_words():
     """Of a factor that was forgotten every eigenvalue is off: the first ten say it."""
     true = VALUES["sphere"][:40]
     lines = str(certify(SHAPES["sphere"], 7 * true)).splitlines()

@@ -1,10 +1,7 @@
 """A dataset is of one kind, by its name before it is opened and by its manifest afterwards."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -20,7 +17,7 @@ DESCRIPTION = ImportDescription(
 )
 
 
-def manifest(version: str, made_from: dict[str, Any]) -> Manifest:
+def manifest(version, made_from):
     return Manifest(version, "0" * 64, made_from, {}, (), {})
 
 
@@ -36,9 +33,7 @@ def manifest(version: str, made_from: dict[str, Any]) -> Manifest:
         ("9.9", Kind.IMPORTED, "9.9", 1),
     ],
 )
-def test_a_name_says_the_kind_and_the_version(
-    name: str, kind: Kind, version: str, scale: int
-) -> None:
+def test_a_name_says_the_kind_and_the_version(name, kind, version, scale):
     parsed = parse_name(name)
     assert (parsed.kind, parsed.version, parsed.scale) == (kind, version, scale)
 
@@ -52,14 +47,14 @@ def test_a_name_says_the_kind_and_the_version(
     ],
     ids=lambda value: getattr(value, "version", ""),
 )
-def test_recipe_manifest_and_name_agree(resolved: recipe.Recipe, kind: Kind) -> None:
+def test_recipe_manifest_and_name_agree(resolved, kind):
     made = manifest(resolved.version, resolved.to_dict())
     assert resolved.kind is kind
     assert StoredDataset(Path(), made).kind is kind
     assert parse_name(resolved.version).kind is kind
 
 
-def test_an_import_is_known_by_its_manifest_whatever_its_name(tmp_path: Path) -> None:
+def test_an_import_is_known_by_its_manifest_whatever_its_name(tmp_path):
     for name in ("scans", "mesh-x100"):
         (tmp_path / name).mkdir()
         store.write_manifest(tmp_path / name, manifest(name, DESCRIPTION.to_dict()))
@@ -82,23 +77,21 @@ def test_an_import_is_known_by_its_manifest_whatever_its_name(tmp_path: Path) ->
         ("scans", recipe.load("1.0-mini-x2").to_dict()),
     ],
 )
-def test_a_manifest_of_another_kind_than_its_name_is_refused(
-    name: str, made_from: dict[str, Any], tmp_path: Path
-) -> None:
+def test_a_manifest_of_another_kind_than_its_name_is_refused(name, made_from, tmp_path):
     (tmp_path / name).mkdir()
     store.write_manifest(tmp_path / name, manifest(name, made_from))
     with pytest.raises(StoreError, match=rf"which cannot have the name {re.escape(name)}: "):
         store.open_dataset(name, tmp_path)
 
 
-def test_a_recipe_of_your_own_may_have_any_name(tmp_path: Path) -> None:
+def test_a_recipe_of_your_own_may_have_any_name(tmp_path):
     (tmp_path / "mine").mkdir()
     made = manifest("mine", recipe.load("1.0-mini").to_dict())
     store.write_manifest(tmp_path / "mine", made)
     assert store.open_dataset("mine", tmp_path).manifest == made
 
 
-def test_a_description_with_other_parts_is_of_another_release() -> None:
+def test_a_description_with_other_parts_is_of_another_release():
     newer = manifest("scans", {**DESCRIPTION.to_dict(), "units": "mm"})
     with pytest.raises(StoreError, match=r"scans was imported by a newer synthnet \(units\)"):
         description_of(newer)

@@ -1,7 +1,6 @@
 """The pinned spectra of surfaces: written, read, and, where a version has them, complete."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -25,19 +24,19 @@ PINNED = [
 
 
 @pytest.fixture
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
+def few(monkeypatch):
     """A version of four shapes."""
     monkeypatch.setattr(ELSEWHERE, lambda _: dict.fromkeys(IDS))
 
 
-def read(path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Limit]:
+def read(path, monkeypatch):
     monkeypatch.setattr("synthnet.store.pins.shipped_table", lambda *_: pq.read_table(path))
     limits = pins.read_limits("1.0")
     assert limits is not None
     return limits
 
 
-def test_limits_are_written_and_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limits_are_written_and_read(tmp_path, monkeypatch):
     values = np.arange(1.0, 11) / 3
     path = tmp_path / "x.limits.parquet"
     pins.write_limits(
@@ -52,14 +51,12 @@ def test_limits_are_written_and_read(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert "BYTE_STREAM_SPLIT" in encodings
 
 
-def test_a_version_without_limits_has_none() -> None:
+def test_a_version_without_limits_has_none():
     assert pins.read_limits("1.0-mini") is None
 
 
 @pytest.mark.usefixtures("few")
-def test_pinning_gives_each_shape_the_limit_of_its_surface(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pinning_gives_each_shape_the_limit_of_its_surface(tmp_path, monkeypatch):
     path = tmp_path / "1.0.limits.parquet"
     pin_limits("1.0", path)
     limits = read(path, monkeypatch)
@@ -75,9 +72,7 @@ def test_pinning_gives_each_shape_the_limit_of_its_surface(
 
 
 @pytest.mark.usefixtures("few")
-def test_an_interrupted_run_goes_on_where_it_stopped(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch, capsys):
     path = tmp_path / "1.0.limits.parquet"
     key = surfaces_of("1.0", IDS)["torus-00003"]
     known = {"key": key, "eigenvalues": [float(i) for i in range(1, 11)], "bar": [0.5] * 10}
@@ -90,9 +85,7 @@ def test_an_interrupted_run_goes_on_where_it_stopped(
     )
 
 
-def test_limits_that_another_version_pins_are_taken_from_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_limits_that_another_version_pins_are_taken_from_there(tmp_path, monkeypatch, capsys):
     ids = ["blob-00000", "blob-00001", "shaft-00000"]
     monkeypatch.setattr(ELSEWHERE, lambda _: dict.fromkeys(ids))
     expected = pins.read_limits("2.0")
@@ -107,7 +100,7 @@ def test_limits_that_another_version_pins_are_taken_from_there(
         np.testing.assert_array_equal(limits[id].bar, expected[id].bar)
 
 
-def test_triangulations_of_one_surface_share_its_limit() -> None:
+def test_triangulations_of_one_surface_share_its_limit():
     ids = [f"ellipsoid-{i:05}" for i in range(6)]
     surfaces = surfaces_of("2.0", ids)
     assert len(set(surfaces.values())) == 2
@@ -115,7 +108,7 @@ def test_triangulations_of_one_surface_share_its_limit() -> None:
 
 
 @pytest.mark.parametrize("version", PINNED)
-def test_every_shape_has_a_limit_that_ascends_within_its_bar(version: str) -> None:
+def test_every_shape_has_a_limit_that_ascends_within_its_bar(version):
     limits, labels = pins.read_limits(version), pins.read(version)
     assert limits is not None
     assert labels is not None
@@ -134,7 +127,7 @@ def test_every_shape_has_a_limit_that_ascends_within_its_bar(version: str) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize("version", PINNED)
-def test_some_pins_are_what_is_computed_now(version: str) -> None:
+def test_some_pins_are_what_is_computed_now(version):
     limits = pins.read_limits(version)
     assert limits is not None
     ids = list(limits)[:: len(limits) // 40]

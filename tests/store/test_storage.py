@@ -1,8 +1,5 @@
 """A dataset at a URL, against an S3-compatible server of the test's own."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,13 +8,12 @@ from synthnet import recipe, store
 from synthnet.build.versions import build, ensure_built
 from synthnet.commands.cli import main
 from synthnet.errors import StoreError
-from synthnet.recipe import Recipe
 from synthnet.store import storage
 from synthnet.store.storage import RemotePath, location
 
 
 @pytest.fixture(scope="module")
-def server() -> Iterator[str]:
+def server():
     """Endpoint of a server that has the bucket ``data``."""
     moto = pytest.importorskip("moto.server")
     s3fs = pytest.importorskip("s3fs")
@@ -32,7 +28,7 @@ def server() -> Iterator[str]:
 
 
 @pytest.fixture
-def bucket(server: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> str:
+def bucket(server, monkeypatch, request):
     monkeypatch.setenv("AWS_ENDPOINT_URL", server)
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "a")
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "b")
@@ -41,9 +37,7 @@ def bucket(server: str, monkeypatch: pytest.MonkeyPatch, request: pytest.Fixture
 
 
 @pytest.mark.slow
-def test_build_at_a_url_has_the_bytes_of_a_local_one(
-    bucket: str, tiny: Recipe, tmp_path: Path
-) -> None:
+def test_build_at_a_url_has_the_bytes_of_a_local_one(bucket, tiny, tmp_path):
     here = build(tiny, root=tmp_path, workers=1).dataset
     there = build(tiny, root=bucket, workers=1).dataset
     assert there.manifest == here.manifest
@@ -60,7 +54,7 @@ def test_build_at_a_url_has_the_bytes_of_a_local_one(
 
 
 @pytest.mark.slow
-def test_interrupted_build_at_a_url_goes_on(bucket: str, tiny: Recipe) -> None:
+def test_interrupted_build_at_a_url_goes_on(bucket, tiny):
     first = build(tiny, root=bucket, workers=1).dataset
     whole = [path.read_bytes() for path in first.paths()]
     missing, damaged, *_ = first.paths()
@@ -73,9 +67,7 @@ def test_interrupted_build_at_a_url_goes_on(bucket: str, tiny: Recipe) -> None:
 
 
 @pytest.mark.slow
-def test_commands_take_a_url(
-    bucket: str, mini_home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_take_a_url(bucket, mini_home, capsys):
     source = mini_home / "1.0-mini"
     for path in sorted(source.rglob("*")):
         if path.is_file():
@@ -92,26 +84,26 @@ def test_commands_take_a_url(
         ensure_built("1.0-mini", bucket)
 
 
-def test_missing_bucket_is_one_line(bucket: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_bucket_is_one_line(bucket, capsys):
     assert main(["build", "--version", "1.0-mini", "--out", "s3://nobody-has-it/x"]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert line.startswith("synthnet: cannot write s3://nobody-has-it/x/1.0-mini/.writable (")
 
 
-def test_unknown_protocol_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_protocol_is_one_line(capsys):
     assert main(["info", "--out", "nope://data"]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert line.endswith("(Protocol not known: nope): choose another --out")
 
 
-def test_file_url_is_a_path(tmp_path: Path) -> None:
+def test_file_url_is_a_path(tmp_path):
     assert location(f"file://{tmp_path}") == tmp_path
     assert storage.local(location(str(tmp_path)), "1.0") == tmp_path
     assert recipe.load("1.0").version in str(store.dataset_directory("1.0", f"file://{tmp_path}"))
 
 
 @pytest.mark.slow
-def test_build_at_a_url_of_directories_makes_them(tiny: Recipe, tmp_path: Path) -> None:
+def test_build_at_a_url_of_directories_makes_them(tiny, tmp_path):
     report = build(tiny, root=f"local://{tmp_path}/deep/data", workers=1)
     assert isinstance(report.dataset.directory, RemotePath)
     assert (tmp_path / "deep" / "data" / "tiny" / "manifest.json").is_file()

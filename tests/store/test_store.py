@@ -1,7 +1,5 @@
 """Tests of all disk access: shards, manifest, directories, full and damaged disks."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import errno
@@ -10,9 +8,7 @@ import os
 import shutil
 import socket
 import subprocess
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NoReturn
 
 import numpy as np
 import platformdirs
@@ -23,25 +19,19 @@ import pytest
 import synthnet
 from synthnet import store
 from synthnet.errors import BuildError, DamagedError, StoreError
-from synthnet.recipe import Recipe
 from synthnet.store import files
 from synthnet.types import Certificate, Manifest, Mesh, Rejection, Sample, ShapeSpec, ShardRecord
 
 REJECTION = Rejection("torus-00007", "torus", "degenerate_face", "20 of 1,200 faces — flat")
 
 
-def write(
-    path: Path,
-    samples: list[Sample],
-    rejections: tuple[Rejection, ...] = (),
-    digest: str = "d" * 64,
-) -> ShardRecord:
+def write(path, samples, rejections=(), digest="d" * 64):
     path.parent.mkdir(parents=True, exist_ok=True)
     family = samples[0].spec.family if samples else "torus"
     return store.write_shard(path, samples, rejections, family=family, recipe_digest=digest)
 
 
-def exact(sample: Sample) -> list[Any]:
+def exact(sample):
     """Everything in a sample, arrays with dtype, shape and bytes, numbers with their type."""
     spec = sample.spec
     values = [spec.id, spec.family, spec.index, spec.group, sample.split, sample.paper_splits]
@@ -53,7 +43,7 @@ def exact(sample: Sample) -> list[Any]:
 
 
 @pytest.fixture
-def torus_shard(tiny_samples: dict[str, list[Sample]], tmp_path: Path) -> Path:
+def torus_shard(tiny_samples, tmp_path):
     path = tmp_path / "shards" / "torus-0000.parquet"
     write(path, tiny_samples["torus"], (REJECTION,))
     return path
@@ -63,16 +53,14 @@ def torus_shard(tiny_samples: dict[str, list[Sample]], tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("family", ["torus", "tetrahedron", "split_cone", "sphere"])
-def test_samples_come_back_exactly(
-    family: str, tiny_samples: dict[str, list[Sample]], tmp_path: Path
-) -> None:
+def test_samples_come_back_exactly(family, tiny_samples, tmp_path):
     samples = tiny_samples[family]
     write(tmp_path / "shards" / "a.parquet", samples)
     stored = list(store.read_samples(tmp_path / "shards" / "a.parquet"))
     assert [exact(s) for s in stored] == [exact(s) for s in samples]
 
 
-def test_awkward_numbers_come_back_exactly(tmp_path: Path) -> None:
+def test_awkward_numbers_come_back_exactly(tmp_path):
     vertices = np.array([[-0.0, 1e-45, 3.4e38], [1 / 3, 0.1, -1], [0, 1, 2]], np.float32)
     sample = Sample(
         spec=ShapeSpec("sphere-00003", "sphere", 3, {"radius": 1.0, "n": 1, "x": 0.1 + 0.2}, "é"),
@@ -91,9 +79,7 @@ def test_awkward_numbers_come_back_exactly(tmp_path: Path) -> None:
     assert np.signbit(stored.mesh.vertices[0, 0])
 
 
-def test_record_says_what_is_in_the_shard(
-    tiny_samples: dict[str, list[Sample]], tmp_path: Path
-) -> None:
+def test_record_says_what_is_in_the_shard(tiny_samples, tmp_path):
     path = tmp_path / "shards" / "torus-0000.parquet"
     samples = tiny_samples["torus"]
     record = write(path, samples, (REJECTION,))
@@ -110,9 +96,7 @@ def test_record_says_what_is_in_the_shard(
     assert store.read_record(path, "d" * 64) == record
 
 
-def test_same_samples_give_the_same_bytes(
-    tiny_samples: dict[str, list[Sample]], tmp_path: Path
-) -> None:
+def test_same_samples_give_the_same_bytes(tiny_samples, tmp_path):
     paths = [tmp_path / name / "torus-0000.parquet" for name in "ab"]
     for path in paths:
         write(path, tiny_samples["torus"], (REJECTION,))
@@ -122,13 +106,13 @@ def test_same_samples_give_the_same_bytes(
     assert first != paths[1].read_bytes()
 
 
-def test_samples_read_and_written_again_give_the_same_bytes(torus_shard: Path) -> None:
+def test_samples_read_and_written_again_give_the_same_bytes(torus_shard):
     before = torus_shard.read_bytes()
     write(torus_shard, list(store.read_samples(torus_shard)), (REJECTION,))
     assert torus_shard.read_bytes() == before
 
 
-def test_shard_of_rejections_only(tmp_path: Path) -> None:
+def test_shard_of_rejections_only(tmp_path):
     path = tmp_path / "shards" / "torus-0000.parquet"
     record = write(path, [], (REJECTION,))
     assert (record.rows, record.vertices, record.faces) == (0, 0, 0)
@@ -137,7 +121,7 @@ def test_shard_of_rejections_only(tmp_path: Path) -> None:
     assert store.read_record(path, "d" * 64) == record
 
 
-def test_shard_columns_are_plain_parquet(torus_shard: Path) -> None:
+def test_shard_columns_are_plain_parquet(torus_shard):
     table = pq.read_table(torus_shard)
     assert table.schema.names == store.SCHEMA.names
     assert table.schema.field("vertices").type == pa.list_(pa.list_(pa.float32(), 3))
@@ -147,24 +131,24 @@ def test_shard_columns_are_plain_parquet(torus_shard: Path) -> None:
     } == {"ZSTD"}
 
 
-def test_missing_shard_says_what_to_do(tmp_path: Path) -> None:
+def test_missing_shard_says_what_to_do(tmp_path):
     with pytest.raises(DamagedError, match=r"a\.parquet is missing: run `synthnet build` again"):
         store.read_table(tmp_path / "a.parquet")
 
 
-def test_shard_of_another_schema_is_refused(tmp_path: Path) -> None:
+def test_shard_of_another_schema_is_refused(tmp_path):
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table({"id": ["torus-00000"]}), path)
     with pytest.raises(StoreError, match="has another schema: remove it and build again"):
         store.read_table(path)
 
 
-def test_shard_of_another_recipe_is_refused(torus_shard: Path) -> None:
+def test_shard_of_another_recipe_is_refused(torus_shard):
     with pytest.raises(StoreError, match=r"belongs to another recipe: remove .* or choose another"):
         store.read_record(torus_shard, "e" * 64)
 
 
-def test_shard_of_other_shapes_than_planned_is_damaged(torus_shard: Path) -> None:
+def test_shard_of_other_shapes_than_planned_is_damaged(torus_shard):
     record = store.read_record(torus_shard, "d" * 64)
     ids = [sample.spec.id for sample in store.read_samples(torus_shard)]
     ids += [rejection.id for rejection in record.rejections]
@@ -175,7 +159,7 @@ def test_shard_of_other_shapes_than_planned_is_damaged(torus_shard: Path) -> Non
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.5, 0.9, 0.99, 0.9999])
-def test_truncated_shard_is_damaged(torus_shard: Path, share: float) -> None:
+def test_truncated_shard_is_damaged(torus_shard, share):
     content = torus_shard.read_bytes()
     torus_shard.write_bytes(content[: int(share * len(content))])
     with pytest.raises(DamagedError, match=r"is damaged .*: remove it and run .* again") as caught:
@@ -185,7 +169,7 @@ def test_truncated_shard_is_damaged(torus_shard: Path, share: float) -> None:
         store.read_record(torus_shard, "d" * 64)
 
 
-def flipped(shard: Path, part: str, seed: int) -> Iterator[int]:
+def flipped(shard, part, seed):
     """Alter a bit of the data or of the footer of a shard, again and again; yield which byte."""
     good = shard.read_bytes()
     footer = len(good) - 8 - int.from_bytes(good[-8:-4], "little")
@@ -199,7 +183,7 @@ def flipped(shard: Path, part: str, seed: int) -> Iterator[int]:
 
 
 @pytest.mark.parametrize("part", ["data", "footer"])
-def test_flipped_byte_never_gives_other_data(torus_shard: Path, part: str) -> None:
+def test_flipped_byte_never_gives_other_data(torus_shard, part):
     samples = [exact(s) for s in store.read_samples(torus_shard)]
     messages = []
     for position in flipped(torus_shard, part, seed=20240726):
@@ -214,7 +198,7 @@ def test_flipped_byte_never_gives_other_data(torus_shard: Path, part: str) -> No
 
 
 @pytest.mark.parametrize("part", ["data", "footer"])
-def test_altered_shard_is_never_taken_for_a_finished_one(torus_shard: Path, part: str) -> None:
+def test_altered_shard_is_never_taken_for_a_finished_one(torus_shard, part):
     # A build that goes on keeps what read_record accepts, and must end with the same bytes.
     refused = 0
     for _ in flipped(torus_shard, part, seed=20240727):
@@ -228,7 +212,7 @@ def test_altered_shard_is_never_taken_for_a_finished_one(torus_shard: Path, part
 
 
 @pytest.fixture
-def manifest(tiny: Recipe, torus_shard: Path) -> Manifest:
+def manifest(tiny, torus_shard):
     record = store.read_record(torus_shard, "d" * 64)
     return Manifest(
         version="tiny",
@@ -240,7 +224,7 @@ def manifest(tiny: Recipe, torus_shard: Path) -> Manifest:
     )
 
 
-def test_manifest_comes_back(manifest: Manifest, tmp_path: Path) -> None:
+def test_manifest_comes_back(manifest, tmp_path):
     store.write_manifest(tmp_path, manifest)
     stored = store.read_manifest(tmp_path)
     assert stored == manifest
@@ -248,7 +232,7 @@ def test_manifest_comes_back(manifest: Manifest, tmp_path: Path) -> None:
     assert (stored.rows, stored.rejections) == (4, (REJECTION,))
 
 
-def test_manifest_is_json_with_a_schema_version(manifest: Manifest, tmp_path: Path) -> None:
+def test_manifest_is_json_with_a_schema_version(manifest, tmp_path):
     store.write_manifest(tmp_path, manifest)
     content = json.loads((tmp_path / "manifest.json").read_text())
     assert content["schema_version"] == store.SCHEMA_VERSION
@@ -256,7 +240,7 @@ def test_manifest_is_json_with_a_schema_version(manifest: Manifest, tmp_path: Pa
     assert content["shards"][0]["rejections"][0]["reason"] == "degenerate_face"
 
 
-def test_no_manifest_is_none(tmp_path: Path) -> None:
+def test_no_manifest_is_none(tmp_path):
     assert store.read_manifest(tmp_path) is None
     assert store.read_manifest(tmp_path / "nothing" / "here") is None
 
@@ -265,14 +249,14 @@ def test_no_manifest_is_none(tmp_path: Path) -> None:
     "content",
     [b"", b"{", b"[]", b"3", b"null", b"{}", b'{"schema_version": 2}', b"\0", b"\xff\xfe\x80"],
 )
-def test_damaged_manifest_is_refused(content: bytes, tmp_path: Path) -> None:
+def test_damaged_manifest_is_refused(content, tmp_path):
     (tmp_path / "manifest.json").write_bytes(content)
     with pytest.raises(DamagedError, match=r"manifest\.json is damaged .*: remove it") as caught:
         store.read_manifest(tmp_path)
     assert "\n" not in str(caught.value)
 
 
-def test_every_altered_byte_of_a_manifest_is_refused(manifest: Manifest, tmp_path: Path) -> None:
+def test_every_altered_byte_of_a_manifest_is_refused(manifest, tmp_path):
     store.write_manifest(tmp_path, manifest)
     path = tmp_path / "manifest.json"
     written = path.read_bytes()
@@ -289,7 +273,7 @@ def test_every_altered_byte_of_a_manifest_is_refused(manifest: Manifest, tmp_pat
 
 
 @pytest.mark.parametrize("key", [f.name for f in dataclasses.fields(Manifest)])
-def test_manifest_that_lacks_a_key_is_refused(key: str, manifest: Manifest, tmp_path: Path) -> None:
+def test_manifest_that_lacks_a_key_is_refused(key, manifest, tmp_path):
     store.write_manifest(tmp_path, manifest)
     path = tmp_path / "manifest.json"
     content = json.loads(path.read_text())
@@ -325,9 +309,7 @@ def test_manifest_that_lacks_a_key_is_refused(key: str, manifest: Manifest, tmp_
         ),
     ],
 )
-def test_manifest_is_read_by_its_schema(
-    change: Callable[[dict[str, Any]], None], message: str, manifest: Manifest, tmp_path: Path
-) -> None:
+def test_manifest_is_read_by_its_schema(change, message, manifest, tmp_path):
     """Each forgery has a whole digest of its own."""
     store.write_manifest(tmp_path, manifest)
     path = tmp_path / "manifest.json"
@@ -339,7 +321,7 @@ def test_manifest_is_read_by_its_schema(
         store.read_manifest(tmp_path)
 
 
-def test_manifest_that_is_no_file_or_nested_without_end(tmp_path: Path) -> None:
+def test_manifest_that_is_no_file_or_nested_without_end(tmp_path):
     path = tmp_path / "manifest.json"
     path.write_text("[" * 100_000)
     with pytest.raises(DamagedError, match="is damaged"):
@@ -350,7 +332,7 @@ def test_manifest_that_is_no_file_or_nested_without_end(tmp_path: Path) -> None:
         store.read_manifest(tmp_path)
 
 
-def test_manifest_of_another_schema_version_is_refused(manifest: Manifest, tmp_path: Path) -> None:
+def test_manifest_of_another_schema_version_is_refused(manifest, tmp_path):
     store.write_manifest(tmp_path, manifest)
     path = tmp_path / "manifest.json"
     path.write_text(path.read_text().replace('"schema_version": 2', '"schema_version": 1'))
@@ -358,7 +340,7 @@ def test_manifest_of_another_schema_version_is_refused(manifest: Manifest, tmp_p
         store.read_manifest(tmp_path)
 
 
-def test_manifest_in_an_unreadable_place_is_a_store_error(tmp_path: Path) -> None:
+def test_manifest_in_an_unreadable_place_is_a_store_error(tmp_path):
     (tmp_path / "manifest.json").mkdir()
     with pytest.raises(StoreError, match=r"manifest\.json"):
         store.read_manifest(tmp_path)
@@ -368,9 +350,7 @@ def test_manifest_in_an_unreadable_place_is_a_store_error(tmp_path: Path) -> Non
 
 
 @pytest.fixture
-def dataset(
-    tiny: Recipe, tiny_samples: dict[str, list[Sample]], tmp_path: Path
-) -> store.StoredDataset:
+def dataset(tiny, tiny_samples, tmp_path):
     directory = tmp_path / "tiny"
     records = [
         write(directory / "shards" / f"{family}-0000.parquet", samples)
@@ -383,43 +363,37 @@ def dataset(
     return store.open_dataset("tiny", tmp_path)
 
 
-def test_samples_of_a_dataset_come_in_order(
-    dataset: store.StoredDataset, tiny_samples: dict[str, list[Sample]]
-) -> None:
+def test_samples_of_a_dataset_come_in_order(dataset, tiny_samples):
     written = [s for samples in tiny_samples.values() for s in samples]
     assert [exact(s) for s in dataset.samples()] == [exact(s) for s in written]
     assert [p.name for p in dataset.paths()] == [f"{name}-0000.parquet" for name in tiny_samples]
 
 
-def test_find_gives_every_shape(
-    dataset: store.StoredDataset, tiny_samples: dict[str, list[Sample]]
-) -> None:
+def test_find_gives_every_shape(dataset, tiny_samples):
     assert sum(map(len, tiny_samples.values())) == 10
     for samples in tiny_samples.values():
         for sample in samples:
             assert exact(dataset.find(sample.spec.id)) == exact(sample)
 
 
-def test_find_of_a_rejected_shape_says_why(dataset: store.StoredDataset) -> None:
+def test_find_of_a_rejected_shape_says_why(dataset):
     with pytest.raises(StoreError, match="torus-00007 was rejected by degenerate_face: 20 of"):
         dataset.find("torus-00007")
 
 
 @pytest.mark.parametrize("id", ["dodecahedron-00000", "torus", "", "-", "../x"])
-def test_find_in_an_unknown_family_names_the_families(
-    id: str, dataset: store.StoredDataset
-) -> None:
+def test_find_in_an_unknown_family_names_the_families(id, dataset):
     with pytest.raises(StoreError, match=r"no shape .*: an id is a family \(torus, .*\) and a num"):
         dataset.find(id)
 
 
-def test_find_of_an_unknown_number_says_where_the_ids_are(dataset: store.StoredDataset) -> None:
+def test_find_of_an_unknown_number_says_where_the_ids_are(dataset):
     message = "no shape 'torus-00099' in tiny: `synthnet info tiny --ids` lists them"
     with pytest.raises(StoreError, match=message):
         dataset.find("torus-00099")
 
 
-def test_dataset_that_is_not_built_says_how_to_build_it(tmp_path: Path) -> None:
+def test_dataset_that_is_not_built_says_how_to_build_it(tmp_path):
     message = rf"no finished dataset in .*: run `synthnet build 1\.0 --out {tmp_path}`"
     with pytest.raises(StoreError, match=message):
         store.open_dataset("1.0", tmp_path)
@@ -428,9 +402,7 @@ def test_dataset_that_is_not_built_says_how_to_build_it(tmp_path: Path) -> None:
 # Where it is
 
 
-def test_home_is_the_argument_then_the_variable_then_the_cache(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_home_is_the_argument_then_the_variable_then_the_cache(monkeypatch, tmp_path):
     monkeypatch.setenv("SYNTHNET_HOME", str(tmp_path / "variable"))
     assert store.home(tmp_path / "argument") == tmp_path / "argument"
     assert store.home(str(tmp_path / "argument")) == tmp_path / "argument"
@@ -442,7 +414,7 @@ def test_home_is_the_argument_then_the_variable_then_the_cache(
     assert store.dataset_directory("1.0", tmp_path) == tmp_path / "1.0"
 
 
-def test_home_expands_the_tilde(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_home_expands_the_tilde(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert store.home("~/data") == tmp_path / "data"
     monkeypatch.setenv("SYNTHNET_HOME", "~/other")
@@ -453,7 +425,7 @@ def test_home_expands_the_tilde(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
 
 
 @pytest.fixture(params=["below a file", "in /proc", "in a closed directory"])
-def unwritable(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+def unwritable(request, tmp_path):
     if request.param == "below a file":
         (tmp_path / "file").write_text("no directory")
         return tmp_path / "file" / "home"
@@ -467,32 +439,30 @@ def unwritable(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     return tmp_path / "closed" / "home"
 
 
-def test_directory_that_cannot_be_made_is_named(unwritable: Path) -> None:
+def test_directory_that_cannot_be_made_is_named(unwritable):
     remedy = r"choose another directory with --out or [^\n]*"
     line = rf"\Acannot write to {unwritable} [^\n]*: {remedy}\Z"
     with pytest.raises(BuildError, match=line):
         files.make_directory(unwritable)
 
 
-def test_manifest_below_a_file_is_not_a_crash(unwritable: Path) -> None:
+def test_manifest_below_a_file_is_not_a_crash(unwritable):
     # `synthnet build --out README.md/x` asks for the manifest before it makes a directory.
     assert store.read_manifest(unwritable) is None
 
 
-def test_directory_that_can_be_written_is_left_empty(tmp_path: Path) -> None:
+def test_directory_that_can_be_written_is_left_empty(tmp_path):
     files.make_directory(tmp_path / "a" / "b")
     files.make_directory(tmp_path / "a" / "b")
     assert list((tmp_path / "a" / "b").iterdir()) == []
 
 
-def full_disk(table: pa.Table, path: Path, **options: object) -> NoReturn:
+def full_disk(table, path, **options):
     path.write_bytes(b"the first half")
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
 
-def test_full_disk_is_said_and_nothing_is_left(
-    torus_shard: Path, tiny_samples: dict[str, list[Sample]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_full_disk_is_said_and_nothing_is_left(torus_shard, tiny_samples, monkeypatch):
     before = torus_shard.read_bytes()
     monkeypatch.setattr(pq, "write_table", full_disk)
     with pytest.raises(BuildError, match=r"no space left for .*: free some and run the same") as e:
@@ -503,8 +473,8 @@ def test_full_disk_is_said_and_nothing_is_left(
     assert torus_shard.read_bytes() == before
 
 
-def test_other_trouble_of_the_disk_is_said_and_nothing_is_left(tmp_path: Path) -> None:
-    def broken(partial: Path) -> None:
+def test_other_trouble_of_the_disk_is_said_and_nothing_is_left(tmp_path):
+    def broken(partial):
         partial.write_bytes(b"the first half")
         raise OSError(errno.EIO, "Input/output error")
 
@@ -513,7 +483,7 @@ def test_other_trouble_of_the_disk_is_said_and_nothing_is_left(tmp_path: Path) -
     assert list(tmp_path.iterdir()) == []
 
 
-def test_really_full_disk(tiny_samples: dict[str, list[Sample]], tmp_path: Path) -> None:
+def test_really_full_disk(tiny_samples, tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
     mount = shutil.which("mount")
@@ -536,15 +506,15 @@ def test_really_full_disk(tiny_samples: dict[str, list[Sample]], tmp_path: Path)
         subprocess.run(["umount", str(disk)], check=True)
 
 
-def test_directory_is_made_in_place_or_not_at_all(tmp_path: Path) -> None:
-    def good(partial: Path) -> None:
+def test_directory_is_made_in_place_or_not_at_all(tmp_path):
+    def good(partial):
         (partial / "new").touch()
 
-    def full(partial: Path) -> None:
+    def full(partial):
         (partial / "half").touch()
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    def is_whole() -> bool:
+    def is_whole():
         return (folder / "new").exists()
 
     folder = tmp_path / "place"
@@ -566,19 +536,17 @@ def test_directory_is_made_in_place_or_not_at_all(tmp_path: Path) -> None:
 # Locks
 
 
-def refuse(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+def refuse(monkeypatch, number):
     """Let the system refuse a lock."""
 
-    def flock(descriptor: int, operation: int) -> None:
+    def flock(descriptor, operation):
         raise OSError(number, os.strerror(number))
 
     monkeypatch.setattr("fcntl.flock", flock)
 
 
 @pytest.mark.parametrize("number", files.NO_LOCKS)
-def test_file_system_without_locks(
-    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_file_system_without_locks(number, tmp_path, monkeypatch):
     refuse(monkeypatch, number)
     remedy = (
         r"has no locks \(.*\): choose another --out or \$SYNTHNET_HOME on a local disk, or a URL$"
@@ -587,20 +555,18 @@ def test_file_system_without_locks(
         pass
 
 
-def test_lock_that_cannot_be_had_for_another_reason(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_lock_that_cannot_be_had_for_another_reason(tmp_path, monkeypatch):
     refuse(monkeypatch, errno.EIO)
     error = r"cannot write .*\.lock \(Input/output error\)$"
     with pytest.raises(BuildError, match=error), files.locked(tmp_path / ".lock", wait=False):
         pass
 
 
-def test_lock_of_another_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lock_of_another_user(tmp_path, monkeypatch):
     path = tmp_path / ".lock"
     path.touch()
 
-    def denied(*_: object, **__: object) -> NoReturn:
+    def denied(*_, **__):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
 
     monkeypatch.setattr(files.filelock.FileLock, "acquire", denied)
@@ -614,10 +580,10 @@ def test_lock_of_another_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
             pass
 
 
-def test_lock_says_who_holds_it(tmp_path: Path) -> None:
+def test_lock_says_who_holds_it(tmp_path):
     path = tmp_path / ".lock"
 
-    def message() -> str:
+    def message():
         with pytest.raises(BuildError) as caught, files.locked(path, wait=False):
             pass
         return str(caught.value)
@@ -639,10 +605,10 @@ def test_lock_says_who_holds_it(tmp_path: Path) -> None:
     assert subprocess.run(["flock", "-n", str(path), "true"], check=False).returncode == 0
 
 
-def test_lock_holds_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lock_holds_on_a_full_disk(tmp_path, monkeypatch):
     path = tmp_path / ".lock"
 
-    def full(*_: object, **__: object) -> NoReturn:
+    def full(*_, **__):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(Path, "write_text", full)
@@ -655,7 +621,7 @@ def test_lock_holds_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         pass
 
 
-def test_partial_files_are_removed_and_nothing_else(tmp_path: Path) -> None:
+def test_partial_files_are_removed_and_nothing_else(tmp_path):
     for name in (".a.parquet.123.partial", "a.parquet", "b.partial", ".lock"):
         (tmp_path / name).touch()
     files.remove_partial_files(tmp_path)
@@ -668,11 +634,11 @@ UNSAFE = {"pickle", "cPickle", "_pickle", "cloudpickle", "dill", "joblib", "mars
 PACKAGE = Path(synthnet.__file__).parent
 
 
-def unsafe_lines(source: str) -> list[int]:
+def unsafe_lines(source):
     """Lines that import a pickle, load by torch, or let NumPy load or save one."""
     lines = []
     for node in ast.walk(ast.parse(source)):
-        names: list[str] = []
+        names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -705,10 +671,10 @@ def unsafe_lines(source: str) -> list[int]:
         "self.load('a.pt')",
     ],
 )
-def test_the_search_for_pickles_finds(source: str) -> None:
+def test_the_search_for_pickles_finds(source):
     assert unsafe_lines(f"x = 1\n{source}\n") == [2]
 
 
 @pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: p.stem)
-def test_nothing_is_loaded_by_pickle(path: Path) -> None:
+def test_nothing_is_loaded_by_pickle(path):
     assert unsafe_lines(path.read_text()) == []

@@ -1,29 +1,24 @@
 """Tests of sealed sets: one salt, one set; nothing of it is told; all that is changed is seen."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json
 import shutil
 import stat
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, TypeAlias
 
 import pytest
 
 from synthnet import recipe, store
-from synthnet.build.jobs import ShardResult, Watcher
+from synthnet.build.jobs import Watcher
 from synthnet.build.versions import build, ensure_built
 from synthnet.errors import BuildError, DamagedError, RecipeError, SealError, StoreError
 from synthnet.recipe import plan
 from synthnet.recipe.drawing import draw_shape, draw_shapes
-from synthnet.recipe.plan import ShardPlan, plan_shards
+from synthnet.recipe.plan import plan_shards
 from synthnet.store import files, pins
-from synthnet.types import ShapeSpec
 from synthnet.verify import seal
 from synthnet.verify.unseal import verify_sealed
+from tests.conftest import only_line
 from tests.datasets import contents
 
 SALT = bytes(range(32))
@@ -35,23 +30,21 @@ VERSIONS = (
     "2.0-mini",
 )
 DISCRETE = {"sphere", "split_sphere"}  # whose parameters are whole numbers
-Run = Callable[..., tuple[int, str, str]]
-SealedSet: TypeAlias = Any  # that of conftest.py
 
 
 @pytest.fixture
-def home_copy(sealed_set: SealedSet, tmp_path: Path) -> Path:
+def home_copy(sealed_set, tmp_path):
     """Directory with a copy of the sealed set that a test may damage."""
     shutil.copytree(sealed_set.home, tmp_path / "home")
     return tmp_path / "home"
 
 
-def shapes(version: str, salt: bytes = SALT, **terms: Any) -> list[ShapeSpec]:
+def shapes(version, salt=SALT, **terms):
     sealed_version = seal.sealed_recipe(version, salt, **terms)
     return [shape.spec for shard in plan_shards(sealed_version) for shape in shard.shapes]
 
 
-def written(path: Path, content: dict[str, Any]) -> Path:
+def written(path, content):
     """A seal file that is whole, whatever it says."""
     content = {key: value for key, value in content.items() if key != "sha256"}
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()
@@ -59,17 +52,10 @@ def written(path: Path, content: dict[str, Any]) -> Path:
     return path
 
 
-def only_line(code: int, out: str, err: str) -> str:
-    """The one line of standard error of a command that could not do it."""
-    lines = [line for line in err.splitlines() if line.strip()]
-    assert (code, out, len(lines)) == (2, "", 1)
-    return lines[0]
-
-
 # The salt
 
 
-def test_new_salt_is_secret_random_and_never_overwritten(tmp_path: Path) -> None:
+def test_new_salt_is_secret_random_and_never_overwritten(tmp_path):
     first, second = tmp_path / "one", tmp_path / "two"
     for path in (first, second):
         seal.make_salt(path)
@@ -82,12 +68,12 @@ def test_new_salt_is_secret_random_and_never_overwritten(tmp_path: Path) -> None
     assert first.read_bytes() == before
 
 
-def test_salt_that_cannot_be_written(tmp_path: Path) -> None:
+def test_salt_that_cannot_be_written(tmp_path):
     with pytest.raises(BuildError, match=r"there is no directory .*nowhere, make it first"):
         seal.make_salt(tmp_path / "nowhere" / "salt")
 
 
-def test_salt_is_read_whatever_its_end(tmp_path: Path) -> None:
+def test_salt_is_read_whatever_its_end(tmp_path):
     path = tmp_path / "salt"
     for end in ("", "\n", "\r\n"):
         path.write_bytes(seal.salt_text(SALT).strip().encode() + end.encode())
@@ -116,14 +102,14 @@ HEX = SALT.hex().encode()
         (b"0" * 10**6, "is no salt"),
     ],
 )
-def test_salt_that_will_not_do(content: bytes | None, message: str, tmp_path: Path) -> None:
+def test_salt_that_will_not_do(content, message, tmp_path):
     if content is not None:
         (tmp_path / "salt").write_bytes(content)
     with pytest.raises(SealError, match=message):
         seal.read_salt(tmp_path / "salt")
 
 
-def test_salt_that_others_may_read_draws_no_set(run: Run, tmp_path: Path) -> None:
+def test_salt_that_others_may_read_draws_no_set(run, tmp_path):
     path = tmp_path / "salt"
     seal.make_salt(path)
     path.chmod(0o640)
@@ -134,7 +120,7 @@ def test_salt_that_others_may_read_draws_no_set(run: Run, tmp_path: Path) -> Non
     assert run("seal", "--version", "1.0-mini", *where, "--commitment")[0] == 0
 
 
-def test_salt_that_is_a_directory(tmp_path: Path) -> None:
+def test_salt_that_is_a_directory(tmp_path):
     with pytest.raises(SealError, match=r"cannot read the salt .*Is a directory"):
         seal.read_salt(tmp_path)
 
@@ -142,12 +128,12 @@ def test_salt_that_is_a_directory(tmp_path: Path) -> None:
 # The recipe that a salt draws
 
 
-def test_commitment_and_seed_are_the_documented_hashes() -> None:
+def test_commitment_and_seed_are_the_documented_hashes():
     sealed_version = seal.sealed_recipe("1.0-mini", SALT, beacon="round 7")
     digest = recipe.load("1.0-mini").digest
     ending = f'"digest":"{digest}","of":"1.0-mini","share":0.1}}'
 
-    def hashed(purpose: str, text: str) -> str:
+    def hashed(purpose, text):
         head = f"synthnet seal/1 {purpose}\n{hashlib.sha256(text.encode()).hexdigest()}\n"
         return hashlib.sha256(head.encode() + SALT).hexdigest()
 
@@ -157,14 +143,14 @@ def test_commitment_and_seed_are_the_documented_hashes() -> None:
     assert sealed_version.version == f"1.0-mini-sealed-{sealed_version.sealed.commitment[:12]}"
 
 
-def test_spelling_of_a_beacon_gives_no_choice() -> None:
+def test_spelling_of_a_beacon_gives_no_choice():
     first, second = (
         seal.sealed_recipe("1.0-mini", SALT, beacon=beacon) for beacon in ("Round  7", "round 7 ")
     )
     assert first == second
 
 
-def test_every_term_changes_commitment_and_seed_and_the_beacon_the_seed_alone() -> None:
+def test_every_term_changes_commitment_and_seed_and_the_beacon_the_seed_alone():
     made = [
         seal.sealed_recipe("1.0-mini", SALT),
         seal.sealed_recipe("1.0-mini", OTHER),
@@ -181,7 +167,7 @@ def test_every_term_changes_commitment_and_seed_and_the_beacon_the_seed_alone() 
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_sealed_set_has_its_share_of_every_family_and_all_in_the_test_split(version: str) -> None:
+def test_sealed_set_has_its_share_of_every_family_and_all_in_the_test_split(version):
     base, sealed_version = recipe.load(version), seal.sealed_recipe(version, SALT)
     planned = [shape for shard in plan_shards(sealed_version) for shape in shard.shapes]
     for family in base.families:
@@ -201,7 +187,7 @@ def test_sealed_set_has_its_share_of_every_family_and_all_in_the_test_split(vers
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_no_shape_is_the_versions_own_or_that_of_another_salt(version: str) -> None:
+def test_no_shape_is_the_versions_own_or_that_of_another_salt(version):
     public = draw_shapes(recipe.load(version))
     own, others = shapes(version), shapes(version, OTHER)
     ids = [{s.id for s in specs} for specs in (public, own, others)]
@@ -212,7 +198,7 @@ def test_no_shape_is_the_versions_own_or_that_of_another_salt(version: str) -> N
     assert not {s.group for s in own if s.family not in DISCRETE} & {s.group for s in others}
 
 
-def test_what_was_left_out_is_what_the_draw_has_in_common_with_the_version() -> None:
+def test_what_was_left_out_is_what_the_draw_has_in_common_with_the_version():
     sealed_version = seal.sealed_recipe("1.0", SALT)
     public = {s.group for s in draw_shapes(recipe.load("1.0")) if s.family == "split_sphere"}
     drawn = [draw_shape(sealed_version, "split_sphere", i) for i in range(2000)]
@@ -222,7 +208,7 @@ def test_what_was_left_out_is_what_the_draw_has_in_common_with_the_version() -> 
     assert [(s.index, s.group) for s in kept] == [(s.index, s.group) for s in new]
 
 
-def test_family_without_other_shapes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_family_without_other_shapes_is_refused(monkeypatch):
     monkeypatch.setattr(plan, "MOST_TRIES", 3)
     with pytest.raises(RecipeError, match=r"only 3 of 4 shapes could be .*: take a smaller share"):
         shapes("1.0-mini")
@@ -242,19 +228,17 @@ def test_family_without_other_shapes_is_refused(monkeypatch: pytest.MonkeyPatch)
         ("1.0", {"beacon": "a" * 1001}, SealError, "--beacon must be 1 to 1000"),
     ],
 )
-def test_what_cannot_be_sealed(
-    version: str, terms: dict[str, Any], error: type[Exception], message: str
-) -> None:
+def test_what_cannot_be_sealed(version, terms, error, message):
     with pytest.raises(error, match=message):
         seal.sealed_recipe(version, SALT, **terms)
 
 
-def test_plan_of_sealed_shapes_is_for_sealed_recipes() -> None:
+def test_plan_of_sealed_shapes_is_for_sealed_recipes():
     with pytest.raises(ValueError, match=r"1.0 is not sealed"):
         plan.sealed_shapes(recipe.load("1.0"))
 
 
-def test_recipe_file_is_never_sealed() -> None:
+def test_recipe_file_is_never_sealed():
     with pytest.raises(RecipeError, match="a recipe file is not sealed"):
         recipe.parse("schema = 1\nsealed = 1")
 
@@ -263,7 +247,7 @@ def test_recipe_file_is_never_sealed() -> None:
 
 
 @pytest.mark.slow
-def test_two_workers_make_the_same_bytes(sealed_set: SealedSet, tmp_path: Path) -> None:
+def test_two_workers_make_the_same_bytes(sealed_set, tmp_path):
     made, _ = seal.make(sealed_set.recipe, root=tmp_path, workers=2)
     assert made == sealed_set.seal
     name = sealed_set.seal.dataset
@@ -275,14 +259,14 @@ class Stopped(Watcher):
 
     count = 0
 
-    def finished(self, plan: ShardPlan, result: ShardResult) -> None:
+    def finished(self, plan, result):
         self.count += 1
         if self.count == 3:
             raise KeyboardInterrupt
 
 
 @pytest.mark.slow
-def test_interrupted_build_goes_on(sealed_set: SealedSet, tmp_path: Path) -> None:
+def test_interrupted_build_goes_on(sealed_set, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         seal.make(sealed_set.recipe, root=tmp_path, workers=1, watcher=Stopped())
     with pytest.raises(StoreError, match=r"the sealed set .* is not in "):
@@ -294,7 +278,7 @@ def test_interrupted_build_goes_on(sealed_set: SealedSet, tmp_path: Path) -> Non
     assert contents(tmp_path / name) == contents(sealed_set.home / name)
 
 
-def test_directory_is_private(sealed_set: SealedSet) -> None:
+def test_directory_is_private(sealed_set):
     directory = sealed_set.home / sealed_set.seal.dataset
     assert stat.S_IMODE(directory.stat().st_mode) == 0o700
     assert stat.S_IMODE((directory / "manifest.json").stat().st_mode) == 0o600
@@ -302,7 +286,7 @@ def test_directory_is_private(sealed_set: SealedSet) -> None:
     assert shards == []  # by processes that had the mode from the first byte
 
 
-def test_seal_tells_no_salt_seed_id_parameter_or_label(sealed_set: SealedSet) -> None:
+def test_seal_tells_no_salt_seed_id_parameter_or_label(sealed_set):
     text = sealed_set.published.read_text().lower()
     dataset = seal.open_checked(sealed_set.seal, sealed_set.home)
     sealed_version = seal.recipe_of(dataset)
@@ -318,7 +302,7 @@ def test_seal_tells_no_salt_seed_id_parameter_or_label(sealed_set: SealedSet) ->
     assert [secret for secret in secrets if secret.lower() in text] == []
 
 
-def test_seal_says_what_the_set_is(sealed_set: SealedSet) -> None:
+def test_seal_says_what_the_set_is(sealed_set):
     record = sealed_set.seal
     dataset = store.open_dataset(record.dataset, sealed_set.home)
     assert seal.read(sealed_set.published) == record
@@ -329,14 +313,14 @@ def test_seal_says_what_the_set_is(sealed_set: SealedSet) -> None:
     assert record.version_digest == recipe.load("1.0-mini").digest
 
 
-def test_digest_of_the_meshes_cannot_be_tried_without_the_seed(sealed_set: SealedSet) -> None:
+def test_digest_of_the_meshes_cannot_be_tried_without_the_seed(sealed_set):
     dataset = store.open_dataset(sealed_set.seal.dataset, sealed_set.home)
     sealed_version = seal.recipe_of(dataset)
     assert seal.digest(dataset, sealed_version.seed) == sealed_set.seal.meshes
     assert seal.digest(dataset, sealed_version.seed + 1) != sealed_set.seal.meshes
 
 
-def test_no_byte_of_the_file_can_be_altered(sealed_set: SealedSet, tmp_path: Path) -> None:
+def test_no_byte_of_the_file_can_be_altered(sealed_set, tmp_path):
     path, whole = tmp_path / "seal.json", sealed_set.published.read_bytes()
     assert len(whole) > 1000
     for location in range(len(whole)):
@@ -358,29 +342,27 @@ def test_no_byte_of_the_file_can_be_altered(sealed_set: SealedSet, tmp_path: Pat
         ({"seed": 1}, "is no seal: .*unexpected keyword argument 'seed'"),
     ],
 )
-def test_file_that_is_no_seal(
-    change: dict[str, Any], message: str, sealed_set: SealedSet, tmp_path: Path
-) -> None:
+def test_file_that_is_no_seal(change, message, sealed_set, tmp_path):
     content = {**json.loads(sealed_set.published.read_text()), **change}
     with pytest.raises(SealError, match=message):
         seal.read(written(tmp_path / "seal.json", content))
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "null", '{"schema_version": 1}'])
-def test_file_of_something_else(text: str, tmp_path: Path) -> None:
+def test_file_of_something_else(text, tmp_path):
     (tmp_path / "seal.json").write_text(text)
     with pytest.raises(SealError, match="is no seal: "):
         seal.read(tmp_path / "seal.json")
 
 
-def test_file_that_cannot_be_read(tmp_path: Path) -> None:
+def test_file_that_cannot_be_read(tmp_path):
     with pytest.raises(SealError, match="there is no seal "):
         seal.read(tmp_path / "seal.json")
     with pytest.raises(SealError, match=r"cannot read the seal .*Is a directory"):
         seal.read(tmp_path)
 
 
-def test_seal_is_written_once(sealed_set: SealedSet, tmp_path: Path) -> None:
+def test_seal_is_written_once(sealed_set, tmp_path):
     path = tmp_path / "seal.json"
     for _ in range(2):
         seal.write(path, sealed_set.seal)
@@ -394,7 +376,7 @@ def test_seal_is_written_once(sealed_set: SealedSet, tmp_path: Path) -> None:
 # Where it is built it is a dataset like any other
 
 
-def test_sealed_set_is_opened_by_its_name_and_is_no_version(sealed_set: SealedSet) -> None:
+def test_sealed_set_is_opened_by_its_name_and_is_no_version(sealed_set):
     name = sealed_set.seal.dataset
     dataset = ensure_built(name, sealed_set.home)
     assert dataset.manifest.version == name
@@ -403,7 +385,7 @@ def test_sealed_set_is_opened_by_its_name_and_is_no_version(sealed_set: SealedSe
     assert sealed_version.digest == dataset.manifest.recipe_digest
 
 
-def test_sealed_set_is_read_by_pyg_and_datasets(home_copy: Path, sealed_set: SealedSet) -> None:
+def test_sealed_set_is_read_by_pyg_and_datasets(home_copy, sealed_set):
     name = sealed_set.seal.dataset
     pyg = pytest.importorskip("synthnet.pyg")
     items = pyg.SynthNet(home_copy, name, split="test", augment=False)
@@ -411,7 +393,7 @@ def test_sealed_set_is_read_by_pyg_and_datasets(home_copy: Path, sealed_set: Sea
     assert [item.y[0, 0].item() for item in items] == pytest.approx([y[0] for y in labels])
 
 
-def test_commands_on_a_built_version_take_its_name(sealed_set: SealedSet, run: Run) -> None:
+def test_commands_on_a_built_version_take_its_name(sealed_set, run):
     where = ["--version", sealed_set.seal.dataset, "--out", sealed_set.home]
     code, out, _ = run("info", *where, "--ids")
     assert (code, len(out.splitlines())) == (0, 10)
@@ -422,34 +404,32 @@ def test_commands_on_a_built_version_take_its_name(sealed_set: SealedSet, run: R
 
 
 @pytest.mark.parametrize("arguments", [["info"], ["verify"], ["show", "torus-0"], ["build"]])
-def test_where_it_is_not_built_one_line_says_so(
-    arguments: list[str], sealed_set: SealedSet, run: Run, tmp_path: Path
-) -> None:
+def test_where_it_is_not_built_one_line_says_so(arguments, sealed_set, run, tmp_path):
     name = sealed_set.seal.dataset
     line = only_line(*run(*arguments, "--version", name, "--out", tmp_path))
     assert f"{name} is " in line
     assert "`synthnet verify --sealed`" in line
 
 
-def test_python_says_so_too(sealed_set: SealedSet, tmp_path: Path) -> None:
+def test_python_says_so_too(sealed_set, tmp_path):
     with pytest.raises(StoreError, match=f"the sealed set .* is not in {tmp_path}"):
         ensure_built(sealed_set.seal.dataset, tmp_path)
 
 
-def test_manifest_without_a_recipe_is_no_sealed_set(home_copy: Path, sealed_set: SealedSet) -> None:
+def test_manifest_without_a_recipe_is_no_sealed_set(home_copy, sealed_set):
     dataset = store.open_dataset(sealed_set.seal.dataset, home_copy)
     bare = dataclasses.replace(dataset.manifest, recipe={})
     with pytest.raises(DamagedError, match="is no sealed set"):
         seal.recipe_of(store.StoredDataset(dataset.directory, bare))
 
 
-def test_set_at_a_url_is_refused() -> None:
+def test_set_at_a_url_is_refused():
     sealed_version = seal.sealed_recipe("1.0-mini", SALT)
     with pytest.raises(StoreError, match="is not on this machine"):
         seal.make(sealed_version, root="memory://somewhere")
 
 
-def test_one_salt_has_no_second_set(sealed_set: SealedSet, run: Run) -> None:
+def test_one_salt_has_no_second_set(sealed_set, run):
     where = ["--salt-file", sealed_set.salt, "--share", 0.01, "--beacon", "another round"]
     line = only_line(*run("seal", "--version", "1.0-mini", *where, "--out", sealed_set.home))
     assert f"{sealed_set.seal.dataset} of another recipe" in line
@@ -458,7 +438,7 @@ def test_one_salt_has_no_second_set(sealed_set: SealedSet, run: Run) -> None:
 # What was changed is noticed
 
 
-def changed(value: Any) -> Any:
+def changed(value):
     """Another value of the same kind."""
     if isinstance(value, dict):
         return {**value, "torus": value.get("torus", 0) + 1}
@@ -471,9 +451,7 @@ FIELDS = [f.name for f in dataclasses.fields(seal.Seal) if f.name not in ("datas
 
 
 @pytest.mark.parametrize("field", FIELDS)
-def test_forged_seal_is_noticed_with_the_set_and_with_the_salt(
-    field: str, sealed_set: SealedSet, tmp_path: Path
-) -> None:
+def test_forged_seal_is_noticed_with_the_set_and_with_the_salt(field, sealed_set, tmp_path):
     content = json.loads(sealed_set.published.read_text())
     content[field] = "1.0-small" if field == "version" else changed(content[field])
     content["dataset"] = f"{content['version']}-sealed-{content['commitment'][:12]}"
@@ -491,7 +469,7 @@ def test_forged_seal_is_noticed_with_the_set_and_with_the_salt(
         assert report.problems[0].startswith(("commitment: ", "seal: "))
 
 
-def relabelled(home: Path, name: str) -> None:
+def relabelled(home, name):
     """Change a label and all digests that tell of it."""
     directory = home / name
     manifest = store.open_dataset(name, home).manifest
@@ -508,22 +486,20 @@ def relabelled(home: Path, name: str) -> None:
     store.write_manifest(directory, dataclasses.replace(manifest, shards=tuple(records)))
 
 
-def test_labels_changed_with_all_their_digests_are_noticed(
-    sealed_set: SealedSet, home_copy: Path
-) -> None:
+def test_labels_changed_with_all_their_digests_are_noticed(sealed_set, home_copy):
     relabelled(home_copy, sealed_set.seal.dataset)
     report = verify_sealed(sealed_set.seal, seal.read_salt(sealed_set.salt), root=home_copy)
     assert any("off LaPy's" in problem for problem in report.problems)
 
 
-def test_damaged_shard_is_noticed(sealed_set: SealedSet, home_copy: Path) -> None:
+def test_damaged_shard_is_noticed(sealed_set, home_copy):
     path = home_copy / sealed_set.seal.dataset / "shards" / "torus-0000.parquet"
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(DamagedError, match="is damaged: remove it and seal again"):
         seal.open_checked(sealed_set.seal, home_copy)
 
 
-def test_another_set_under_the_name_is_noticed(sealed_set: SealedSet, home_copy: Path) -> None:
+def test_another_set_under_the_name_is_noticed(sealed_set, home_copy):
     name = sealed_set.seal.dataset
     sealed_version = seal.recipe_of(store.open_dataset(name, home_copy))
     shutil.rmtree(home_copy / name)
@@ -537,7 +513,7 @@ def test_another_set_under_the_name_is_noticed(sealed_set: SealedSet, home_copy:
 
 
 @pytest.mark.slow
-def test_whole_season(run: Run, tmp_path: Path) -> None:
+def test_whole_season(run, tmp_path):
     salt, published = tmp_path / "salt.txt", tmp_path / "seal.json"
     draw = ["seal", "--version", "1.0-mini", "--salt-file", salt, "--share", 0.01]
     code, out, _ = run(*draw, "--new-salt", "--commitment", "--out", tmp_path / "home")
@@ -567,9 +543,7 @@ def test_whole_season(run: Run, tmp_path: Path) -> None:
     assert (examined["commitment"], examined["seal"], examined["labels"]) == (1, 10, 2)
 
 
-def test_wrong_salt_is_a_difference_and_builds_nothing(
-    sealed_set: SealedSet, run: Run, tmp_path: Path
-) -> None:
+def test_wrong_salt_is_a_difference_and_builds_nothing(sealed_set, run, tmp_path):
     (tmp_path / "salt").write_text(seal.salt_text(OTHER))
     where = ["--salt-file", tmp_path / "salt", "--out", tmp_path / "home"]
     code, out, _ = run("verify", "--sealed", sealed_set.published, *where)
@@ -580,9 +554,7 @@ def test_wrong_salt_is_a_difference_and_builds_nothing(
     assert not (tmp_path / "home").exists()
 
 
-def test_seal_of_another_version_or_release_is_one_line(
-    sealed_set: SealedSet, run: Run, tmp_path: Path
-) -> None:
+def test_seal_of_another_version_or_release_is_one_line(sealed_set, run, tmp_path):
     content = json.loads(sealed_set.published.read_text())
     forged = written(tmp_path / "a.json", {**content, "version_digest": "0" * 64})
     salt = ["--salt-file", sealed_set.salt, "--out", tmp_path]
@@ -610,23 +582,19 @@ def test_seal_of_another_version_or_release_is_one_line(
         (["seal", "--salt-file", "f", "--share", "half"], "invalid float value: 'half'"),
     ],
 )
-def test_wrong_arguments(
-    arguments: list[str], message: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wrong_arguments(arguments, message, run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert message in only_line(*run(*arguments))
 
 
-def test_no_salt_is_made_for_what_cannot_be_sealed(run: Run, tmp_path: Path) -> None:
+def test_no_salt_is_made_for_what_cannot_be_sealed(run, tmp_path):
     where = ["--salt-file", tmp_path / "salt", "--new-salt", "--out", tmp_path]
     assert "--share must be" in only_line(*run("seal", *where, "--share", "2"))
     assert "unknown version" in only_line(*run("seal", *where, "--version", "3.0"))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_no_salt_and_no_other_file_is_overwritten(
-    sealed_set: SealedSet, run: Run, tmp_path: Path
-) -> None:
+def test_no_salt_and_no_other_file_is_overwritten(sealed_set, run, tmp_path):
     salt, published = tmp_path / "salt", tmp_path / "seal.json"
     files.write_secret(salt, seal.salt_text(OTHER))
     where = ["seal", "--version", "1.0-mini", "--salt-file", salt, "--out", tmp_path / "home"]
@@ -641,10 +609,8 @@ def test_no_salt_and_no_other_file_is_overwritten(
     assert not (tmp_path / "home").exists()
 
 
-def test_secret_that_cannot_be_written_whole_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(descriptor: int) -> None:
+def test_secret_that_cannot_be_written_whole_leaves_nothing(tmp_path, monkeypatch):
+    def full(descriptor):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(files.os, "fsync", full)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import difflib
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ from eigbench.site import bundle, write
 from synthnet import outside
 from synthnet.errors import counted
 from synthnet.store.files import make_directory, write_text
+from synthnet.terminal import print_answer, print_json
 
 SHOWN = 40  # so many lines of a difference are printed
 SCORING = "scoring every row anew from its predictions"
@@ -110,7 +110,7 @@ def regenerate(options: argparse.Namespace) -> int:
     there = (path for pattern in leaderboard.GENERATED for path in root.glob(pattern))
     orphans = sorted(path for path in there if path not in known)
     if options.json:
-        print(json.dumps({"rows": len(rows), "stale": list(map(str, [*stale, *orphans]))}))
+        print_json({"rows": len(rows), "stale": list(map(str, [*stale, *orphans]))})
     if options.check:
         _print_changes(root, generated, stale, orphans)
         if stale or orphans:
@@ -146,11 +146,9 @@ def write_tables(options: argparse.Namespace) -> int:
         for path in export.write(options.out, [by_board[name] for name in sorted(by_board)]):
             status.update(f"wrote {path}")
             written.append(path)
-    if options.json:
-        print(json.dumps({"files": list(map(str, written))}))
-    else:
-        print("\n".join(f"{path}  {path.stat().st_size / 1e6:.1f} MB" for path in written))
-        print(f"columns: {', '.join(export.COLUMNS)}")
+    lines = [f"{path}  {path.stat().st_size / 1e6:.1f} MB" for path in written]
+    lines.append(f"columns: {', '.join(export.COLUMNS)}")
+    print_answer(options, {"files": list(map(str, written))}, "\n".join(lines))
     return 0
 
 
@@ -190,12 +188,9 @@ def site(options: argparse.Namespace) -> int:
         stage(f"writing {options.out}")
         write.write(options.out, content)
     size, count = sum(map(len, content.values())), len(content)
-    if options.json:
-        facts = {"out": str(options.out), "files": count, "bytes": size, "rows": len(rows)}
-        print(json.dumps(facts))
-    else:
-        index = options.out / "index.html"
-        print(f"rows: {len(rows)}; {count} files, {size / 1e6:.1f} MB: open {index}")
+    facts = {"out": str(options.out), "files": count, "bytes": size, "rows": len(rows)}
+    text = f"rows: {len(rows)}; {count} files, {size / 1e6:.1f} MB: open "
+    print_answer(options, facts, f"{text}{options.out / 'index.html'}")
     return 0
 
 

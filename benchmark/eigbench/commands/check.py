@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -17,6 +16,7 @@ from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
 from eigbench.running.evaluate import Options, predict_meshes
 from eigbench.scoring import physics
+from synthnet.terminal import print_answer
 
 AGREE = 1e-5  # relative, between batch sizes and orders of one predictor
 
@@ -67,15 +67,14 @@ def check(options: argparse.Namespace) -> int:
         findings.append(f"answers that are not positive, first for {', '.join(bad)}")
     if finite and contract["ascending"] != 1:
         findings.append("answers that do not ascend: sort each spectrum")
-    if options.json:
-        print(json.dumps({"physics": contract, "findings": findings}, indent=1))
-    else:
-        print(tables.physics(contract))
-        print(f"\n{base} shapes and {len(ids) - base} changed copies of them")
-        for finding in findings:
-            print(f"  {finding}")
-        verdict = "it can be evaluated" if not findings else "look at the findings above"
-        print(f"{options.predictor}: loads and answers in shape; {verdict}")
+    verdict = "it can be evaluated" if not findings else "look at the findings above"
+    lines = [
+        f"{tables.physics(contract)}\n",
+        f"{base} shapes and {len(ids) - base} changed copies of them",
+        *(f"  {finding}" for finding in findings),
+        f"{options.predictor}: loads and answers in shape; {verdict}",
+    ]
+    print_answer(options, {"physics": contract, "findings": findings}, "\n".join(lines))
     return 1 if findings else 0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.names import SURFACE
 from synthnet.store.files import make_directory, write_text
+from synthnet.terminal import print_answer, print_json
 
 FEW = "few shapes"  # makes no verdict, which is not a tie
 VERDICTS = {"a": "A is better", "b": "B is better"}
@@ -97,7 +97,7 @@ def compare(options: argparse.Namespace) -> int:
             "overall": {key: _plain(d) for key, d in overall.items()},
             "families": {"metric": RANKED_BY, **{f: _plain(d) for f, d in families.items()}},
         }
-        print(json.dumps(differences, indent=1))
+        print_json(differences)
         return 0
     print(f"A: {a.name} ({options.a})\nB: {b.name} ({options.b})")
     print(f"both against the {a.target}\n")
@@ -178,8 +178,6 @@ def plot(options: argparse.Namespace) -> int:
             path = options.out / f"spectra-{row.slug}.png"
             figures.save(path, error_figures.spectra(row))
             written.append(path)
-    if options.json:
-        print(json.dumps({"files": list(map(str, written))}))
-    else:
-        print("\n".join(map(str, written)))
+    files = list(map(str, written))
+    print_answer(options, {"files": files}, "\n".join(files))
     return 0

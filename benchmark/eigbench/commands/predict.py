@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Callable
@@ -29,6 +28,7 @@ from eigbench.scoring.training import IMPORTED
 from synthnet import store, terminal
 from synthnet.errors import counted
 from synthnet.store.files import make_parent
+from synthnet.terminal import print_answer
 
 Settings = TypeVar("Settings", bound=box.Settings)
 CORRECTED = 1.5  # by how much an estimate of time is off when it is told anew
@@ -132,21 +132,19 @@ def predict(options: argparse.Namespace) -> int:
         evaluation = answers(options.predictor, labels, instances, settings, parts)
         predictions.write(out, labels, evaluation.predictions)
     cost = record.cost(evaluation, settings)
-    if options.json:
-        facts = {
-            "predictions": str(out),
-            "model": evaluation.loaded.meta["name"],
-            "instances": len(labels.ids),
-            "ms_per_mesh": cost["ms_per_mesh"],
-            "sandbox": settings.sandbox,
-        }
-        print(json.dumps(facts, indent=1))
-    else:
-        print(
-            f"{evaluation.loaded.meta['name']}: {len(labels.ids):,} instances, "
-            f"{cost['ms_per_mesh']:.3g} ms per mesh, sandbox {settings.sandbox}\n"
-            f"predictions {out}; now: eigbench score {out}{_split(options)}"
-        )
+    facts = {
+        "predictions": str(out),
+        "model": evaluation.loaded.meta["name"],
+        "instances": len(labels.ids),
+        "ms_per_mesh": cost["ms_per_mesh"],
+        "sandbox": settings.sandbox,
+    }
+    text = (
+        f"{facts['model']}: {len(labels.ids):,} instances, "
+        f"{cost['ms_per_mesh']:.3g} ms per mesh, sandbox {settings.sandbox}\n"
+        f"predictions {out}; now: eigbench score {out}{_split(options)}"
+    )
+    print_answer(options, facts, text)
     for finding in record.findings(cost, evaluation.status.refused):
         print(f"warning: {finding}", file=sys.stderr)
     return score.exit_code(predictions.unphysical(labels, evaluation.predictions))

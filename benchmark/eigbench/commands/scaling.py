@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from eigbench.scaling import surfaces
 from eigbench.scaling.results import ANSWERED, Scaled
 from eigbench.scaling.run import Settings
 from synthnet.store.files import make_parent
+from synthnet.terminal import print_json
 
 
 def add_commands(command: Command) -> None:
@@ -80,7 +80,7 @@ def scale(options: argparse.Namespace) -> int:
             on_mesh=lambda name: status.update(f"predicting {name}"),
         )
     if options.json:
-        print(json.dumps(result, indent=1))
+        print_json(result)
         return 0
     rows = []
     for (surface, size), mesh in Scaled(result, out).meshes.items():
@@ -120,7 +120,7 @@ def show(options: argparse.Namespace) -> int:
                 }
             )
     if options.json:
-        print(json.dumps({"meshes": rows, "verified": options.verify, "findings": findings}))
+        print_json({"meshes": rows, "verified": options.verify, "findings": findings})
         return 1 if findings else 0
     cells = [
         [

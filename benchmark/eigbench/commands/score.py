@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,7 +21,7 @@ from synthnet import recipe, store
 from synthnet.errors import counted
 from synthnet.store import pins
 from synthnet.store.files import sha256
-from synthnet.terminal import WRONG_INPUT, complete_with
+from synthnet.terminal import WRONG_INPUT, complete_with, print_json
 from synthnet.types import PROTOCOLS, SPLITS
 from synthnet.verify import seal
 
@@ -109,7 +108,7 @@ def score(options: argparse.Namespace) -> int:
         scored = {options.target: scored[options.target]}
     result = {"dataset": results.dataset_facts(labels), "scores": scored}
     if options.json:
-        print(json.dumps(result, indent=1))
+        print_json(result)
     else:
         print(f"{options.file} on {described(result)}\n")
         print_scores(scored)

@@ -1,16 +1,12 @@
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 import torch
 from torch_geometric.data import Data
 
-from synthnet.types import Mesh, Sample
+from synthnet.types import Mesh
 
 
-def data_of(mesh: Mesh) -> Data:
+def data_of(mesh):
     """Return a mesh in double precision, as PyTorch Geometric has it."""
     return Data(
         pos=torch.from_numpy(mesh.vertices.astype(np.float64)),
@@ -18,14 +14,14 @@ def data_of(mesh: Mesh) -> Data:
     )
 
 
-def moved(mesh: Mesh, matrix: np.ndarray, scale: float = 1.0) -> Mesh:
+def moved(mesh, matrix, scale=1.0):
     """Apply an orthogonal matrix; a reflection turns the faces round, as augmentation does."""
     faces = mesh.faces if np.linalg.det(matrix) > 0 else mesh.faces[:, ::-1]
     return Mesh(scale * mesh.vertices.astype(np.float64) @ matrix.T, faces)
 
 
 @pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
+def one_thread():
     """PyTorch's own threads wait for each other, which takes long where processes share cores."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -34,13 +30,13 @@ def one_thread() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def meshes(tiny_samples: dict[str, list[Sample]]) -> list[Mesh]:
+def meshes(tiny_samples):
     """Ten small meshes of four families."""
     return [sample.mesh for samples in tiny_samples.values() for sample in samples]
 
 
 @pytest.fixture(scope="session")
-def orthogonal() -> np.ndarray:
+def orthogonal():
     """A rotation and a reflection, (2, 3, 3)."""
     q, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
     q = q * np.sign(np.linalg.det(q))

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +26,7 @@ GOLDEN = pq.read_table(Path(__file__).parents[2] / "golden" / "voronoi.parquet")
 # Voronoi areas
 
 
-def test_golden_file_has_every_family_and_obtuse_triangles() -> None:
+def test_golden_file_has_every_family_and_obtuse_triangles():
     assert {row["id"].rsplit("-", 1)[0] for row in GOLDEN} == set(PRIMITIVES)
     obtuse = []
     for row in GOLDEN:
@@ -39,14 +37,14 @@ def test_golden_file_has_every_family_and_obtuse_triangles() -> None:
 
 
 @pytest.mark.parametrize("row", GOLDEN, ids=[row["id"] for row in GOLDEN])
-def test_voronoi_areas_are_those_of_libigl(row: dict) -> None:
+def test_voronoi_areas_are_those_of_libigl(row):
     pos = torch.tensor(row["vertices"], dtype=torch.float32).reshape(-1, 3).double()
     face = torch.tensor(row["faces"]).reshape(-1, 3).T
     areas = torch.tensor(row["areas"], dtype=torch.float64)
     torch.testing.assert_close(voronoi_areas(pos, face), areas, rtol=1e-12, atol=0)
 
 
-def test_voronoi_areas_of_one_triangle_by_hand() -> None:
+def test_voronoi_areas_of_one_triangle_by_hand():
     # Right-angled, legs 1: the circumcentre is the middle of the hypotenuse.
     right = Data(
         pos=torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), face=torch.tensor([[0], [1], [2]])
@@ -58,14 +56,14 @@ def test_voronoi_areas_of_one_triangle_by_hand() -> None:
     torch.testing.assert_close(voronoi_areas(obtuse, right.face), expected)
 
 
-def test_voronoi_areas_add_up_to_the_surface(meshes: list[Mesh]) -> None:
+def test_voronoi_areas_add_up_to_the_surface(meshes):
     assert len(meshes) == 10
     for mesh in meshes:
         total = voronoi_areas(data_of(mesh).pos, data_of(mesh).face).sum().item()
         assert total == pytest.approx(geometry.area(mesh), rel=1e-12)
 
 
-def test_a_vertex_without_a_triangle_has_no_area_and_no_normal() -> None:
+def test_a_vertex_without_a_triangle_has_no_area_and_no_normal():
     pos = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]])
     face = torch.tensor([[0], [1], [2]])
     assert voronoi_areas(pos, face)[3] == 0
@@ -75,7 +73,7 @@ def test_a_vertex_without_a_triangle_has_no_area_and_no_normal() -> None:
 # The Gauss map
 
 
-def test_gauss_map_is_unit_on_a_flat_patch_and_shorter_where_normals_disagree() -> None:
+def test_gauss_map_is_unit_on_a_flat_patch_and_shorter_where_normals_disagree():
     cube = FAMILIES["rectangular_prism"].generate(
         {"width": 1.0, "height": 1.0, "depth": 1.0, "subdivisions": 2}
     )
@@ -89,7 +87,7 @@ def test_gauss_map_is_unit_on_a_flat_patch_and_shorter_where_normals_disagree() 
     assert lengths[edge].max() == pytest.approx(np.sqrt(0.5), abs=1e-12)  # two equal areas
 
 
-def test_gauss_map_is_outward_whatever_the_orientation() -> None:
+def test_gauss_map_is_outward_whatever_the_orientation():
     sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 8})
     for mesh in (
         sphere,
@@ -105,9 +103,7 @@ def test_gauss_map_is_outward_whatever_the_orientation() -> None:
 
 
 @pytest.mark.parametrize("kind", [0, 1], ids=["rotation", "reflection"])
-def test_encodings_commute_with_isometries(
-    kind: int, meshes: list[Mesh], orthogonal: np.ndarray
-) -> None:
+def test_encodings_commute_with_isometries(kind, meshes, orthogonal):
     matrix = torch.from_numpy(orthogonal[kind])
     assert len(meshes) == 10
     for mesh in meshes:
@@ -122,7 +118,7 @@ def test_encodings_commute_with_isometries(
         torch.testing.assert_close(normalised_lengths(there.pos, edges), lengths, **tolerance)
 
 
-def test_encodings_scale_as_their_units_say(meshes: list[Mesh]) -> None:
+def test_encodings_scale_as_their_units_say(meshes):
     assert len(meshes) == 10
     for mesh in meshes:
         here, there = data_of(mesh), data_of(moved(mesh, np.eye(3), scale=4.0))
@@ -136,7 +132,7 @@ def test_encodings_scale_as_their_units_say(meshes: list[Mesh]) -> None:
         torch.testing.assert_close(normalised_lengths(there.pos, edges), lengths)
 
 
-def test_scale_free_encodings_do_not_change_with_scale_and_place(meshes: list[Mesh]) -> None:
+def test_scale_free_encodings_do_not_change_with_scale_and_place(meshes):
     assert len(meshes) == 10
     for mesh in meshes:
         there = Mesh(3.0 * mesh.vertices.astype(np.float64) + 7.0, mesh.faces)
@@ -150,7 +146,7 @@ def test_scale_free_encodings_do_not_change_with_scale_and_place(meshes: list[Me
 
 @pytest.mark.parametrize("virtual", [False, True])
 @pytest.mark.parametrize("name", CHANNELS)
-def test_presets(name: str, virtual: bool, meshes: list[Mesh]) -> None:
+def test_presets(name, virtual, meshes):
     mesh = meshes[0]
     n, edges = len(mesh.vertices), len(geometry.MeshFacts(mesh).edge_valences)
     data = encoding(name, virtual_node=virtual)(data_of(mesh))
@@ -166,21 +162,21 @@ def test_presets(name: str, virtual: bool, meshes: list[Mesh]) -> None:
             assert (data.edge_weight[2 * edges :] == 1).all()
 
 
-def test_unknown_preset() -> None:
+def test_unknown_preset():
     with pytest.raises(ValueError, match="the encoding must be one of none, A, ALG, got 'L'"):
         encoding("L")
 
 
 @pytest.mark.parametrize("name", ["A", "ALG"])
 @pytest.mark.parametrize("corners", [[1, 1, 2], [1, 2, 3]])
-def test_a_face_without_area(name: str, corners: list[int]) -> None:
+def test_a_face_without_area(name, corners):
     pos = torch.tensor([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [0, 1, 0]])
     face = torch.tensor([[0, 1, 4], corners]).T
     with pytest.raises(MeshError, match="face 1 has no area: remove degenerate faces first"):
         encoding(name)(Data(pos=pos, face=face))
 
 
-def test_no_faces_and_nan() -> None:
+def test_no_faces_and_nan():
     pos = torch.zeros(4, 3)
     with pytest.raises(MeshError, match="the mesh has no faces"):
         encoding("ALG")(Data(pos=pos, face=torch.zeros(3, 0, dtype=torch.int64)))
@@ -192,15 +188,13 @@ def test_no_faces_and_nan() -> None:
 # Principal axes
 
 
-def lopsided() -> Mesh:
+def lopsided():
     """A tetrahedron without symmetry: its moments of second and third order differ."""
     vertices = np.array([[0, 0, 0], [3, 0.4, 0], [0.2, 2, 0.1], [0.5, 0.3, 1]], float)
     return Mesh(vertices, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
 
 
-def test_isometric_copies_have_one_encoding_in_principal_axes(
-    orthogonal: tuple[np.ndarray, ...],
-) -> None:
+def test_isometric_copies_have_one_encoding_in_principal_axes(orthogonal):
     encode = encoding("ALG", scale_free=True, principal_axes=True)
     here = encode(data_of(lopsided()))
     assert not torch.allclose(here.x, encoding("ALG", scale_free=True)(data_of(lopsided())).x)
@@ -209,7 +203,7 @@ def test_isometric_copies_have_one_encoding_in_principal_axes(
         torch.testing.assert_close(there.x, here.x, rtol=1e-5, atol=1e-6)
 
 
-def test_principal_axes_diagonalise_the_moments_of_the_surface() -> None:
+def test_principal_axes_diagonalise_the_moments_of_the_surface():
     # A box of 6 by 2 by 4 around the origin, in other axes: by hand the second moments of its
     # surface are largest along 6, then 4, then 2.
     corners = np.array([[x, y, z] for x in (-3, 3) for y in (-1, 1) for z in (-2, 2)], float)

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np
@@ -11,10 +9,9 @@ from torch_geometric.data import Batch, Data
 from baselines.gcn import folded
 from baselines.gcn.data import encoder
 from baselines.gcn.encodings import CHANNELS, encoding
-from baselines.gcn.graphs import Graphs, graph, join
+from baselines.gcn.graphs import graph, join
 from baselines.gcn.model import GCN, WIDTHS, GCNConfig
 from baselines.gcn.plain import Network
-from synthnet.types import Mesh
 from tests.baselines.gcn.conftest import data_of, moved
 
 CONFIGS = [GCNConfig(name, virtual) for name in CHANNELS for virtual in (False, True)]
@@ -23,18 +20,18 @@ IDS = [f"{c.encoding}{'-virtual' * c.virtual_node}-{c.blocks}" for c in CONFIGS]
 
 
 @pytest.fixture(params=[1, 2], ids=["one thread", "two threads"])
-def threads(request: pytest.FixtureRequest) -> int:
+def threads(request):
     return int(request.param)
 
 
 @pytest.fixture(autouse=True)
-def small_chunks(monkeypatch: pytest.MonkeyPatch, meshes: list[Mesh]) -> None:
+def small_chunks(monkeypatch, meshes):
     """The meshes are so small that all would go together."""
     monkeypatch.setattr(folded, "CHUNK", 60)
     assert len(folded.chunks([len(mesh.vertices) for mesh in meshes], folded.CHUNK)) > 3
 
 
-def encoded(meshes: list[Mesh], config: GCNConfig) -> list[Data]:
+def encoded(meshes, config):
     transform = encoding(config.encoding, virtual_node=config.virtual_node)
     kept = []
     for mesh in meshes:
@@ -44,26 +41,24 @@ def encoded(meshes: list[Mesh], config: GCNConfig) -> list[Data]:
     return kept
 
 
-def model_of(config: GCNConfig) -> GCN:
+def model_of(config):
     torch.manual_seed(1)
     return GCN(config)
 
 
-def plain_of(model: GCN) -> Network:
+def plain_of(model):
     """The plain network with the same parameters."""
     network = Network(model.config.channels, WIDTHS[: model.config.blocks])
     network.load_state_dict(model.state_dict())
     return network
 
 
-def norm_apart(actual: torch.Tensor, expected: torch.Tensor) -> float:
+def norm_apart(actual, expected):
     return float((actual - expected).norm() / expected.norm())
 
 
 @pytest.mark.parametrize("config", CONFIGS, ids=IDS)
-def test_outputs_are_those_of_the_plain_network(
-    config: GCNConfig, meshes: list[Mesh], threads: int
-) -> None:
+def test_outputs_are_those_of_the_plain_network(config, meshes, threads):
     data = encoded(meshes, config)
     model = model_of(config)
     expected = plain_of(model)(Batch.from_data_list(data)).detach()
@@ -73,9 +68,7 @@ def test_outputs_are_those_of_the_plain_network(
 
 
 @pytest.mark.parametrize("config", CONFIGS, ids=IDS)
-def test_gradients_are_those_of_the_plain_network(
-    config: GCNConfig, meshes: list[Mesh], threads: int
-) -> None:
+def test_gradients_are_those_of_the_plain_network(config, meshes, threads):
     data = encoded(meshes, config)
     y = torch.rand(len(data), 10) + 1
     ours = model_of(config)
@@ -97,9 +90,7 @@ def test_gradients_are_those_of_the_plain_network(
 
 
 @pytest.mark.parametrize("config", CONFIGS[:6], ids=IDS[:6])
-def test_gradients_of_moved_meshes_are_those_of_the_plain_network(
-    config: GCNConfig, meshes: list[Mesh], orthogonal: np.ndarray
-) -> None:
+def test_gradients_of_moved_meshes_are_those_of_the_plain_network(config, meshes, orthogonal):
     matrices = [orthogonal[i % 2] for i in range(len(meshes))]
     there = list(map(moved, meshes, matrices))
     y = torch.rand(len(meshes), 10) + 1
@@ -114,13 +105,13 @@ def test_gradients_of_moved_meshes_are_those_of_the_plain_network(
 
 
 @pytest.fixture(params=[False, True], ids=["emulated", "native"])
-def processor(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+def processor(request, monkeypatch):
     """One that multiplies bfloat16, and one that does not: both ways are right everywhere."""
     monkeypatch.setattr(folded, "has_bfloat16", lambda: request.param)
 
 
 @pytest.mark.usefixtures("processor")
-def test_bfloat16_is_near(meshes: list[Mesh]) -> None:
+def test_bfloat16_is_near(meshes):
     config = GCNConfig("ALG")
     model, graphs = model_of(config), [graph(item) for item in encoded(meshes, config)]
     expected = folded.outputs(model, graphs)
@@ -129,7 +120,7 @@ def test_bfloat16_is_near(meshes: list[Mesh]) -> None:
 
 
 @pytest.mark.usefixtures("processor")
-def test_gradients_in_bfloat16_are_near(meshes: list[Mesh]) -> None:
+def test_gradients_in_bfloat16_are_near(meshes):
     config = GCNConfig("ALG")
     graphs = [graph(item) for item in encoded(meshes, config)]
     y = torch.rand(len(graphs), 10) + 1
@@ -143,9 +134,7 @@ def test_gradients_in_bfloat16_are_near(meshes: list[Mesh]) -> None:
 
 
 @pytest.mark.parametrize("config", CONFIGS[:6], ids=IDS[:6])
-def test_features_turn_as_the_mesh_does(
-    config: GCNConfig, meshes: list[Mesh], orthogonal: np.ndarray
-) -> None:
+def test_features_turn_as_the_mesh_does(config, meshes, orthogonal):
     encode = encoder(config)
     assert (len(meshes), len(orthogonal)) == (10, 2)
     for matrix in orthogonal:
@@ -155,7 +144,7 @@ def test_features_turn_as_the_mesh_does(
         torch.testing.assert_close(here.features, there.features, rtol=1e-5, atol=1e-4)
 
 
-def test_join_keeps_meshes_apart(meshes: list[Mesh]) -> None:
+def test_join_keeps_meshes_apart(meshes):
     graphs = [encoder(GCNConfig("ALG"))(mesh) for mesh in meshes[:3]]
     joined = join(graphs)
     sizes = [len(part.features) for part in graphs]
@@ -169,14 +158,14 @@ def test_join_keeps_meshes_apart(meshes: list[Mesh]) -> None:
 
 
 @pytest.mark.parametrize("sizes", [[5], [1, 1, 1], [10, 3, 3, 3, 1], [4, 9, 2, 9]])
-def test_chunks_hold_every_mesh_once_and_respect_the_limit(sizes: list[int]) -> None:
+def test_chunks_hold_every_mesh_once_and_respect_the_limit(sizes):
     groups = folded.chunks(sizes, limit=6)
     assert sorted(i for group in groups for i in group) == list(range(len(sizes)))
     for group in groups:
         assert len(group) == 1 or sum(sizes[i] for i in group) <= 6
 
 
-def test_threads_give_the_same_bits(meshes: list[Mesh]) -> None:
+def test_threads_give_the_same_bits(meshes):
     config = GCNConfig("ALG", True)
     graphs = [graph(item) for item in encoded(meshes, config)] * 3
     model = model_of(config)
@@ -188,7 +177,7 @@ def test_threads_give_the_same_bits(meshes: list[Mesh]) -> None:
 
 
 @pytest.mark.parametrize("blocks", [3, 4, 5])
-def test_parameters_counted_by_hand(blocks: int) -> None:
+def test_parameters_counted_by_hand(blocks):
     widths = [7, *WIDTHS[:blocks]]
     convolutions = sum(2 * i * o + o + o * o + o for i, o in pairwise(widths))
     head = 256 * 64 + 64 + 3 * (64 * 64 + 64) + 64 * 10 + 10
@@ -203,16 +192,16 @@ def test_parameters_counted_by_hand(blocks: int) -> None:
         ({"blocks": 0}, "blocks must be 1 to 5, got 0"),
     ],
 )
-def test_options_out_of_range(options: dict, message: str) -> None:
+def test_options_out_of_range(options, message):
     with pytest.raises(ValueError, match=message):
         GCNConfig(**options)
 
 
 @pytest.mark.gpu
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
-def test_meshes_on_the_gpu_give_the_same(meshes: list[Mesh]) -> None:
+def test_meshes_on_the_gpu_give_the_same(meshes):
     config = GCNConfig("ALG", True)
-    graphs: list[Graphs] = [graph(item) for item in encoded(meshes, config)]
+    graphs = [graph(item) for item in encoded(meshes, config)]
     expected = folded.outputs(model_of(config), graphs)
     there = [item.to("cuda") for item in graphs]
     model = model_of(config).to("cuda")
@@ -223,7 +212,7 @@ def test_meshes_on_the_gpu_give_the_same(meshes: list[Mesh]) -> None:
     assert all(torch.isfinite(p.grad).all() for p in model.parameters())
 
 
-def test_the_sparse_matrix_of_a_gpu_is_the_same_product(meshes: list[Mesh]) -> None:
+def test_the_sparse_matrix_of_a_gpu_is_the_same_product(meshes):
     config = GCNConfig("ALG", True)
     joined = join([graph(data) for data in encoded(meshes, config)])
     a = torch.rand(len(joined.features), 5, requires_grad=True)

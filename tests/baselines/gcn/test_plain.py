@@ -1,7 +1,5 @@
 """The plain network: its encoding and its training."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -10,15 +8,13 @@ from torch_geometric.data import Batch, Data
 from baselines.gcn import plain
 from baselines.gcn.encodings import encoding
 from baselines.gcn.plain import Network, encode, train
-from synthnet.types import Mesh, Sample
+from synthnet.types import Mesh
 from tests.baselines.gcn.conftest import data_of
 
 
 @pytest.mark.parametrize("inwards", [False, True])
 @pytest.mark.parametrize("virtual", [False, True])
-def test_the_encoding_is_that_of_the_fast_network(
-    virtual: bool, inwards: bool, meshes: list[Mesh]
-) -> None:
+def test_the_encoding_is_that_of_the_fast_network(virtual, inwards, meshes):
     assert len(meshes) == 10
     for mesh in meshes:
         turned = Mesh(mesh.vertices, mesh.faces[:, ::-1]) if inwards else mesh
@@ -29,7 +25,7 @@ def test_the_encoding_is_that_of_the_fast_network(
         torch.testing.assert_close(ours.edge_weight, theirs.edge_weight, rtol=1e-6, atol=0)
 
 
-def test_the_encoding_of_a_right_triangle_by_hand() -> None:
+def test_the_encoding_of_a_right_triangle_by_hand():
     # Legs 3 and 4, area 6: the circumcentre is the middle of the hypotenuse, of length 5.
     corners = torch.tensor([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]])
     graph = encode(Data(pos=corners, face=torch.tensor([[0], [1], [2]])), virtual_node=False)
@@ -39,7 +35,7 @@ def test_the_encoding_of_a_right_triangle_by_hand() -> None:
     assert graph.edge_weight.tolist() == pytest.approx([0.6, 0.8, 0.6, 1, 0.8, 1])
 
 
-def batch_of(samples: dict[str, list[Sample]]) -> Batch:
+def batch_of(samples):
     graphs = []
     for sample in [member for members in samples.values() for member in members]:
         graphs.append(encode(data_of(sample.mesh)))
@@ -47,7 +43,7 @@ def batch_of(samples: dict[str, list[Sample]]) -> Batch:
     return Batch.from_data_list(graphs)
 
 
-def test_training_lowers_the_loss(tiny_samples: dict[str, list[Sample]]) -> None:
+def test_training_lowers_the_loss(tiny_samples):
     torch.manual_seed(0)
     batch = batch_of(tiny_samples)
     losses = list(train(Network(), [batch] * 60, rate=3e-3))
@@ -55,9 +51,7 @@ def test_training_lowers_the_loss(tiny_samples: dict[str, list[Sample]]) -> None
     assert (np.diff(losses[::20] + losses[-1:]) < 0).all()  # 2.82 at first, 0.007 less each time
 
 
-def test_an_untrained_network_starts_at_the_mean_spectrum(
-    tiny_samples: dict[str, list[Sample]],
-) -> None:
+def test_an_untrained_network_starts_at_the_mean_spectrum(tiny_samples):
     torch.manual_seed(0)
     batch, network = batch_of(tiny_samples), Network()
     with torch.no_grad():
@@ -68,15 +62,11 @@ def test_an_untrained_network_starts_at_the_mean_spectrum(
     assert loss == pytest.approx(expected.item(), rel=1e-5)
 
 
-def test_the_command_prints_a_loss_a_step(
-    tiny_samples: dict[str, list[Sample]],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_command_prints_a_loss_a_step(tiny_samples, monkeypatch, capsys):
     graphs = batch_of(tiny_samples).to_data_list()
     options = []
 
-    def dataset(**chosen: object) -> list[Data]:
+    def dataset(**chosen):
         options.append((chosen["version"], chosen["split"], chosen["transform"]))
         return graphs * 4
 

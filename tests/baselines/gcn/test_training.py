@@ -1,12 +1,9 @@
-from __future__ import annotations
-
 import errno
 import math
 import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,18 +22,17 @@ from baselines.gcn.objective import LOSSES, eigenvalues, predict
 from baselines.gcn.predictor import Row, title
 from baselines.gcn.run import CHECKPOINT, LOG, Run, TrainingError, random_isometries, random_signs
 from synthnet.errors import BuildError
-from synthnet.types import Mesh, Sample
+from synthnet.types import Mesh
 
 ROOT = Path(baselines.gcn.__file__).parent.parent.parent
 QUIET = Console(quiet=True)
-Make = Callable[..., Run]
 
 
 @pytest.fixture(scope="session")
-def shapes(tiny_samples: dict[str, list[Sample]]) -> Callable[[GCNConfig], Shapes]:
+def shapes(tiny_samples):
     samples = [sample for members in tiny_samples.values() for sample in members]
 
-    def encode(config: GCNConfig) -> Shapes:
+    def encode(config):
         splits = np.array(["validation", "test"] + ["train"] * (len(samples) - 2))
         return Shapes(
             [encoder(config)(sample.mesh) for sample in samples],
@@ -52,8 +48,8 @@ def shapes(tiny_samples: dict[str, list[Sample]]) -> Callable[[GCNConfig], Shape
 
 
 @pytest.fixture
-def make(shapes: Callable[[GCNConfig], Shapes], tmp_path: Path) -> Make:
-    def run(config: TrainConfig, out: Path = tmp_path, seed: int = 0) -> Run:
+def make(shapes, tmp_path):
+    def run(config, out=tmp_path, seed=0):
         cpu = torch.device("cpu")
         encoded = shapes(config.model)
         return Run(config, encoded, protocol="grouped", seed=seed, out=out, device=cpu)
@@ -67,7 +63,7 @@ RANDOM = replace(MODERN, epochs=9, batch_size=3)
 AVERAGED = replace(SCALE_FREE["table2-alg-virtual-scale-free"], epochs=9, batch_size=3)
 
 
-def flat(run: Run) -> torch.Tensor:
+def flat(run):
     networks = (run.model, run.averaged)
     return torch.cat([p.detach().flatten() for network in networks for p in network.parameters()])
 
@@ -75,7 +71,7 @@ def flat(run: Run) -> torch.Tensor:
 # Configurations
 
 
-def test_the_papers_schedules() -> None:
+def test_the_papers_schedules():
     assert len(PAPER) > 3
     for name, config in PAPER.items():
         first = name.startswith("table1")
@@ -86,7 +82,7 @@ def test_the_papers_schedules() -> None:
         assert (config.schedule, config.isometries, config.clip) == ("constant", "stored", 0)
 
 
-def test_every_row_of_the_papers_tables() -> None:
+def test_every_row_of_the_papers_tables():
     assert {name: c.loss for name, c in PAPER.items() if name.startswith("table1")} == {
         "table1-polar": "polar",
         "table1-rpd": "rpd",
@@ -101,12 +97,12 @@ def test_every_row_of_the_papers_tables() -> None:
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-def test_a_configuration_survives_its_record(name: str) -> None:
+def test_a_configuration_survives_its_record(name):
     record = {"config": weights.describe(CONFIGS[name])}
     assert weights.config_of(record) == CONFIGS[name]
 
 
-def test_names_of_rows_differ() -> None:
+def test_names_of_rows_differ():
     assert len({title(config) for config in CONFIGS.values()}) == len(CONFIGS)
 
 
@@ -118,9 +114,7 @@ def test_names_of_rows_differ() -> None:
     [pytest.param(STORED, marks=pytest.mark.slow), RANDOM, AVERAGED],
     ids=["stored", "random", "averaged"],
 )
-def test_a_resumed_run_ends_with_the_same_weights(
-    config: TrainConfig, make: Make, tmp_path: Path
-) -> None:
+def test_a_resumed_run_ends_with_the_same_weights(config, make, tmp_path):
     whole = make(config, tmp_path / "whole")
     (tmp_path / "whole").mkdir()
     while whole.progressed.steps < whole.total:
@@ -142,7 +136,7 @@ def test_a_resumed_run_ends_with_the_same_weights(
     assert sum("validation_rpd" in row for row in logs[0]) == config.epochs
 
 
-def test_log_has_every_tenth_step_and_scores_of_every_epoch(make: Make) -> None:
+def test_log_has_every_tenth_step_and_scores_of_every_epoch(make):
     run = make(STORED)
     for _ in range(2 * run.per_epoch):
         run.step()
@@ -154,7 +148,7 @@ def test_log_has_every_tenth_step_and_scores_of_every_epoch(make: Make) -> None:
 
 
 @pytest.mark.parametrize("config", [STORED, RANDOM])
-def test_last_bias_is_the_mean_training_spectrum(config: TrainConfig, make: Make) -> None:
+def test_last_bias_is_the_mean_training_spectrum(config, make):
     run = make(config)
     shapes = sorted(set(run.instances[:, 0].tolist()))
     with torch.no_grad():
@@ -167,14 +161,14 @@ def test_last_bias_is_the_mean_training_spectrum(config: TrainConfig, make: Make
     assert predictions == pytest.approx(y.log().mean(dim=0).exp().expand_as(predictions), rel=1e-2)
 
 
-def test_rpd_has_no_gradient_where_an_output_is_negative() -> None:
+def test_rpd_has_no_gradient_where_an_output_is_negative():
     p = torch.tensor([[-1.0, 1.0]], requires_grad=True)
     losses.rpd_loss(p, torch.tensor([[2.0, 2.0]])).backward()
     assert p.grad is not None
     assert p.grad[0, 0].abs() < 1e-8 < p.grad[0, 1].abs()
 
 
-def test_long_log_is_thinned(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_log_is_thinned(make, monkeypatch):
     monkeypatch.setattr(baselines.gcn.run, "ROWS", 3)
     run = make(replace(STORED, epochs=4))
     for _ in range(4 * run.per_epoch):
@@ -187,7 +181,7 @@ def test_long_log_is_thinned(make: Make, monkeypatch: pytest.MonkeyPatch) -> Non
     assert run.validated() == run.progressed.log[-1]
 
 
-def test_seeds_differ(make: Make) -> None:
+def test_seeds_differ(make):
     runs = [make(STORED, seed=seed) for seed in (0, 0, 1)]
     for run in runs:
         run.step()
@@ -195,7 +189,7 @@ def test_seeds_differ(make: Make) -> None:
     assert not torch.equal(flat(runs[0]), flat(runs[2]))
 
 
-def test_an_epoch_is_every_instance_once(make: Make) -> None:
+def test_an_epoch_is_every_instance_once(make):
     run = make(STORED)
     seen = []
     for step in range(run.per_epoch):
@@ -211,7 +205,7 @@ def test_an_epoch_is_every_instance_once(make: Make) -> None:
 @pytest.mark.parametrize(
     "name", ["rpd", *(pytest.param(n, marks=pytest.mark.slow) for n in LOSSES if n != "rpd")]
 )
-def test_training_lowers_the_loss(name: str, make: Make) -> None:
+def test_training_lowers_the_loss(name, make):
     config = replace(RANDOM, loss=name, epochs=60, batch_size=6, schedule="constant")
     run = make(config)
     for _ in range(run.total):
@@ -220,7 +214,7 @@ def test_training_lowers_the_loss(name: str, make: Make) -> None:
     assert np.mean(losses[-5:]) < 0.8 * losses[0]
 
 
-def test_one_cycle_rises_and_falls_to_nothing(make: Make) -> None:
+def test_one_cycle_rises_and_falls_to_nothing(make):
     run = make(replace(RANDOM, epochs=50))
     rates = [run.rate(step) for step in range(run.total)]
     top = rates.index(max(rates))
@@ -230,13 +224,13 @@ def test_one_cycle_rises_and_falls_to_nothing(make: Make) -> None:
     assert rates[-1] < 0.01 * RANDOM.learning_rate
 
 
-def test_a_trapezoid_rises_stays_falls_and_stays(make: Make) -> None:
+def test_a_trapezoid_rises_stays_falls_and_stays(make):
     run = make(AVERAGED)
     rates = [run.rate(step) for step in (0, 299, 2500, 3750, 5000, 50_000)]
     assert rates == pytest.approx([1e-3 / 300, 1e-3, 1e-3, 5.01e-4, 2e-6, 2e-6])
 
 
-def test_large_meshes_are_drawn_less_often(make: Make) -> None:
+def test_large_meshes_are_drawn_less_often(make):
     run = make(replace(AVERAGED, vertices=20, batch_size=1))
     trained = run.instances[:, 0].tolist()
     sizes = np.array([len(run.shapes.graphs[i].features) for i in trained])
@@ -251,7 +245,7 @@ def test_large_meshes_are_drawn_less_often(make: Make) -> None:
     np.testing.assert_allclose(counts[trained] / 4000, shares / shares.sum(), rtol=0.2)
 
 
-def test_the_average_is_of_the_last_steps(make: Make) -> None:
+def test_the_average_is_of_the_last_steps(make):
     run = make(AVERAGED)
     weights = []
     for _ in range(12):
@@ -271,9 +265,7 @@ def test_the_average_is_of_the_last_steps(make: Make) -> None:
         ([0.5, 0.4, 0.3, 0.35], True),  # or nothing
     ],
 )
-def test_a_run_has_converged_when_its_last_quarter_gains_little(
-    make: Make, rpd: list[float], expected: bool
-) -> None:
+def test_a_run_has_converged_when_its_last_quarter_gains_little(make, rpd, expected):
     run = make(AVERAGED)
     run.progressed.log = [
         {"steps": 3400 * (i + 1), "validation_rpd": value} for i, value in enumerate(rpd)
@@ -283,7 +275,7 @@ def test_a_run_has_converged_when_its_last_quarter_gains_little(
     assert not run.converged()  # too short a run says nothing
 
 
-def test_random_isometries_are_orthogonal_and_of_both_kinds() -> None:
+def test_random_isometries_are_orthogonal_and_of_both_kinds():
     drawn = random_isometries(64, torch.Generator().manual_seed(0))
     torch.testing.assert_close(drawn @ drawn.mT, torch.eye(3).expand(64, 3, 3), atol=1e-5, rtol=0)
     signs = torch.linalg.det(drawn).round()
@@ -291,13 +283,13 @@ def test_random_isometries_are_orthogonal_and_of_both_kinds() -> None:
     assert abs(drawn.mean()) < 0.1
 
 
-def test_signs_are_of_all_eight_kinds() -> None:
+def test_signs_are_of_all_eight_kinds():
     drawn = random_signs(64, torch.Generator().manual_seed(0))
     assert torch.equal(drawn.abs(), torch.eye(3).expand(64, 3, 3))
     assert len({tuple(torch.diagonal(signs).tolist()) for signs in drawn}) == 8
 
 
-def test_time_is_up(make: Make, tmp_path: Path) -> None:
+def test_time_is_up(make, tmp_path):
     run = make(STORED)
     assert train.loop(run, 1e-9, QUIET) == "time is up"
     run.save()
@@ -310,7 +302,7 @@ def test_time_is_up(make: Make, tmp_path: Path) -> None:
     assert sum(not row.endswith(",") for row in rows) == STORED.epochs
 
 
-def test_training_ends_when_the_run_has_converged(make: Make) -> None:
+def test_training_ends_when_the_run_has_converged(make):
     run = make(AVERAGED)
     run.step()
     run.progressed.log = [
@@ -325,9 +317,7 @@ def test_training_ends_when_the_run_has_converged(make: Make) -> None:
 
 
 @pytest.mark.parametrize("config", [RANDOM, AVERAGED], ids=["last", "averaged"])
-def test_weights_are_what_is_scored(
-    config: TrainConfig, make: Make, meshes: list[Mesh], tmp_path: Path
-) -> None:
+def test_weights_are_what_is_scored(config, make, meshes, tmp_path):
     run = make(config)
     for _ in range(12):
         run.step()
@@ -342,13 +332,13 @@ def test_weights_are_what_is_scored(
 
 
 @pytest.mark.parametrize("name", ["table3-a-5-virtual", "table2-alg"])
-def test_weights_of_the_largest_network_are_below_2_mb(name: str, tmp_path: Path) -> None:
+def test_weights_of_the_largest_network_are_below_2_mb(name, tmp_path):
     path = tmp_path / "w.safetensors"
     weights.save_model(path, GCN(CONFIGS[name].model), {"config": weights.describe(CONFIGS[name])})
     assert path.stat().st_size < 2e6
 
 
-def test_a_checkpoint_of_another_run_is_refused_and_kept(make: Make, tmp_path: Path) -> None:
+def test_a_checkpoint_of_another_run_is_refused_and_kept(make, tmp_path):
     make(STORED).save()
     before = (tmp_path / CHECKPOINT).read_bytes()
     other = replace(STORED, model=replace(STORED.model, blocks=4))
@@ -364,7 +354,7 @@ def test_a_checkpoint_of_another_run_is_refused_and_kept(make: Make, tmp_path: P
 
 
 @pytest.mark.parametrize("lost", ["steps", "optimiser"])
-def test_a_checkpoint_that_lacks_something(lost: str, make: Make, tmp_path: Path) -> None:
+def test_a_checkpoint_that_lacks_something(lost, make, tmp_path):
     run = make(RANDOM)
     run.step()
     run.save()
@@ -375,7 +365,7 @@ def test_a_checkpoint_that_lacks_something(lost: str, make: Make, tmp_path: Path
         make(RANDOM).resume()
 
 
-def test_a_run_keeps_what_each_session_ran_on(make: Make) -> None:
+def test_a_run_keeps_what_each_session_ran_on(make):
     for count in (1, 2, 3):
         run = make(STORED)
         run.threads = count
@@ -386,7 +376,7 @@ def test_a_run_keeps_what_each_session_ran_on(make: Make) -> None:
     assert [session["threads"] for session in run.record()["sessions"]] == [1, 2, 3]
 
 
-def test_a_loss_that_is_no_number_stops_before_the_step(make: Make, tmp_path: Path) -> None:
+def test_a_loss_that_is_no_number_stops_before_the_step(make, tmp_path):
     run = make(STORED)
     run.save()
     kept, before = (tmp_path / CHECKPOINT).read_bytes(), flat(run)
@@ -397,7 +387,7 @@ def test_a_loss_that_is_no_number_stops_before_the_step(make: Make, tmp_path: Pa
     assert (tmp_path / CHECKPOINT).read_bytes() == kept
 
 
-def test_weights_too_large_for_half_precision(make: Make, tmp_path: Path) -> None:
+def test_weights_too_large_for_half_precision(make, tmp_path):
     run = make(STORED)
     with torch.no_grad():
         run.model.head[0].weight[0, 0] = 1e6
@@ -406,8 +396,8 @@ def test_weights_too_large_for_half_precision(make: Make, tmp_path: Path) -> Non
     assert not (tmp_path / "weights.safetensors").exists()
 
 
-def test_a_full_disk_is_one_line(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object) -> None:
+def test_a_full_disk_is_one_line(make, monkeypatch):
+    def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     run = make(STORED)
@@ -416,19 +406,19 @@ def test_a_full_disk_is_one_line(make: Make, monkeypatch: pytest.MonkeyPatch) ->
         run.save()
 
 
-def test_no_meshes_have_no_eigenvalues(make: Make) -> None:
+def test_no_meshes_have_no_eigenvalues(make):
     run = make(STORED)
     run.finish()
     assert Row(run.out / "weights.safetensors").predict([]).shape == (0, 10)
 
 
 @pytest.mark.parametrize("name", ["loss", "optimiser", "schedule", "isometries"])
-def test_unknown_words_of_a_configuration(name: str) -> None:
+def test_unknown_words_of_a_configuration(name):
     with pytest.raises(ValueError, match=f"{name} must be one of .*, got 'other'"):
         TrainConfig(**{name: "other"})
 
 
-def test_weights_of_another_model(tmp_path: Path) -> None:
+def test_weights_of_another_model(tmp_path):
     path = tmp_path / "w.safetensors"
     weights.save_model(path, GCN(GCNConfig("A")), {"config": weights.describe(CONFIGS["modern"])})
     with pytest.raises(weights.WeightsError, match="is of another model"):
@@ -436,14 +426,14 @@ def test_weights_of_another_model(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"no weights", b"\x08" + bytes(7) + b"{}      "])
-def test_damaged_weights(content: bytes, tmp_path: Path) -> None:
+def test_damaged_weights(content, tmp_path):
     path = tmp_path / "w.safetensors"
     path.write_bytes(content)
     with pytest.raises(weights.WeightsError, match="is damaged, or no file of this program"):
         weights.load_model(path)
 
 
-def test_missing_weights(tmp_path: Path) -> None:
+def test_missing_weights(tmp_path):
     with pytest.raises(weights.WeightsError, match="there is no file"):
         weights.load_model(tmp_path / "none.safetensors")
 
@@ -451,7 +441,7 @@ def test_missing_weights(tmp_path: Path) -> None:
 # The scale-free network
 
 
-def test_a_scale_free_network_obeys_scaling(make: Make, meshes: list[Mesh]) -> None:
+def test_a_scale_free_network_obeys_scaling(make, meshes):
     run = make(RANDOM)
     run.step()
     run.finish()
@@ -460,7 +450,7 @@ def test_a_scale_free_network_obeys_scaling(make: Make, meshes: list[Mesh]) -> N
     np.testing.assert_allclose(row.predict(doubled), row.predict(meshes) / 4, rtol=1e-4)
 
 
-def test_outputs_of_zero_are_weyls_law() -> None:
+def test_outputs_of_zero_are_weyls_law():
     values = eigenvalues(torch.zeros(1, 10), torch.tensor([2.0]), GCNConfig(scale_free=True))
     assert values[0].tolist() == pytest.approx([2 * math.pi * i for i in range(1, 11)])
 
@@ -478,7 +468,7 @@ def test_outputs_of_zero_are_weyls_law() -> None:
     ],
     ids=["one triangle", "no faces", "nan", "no area"],
 )
-def test_bad_meshes(mesh: Mesh, message: str, make: Make) -> None:
+def test_bad_meshes(mesh, message, make):
     run = make(STORED)
     run.finish()
     with pytest.raises(ValueError, match=message):
@@ -488,7 +478,7 @@ def test_bad_meshes(mesh: Mesh, message: str, make: Make) -> None:
 # The command line
 
 
-def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+def refused(capsys, *arguments):
     assert train.main([str(a) for a in arguments]) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
@@ -507,15 +497,11 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
         (["--resume"], "has no checkpoint: leave --resume out to begin"),
     ],
 )
-def test_bad_options_are_one_line(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_bad_options_are_one_line(arguments, message, capsys, tmp_path):
     assert message in refused(capsys, "--config", "modern", "--out", tmp_path, *arguments)
 
 
-def test_weights_without_a_checkpoint_are_kept(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_weights_without_a_checkpoint_are_kept(capsys, tmp_path):
     (tmp_path / "weights.safetensors").write_text("keep")
     assert "has weights.safetensors of another run: choose another --out" in refused(
         capsys, "--config", "modern", "--out", tmp_path
@@ -524,15 +510,13 @@ def test_weights_without_a_checkpoint_are_kept(
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
-def test_cuda_that_is_not_there(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_cuda_that_is_not_there(capsys, tmp_path):
     arguments = ("--config", "modern", "--device", "cuda", "--out", tmp_path)
     assert "no CUDA device is available: use --device cpu" in refused(capsys, *arguments)
 
 
-def test_memory_of_a_gpu_that_is_full(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(*_: object) -> int:
+def test_memory_of_a_gpu_that_is_full(capsys, tmp_path, monkeypatch):
+    def full(*_):
         raise torch.OutOfMemoryError
 
     monkeypatch.setattr(train, "train", full)
@@ -540,7 +524,7 @@ def test_memory_of_a_gpu_that_is_full(
     assert "does not hold a batch of 64: choose a smaller --batch-size" in message
 
 
-def launch(home: Path, *arguments: object, processes: int = 1) -> subprocess.CompletedProcess[str]:
+def launch(home, *arguments, processes=1):
     start = ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={processes}", "-m"]
     return subprocess.run(
         [sys.executable, *(start if processes > 1 else ["-m"]), "baselines.gcn.train"]
@@ -554,7 +538,7 @@ def launch(home: Path, *arguments: object, processes: int = 1) -> subprocess.Com
 
 
 @pytest.mark.slow
-def test_two_processes_train_as_one_does(mini_home: Path, tmp_path: Path) -> None:
+def test_two_processes_train_as_one_does(mini_home, tmp_path):
     parameters = []
     for processes in (1, 2):
         out = tmp_path / str(processes)
@@ -571,7 +555,7 @@ def test_two_processes_train_as_one_does(mini_home: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_the_command_stops_and_goes_on(mini_home: Path, tmp_path: Path) -> None:
+def test_the_command_stops_and_goes_on(mini_home, tmp_path):
     options = ("--config", "modern", "--epochs", 1, "--batch-size", 100, "--out", tmp_path / "run")
     stopped = launch(mini_home, *options, "--max-minutes", 1e-6)
     assert stopped.returncode == 0, stopped.stderr

@@ -1,7 +1,5 @@
 """One network, several trainings: the share of the meshes, the protocols, the file of weights."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +19,6 @@ from baselines.gcn.sampled import Sampled, is_taken, load
 from synthnet import recipe
 from synthnet.errors import RecipeError
 from synthnet.recipe.plan import plan_shards
-from synthnet.types import Mesh
 
 CONFIG = CONFIGS["modern"]
 VERSION = "2.0-mini"
@@ -29,7 +26,7 @@ BASELINES = Path(baselines.gcn.__file__).parent.parent
 
 
 @pytest.fixture(scope="module")
-def sampled() -> Sampled:
+def sampled():
     """All shapes of 2.0-mini, without their graphs."""
     planned = [shape for plan in plan_shards(recipe.load(VERSION)) for shape in plan.shapes]
     return Sampled(
@@ -48,20 +45,18 @@ def sampled() -> Sampled:
     "protocol", ["grouped", "resolution", "genus", "boundary", "family/dented_cone"]
 )
 @pytest.mark.parametrize("split", ["train", "validation"])
-def test_a_training_uses_what_its_protocol_leaves(
-    sampled: Sampled, split: str, protocol: str
-) -> None:
+def test_a_training_uses_what_its_protocol_leaves(sampled, split, protocol):
     instances = sampled.instances(split, protocol)
     ids = {f"{sampled.ids[shape]}/{instance}" for shape, instance in instances.tolist()}
     assert ids == set(truth.load(VERSION, split, protocol).ids)
 
 
-def test_a_protocol_that_is_not_there(sampled: Sampled) -> None:
+def test_a_protocol_that_is_not_there(sampled):
     with pytest.raises(RecipeError, match=r"protocol of 2\.0-mini must be one of .*'mine'"):
         sampled.instances("train", "mine")
 
 
-def test_meshes_of_every_size_cost_about_the_same() -> None:
+def test_meshes_of_every_size_cost_about_the_same():
     ids = [f"blob-{i:05d}" for i in range(4000)]
     for n in (500, 1000, 4000, 20_000):
         taken = sum(is_taken(id, n, 1000) for id in ids)
@@ -69,7 +64,7 @@ def test_meshes_of_every_size_cost_about_the_same() -> None:
         assert abs(taken - expected) <= 4 * np.sqrt(expected * (1 - min(1, 1000 / n)))
 
 
-def test_a_share_is_loaded_without_the_test_split(mini_home: Path) -> None:
+def test_a_share_is_loaded_without_the_test_split(mini_home):
     shapes = load("1.0-mini", CONFIG.model, 600, root=str(mini_home))
     assert set(shapes.splits) == {"train", "validation"}
     sizes = [len(graph.features) for graph in shapes.graphs]
@@ -80,7 +75,7 @@ def test_a_share_is_loaded_without_the_test_split(mini_home: Path) -> None:
     assert len(toruses) == 36  # of 40, each of 600 vertices: a tenth is for the test
 
 
-def run_of(path: Path, seed: int, protocol: str, **changes: object) -> Path:
+def run_of(path, seed, protocol, **changes):
     torch.manual_seed(seed)
     record = {
         "config": weights.describe(replace(CONFIG, **changes)),
@@ -97,7 +92,7 @@ def run_of(path: Path, seed: int, protocol: str, **changes: object) -> Path:
 
 
 @pytest.fixture
-def gathered(tmp_path: Path) -> tuple[Path, dict[str, Path]]:
+def gathered(tmp_path):
     runs = {
         f"2.0/{protocol}": run_of(tmp_path / f"{seed}.safetensors", seed, protocol)
         for seed, protocol in enumerate(("grouped", "genus"))
@@ -106,9 +101,7 @@ def gathered(tmp_path: Path) -> tuple[Path, dict[str, Path]]:
     return tmp_path / "row.py", runs
 
 
-def test_each_training_answers_with_its_own_weights(
-    gathered: tuple[Path, dict[str, Path]], meshes: list[Mesh]
-) -> None:
+def test_each_training_answers_with_its_own_weights(gathered, meshes):
     file, runs = gathered
     answers = []
     for training, own in runs.items():
@@ -120,7 +113,7 @@ def test_each_training_answers_with_its_own_weights(
     assert not np.allclose(*answers)
 
 
-def test_meta_of_several_trainings(gathered: tuple[Path, dict[str, Path]]) -> None:
+def test_meta_of_several_trainings(gathered):
     meta = trainings.meta(str(gathered[0]), "Mine")
     assert meta["name"] == "Mine"
     assert meta["training_data"].startswith("synthNet 2.0 train, what the protocol leaves of it")
@@ -128,9 +121,7 @@ def test_meta_of_several_trainings(gathered: tuple[Path, dict[str, Path]]) -> No
     assert meta["hardware"] == "CPU, 1 × 2 threads"
 
 
-def test_two_training_sets_of_the_same_meshes_are_one_training(
-    gathered: tuple[Path, dict[str, Path]], tmp_path: Path
-) -> None:
+def test_two_training_sets_of_the_same_meshes_are_one_training(gathered, tmp_path):
     _, runs = gathered
     trainings.gather(
         tmp_path / "more.safetensors", {**runs, "2.0/twin": runs["2.0/genus"]}, vertices=1000
@@ -139,7 +130,7 @@ def test_two_training_sets_of_the_same_meshes_are_one_training(
     assert "of 2 trainings" in meta["training_cost"]
 
 
-def test_what_was_not_trained_is_one_line(gathered: tuple[Path, dict[str, Path]]) -> None:
+def test_what_was_not_trained_is_one_line(gathered):
     file = str(gathered[0])
     with pytest.raises(
         weights.WeightsError,
@@ -150,7 +141,7 @@ def test_what_was_not_trained_is_one_line(gathered: tuple[Path, dict[str, Path]]
         trainings.load_row(file, "cpu", 1, "2.0/genus")
 
 
-def test_runs_of_two_configurations_are_refused(tmp_path: Path) -> None:
+def test_runs_of_two_configurations_are_refused(tmp_path):
     runs = {
         "2.0/grouped": run_of(tmp_path / "a.safetensors", 0, "grouped"),
         "2.0/genus": run_of(tmp_path / "b.safetensors", 1, "genus", epochs=3),
@@ -163,7 +154,7 @@ def test_runs_of_two_configurations_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "protocol", ["grouped", "resolution", "genus", "boundary", "family/pretzel"]
 )
-def test_the_row_of_the_board_answers_for_each_training(protocol: str, meshes: list[Mesh]) -> None:
+def test_the_row_of_the_board_answers_for_each_training(protocol, meshes):
     row = predictor.load(BASELINES / "gcn_scale_free.py", training=f"2.0/{protocol}")
     answers = row.predict(meshes)
     assert answers.shape == (len(meshes), 10)
@@ -172,7 +163,7 @@ def test_the_row_of_the_board_answers_for_each_training(protocol: str, meshes: l
 
 
 @pytest.mark.slow
-def test_the_row_of_the_board_can_be_checked(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_row_of_the_board_can_be_checked(capsys):
     # The check asks for the training of 1.0, as it does of every predictor. The network's
     # eigenvalues do not all ascend, as the board says too: that is a finding, so the code is 1.
     assert cli.main(["check", str(BASELINES / "gcn_scale_free.py")]) == 1
@@ -181,7 +172,7 @@ def test_the_row_of_the_board_can_be_checked(capsys: pytest.CaptureFixture[str])
     assert "\n  answers that do not ascend" in out
 
 
-def test_the_row_of_the_board_names_its_trainings() -> None:
+def test_the_row_of_the_board_names_its_trainings():
     with pytest.raises(errors.PredictorError) as caught:
         predictor.load(BASELINES / "gcn_scale_free.py", training="1.0/paper")
     assert "no weights trained on 2.0/paper, only on 2.0/grouped" in str(caught.value)

@@ -404,11 +404,10 @@ def test_generating_again_changes_nothing(eigbench, board):
 
 
 @pytest.mark.parametrize("share", [0.001, *map(slow, (0.1, 0.3, 0.7, 0.9)), 0.5, 0.999])
-def test_one_changed_byte_of_predictions_fails_the_check(eigbench, board, share):
+def test_one_changed_byte_of_predictions_fails_the_check(refused, board, share):
     path = board / "benchmark" / "predictions" / BOARD / "one-percent.parquet"
     flip(path, int(share * path.stat().st_size))
-    code, _, err = eigbench("leaderboard", "--check", "--board", board)
-    assert code == 2
+    err = refused("leaderboard", "--check", "--board", board)
     assert str(path) in err.splitlines()[-1]
 
 
@@ -501,12 +500,10 @@ def test_readme_without_marks_is_left_alone(eigbench, board):
 
 
 @pytest.mark.parametrize("text", ["<!-- begin leaderboard -->", "twice"])
-def test_readme_with_half_a_mark_is_one_line(eigbench, board, text):
+def test_readme_with_half_a_mark_is_one_line(refused, board, text):
     marks = "<!-- begin leaderboard --><!-- end leaderboard -->"
     (board / "README.md").write_text(2 * marks if text == "twice" else text)
-    code, _, err = eigbench("leaderboard", "--board", board)
-    assert code == 2
-    assert "README.md has the marks of leaderboard" in err
+    assert "README.md has the marks of leaderboard" in refused("leaderboard", "--board", board)
 
 
 def test_check_writes_nothing(eigbench, board):
@@ -515,7 +512,7 @@ def test_check_writes_nothing(eigbench, board):
     assert (board / "LEADERBOARD.md").read_text() == "mine"
 
 
-def test_stray_files_fail_the_check(eigbench, board):
+def test_stray_files_fail_the_check(eigbench, refused, board):
     stray = board / "benchmark" / "figures" / "old.svg"
     stray.write_text("")
     assert eigbench("leaderboard", "--check", "--board", board)[0] == 1
@@ -523,19 +520,16 @@ def test_stray_files_fail_the_check(eigbench, board):
     assert not stray.exists()
     stray = board / "benchmark" / "predictions" / BOARD / "lost.parquet"
     shutil.copy(stray.with_name("far.parquet"), stray)
-    code, _, err = eigbench("leaderboard", "--check", "--board", board)
-    assert code == 2
-    assert "lost.parquet belongs to no row" in err
+    assert "lost.parquet belongs to no row" in refused("leaderboard", "--check", "--board", board)
     stray.rename(board / "benchmark" / "results" / "readme.txt")
     assert "readme.txt belongs to no row" in eigbench("leaderboard", "--board", board)[2]
 
 
-def test_result_under_another_name_fails_the_check(eigbench, board):
+def test_result_under_another_name_fails_the_check(refused, board):
     for folder, suffix in (("results", "json"), ("predictions", "parquet")):
         path = board / "benchmark" / folder / BOARD / f"far.{suffix}"
         path.rename(path.with_stem("near"))
-    code, _, err = eigbench("leaderboard", "--check", "--board", board)
-    assert code == 2
+    err = refused("leaderboard", "--check", "--board", board)
     assert f"belongs at benchmark/results/{BOARD}/far.json" in err
 
 
@@ -563,10 +557,9 @@ def test_missing_predictions_fail_the_check(board):
         leaderboard.read(board)
 
 
-def test_leaderboard_outside_a_checkout_says_what_to_do(eigbench, tmp_path, monkeypatch):
+def test_leaderboard_outside_a_checkout_says_what_to_do(refused, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, _, err = eigbench("leaderboard", "--check")
-    assert code == 2
+    err = refused("leaderboard", "--check")
     assert "has no benchmark/results" in err
     assert "--board DIR" in err
 
@@ -585,13 +578,13 @@ def test_submit_places_both_files_unchanged(eigbench, made, tmp_path):
     assert f"now: eigbench leaderboard --board {tmp_path / 'trial'}" in out
 
 
-def test_submit_replaces_only_when_told(eigbench, made, make_submission, mini_truth, tmp_path):
+def test_submit_replaces_only_when_told(
+    eigbench, refused, made, make_submission, mini_truth, tmp_path
+):
     assert eigbench("submit", made["far"], "--board", tmp_path)[0] == 0
     assert eigbench("submit", made["far"], "--board", tmp_path)[0] == 0  # the very same
     nearer = make_submission("Far", 2 * mini_truth.eigenvalues)
-    code, _, err = eigbench("submit", nearer, "--board", tmp_path)
-    assert code == 2
-    assert "is there already: give --replace" in err
+    assert "is there already: give --replace" in refused("submit", nearer, "--board", tmp_path)
     assert submission.read(tmp_path / "benchmark/results" / BOARD / "far.json").name == "Far"
     assert eigbench("submit", nearer, "--board", tmp_path, "--replace")[0] == 0
     placed = tmp_path / "benchmark" / "results" / BOARD / "far.json"
@@ -626,18 +619,16 @@ def test_a_dry_run_leaves_out_an_earlier_result_of_the_model(
     assert json.loads(out)["targets"]["mesh"]["rows"] == 4
 
 
-def test_a_dry_run_refuses_what_submit_refuses(eigbench, made, tmp_path):
-    code, out, err = eigbench("submit", made["far"], "--dry-run", "--board", tmp_path)
-    assert (code, out) == (2, "")
+def test_a_dry_run_refuses_what_submit_refuses(refused, made, tmp_path):
+    err = refused("submit", made["far"], "--dry-run", "--board", tmp_path)
     assert "has no benchmark/results" in err
 
 
-def test_submit_refuses_a_partial_result(eigbench, predictor_file, mini_home, tmp_path):
+def test_submit_refuses_a_partial_result(eigbench, refused, predictor_file, mini_home, tmp_path):
     code = predictor_file(ONES)
     where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", tmp_path / "r.json"]
     assert eigbench("evaluate", code, *where, "--limit", 5, "--no-reference")[0] == 0
-    code, _, err = eigbench("submit", tmp_path / "r.json", "--board", tmp_path)
-    assert code == 2
+    err = refused("submit", tmp_path / "r.json", "--board", tmp_path)
     assert "is partial (made with --limit)" in err
     assert not (tmp_path / "benchmark").exists()
 
@@ -680,27 +671,23 @@ def test_submit_refuses_another_split(made, tmp_path):
 
 @pytest.mark.parametrize("value", [np.nan, -1.0, 0.0])
 def test_submit_refuses_predictions_that_no_spectrum_has(
-    eigbench, make_submission, mini_truth, tmp_path, value
+    refused, make_submission, mini_truth, tmp_path, value
 ):
     values = mini_truth.eigenvalues.copy()
     values[7, 3] = value
-    code, _, err = eigbench("submit", make_submission("Bad", values), "--board", tmp_path)
-    assert code == 2
+    err = refused("submit", make_submission("Bad", values), "--board", tmp_path)
     assert f"first ids: {mini_truth.ids[7]}" in err
     assert not (tmp_path / "benchmark").exists()
 
 
-def test_submit_refuses_predictions_that_are_no_parquet(eigbench, made, mini_truth, tmp_path):
+def test_submit_refuses_predictions_that_are_no_parquet(refused, made, mini_truth, tmp_path):
     row = submission.read(made["far"])
     kept = tmp_path / "p.npz"
     np.savez(kept, ids=np.array(mini_truth.ids), eigenvalues=row.predictions[0])
     result = json.loads(made["far"].read_text())
     result["predictions"]["sha256"] = sha256(kept)
     (tmp_path / "r.json").write_text(json.dumps(result))
-    code, _, err = eigbench(
-        "submit", tmp_path / "r.json", "--predictions", kept, "--board", tmp_path
-    )
-    assert code == 2
+    err = refused("submit", tmp_path / "r.json", "--predictions", kept, "--board", tmp_path)
     assert "must be the Parquet file of `eigbench evaluate`" in err
 
 
@@ -750,7 +737,7 @@ def test_compare_takes_predictions_from_elsewhere(eigbench, made, tmp_path):
 
 
 def test_compare_reads_a_partial_result_of_a_directory(
-    eigbench, predictor_file, mini_home, tmp_path
+    eigbench, refused, predictor_file, mini_home, tmp_path
 ):
     code = predictor_file(ONES)
     where = ["--dataset", mini_home / "1.0-mini", "--limit", 5, "--no-reference"]
@@ -758,9 +745,7 @@ def test_compare_reads_a_partial_result_of_a_directory(
         eigbench("evaluate", code, *where, "--out", tmp_path / f"{name}.json")
     both = [tmp_path / "a.json", tmp_path / "b.json"]
     assert eigbench("compare", *both, "--dataset", mini_home / "1.0-mini")[0] == 0
-    code, _, err = eigbench("compare", *both, "--dataset", tmp_path)
-    assert code == 2
-    assert "holds no dataset" in err
+    assert "holds no dataset" in refused("compare", *both, "--dataset", tmp_path)
 
 
 @pytest.mark.slow
@@ -867,11 +852,10 @@ def test_an_exact_answer_is_drawn_at_the_edge(make_row, mini_truth):
 
 
 def test_plot_of_answers_that_are_not_finite_is_refused(
-    eigbench, make_submission, mini_truth, tmp_path
+    eigbench, refused, make_submission, mini_truth, tmp_path
 ):
     bad = make_submission("Bad", np.full_like(mini_truth.eigenvalues, np.inf))
-    code, _, err = eigbench("plot", bad, "--out", tmp_path)
-    assert code == 2
+    err = refused("plot", bad, "--out", tmp_path)
     assert "has predictions that are not finite: no picture" in err
     assert eigbench("plot", bad, "--out", tmp_path, "--metric", "psnr")[2] == err
 
@@ -901,7 +885,7 @@ def test_answers_at_the_ends_of_float64_are_refused_on_one_line(
 
 @pytest.mark.slow
 def test_plot_of_a_metric_that_is_infinite_on_finite_answers_says_so(
-    eigbench, make_submission, mini_truth, tmp_path
+    eigbench, refused, make_submission, mini_truth, tmp_path
 ):
     answers = 1.1 * mini_truth.eigenvalues
     answers[:3] = mini_truth.eigenvalues[:3]
@@ -909,8 +893,7 @@ def test_plot_of_a_metric_that_is_infinite_on_finite_answers_says_so(
     two = make_submission("Exact on three", answers)
     for key, message in (("psnr", "PSNR is infinite on 3 of"), ("invlap", "is infinite on 1 of")):
         options = ["--out", tmp_path, "--metric", key, "--target", "mesh"]
-        code, _, err = eigbench("plot", two, *options)
-        assert code == 2
+        err = refused("plot", two, *options)
         assert f"{message} {len(answers)} instances, though the predictions are finite" in err
         row = submission.read(two)
         for draw in (error_figures.histogram, error_figures.families):

@@ -1,13 +1,10 @@
 """The page of the paper's tables, and the module that trains their rows."""
 
-from __future__ import annotations
-
 import functools
 import json
 import re
 import shutil
 from pathlib import Path
-from typing import Any
 
 import filelock
 import pytest
@@ -21,7 +18,7 @@ ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
-def directory(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+def directory(monkeypatch, tmp_path):
     """A directory of their own, in which training and page read and write."""
     baselines = tmp_path / "baselines"
     shutil.copytree(ROOT / "baselines" / "gcn", baselines / "gcn")
@@ -34,21 +31,21 @@ def directory(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def rows_of(page: str, first: str) -> list[list[str]]:
+def rows_of(page, first):
     """Return the cells of the lines of tables that begin with a word."""
     lines = [line for line in page.splitlines() if re.match(rf"\| {re.escape(first)} +\|", line)]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
 @pytest.mark.slow
-def test_page_of_this_repository_is_up_to_date() -> None:
+def test_page_of_this_repository_is_up_to_date():
     assert reproduction.fill(check=True) == []
     text = reproduction.PAGE.read_text()
     shown = re.findall(r"!\[[^\]]+\]\([\w.-]+\)", text)
     assert len(shown) == len(reproduction.pictures()) > 0
 
 
-def test_what_was_not_run_says_so(directory: Path) -> None:
+def test_what_was_not_run_says_so(directory):
     page = reproduction.page(reproduction.pictures())
     for config in PAPER:
         assert rows_of(page, f"{config}-scale-free")[0].count("not run") == 6
@@ -96,7 +93,7 @@ def test_findings_are_judged_by_paired_intervals(
 
 
 @pytest.fixture
-def short(directory, mini_home, monkeypatch) -> list[str]:
+def short(directory, mini_home, monkeypatch):
     """The options of a queue of one short training on 1.0-mini."""
     monkeypatch.setenv("SYNTHNET_HOME", str(mini_home))
     runs = ["--runs", str(directory / "runs"), "--version", "1.0-mini", "--only", "table1-rpd"]
@@ -162,16 +159,16 @@ def test_a_training_that_fails_is_told_and_writes_no_row(directory, short, capfd
 
 
 @pytest.fixture
-def ran(monkeypatch, tmp_path) -> list[list[str]]:
+def ran(monkeypatch, tmp_path):
     """The commands that a queue would run; what they would leave is as each test says."""
-    commands: list[list[str]] = []
+    commands = []
     monkeypatch.setattr(queue, "run", lambda command, expected=(0,): commands.append([*command]))
     monkeypatch.setattr(queue, "LOADER", tmp_path / "reproduction.py")
     monkeypatch.setattr(queue, "RESULTS", tmp_path / "results")
     return commands
 
 
-def trained(path: Path, **record: Any) -> None:
+def trained(path, **record):
     """Write a file of a training's record."""
     known = {"steps": 50, "of": 100, "minutes": 1.0, "converged": False, "log": []}
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -251,7 +248,7 @@ def test_a_queue_without_time_trains_nothing(ran, tmp_path, capsys):
     assert ran == []
 
 
-def test_the_queue_begins_with_the_papers_best_row_and_ends_with_second_seeds() -> None:
+def test_the_queue_begins_with_the_papers_best_row_and_ends_with_second_seeds():
     every = queue.trainings()
     assert str(every[0]) == "table2-alg-virtual-long, grouped, seed 0"
     assert len(set(every)) == len(every) == 13 + 5 + 3 + 12 + 5
@@ -259,7 +256,7 @@ def test_the_queue_begins_with_the_papers_best_row_and_ends_with_second_seeds() 
     assert len({training.weights() for training in every}) == len(every)
 
 
-def test_every_table_of_the_paper_has_a_configuration_a_row() -> None:
+def test_every_table_of_the_paper_has_a_configuration_a_row():
     given = reproduction.REPORTED["tables"]
     assert [len(table["rows"]) for table in given[:4]] == [3, 5, 8, 3]
     assert {config for table in reproduction.TABLES for config in table} == set(PAPER)

@@ -57,11 +57,8 @@ def test_help_of_score_says_plainly_that_no_code_is_run(eigbench):
         (["evaluate", "m.py", "--device", "cuda:"], "with a number if need be (cuda:1), got"),
     ],
 )
-def test_wrong_arguments_exit_with_2(eigbench, arguments, message):
-    code, out, err = eigbench(*arguments)
-    assert code == 2
-    assert out == ""
-    assert message in err
+def test_wrong_arguments_exit_with_2(refused, arguments, message):
+    assert message in refused(*arguments)
 
 
 # --- score -----------------------------------------------------------------------------
@@ -114,9 +111,8 @@ def test_score_prints_the_tables(eigbench, weyl):
         (["--protocol", "gruoped"], "did you mean grouped?"),
     ],
 )
-def test_score_against_another_split_is_refused(eigbench, weyl, more, message):
-    code, out, err = eigbench("score", weyl.predictions, *more)
-    assert (code, out) == (2, "")
+def test_score_against_another_split_is_refused(refused, weyl, more, message):
+    err = refused("score", weyl.predictions, *more)
     assert message in err
     assert len(err.splitlines()) == 1
 
@@ -162,17 +158,16 @@ def test_dataset_may_be_a_directory(eigbench, predictor_file, mini_home, tmp_pat
     assert code == 0
 
 
-def test_dataset_of_another_recipe_is_refused(eigbench, predictor_file, mini_home, tmp_path):
+def test_dataset_of_another_recipe_is_refused(refused, predictor_file, mini_home, tmp_path):
     location = tmp_path / "home" / "1.0-mini"
     shutil.copytree(mini_home / "1.0-mini", location)
     manifest = store.read_manifest(location)
     other = dataclasses.replace(manifest, recipe_digest=manifest.recipe_digest[::-1])
     store.write_manifest(location, other)
-    code, _, err = eigbench(
+    err = refused(
         *("evaluate", predictor_file(WEYL), "--dataset", "1.0-mini"),
         *("--root", tmp_path / "home", "--out", tmp_path / "r.json"),
     )
-    assert code == 2
     assert "was not built from the recipe of 1.0-mini" in err
 
 
@@ -184,12 +179,11 @@ def test_version_is_a_version_even_where_a_directory_has_its_name(
     assert eigbench("score", weyl.predictions, "--dataset", "1.0-mini")[0] == 0
 
 
-def test_dataset_that_is_not_built_is_refused(eigbench, predictor_file, tmp_path):
-    code, _, err = eigbench(
+def test_dataset_that_is_not_built_is_refused(refused, predictor_file, tmp_path):
+    err = refused(
         *("evaluate", predictor_file(WEYL), "--dataset", "1.0-mini"),
         *("--root", tmp_path / "nowhere", "--out", tmp_path / "r.json"),
     )
-    assert code == 2
     assert "no finished dataset in" in err
     assert "synthnet build 1.0-mini" in err
 
@@ -198,13 +192,12 @@ def test_dataset_that_is_not_built_is_refused(eigbench, predictor_file, tmp_path
     "more", [["--out", "r.parquet"], ["--predictions", "p.csv"]], ids=["out", "predictions"]
 )
 def test_files_are_never_written_under_a_name_that_belongs_to_another_format(
-    eigbench, predictor_file, mini_home, tmp_path, monkeypatch, more
+    refused, predictor_file, mini_home, tmp_path, monkeypatch, more
 ):
     monkeypatch.chdir(tmp_path)
     path = predictor_file(WEYL + "def predict(meshes): return [one(mesh) for mesh in meshes]\n")
     where = ["--dataset", "1.0-mini", "--root", mini_home, "--limit", 5]
-    code, _, err = eigbench("evaluate", path, *where, *more)
-    assert code == 2
+    err = refused("evaluate", path, *where, *more)
     assert len(err.splitlines()) == 1
 
 
@@ -218,9 +211,8 @@ def test_check_passes_a_good_predictor(eigbench, weyl):
     assert "100 %" in out
 
 
-def test_check_names_a_file_that_is_missing_before_it_makes_a_sandbox(eigbench, tmp_path):
-    code, out, err = eigbench("check", tmp_path / "none.py")  # nor is any other file there
-    assert (code, out) == (2, "")
+def test_check_names_a_file_that_is_missing_before_it_makes_a_sandbox(refused, tmp_path):
+    err = refused("check", tmp_path / "none.py")  # nor is any other file there
     assert err.splitlines()[-1] == f"eigbench: there is no file {tmp_path / 'none.py'}"
 
 
@@ -302,18 +294,16 @@ def test_predictions_in_place_of_a_result_are_said(eigbench, weyl):
     assert (code, err) == (2, f"eigbench: {line}\n")
 
 
-def test_whole_result_is_not_replaced_by_a_partial_one(eigbench, weyl, mini_home, tmp_path):
+def test_whole_result_is_not_replaced_by_a_partial_one(refused, weyl, mini_home, tmp_path):
     out = tmp_path / "r.json"
     shutil.copy(weyl.out, out)
     where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", out, "--limit", 5]
-    code, _, err = eigbench("evaluate", weyl.code, *where)
-    assert code == 2
-    assert "is a whole result: give --limit another --out" in err
+    assert "is a whole result: give --limit another --out" in refused("evaluate", weyl.code, *where)
     assert out.read_bytes() == weyl.out.read_bytes()
 
 
 def test_evaluate_says_what_it_will_cost_and_where_the_columns_are_explained(
-    eigbench, predictor_file, mini_home, tmp_path
+    eigbench, refused, predictor_file, mini_home, tmp_path
 ):
     path = predictor_file(WEYL + "def predict(meshes): return [one(mesh) for mesh in meshes]\n")
     out = tmp_path / "not" / "there" / "r.json"
@@ -329,8 +319,7 @@ def test_evaluate_says_what_it_will_cost_and_where_the_columns_are_explained(
 
     path.write_text("META = {'name': 'Another'}\n" + path.read_text())
     before = out.read_bytes()
-    code, _, err = eigbench("evaluate", path, *where)
-    assert code == 2
+    err = refused("evaluate", path, *where)
     assert f"{out} is the result of the model my_model: give Another another --out" in err
     assert out.read_bytes() == before
 
@@ -361,44 +350,40 @@ def test_what_a_run_costs_is_foreseen_by_its_own_row_or_by_lapys(
     assert line(3).startswith("918 meshes to predict: the row of mine.py took about 31 min")
 
 
-def test_a_result_on_another_dataset_is_not_replaced(eigbench, weyl, mini_home, tmp_path):
+def test_a_result_on_another_dataset_is_not_replaced(refused, weyl, mini_home, tmp_path):
     out = tmp_path / "r.json"
     result = json.loads(weyl.out.read_text())
     result["dataset"]["version"] = "2.0-mini"
     out.write_text(json.dumps(result))
     before = out.read_bytes()
     where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", out]
-    code, _, err = eigbench("evaluate", weyl.code, *where)
-    assert code == 2
+    err = refused("evaluate", weyl.code, *where)
     assert f"{out} is a result on 2.0-mini, protocol grouped: give another --out" in err
     assert out.read_bytes() == before
 
 
-def test_results_on_two_datasets_cannot_be_compared(eigbench, weyl, tmp_path):
+def test_results_on_two_datasets_cannot_be_compared(refused, weyl, tmp_path):
     other = tmp_path / "other.json"
     result = json.loads(weyl.out.read_text())
     result["dataset"]["version"] = "2.0-mini"
     other.write_text(json.dumps(result))
-    code, _, err = eigbench("compare", weyl.out, other)
-    assert code == 2
+    err = refused("compare", weyl.out, other)
     assert "cannot be compared: their version is 1.0-mini and 2.0-mini" in err
 
 
-def test_another_models_result_is_not_replaced(eigbench, weyl, mini_home, predictor_file, tmp_path):
+def test_another_models_result_is_not_replaced(refused, weyl, mini_home, predictor_file, tmp_path):
     out = tmp_path / "r.json"
     shutil.copy(weyl.out, out)
     other = predictor_file(WEYL)
     where = ["--dataset", "1.0-mini", "--root", mini_home, "--out", out]
-    code, _, err = eigbench("evaluate", other, *where)
-    assert code == 2
+    err = refused("evaluate", other, *where)
     name = weyl.code.name
     assert f"{out} is the result of {name}: give {other.name} another --out" in err
     assert out.read_bytes() == weyl.out.read_bytes()
 
 
-def test_check_of_a_bad_predictor_exits_with_2(eigbench, predictor_file):
-    code, out, err = eigbench("check", predictor_file("def predict(meshes): return [[1.0]]"))
-    assert (code, out) == (2, "")
+def test_check_of_a_bad_predictor_exits_with_2(refused, predictor_file):
+    err = refused("check", predictor_file("def predict(meshes): return [[1.0]]"))
     assert err.startswith("eigbench: the answer has shape (1, 1)")
     assert len(err.splitlines()) == 1
 

@@ -4,8 +4,6 @@ All are read in one process of its own, which tells what it said, and what it to
 `docs/threats.md`'s; `pytest -m attack` runs it, and that of the predictors.
 """
 
-from __future__ import annotations
-
 import copy
 import io
 import json
@@ -16,9 +14,7 @@ import subprocess
 import sys
 import time
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -45,7 +41,7 @@ IDS = [f"cone-{i:05d}/0" for i in range(20)]
 VALUES = np.ones((20, 10))
 
 
-def truth(version: str = "made") -> Truth:
+def truth(version="made"):
     shapes = np.array([id.partition("/")[0] for id in IDS])
     trainings = np.full(20, "made/grouped")
     families = np.full(20, "cone")
@@ -57,7 +53,7 @@ def truth(version: str = "made") -> Truth:
 
 # --- what is read, by the name of the file ---------------------------------------------
 
-READERS: dict[str, Callable[[Path, Path], object]] = {
+READERS = {
     "p.parquet": lambda path, below: predictions.read(path, truth(), below),
     "p.npz": lambda path, below: predictions.read(path, truth(), below),
     "p.csv": lambda path, below: predictions.read(path, truth(), below),
@@ -69,19 +65,17 @@ READERS: dict[str, Callable[[Path, Path], object]] = {
 }
 FOLDERS = {"1.0.json": timing.FOLDER, "paper.json": leaderboard.REPORTED}
 
-Make = Callable[[Path], object]
 
-
-def content(data: bytes | str) -> Make:
+def content(data):
     raw = data.encode() if isinstance(data, str) else data
     return lambda path: path.write_bytes(raw)
 
 
-def fifo(path: Path) -> None:
+def fifo(path):
     os.mkfifo(path)
 
 
-def listening(path: Path) -> None:
+def listening(path):
     here = os.open(".", os.O_RDONLY)
     os.chdir(path.parent)  # a socket's path is short
     try:
@@ -92,24 +86,24 @@ def listening(path: Path) -> None:
         os.close(here)
 
 
-def sparse(path: Path) -> None:
+def sparse(path):
     with path.open("wb") as file:
         file.truncate(2**40)
 
 
-def link(target: str) -> Make:
+def link(target):
     return lambda path: path.symlink_to(target)
 
 
-def folder_link(path: Path) -> None:
+def folder_link(path):
     """The file's folder is a link to one beside it, which has a good file."""
     path.parent.rename(path.parent.with_name("elsewhere"))
     path.parent.symlink_to("elsewhere")
     parquet()(path)
 
 
-def parquet(ids: Any = IDS, values: Any = None, *, patch: Any = None, **how: Any) -> Make:
-    def make(path: Path) -> None:
+def parquet(ids=IDS, values=None, *, patch=None, **how):
+    def make(path):
         columns = {"id": ids, "eigenvalues": VALUES.tolist() if values is None else values}
         pq.write_table(pa.table(columns), path, **how)
         if patch is not None:
@@ -118,18 +112,18 @@ def parquet(ids: Any = IDS, values: Any = None, *, patch: Any = None, **how: Any
     return make
 
 
-def renamed(raw: bytes) -> bytes:
+def renamed(raw):
     """The column of the eigenvalues has another name where its pages are described."""
     at = raw.rindex(b"eigenvalues")
     return raw[:at] + b"eigenvalueZ" + raw[at + 11 :]
 
 
-def repeated(text: str, count: int) -> pa.Array:
+def repeated(text, count):
     """A text that is stored once and told apart by numbers."""
     return pa.DictionaryArray.from_arrays(pa.array(np.zeros(count, np.int32)), pa.array([text]))
 
 
-def npy(shape: tuple[int, ...], dtype: str = "<f8", data: bytes | None = None) -> bytes:
+def npy(shape, dtype="<f8", data=None):
     """An NPY file whose header says what it likes."""
     file = io.BytesIO()
     header = {"descr": dtype, "fortran_order": False, "shape": shape}
@@ -138,8 +132,8 @@ def npy(shape: tuple[int, ...], dtype: str = "<f8", data: bytes | None = None) -
     return file.getvalue() + (bytes(size) if data is None else data)
 
 
-def npz(**arrays: bytes) -> Make:
-    def make(path: Path) -> None:
+def npz(**arrays):
+    def make(path):
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
             for name, array in {"ids": npy((20,), "<U14"), **arrays}.items():
                 archive.writestr(f"{name}.npy", array)
@@ -151,15 +145,15 @@ HEAD = "id," + ",".join(f"lambda_{i}" for i in range(1, 11))
 LINE = "\n{}," + ",".join("1" * 10)
 
 
-def csv(head: str = HEAD, lines: int = 20, more: str = "") -> Make:
+def csv(head=HEAD, lines=20, more=""):
     rows = "".join(LINE.format(IDS[i % 20]) for i in range(lines))
     return content(head + rows + more)
 
 
-def changed(source: Path, **changes: Any) -> Make:
+def changed(source, **changes):
     """A file of JSON with values at paths of keys changed, or with its text changed."""
 
-    def make(path: Path) -> None:
+    def make(path):
         value = copy.deepcopy(json.loads(source.read_text()))
         for keys, new in changes.items():
             *way, last = [int(k) if k.isdigit() else k for k in keys.split("__")]
@@ -172,16 +166,16 @@ def changed(source: Path, **changes: Any) -> Make:
     return make
 
 
-def result(**changes: Any) -> Make:
+def result(**changes):
     return changed(RESULT, **changes)
 
 
-def named(name: str) -> Make:
+def named(name):
     return result(model__name=name)
 
 
-def text(pattern: str, new: str) -> Make:
-    def make(path: Path) -> None:
+def text(pattern, new):
+    def make(path):
         whole = RESULT.read_text()
         assert pattern in whole
         path.write_text(whole.replace(pattern, new, 1))
@@ -192,7 +186,7 @@ def text(pattern: str, new: str) -> Make:
 PARTIAL = '"partial": false'
 
 # What it is, the file's name, how it is made, and what is said of it.
-CASES: list[tuple[str, str, Make, str]] = [
+CASES = [
     ("link", "p.parquet", link("/etc/hostname"), "reached by a symbolic link"),
     ("link-to-zero", "p.csv", link("/dev/zero"), "reached by a symbolic link"),
     ("link-to-nothing", "r.json", link("nothing"), "reached by a symbolic link"),
@@ -387,14 +381,12 @@ CASES: list[tuple[str, str, Make, str]] = [
 ]
 
 
-def path_of(folder: Path, case: str, file: str) -> Path:
+def path_of(folder, case, file):
     return folder / case / FOLDERS.get(file, Path("deep", "er")) / file
 
 
 @pytest.fixture(scope="module")
-def reports(
-    tmp_path_factory: pytest.TempPathFactory, environment: dict[str, str]
-) -> dict[str, dict[str, Any]]:
+def reports(tmp_path_factory, environment):
     """What the process that reads all of them says of each, by its case."""
     folder = tmp_path_factory.mktemp("attacks")
     for case, file, make, _ in CASES:
@@ -413,9 +405,7 @@ def reports(
 
 
 @pytest.mark.parametrize(("case", "message"), [(case, message) for case, *_, message in CASES])
-def test_it_is_refused_with_one_line_soon_and_without_memory(
-    reports: dict[str, dict[str, Any]], case: str, message: str
-) -> None:
+def test_it_is_refused_with_one_line_soon_and_without_memory(reports, case, message):
     line = reports[case]
     assert line["message"] is not None, "it passed"
     with pytest.raises(EigbenchError, match=message):
@@ -427,7 +417,7 @@ def test_it_is_refused_with_one_line_soon_and_without_memory(
 
 
 @pytest.mark.parametrize("file", ["p.parquet", "p.npz", "p.csv"])
-def test_a_good_file_passes(file: str, tmp_path: Path) -> None:
+def test_a_good_file_passes(file, tmp_path):
     ids = npy((20,), "<U14", np.array(IDS, "<U14").tobytes())
     values = npy((20, 10))
     make = {"p.parquet": parquet(), "p.npz": npz(ids=ids, eigenvalues=values), "p.csv": csv()}
@@ -435,7 +425,7 @@ def test_a_good_file_passes(file: str, tmp_path: Path) -> None:
     assert predictions.read(tmp_path / file, truth()).shape == (1, 20, 10)
 
 
-def test_good_results_and_times_pass(tmp_path: Path) -> None:
+def test_good_results_and_times_pass(tmp_path):
     for source, read in ((RESULT, results.read), (SCALED, scaling_results.read)):
         changed(source)(tmp_path / "r.json")
         assert read(tmp_path / "r.json")
@@ -444,7 +434,7 @@ def test_good_results_and_times_pass(tmp_path: Path) -> None:
     assert timing.read(tmp_path)["1.0"]
 
 
-def test_nothing_is_written_or_removed_through_a_link(tmp_path: Path) -> None:
+def test_nothing_is_written_or_removed_through_a_link(tmp_path):
     (tmp_path / "elsewhere").mkdir()
     board = tmp_path / "board"
     board.mkdir()
@@ -454,7 +444,7 @@ def test_nothing_is_written_or_removed_through_a_link(tmp_path: Path) -> None:
     assert not list((tmp_path / "elsewhere").iterdir())
 
 
-def main(folder: Path) -> None:
+def main(folder):
     """Read all cases, and print a line of JSON for each."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for case, file, _, _ in CASES:

@@ -105,7 +105,7 @@ CHANGED = {
 }
 
 
-def replaced(old: str, new: str) -> str:
+def replaced(old, new):
     assert old in CODE
     return CODE.replace(old, new)
 

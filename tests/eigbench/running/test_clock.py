@@ -163,9 +163,8 @@ def test_a_peer_that_is_named_like_the_reference_does_not_replace_it(mini_truth)
     assert cost["peers"]["LaPy"]["ratio"] == 1
 
 
-def test_a_peer_that_is_not_timed_is_one_line(eigbench, two):
-    code, _, err = eigbench("time", two[0], "--against", two[1])
-    assert code == 2
+def test_a_peer_that_is_not_timed_is_one_line(refused, two):
+    err = refused("time", two[0], "--against", two[1])
     assert "slow.py: name it among the predictors too" in err
 
 

@@ -299,7 +299,7 @@ def test_without_reference_there_is_no_ratio(run, mini_truth):
     assert record.cost(run(SLEEPER, mini_truth.head(5)), Options())["reference"] is None
 
 
-def test_hardware_names_the_kind_of_processor() -> None:
+def test_hardware_names_the_kind_of_processor():
     assert f"({processor().rpartition('-')[0]}), {os.cpu_count()} cores" in record.hardware()
 
 

@@ -22,7 +22,7 @@ spectra = arrays(np.float64, (3, 10), elements=st.floats(0.1, 1e3))
 real_spectra = arrays(np.float64, (3, 10), elements=st.floats(-1e3, 1e3))
 
 
-def test_the_main_table_has_the_papers_six() -> None:
+def test_the_main_table_has_the_papers_six():
     assert metrics.MAIN == ("invlap", "rpd", "polar", "psnr20", "l1", "l2")
 
 

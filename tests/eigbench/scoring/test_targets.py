@@ -177,7 +177,7 @@ def test_compare_is_at_the_target_that_is_asked_for(eigbench, pin, make_submissi
     assert comparison["overall"]["psnr"]["floor"] is None
 
 
-def test_score_has_both_targets_or_the_one_that_is_asked_for(eigbench, two, monkeypatch):
+def test_score_has_both_targets_or_the_one_that_is_asked_for(eigbench, refused, two, monkeypatch):
     path, row = two[0]
     arguments = [path.with_suffix(".parquet"), "--dataset", "1.0-mini"]
     both = json.loads(eigbench("score", *arguments, "--json")[1])["scores"]
@@ -187,7 +187,6 @@ def test_score_has_both_targets_or_the_one_that_is_asked_for(eigbench, two, monk
     out = eigbench("score", *arguments)[1]
     assert out.index("Against the surface") < out.index("Against the mesh")
     monkeypatch.setattr(targets, "_pinned", lambda version: None)
-    code, _, err = eigbench("score", *arguments, "--target", "surface")
-    assert code == 2
+    err = refused("score", *arguments, "--target", "surface")
     assert "the surfaces' spectra of 1.0-mini, grouped, are not known: give --target mesh" in err
     assert "Against the surface: not known for this dataset" in eigbench("score", *arguments)[1]

@@ -1,31 +1,23 @@
 """The page of the leaderboard: its scripts, bundled, and the boards that it shows."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NoReturn
 
 import filelock
 import numpy as np
 import pytest
 from eigbench.board import leaderboard
 from eigbench.results import submission
-from eigbench.results.submission import Submission
 from eigbench.scaling import results as scaling_results
-from eigbench.scaling.results import Scaled
 from eigbench.scoring import truth
-from eigbench.scoring.truth import Truth
 from eigbench.site import bundle, write
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import sync_playwright
 
 CHECKOUT = Path(__file__).parents[3]
-Board = tuple[list[Submission], list[dict[str, Any]], list[Scaled]]
 
 AXE = bundle.BUNDLE.parent / "node_modules" / "axe-core" / "axe.min.js"
 FLAT = ".scroll, .board { background-image: none !important }"  # axe sees through no gradient
@@ -44,13 +36,13 @@ UNREACHABLE = re.compile(
 
 
 @pytest.fixture(scope="session")
-def lacking() -> Callable[[str], NoReturn]:
+def lacking():
     """Return a function that skips for what this machine lacks, and fails for it under CI=true.
 
     So a green run of the continuous integration has run the tests of the page.
     """
 
-    def stop(reason: str) -> NoReturn:
+    def stop(reason):
         if os.environ.get("CI") == "true":
             pytest.fail(f"{reason} (under CI=true this is no reason to skip)", pytrace=False)
         pytest.skip(reason)
@@ -59,10 +51,10 @@ def lacking() -> Callable[[str], NoReturn]:
 
 
 @pytest.fixture(scope="session")
-def npm(lacking: Callable[[str], NoReturn]) -> Callable[..., None]:
+def npm(lacking):
     """Return a function that runs npm, the one on PATH or a given one, in a directory."""
 
-    def run(source: Path, *arguments: str, program: str | None = None) -> None:
+    def run(source, *arguments, program=None):
         near = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         binary = program or shutil.which("npm", path=near)
         if binary is None:
@@ -85,7 +77,7 @@ def npm(lacking: Callable[[str], NoReturn]) -> Callable[..., None]:
 
 
 @pytest.fixture(scope="module")
-def launch(lacking: Callable[[str], NoReturn]) -> Iterator[Callable[..., Browser]]:
+def launch(lacking):
     """Return a function that starts Chromium with more arguments."""
     with sync_playwright() as playwright:
         own = Path(playwright.chromium.executable_path)
@@ -96,7 +88,7 @@ def launch(lacking: Callable[[str], NoReturn]) -> Iterator[Callable[..., Browser
             lacking(f"no browser: $CHROMIUM is not set and none of {', '.join(NAMES)} is there")
         started = []
 
-        def start(*arguments: str) -> Browser:
+        def start(*arguments):
             browser = playwright.chromium.launch(
                 executable_path=path, args=[*ARGUMENTS, *arguments]
             )
@@ -109,23 +101,23 @@ def launch(lacking: Callable[[str], NoReturn]) -> Iterator[Callable[..., Browser
 
 
 @pytest.fixture(scope="module")
-def browser(launch: Callable[..., Browser]) -> Browser:
+def browser(launch):
     """Chromium."""
     return launch()
 
 
 @pytest.fixture(scope="session")
-def overflow() -> Callable[[Page], int]:
+def overflow():
     """Return a function: by how many pixels a page is wider than its window."""
     wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
     return lambda page: page.evaluate(wide)
 
 
 @pytest.fixture(scope="session")
-def violations() -> Callable[..., list[str]]:
+def violations():
     """Return a function: what axe-core finds on a page, on flattened backgrounds, by some rules."""
 
-    def check(page: Page, *rules: str) -> list[str]:
+    def check(page, *rules):
         page.add_style_tag(content=FLAT)
         page.evaluate(AXE.read_text())
         # Without preloading styles, which would be a request and which the page forbids; without
@@ -141,7 +133,7 @@ def violations() -> Callable[..., list[str]]:
 
 
 @pytest.fixture(scope="session")
-def bundled(tmp_path_factory: pytest.TempPathFactory, npm: Callable[..., None]) -> Path:
+def bundled(tmp_path_factory, npm):
     """Directory of the page's scripts, bundled from what is checked out."""
     source = CHECKOUT / "benchmark" / "page"
     base = tmp_path_factory.getbasetemp()
@@ -154,9 +146,7 @@ def bundled(tmp_path_factory: pytest.TempPathFactory, npm: Callable[..., None]) 
 
 
 @pytest.fixture(scope="session")
-def made_board(
-    make_submission: Callable[..., Path], make_scaled: Callable[..., Scaled], mini_truth: Truth
-) -> Board:
+def made_board(make_submission, make_scaled, mini_truth):
     """A board of everything there is: datasets, protocols, an import, scaling, reported rows."""
     g = mini_truth.eigenvalues
     two = np.stack([g * 1.2, g * 1.21])
@@ -169,7 +159,7 @@ def made_board(
         make_submission("Far", g * 4, training_data="none"),
     ]
 
-    def of(name: str, protocol: str, factor: float, **model: Any) -> Path:
+    def of(name, protocol, factor, **model):
         labels = truth.load("2.0-mini", "test", protocol)
         return make_submission(name, labels.eigenvalues * factor, labels, **model)
 
@@ -191,13 +181,13 @@ def made_board(
 
 
 @pytest.fixture(scope="session")
-def made_content(made_board: Board, bundled: Path) -> dict[str, bytes]:
+def made_content(made_board, bundled):
     """The files of the page of that board."""
     return write.files(*made_board)
 
 
 @pytest.fixture(scope="session")
-def real_board() -> Board:
+def real_board():
     """The board of this repository."""
     return (
         leaderboard.read(CHECKOUT),
@@ -207,6 +197,6 @@ def real_board() -> Board:
 
 
 @pytest.fixture(scope="session")
-def real_content(real_board: Board, bundled: Path) -> dict[str, bytes]:
+def real_content(real_board, bundled):
     """The files of the page of this repository."""
     return write.files(*real_board)

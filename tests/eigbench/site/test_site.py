@@ -628,21 +628,19 @@ def test_a_page_with_something_else_in_its_folder_is_not_replaced(made_content, 
     assert mine.read_text() == "mine"
 
 
-def test_a_folder_that_is_no_page_is_not_touched(eigbench, tmp_path):
+def test_a_folder_that_is_no_page_is_not_touched(refused, tmp_path):
     (tmp_path / "benchmark" / "results").mkdir(parents=True)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "index.html").write_text("mine")
-    code, _, err = eigbench("site", "--board", tmp_path, "--out", tmp_path / "mine")
-    assert code == 2
+    err = refused("site", "--board", tmp_path, "--out", tmp_path / "mine")
     assert re.search(r"eigbench: .*mine exists and is no page of `eigbench site`, .* --out\n", err)
     assert (tmp_path / "mine" / "index.html").read_text() == "mine"
 
 
-def test_scripts_that_were_not_bundled_are_one_line(eigbench, tmp_path, monkeypatch):
+def test_scripts_that_were_not_bundled_are_one_line(refused, tmp_path, monkeypatch):
     (tmp_path / "benchmark" / "results").mkdir(parents=True)
     monkeypatch.setattr(bundle, "BUNDLE", tmp_path / "dist")
-    code, _, err = eigbench("site", "--board", tmp_path, "--out", tmp_path / "page")
-    assert code == 2
+    err = refused("site", "--board", tmp_path, "--out", tmp_path / "page")
     assert re.fullmatch(r"eigbench: .*dist has no index\.html: run `make page` .*\n", err)
 
 
@@ -655,17 +653,14 @@ def test_scripts_that_were_not_bundled_are_one_line(eigbench, tmp_path, monkeypa
     ],
     ids=["changed", "added", "removed"],
 )
-def test_scripts_of_other_sources_are_one_line(
-    eigbench, bundled, tmp_path, monkeypatch, edit, name
-):
+def test_scripts_of_other_sources_are_one_line(refused, bundled, tmp_path, monkeypatch, edit, name):
     page = tmp_path / "scripts"
     shutil.copytree(bundled.parent, page, ignore=shutil.ignore_patterns("node_modules"))
     monkeypatch.setattr(bundle, "BUNDLE", page / "dist")
     assert not bundle.stale()
     edit(page / name)
     (tmp_path / "benchmark" / "results").mkdir(parents=True)
-    code, _, err = eigbench("site", "--board", tmp_path, "--out", tmp_path / "page")
-    assert code == 2
+    err = refused("site", "--board", tmp_path, "--out", tmp_path / "page")
     assert re.fullmatch(
         rf"eigbench: .*dist was not made from {name} as it is now: run `make page` .*\n", err
     )
@@ -681,12 +676,11 @@ def test_place_of_the_docs_is_checked_and_used(made_content):
         write.files([], [], [], code="/code")
 
 
-def test_place_of_the_docs_is_checked_before_the_scoring(eigbench, tmp_path, monkeypatch):
+def test_place_of_the_docs_is_checked_before_the_scoring(refused, tmp_path, monkeypatch):
     (tmp_path / "benchmark" / "results").mkdir(parents=True)
     monkeypatch.setattr(leaderboard, "read", lambda *_: pytest.fail("it was scored"))
     out = tmp_path / "page"
-    code, _, err = eigbench("site", "--board", tmp_path, "--out", out, "--docs", "/docs/")
-    assert code == 2
+    err = refused("site", "--board", tmp_path, "--out", out, "--docs", "/docs/")
     assert re.fullmatch(r"eigbench: --docs /docs/ must have \{\} .*\n", err)
     assert not out.exists()
 

@@ -4,13 +4,12 @@ import csv
 import json
 import re
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
 import pytest
 from eigbench.site import origin, write
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
 pytestmark = pytest.mark.slow
 
@@ -31,13 +30,11 @@ def folders(made_content, real_content, tmp_path_factory):
 
 
 @pytest.fixture
-def visit(browser, folders) -> Iterator:
+def visit(browser, folders):
     """Return a function that opens a page; what it logs and asks of others fails the test."""
     pages, problems = [], []
 
-    def opened(
-        fragment: str = "", name: str = "made", size=WIDE, scheme="light", using=browser, **more
-    ) -> Page:
+    def opened(fragment="", name="made", size=WIDE, scheme="light", using=browser, **more):
         page = using.new_page(viewport=size, color_scheme=scheme, **more)
         pages.append(page)
         page.set_default_timeout(60_000)
@@ -64,18 +61,18 @@ def visit(browser, folders) -> Iterator:
     assert problems == []
 
 
-def names(page: Page) -> list[str]:
+def names(page):
     return page.locator("#table tbody .title").all_text_contents()
 
 
-def sort(page: Page, title: str) -> str | None:
+def sort(page, title):
     """Click a head; return by what its column is then sorted."""
     head = page.locator("#table thead th").filter(has_text=title).first
     head.get_by_role("button").click()
     return head.get_attribute("aria-sort")
 
 
-def meshes(page: Page, count: int = 2) -> None:
+def meshes(page, count=2):
     """Wait until the meshes of the open row are drawn."""
     expect(page.locator("canvas[data-turned]")).to_have_count(count, timeout=60_000)
 
@@ -678,11 +675,11 @@ def test_the_policy_of_the_page_forbids_other_hosts(browser, folders):
 
 
 @pytest.fixture
-def altered(browser, folders, tmp_path) -> Iterator:
+def altered(browser, folders, tmp_path):
     """Return a function that opens a copy of the page that was changed; it may log errors."""
     pages = []
 
-    def opened(alter) -> Page:
+    def opened(alter):
         folder = tmp_path / "altered"
         shutil.copytree(folders / "made", folder)
         alter(folder)
