@@ -51,8 +51,8 @@ def columns(rows: Iterable[Mapping], formats: Mapping[str, str], align: str = ""
     --------
     >>> print(columns([{"mesh": "torus", "ms": 3.6}], {"ms per mesh": "{ms:.2f}"}, "r"))
     |   ms per mesh |
-    |-------------|
-    |        3.60 |
+    |---------------|
+    |          3.60 |
     """
     cells = [[text.format_map(row) for text in formats.values()] for row in rows]
     return table(list(formats), cells, align)

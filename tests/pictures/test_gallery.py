@@ -96,6 +96,7 @@ def test_an_import_is_read(tmp_path, tiny_samples):
     assert len(read.faces) == len(mesh.faces)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [("a.obj", "b.obj"), ("b.obj", "a.obj")])
 def test_repairs_of_some_files_of_an_import_only(names, tmp_path, tiny_samples):
     scans = tmp_path / "scans"
@@ -116,6 +117,7 @@ def test_repairs_of_some_files_of_an_import_only(names, tmp_path, tiny_samples):
     assert gallery.sheet(shapes, group.varying, "mine").startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_an_import_of_which_no_file_was_kept(tmp_path, run):
     scans = tmp_path / "scans"
     scans.mkdir()
@@ -164,6 +166,7 @@ def test_the_shapes_are_those_of_the_version():
     assert list(spheres.specs) == [draw_shape(recipe.load("1.0"), "sphere", i) for i in range(50)]
 
 
+@pytest.mark.slow
 def test_of_a_scaled_version_the_first_shapes_are_enough():
     (cones,) = candidates("1.0-x100", "cone")
     assert (cones.total, len(cones.specs)) == (100_000, gallery.MOST)

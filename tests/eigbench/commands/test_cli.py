@@ -276,6 +276,7 @@ def load(device, seed):
 """
 
 
+@pytest.mark.slow
 def test_the_time_foretold_counts_processes_that_start_later(
     eigbench, predictor_file, mini_home, tmp_path, monkeypatch
 ):
