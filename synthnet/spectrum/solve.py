@@ -131,6 +131,12 @@ def compute(
     SpectrumError
         If the iteration does not converge or a factorisation breaks down.
 
+    Warns
+    -----
+    RuntimeWarning
+        If rounding on thin triangles may have moved an eigenvalue by more than a hundredth of it,
+        by its ``certificate.error_bound``: ``sharp`` is for such meshes.
+
     References
     ----------
     B. N. Parlett, "The Symmetric Eigenvalue Problem" (1998), sections 3.3, 11.5 and 15.9. A. J.
