@@ -41,6 +41,7 @@ UNSEEN = frozenset(
 )
 # First words of the Unicode names of letters that look like those of the others
 ALIKE = ("LATIN", "GREEK", "CYRILLIC", "ARMENIAN", "COPTIC", "CHEROKEE", "LISU")
+DISTINCT = "ΓΔΘΛΞΠΣΦΨΩβδεζθλμξπφψω"  # Greek letters that look like none of the others
 
 
 @contextmanager
@@ -209,8 +210,10 @@ def strange(text: str) -> str:
     --------
     >>> strange("Weyl's law, ℓ²"), strange("a\u202eb"), strange("e\u0301")
     ('', 'the character U+202E, which cannot be printed', 'letters that are not composed (NFC)')
-    >>> strange("Weyl\u3164"), strange("Weyl\u0332")
-    ('the character U+3164, which cannot be seen', 'the mark U+0332, which joins no letter')
+    >>> strange("Weyl\u3164")
+    'the character U+3164, which cannot be seen'
+    >>> strange("Weyl\u0332")
+    'the mark U+0332, which does not compose with a letter'
     """
     for character in text:
         if not character.isprintable():
@@ -224,22 +227,23 @@ def strange(text: str) -> str:
         if unicodedata.category(character) not in ("Mn", "Me"):
             before = character
         elif not before.isalpha() or _script(before) in ALIKE:
-            return f"the mark U+{ord(character):04X}, which joins no letter"
+            return f"the mark U+{ord(character):04X}, which does not compose with a letter"
     return ""
 
 
 def mixed(text: str) -> str:
     r"""Return what a name has that makes it look like another; empty if it has no such word.
 
-    That is a word with letters of two scripts of :data:`ALIKE`. A Greek letter alone is none.
+    That is a word with letters of two scripts of :data:`ALIKE`. A Greek letter alone is none, nor
+    is one of :data:`DISTINCT` beside others.
 
     Examples
     --------
-    >>> mixed("Fit of λ, Poincaré"), mixed("W\u0435yl's law")
+    >>> mixed("Fit of λ, Poincaré, μGNN"), mixed("W\u0435yl's law")
     ('', 'the character U+0435 in a word with LATIN letters')
     """
     for word in re.findall(r"[^\W_]+", text):
-        letters = [letter for letter in word if _script(letter) in ALIKE]
+        letters = [x for x in word if _script(x) in ALIKE and x not in DISTINCT]
         foreign = [letter for letter in letters if _script(letter) != "LATIN"] or [""]
         for letter in letters:
             if _script(letter) != _script(foreign[0] or letter):

@@ -219,7 +219,7 @@ def _mesh(reader: Reader, file: Path, operator: Operator, *, mended: bool) -> Re
     if file.is_dir():
         raise UnreadableError("a directory: name files, or `synthnet import` it")
     if file.exists() and not file.is_file():
-        raise UnreadableError("is no file that can be read twice, but a pipe or a device")
+        raise UnreadableError("a pipe or a device: save it to a file")
     mesh = reader.read(file)
     if not mended:
         return Repaired(mesh)
@@ -368,7 +368,12 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
     if "file" in names and "lambda_1" in names:
         rows = [_of_mesh(text, mesh, path)]
     elif _are_names(names):
-        rows = _of_column(names, rows[1:], path)
+        if len(names) > 1:  # an empty cell between commas is one
+            split = [(number, line.split(",")) for number, line in enumerate(text.split("\n"), 1)]
+            rows = [(n, [cell.strip() for cell in cells]) for n, cells in split if any(cells)]
+        else:
+            names = CELL.findall(first)
+        rows = _of_column([name.lstrip("# ") for name in names if name != "#"], rows[1:], path)
     values = list(_numbers(rows, path))
     if not values:
         raise AnswerError(f"{path} holds no numbers: give eigenvalues, one a line or by commas")
@@ -378,15 +383,18 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
 def _of_column(
     names: list[str], rows: list[tuple[int, list[str]]], path: Path
 ) -> list[tuple[int, list[str]]]:
-    """Return the cells of the column of eigenvalues; of one series of names, as λ1 and λ2, all."""
+    """Return the cells of the column of eigenvalues; of one series of names, as λ1 and λ2, all.
+
+    A line of words above a single column or a single row is no names of columns.
+    """
     series = len({re.sub(r"[\W\d_]+$", "", name) for name in names}) == 1
-    whole = rows and all(len(cells) == len(names) for _, cells in rows)
-    if series or names[0].startswith("#") or not whole:
+    if series or len(rows) < 2 or all(len(cells) == 1 for _, cells in rows):
         return rows
     mine = [i for i, name in enumerate(names) if name.lower() in VALUES]
-    if len(mine) != 1:
+    if len(mine) != 1 or any(len(cells) != len(names) for _, cells in rows):
         raise AnswerError(
-            f"{path} has the columns {', '.join(names)}: name that of the eigenvalues 'eigenvalue'"
+            f"{path} has rows of several columns, {', '.join(names)}: name one 'eigenvalue', and "
+            "give each row a cell of every column"
         )
     return [(number, cells[mine[0] : mine[0] + 1]) for number, cells in rows]
 

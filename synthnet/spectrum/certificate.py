@@ -25,7 +25,9 @@ from synthnet.types import Certificate
 
 NEAR_ZERO = 1e-3  # of Weyl's k-th eigenvalue: below it, residuals are relative to this instead
 SAFETY = 100  # times the rounding errors' first-order effect on the shift of a count
-PARTS = (1.0, 0.62, 0.8, 0.38, 0.9, 0.7, 0.5, 0.25)  # of a gap, from its lower end
+# Of a gap, from its lower end: their middles are apart from its own, where a pivot may be zero by
+# symmetry, and from each other.
+PARTS = (0.62, 0.8, 0.38, 0.9, 0.7, 0.5, 0.25)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +85,16 @@ def count_in_gap(
         If a pivot is zero in the middle, and no other place serves.
     """
     low, high = candidate.gap
-    for share in PARTS if elsewhere else PARTS[:1]:
-        part = replace(candidate, gap=(low, low + share * (high - low)))
-        counted = factorise(matrices, ordering, part.middle, pivots_only=True)
-        if counted.finite and SAFETY * counted.uncertainty <= share * (high - low) / 2:
-            return part, counted
-    return candidate, inertia(matrices, ordering, candidate.middle)
+    parts = [replace(candidate, gap=(low, low + share * (high - low))) for share in PARTS]
+    tried = [candidate, *parts] if elsewhere else [candidate]
+    counts = []
+    for part in tried:
+        counts.append(factorise(matrices, ordering, part.middle, pivots_only=True))
+        if counts[-1].finite and SAFETY * counts[-1].uncertainty <= part.middle - low:
+            return part, counts[-1]
+    if not counts[0].finite:
+        raise SpectrumError(f"a pivot of A - {candidate.middle:g} B is zero")
+    return candidate, counts[0]
 
 
 def certify(candidate: Candidate, counted: Factor, zeros: int = 1) -> Certificate:

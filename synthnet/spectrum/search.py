@@ -19,6 +19,7 @@ from synthnet.spectrum.substitution import solve
 
 MIDDLE = 0.5  # of a window: where its shift lies
 PLACINGS = 40  # most counts that place a shift
+ASIDE, CLOSE = 1e-3, 1.1  # a shift at an eigenvalue is moved so far; two so close need no other
 ROUNDS = 8  # most searches for further copies of an eigenvalue: a start of two vectors shows two
 Rows = NDArray[np.float64]
 
@@ -155,18 +156,36 @@ def search(
 
 
 def shift_amid(matrices: Matrices, ordering: Ordering, k: int) -> float:
-    """Return a shift with k/2 to k eigenvalues after the zeros below it, or next to a cluster.
+    """Return a shift below which k/2 to k eigenvalues after the zeros are, by counts.
 
-    By counts: where triangles are so large beside the surface that Weyl's law says nothing.
+    Below a cluster that has more, it is at most a tenth below. Weyl's law says nothing of where
+    eigenvalues are if triangles are large beside the surface, or parts hang together by necks.
+
+    Parameters
+    ----------
+    matrices, ordering : Matrices, Ordering
+        Of one component.
+    k : int
+        Number of eigenvalues that are looked for.
+
+    Returns
+    -------
+    float
+        In 1/length².
     """
     low, high = 0.0, np.inf
     shift = 4 * np.pi * k / float(matrices.lumped.sum())
     for _ in range(PLACINGS):
         counted = factorise(matrices, ordering, shift, pivots_only=True)
+        if not counted.finite:
+            shift *= 1 + ASIDE
+            continue
         below = counted.negative - matrices.zeros
         if k <= 2 * below <= 2 * k:
             break
         low, high = (low, shift) if below > k else (shift, high)
+        if low > 0 and high < CLOSE * low:
+            return low
         shift = 2 * low if high == np.inf else high / 4 if low == 0 else np.sqrt(low * high)
     return float(shift)
 

@@ -36,9 +36,12 @@ from synthnet.spectrum.search import Setting, search, shift_amid
 from synthnet.spectrum.slices import LONG, search_in_slices
 from synthnet.types import Certificate, Mesh, Spectrum
 
-# Up to so many vertices, or vertices for each pair up to so many, a dense solver is as fast; and no
-# iteration finds most of all pairs.
+# Up to so many vertices, or vertices for each pair up to so many, a dense solver is as fast; and of
+# nearly all pairs the iteration may not find the last ones.
 DENSE, DENSE_FOR, DENSE_AT_MOST = 64, 6, 1500
+NEARLY_ALL = 0.95  # of the rows
+ROUGH = 1e-2  # of an eigenvalue: where rounding may have moved it by more, two digits are left
+UNMOVED = 1e-6  # relative: a shift that rounding moves by no more is counted at once
 
 
 # A shift inside the spectrum needs a quarter fewer steps than one below it; measured on 1.0.
@@ -48,8 +51,6 @@ NORMAL = Setting(
 # From so many pairs on, the shift is nearly amid their eigenvalues. From so many entries of all
 # eigenvectors on, a basis and its products with B would not stay in the processor's cache.
 MANY_FROM, LARGE_FROM = 24, 1_000_000
-ROUGH = 1e-2  # of an eigenvalue: where rounding may have moved it by more, there is a warning
-UNMOVED = 1e-6  # relative: a shift that rounding moves by no more is counted at once
 MANY = replace(NORMAL, shift=0.62, amid=True)
 # Below the spectrum A − σB is definite, so that its factorisation is backward stable.
 STRONGER = Setting(
@@ -82,9 +83,9 @@ def compute(
     eigenvalue and its cluster, has as many negative pivots as there are eigenvalues below σ
     (Sylvester's law of inertia): none was missed if that is the number of pairs found. While
     some are missing the search goes on beside those found; if the answer cannot be certified,
-    a stronger setting searches again. Next to zero, below a thousandth of Weyl's k-th
-    eigenvalue, the residual is relative to that instead. The same problem stands in NumPy and
-    SciPy alone in :mod:`synthnet.spectrum.reference`.
+    a stronger setting searches again, and at last one whose shift is placed by counts. Next to
+    zero, below a thousandth of Weyl's k-th eigenvalue, the residual is relative to that instead.
+    The same problem stands in NumPy and SciPy alone in :mod:`synthnet.spectrum.reference`.
 
     Parameters
     ----------
@@ -300,18 +301,19 @@ def count_below(mesh: Any, *shifts: float, operator: Operator = PLAIN) -> list[i
 
 def _count_below(matrices: Matrices, ordering: Ordering, shift: float) -> int:
     """Count the eigenvalues below a shift, and beside it too where rounding moves it far."""
+    if shift <= 0:  # none is negative
+        return 0
     counted = inertia(matrices, ordering, shift)
     moved = SAFETY * counted.uncertainty
-    if moved > UNMOVED * abs(shift):
-        least, most = (
-            inertia(matrices, ordering, shift + side * moved).negative for side in (-1, 1)
+    if moved <= UNMOVED * shift:
+        return counted.negative
+    least, most = (inertia(matrices, ordering, shift + side * moved).negative for side in (-1, 1))
+    if least != most:
+        raise SpectrumError(
+            f"rounding moves the shift {shift:g} by up to {moved:.2g}, so {least} to {most} "
+            "eigenvalues may be below it"
         )
-        if least < most:
-            raise SpectrumError(
-                f"rounding moves the shift {shift:g} by up to {moved:.2g}, so {least} to {most} "
-                "eigenvalues may be below it: spectrum.compute with sharp=True has them"
-            )
-    return counted.negative
+    return least
 
 
 def _solved(
@@ -344,16 +346,22 @@ def _connected(matrices: Matrices, ordering: Ordering, k: int) -> tuple[Candidat
     try:
         return _certified(matrices, ordering, k, STRONGER)
     except SpectrumError:
-        weyl = 4 * np.pi * k / float(matrices.lumped.sum())
-        shift = shift_amid(matrices, ordering, k) / weyl
-        return _certified(matrices, ordering, k, replace(PLACED, shift=shift))
+        if _is_dense(len(matrices.lumped), k):
+            raise
+    weyl = 4 * np.pi * k / float(matrices.lumped.sum())
+    shift = shift_amid(matrices, ordering, k) / weyl
+    return _certified(matrices, ordering, k, replace(PLACED, shift=shift))
+
+
+def _is_dense(n: int, k: int) -> bool:
+    """Return whether the dense solver is asked for k pairs of n rows."""
+    return n <= max(DENSE, min(DENSE_FOR * (k + 1), DENSE_AT_MOST)) or k > NEARLY_ALL * n
 
 
 def _certified(
     matrices: Matrices, ordering: Ordering, k: int, setting: Setting
 ) -> tuple[Candidate, Certificate]:
-    n = len(matrices.lumped)
-    if n <= max(DENSE, min(DENSE_FOR * (k + 1), DENSE_AT_MOST), 2 * k):
+    if _is_dense(len(matrices.lumped), k):
         found = _dense(matrices, k, setting)
         candidate, counted = count_in_gap(matrices, ordering, found, elsewhere=setting.strict)
     elif k > LONG and not setting.strict:

@@ -30,7 +30,8 @@ from synthnet.spectrum.solve import compute, of_matrices
 from synthnet.types import Mesh
 
 ZERO = 1e-6  # of Weyl's first eigenvalue: below it an answer is one of the zeros
-DIGITS = 5e-7  # relative: so well an eigenvalue is told that an answer is off from
+DIGITS = 5e-7  # relative accuracy of the eigenvalue that is named beside a wrong answer
+NEARLY = 1e-2  # the same beside those after the first ones, which are not shown
 ASIDE = 1e-9  # relative: a shift whose pivot is zero is moved by so much
 CLUSTER = 1e-6  # relative: eigenvalues so near the last one found are looked for too
 SHOWN = 10  # of the eigenvalues that are off
@@ -54,7 +55,8 @@ class Verdict:
     asked : float
         The tolerance that was asked for. It is the smaller one where rounding leaves more open.
     off : tuple of (int, float)
-        Of each answer that is not: its index from 1, and the eigenvalue that it stands for.
+        Of each answer that is not: its index from 1, and the eigenvalue that it stands for. Of the
+        first ten it has six digits, of the others it is known to a hundredth.
     missed : tuple of int
         Indices, from 1, of the eigenvalues that no answer stands for.
     shift : float
@@ -362,10 +364,10 @@ def _counted(counter: _Counter, values: NDArray[np.float64], asked: float) -> Ve
         wrong, missed = [], []
     # An answer with nothing near and an eigenvalue without an answer beside it: one that is off.
     off = []
-    for index in wrong:
+    for number, index in enumerate(wrong):
         beside = [rank for rank in missed if abs(rank - 1 - index) <= len(wrong)]
         rank = min(beside, key=lambda rank: abs(rank - 1 - index), default=index + 1)
-        true = _located(counter, rank + counter.zeros)
+        true = _located(counter, rank + counter.zeros, DIGITS if number < SHOWN else NEARLY)
         off.append((index + 1, true))
         if rank in missed:
             missed.remove(rank)
@@ -401,10 +403,10 @@ def _matched(
     return matched, wrong
 
 
-def _located(counter: _Counter, rank: int) -> float:
-    """Return the eigenvalue of a rank, zeros counted, to six digits if rounding leaves so many."""
+def _located(counter: _Counter, rank: int, accuracy: float) -> float:
+    """Return the eigenvalue of a rank, zeros counted, as accurately as rounding lets it be."""
     low, high = counter.around(rank)
-    while high - low > max(DIGITS * high, 2 * counter.blur * high):
+    while high - low > max(accuracy, 2 * counter.blur) * high:
         middle = (low + high) / 2
         low, high = (low, middle) if counter(middle) >= rank else (middle, high)
     return (low + high) / 2

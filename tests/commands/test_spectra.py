@@ -249,7 +249,7 @@ def test_a_pipe_is_not_waited_for(run, tmp_path):
     os.mkfifo(tmp_path / "a.obj")
     code, _, err = run("spectrum", tmp_path / "a.obj")
     assert code == 2
-    assert err.endswith("a.obj: is no file that can be read twice, but a pipe or a device\n")
+    assert err.endswith("a.obj: a pipe or a device: save it to a file\n")
 
 
 @pytest.mark.parametrize(
@@ -259,7 +259,13 @@ def test_a_pipe_is_not_waited_for(run, tmp_path):
         ("Eigenvalue,error\n2.5,1e-3\n3.5,1e-3\n", [2.5, 3.5]),
         ("lambda_1,lambda_2\n2.5,3.5\n", [2.5, 3.5]),
         ("# index, of all\n2.5\n3.5\n", [2.5, 3.5]),
-        ("index,value\n1,2.5\n", "has the columns index, value: name that of the eigenvalues"),
+        ("# eigenvalues of a ball\n2.5, 3.5\n", [2.5, 3.5]),
+        ("index eigenvalue\n1 2.5\n2 3.5\n", [2.5, 3.5]),
+        ("# index\teigenvalue\n1\t2.5\n2\t3.5\n", [2.5, 3.5]),
+        ("# index,eigenvalue\n1,2.5\n2,3.5\n", [2.5, 3.5]),
+        ("k,lambda,error\n1,2.5,\n2,3.5,\n", [2.5, 3.5]),
+        ("index,value\n1,2.5\n2,3.5\n", "several columns, index, value: name one 'eigenvalue'"),
+        ("index,eigenvalue\n1,2.5\n3.5\n", "give each row a cell of every column"),
     ],
 )
 def test_of_several_columns_that_of_the_eigenvalues_counts(tmp_path, text, values):

@@ -10,6 +10,13 @@ from scipy import linalg
 from synthnet import spectrum
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import Operator, solve
+from synthnet.spectrum.ordering import find_ordering
+from synthnet.spectrum.search import shift_amid
+
+OCTAHEDRON = (
+    np.concatenate([np.eye(3), -np.eye(3)]),
+    [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]],
+)
 
 
 def strip(cells, height=1.0, width=1.0):
@@ -42,9 +49,7 @@ def test_a_count_beside_the_middle_of_the_gap(cells, height):
 
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_an_octahedron_of_lumped_mass(k):
-    corners = np.concatenate([np.eye(3), -np.eye(3)])
-    faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
-    answer = spectrum.compute((corners, faces), k, operator=Operator(mass="lumped"))
+    answer = spectrum.compute(OCTAHEDRON, k, operator=Operator(mass="lumped"))
     np.testing.assert_allclose(answer.eigenvalues, np.full(k, 2.0), rtol=1e-12)
 
 
@@ -58,23 +63,45 @@ def test_all_eigenvalues_of_a_mesh_of_many_vertices(monkeypatch):
     np.testing.assert_allclose(answer.eigenvalues, expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_strip_so_long_that_weyls_law_says_nothing(monkeypatch):
-    mesh = strip(3000)
-    attempts = []
+    cells, attempts = 100_000, []
     certified = solve._certified
 
-    def only_the_last(matrices, ordering, k, setting):
+    def counted(matrices, ordering, k, setting):
         attempts.append(setting.seed)
-        if len(attempts) < 3:
-            raise SpectrumError("as if it had not converged")
         return certified(matrices, ordering, k, setting)
 
-    monkeypatch.setattr(solve, "_certified", only_the_last)
-    answer = spectrum.compute(mesh, 10)
-    np.testing.assert_allclose(
-        answer.eigenvalues, (np.pi * np.arange(1, 11) / 3000) ** 2, rtol=1e-4
-    )
-    assert attempts == [0, 1, 2]
+    monkeypatch.setattr(solve, "_certified", counted)
+    answer = spectrum.compute(strip(cells), 40)
+    expected = (np.pi * np.arange(1, 41) / cells) ** 2
+    np.testing.assert_allclose(answer.eigenvalues, expected, rtol=1e-5)
+    assert attempts == [0, 1, 2]  # neither of the usual shifts finds these
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 5, 8])
+def test_a_shift_is_placed_amid_the_first_ones_or_below_a_cluster(k):
+    octahedron = trimesh.Trimesh(*OCTAHEDRON).subdivide().subdivide().subdivide()
+    sphere = octahedron.vertices / np.linalg.norm(octahedron.vertices, axis=1)[:, None]
+    mesh = sphere, octahedron.faces  # its first eigenvalues are three equal ones, then 2 and 3
+    matrices = spectrum.discretise(spectrum.as_mesh(mesh), Operator()).matrices
+    shift = shift_amid(matrices, find_ordering(matrices.indptr, matrices.indices), k)
+    first = dense(mesh, 9)
+    below = int((first < shift).sum())
+    assert k / 2 <= below <= k or (below < k and first[below] < 1.1 * shift)
+    placed = solve.replace(solve.PLACED, shift=shift / (4 * np.pi * k / matrices.lumped.sum()))
+    ordering = find_ordering(matrices.indptr, matrices.indices)
+    candidate, _ = solve._certified(matrices, ordering, k, placed)
+    np.testing.assert_allclose(candidate.values[:k], first[:k], rtol=1e-9)
+
+
+def test_more_than_half_of_all_eigenvalues_are_searched_for(monkeypatch):
+    monkeypatch.setattr(solve, "_dense", None)
+    box = trimesh.creation.box().subdivide().subdivide().subdivide().subdivide()
+    n = len(box.vertices)
+    assert n > solve.DENSE_AT_MOST
+    answer = spectrum.compute(box, int(0.6 * n))
+    assert answer.certificate.count >= 0.6 * n
 
 
 @pytest.fixture(scope="module")

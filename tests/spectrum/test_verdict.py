@@ -70,8 +70,9 @@ def test_counts_that_follow_are_those_of_factorisations(name, seed, tolerance):
     assert few.factorisations <= many.factorisations
     assert (few.missed, few.count) == (many.missed, many.count)
     assert [index for index, _ in few.off] == [index for index, _ in many.off]
-    for (_, true), (_, located) in zip(few.off, many.off, strict=True):
-        assert abs(true - located) <= 1e-5 * true
+    for number, ((_, true), (_, located)) in enumerate(zip(few.off, many.off, strict=True)):
+        accuracy = 1e-5 if number < verdict.SHOWN else 2 * verdict.NEARLY  # and that of the counts
+        assert abs(true - located) <= accuracy * true
 
 
 @settings(max_examples=100)

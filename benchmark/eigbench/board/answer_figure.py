@@ -289,7 +289,7 @@ def _without_training(board: Board, trained: Sequence[Ranked], solver: Ranked) -
         verdict = "better elements beat all of them" if beaten else "better elements come as near"
         yield (
             f"**Without training, {verdict}.** *{best.submission.name}* has "
-            f"{_gain(best, solver)}, on every family alike: no family is unseen to it."
+            f"{_gain(best, solver)}. It is not trained, so no family is unseen to it."
         )
 
 

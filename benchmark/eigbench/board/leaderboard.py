@@ -83,10 +83,10 @@ def _rows(root: Path, board: str, on_row: Callable[[str], None]) -> list[Submiss
             raise ResultError(f"{path} belongs at {RESULTS / row.board / row.slug}.json")
         timed = timing.row_of(row.result, times.get(row.truth.version, []))
         if timed is not None:
-            if row.truth.protocol == "grouped":
-                timing.check_answers(timed, row)
             row = replace(row, result={**row.result, "cost": timing.cost_of(timed)})
             check_fit(row)
+            if row.truth.protocol == "grouped":
+                timing.check_answers(timed, row)
         rows.append(row)
     return rows
 

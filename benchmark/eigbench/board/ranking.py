@@ -3,10 +3,10 @@
 Two predictors differ in a metric if the 95 % bootstrap interval of their paired difference, by
 shapes within families and by seeds, excludes zero by more than the bars of the target could make
 (:mod:`eigbench.scoring.targets`). On a board each row is compared with every other row, with Holm's
-correction for their number: its rank is at least 1 + the number of rows that are surely better, and
-at most the number of rows that are not surely worse. So the true rank of a row is in its interval
-with a chance of 95 %, and a row that is surely better or worse moves the others by one place and
-changes nothing else.
+correction for their number: its rank is at least 1 + the number of rows that are significantly
+better, and at most the number of rows that are not significantly worse. So the true rank of a row
+is in its interval with a chance of 95 %, and a row that is significantly better or worse moves the
+others by one place and changes nothing else.
 
 Rows all of whose answers are right within the bars are exact. Nothing but rounding tells them
 apart: they stand above the ranking, the faster first, and the others are ranked from 1.

@@ -119,13 +119,17 @@ def described(
         "hardware": record.hardware(),
         "environment": record.environment(),
         "rows": [
-            {
-                **_row(row, sizes, lapy.seconds, peers, options),
-                "rpd": float(scores.of_metric(labels, row.predictions, "rpd").mean()),
-            }
+            {**_row(row, sizes, lapy.seconds, peers, options), "rpd": _error(row, labels)}
             for row in others
         ],
     }
+
+
+def _error(timed: Timed, labels: truth.Truth) -> float:
+    error = float(scores.of_metric(labels, timed.predictions, "rpd").mean())
+    if not np.isfinite(error):
+        raise EigbenchError(f"{timed.path} answered with numbers that are not finite")
+    return error
 
 
 def _row(

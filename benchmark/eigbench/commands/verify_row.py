@@ -235,7 +235,7 @@ def _compared(
             continue
         declared = row.result["scores"][target]["overall"][RANKED_BY]["mean"]
         numbers[target]["declared"] = declared
-        if not _within(declared, numbers[target]):
+        if not verification.within(declared, numbers[target]):
             problems.append(
                 f"against the {target}, {RANKED_BY} is {declared} as declared, and "
                 f"{numbers[target]['mean']} when run again"
@@ -255,14 +255,6 @@ def _compared(
 
 def _interval(scored: dict[str, Any]) -> dict[str, float | None]:
     return {key: scored["overall"][RANKED_BY][key] for key in ("mean", "low", "high")}
-
-
-def _within(declared: float | None, again: dict[str, float | None]) -> bool:
-    """Whether a declared mean is in the interval of the mean when run again, or equals it."""
-    mean, low, high = (again[key] for key in ("mean", "low", "high"))
-    if declared is None or mean is None or low is None or high is None:
-        return declared is None and mean is None
-    return low <= declared <= high or bool(np.isclose(declared, mean, rtol=ROUNDING, atol=1e-12))
 
 
 def _told(row: Submission, verified: dict[str, Any]) -> str:

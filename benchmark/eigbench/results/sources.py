@@ -81,7 +81,7 @@ def is_output(path: Path, below: Path | None = None) -> bool:
     what eigbench has written, the others by their suffix. ``below`` is as of
     :func:`synthnet.outside.opened`; what that does not open is none.
     """
-    if path.suffix in NOTES:
+    if path.suffix.lower() in NOTES:
         return True
     if path.suffix not in OUTPUTS:
         return False

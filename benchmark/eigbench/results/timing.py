@@ -20,7 +20,9 @@ FOLDER = Path("benchmark", "timing")
 VERSION = 1
 RESAMPLES = 2000
 AGREE = 1e-6  # relative, between a ratio and the quotient of the times
-ALIKE, EXACT = 0.05, 1e-6  # relative and absolute, between two means of RPD: other seeds, rounding
+# Relative and absolute, between two means of RPD: a model that trains while it loads may end like
+# another seed on another processor, and a solver may miss one eigenvalue of one mesh by chance
+ALIKE, EXACT = 0.25, 1e-4
 
 
 def ratio(theirs: NDArray[np.float64], own: NDArray[np.float64]) -> dict[str, float]:

@@ -25,7 +25,7 @@ from eigbench.errors import EigbenchError, ResultError
 SIGNERS = Path("benchmark", "allowed_signers")
 NAMESPACE = "eigbench"  # of ssh-keygen: a signature for something else is none for this
 COMPUTED = ("schema_version", "metric_version", "scores")  # with each release, by `leaderboard`
-SCORED_BY, SAME = "rpd", 1e-6  # each release computes scores anew, to rounding
+SCORED_BY, SAME = "rpd", 1e-6  # relative: what another processor may make of a mean
 BEGIN, END = (f"-----{word} SSH SIGNATURE-----" for word in ("BEGIN", "END"))
 UNSIGNED = ("digest", "signature")
 
@@ -72,17 +72,22 @@ def check(result: dict[str, Any], path: Path, root: Path | None = None) -> None:
 
 
 def _of_these_scores(result: dict[str, Any]) -> bool:
-    """Return whether the scores that were run again are those that the result declares."""
+    """Return whether the scores of a result are within the intervals of those run again."""
     for target, again in result["verified"]["scores"].items():
         scored = result["scores"].get(target)
-        means = [
-            None if again is None else again["declared"],
-            None if scored is None else scored["overall"][SCORED_BY]["mean"],
-        ]
-        said, declared = (np.nan if mean is None else float(mean) for mean in means)
-        if not np.isclose(said, declared, rtol=SAME, atol=SAME, equal_nan=True):
+        if (scored is None) != (again is None):
+            return False
+        if scored is not None and not within(scored["overall"][SCORED_BY]["mean"], again):
             return False
     return True
+
+
+def within(declared: float | None, again: dict[str, float | None]) -> bool:
+    """Return whether a mean is in the interval of the mean when run again, or equals it."""
+    mean, low, high = (again[key] for key in ("mean", "low", "high"))
+    if declared is None or mean is None or low is None or high is None:
+        return declared is None and mean is None
+    return low <= declared <= high or bool(np.isclose(declared, mean, rtol=SAME, atol=1e-12))
 
 
 def sign(digest: str, key: Path) -> str:

@@ -74,6 +74,8 @@ class Evaluation:
         Wall seconds of LaPy on the same meshes; NaN where it was not asked.
     asked : sequence of (int, ndarray)
         The seed and the instances of every batch.
+    opening : ndarray of shape (batches,), bool
+        Whether a batch was the first of its process, which may compile code.
     loaded : Loaded
         META and parameters of the predictor.
     status : Status
@@ -87,6 +89,7 @@ class Evaluation:
     new: NDArray[np.bool_]
     reference_seconds: NDArray[np.float64]
     asked: Sequence[tuple[int, NDArray[np.int64]]]
+    opening: NDArray[np.bool_]
     loaded: Loaded
     status: Status
 
@@ -200,6 +203,7 @@ def evaluate(
         new=np.array([part.new for part in saved]),
         reference_seconds=np.array([part.reference_seconds for part in saved]),
         asked=asked,
+        opening=np.array([i == 0 for mine in every for i in range(len(mine))], dtype=np.bool_),
         loaded=loaded[0],
         status=Status(
             max(status.peak_bytes for status in statuses),

@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import nnls
 
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.results.sources import digest, git, modules
@@ -28,7 +29,8 @@ from synthnet import store
 from synthnet.store import StoredDataset
 from synthnet.verify import seal
 
-LONGER = 3.0  # times as long for a vertex of fresh meshes: no other load explains that
+LONGER = 3.0  # times as long as public meshes would take: no other load explains that
+ENOUGH = 5  # batches of each kind: of fewer, their times say nothing
 FRESH = "fresh/"  # before the ids of fresh shapes: the public ones may have the same
 
 
@@ -218,7 +220,10 @@ def mixed(public: Truth, fresh: Truth) -> Truth:
 
 
 def slower(evaluation: Evaluation, instances: Instances, truth: Truth, public: int) -> str:
-    """Return what shows that fresh meshes take longer than as many vertices of public ones; or "".
+    """Return what shows that fresh meshes take longer than public ones of as many vertices; or "".
+
+    What a batch takes is a constant and a multiple of its vertices, by those of public meshes. The
+    first one of each process may compile code and does not count, nor do copies of shapes.
 
     Parameters
     ----------
@@ -230,13 +235,15 @@ def slower(evaluation: Evaluation, instances: Instances, truth: Truth, public: i
         How many of its instances are public: the first ones.
     """
     vertices = instances.vertices(truth.ids)
-    seconds, asked = np.zeros(2), np.zeros(2)
-    batches = zip(evaluation.asked, evaluation.new, evaluation.seconds, strict=True)
-    for (_, chosen), new, taken in batches:
-        if new:  # copies may be remembered
-            seconds[int(chosen[0] >= public)] += taken
-            asked[int(chosen[0] >= public)] += vertices[chosen].sum()
-    ratio = float(seconds[1] / asked[1] / (seconds[0] / asked[0]))
+    of_batches = np.array([vertices[chosen].sum() for _, chosen in evaluation.asked])
+    fresh = np.array([chosen[0] >= public for _, chosen in evaluation.asked])
+    counts = evaluation.new & ~evaluation.opening
+    if min((counts & fresh).sum(), (counts & ~fresh).sum()) < ENOUGH:
+        return ""
+    terms = np.stack([np.ones(len(of_batches)), of_batches], axis=1)
+    fitted, _ = nnls(terms[counts & ~fresh], evaluation.seconds[counts & ~fresh])
+    expected = float((terms[counts & fresh] @ fitted).sum())
+    ratio = float(evaluation.seconds[counts & fresh].sum()) / expected
     if ratio <= LONGER:
         return ""
     return (

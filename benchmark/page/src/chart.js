@@ -148,7 +148,7 @@ function apart(container, others, name, kinds) {
       ruleX([0], { stroke: "currentColor", strokeOpacity: 0.5 }),
       ruleY(rows.filter((one) => one.low !== null), { y: "name", x1: "low", x2: "high", stroke: colour, strokeWidth: 2 }),
       dot(rows, { x: "mean", y: "name", r: 4, symbol: (one) => SYMBOLS[one.kind], stroke: colour, fill: (one) => (one.sure ? colour(one) : "var(--background)") }),
-      tip(rows, pointer({ x: "mean", y: "name", title: (one) => `${one.name}\n${difference(one.mean)}${one.low === null ? "" : ` (${difference(one.low)} to ${difference(one.high)})`}\n${one.sure ? (one.mean < 0 ? "surely better" : "surely worse") : "not decided"}`, ...TIP })),
+      tip(rows, pointer({ x: "mean", y: "name", title: (one) => `${one.name}\n${difference(one.mean)}${one.low === null ? "" : ` (${difference(one.low)} to ${difference(one.high)})`}\n${one.sure ? (one.mean < 0 ? "significantly better" : "significantly worse") : "not decided"}`, ...TIP })),
     ],
     color: { type: "identity" }, symbol: { type: "identity" },
   });

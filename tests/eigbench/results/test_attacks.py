@@ -328,7 +328,7 @@ CASES = [
     ("not-composed", "r.json", named("Poincare\u0301"), r"not composed \(NFC\)"),
     ("unseen", "r.json", named("Weyl\u3164"), r"U\+3164, which cannot be seen"),
     ("selector", "r.json", result(model__licence="MIT\ufe0f"), r"U\+FE0F, which cannot be seen"),
-    ("mark", "r.json", named("Weyl\u0332"), r"the mark U\+0332, which joins no letter"),
+    ("mark", "r.json", named("Weyl\u0332"), r"the mark U\+0332, which does not compose with"),
     ("look-alike", "r.json", named("W\u0435yl"), r"U\+0435 in a word with LATIN letters"),
     ("bidi-in-a-key", "r.json", result(environment={"\u202e": ""}), r"U\+202E"),
     ("remark-bidi", "r.remark.txt", content("first\u202e"), r"U\+202E"),

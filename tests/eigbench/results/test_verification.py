@@ -45,7 +45,8 @@ def said_of(result):
     said = copy.deepcopy(SAID)
     for target, scored in result["scores"].items():
         declared = None if scored is None else scored["overall"]["rpd"]["mean"]
-        said["scores"][target] = scored and {**SAID["scores"]["mesh"], "declared": declared}
+        again = {"mean": declared, "low": declared, "high": declared, "declared": declared}
+        said["scores"][target] = scored and again
     return said
 
 
@@ -70,7 +71,7 @@ def test_a_verification_that_is_whole_is_read(verified):
 def test_a_verification_of_other_scores_is_none(verified):
     result = results.read(verified)
     scores = copy.deepcopy(result["verified"]["scores"])
-    scores["mesh"]["declared"] += 0.001
+    scores["mesh"].update(mean=0.01, low=0.009, high=0.011)
     forged = as_verified(result, scores=scores)  # with a digest of its own
     verified.write_text(json.dumps(forged))
     with pytest.raises(ResultError, match=r"says of its verification was altered"):
@@ -377,7 +378,8 @@ def test_answers_of_all_seeds_are_compared_on_the_split_and_on_the_draw(make_row
         nothing = np.empty(0)
         both = np.concatenate([answered, unseen], axis=1)
         loaded = Loaded({}, None, True, False, "")
-        timed = (nothing, nothing, np.empty(0, np.int64), np.empty(0, np.bool_), nothing, ())
+        flags = np.empty(0, np.bool_)
+        timed = (nothing, nothing, np.empty(0, np.int64), flags, nothing, (), flags)
         return verify_row._compared(row, fresh, Evaluation(both, *timed, loaded, status))
 
     said, against = compared(1.1, 1.12)

@@ -215,7 +215,7 @@ def test_every_key_of_meta_is_allowed_by_the_schema_of_results():
         (f"{{'paper': {'x' * 301!r}}}", "META paper must be one line of at most 300 characters"),
         ("{'training_data': 'a\\nb'}", "META training_data must be one line of at most"),
         ("{'paper': 'a\\x1bb'}", r"META paper has the character U\+001B, which cannot be printed"),
-        ("{'name': 'Weyl\\u0332'}", r"META name has the mark U\+0332, which joins no letter"),
+        ("{'name': 'Weyl\\u0332'}", r"META name has the mark U\+0332, which does not compose with"),
         ("{'name': 'Weyl\\u034f'}", r"META name has the character U\+034F, which cannot be seen"),
         ("{'name': 'Weyl\\ufe0f'}", r"META name has the character U\+FE0F, which cannot be seen"),
         ("{'name': 'Weyl\\u3164'}", r"META name has the character U\+3164, which cannot be seen"),

@@ -186,6 +186,7 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
         new=np.array([True, True, True]),
         reference_seconds=np.array([1.0, np.nan, 2.0]),
         asked=[(0, np.arange(i, i + 10)) for i in (0, 10, 20)],
+        opening=np.array([True, False, False]),
         loaded=Loaded({}, None, False, False, "NVIDIA A100"),
         status=Status(2**20, {}, COUNTED),
     )
