@@ -387,8 +387,10 @@ def _of_column(
 
     A line of words above a single column or a single row is no names of columns.
     """
-    series = len({re.sub(r"[\W\d_]+$", "", name) for name in names}) == 1
-    if series or len(rows) < 2 or all(len(cells) == 1 for _, cells in rows):
+    series = [i for i, name in enumerate(names) if re.fullmatch(r"(?i)(lambda|λ)_?\d+", name)]
+    if series and all(len(cells) == len(names) for _, cells in rows):
+        return [(number, [cells[i] for i in series]) for number, cells in rows]
+    if len(rows) < 2 or all(len(cells) == 1 for _, cells in rows):
         return rows
     mine = [i for i, name in enumerate(names) if name.lower() in VALUES]
     if len(mine) != 1 or any(len(cells) != len(names) for _, cells in rows):

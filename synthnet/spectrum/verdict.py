@@ -85,6 +85,10 @@ class Verdict:
         """Whether these are the first k eigenvalues after the zeros, within what was asked."""
         return not self.off and not self.missed and self.tolerance == self.asked
 
+    def __bool__(self) -> bool:
+        """Return whether the answer is certified."""
+        return self.certified
+
     def __str__(self) -> str:
         """Return the judgement in words, a line each."""
         if self.certified:
@@ -363,11 +367,14 @@ def _counted(counter: _Counter, values: NDArray[np.float64], asked: float) -> Ve
     if tolerance < 2 * counter.blur:  # nothing can be said
         wrong, missed = [], []
     # An answer with nothing near and an eigenvalue without an answer beside it: one that is off.
-    off = []
+    off, rounding = [], 2 * counter.blur
     for number, index in enumerate(wrong):
         beside = [rank for rank in missed if abs(rank - 1 - index) <= len(wrong)]
         rank = min(beside, key=lambda rank: abs(rank - 1 - index), default=index + 1)
-        true = _located(counter, rank + counter.zeros, DIGITS if number < SHOWN else NEARLY)
+        if number < SHOWN:
+            rank = _nearer(counter, float(values[index]), rank, missed)
+        accuracy = max(DIGITS if number < SHOWN else NEARLY, rounding)
+        true = _located(counter, rank + counter.zeros, accuracy)
         off.append((index + 1, true))
         if rank in missed:
             missed.remove(rank)
@@ -403,10 +410,25 @@ def _matched(
     return matched, wrong
 
 
+def _nearer(counter: _Counter, value: float, rank: int, missed: Sequence[int]) -> int:
+    """Return the rank that an answer is off from: in its order, or of an eigenvalue far nearer."""
+    below = counter(value) - counter.zeros
+    around = (
+        max((other for other in missed if other <= below), default=rank),
+        min((other for other in missed if other > below), default=rank),
+    )
+    distances = {
+        other: abs(_located(counter, other + counter.zeros, NEARLY) - value)
+        for other in (rank, *around)
+    }
+    nearest = min(distances, key=lambda other: distances[other])
+    return nearest if 2 * distances[nearest] < distances[rank] else rank
+
+
 def _located(counter: _Counter, rank: int, accuracy: float) -> float:
-    """Return the eigenvalue of a rank, zeros counted, as accurately as rounding lets it be."""
+    """Return the eigenvalue of a rank, zeros counted, to a relative accuracy."""
     low, high = counter.around(rank)
-    while high - low > max(accuracy, 2 * counter.blur) * high:
+    while high - low > accuracy * high:
         middle = (low + high) / 2
         low, high = (low, middle) if counter(middle) >= rank else (middle, high)
     return (low + high) / 2

@@ -258,6 +258,7 @@ def test_a_pipe_is_not_waited_for(run, tmp_path):
         ("index,eigenvalue\n1,2.5\n2,3.5\n", [2.5, 3.5]),
         ("Eigenvalue,error\n2.5,1e-3\n3.5,1e-3\n", [2.5, 3.5]),
         ("lambda_1,lambda_2\n2.5,3.5\n", [2.5, 3.5]),
+        (",lambda_1,lambda_2\n0,2.5,3.5\n", [2.5, 3.5]),
         ("# index, of all\n2.5\n3.5\n", [2.5, 3.5]),
         ("# eigenvalues of a ball\n2.5, 3.5\n", [2.5, 3.5]),
         ("index eigenvalue\n1 2.5\n2 3.5\n", [2.5, 3.5]),

@@ -1,5 +1,6 @@
 """Where eigenvalues are counted and where a search begins: the usual place fails on these."""
 
+import itertools
 import warnings
 
 import numpy as np
@@ -135,3 +136,23 @@ def test_an_answer_far_too_large_does_not_blur_the_others(ball, largest):
     judged = spectrum.certify(ball, [2.0, *true[1:3], largest])
     assert [index for index, _ in judged.off] == [1, 4]
     np.testing.assert_allclose([value for _, value in judged.off], true[[0, 3]], rtol=1e-6)
+
+
+def test_an_answer_that_is_off_beside_one_that_is_missing_is_named_by_the_nearest():
+    box = trimesh.creation.box(extents=(1, 1, 1e-3)).subdivide().subdivide().subdivide()
+    true = dense((box.vertices, box.faces), 12)
+    apart = [0, *(1 + np.flatnonzero(np.diff(true) > 1e-3 * true[1:])), 12]  # of equal ones
+    pairs = [
+        (first, second)
+        for first, second in itertools.pairwise(apart[:-1])
+        if second < 11 and true[second] > 1.01 * true[first]
+    ]
+    assert len(pairs) > 3
+    for gone, wrong in pairs:
+        answer = true[:11].copy()
+        answer[wrong] *= 1.001
+        judged = spectrum.certify(box, np.delete(answer, gone))
+        ((_, value),) = judged.off
+        assert value == pytest.approx(true[wrong], rel=1e-6)
+        assert len(judged.missed) == 1
+        assert true[judged.missed[0] - 1] == pytest.approx(true[gone], rel=1e-6)

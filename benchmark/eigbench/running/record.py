@@ -167,9 +167,9 @@ def _by_turn(
     by_turn = means.pivot_table("error", "shape", "first", dropna=False)
     if len(by_turn.columns) < 2:
         return np.empty(0), np.empty(0)
-    values = by_turn[[True, False]].to_numpy()
-    known, again = values[np.isfinite(values).all(axis=1)].T
-    return known, again
+    values = by_turn.to_numpy()  # of others, and of the first
+    again, new = values[np.isfinite(values).all(axis=1)].T
+    return new, again
 
 
 def findings(cost: dict[str, Any], refused: Sequence[str] = ()) -> list[str]:

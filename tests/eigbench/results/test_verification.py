@@ -191,8 +191,8 @@ def test_verified_rows_are_ranked_and_declared_ones_stand_below(make_submission,
     assert "not verified" in line
     section = page.partition("## Verified")[2].partition("\n## ")[0].splitlines()
     assert [line for line in section if line.startswith("| Times")] == [
-        "| Times 1.1 | 1.0000 ± 0.1000 | 1.0000 ± 0.1000 | 9 | 2026-11-24 |",
-        "| Times 1.3 | 1.0000 ± 0.1000 | 1.0000 ± 0.1000 | 9 | 2026-11-24 |",
+        "| Times 1.1 | 0.4762 ± 0.0000 | 1.0000 ± 0.1000 | 9 | 2026-11-24 |",
+        "| Times 1.3 | 1.3043 ± 0.0000 | 1.0000 ± 0.1000 | 9 | 2026-11-24 |",
         "| Times 1.0 | not verified | not verified | not verified | not verified |",
         "| Times 1.2 | not verified | not verified | not verified | not verified |",
     ]
