@@ -13,6 +13,8 @@ from synthnet.errors import CertificateError
 from synthnet.types import Mesh
 from tests.spectrum.meshes import side_by_side, sphere
 
+pytestmark = pytest.mark.filterwarnings("ignore:rounding on thin")  # these meshes are to show it
+
 
 @pytest.mark.parametrize("kind", ["needles", "caps", "bent", "row"])
 @pytest.mark.parametrize(
@@ -39,7 +41,6 @@ def test_exact_eigenvalues_are_within_the_bound(aspect, kind, sharp):
             assert not within(matrices, worst + 1, value, off / LOOSE)
 
 
-@pytest.mark.filterwarnings("ignore:rounding on thin")
 @pytest.mark.parametrize("mass", ["lumped", "mean"])
 @pytest.mark.parametrize("sharp", [False, True], ids=["matrices", "sharp"])
 @pytest.mark.parametrize("thin", [1e-3, 1e-7])
