@@ -243,7 +243,11 @@ def test_show_says_what_a_shape_is(run, mini_home):
 
 @pytest.mark.parametrize(
     ("options", "height"),  # a first row of 3.9 inches, rows of 2.15, a key of 0.3, at 150 dots
-    [(["--eigenfunctions", "0"], 585), ([], 952), (["--eigenfunctions", "6", "--edges"], 1275)],
+    [
+        (["--eigenfunctions", "0"], 585),
+        pytest.param([], 952, marks=pytest.mark.slow),
+        pytest.param(["--eigenfunctions", "6", "--edges"], 1275, marks=pytest.mark.slow),
+    ],
 )
 def test_show_draws_a_picture(options, height, run, mini_home, tmp_path):
     path = tmp_path / "a.PNG"

@@ -74,6 +74,7 @@ def in_a_shell(tmp_path, *arguments):
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.slow
 def test_a_real_shell_shows_a_mesh_and_a_sample_as_png(tmp_path):
     drawn_at_import, pictures, kinds = in_a_shell(tmp_path)
     assert not drawn_at_import

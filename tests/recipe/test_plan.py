@@ -111,6 +111,7 @@ def test_scaled_shapes_are_new_and_a_smaller_scale_is_the_beginning_of_a_larger(
     assert all(s.spec.index >= full[s.spec.family].count for s in thrice.values())
 
 
+@pytest.mark.slow
 def test_no_shape_is_in_another_split_than_its_equal_in_the_full_version(plans):
     split_of = {s.spec.group: s.split for s in shapes_of(plans["1.0"]).values()}
     shapes = [s for plan in plan_shards(recipe.load("1.0-x2")) for s in plan.shapes]

@@ -96,6 +96,7 @@ def test_a_shift_is_placed_amid_the_first_ones_or_below_a_cluster(k):
     np.testing.assert_allclose(candidate.values[:k], first[:k], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_more_than_half_of_all_eigenvalues_are_searched_for(monkeypatch):
     monkeypatch.setattr(solve, "_dense", None)
     box = trimesh.creation.box().subdivide().subdivide().subdivide().subdivide()

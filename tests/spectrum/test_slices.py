@@ -80,6 +80,7 @@ def test_none_is_missed_over_several_slices(mesh, operator, zeros, sliced):
         np.testing.assert_allclose(vectors.T @ (mass @ vectors), np.eye(200), atol=1e-6)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32), st.integers(6, 20), st.integers(1, 12))
 @settings(max_examples=30, deadline=None)
 def test_any_slices_give_the_spectrum(seed, pairs, beside):

@@ -475,6 +475,7 @@ def test_a_setting_that_misses_one_is_followed_by_the_stronger(mesh, monkeypatch
     np.testing.assert_allclose(result.eigenvalues, expected.eigenvalues, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mesh", PAIRS, ids=["torus", "sphere", "cylinder"])
 def test_a_solver_that_always_misses_one_of_a_pair_gives_no_label(mesh, monkeypatch):
     monkeypatch.setattr(Careless, "lost", [])

@@ -499,6 +499,7 @@ def test_damaged_shard_is_noticed(sealed_set, home_copy):
         seal.open_checked(sealed_set.seal, home_copy)
 
 
+@pytest.mark.slow
 def test_another_set_under_the_name_is_noticed(sealed_set, home_copy):
     name = sealed_set.seal.dataset
     sealed_version = seal.recipe_of(store.open_dataset(name, home_copy))
