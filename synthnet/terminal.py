@@ -184,7 +184,10 @@ def print_json(value: Any) -> None:
 
 def print_answer(options: argparse.Namespace, value: Any, text: str) -> None:
     """Print what a command answers: a value with ``--json``, else text."""
-    sys.stdout.write((json.dumps(value, indent=1) if options.json else text) + "\n")
+    if options.json:
+        print_json(value)
+    else:
+        sys.stdout.write(f"{text}\n")
 
 
 class Rate(ProgressColumn):

@@ -65,7 +65,10 @@ def inertia(matrices: Matrices, ordering: Ordering, shift: float) -> Factor:
     SpectrumError
         If a pivot is zero.
     """
-    factor = factorise(matrices, ordering, shift, pivots_only=True)
+    return _finite(factorise(matrices, ordering, shift, pivots_only=True), shift)
+
+
+def _finite(factor: Factor, shift: float) -> Factor:
     if not factor.finite:
         raise SpectrumError(f"a pivot of A - {shift:g} B is zero")
     return factor
@@ -85,16 +88,14 @@ def count_in_gap(
         If a pivot is zero in the middle, and no other place serves.
     """
     low, high = candidate.gap
-    parts = [replace(candidate, gap=(low, low + share * (high - low))) for share in PARTS]
-    tried = [candidate, *parts] if elsewhere else [candidate]
-    counts = []
+    tried, counts = [candidate], []
+    if elsewhere:
+        tried += [replace(candidate, gap=(low, low + share * (high - low))) for share in PARTS]
     for part in tried:
         counts.append(factorise(matrices, ordering, part.middle, pivots_only=True))
         if counts[-1].finite and SAFETY * counts[-1].uncertainty <= part.middle - low:
             return part, counts[-1]
-    if not counts[0].finite:
-        raise SpectrumError(f"a pivot of A - {candidate.middle:g} B is zero")
-    return candidate, counts[0]
+    return candidate, _finite(counts[0], candidate.middle)
 
 
 def certify(candidate: Candidate, counted: Factor, zeros: int = 1) -> Certificate:
