@@ -59,6 +59,10 @@ STRONGER = Setting(
 # The shift is placed by counts: for a spectrum that is not at all as Weyl's law has it.
 PLACED = replace(STRONGER, gap=1e-3, seed=2)
 
+# glibc gives the memory of large arrays back at once, and page by page it costs a tenth of a solve
+# to get it again; once one of nearly 32 MB has been freed, it keeps what is below that.
+np.empty(2**25 - 2**17, np.uint8)
+
 
 def compute(
     mesh: Any,
