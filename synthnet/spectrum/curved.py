@@ -15,14 +15,12 @@ Demlow, "Higher-order finite element methods and pointwise error estimates for e
 surfaces", SIAM J. Numer. Anal. 47 (2009): why the surface's own approximation limits the order.
 """
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import fem
-from synthnet.spectrum.bending import Floats, Patches, cross, dot
+from synthnet.spectrum.arrays import Booleans, Floats, Indices
+from synthnet.spectrum.bending import Patches, cross, dot
 from synthnet.spectrum.fem import Matrices, products
 
 FLATTEST = 0.3  # of the flat triangle's area, seen from above: a patch with less at a point folds
@@ -113,13 +111,7 @@ def _blocks(patches: Patches, functions: Floats, slopes: Floats) -> tuple[Floats
 
 @part
 def _tangents(
-    vertices: Floats,
-    face: NDArray[np.int32],
-    side: NDArray[np.int32],
-    rises: Floats,
-    at: Floats,
-    u: Floats,
-    v: Floats,
+    vertices: Floats, face: Indices, side: Indices, rises: Floats, at: Floats, u: Floats, v: Floats
 ) -> None:
     """Set u and v to a patch's derivatives along two of its sides, at a point in its corners."""
     l0, l1, l2 = at
@@ -133,15 +125,15 @@ def _tangents(
 @kernel
 def _densities(
     vertices: Floats,
-    faces: NDArray[np.int32],
-    ends: NDArray[np.int32],
-    sides: NDArray[np.int32],
+    faces: Indices,
+    ends: Indices,
+    sides: Indices,
     rises: Floats,
     corners: Floats,
     weights: Floats,
     scales: Floats,
     areas: Floats,
-) -> tuple[NDArray[np.bool_], float]:
+) -> tuple[Booleans, float]:
     """Fill in areas at the points, (m, q), and what the metric makes of slopes, (m, 3, q).
 
     Return which patches have too little area somewhere, as seen from above their flat triangle, and
@@ -174,9 +166,9 @@ def _densities(
 
 @kernel
 def _scatter(
-    faces: NDArray[np.int32],
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
+    faces: Indices,
+    indptr: Indices,
+    indices: Indices,
     stiffness: Floats,
     mass: Floats,
     stiff: Floats,

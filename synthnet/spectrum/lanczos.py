@@ -16,10 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet.kernels import kernel
+from synthnet.spectrum.arrays import Floats, Indices
 from synthnet.spectrum.fem import Matrices, multiply, multiply_two
 from synthnet.spectrum.ldl import Factor
 from synthnet.spectrum.ordering import Ordering
@@ -45,10 +45,10 @@ class RitzPairs:
         the operator adds to them in the direction of these.
     """
 
-    values: NDArray[np.float64]
-    errors: NDArray[np.float64]
-    inside: NDArray[np.float64]
-    outside: NDArray[np.float64]
+    values: Floats
+    errors: Floats
+    inside: Floats
+    outside: Floats
 
     def above(self, low: float) -> RitzPairs:
         """Return those above a value."""
@@ -96,7 +96,7 @@ class Lanczos:
         sigma: float,
         *,
         limit: int,
-        known: NDArray[np.float64] | None = None,
+        known: Floats | None = None,
         strict: bool = False,
         lean: bool = False,
         seed: int = 0,
@@ -178,12 +178,10 @@ class Lanczos:
         thetas, vectors, values = thetas[order], vectors[:, order], values[order]
         outside = self.projected[last : self.size, last - 2 : last] @ vectors[-2:]
         errors = np.hypot(outside[0], outside[1]) * (values - self.sigma) ** 2
-        inside: NDArray[np.float64] = np.multiply(vectors, thetas)
+        inside: Floats = np.multiply(vectors, thetas)
         return RitzPairs(values, errors, inside, outside)
 
-    def vectors(
-        self, pairs: RitzPairs, count: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def vectors(self, pairs: RitzPairs, count: int) -> tuple[Floats, Floats]:
         """Return the first eigenvectors as rows of shape (count, n), and their products with B.
 
         They are the Ritz vectors after one more product with the operator, which costs nothing and
@@ -199,11 +197,11 @@ class Lanczos:
 
 @kernel
 def _start(
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    mass: NDArray[np.float64],
-    basis: NDArray[np.float64],
-    weighted: NDArray[np.float64],
+    indptr: Indices,
+    indices: Indices,
+    mass: Floats,
+    basis: Floats,
+    weighted: Floats,
     first: int,
     lean: bool,
 ) -> None:
@@ -222,14 +220,14 @@ def _start(
 @kernel
 def _extend(
     ordering: Ordering,
-    pivots: NDArray[np.float64],
-    panels: NDArray[np.float64],
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    mass: NDArray[np.float64],
-    basis: NDArray[np.float64],
-    weighted: NDArray[np.float64],
-    projected: NDArray[np.float64],
+    pivots: Floats,
+    panels: Floats,
+    indptr: Indices,
+    indices: Indices,
+    mass: Floats,
+    basis: Floats,
+    weighted: Floats,
+    projected: Floats,
     size: int,
     first: int,
     steps: int,
@@ -246,9 +244,7 @@ def _extend(
 
 
 @kernel
-def _newest(
-    basis: NDArray[np.float64], weighted: NDArray[np.float64], m: int, lean: bool
-) -> NDArray[np.float64]:
+def _newest(basis: Floats, weighted: Floats, m: int, lean: bool) -> Floats:
     """Return the two rows after a basis of m vectors, filled with B times the two before."""
     new = basis[m : m + 2]
     new[:] = weighted[:2] if lean else weighted[m - 2 : m]
@@ -257,12 +253,12 @@ def _newest(
 
 @kernel
 def _append(
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    mass: NDArray[np.float64],
-    basis: NDArray[np.float64],
-    weighted: NDArray[np.float64],
-    projected: NDArray[np.float64],
+    indptr: Indices,
+    indices: Indices,
+    mass: Floats,
+    basis: Floats,
+    weighted: Floats,
+    projected: Floats,
     m: int,
     first: int,
     skipped: int,
@@ -311,13 +307,13 @@ def _append(
 
 @kernel
 def _project(
-    basis: NDArray[np.float64],
-    left: NDArray[np.float64],
-    right: NDArray[np.float64],
-    new: NDArray[np.float64],
+    basis: Floats,
+    left: Floats,
+    right: Floats,
+    new: Floats,
     low: int,
     high: int,
-    coefficients: NDArray[np.float64],
+    coefficients: Floats,
 ) -> None:
     """Make two vectors B-orthogonal to the basis from ``low`` to ``high``.
 
@@ -353,9 +349,7 @@ def _project(
 
 
 @kernel
-def _orthonormalise(
-    new: NDArray[np.float64], weighted: NDArray[np.float64]
-) -> tuple[float, float, float]:
+def _orthonormalise(new: Floats, weighted: Floats) -> tuple[float, float, float]:
     """Make two vectors B-orthonormal; they were y = r y', z = s y' + t z'."""
     y, z, by, bz = new[0], new[1], weighted[0], weighted[1]
     r = np.sqrt(_dot(y, by))
@@ -371,7 +365,7 @@ def _orthonormalise(
 
 
 @kernel
-def _dot(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+def _dot(x: Floats, y: Floats) -> float:
     total = 0.0
     for i in range(x.shape[0]):
         total += x[i] * y[i]

@@ -6,14 +6,12 @@ C. Ashcraft, R. Grimes, "The influence of relaxed supernode partitions on the mu
 method", ACM Trans. Math. Software 15 (1989).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.kernels import kernel
+from synthnet.spectrum.arrays import Indices, Integers
 from synthnet.spectrum.degree import minimum_degree
 from synthnet.spectrum.dissection import dissect, grouped
 
@@ -53,19 +51,19 @@ class Ordering(NamedTuple):
         Where each portion keeps the numbers that wait to be added to parents.
     """
 
-    order: NDArray[np.int32]
-    position: NDArray[np.int32]
-    begin: NDArray[np.int32]
-    first_row: NDArray[np.int64]
-    rows: NDArray[np.int32]
-    row_vertices: NDArray[np.int32]
-    panel: NDArray[np.int64]
-    child: NDArray[np.int32]
-    sibling: NDArray[np.int32]
+    order: Indices
+    position: Indices
+    begin: Indices
+    first_row: Integers
+    rows: Indices
+    row_vertices: Indices
+    panel: Integers
+    child: Indices
+    sibling: Indices
     widest: int
-    portions: NDArray[np.int32]
+    portions: Indices
     subtrees: int
-    stack: NDArray[np.int64]
+    stack: Integers
 
     @property
     def whole(self) -> bool:
@@ -73,7 +71,7 @@ class Ordering(NamedTuple):
         return self.subtrees == len(self.portions)
 
 
-def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Ordering:
+def find_ordering(indptr: Indices, indices: Indices) -> Ordering:
     """Order the columns of a symmetric pattern with little fill, a function of it alone.
 
     Parameters
@@ -112,11 +110,8 @@ def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Orde
 
 @kernel
 def _fronts(
-    owner: NDArray[np.int32],
-    pivots: NDArray[np.int32],
-    size: NDArray[np.int32],
-    below: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    owner: Indices, pivots: Indices, size: Indices, below: Indices
+) -> tuple[Indices, Indices, Indices]:
     """Merge small elements into their parents and number columns in postorder.
 
     Returns the vertex of each column, the first column of each front and each front's
@@ -141,12 +136,8 @@ def _fronts(
 
 @kernel
 def _merge_small(
-    owner: NDArray[np.int32],
-    pivots: NDArray[np.int32],
-    size: NDArray[np.int32],
-    below: NDArray[np.int32],
-    element: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
+    owner: Indices, pivots: Indices, size: Indices, below: Indices, element: Indices
+) -> tuple[Indices, Integers, Integers]:
     """Merge elements into their parents while the dense front has few zeros.
 
     Returns each element's parent, −1 at the roots; the element whose front it belongs to; and
@@ -176,7 +167,7 @@ def _merge_small(
 
 
 @kernel
-def _postorder(parent: NDArray[np.int32], into: NDArray[np.int64]) -> tuple[NDArray[np.int32], int]:
+def _postorder(parent: Indices, into: Integers) -> tuple[Indices, int]:
     """Number the fronts so that children come before parents; return also how many there are."""
     m = parent.shape[0]
     child = np.full(m, -1, np.int32)
@@ -213,12 +204,7 @@ def _postorder(parent: NDArray[np.int32], into: NDArray[np.int64]) -> tuple[NDAr
 
 
 @kernel
-def _columns(
-    owner: NDArray[np.int32],
-    element: NDArray[np.int32],
-    front: NDArray[np.int32],
-    begin: NDArray[np.int32],
-) -> NDArray[np.int32]:
+def _columns(owner: Indices, element: Indices, front: Indices, begin: Indices) -> Indices:
     """Return the vertex of each column; a front's follow the order in which elements were made.
 
     ``front`` is the front of each element, and ``begin`` the first column of each front.
@@ -241,7 +227,7 @@ def _columns(
 
 
 @kernel
-def _children(parent: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _children(parent: Indices) -> tuple[Indices, Indices]:
     """Return each front's first child, and its next sibling; −1 for none."""
     child = np.full(parent.shape[0], -1, np.int32)
     sibling = np.full(parent.shape[0], -1, np.int32)
@@ -254,14 +240,14 @@ def _children(parent: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.
 
 @kernel
 def _rows_below(
-    order: NDArray[np.int32],
-    position: NDArray[np.int32],
-    begin: NDArray[np.int32],
-    child: NDArray[np.int32],
-    sibling: NDArray[np.int32],
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    order: Indices,
+    position: Indices,
+    begin: Indices,
+    child: Indices,
+    sibling: Indices,
+    indptr: Indices,
+    indices: Indices,
+) -> tuple[Integers, Indices]:
     """Find the rows below each front: those of its columns, and those of its children."""
     n, fronts = order.shape[0], child.shape[0]
     first_row = np.zeros(fronts + 1, np.int64)
@@ -298,12 +284,8 @@ def _rows_below(
 
 @kernel
 def _portions(
-    begin: NDArray[np.int32],
-    first_row: NDArray[np.int64],
-    child: NDArray[np.int32],
-    sibling: NDArray[np.int32],
-    share: float,
-) -> tuple[NDArray[np.int32], int]:
+    begin: Indices, first_row: Integers, child: Indices, sibling: Indices, share: float
+) -> tuple[Indices, int]:
     """Cut the fronts where a front and those below it take more than a share of all work.
 
     Returns first and end of each portion, and how many need no front outside them: runs of whole
@@ -355,12 +337,8 @@ def _portions(
 
 @kernel
 def _room(
-    begin: NDArray[np.int32],
-    first_row: NDArray[np.int64],
-    child: NDArray[np.int32],
-    sibling: NDArray[np.int32],
-    portions: NDArray[np.int32],
-) -> tuple[NDArray[np.int64], int, NDArray[np.int64]]:
+    begin: Indices, first_row: Integers, child: Indices, sibling: Indices, portions: Indices
+) -> tuple[Integers, int, Integers]:
     """Return where each front's rows of the factor begin, the widest front, and the stacks' places.
 
     A stack holds, of each front of a portion that waits for its parent, a triangle of numbers.
