@@ -75,7 +75,7 @@ def bend(mesh: Mesh) -> Patches:
         If a face has no area.
     """
     vertices, faces = _arrays(mesh)
-    start, around = fem.around(faces, len(vertices))
+    start, around = fem.grouped(faces.ravel(), len(vertices))
     ends, sides, beside, oriented = _edges(faces, start, around)
     units, areas, weights = _units(vertices, faces)
     cosine = float(np.cos(np.radians(CREASE)))
@@ -94,14 +94,14 @@ def straight(mesh: Mesh) -> Patches:
         If a face has no area.
     """
     vertices, faces = _arrays(mesh)
-    ends, sides, _, _ = _edges(faces, *fem.around(faces, len(vertices)))
+    ends, sides, _, _ = _edges(faces, *fem.grouped(faces.ravel(), len(vertices)))
     return Patches(vertices, faces, ends, sides, np.zeros((len(ends), 3)))
 
 
 def edges_and_rims(mesh: Mesh) -> tuple[Indices, Booleans]:
     """Return a mesh's edges, (e, 2), as :class:`Patches` has them, and which have one face."""
     faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
-    ends, _, beside, _ = _edges(faces, *fem.around(faces, len(mesh.vertices)))
+    ends, _, beside, _ = _edges(faces, *fem.grouped(faces.ravel(), len(mesh.vertices)))
     return ends, beside[:, 1] == -1
 
 

@@ -22,6 +22,7 @@ from scipy import linalg
 
 from synthnet.kernels import kernel, part
 from synthnet.spectrum.arrays import Booleans, Floats, Indices
+from synthnet.spectrum.fem import grouped
 
 PART = 8_000  # vertices of a part that is not cut: fewer make little difference
 LEAST = 0.42  # of a graph is in its smaller half
@@ -208,22 +209,6 @@ def _coprime(n: int) -> int:
     while gcd(n, step) > 1:
         step += 2
     return step
-
-
-@kernel
-def grouped(home: Indices, count: int) -> tuple[Indices, Indices]:
-    """Sort vertices by their group; return where each group begins, and the vertices."""
-    start = np.zeros(count + 1, np.int32)
-    for i in range(home.shape[0]):
-        start[home[i] + 1] += 1
-    for k in range(count):
-        start[k + 1] += start[k]
-    members = np.empty(home.shape[0], np.int32)
-    fill = start[:-1].copy()
-    for i in range(home.shape[0]):
-        members[fill[home[i]]] = i
-        fill[home[i]] += 1
-    return start, members
 
 
 @kernel

@@ -130,28 +130,28 @@ def assemble(vertices: Floats, faces: Indices) -> Matrices:
 
 
 @kernel
-def around(faces: Indices, n: int) -> tuple[Indices, Indices]:
-    """Return where the corners at each vertex begin, (n + 1,), and the corners 3 f + c, (3m,)."""
-    start = np.zeros(n + 1, np.int32)
-    for f in range(faces.shape[0]):
-        for c in range(3):
-            start[faces[f, c] + 1] += 1
-    for i in range(n):
-        start[i + 1] += start[i]
+def grouped(home: Indices, count: int) -> tuple[Indices, Indices]:
+    """Sort numbers 0, 1, ... by their group; return where each group begins, and the numbers.
+
+    By the vertices ``faces.ravel()`` of m faces, these are the corners 3 f + c at each vertex.
+    """
+    start = np.zeros(count + 1, np.int32)
+    for i in range(home.shape[0]):
+        start[home[i] + 1] += 1
+    for k in range(count):
+        start[k + 1] += start[k]
+    members = np.empty(home.shape[0], np.int32)
     fill = start[:-1].copy()
-    corners = np.empty(3 * faces.shape[0], np.int32)
-    for f in range(faces.shape[0]):
-        for c in range(3):
-            i = faces[f, c]
-            corners[fill[i]] = 3 * f + c
-            fill[i] += 1
-    return start, corners
+    for i in range(home.shape[0]):
+        members[fill[home[i]]] = i
+        fill[home[i]] += 1
+    return start, members
 
 
 @kernel
 def pattern(faces: Indices, n: int) -> tuple[Indices, Indices]:
     """Return ``indptr`` and ``indices``: each vertex with itself and its neighbours, sorted."""
-    start, corners = around(faces, n)
+    start, corners = grouped(faces.ravel(), n)
     indptr = np.zeros(n + 1, np.int32)
     indices = np.empty(6 * faces.shape[0] + n, np.int32)
     seen = np.full(n, -1, np.int32)

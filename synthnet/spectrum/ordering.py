@@ -13,7 +13,8 @@ import numpy as np
 from synthnet.kernels import kernel
 from synthnet.spectrum.arrays import Indices, Integers
 from synthnet.spectrum.degree import minimum_degree
-from synthnet.spectrum.dissection import dissect, grouped
+from synthnet.spectrum.dissection import dissect
+from synthnet.spectrum.fem import grouped
 
 LARGE = 500_000  # vertices from which on a graph is dissected first, and fronts cut into portions
 PORTION = 1 / 8  # of all work, which a portion hardly exceeds
