@@ -90,7 +90,7 @@ def find_ordering(indptr: Indices, indices: Indices) -> Ordering:
     position[order] = np.arange(len(order), dtype=np.int32)
     child, sibling = _children(parent)
     first_row, rows = _rows_below(order, position, begin, child, sibling, indptr, indices)
-    portions, subtrees = _portions(begin, first_row, child, sibling, PORTION if n >= LARGE else 1.0)
+    portions, subtrees = _portions(begin, first_row, parent, PORTION if n >= LARGE else 1.0)
     panel, widest, stack = _room(begin, first_row, child, sibling, portions)
     return Ordering(
         order,
@@ -171,37 +171,22 @@ def _merge_small(
 def _postorder(parent: Indices, into: Integers) -> tuple[Indices, int]:
     """Number the fronts so that children come before parents; return also how many there are."""
     m = parent.shape[0]
-    child = np.full(m, -1, np.int32)
-    sibling = np.full(m, -1, np.int32)
-    root = -1
-    for k in range(m - 1, -1, -1):
-        if into[k] != k:
-            continue
-        if parent[k] >= 0:
-            p = into[parent[k]]
-            sibling[k] = child[p]
-            child[p] = k
-        else:
-            sibling[k] = root
-            root = k
+    above = np.full(m, m, np.int64)  # the parent's front; m at the roots
+    sizes = np.zeros(m + 1, np.int64)  # fronts in each subtree, and m's: all of them
+    for k in range(m):
+        if into[k] == k:
+            if parent[k] >= 0:
+                above[k] = into[parent[k]]
+            sizes[k] += 1
+            sizes[above[k]] += sizes[k]
     number = np.full(m, -1, np.int32)
-    path = np.empty(m + 1, np.int32)
-    count = 0
-    while root >= 0:
-        depth = 0
-        path[0] = root
-        while depth >= 0:
-            k = path[depth]
-            if child[k] >= 0:
-                depth += 1
-                path[depth] = child[k]
-                child[k] = sibling[child[k]]
-            else:
-                number[k] = count
-                count += 1
-                depth -= 1
-        root = sibling[root]
-    return number, count
+    last = np.full(m + 1, sizes[m] - 1)  # number of the last child that has none yet
+    for k in range(m - 1, -1, -1):
+        if into[k] == k:
+            number[k] = last[above[k]]
+            last[above[k]] -= sizes[k]
+            last[k] = number[k] - 1
+    return number, sizes[m]
 
 
 @kernel
@@ -285,16 +270,15 @@ def _rows_below(
 
 @kernel
 def _portions(
-    begin: Indices, first_row: Integers, child: Indices, sibling: Indices, share: float
+    begin: Indices, first_row: Integers, parent: Indices, share: float
 ) -> tuple[Indices, int]:
     """Cut the fronts where a front and those below it take more than a share of all work.
 
     Returns first and end of each portion, and how many need no front outside them: runs of whole
     subtrees. The fronts above them are portions of their own.
     """
-    fronts = child.shape[0]
+    fronts = parent.shape[0]
     work = np.zeros(fronts)  # of a front and all below it
-    root = np.ones(fronts, np.bool_)
     total = 0.0
     for k in range(fronts):
         m = first_row[k + 1] - first_row[k]
@@ -302,26 +286,18 @@ def _portions(
         own = float(order) ** 3 - float(m) ** 3
         total += own
         work[k] += own
-        c = child[k]
-        while c >= 0:
-            work[k] += work[c]
-            root[c] = False
-            c = sibling[c]
+        if parent[k] >= 0:
+            work[parent[k]] += work[k]
     above = work > share * total
-    for k in range(fronts):
-        if above[k]:
-            c = child[k]
-            while c >= 0:
-                root[c] = True
-                c = sibling[c]
     portions = np.empty((fronts, 2), np.int32)
     subtrees = 0
     first = 0
     done = 0.0
     for k in range(fronts):
-        if not above[k] and root[k]:
+        root = not above[k] and (parent[k] < 0 or above[parent[k]])
+        if root:
             done += work[k]
-        if above[k] or (root[k] and done > share * total) or k == fronts - 1:
+        if above[k] or (root and done > share * total) or k == fronts - 1:
             end = k if above[k] else k + 1
             if end > first:
                 portions[subtrees] = first, end
