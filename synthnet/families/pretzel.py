@@ -12,7 +12,6 @@ import numpy as np
 from synthnet.families.atlas import Atlas, Floats, Integers, glue_charts, rectangle
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.types import Parameters
 
 
 def atlas(*, genus: int, hole: float, thickness: float, stretch: float, bend: float) -> Atlas:
@@ -76,9 +75,9 @@ def _bent(points: Floats, bend: float) -> Floats:
     )
 
 
-def euler(parameters: Parameters) -> int:
+def euler(*, genus: int, **_: object) -> int:
     """Return 2 − 2g."""
-    return 2 - 2 * int(parameters["genus"])
+    return 2 - 2 * genus
 
 
 FAMILY = charted(

@@ -12,7 +12,6 @@ from synthnet.families import limits
 from synthnet.families.atlas import Atlas, borders, rows
 from synthnet.families.charted import charted
 from synthnet.families.revolution import Piece, revolution, straight
-from synthnet.types import Parameters
 
 SECTORS = 6
 SLENDER = 0.8  # lengths and radii of steps are 10^-0.8 to 1
@@ -63,9 +62,9 @@ def limit(k: int, *, steps: int, bore: int, form: int, **_: object) -> NDArray[n
     return limits.of_revolution(arcs, k, closed=bool(bore))
 
 
-def euler(parameters: Parameters) -> int:
+def euler(*, bore: int, **_: object) -> int:
     """Return 2, or 0 with a bore."""
-    return 0 if parameters["bore"] else 2
+    return 0 if bore else 2
 
 
 FAMILY = charted(
