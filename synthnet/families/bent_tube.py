@@ -31,7 +31,7 @@ def atlas(*, length: float, flatness: float, turns: float, bend: float) -> Atlas
         return np.sin(np.pi / 2 * s), length + np.cos(np.pi / 2 * s)
 
     straight = revolution(
-        [Piece("base", lower), Piece("band", middle, rows(length, 1)), Piece("tip", upper)], 6
+        [Piece("base", lower), Piece("band", middle, rows(length, 1)), Piece("tip", upper)]
     )
     curvature = bend / length
 

@@ -5,12 +5,12 @@ import numpy as np
 from synthnet.families.atlas import Atlas
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.revolution import Piece, revolution, straight
+from synthnet.families.revolution import turned
 
 
 def atlas(*, flatness: float) -> Atlas:
     """Ellipse of half axes 1 and ``flatness`` in the plane z = 0."""
-    disc = revolution([Piece("tip", straight((0, 0), (1, 0)))], 6)
+    disc = turned([(1, 0), (0, 0)], [1])
     axes = np.array([1, flatness, 1])
     return Atlas(disc.corners, disc.charts, lambda charts, u: disc.chart(charts, u) * axes)
 

@@ -17,6 +17,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -151,6 +152,12 @@ def of_revolution(profile: Sequence[Arc], k: int, *, closed: bool = False) -> Ar
         needed = int(np.count_nonzero(values <= smallest[-1])) if len(smallest) == k else k
         m += 1
     return smallest
+
+
+def of_corners(corners: Sequence[tuple[float, float]], k: int, *, closed: bool = False) -> Array:
+    """Do what :func:`of_revolution` does for lines from each (radius, height) to the next."""
+    profile = [line(start[0], stop[0], stop[1] - start[1]) for start, stop in pairwise(corners)]
+    return of_revolution(profile, k, closed=closed)
 
 
 def of_sphere(radius: float, k: int) -> Array:

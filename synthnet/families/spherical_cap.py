@@ -18,7 +18,7 @@ def atlas(*, angle: float) -> Atlas:
     def profile(s: Floats) -> tuple[Floats, Floats]:
         return np.sin(angle * s), -np.cos(angle * s)
 
-    return revolution([Piece("base", profile, rows(angle, math.pi / 4))], 6)
+    return revolution([Piece("base", profile, rows(angle, math.pi / 4))])
 
 
 def limit(k: int, *, angle: float, **_: object) -> NDArray[np.float64]:
