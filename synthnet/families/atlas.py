@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from synthnet.mesh.adjacency import connected
+from synthnet.mesh.adjacency import connected, edge_keys
 from synthnet.types import Mesh
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -63,9 +63,7 @@ class Charted:
 
     def edges(self) -> tuple[Integers, Integers]:
         """Return the edges, shape (e, 2), and of each face that from corner i to i + 1, (m, 3)."""
-        sides = np.sort(np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=2), axis=2)
-        keys = sides[:, :, 0] * self.n_vertices + sides[:, :, 1]
-        unique, of_side = np.unique(keys.ravel(), return_inverse=True)
+        unique, of_side = np.unique(edge_keys(self.faces), return_inverse=True)
         edges = np.stack(np.divmod(unique, self.n_vertices), axis=1)
         return edges, of_side.reshape(-1, 3)
 

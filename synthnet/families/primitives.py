@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthnet.families.atlas import Floats, Integers
 from synthnet.mesh.adjacency import connected
 from synthnet.mesh.open3d import from_open3d, load_open3d
 from synthnet.mesh.repair import compact
@@ -90,9 +90,7 @@ def join_hemispheres(left: Mesh, right: Mesh) -> Mesh:
     return compact(Mesh(points, _fan_flat_facets(points, faces)))
 
 
-def _points_of_halves(
-    left: Mesh, right: Mesh
-) -> tuple[NDArray[np.float64], tuple[NDArray[np.int64], NDArray[np.int64]]]:
+def _points_of_halves(left: Mesh, right: Mesh) -> tuple[Floats, tuple[Integers, Integers]]:
     """Return the points of both halves, and the number there of each vertex, −1 if none."""
     kept = (
         np.flatnonzero(left.vertices[:, 0] <= PLANE),
@@ -116,23 +114,22 @@ def _points_of_halves(
     return points[unique], (numbers[0], numbers[1])
 
 
-def _facets_beyond(mesh: Mesh, number: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+def _facets_beyond(mesh: Mesh, number: Integers, side: int) -> Integers:
     """Return the faces of a sphere whose caps lie on one side of x = 0, renumbered."""
-    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    a = mesh.vertices[mesh.faces[:, 0]]
+    normals = _unit_normals(mesh.vertices, mesh.faces)
     height = (normals * a).sum(axis=1) / np.linalg.norm(a, axis=1)
     nearest = np.arccos(np.clip(side * normals[:, 0], -1, 1)) + np.arccos(np.clip(height, -1, 1))
     faces = number[mesh.faces]
-    known: NDArray[np.int64] = faces[(nearest < np.pi / 2 - CLEAR) & (faces >= 0).all(axis=1)]
+    known: Integers = faces[(nearest < np.pi / 2 - CLEAR) & (faces >= 0).all(axis=1)]
     return known
 
 
-def _band(points: NDArray[np.float64], known: NDArray[np.int64]) -> NDArray[np.int64]:
+def _band(points: Floats, known: Integers) -> Integers:
     """Return the facets of the hull that the known ones leave open."""
     n = len(points)
     tails, heads = known.ravel(), np.roll(known, -1, axis=1).ravel()
-    forward, backward = tails * n + heads, heads * n + tails
+    forward, backward = _half_edges(known, n)
     rim = ~np.isin(forward, backward)
     inside = np.zeros(n, dtype=bool)
     inside[tails] = True
@@ -140,10 +137,8 @@ def _band(points: NDArray[np.float64], known: NDArray[np.int64]) -> NDArray[np.i
     band = np.flatnonzero(~inside)
     faces = band[_hull(points[band])]
     # Its facets come in parts, parted by the rim: the band, and a lid for each half.
-    keys = faces.ravel() * n + np.roll(faces, -1, axis=1).ravel()
-    opposite = np.roll(faces, -1, axis=1).ravel() * n + faces.ravel()
-    order = np.argsort(keys)
-    neighbour = order[np.searchsorted(keys[order], opposite)] // 3
+    keys, opposite = _half_edges(faces, n)
+    neighbour = _neighbours(keys, opposite)
     cut = np.isin(keys, backward[rim]) | np.isin(opposite, backward[rim])
     part = connected(len(faces), np.repeat(np.arange(len(faces)), 3)[~cut], neighbour[~cut])
     x = points[faces, 0]
@@ -151,14 +146,31 @@ def _band(points: NDArray[np.float64], known: NDArray[np.int64]) -> NDArray[np.i
     return faces[np.isin(part, part[touching])]
 
 
-def _closed(faces: NDArray[np.int64], n: int) -> bool:
+def _closed(faces: Integers, n: int) -> bool:
     """Whether every edge has its opposite, once."""
-    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    forward, backward = np.sort(tails * n + heads), np.sort(heads * n + tails)
+    forward, backward = (np.sort(keys) for keys in _half_edges(faces, n))
     return bool((forward == backward).all() and (np.diff(forward) > 0).all())
 
 
-def convex_hull(points: NDArray[np.float64]) -> Mesh:
+def _half_edges(faces: Integers, n: int) -> tuple[Integers, Integers]:
+    """Return a number of each half-edge 3 f + i of n vertices, and that of its opposite."""
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    return tails * n + heads, heads * n + tails
+
+
+def _neighbours(keys: Integers, opposite: Integers) -> Integers:
+    """Return for each half-edge of a closed surface the face of its opposite."""
+    order = np.argsort(keys)
+    return order[np.searchsorted(keys[order], opposite)] // 3
+
+
+def _unit_normals(points: Floats, faces: Integers) -> Floats:
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
+def convex_hull(points: Floats) -> Mesh:
     """Triangulate the convex hull of points of shape (n, 3), flat facets in a normal form.
 
     The vertices are in the order of ``points``, the faces sorted and oriented outwards.
@@ -172,16 +184,16 @@ def convex_hull(points: NDArray[np.float64]) -> Mesh:
     return compact(Mesh(points, _fan_flat_facets(points, _hull(points))))
 
 
-def _hull(points: NDArray[np.float64]) -> NDArray[np.int64]:
+def _hull(points: Floats) -> Integers:
     """Triangulate the convex hull by Open3D: faces of shape (m, 3), oriented outwards."""
     o3d = load_open3d()
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     hull, kept = cloud.compute_convex_hull()
-    faces: NDArray[np.int64] = np.asarray(kept, dtype=np.int64)[np.asarray(hull.triangles)]
+    faces: Integers = np.asarray(kept, dtype=np.int64)[np.asarray(hull.triangles)]
     return faces
 
 
-def _fan_flat_facets(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def _fan_flat_facets(points: Floats, faces: Integers) -> Integers:
     """Put the faces of a hull into a normal form.
 
     Where more than three hull vertices lie in one plane, the triangulation of that
@@ -189,17 +201,10 @@ def _fan_flat_facets(points: NDArray[np.float64], faces: NDArray[np.int64]) -> N
     differs between machines. So each flat facet is fanned out from its first vertex,
     and the faces are put in order: the same points give the same faces.
     """
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-
-    # The neighbour of each half-edge's face is the face of the opposite half-edge.
+    normals = _unit_normals(points, faces)
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     face = np.repeat(np.arange(len(faces)), 3)
-    order = np.argsort(tails * len(points) + heads)
-    sorted_keys = (tails * len(points) + heads)[order]
-    neighbour = face[order[np.searchsorted(sorted_keys, heads * len(points) + tails)]]
-
+    neighbour = _neighbours(*_half_edges(faces, len(points)))
     flat = np.linalg.norm(normals[face] - normals[neighbour], axis=1) < FLAT
     facet = connected(len(faces), face[flat], neighbour[flat])
 

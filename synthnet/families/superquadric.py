@@ -49,7 +49,7 @@ def pieces(*, a: float, b: float, c: float, east: float, north: float) -> Atlas:
         flat = rectangle(lines[first], lines[second])
         for sign in (-1.0, 1.0):
             side = np.full((*flat.shape[:2], 3), sign)
-            side[:, :, first], side[:, :, second] = np.moveaxis(flat, 2, 0)
+            side[:, :, [first, second]] = flat
             sides.append(side)
     corners = np.concatenate(sides)
     whole = atlas(a=a, b=b, c=c, east=east, north=north)
