@@ -175,21 +175,12 @@ def certify(
     1 missed below 6.02614: index 3
     """
     check_operator(operator)
+    repairs: Mapping[str, int] = {}
     if repair:
         mended = repaired(mesh)
-        operator.check_repairs(mended.repairs)
-        verdict = _judged(mended.mesh, eigenvalues, eigenvectors, tolerance, operator)
-        return replace(verdict, repairs=mended.repairs)
-    return _judged(as_mesh(mesh), eigenvalues, eigenvectors, tolerance, operator)
-
-
-def _judged(
-    mesh: Mesh,
-    eigenvalues: ArrayLike,
-    eigenvectors: ArrayLike | None,
-    tolerance: float,
-    operator: Operator,
-) -> Verdict:
+        mesh, repairs = mended.mesh, mended.repairs
+        operator.check_repairs(repairs)
+    mesh = as_mesh(mesh)
     if not 0 < tolerance <= LOOSEST:
         raise ValueError(f"tolerance must be above 0 and at most {LOOSEST}, got {tolerance:g}")
     discrete = discretise(mesh, operator)
@@ -214,7 +205,7 @@ def _judged(
                 counter.learn(*found)
                 break
             count = there  # it has cut a multiple one
-    return _counted(counter, values, tolerance)
+    return replace(_counted(counter, values, tolerance), repairs=repairs)
 
 
 def _found(
