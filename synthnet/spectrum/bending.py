@@ -100,14 +100,13 @@ def straight(mesh: Mesh) -> Patches:
 
 def edges_and_rims(mesh: Mesh) -> tuple[Indices, Booleans]:
     """Return a mesh's edges, (e, 2), as :class:`Patches` has them, and which have one face."""
-    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    _, faces = fem.arrays(mesh)
     ends, _, beside, _ = _edges(faces, *fem.grouped(faces.ravel(), len(mesh.vertices)))
     return ends, beside[:, 1] == -1
 
 
 def _arrays(mesh: Mesh) -> tuple[Floats, Indices]:
-    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
-    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    vertices, faces = fem.arrays(mesh)
     if flat := fem.flat_triangles(vertices, faces):
         raise ValueError(f"{flat} of {len(faces)} faces have no area: {fem.REMEDY}")
     return vertices, faces

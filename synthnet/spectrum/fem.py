@@ -129,6 +129,12 @@ def assemble(vertices: Floats, faces: Indices) -> Matrices:
     return Matrices(indptr, indices, stiffness, mass, lumped)
 
 
+def arrays(mesh: Mesh) -> tuple[Floats, Indices]:
+    """Return the vertices and faces of a mesh as kernels take them."""
+    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+    return vertices, np.ascontiguousarray(mesh.faces, dtype=np.int32)
+
+
 @kernel
 def grouped(home: Indices, count: int) -> tuple[Indices, Indices]:
     """Sort numbers 0, 1, ... by their group; return where each group begins, and the numbers.

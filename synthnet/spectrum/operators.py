@@ -199,7 +199,6 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     n = len(mesh.vertices)
     if operator.elements in ("linear", "quadratic", "curved"):
         _warn_of_sheets(mesh)
-    free = isinstance(operator.boundary, str) and operator.boundary == "neumann"
     if operator.elements == "tufted":
         matrices = _tufted(mesh)
     elif operator.elements == "quadratic":
@@ -207,9 +206,10 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     elif operator.elements == "curved":
         matrices = curved.quadratic(bending.bend(mesh))
     else:
-        plain = delaunay.assemble(mesh) if operator.elements == "delaunay" else _linear(mesh)
+        intrinsic = operator.elements == "delaunay"
+        plain = delaunay.assemble(mesh) if intrinsic else fem.assemble(*fem.arrays(mesh))
         matrices = _with_mass(plain, operator.share)
-    if free:
+    if isinstance(operator.boundary, str) and operator.boundary == "neumann":
         return Discrete(matrices, None, n)
     held = np.concatenate(_held(operator.boundary, mesh))[: len(matrices.lumped)]
     if held.all():
@@ -227,7 +227,7 @@ def assemble(mesh: Mesh) -> Matrices:
         triangle has no area, or a vertex no triangle.
     """
     fem.check_used(mesh)
-    return _linear(mesh)
+    return fem.assemble(*fem.arrays(mesh))
 
 
 def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
@@ -281,11 +281,6 @@ def as_sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]
         for values in (matrices.stiffness, matrices.mass)
     )
     return stiffness, mass
-
-
-def _linear(mesh: Mesh) -> Matrices:
-    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
-    return fem.assemble(vertices, np.ascontiguousarray(mesh.faces, dtype=np.int32))
 
 
 def _with_mass(matrices: Matrices, share: float) -> Matrices:

@@ -28,7 +28,7 @@ from synthnet.kernels import kernel, uncounted
 from synthnet.spectrum.arrays import Floats, Indices
 from synthnet.spectrum.certificate import Candidate
 from synthnet.spectrum.components import unheld
-from synthnet.spectrum.fem import FEW, PIECE, Matrices, pieces
+from synthnet.spectrum.fem import FEW, PIECE, Matrices, arrays, pieces
 from synthnet.spectrum.operators import Discrete
 from synthnet.types import Mesh
 
@@ -88,8 +88,7 @@ def sharpened(
     """
     count = len(candidate.vectors)
     above = candidate.middle if count == len(candidate.values) else candidate.values[count]
-    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
-    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    vertices, faces = arrays(mesh)
     size = BLOCK if count > 2 * BLOCK else count
     blocks = []
     for first in range(0, count, size):

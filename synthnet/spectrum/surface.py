@@ -87,23 +87,10 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
 def _edge_energies(
     patches: Patches, stiffness: Floats, mass: Floats, vectors: Floats, values: Floats
 ) -> Floats:
-    r"""Return :math:`r^T (C - \theta M)^{-1} r` of eigenpairs of linear elements, from below.
+    r"""Return :math:`r^T (C - \theta M)^{-1} r`, (k,) in 1/length², from below.
 
-    Parameters
-    ----------
-    patches : Patches
-        Of n vertices and m faces.
-    stiffness, mass : ndarray of shape (m, 6, 6), float64
-        As :func:`synthnet.spectrum.curved.hierarchical` returns them.
-    vectors : ndarray of shape (n, k), float64
-        B-orthonormal columns.
-    values : ndarray of shape (k,), float64
-        In 1/length², the θ.
-
-    Returns
-    -------
-    ndarray of shape (k,), float64
-        In 1/length².
+    Of k eigenpairs of linear elements, whose vectors are columns, and the patches' matrices as
+    :func:`synthnet.spectrum.curved.hierarchical` returns them.
     """
     of_patches = (patches.faces, patches.sides, len(patches.ends), stiffness, mass)
     residuals, diagonal = _residuals(*of_patches, np.ascontiguousarray(vectors), values)
