@@ -2,11 +2,8 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, rows
+from synthnet.families.atlas import Atlas, Floats, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.revolution import turned
@@ -20,7 +17,7 @@ def atlas(*, inner: float) -> Atlas:
     return turned([(1, 0), (inner, 0)], [row], sectors)
 
 
-def limit(k: int, *, inner: float, **_: object) -> NDArray[np.float64]:
+def limit(k: int, *, inner: float, **_: object) -> Floats:
     """Spectrum of the annulus with Neumann's condition."""
     return limits.of_revolution([limits.line(inner, 1)], k)
 

@@ -1,10 +1,7 @@
 """Closed cylinders (of 2.0), all vertices on the smooth cylinder."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, rows
+from synthnet.families.atlas import Atlas, Floats, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.revolution import Corner, turned
@@ -15,7 +12,7 @@ def atlas(*, radius: float, height: float, **_: object) -> Atlas:
     return turned(_profile(radius, height), [1, rows(height, radius), 1])
 
 
-def limit(k: int, *, radius: float, height: float, **_: object) -> NDArray[np.float64]:
+def limit(k: int, *, radius: float, height: float, **_: object) -> Floats:
     """Spectrum of the smooth cylinder with its discs."""
     return limits.of_corners(_profile(radius, height), k)
 

@@ -1,10 +1,9 @@
 """Cylinders without discs, with two boundary circles."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, rows
+from synthnet.families.atlas import Atlas, Floats, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.revolution import turned
@@ -17,7 +16,7 @@ def atlas(*, height: float) -> Atlas:
     return turned([(1, 0), (1, height)], [row], sectors)
 
 
-def limit(k: int, *, height: float, **_: object) -> NDArray[np.float64]:
+def limit(k: int, *, height: float, **_: object) -> Floats:
     """Spectrum of the cylinder with Neumann's condition at both ends."""
     return limits.of_open_cylinder(1.0, height, k)
 

@@ -6,10 +6,9 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, borders, rows
+from synthnet.families.atlas import Atlas, Floats, borders, rows
 from synthnet.families.charted import charted
 from synthnet.families.revolution import Corner, turned
 
@@ -48,7 +47,7 @@ def atlas(**parameters: int) -> Atlas:
     return turned(corners, cells)
 
 
-def limit(k: int, *, steps: int, bore: int, form: int, **_: object) -> NDArray[np.float64]:
+def limit(k: int, *, steps: int, bore: int, form: int, **_: object) -> Floats:
     """Return the spectrum of the smooth shaft."""
     return limits.of_corners(profile(steps=steps, bore=bore, form=form), k, closed=bool(bore))
 

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.families import limits
 from synthnet.families.atlas import Atlas, Floats, rows
@@ -21,7 +20,7 @@ def atlas(*, angle: float) -> Atlas:
     return revolution([Piece("base", profile, rows(angle, math.pi / 4))])
 
 
-def limit(k: int, *, angle: float, **_: object) -> NDArray[np.float64]:
+def limit(k: int, *, angle: float, **_: object) -> Floats:
     """Spectrum of the cap with Neumann's condition."""
     return limits.of_revolution([Arc(angle, np.sin)], k)
 

@@ -4,15 +4,14 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.families import limits, primitives, twisted_torus
-from synthnet.families.atlas import Atlas
+from synthnet.families.atlas import Atlas, Floats
 from synthnet.families.family import POSITIVE, Family
 from synthnet.families.limits import Arc
 
 
-def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> NDArray[np.float64]:
+def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> Floats:
     """Spectrum of the smooth torus, as a surface of revolution."""
     half = math.pi * tube_radius
     outer = Arc(half, lambda s: torus_radius + tube_radius * np.sin(s / tube_radius))

@@ -2,11 +2,8 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, rows
+from synthnet.families.atlas import Atlas, Floats, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.revolution import Corner, turned
@@ -19,9 +16,7 @@ def atlas(*, radius: float, height: float, scaling: float, **_: object) -> Atlas
     return turned(_profile(radius, top, height), [1, rows(side, (radius + top) / 2), 1])
 
 
-def limit(
-    k: int, *, radius: float, height: float, scaling: float, **_: object
-) -> NDArray[np.float64]:
+def limit(k: int, *, radius: float, height: float, scaling: float, **_: object) -> Floats:
     """Spectrum of the smooth frustum with its discs."""
     return limits.of_corners(_profile(radius, radius * scaling, height), k)
 
