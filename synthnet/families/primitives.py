@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from synthnet.families.atlas import Floats, Integers
 from synthnet.mesh.adjacency import connected
@@ -164,7 +165,7 @@ def _neighbours(keys: Integers, opposite: Integers) -> Integers:
     return order[np.searchsorted(keys[order], opposite)] // 3
 
 
-def _unit_normals(points: Floats, faces: Integers) -> Floats:
+def _unit_normals(points: NDArray[np.floating], faces: NDArray[np.integer]) -> Floats:
     a, b, c = (points[faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))

@@ -186,7 +186,7 @@ def _postorder(parent: Indices, into: Integers) -> tuple[Indices, int]:
             number[k] = last[above[k]]
             last[above[k]] -= sizes[k]
             last[k] = number[k] - 1
-    return number, sizes[m]
+    return number, int(sizes[m])
 
 
 @kernel
