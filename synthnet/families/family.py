@@ -85,7 +85,7 @@ class Family:
     surface: Callable[..., Mesh]
     atlas: Callable[..., Atlas]
     least: Mapping[str, float | Choice]
-    euler_characteristic: Euler
+    euler_characteristic: Euler = 2
     limit: Callable[..., NDArray[np.float64]] | None = None
     congruent: Callable[[Parameters], Parameters] | None = None
     shared: Callable[[Parameters], Parameters] | None = None
