@@ -77,10 +77,9 @@ def split(matrices: Matrices, numbers: Indices) -> Iterator[Component]:
     order = np.argsort(numbers, kind="stable")
     renumbered = np.empty_like(order)
     renumbered[order] = np.arange(len(order))
-    lengths = np.diff(matrices.indptr)[order]
-    start = np.concatenate([[0], np.cumsum(lengths)])
-    entries = np.repeat(matrices.indptr[:-1][order] - start[:-1], lengths) + np.arange(start[-1])
-    indices = renumbered[matrices.indices[entries]]
+    numbered = np.arange(len(matrices.indices))
+    rows = sparse.csr_array((numbered, matrices.indices, matrices.indptr))[order]
+    start, entries, indices = rows.indptr, rows.data, renumbered[rows.indices]
     stiffness, mass = matrices.stiffness[entries], matrices.mass[entries]
     ends = np.concatenate([[0], np.cumsum(np.bincount(numbers))])
     for low, high in pairwise(ends.tolist()):

@@ -98,7 +98,7 @@ def _blocks(patches: Patches, functions: Floats, slopes: Floats) -> tuple[Floats
     m, points = len(patches.faces), len(WEIGHTS)
     scales, areas = np.empty((m, 3, points)), np.empty((m, points))
     while True:
-        folded, ratio = _densities(*patches, CORNERS, WEIGHTS, scales, areas)
+        folded, ratio = _densities(patches, CORNERS, WEIGHTS, scales, areas)
         if not patches.rises[patches.sides[folded]].any():  # what is flat cannot fold
             break
         patches.rises[patches.sides[folded]] = 0.0
@@ -124,21 +124,14 @@ def _tangents(
 
 @kernel
 def _densities(
-    vertices: Floats,
-    faces: Indices,
-    ends: Indices,
-    sides: Indices,
-    rises: Floats,
-    corners: Floats,
-    weights: Floats,
-    scales: Floats,
-    areas: Floats,
+    patches: Patches, corners: Floats, weights: Floats, scales: Floats, areas: Floats
 ) -> tuple[Booleans, float]:
     """Fill in areas at the points, (m, q), and what the metric makes of slopes, (m, 3, q).
 
     Return which patches have too little area somewhere, as seen from above their flat triangle, and
     the least ratio of a patch's densities.
     """
+    vertices, faces, sides, rises = patches.vertices, patches.faces, patches.sides, patches.rises
     folded = np.zeros(faces.shape[0], np.bool_)
     straight, none = np.zeros((1, 3)), np.zeros(3, np.int32)
     u, v, normal, flat = np.empty(3), np.empty(3), np.empty(3), np.empty(3)

@@ -92,26 +92,19 @@ def _edge_energies(
     Of k eigenpairs of linear elements, whose vectors are columns, and the patches' matrices as
     :func:`synthnet.spectrum.curved.hierarchical` returns them.
     """
-    of_patches = (patches.faces, patches.sides, len(patches.ends), stiffness, mass)
-    residuals, diagonal = _residuals(*of_patches, np.ascontiguousarray(vectors), values)
+    columns = np.ascontiguousarray(vectors)
+    residuals, diagonal = _residuals(patches, stiffness, mass, columns, values)
     own, masses = (np.ascontiguousarray(blocks[:, 3:, 3:]) for blocks in (stiffness, mass))
     highest = _highest(own, masses)
-    return _energies(
-        patches.sides, own, masses, highest, values, diagonal, residuals, ENOUGH, STEPS
-    )
+    return _energies(patches.sides, own, masses, highest, values, diagonal, residuals)
 
 
 @kernel
 def _residuals(
-    faces: Indices,
-    sides: Indices,
-    edges: int,
-    stiffness: Floats,
-    mass: Floats,
-    vectors: Floats,
-    values: Floats,
+    patches: Patches, stiffness: Floats, mass: Floats, vectors: Floats, values: Floats
 ) -> tuple[Floats, Floats]:
     """Return r = θ B u − A u of each pair, (edges, k), and the diagonal of C."""
+    faces, sides, edges = patches.faces, patches.sides, patches.ends.shape[0]
     residuals, diagonal = np.zeros((edges, values.shape[0])), np.zeros(edges)
     for f in range(faces.shape[0]):
         for s in range(3):
@@ -154,8 +147,6 @@ def _energies(
     values: Floats,
     diagonal: Floats,
     r: Floats,
-    enough: float,
-    steps: int,
 ) -> Floats:
     """Return rᵀ (C − θ M)⁻¹ r of each column, from below; r becomes what is left of it.
 
@@ -165,7 +156,7 @@ def _energies(
     p, q = np.zeros((edges, k)), np.empty((edges, k))
     energies, before = np.zeros(k), np.full(k, np.inf)
     ended = np.zeros(k, np.bool_)
-    for _ in range(steps):
+    for _ in range(STEPS):
         now = _weighted_squares(r, diagonal)
         ratio = now / before
         for e in range(edges):
@@ -182,7 +173,7 @@ def _energies(
             else:
                 step[j] = now[j] / step[j] if step[j] > 0 else np.nan
             energies[j] += step[j] * now[j]
-            ended[j] |= step[j] * now[j] <= enough * energies[j]
+            ended[j] |= step[j] * now[j] <= ENOUGH * energies[j]
         if np.all(ended):
             break
         for e in range(edges):
