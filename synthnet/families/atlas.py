@@ -12,8 +12,6 @@ No decision of :meth:`Atlas.uniform` depends on rounding: the faces are a functi
 integers alone, the same on every machine.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

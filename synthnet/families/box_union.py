@@ -1,7 +1,5 @@
 """Unions of boxes: blocks with steps, angles and necks, all edges sharp."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -14,8 +14,6 @@ Then register it in ``synthnet/families/__init__.py``, and give its parameters' 
 new recipe: a version that is published never changes.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

@@ -1,7 +1,5 @@
 """Lattices: square struts along the edges of a few boxes, some left out."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

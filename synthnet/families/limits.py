@@ -11,8 +11,6 @@ boundary, where the profile ends off the axis. Each eigenvalue of an m > 0 belon
 functions.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Plates with a grid of round holes, the bars between them thick or thin."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

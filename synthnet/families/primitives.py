@@ -1,7 +1,5 @@
 """Open3D's primitives as :class:`~synthnet.types.Mesh`, for the families to build on."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Triangulations that are not uniform: finer in places, and irregular."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Atlases of surfaces of revolution, piece by piece of their profile."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

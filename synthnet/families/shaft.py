@@ -1,7 +1,5 @@
 """Shafts: coaxial cylinders and cones with shoulders between them, some with a bore."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Parts of bent sheet: flanges with round holes, and rounded bends between them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -4,8 +4,6 @@ r"""Descriptors of shapes and of points, by their published formulas, from a spe
 :func:`synthnet.spectrum.compute` returns. Eigenvectors are orthonormal in the mass matrix.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
