@@ -30,6 +30,12 @@ def icosahedron() -> Floats:
     return np.asarray(CORNERS[np.array(triangles)])
 
 
+def unit_vectors(z: Floats, angle: Floats) -> Floats:
+    """Return unit vectors (n, 3), spread evenly if z and angle are in [−1, 1]."""
+    flat = np.sqrt(1 - z**2)
+    return np.stack([flat * np.cos(np.pi * angle), flat * np.sin(np.pi * angle), z], axis=1)
+
+
 def radial(
     distance: Callable[[Floats], Floats], onto: Callable[[Floats], Floats] | None = None
 ) -> Atlas:
