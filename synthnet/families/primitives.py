@@ -16,30 +16,22 @@ FLAT = 1e-9  # neighbours whose unit normals differ by less form one flat facet
 
 def box(*, width: float, height: float, depth: float) -> Mesh:
     """Rectangular box [0, width] × [0, height] × [0, depth]."""
-    factory = load_open3d().geometry.TriangleMesh
-    return from_open3d(factory.create_box(width=width, height=height, depth=depth))
+    return _made("box", width=width, height=height, depth=depth)
 
 
 def cone(*, radius: float, height: float, resolution: int, split: int) -> Mesh:
     """Closed cone on the plane z = 0, apex at (0, 0, height), in ``split`` bands."""
-    factory = load_open3d().geometry.TriangleMesh
-    return from_open3d(
-        factory.create_cone(radius=radius, height=height, resolution=resolution, split=split)
-    )
+    return _made("cone", radius=radius, height=height, resolution=resolution, split=split)
 
 
 def cylinder(*, radius: float, height: float, resolution: int, split: int) -> Mesh:
     """Closed cylinder, -height/2 ≤ z ≤ height/2, in ``split`` bands; each cap is one fan."""
-    factory = load_open3d().geometry.TriangleMesh
-    return from_open3d(
-        factory.create_cylinder(radius=radius, height=height, resolution=resolution, split=split)
-    )
+    return _made("cylinder", radius=radius, height=height, resolution=resolution, split=split)
 
 
 def sphere(*, radius: float, resolution: int) -> Mesh:
     """Sphere of two poles and ``resolution`` − 1 circles of 2·``resolution`` points."""
-    factory = load_open3d().geometry.TriangleMesh
-    return from_open3d(factory.create_sphere(radius=radius, resolution=resolution))
+    return _made("sphere", radius=radius, resolution=resolution)
 
 
 def torus(
@@ -53,10 +45,12 @@ def torus(
     >>> ring.vertices.shape, ring.faces.shape
     ((48, 3), (96, 3))
     """
-    factory = load_open3d().geometry.TriangleMesh
-    return from_open3d(
-        factory.create_torus(torus_radius, tube_radius, radial_resolution, tubular_resolution)
-    )
+    return _made("torus", torus_radius, tube_radius, radial_resolution, tubular_resolution)
+
+
+def _made(shape: str, *numbers: float, **named: float) -> Mesh:
+    create = getattr(load_open3d().geometry.TriangleMesh, f"create_{shape}")
+    return from_open3d(create(*numbers, **named))
 
 
 def join_halves(left: Mesh, right: Mesh) -> Mesh:
