@@ -13,7 +13,7 @@ integers alone, the same on every machine.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -223,11 +223,10 @@ def lattice(n: int) -> tuple[Integers, Integers]:
     return i[i + j <= n], j[i + j <= n]
 
 
-def glue_charts(*parts: tuple[int, Floats]) -> tuple[Floats, Integers]:
-    """Put the patches of several charts together: corners (p, 3, d) and charts (p,)."""
-    corners = np.concatenate([corners for _, corners in parts])
-    charts = np.concatenate([np.full(len(corners), chart) for chart, corners in parts])
-    return corners, charts.astype(np.int64)
+def glue_charts(parts: Sequence[Floats]) -> tuple[Floats, Integers]:
+    """Put the patches of charts 0, 1, ... together: corners (p, 3, d) and charts (p,)."""
+    charts = np.repeat(np.arange(len(parts)), [len(corners) for corners in parts])
+    return np.concatenate(parts), charts.astype(np.int64)
 
 
 def borders(lengths: Floats) -> Floats:

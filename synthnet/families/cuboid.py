@@ -5,7 +5,7 @@ import numpy as np
 from synthnet.families.atlas import Atlas, rectangle
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.polyhedra import lines, polyhedron
+from synthnet.families.polyhedra import flat, lines, polyhedron
 
 
 def atlas(*, width: float, height: float, depth: float, **_: object) -> Atlas:
@@ -15,13 +15,8 @@ def atlas(*, width: float, height: float, depth: float, **_: object) -> Atlas:
     x = [lines(size, cell) for size in sizes]
     faces = []
     for axis in range(3):
-        first, second = (axis + 1) % 3, (axis + 2) % 3
-        sheet = rectangle(x[first], x[second])
-        for position in (0.0, sizes[axis]):
-            points = np.empty((len(sheet), 3, 3))
-            points[:, :, axis] = position
-            points[:, :, [first, second]] = sheet
-            faces.append(points if position > 0 else points[:, ::-1])  # outward
+        sheet = rectangle(x[(axis + 1) % 3], x[(axis + 2) % 3])
+        faces += [flat(sheet, axis=axis, turned=True), flat(sheet, sizes[axis], axis=axis)]
     return polyhedron(*faces)
 
 

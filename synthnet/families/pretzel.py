@@ -52,7 +52,7 @@ def atlas(*, genus: int, hole: float, thickness: float, stretch: float, bend: fl
 
     sheet = rectangle(np.linspace(0, 1, 3), np.linspace(-2, 2, 5))
     sheets = [sheet if number % 2 == 0 else sheet[:, ::-1] for number in range(2 * genus)]
-    return Atlas(*glue_charts(*enumerate(sheets)), chart)
+    return Atlas(*glue_charts(sheets), chart)
 
 
 def _from_rim(share: Floats) -> Floats:

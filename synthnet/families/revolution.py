@@ -83,7 +83,7 @@ def revolution(pieces: Sequence[Piece], sectors: int = SECTORS) -> Atlas:
             )
         return points
 
-    return Atlas(*glue_charts(*enumerate(patches)), chart)
+    return Atlas(*glue_charts(patches), chart)
 
 
 def _patches(piece: Piece, theta: Floats) -> Floats:
