@@ -309,13 +309,12 @@ def _open(bands: Bands, m: int, count: int) -> Floats:
         check_finite=False,
     )
     weighted = _symmetric(mass).tocsr()
-
-    def inverse(vector: Floats) -> Floats:
-        solved: Floats = linalg.cho_solve_banded((factor, True), vector, check_finite=False)
-        return solved
-
     size = mass.shape[1]
-    operator: LinearOperator[Any] = LinearOperator((size, size), matvec=inverse, dtype=np.float64)
+    operator: LinearOperator[Any] = LinearOperator(
+        (size, size),
+        matvec=lambda vector: linalg.cho_solve_banded((factor, True), vector, check_finite=False),
+        dtype=np.float64,
+    )
     values = eigsh(
         weighted,  # not used: ARPACK takes A from the factorisation alone
         count,
@@ -348,10 +347,9 @@ def _closed(bands: Bands, m: int, count: int) -> Floats:
 
 
 def _symmetric(bands: Floats) -> sparse.dia_array:
-    size = bands.shape[1]
-    above = [np.concatenate([np.zeros(d), bands[d, : size - d]]) for d in range(1, DEGREE + 1)]
+    below = [band[: len(band) - d] for d, band in enumerate(bands)]
     offsets = [*range(0, -DEGREE - 1, -1), *range(1, DEGREE + 1)]
-    return sparse.dia_array((np.concatenate([bands, above]), offsets), shape=(size, size))
+    return sparse.diags_array([*below, *below[1:]], offsets=offsets)
 
 
 def _joined(matrix: Floats) -> Floats:

@@ -1,8 +1,7 @@
 """Atlases of surfaces that are seen whole from the origin, over an icosahedron."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
+from itertools import combinations
 
 import numpy as np
 
@@ -21,12 +20,10 @@ def icosahedron() -> Floats:
     """Return the twenty faces, shape (20, 3, 3), counter-clockwise seen from outside."""
     near = np.isclose(np.linalg.norm(CORNERS[:, None] - CORNERS, axis=2), EDGE)
     triangles = []
-    for a in range(12):
-        for b in range(a + 1, 12):
-            for c in range(b + 1, 12):
-                if near[a, b] and near[b, c] and near[a, c]:
-                    turn = np.linalg.det(CORNERS[[a, b, c]])
-                    triangles.append((a, b, c) if turn > 0 else (a, c, b))
+    for a, b, c in combinations(range(12), 3):
+        if near[a, b] and near[b, c] and near[a, c]:
+            turn = np.linalg.det(CORNERS[[a, b, c]])
+            triangles.append((a, b, c) if turn > 0 else (a, c, b))
     return np.asarray(CORNERS[np.array(triangles)])
 
 
