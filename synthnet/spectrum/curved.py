@@ -78,8 +78,7 @@ def hierarchical(patches: Patches) -> tuple[Matrices, Floats, Floats]:
     functions[:, :3], slopes[:, :3] = CORNERS, SLOPES
     stiffness, mass, ratio = _blocks(patches, functions, slopes)
     indptr, indices = fem.pattern(patches.faces, len(patches.vertices))
-    stiff, heavy = np.zeros(len(indices)), np.zeros(len(indices))
-    _scatter(patches.faces, indptr, indices, stiffness, mass, stiff, heavy)
+    stiff, heavy = _summed(patches.faces, indptr, indices, stiffness, mass)
     lumped = np.add.reduceat(heavy, indptr[:-1])
     return Matrices(indptr, indices, stiff, heavy, lumped, ratio / 4), stiffness, mass
 
@@ -158,16 +157,11 @@ def _densities(
 
 
 @kernel
-def _scatter(
-    faces: Indices,
-    indptr: Indices,
-    indices: Indices,
-    stiffness: Floats,
-    mass: Floats,
-    stiff: Floats,
-    heavy: Floats,
-) -> None:
-    """Add the corners' parts of the patches' matrices to those of the mesh."""
+def _summed(
+    faces: Indices, indptr: Indices, indices: Indices, stiffness: Floats, mass: Floats
+) -> tuple[Floats, Floats]:
+    """Return the values of the mesh's matrices: sums of the corners' parts of the patches'."""
+    stiff, heavy = np.zeros(indices.shape[0]), np.zeros(indices.shape[0])
     for f in range(faces.shape[0]):
         for c in range(3):
             row = faces[f, c]
@@ -175,3 +169,4 @@ def _scatter(
                 p = fem.index(indices, indptr[row], indptr[row + 1], faces[f, d])
                 stiff[p] += stiffness[f, c, d]
                 heavy[p] += mass[f, c, d]
+    return stiff, heavy
