@@ -91,7 +91,10 @@ def find_ordering(indptr: Indices, indices: Indices) -> Ordering:
     child, sibling = _children(parent)
     first_row, rows = _rows_below(order, position, begin, child, sibling, indptr, indices)
     portions, subtrees = _portions(begin, first_row, parent, PORTION if n >= LARGE else 1.0)
-    panel, widest, stack = _room(begin, first_row, child, sibling, portions)
+    widths = np.diff(begin)
+    sizes = widths + np.diff(first_row)  # of the fronts, as dense matrices
+    panel = np.concatenate([[0], np.cumsum(widths * sizes)])
+    stack = _stacks(first_row, child, sibling, portions)
     return Ordering(
         order,
         position,
@@ -102,7 +105,7 @@ def find_ordering(indptr: Indices, indices: Indices) -> Ordering:
         panel,
         child,
         sibling,
-        widest,
+        int(sizes.max()),
         portions,
         subtrees,
         stack,
@@ -313,21 +316,11 @@ def _portions(
 
 
 @kernel
-def _room(
-    begin: Indices, first_row: Integers, child: Indices, sibling: Indices, portions: Indices
-) -> tuple[Integers, int, Integers]:
-    """Return where each front's rows of the factor begin, the widest front, and the stacks' places.
+def _stacks(first_row: Integers, child: Indices, sibling: Indices, portions: Indices) -> Integers:
+    """Return where the stack of each portion begins, and the end of the last.
 
     A stack holds, of each front of a portion that waits for its parent, a triangle of numbers.
     """
-    fronts = child.shape[0]
-    panel = np.zeros(fronts + 1, np.int64)
-    widest = 0
-    for k in range(fronts):
-        width = begin[k + 1] - begin[k]
-        order = width + first_row[k + 1] - first_row[k]
-        panel[k + 1] = panel[k] + width * order
-        widest = max(widest, order)
     stack = np.zeros(portions.shape[0] + 1, np.int64)
     for portion in range(portions.shape[0]):
         first, end = portions[portion]
@@ -344,4 +337,4 @@ def _room(
             waiting += m * (m + 1) // 2
             most = max(most, waiting)
         stack[portion + 1] = stack[portion] + most
-    return panel, widest, stack
+    return stack
