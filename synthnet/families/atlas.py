@@ -14,8 +14,8 @@ integers alone, the same on every machine.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, replace
+from typing import Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,11 +83,10 @@ class Charted:
         edges, of_side = self.edges()
         i, j = lattice(n)
         first_inner = self.n_vertices + len(edges) * (n - 1)
-        numbers = np.zeros((len(self.faces), len(i)), dtype=np.int64)
+        m = len(self.faces)
+        numbers = np.zeros((m, len(i)), dtype=np.int64)
         inner = (i > 0) & (j > 0) & (i + j < n)
-        numbers[:, inner] = first_inner + np.arange(len(self.faces) * inner.sum()).reshape(
-            len(self.faces), -1
-        )
+        numbers[:, inner] = first_inner + np.arange(m * inner.sum()).reshape(m, -1)
         for side, on, along in ((0, j == 0, i), (1, i + j == n, j), (2, i == 0, n - j)):
             tails, heads = self.faces[:, side], self.faces[:, (side + 1) % 3]
             forth = np.where((tails < heads)[:, None], along[on], n - along[on])
@@ -188,6 +187,10 @@ class Atlas:
             coordinates[:, local].reshape(-1, 3, self.corners.shape[2]),
             np.repeat(self.charts, len(local)),
         )
+
+    def put_through(self, onto: Callable[[Floats], Floats]) -> Self:
+        """Return the surface that a map of space makes of this, from points (n, 3) to points."""
+        return replace(self, chart=lambda charts, u: onto(self.chart(charts, u)))
 
     def steps(self, vertices: float) -> int:
         """Return the n for which :meth:`uniform` has about so many vertices."""

@@ -54,7 +54,7 @@ def atlas(*, b: float, c: float, folds: float, depth: float, slope: float, form:
             )
         return points
 
-    return radial(distance, shear)
+    return radial(distance).put_through(shear)
 
 
 def _directions(rng: np.random.Generator, count: int) -> Floats:

@@ -97,13 +97,10 @@ def _points_of_halves(left: Mesh, right: Mesh) -> tuple[Floats, tuple[Integers, 
     representative = np.empty(len(points), dtype=np.int64)
     representative[order] = first
     unique, number = np.unique(representative, return_inverse=True)
-    numbers = []
-    for mesh, mine, new_numbers in (
-        (left, kept[0], number[: len(kept[0])]),
-        (right, kept[1], number[len(kept[0]) :]),
-    ):
-        numbers.append(np.full(len(mesh.vertices), -1, dtype=np.int64))
-        numbers[-1][mine] = new_numbers
+    numbers = [np.full(len(mesh.vertices), -1, dtype=np.int64) for mesh in (left, right)]
+    parts = np.split(number, [len(kept[0])])
+    for of_mesh, there, part in zip(numbers, kept, parts, strict=True):
+        of_mesh[there] = part
     return points[unique], (numbers[0], numbers[1])
 
 

@@ -33,22 +33,17 @@ def unit_vectors(z: Floats, angle: Floats) -> Floats:
     return np.stack([flat * np.cos(np.pi * angle), flat * np.sin(np.pi * angle), z], axis=1)
 
 
-def radial(
-    distance: Callable[[Floats], Floats], onto: Callable[[Floats], Floats] | None = None
-) -> Atlas:
+def radial(distance: Callable[[Floats], Floats]) -> Atlas:
     """Return the atlas of a surface by its distance from the origin in each direction.
 
     Parameters
     ----------
     distance : callable
         From unit vectors of shape (n, 3) to positive numbers (n,).
-    onto : callable, optional
-        A map of space that the surface is put through, points (n, 3) to points.
     """
 
     def chart(_: Integers, u: Floats) -> Floats:
         directions = u / np.linalg.norm(u, axis=1, keepdims=True)
-        points = directions * distance(directions)[:, None]
-        return points if onto is None else onto(points)
+        return np.asarray(directions * distance(directions)[:, None])
 
     return Atlas(icosahedron(), np.zeros(20, dtype=np.int64), chart)

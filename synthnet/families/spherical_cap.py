@@ -13,11 +13,8 @@ from synthnet.families.revolution import Piece, revolution
 
 def atlas(*, angle: float) -> Atlas:
     """Points of the unit sphere within ``angle`` radians of the lowest one."""
-
-    def profile(s: Floats) -> tuple[Floats, Floats]:
-        return np.sin(angle * s), -np.cos(angle * s)
-
-    return revolution([Piece("base", profile, rows(angle, math.pi / 4))])
+    row = rows(angle, math.pi / 4)
+    return revolution([Piece("base", lambda s: (np.sin(angle * s), -np.cos(angle * s)), row)])
 
 
 def limit(k: int, *, angle: float, **_: object) -> Floats:

@@ -27,7 +27,7 @@ def atlas(*, a: float, b: float, c: float, east: float, north: float) -> Atlas:
         inside = (x ** (2 / east) + y ** (2 / east)) ** (east / north) + z ** (2 / north)
         return np.asarray(inside ** (-north / 2))
 
-    return radial(distance, lambda points: points * [a, b, c])
+    return radial(distance).put_through(lambda points: points * [a, b, c])
 
 
 def pieces(*, a: float, b: float, c: float, east: float, north: float) -> Atlas:

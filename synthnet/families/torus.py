@@ -1,7 +1,6 @@
 """Tori of revolution (paper §C: torus radius 1, log-normal tube radius)."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -22,7 +21,7 @@ def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> Flo
 def atlas(*, torus_radius: float, tube_radius: float, **_: float) -> Atlas:
     """Return the smooth torus in patches."""
     unit = twisted_torus.atlas(tube_radius=tube_radius / torus_radius, flatness=1.0, half_turns=0)
-    return replace(unit, chart=lambda charts, u: torus_radius * unit.chart(charts, u))
+    return unit.put_through(lambda points: torus_radius * points)
 
 
 FAMILY = Family(
