@@ -2,14 +2,11 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, rows
+from synthnet.families.atlas import Atlas, Floats, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.revolution import Piece, revolution, straight
+from synthnet.families.revolution import turned
 
 
 def atlas(*, inner: float) -> Atlas:
@@ -17,10 +14,10 @@ def atlas(*, inner: float) -> Atlas:
     around = math.pi * (1 + inner)
     sectors = max(6, rows(around, 1 - inner, most=24))
     row = rows(1 - inner, around / sectors)
-    return revolution([Piece("band", straight((1, 0), (inner, 0)), row)], sectors)
+    return turned([(1, 0), (inner, 0)], [row], sectors)
 
 
-def limit(k: int, *, inner: float, **_: object) -> NDArray[np.float64]:
+def limit(k: int, *, inner: float, **_: object) -> Floats:
     """Spectrum of the annulus with Neumann's condition."""
     return limits.of_revolution([limits.line(inner, 1)], k)
 

@@ -12,18 +12,16 @@ No decision of :meth:`Atlas.uniform` depends on rounding: the faces are a functi
 integers alone, the same on every machine.
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from synthnet.mesh.adjacency import connected
+from synthnet.mesh.adjacency import connected, edge_keys
 from synthnet.types import Mesh
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -63,9 +61,7 @@ class Charted:
 
     def edges(self) -> tuple[Integers, Integers]:
         """Return the edges, shape (e, 2), and of each face that from corner i to i + 1, (m, 3)."""
-        sides = np.sort(np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=2), axis=2)
-        keys = sides[:, :, 0] * self.n_vertices + sides[:, :, 1]
-        unique, of_side = np.unique(keys.ravel(), return_inverse=True)
+        unique, of_side = np.unique(edge_keys(self.faces), return_inverse=True)
         edges = np.stack(np.divmod(unique, self.n_vertices), axis=1)
         return edges, of_side.reshape(-1, 3)
 
@@ -87,11 +83,10 @@ class Charted:
         edges, of_side = self.edges()
         i, j = lattice(n)
         first_inner = self.n_vertices + len(edges) * (n - 1)
-        numbers = np.zeros((len(self.faces), len(i)), dtype=np.int64)
+        m = len(self.faces)
+        numbers = np.zeros((m, len(i)), dtype=np.int64)
         inner = (i > 0) & (j > 0) & (i + j < n)
-        numbers[:, inner] = first_inner + np.arange(len(self.faces) * inner.sum()).reshape(
-            len(self.faces), -1
-        )
+        numbers[:, inner] = first_inner + np.arange(m * inner.sum()).reshape(m, -1)
         for side, on, along in ((0, j == 0, i), (1, i + j == n, j), (2, i == 0, n - j)):
             tails, heads = self.faces[:, side], self.faces[:, (side + 1) % 3]
             forth = np.where((tails < heads)[:, None], along[on], n - along[on])
@@ -193,6 +188,10 @@ class Atlas:
             np.repeat(self.charts, len(local)),
         )
 
+    def put_through(self, onto: Callable[[Floats], Floats]) -> Self:
+        """Return the surface that a map of space makes of this, from points (n, 3) to points."""
+        return replace(self, chart=lambda charts, u: onto(self.chart(charts, u)))
+
     def steps(self, vertices: float) -> int:
         """Return the n for which :meth:`uniform` has about so many vertices."""
         return max(1, math.floor(math.sqrt(2 * vertices / len(self.charts)) + 0.5))
@@ -227,11 +226,10 @@ def lattice(n: int) -> tuple[Integers, Integers]:
     return i[i + j <= n], j[i + j <= n]
 
 
-def glue_charts(*parts: tuple[int, Floats]) -> tuple[Floats, Integers]:
-    """Put the patches of several charts together: corners (p, 3, d) and charts (p,)."""
-    corners = np.concatenate([corners for _, corners in parts])
-    charts = np.concatenate([np.full(len(corners), chart) for chart, corners in parts])
-    return corners, charts.astype(np.int64)
+def glue_charts(parts: Sequence[Floats]) -> tuple[Floats, Integers]:
+    """Put the patches of charts 0, 1, ... together: corners (p, 3, d) and charts (p,)."""
+    charts = np.repeat(np.arange(len(parts)), [len(corners) for corners in parts])
+    return np.concatenate(parts), charts.astype(np.int64)
 
 
 def borders(lengths: Floats) -> Floats:

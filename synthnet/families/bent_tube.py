@@ -20,18 +20,13 @@ def atlas(*, length: float, flatness: float, turns: float, bend: float) -> Atlas
     """
     if bend >= length:
         raise ValueError(f"bent_tube: bend must be below length, {length}, got {bend}")
-
-    def lower(s: Floats) -> tuple[Floats, Floats]:
-        return np.sin(np.pi / 2 * s), -np.cos(np.pi / 2 * s)
-
-    def middle(s: Floats) -> tuple[Floats, Floats]:
-        return np.ones_like(s), length * s
-
-    def upper(s: Floats) -> tuple[Floats, Floats]:
-        return np.sin(np.pi / 2 * s), length + np.cos(np.pi / 2 * s)
-
+    quarter = np.pi / 2
     straight = revolution(
-        [Piece("base", lower), Piece("band", middle, rows(length, 1)), Piece("tip", upper)], 6
+        [
+            Piece("base", lambda s: (np.sin(quarter * s), -np.cos(quarter * s))),
+            Piece("band", lambda s: (np.ones_like(s), length * s), rows(length, 1)),
+            Piece("tip", lambda s: (np.sin(quarter * s), length + np.cos(quarter * s))),
+        ]
     )
     curvature = bend / length
 
@@ -55,9 +50,7 @@ def atlas(*, length: float, flatness: float, turns: float, bend: float) -> Atlas
             axis=1,
         )
 
-    return Atlas(
-        straight.corners, straight.charts, lambda charts, u: onto(straight.chart(charts, u))
-    )
+    return straight.put_through(onto)
 
 
 FAMILY = charted(

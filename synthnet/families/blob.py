@@ -5,7 +5,7 @@ from numpy.polynomial import legendre
 
 from synthnet.families.atlas import Atlas, Floats
 from synthnet.families.charted import charted
-from synthnet.families.radial import radial
+from synthnet.families.radial import radial, unit_vectors
 
 
 def atlas(*, amplitude: float, degree: int, form: int) -> Atlas:
@@ -23,10 +23,7 @@ def atlas(*, amplitude: float, degree: int, form: int) -> Atlas:
     for order in range(2, degree + 1):
         count = 2 * order + 1
         z, angle, weight = 2 * rng.random((3, count)) - 1
-        axes = np.stack(
-            [np.sqrt(1 - z**2) * f(np.pi * angle) for f in (np.cos, np.sin)] + [z], axis=1
-        )
-        terms.append((order, axes, weight * amplitude / order / np.sqrt(count)))
+        terms.append((order, unit_vectors(z, angle), weight * amplitude / order / np.sqrt(count)))
 
     def distance(directions: Floats) -> Floats:
         logarithm = np.zeros(len(directions))

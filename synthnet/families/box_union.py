@@ -1,16 +1,11 @@
 """Unions of boxes: blocks with steps, angles and necks, all edges sharp."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.families import boxes as of_boxes
 from synthnet.families.atlas import Atlas, Floats, borders
-from synthnet.families.charted import charted, one_shape
-from synthnet.types import Parameters
+from synthnet.families.charted import charted
 
 GRID = 3  # cells of the grid in each direction
 PASSES = 4  # so often each cell may be taken
@@ -37,14 +32,13 @@ def union(*, boxes: int, form: int) -> tuple[NDArray[np.bool_], list[Floats]]:
     return filled, [borders(across) for across in widths]
 
 
-def atlas(*, boxes: int, form: int) -> Atlas:
+def atlas(**shape: int) -> Atlas:
     """Return the surface of :func:`union`."""
-    return of_boxes.boundary(*union(boxes=boxes, form=form))
+    return of_boxes.boundary(*union(**shape))
 
 
-def euler(parameters: Parameters) -> int:
+def euler(**shape: int) -> int:
     """Return the Euler characteristic of :func:`union`."""
-    shape: dict[str, Any] = dict(one_shape(parameters))
     return of_boxes.euler(union(**shape)[0])
 
 

@@ -1,33 +1,24 @@
 """Closed cylinders (of 2.0), all vertices on the smooth cylinder."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, rows
+from synthnet.families.atlas import Atlas, Floats, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.revolution import Piece, revolution, straight
-
-SECTORS = 6
+from synthnet.families.revolution import Corner, turned
 
 
 def atlas(*, radius: float, height: float, **_: object) -> Atlas:
     """Cylinder about the z axis from z = 0, with both discs."""
-    return revolution(
-        [
-            Piece("base", straight((0, 0), (radius, 0))),
-            Piece("band", straight((radius, 0), (radius, height)), rows(height, radius)),
-            Piece("tip", straight((0, height), (radius, height))),
-        ],
-        SECTORS,
-    )
+    return turned(_profile(radius, height), [1, rows(height, radius), 1])
 
 
-def limit(k: int, *, radius: float, height: float, **_: object) -> NDArray[np.float64]:
+def limit(k: int, *, radius: float, height: float, **_: object) -> Floats:
     """Spectrum of the smooth cylinder with its discs."""
-    disc = limits.line(0, radius), limits.line(radius, 0)
-    return limits.of_revolution([disc[0], limits.line(radius, radius, height), disc[1]], k)
+    return limits.of_corners(_profile(radius, height), k)
+
+
+def _profile(radius: float, height: float) -> list[Corner]:
+    return [(0, 0), (radius, 0), (radius, height), (0, height)]
 
 
 LEAST = {"radius": POSITIVE, "height": POSITIVE}

@@ -97,11 +97,10 @@ def charted(
 
     def surface(*, triangulation: str, vertices: int, seed: int, **shape: float) -> Mesh:
         charts = atlas(**shape)
-        return charts.mesh(
-            triangulate(
-                charts, triangulation=triangulation, vertices=vertices, seed=seed, halves=halves
-            )
+        mesh = triangulate(
+            charts, triangulation=triangulation, vertices=vertices, seed=seed, halves=halves
         )
+        return charts.mesh(mesh)
 
     return Family(
         name=name,

@@ -19,7 +19,6 @@ FAMILY = Family(
     title="Cone",
     surface=surface,
     least={**circular_cone.LEAST, "resolution": 3, "split": 1, "subdivisions": 0},
-    euler_characteristic=2,
     limit=circular_cone.limit,
     atlas=circular_cone.atlas,
 )

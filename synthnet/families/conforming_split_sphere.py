@@ -1,10 +1,9 @@
 """Spheres of two resolutions in one conforming mesh, every vertex on the sphere."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas
+from synthnet.families.atlas import Atlas, Floats
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.radial import radial
@@ -15,7 +14,7 @@ def atlas(*, radius: float, **_: object) -> Atlas:
     return radial(lambda directions: np.full(len(directions), radius))
 
 
-def limit(k: int, *, radius: float, **_: object) -> NDArray[np.float64]:
+def limit(k: int, *, radius: float, **_: object) -> Floats:
     """Spectrum of the smooth sphere."""
     return limits.of_sphere(radius, k)
 

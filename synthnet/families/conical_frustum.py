@@ -25,7 +25,6 @@ FAMILY = Family(
         "split": 1,
         "scaling": POSITIVE,
     },
-    euler_characteristic=2,
     limit=truncated_cone.limit,
     atlas=truncated_cone.atlas,
 )

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats, rectangle
+from synthnet.families.atlas import Atlas, rectangle
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.polyhedra import lines, polyhedron
+from synthnet.families.polyhedra import flat, lines, polyhedron
 
 
 def atlas(*, width: float, height: float, depth: float, **_: object) -> Atlas:
@@ -15,17 +15,9 @@ def atlas(*, width: float, height: float, depth: float, **_: object) -> Atlas:
     x = [lines(size, cell) for size in sizes]
     faces = []
     for axis in range(3):
-        first, second = (axis + 1) % 3, (axis + 2) % 3
-        for position, outward in ((0.0, False), (sizes[axis], True)):
-            faces.append(_face(rectangle(x[first], x[second]), axis, position, outward))
+        sheet = rectangle(x[(axis + 1) % 3], x[(axis + 2) % 3])
+        faces += [flat(sheet, axis=axis, turned=True), flat(sheet, sizes[axis], axis=axis)]
     return polyhedron(*faces)
-
-
-def _face(patches: Floats, axis: int, position: float, outward: bool) -> Floats:
-    points = np.empty((len(patches), 3, 3))
-    points[:, :, axis] = position
-    points[:, :, (axis + 1) % 3], points[:, :, (axis + 2) % 3] = np.moveaxis(patches, 2, 0)
-    return points if outward else points[:, ::-1]
 
 
 LEAST = {"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE}

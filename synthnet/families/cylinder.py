@@ -8,7 +8,6 @@ FAMILY = Family(
     title="Cylinder",
     surface=primitives.cylinder,
     least={**capped_cylinder.LEAST, "resolution": 3, "split": 1},
-    euler_characteristic=2,
     limit=capped_cylinder.limit,
     atlas=capped_cylinder.atlas,
 )

@@ -5,25 +5,15 @@ import math
 from synthnet.families import circular_cone
 from synthnet.families.atlas import Atlas, rows
 from synthnet.families.charted import charted
-from synthnet.families.revolution import Piece, revolution, straight
+from synthnet.families.revolution import turned
 
 
 def atlas(*, radius: float, height: float, flip: float) -> Atlas:
     """Cone whose part above z = flip·height is reflected in that plane."""
     plane, rim = flip * height, (1 - flip) * radius
     side = math.hypot(radius, height)
-    return revolution(
-        [
-            Piece("base", straight((0, 0), (radius, 0))),
-            Piece("band", straight((radius, 0), (rim, plane)), rows(flip * side, radius)),
-            Piece(
-                "tip",
-                straight((0, 2 * plane - height), (rim, plane)),
-                rows((1 - flip) * side, radius),
-            ),
-        ],
-        circular_cone.SECTORS,
-    )
+    corners = [(0, 0), (radius, 0), (rim, plane), (0, 2 * plane - height)]
+    return turned(corners, [1, rows(flip * side, radius), rows((1 - flip) * side, radius)])
 
 
 FAMILY = charted(

@@ -16,8 +16,6 @@ Isaac, "Recursive, parameter-free, explicitly defined interpolation nodes for si
 Sci. Comput. 42 (2020): where the surface is interpolated.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import NamedTuple
@@ -162,9 +160,8 @@ def quadrature(n: int) -> tuple[Floats, Floats]:
     x, y = (x + 1) / 2, (y + 1) / 2
     third = np.repeat(y, n)
     second = np.tile(x, n) * (1 - third)
-    return np.stack([1 - second - third, second, third], axis=1), np.outer(
-        across, along
-    ).ravel() / 8
+    weights = np.outer(across, along).ravel() / 8
+    return np.stack([1 - second - third, second, third], axis=1), weights
 
 
 @cache
@@ -174,9 +171,8 @@ def interpolation_nodes(degree: int) -> Floats:
     On an edge they are Lobatto's points; inside, Isaac's weighted means of those.
     """
     i, j = lattice(degree)
-    return np.array(
-        [_node((degree - a - b, a, b)) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
-    )
+    powers = np.stack([degree - i - j, i, j], axis=1)
+    return np.array([_node(tuple(numbers)) for numbers in powers.tolist()])
 
 
 def _node(numbers: tuple[int, ...]) -> Floats:

@@ -10,7 +10,8 @@ from synthnet.families.radial import radial
 
 def atlas(*, a: float, b: float, c: float) -> Atlas:
     """Half axes a, b and c along x, y and z."""
-    return radial(lambda directions: np.ones(len(directions)), lambda points: points * [a, b, c])
+    sphere = radial(lambda directions: np.ones(len(directions)))
+    return sphere.put_through(lambda points: points * [a, b, c])
 
 
 FAMILY = charted("ellipsoid", "Ellipsoid", atlas, {"a": POSITIVE, "b": POSITIVE, "c": POSITIVE})

@@ -1,18 +1,15 @@
 """Flat elliptic discs, with boundary."""
 
-import numpy as np
-
 from synthnet.families.atlas import Atlas
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.revolution import Piece, revolution, straight
+from synthnet.families.revolution import turned
 
 
 def atlas(*, flatness: float) -> Atlas:
     """Ellipse of half axes 1 and ``flatness`` in the plane z = 0."""
-    disc = revolution([Piece("tip", straight((0, 0), (1, 0)))], 6)
-    axes = np.array([1, flatness, 1])
-    return Atlas(disc.corners, disc.charts, lambda charts, u: disc.chart(charts, u) * axes)
+    disc = turned([(1, 0), (0, 0)], [1])
+    return disc.put_through(lambda points: points * [1, flatness, 1])
 
 
 FAMILY = charted(

@@ -14,8 +14,6 @@ Then register it in ``synthnet/families/__init__.py``, and give its parameters' 
 new recipe: a version that is published never changes.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
@@ -35,7 +33,7 @@ from synthnet.types import Mesh, Parameters, Topology
 POSITIVE = math.ulp(0.0)  # a length may be any positive number
 SHORTEST = 1e-4  # length of a border, of a surface about 1 wide; ends of shorter ones are merged
 COARSEST = 4000  # about so many vertices has the first level of :meth:`Family.at_level`
-Euler: TypeAlias = int | Callable[[Parameters], int]
+Euler: TypeAlias = int | Callable[..., int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +61,7 @@ class Family:
     least : mapping of str to number or Choice
         The names of the parameters, and the least value of each, or its choices.
     euler_characteristic : int or callable
-        V − E + F of every mesh of the family, or that from the parameters.
+        V − E + F of every mesh of the family, or that from what ``shared`` leaves, by keyword.
     shared : callable, optional
         Maps parameters to those that the surface depends on, where these are fewer.
     most : mapping of str to number
@@ -85,7 +83,7 @@ class Family:
     surface: Callable[..., Mesh]
     atlas: Callable[..., Atlas]
     least: Mapping[str, float | Choice]
-    euler_characteristic: Euler
+    euler_characteristic: Euler = 2
     limit: Callable[..., NDArray[np.float64]] | None = None
     congruent: Callable[[Parameters], Parameters] | None = None
     shared: Callable[[Parameters], Parameters] | None = None
@@ -96,8 +94,9 @@ class Family:
     def topology(self, parameters: Parameters) -> Topology:
         """Return what the mesh of the given parameters must be as a surface."""
         euler = self.euler_characteristic
-        number = euler if isinstance(euler, int) else euler(self._arguments(parameters))
-        return Topology(number, self.boundaries, self.orientable)
+        if not isinstance(euler, int):
+            euler = euler(**self._shape(self._arguments(parameters)))
+        return Topology(euler, self.boundaries, self.orientable)
 
     def generate(self, parameters: Parameters) -> Mesh:
         """Make the mesh of the given parameters.
@@ -146,8 +145,7 @@ class Family:
 
     def surface_key(self, parameters: Parameters) -> str:
         """Return a text that is equal for triangulations of one surface."""
-        kept = dict(parameters if self.shared is None else self.shared(parameters))
-        return json.dumps([self.name, kept], sort_keys=True)
+        return json.dumps([self.name, self._shape(parameters)], sort_keys=True)
 
     def limit_eigenvalues(self, parameters: Parameters, k: int = 10) -> NDArray[np.float64] | None:
         """Return the first k non-zero eigenvalues of the smooth surface, or None if not known.
@@ -194,6 +192,9 @@ class Family:
         representative = parameters if self.congruent is None else self.congruent(parameters)
         text = json.dumps([self.name, dict(representative)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def _shape(self, parameters: Parameters) -> dict[str, Any]:
+        return dict(parameters if self.shared is None else self.shared(parameters))
 
     def _arguments(self, parameters: Parameters) -> dict[str, Any]:
         if set(parameters) != set(self.least):

@@ -1,8 +1,5 @@
 """Flat rectangles, with boundary."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from synthnet.families import limits
 from synthnet.families.atlas import Atlas, Floats, rectangle
 from synthnet.families.charted import charted
@@ -21,7 +18,7 @@ def patches(width: float, height: float) -> Floats:
     return rectangle(lines(width, cell), lines(height, cell))
 
 
-def limit(k: int, *, width: float, height: float, **_: object) -> NDArray[np.float64]:
+def limit(k: int, *, width: float, height: float, **_: object) -> Floats:
     """Spectrum of the rectangle with Neumann's condition."""
     return limits.of_rectangle(width, height, k)
 

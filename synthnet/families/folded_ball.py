@@ -22,7 +22,7 @@ import numpy as np
 from synthnet.families.atlas import Atlas, Floats
 from synthnet.families.charted import charted
 from synthnet.families.family import SHORTEST
-from synthnet.families.radial import radial
+from synthnet.families.radial import radial, unit_vectors
 
 WAVES = 12  # m
 NARROW = 2.0  # how narrow valleys are
@@ -54,14 +54,12 @@ def atlas(*, b: float, c: float, folds: float, depth: float, slope: float, form:
             )
         return points
 
-    return radial(distance, shear)
+    return radial(distance).put_through(shear)
 
 
 def _directions(rng: np.random.Generator, count: int) -> Floats:
     """Return unit vectors, spread evenly over the sphere."""
-    z, angle = 2 * rng.random((2, count)) - 1
-    flat = np.sqrt(1 - z**2)
-    return np.stack([flat * np.cos(np.pi * angle), flat * np.sin(np.pi * angle), z], axis=1)
+    return unit_vectors(*(2 * rng.random((2, count)) - 1))
 
 
 FAMILY = charted(

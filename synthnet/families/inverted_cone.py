@@ -40,7 +40,6 @@ FAMILY = Family(
     title="Inverted cone",
     surface=surface,
     least={**cone.FAMILY.least, "flip": POSITIVE},
-    euler_characteristic=2,
     limit=cone.FAMILY.limit,  # it is isometric to that cone
     atlas=cone.FAMILY.atlas,
 )

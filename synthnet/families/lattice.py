@@ -1,7 +1,5 @@
 """Lattices: square struts along the edges of a few boxes, some left out."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -9,9 +7,8 @@ from numpy.typing import NDArray
 
 from synthnet.families import boxes
 from synthnet.families.atlas import Atlas, Floats, borders
-from synthnet.families.charted import charted, one_shape
+from synthnet.families.charted import charted
 from synthnet.families.family import SHORTEST
-from synthnet.types import Parameters
 
 LEFT_OUT = 0.25  # of the struts, about: none without which the lattice would fall apart
 
@@ -42,9 +39,8 @@ def atlas(**parameters: Any) -> Atlas:
     return boxes.boundary(*frame(**parameters))
 
 
-def euler(parameters: Parameters) -> int:
+def euler(**shape: Any) -> int:
     """Return the Euler characteristic of :func:`frame`."""
-    shape: dict[str, Any] = dict(one_shape(parameters))
     return boxes.euler(frame(**shape)[0])
 
 

@@ -11,23 +11,20 @@ boundary, where the profile ends off the axis. Each eigenvalue of an m > 0 belon
 functions.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from synthnet.families.atlas import Floats
 from synthnet.spectrum.fem import products
-
-Array = NDArray[np.float64]
 
 DEGREE = 10  # the polynomials on an element have this degree
 PIECES = 8  # so many elements has an arc before grading
@@ -50,8 +47,8 @@ class Limit:
         How far each may be from the true one, in 1/length².
     """
 
-    eigenvalues: Array
-    bar: Array
+    eigenvalues: Floats
+    bar: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,10 +65,10 @@ class Arc:
     """
 
     length: float
-    radius: Callable[[Array], Array]
+    radius: Callable[[Floats], Floats]
 
 
-def extrapolate(coarse: Array, fine: Array) -> Array:
+def extrapolate(coarse: Floats, fine: Floats) -> Floats:
     r"""Return the limits of eigenvalues of linear elements, which approach them like h².
 
     .. math::
@@ -105,7 +102,7 @@ def line(start: float, stop: float, rise: float = 0.0) -> Arc:
     return Arc(length, lambda s: start + (stop - start) * s / length)
 
 
-def of_revolution(profile: Sequence[Arc], k: int, *, closed: bool = False) -> Array:
+def of_revolution(profile: Sequence[Arc], k: int, *, closed: bool = False) -> Floats:
     r"""Return the first k non-zero eigenvalues of a surface of revolution.
 
     Polynomials of degree 10 on elements that are halved towards the axis, where a cone's
@@ -153,7 +150,13 @@ def of_revolution(profile: Sequence[Arc], k: int, *, closed: bool = False) -> Ar
     return smallest
 
 
-def of_sphere(radius: float, k: int) -> Array:
+def of_corners(corners: Sequence[tuple[float, float]], k: int, *, closed: bool = False) -> Floats:
+    """Do what :func:`of_revolution` does for lines from each (radius, height) to the next."""
+    profile = [line(start[0], stop[0], stop[1] - start[1]) for start, stop in pairwise(corners)]
+    return of_revolution(profile, k, closed=closed)
+
+
+def of_sphere(radius: float, k: int) -> Floats:
     r"""Return the first k non-zero eigenvalues of a sphere.
 
     :math:`\ell(\ell + 1)/r^2`, each :math:`2\ell + 1` times.
@@ -167,7 +170,7 @@ def of_sphere(radius: float, k: int) -> Array:
     return np.array([degree * (degree + 1) for degree in degrees[:k]]) / radius**2
 
 
-def of_rectangle(width: float, height: float, k: int) -> Array:
+def of_rectangle(width: float, height: float, k: int) -> Floats:
     r"""Return the first k non-zero eigenvalues of a rectangle with Neumann's condition.
 
     :math:`\pi^2 (i^2/w^2 + j^2/h^2)`.
@@ -180,7 +183,7 @@ def of_rectangle(width: float, height: float, k: int) -> Array:
     return _lowest((math.pi * _upto(k) / width) ** 2, (math.pi * _upto(k) / height) ** 2, k)
 
 
-def of_open_cylinder(radius: float, height: float, k: int) -> Array:
+def of_open_cylinder(radius: float, height: float, k: int) -> Floats:
     r"""Return the first k non-zero eigenvalues of a cylinder without discs, Neumann at its ends.
 
     :math:`m^2/r^2 + \pi^2 j^2/h^2`, twice where m > 0.
@@ -194,11 +197,11 @@ def of_open_cylinder(radius: float, height: float, k: int) -> Array:
     return _lowest((around / radius) ** 2, (math.pi * _upto(k) / height) ** 2, k)
 
 
-def _upto(k: int) -> Array:
+def _upto(k: int) -> Floats:
     return np.arange(k + 1, dtype=np.float64)
 
 
-def _lowest(first: Array, second: Array, k: int) -> Array:
+def _lowest(first: Floats, second: Floats, k: int) -> Floats:
     """Return the k lowest sums after zero of one of each."""
     return np.sort(np.add.outer(first, second).ravel())[1 : k + 1]
 
@@ -230,9 +233,9 @@ class Bands(NamedTuple):
         Whether the first, and the last, of the n points is on the axis.
     """
 
-    stiffness: Array
-    around: Array
-    mass: Array
+    stiffness: Floats
+    around: Floats
+    mass: Floats
     shift: float
     on_axis: tuple[bool, bool]
 
@@ -241,7 +244,7 @@ def _bands(profile: Sequence[Arc]) -> Bands:
     """Assemble the matrices on the elements of all arcs."""
     points, weights, values, slopes = _basis()
     pairs = (products(slopes, slopes), products(values, values), products(values, values))
-    blocks: list[list[Array]] = [[], [], []]
+    blocks: list[list[Floats]] = [[], [], []]
     for arc in profile:
         start, stop = np.array(_elements(arc)).T
         length = (stop - start)[:, None]
@@ -267,7 +270,7 @@ def _bands(profile: Sequence[Arc]) -> Bands:
     )
 
 
-def _banded(blocks: Array) -> Array:
+def _banded(blocks: Floats) -> Floats:
     """Add up the elements' matrices, shape (e, (DEGREE + 1)²); neighbours share a point."""
     blocks = blocks.reshape(-1, DEGREE + 1, DEGREE + 1)
     bands = np.zeros((DEGREE + 1, len(blocks) * DEGREE + 1))
@@ -278,14 +281,14 @@ def _banded(blocks: Array) -> Array:
 
 
 @cache
-def lobatto(degree: int) -> Array:
+def lobatto(degree: int) -> Floats:
     """Return Lobatto's points of [-1, 1], one more than the degree, which is at least 1."""
     inner = legendre.legroots(legendre.legder([0] * degree + [1]))
     return np.concatenate([[-1.0], inner, [1.0]])
 
 
 @cache
-def _basis() -> tuple[Array, Array, Array, Array]:
+def _basis() -> tuple[Floats, Floats, Floats, Floats]:
     """Gauss points and weights on [0, 1]; Lagrange polynomials of the Lobatto points there."""
     nodes = lobatto(DEGREE)
     points, weights = legendre.leggauss(DEGREE + 4)
@@ -295,7 +298,7 @@ def _basis() -> tuple[Array, Array, Array, Array]:
     return (points + 1) / 2, weights / 2, values, np.asarray(2 * slopes, dtype=np.float64)
 
 
-def _open(bands: Bands, m: int, count: int) -> Array:
+def _open(bands: Bands, m: int, count: int) -> Floats:
     """Return the first eigenvalues of an m; u = 0 on the axis if m > 0."""
     size = bands.mass.shape[1]
     kept = slice(int(m > 0 and bands.on_axis[0]), size - int(m > 0 and bands.on_axis[1]))
@@ -306,13 +309,12 @@ def _open(bands: Bands, m: int, count: int) -> Array:
         check_finite=False,
     )
     weighted = _symmetric(mass).tocsr()
-
-    def inverse(vector: Array) -> Array:
-        solved: Array = linalg.cho_solve_banded((factor, True), vector, check_finite=False)
-        return solved
-
     size = mass.shape[1]
-    operator: LinearOperator[Any] = LinearOperator((size, size), matvec=inverse, dtype=np.float64)
+    operator: LinearOperator[Any] = LinearOperator(
+        (size, size),
+        matvec=lambda vector: linalg.cho_solve_banded((factor, True), vector, check_finite=False),
+        dtype=np.float64,
+    )
     values = eigsh(
         weighted,  # not used: ARPACK takes A from the factorisation alone
         count,
@@ -327,7 +329,7 @@ def _open(bands: Bands, m: int, count: int) -> Array:
     return np.sort(values)
 
 
-def _closed(bands: Bands, m: int, count: int) -> Array:
+def _closed(bands: Bands, m: int, count: int) -> Floats:
     """Return the first eigenvalues of an m on a closed profile.
 
     Dense: pairs next to each other, which a symmetric profile has, are not told apart by Lanczos.
@@ -344,14 +346,13 @@ def _closed(bands: Bands, m: int, count: int) -> Array:
     return np.asarray(1 / inverse[::-1] - bands.shift)
 
 
-def _symmetric(bands: Array) -> sparse.dia_array:
-    size = bands.shape[1]
-    above = [np.concatenate([np.zeros(d), bands[d, : size - d]]) for d in range(1, DEGREE + 1)]
+def _symmetric(bands: Floats) -> sparse.dia_array:
+    below = [band[: len(band) - d] for d, band in enumerate(bands)]
     offsets = [*range(0, -DEGREE - 1, -1), *range(1, DEGREE + 1)]
-    return sparse.dia_array((np.concatenate([bands, above]), offsets), shape=(size, size))
+    return sparse.diags_array([*below, *below[1:]], offsets=offsets)
 
 
-def _joined(matrix: Array) -> Array:
+def _joined(matrix: Floats) -> Floats:
     """Make the last point of a closed profile the first."""
     matrix[0] += matrix[-1]
     matrix[:, 0] += matrix[:, -1]

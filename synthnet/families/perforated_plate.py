@@ -1,16 +1,13 @@
 """Plates with a grid of round holes, the bars between them thick or thin."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 
 from synthnet.families.atlas import Atlas, borders
-from synthnet.families.charted import charted, one_shape
+from synthnet.families.charted import charted
 from synthnet.families.family import SHORTEST
 from synthnet.families.plates import Plate
-from synthnet.types import Parameters
 
 DRILLED = 0.75  # of the cells, about
 SMALLEST = 0.5  # hole of a plate, over its largest
@@ -36,9 +33,8 @@ def atlas(**parameters: Any) -> Atlas:
     return plate(**parameters).atlas()
 
 
-def euler(parameters: Parameters) -> int:
+def euler(**shape: Any) -> int:
     """Return 2 − 2g for g holes."""
-    shape: dict[str, Any] = dict(one_shape(parameters))
     return plate(**shape).euler_characteristic
 
 

@@ -63,7 +63,7 @@ class Plate:
                 points[here] = self._points(column, row, side, u[here])
             return points if bend is None else bend(columns[charts], points)
 
-        return Atlas(*glue_charts(*enumerate(patches for _, patches in parts)), chart)
+        return Atlas(*glue_charts([patches for _, patches in parts]), chart)
 
     def _cell(self, column: int, row: int, side: int) -> tuple[Floats, float, float]:
         """Return a cell's middle, how far from it a side is, and half that side's length."""

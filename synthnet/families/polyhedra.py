@@ -20,7 +20,7 @@ def polyhedron(*faces: Floats, singular: Floats | None = None) -> Atlas:
     singular : ndarray of shape (c, 3), optional
         Corners to which a graded mesh is finer; see :class:`~synthnet.families.atlas.Atlas`.
     """
-    corners, charts = glue_charts(*enumerate(faces))
+    corners, charts = glue_charts(faces)
     marked: NDArray[np.bool_] | None = None
     if singular is not None:
         near = SAME * float(np.ptp(corners.reshape(-1, 3), axis=0).max())
@@ -29,9 +29,13 @@ def polyhedron(*faces: Floats, singular: Floats | None = None) -> Atlas:
     return Atlas(corners, charts, lambda _, points: points, marked)
 
 
-def flat(patches: Floats, height: float = 0.0, *, turned: bool = False) -> Floats:
-    """Lift patches of the plane, (p, 3, 2), to a height; ``turned`` makes them face down."""
-    points = np.concatenate([patches, np.full((*patches.shape[:2], 1), height)], axis=2)
+def flat(patches: Floats, height: float = 0.0, *, axis: int = 2, turned: bool = False) -> Floats:
+    """Lift patches of the plane, (p, 3, 2), to a height; ``turned`` makes them face down.
+
+    The plane is that of the two axes after ``axis``, in cyclic order.
+    """
+    points = np.full((*patches.shape[:2], 3), height, dtype=np.float64)
+    points[..., [(axis + 1) % 3, (axis + 2) % 3]] = patches
     return points[:, ::-1] if turned else points
 
 

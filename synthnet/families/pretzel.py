@@ -12,7 +12,6 @@ import numpy as np
 from synthnet.families.atlas import Atlas, Floats, Integers, glue_charts, rectangle
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.types import Parameters
 
 
 def atlas(*, genus: int, hole: float, thickness: float, stretch: float, bend: float) -> Atlas:
@@ -53,7 +52,7 @@ def atlas(*, genus: int, hole: float, thickness: float, stretch: float, bend: fl
 
     sheet = rectangle(np.linspace(0, 1, 3), np.linspace(-2, 2, 5))
     sheets = [sheet if number % 2 == 0 else sheet[:, ::-1] for number in range(2 * genus)]
-    return Atlas(*glue_charts(*enumerate(sheets)), chart)
+    return Atlas(*glue_charts(sheets), chart)
 
 
 def _from_rim(share: Floats) -> Floats:
@@ -76,9 +75,9 @@ def _bent(points: Floats, bend: float) -> Floats:
     )
 
 
-def euler(parameters: Parameters) -> int:
+def euler(*, genus: int, **_: object) -> int:
     """Return 2 − 2g."""
-    return 2 - 2 * int(parameters["genus"])
+    return 2 - 2 * genus
 
 
 FAMILY = charted(

@@ -1,10 +1,9 @@
 """Open3D's primitives as :class:`~synthnet.types.Mesh`, for the families to build on."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.families.atlas import Floats, Integers
 from synthnet.mesh.adjacency import connected
 from synthnet.mesh.open3d import from_open3d, load_open3d
 from synthnet.mesh.repair import compact
@@ -17,30 +16,22 @@ FLAT = 1e-9  # neighbours whose unit normals differ by less form one flat facet
 
 def box(*, width: float, height: float, depth: float) -> Mesh:
     """Rectangular box [0, width] × [0, height] × [0, depth]."""
-    factory = load_open3d().geometry.TriangleMesh
-    return from_open3d(factory.create_box(width=width, height=height, depth=depth))
+    return _made("box", width=width, height=height, depth=depth)
 
 
 def cone(*, radius: float, height: float, resolution: int, split: int) -> Mesh:
     """Closed cone on the plane z = 0, apex at (0, 0, height), in ``split`` bands."""
-    factory = load_open3d().geometry.TriangleMesh
-    return from_open3d(
-        factory.create_cone(radius=radius, height=height, resolution=resolution, split=split)
-    )
+    return _made("cone", radius=radius, height=height, resolution=resolution, split=split)
 
 
 def cylinder(*, radius: float, height: float, resolution: int, split: int) -> Mesh:
     """Closed cylinder, -height/2 ≤ z ≤ height/2, in ``split`` bands; each cap is one fan."""
-    factory = load_open3d().geometry.TriangleMesh
-    return from_open3d(
-        factory.create_cylinder(radius=radius, height=height, resolution=resolution, split=split)
-    )
+    return _made("cylinder", radius=radius, height=height, resolution=resolution, split=split)
 
 
 def sphere(*, radius: float, resolution: int) -> Mesh:
     """Sphere of two poles and ``resolution`` − 1 circles of 2·``resolution`` points."""
-    factory = load_open3d().geometry.TriangleMesh
-    return from_open3d(factory.create_sphere(radius=radius, resolution=resolution))
+    return _made("sphere", radius=radius, resolution=resolution)
 
 
 def torus(
@@ -54,10 +45,12 @@ def torus(
     >>> ring.vertices.shape, ring.faces.shape
     ((48, 3), (96, 3))
     """
-    factory = load_open3d().geometry.TriangleMesh
-    return from_open3d(
-        factory.create_torus(torus_radius, tube_radius, radial_resolution, tubular_resolution)
-    )
+    return _made("torus", torus_radius, tube_radius, radial_resolution, tubular_resolution)
+
+
+def _made(shape: str, *numbers: float, **named: float) -> Mesh:
+    create = getattr(load_open3d().geometry.TriangleMesh, f"create_{shape}")
+    return from_open3d(create(*numbers, **named))
 
 
 def join_halves(left: Mesh, right: Mesh) -> Mesh:
@@ -90,9 +83,7 @@ def join_hemispheres(left: Mesh, right: Mesh) -> Mesh:
     return compact(Mesh(points, _fan_flat_facets(points, faces)))
 
 
-def _points_of_halves(
-    left: Mesh, right: Mesh
-) -> tuple[NDArray[np.float64], tuple[NDArray[np.int64], NDArray[np.int64]]]:
+def _points_of_halves(left: Mesh, right: Mesh) -> tuple[Floats, tuple[Integers, Integers]]:
     """Return the points of both halves, and the number there of each vertex, −1 if none."""
     kept = (
         np.flatnonzero(left.vertices[:, 0] <= PLANE),
@@ -106,33 +97,29 @@ def _points_of_halves(
     representative = np.empty(len(points), dtype=np.int64)
     representative[order] = first
     unique, number = np.unique(representative, return_inverse=True)
-    numbers = []
-    for mesh, mine, new_numbers in (
-        (left, kept[0], number[: len(kept[0])]),
-        (right, kept[1], number[len(kept[0]) :]),
-    ):
-        numbers.append(np.full(len(mesh.vertices), -1, dtype=np.int64))
-        numbers[-1][mine] = new_numbers
+    numbers = [np.full(len(mesh.vertices), -1, dtype=np.int64) for mesh in (left, right)]
+    parts = np.split(number, [len(kept[0])])
+    for of_mesh, there, part in zip(numbers, kept, parts, strict=True):
+        of_mesh[there] = part
     return points[unique], (numbers[0], numbers[1])
 
 
-def _facets_beyond(mesh: Mesh, number: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+def _facets_beyond(mesh: Mesh, number: Integers, side: int) -> Integers:
     """Return the faces of a sphere whose caps lie on one side of x = 0, renumbered."""
-    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    a = mesh.vertices[mesh.faces[:, 0]]
+    normals = _unit_normals(mesh.vertices, mesh.faces)
     height = (normals * a).sum(axis=1) / np.linalg.norm(a, axis=1)
     nearest = np.arccos(np.clip(side * normals[:, 0], -1, 1)) + np.arccos(np.clip(height, -1, 1))
     faces = number[mesh.faces]
-    known: NDArray[np.int64] = faces[(nearest < np.pi / 2 - CLEAR) & (faces >= 0).all(axis=1)]
+    known: Integers = faces[(nearest < np.pi / 2 - CLEAR) & (faces >= 0).all(axis=1)]
     return known
 
 
-def _band(points: NDArray[np.float64], known: NDArray[np.int64]) -> NDArray[np.int64]:
+def _band(points: Floats, known: Integers) -> Integers:
     """Return the facets of the hull that the known ones leave open."""
     n = len(points)
     tails, heads = known.ravel(), np.roll(known, -1, axis=1).ravel()
-    forward, backward = tails * n + heads, heads * n + tails
+    forward, backward = _half_edges(known, n)
     rim = ~np.isin(forward, backward)
     inside = np.zeros(n, dtype=bool)
     inside[tails] = True
@@ -140,10 +127,8 @@ def _band(points: NDArray[np.float64], known: NDArray[np.int64]) -> NDArray[np.i
     band = np.flatnonzero(~inside)
     faces = band[_hull(points[band])]
     # Its facets come in parts, parted by the rim: the band, and a lid for each half.
-    keys = faces.ravel() * n + np.roll(faces, -1, axis=1).ravel()
-    opposite = np.roll(faces, -1, axis=1).ravel() * n + faces.ravel()
-    order = np.argsort(keys)
-    neighbour = order[np.searchsorted(keys[order], opposite)] // 3
+    keys, opposite = _half_edges(faces, n)
+    neighbour = _neighbours(keys, opposite)
     cut = np.isin(keys, backward[rim]) | np.isin(opposite, backward[rim])
     part = connected(len(faces), np.repeat(np.arange(len(faces)), 3)[~cut], neighbour[~cut])
     x = points[faces, 0]
@@ -151,14 +136,31 @@ def _band(points: NDArray[np.float64], known: NDArray[np.int64]) -> NDArray[np.i
     return faces[np.isin(part, part[touching])]
 
 
-def _closed(faces: NDArray[np.int64], n: int) -> bool:
+def _closed(faces: Integers, n: int) -> bool:
     """Whether every edge has its opposite, once."""
-    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    forward, backward = np.sort(tails * n + heads), np.sort(heads * n + tails)
+    forward, backward = (np.sort(keys) for keys in _half_edges(faces, n))
     return bool((forward == backward).all() and (np.diff(forward) > 0).all())
 
 
-def convex_hull(points: NDArray[np.float64]) -> Mesh:
+def _half_edges(faces: Integers, n: int) -> tuple[Integers, Integers]:
+    """Return a number of each half-edge 3 f + i of n vertices, and that of its opposite."""
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    return tails * n + heads, heads * n + tails
+
+
+def _neighbours(keys: Integers, opposite: Integers) -> Integers:
+    """Return for each half-edge of a closed surface the face of its opposite."""
+    order = np.argsort(keys)
+    return order[np.searchsorted(keys[order], opposite)] // 3
+
+
+def _unit_normals(points: NDArray[np.floating], faces: NDArray[np.integer]) -> Floats:
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
+def convex_hull(points: Floats) -> Mesh:
     """Triangulate the convex hull of points of shape (n, 3), flat facets in a normal form.
 
     The vertices are in the order of ``points``, the faces sorted and oriented outwards.
@@ -172,16 +174,16 @@ def convex_hull(points: NDArray[np.float64]) -> Mesh:
     return compact(Mesh(points, _fan_flat_facets(points, _hull(points))))
 
 
-def _hull(points: NDArray[np.float64]) -> NDArray[np.int64]:
+def _hull(points: Floats) -> Integers:
     """Triangulate the convex hull by Open3D: faces of shape (m, 3), oriented outwards."""
     o3d = load_open3d()
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     hull, kept = cloud.compute_convex_hull()
-    faces: NDArray[np.int64] = np.asarray(kept, dtype=np.int64)[np.asarray(hull.triangles)]
+    faces: Integers = np.asarray(kept, dtype=np.int64)[np.asarray(hull.triangles)]
     return faces
 
 
-def _fan_flat_facets(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def _fan_flat_facets(points: Floats, faces: Integers) -> Integers:
     """Put the faces of a hull into a normal form.
 
     Where more than three hull vertices lie in one plane, the triangulation of that
@@ -189,17 +191,10 @@ def _fan_flat_facets(points: NDArray[np.float64], faces: NDArray[np.int64]) -> N
     differs between machines. So each flat facet is fanned out from its first vertex,
     and the faces are put in order: the same points give the same faces.
     """
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-
-    # The neighbour of each half-edge's face is the face of the opposite half-edge.
+    normals = _unit_normals(points, faces)
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     face = np.repeat(np.arange(len(faces)), 3)
-    order = np.argsort(tails * len(points) + heads)
-    sorted_keys = (tails * len(points) + heads)[order]
-    neighbour = face[order[np.searchsorted(sorted_keys, heads * len(points) + tails)]]
-
+    neighbour = _neighbours(*_half_edges(faces, len(points)))
     flat = np.linalg.norm(normals[face] - normals[neighbour], axis=1) < FLAT
     facet = connected(len(faces), face[flat], neighbour[flat])
 

@@ -1,8 +1,7 @@
 """Atlases of surfaces that are seen whole from the origin, over an icosahedron."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
+from itertools import combinations
 
 import numpy as np
 
@@ -21,31 +20,30 @@ def icosahedron() -> Floats:
     """Return the twenty faces, shape (20, 3, 3), counter-clockwise seen from outside."""
     near = np.isclose(np.linalg.norm(CORNERS[:, None] - CORNERS, axis=2), EDGE)
     triangles = []
-    for a in range(12):
-        for b in range(a + 1, 12):
-            for c in range(b + 1, 12):
-                if near[a, b] and near[b, c] and near[a, c]:
-                    turn = np.linalg.det(CORNERS[[a, b, c]])
-                    triangles.append((a, b, c) if turn > 0 else (a, c, b))
+    for a, b, c in combinations(range(12), 3):
+        if near[a, b] and near[b, c] and near[a, c]:
+            turn = np.linalg.det(CORNERS[[a, b, c]])
+            triangles.append((a, b, c) if turn > 0 else (a, c, b))
     return np.asarray(CORNERS[np.array(triangles)])
 
 
-def radial(
-    distance: Callable[[Floats], Floats], onto: Callable[[Floats], Floats] | None = None
-) -> Atlas:
+def unit_vectors(z: Floats, angle: Floats) -> Floats:
+    """Return unit vectors (n, 3), spread evenly if z and angle are in [−1, 1]."""
+    flat = np.sqrt(1 - z**2)
+    return np.stack([flat * np.cos(np.pi * angle), flat * np.sin(np.pi * angle), z], axis=1)
+
+
+def radial(distance: Callable[[Floats], Floats]) -> Atlas:
     """Return the atlas of a surface by its distance from the origin in each direction.
 
     Parameters
     ----------
     distance : callable
         From unit vectors of shape (n, 3) to positive numbers (n,).
-    onto : callable, optional
-        A map of space that the surface is put through, points (n, 3) to points.
     """
 
     def chart(_: Integers, u: Floats) -> Floats:
         directions = u / np.linalg.norm(u, axis=1, keepdims=True)
-        points = directions * distance(directions)[:, None]
-        return points if onto is None else onto(points)
+        return np.asarray(directions * distance(directions)[:, None])
 
     return Atlas(icosahedron(), np.zeros(20, dtype=np.int64), chart)

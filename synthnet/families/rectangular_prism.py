@@ -16,6 +16,5 @@ FAMILY = Family(
     title="Rectangular prism",
     surface=surface,
     least={**cuboid.LEAST, "subdivisions": 0},
-    euler_characteristic=2,
     atlas=cuboid.atlas,
 )

@@ -1,7 +1,5 @@
 """Triangulations that are not uniform: finer in places, and irregular."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -9,6 +7,7 @@ from numpy.typing import NDArray
 
 from synthnet.families.atlas import SAME, Atlas, Charted, Floats, Integers
 from synthnet.kernels import kernel
+from synthnet.mesh.adjacency import edge_keys, joined_half_edges
 
 REACH = 0.4  # how far a vertex moves towards the far side of a triangle beside it, at most
 HALF = 1e-6  # of the width: so far from the plane a triangle counts as beyond it
@@ -142,13 +141,9 @@ def _free(mesh: Charted) -> NDArray[np.bool_]:
 
 def delaunay(atlas: Atlas, mesh: Charted) -> Charted:
     """Flip edges inside charts until the angles opposite to each add up to at most π."""
-    edges, of_side = mesh.edges()
-    order = np.argsort(of_side.ravel(), kind="stable")
-    counts = np.bincount(of_side.ravel(), minlength=len(edges))
-    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    first, second = joined_half_edges(edge_keys(mesh.faces))
     twin = np.full(mesh.faces.size, -1, dtype=np.int64)
-    pairs = starts[counts == 2]
-    twin[order[pairs]], twin[order[pairs + 1]] = order[pairs + 1], order[pairs]
+    twin[first], twin[second] = second, first
 
     flat = mesh.corners.reshape(-1, mesh.corners.shape[2])
     charts, near = np.repeat(mesh.charts, 3), SAME * np.ptp(flat)

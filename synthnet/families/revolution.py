@@ -1,10 +1,9 @@
 """Atlases of surfaces of revolution, piece by piece of their profile."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -12,6 +11,9 @@ import numpy as np
 from synthnet.families.atlas import Atlas, Floats, Integers, glue_charts, rectangle
 
 Profile: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
+Corner: TypeAlias = tuple[float, float]  # radius and height
+
+SECTORS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,13 +37,27 @@ class Piece:
     cells: int = 1
 
 
-def straight(start: tuple[float, float], stop: tuple[float, float]) -> Profile:
-    """Return the straight profile from one (radius, height) to another."""
+def turned(corners: Sequence[Corner], cells: Sequence[int], sectors: int = SECTORS) -> Atlas:
+    """Return the atlas of a profile that is straight from each corner to the next.
+
+    Corners are in the order of :class:`Piece`, and ``cells`` its rows of patches, of each piece.
+    """
+    pieces = []
+    for (start, stop), count in zip(pairwise(corners), cells, strict=True):
+        if stop[0] == 0:
+            pieces.append(Piece("tip", _straight(stop, start), count))
+        else:
+            kind: Literal["base", "band"] = "base" if start[0] == 0 else "band"
+            pieces.append(Piece(kind, _straight(start, stop), count))
+    return revolution(pieces, sectors)
+
+
+def _straight(start: Corner, stop: Corner) -> Profile:
     (r0, z0), (r1, z1) = start, stop
     return lambda s: (r0 + (r1 - r0) * s, z0 + (z1 - z0) * s)
 
 
-def revolution(pieces: Sequence[Piece], sectors: int) -> Atlas:
+def revolution(pieces: Sequence[Piece], sectors: int = SECTORS) -> Atlas:
     """Return the atlas of the surface about the z axis.
 
     Coordinates are (θ, s) on a band, (s, sθ) on a piece that meets the axis, so that the
@@ -67,7 +83,7 @@ def revolution(pieces: Sequence[Piece], sectors: int) -> Atlas:
             )
         return points
 
-    return Atlas(*glue_charts(*enumerate(patches)), chart)
+    return Atlas(*glue_charts(patches), chart)
 
 
 def _patches(piece: Piece, theta: Floats) -> Floats:

@@ -51,7 +51,7 @@ def atlas(*, width: float, height: float, depth: float, fillet: float) -> Atlas:
         directions = u[:, 3:] / np.linalg.norm(u[:, 3:], axis=1, keepdims=True)
         return np.asarray(u[:, :3] + radius * directions)
 
-    return Atlas(*glue_charts(*enumerate(parts)), chart)
+    return Atlas(*glue_charts(parts), chart)
 
 
 FAMILY = charted(

@@ -1,26 +1,21 @@
 """Shafts: coaxial cylinders and cones with shoulders between them, some with a bore."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, borders, rows
+from synthnet.families.atlas import Atlas, Floats, borders, rows
 from synthnet.families.charted import charted
-from synthnet.families.revolution import Piece, revolution, straight
-from synthnet.types import Parameters
+from synthnet.families.revolution import Corner, turned
 
-SECTORS = 6
 SLENDER = 0.8  # lengths and radii of steps are 10^-0.8 to 1
 TAPERED = 0.3  # of the steps, about, have another radius at their end
 BORE = (0.2, 0.8)  # radius of a bore over that of the thinnest step
 
 
-def profile(*, steps: int, bore: int, form: int) -> list[tuple[float, float]]:
+def profile(*, steps: int, bore: int, form: int) -> list[Corner]:
     """Return the corners of the profile, (radius, height), from the lowest inside, and round.
 
     ``form`` is the seed of the steps' lengths and radii. Without a bore the profile begins and
@@ -43,29 +38,21 @@ def atlas(**parameters: int) -> Atlas:
     """Return the surface of :func:`profile` about the z axis."""
     corners = profile(**parameters)
     around = float(np.mean([radius for radius, _ in corners]))
-    pieces = []
-    for start, stop in pairwise(corners):
-        if start[0] == 0:
-            pieces.append(Piece("base", straight(start, stop)))
-        elif stop[0] == 0:
-            pieces.append(Piece("tip", straight(stop, start)))
-        else:
-            pieces.append(
-                Piece("band", straight(start, stop), rows(math.dist(start, stop), around))
-            )
-    return revolution(pieces, SECTORS)
+    cells = [
+        1 if 0 in (start[0], stop[0]) else rows(math.dist(start, stop), around)
+        for start, stop in pairwise(corners)
+    ]
+    return turned(corners, cells)
 
 
-def limit(k: int, *, steps: int, bore: int, form: int, **_: object) -> NDArray[np.float64]:
+def limit(k: int, *, steps: int, bore: int, form: int, **_: object) -> Floats:
     """Return the spectrum of the smooth shaft."""
-    corners = profile(steps=steps, bore=bore, form=form)
-    arcs = [limits.line(start[0], stop[0], stop[1] - start[1]) for start, stop in pairwise(corners)]
-    return limits.of_revolution(arcs, k, closed=bool(bore))
+    return limits.of_corners(profile(steps=steps, bore=bore, form=form), k, closed=bool(bore))
 
 
-def euler(parameters: Parameters) -> int:
+def euler(*, bore: int, **_: object) -> int:
     """Return 2, or 0 with a bore."""
-    return 0 if parameters["bore"] else 2
+    return 0 if bore else 2
 
 
 FAMILY = charted(

@@ -1,7 +1,5 @@
 """Parts of bent sheet: flanges with round holes, and rounded bends between them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.families.atlas import Atlas, Floats, Integers, borders
-from synthnet.families.charted import charted, one_shape
+from synthnet.families.charted import charted
 from synthnet.families.family import SHORTEST
 from synthnet.families.plates import Plate
-from synthnet.types import Parameters
 
 HEADINGS = np.pi / 4 * np.arange(-2, 3)  # from the x axis: a profile never turns back on itself
 DRILLED = 0.4  # of the flanges' cells, about
@@ -83,9 +80,8 @@ def atlas(**parameters: Any) -> Atlas:
     return bent.plate.atlas(bent.bend)
 
 
-def euler(parameters: Parameters) -> int:
+def euler(**shape: Any) -> int:
     """Return 2 − 2g for g holes."""
-    shape: dict[str, Any] = dict(one_shape(parameters))
     return part(**shape).plate.euler_characteristic
 
 

@@ -8,7 +8,6 @@ FAMILY = Family(
     title="Sphere",
     surface=primitives.sphere,
     least={"radius": POSITIVE, "resolution": 2},
-    euler_characteristic=2,
     limit=conforming_split_sphere.limit,
     atlas=conforming_split_sphere.atlas,
 )

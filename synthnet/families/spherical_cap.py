@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.families import limits
 from synthnet.families.atlas import Atlas, Floats, rows
@@ -14,14 +13,11 @@ from synthnet.families.revolution import Piece, revolution
 
 def atlas(*, angle: float) -> Atlas:
     """Points of the unit sphere within ``angle`` radians of the lowest one."""
-
-    def profile(s: Floats) -> tuple[Floats, Floats]:
-        return np.sin(angle * s), -np.cos(angle * s)
-
-    return revolution([Piece("base", profile, rows(angle, math.pi / 4))], 6)
+    row = rows(angle, math.pi / 4)
+    return revolution([Piece("base", lambda s: (np.sin(angle * s), -np.cos(angle * s)), row)])
 
 
-def limit(k: int, *, angle: float, **_: object) -> NDArray[np.float64]:
+def limit(k: int, *, angle: float, **_: object) -> Floats:
     """Spectrum of the cap with Neumann's condition."""
     return limits.of_revolution([Arc(angle, np.sin)], k)
 

@@ -41,7 +41,6 @@ FAMILY = Family(
         "split_b": 1,
         "subdivisions": 0,
     },
-    euler_characteristic=2,
     limit=circular_cone.limit,
     atlas=circular_cone.atlas,
 )

@@ -24,7 +24,6 @@ FAMILY = Family(
     title="Split sphere",
     surface=surface,
     least={"radius": POSITIVE, "resolution_a": 2, "resolution_b": 2},
-    euler_characteristic=2,
     limit=conforming_split_sphere.limit,
     atlas=conforming_split_sphere.atlas,
     congruent=congruent,

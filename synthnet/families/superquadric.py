@@ -7,6 +7,7 @@ import numpy as np
 from synthnet.families.atlas import Atlas, Floats, rectangle
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
+from synthnet.families.polyhedra import flat
 from synthnet.families.radial import radial
 
 SHRINK = 0.2  # a patch at a crease is so much narrower than its neighbour
@@ -26,7 +27,7 @@ def atlas(*, a: float, b: float, c: float, east: float, north: float) -> Atlas:
         inside = (x ** (2 / east) + y ** (2 / east)) ** (east / north) + z ** (2 / north)
         return np.asarray(inside ** (-north / 2))
 
-    return radial(distance, lambda points: points * [a, b, c])
+    return radial(distance).put_through(lambda points: points * [a, b, c])
 
 
 def pieces(*, a: float, b: float, c: float, east: float, north: float) -> Atlas:
@@ -45,12 +46,8 @@ def pieces(*, a: float, b: float, c: float, east: float, north: float) -> Atlas:
         lines.append(np.concatenate([-positive[::-1], [0.0], positive]))
     sides = []
     for axis in range(3):
-        first, second = (axis + 1) % 3, (axis + 2) % 3
-        flat = rectangle(lines[first], lines[second])
-        for sign in (-1.0, 1.0):
-            side = np.full((*flat.shape[:2], 3), sign)
-            side[:, :, first], side[:, :, second] = np.moveaxis(flat, 2, 0)
-            sides.append(side)
+        sheet = rectangle(lines[(axis + 1) % 3], lines[(axis + 2) % 3])
+        sides += [flat(sheet, sign, axis=axis) for sign in (-1.0, 1.0)]
     corners = np.concatenate(sides)
     whole = atlas(a=a, b=b, c=c, east=east, north=north)
     return Atlas(corners, np.zeros(len(corners), dtype=np.int64), whole.chart)

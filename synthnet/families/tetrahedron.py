@@ -28,6 +28,5 @@ FAMILY = Family(
     title="Tetrahedron",
     surface=surface,
     least={"width": POSITIVE, "height": POSITIVE, "depth": POSITIVE, "subdivisions": 0},
-    euler_characteristic=2,
     atlas=atlas,
 )

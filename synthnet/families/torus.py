@@ -1,18 +1,16 @@
 """Tori of revolution (paper §C: torus radius 1, log-normal tube radius)."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.families import limits, primitives, twisted_torus
-from synthnet.families.atlas import Atlas
+from synthnet.families.atlas import Atlas, Floats
 from synthnet.families.family import POSITIVE, Family
 from synthnet.families.limits import Arc
 
 
-def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> NDArray[np.float64]:
+def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> Floats:
     """Spectrum of the smooth torus, as a surface of revolution."""
     half = math.pi * tube_radius
     outer = Arc(half, lambda s: torus_radius + tube_radius * np.sin(s / tube_radius))
@@ -23,7 +21,7 @@ def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> NDA
 def atlas(*, torus_radius: float, tube_radius: float, **_: float) -> Atlas:
     """Return the smooth torus in patches."""
     unit = twisted_torus.atlas(tube_radius=tube_radius / torus_radius, flatness=1.0, half_turns=0)
-    return replace(unit, chart=lambda charts, u: torus_radius * unit.chart(charts, u))
+    return unit.put_through(lambda points: torus_radius * points)
 
 
 FAMILY = Family(

@@ -2,39 +2,27 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, rows
+from synthnet.families.atlas import Atlas, Floats, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.families.revolution import Piece, revolution, straight
-
-SECTORS = 6
+from synthnet.families.revolution import Corner, turned
 
 
 def atlas(*, radius: float, height: float, scaling: float, **_: object) -> Atlas:
     """Frustum about the z axis from z = 0; the upper disc has radius·scaling."""
     top = radius * scaling
     side = math.hypot(height, top - radius)
-    return revolution(
-        [
-            Piece("base", straight((0, 0), (radius, 0))),
-            Piece("band", straight((radius, 0), (top, height)), rows(side, (radius + top) / 2)),
-            Piece("tip", straight((0, height), (top, height))),
-        ],
-        SECTORS,
-    )
+    return turned(_profile(radius, top, height), [1, rows(side, (radius + top) / 2), 1])
 
 
-def limit(
-    k: int, *, radius: float, height: float, scaling: float, **_: object
-) -> NDArray[np.float64]:
+def limit(k: int, *, radius: float, height: float, scaling: float, **_: object) -> Floats:
     """Spectrum of the smooth frustum with its discs."""
-    top = radius * scaling
-    profile = [limits.line(0, radius), limits.line(radius, top, height), limits.line(top, 0)]
-    return limits.of_revolution(profile, k)
+    return limits.of_corners(_profile(radius, radius * scaling, height), k)
+
+
+def _profile(radius: float, top: float, height: float) -> list[Corner]:
+    return [(0, 0), (radius, 0), (top, height), (0, height)]
 
 
 FAMILY = charted(

@@ -18,15 +18,13 @@ N. Max, "Weights for computing vertex normals from facet normals", Journal of Gr
 from normals.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import fem
+from synthnet.spectrum.arrays import Booleans, Floats, Indices
 from synthnet.types import Mesh
 
 CREASE = 55.0  # degrees between the normals of two triangles: below those of a hexagon's sides
@@ -34,8 +32,6 @@ RISE = 0.2  # of an edge's length, the most that it is bent
 UNEVEN = 12.0  # times as large as another face of the same normal: it settles that, if it is flat
 COPLANAR = 0.05  # degrees to a neighbour, below which a face is part of something flat
 STRAIGHT = 0.1  # sine between two sides' normals, below which a crease has no direction of its own
-
-Floats = NDArray[np.float64]
 
 
 class Patches(NamedTuple):
@@ -54,9 +50,9 @@ class Patches(NamedTuple):
     """
 
     vertices: Floats
-    faces: NDArray[np.int32]
-    ends: NDArray[np.int32]
-    sides: NDArray[np.int32]
+    faces: Indices
+    ends: Indices
+    sides: Indices
     rises: Floats
 
 
@@ -79,7 +75,7 @@ def bend(mesh: Mesh) -> Patches:
         If a face has no area.
     """
     vertices, faces = _arrays(mesh)
-    start, around = fem.around(faces, len(vertices))
+    start, around = fem.grouped(faces.ravel(), len(vertices))
     ends, sides, beside, oriented = _edges(faces, start, around)
     units, areas, weights = _units(vertices, faces)
     cosine = float(np.cos(np.radians(CREASE)))
@@ -98,20 +94,19 @@ def straight(mesh: Mesh) -> Patches:
         If a face has no area.
     """
     vertices, faces = _arrays(mesh)
-    ends, sides, _, _ = _edges(faces, *fem.around(faces, len(vertices)))
+    ends, sides, _, _ = _edges(faces, *fem.grouped(faces.ravel(), len(vertices)))
     return Patches(vertices, faces, ends, sides, np.zeros((len(ends), 3)))
 
 
-def edges_and_rims(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+def edges_and_rims(mesh: Mesh) -> tuple[Indices, Booleans]:
     """Return a mesh's edges, (e, 2), as :class:`Patches` has them, and which have one face."""
-    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
-    ends, _, beside, _ = _edges(faces, *fem.around(faces, len(mesh.vertices)))
+    _, faces = fem.arrays(mesh)
+    ends, _, beside, _ = _edges(faces, *fem.grouped(faces.ravel(), len(mesh.vertices)))
     return ends, beside[:, 1] == -1
 
 
-def _arrays(mesh: Mesh) -> tuple[Floats, NDArray[np.int32]]:
-    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
-    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+def _arrays(mesh: Mesh) -> tuple[Floats, Indices]:
+    vertices, faces = fem.arrays(mesh)
     if flat := fem.flat_triangles(vertices, faces):
         raise ValueError(f"{flat} of {len(faces)} faces have no area: {fem.REMEDY}")
     return vertices, faces
@@ -119,8 +114,8 @@ def _arrays(mesh: Mesh) -> tuple[Floats, NDArray[np.int32]]:
 
 @kernel
 def _edges(
-    faces: NDArray[np.int32], start: NDArray[np.int32], around: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], bool]:
+    faces: Indices, start: Indices, around: Indices
+) -> tuple[Indices, Indices, Indices, bool]:
     """Return the ends of edges, ascending, those of each face, and the sides 3 f + s of each.
 
     Where an edge has one side, or more than two, its second one is -1 or -2. The last is whether
@@ -169,7 +164,7 @@ def _edges(
 
 
 @kernel
-def _units(vertices: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats, Floats]:
+def _units(vertices: Floats, faces: Indices) -> tuple[Floats, Floats, Floats]:
     """Return unit normals of faces, twice their areas, and Max's weights of their corners.
 
     A weight is the sine of the angle there over the lengths of both its sides.
@@ -195,7 +190,7 @@ def _units(vertices: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats, 
 
 
 @kernel
-def _flat(beside: NDArray[np.int32], units: Floats, sine: float) -> NDArray[np.bool_]:
+def _flat(beside: Indices, units: Floats, sine: float) -> Booleans:
     """Return which faces are in one plane with a neighbour."""
     flat = np.zeros(units.shape[0], np.bool_)
     product = np.empty(3)
@@ -210,13 +205,13 @@ def _flat(beside: NDArray[np.int32], units: Floats, sine: float) -> NDArray[np.b
 
 @kernel
 def _normals(
-    faces: NDArray[np.int32],
-    start: NDArray[np.int32],
-    around: NDArray[np.int32],
+    faces: Indices,
+    start: Indices,
+    around: Indices,
     units: Floats,
     areas: Floats,
     weights: Floats,
-    flat: NDArray[np.bool_],
+    flat: Booleans,
     oriented: bool,
     cosine: float,
 ) -> Floats:
@@ -252,9 +247,7 @@ def _normals(
 
 
 @part
-def _orient(
-    faces: NDArray[np.int32], corners: NDArray[np.int32], signs: Floats, queue: NDArray[np.int32]
-) -> None:
+def _orient(faces: Indices, corners: Indices, signs: Floats, queue: Indices) -> None:
     """Set signs with which faces around a vertex are oriented alike, from one to its neighbours."""
     signs[: corners.shape[0]] = 0.0
     for first in range(corners.shape[0]):
@@ -286,9 +279,9 @@ def _orient(
 @kernel
 def _rises(
     vertices: Floats,
-    faces: NDArray[np.int32],
-    ends: NDArray[np.int32],
-    beside: NDArray[np.int32],
+    faces: Indices,
+    ends: Indices,
+    beside: Indices,
     units: Floats,
     normals: Floats,
     cosine: float,
@@ -348,13 +341,7 @@ def _rises(
 
 
 @part
-def _of_rim(
-    vertices: Floats,
-    rim: NDArray[np.int32],
-    i: int,
-    cosine: float,
-    tangent: Floats,
-) -> None:
+def _of_rim(vertices: Floats, rim: Indices, i: int, cosine: float, tangent: Floats) -> None:
     """Set the tangent of the circle through a boundary's vertex and its neighbours, or zero."""
     tangent[:] = 0.0
     if rim[0] < 0 or rim[1] < 0:
@@ -378,7 +365,7 @@ def _along(edge: Floats, tangent: Floats, least: float) -> None:
 
 
 @part
-def _corner(face: NDArray[np.int32], i: int) -> int:
+def _corner(face: Indices, i: int) -> int:
     return 0 if face[0] == i else (1 if face[1] == i else 2)
 
 

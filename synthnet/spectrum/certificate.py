@@ -10,14 +10,12 @@ B. N. Parlett, "The Symmetric Eigenvalue Problem" (1998), sections 3.3, 11.5 and
 Wathen, "Realistic eigenvalue bounds for the Galerkin mass matrix", IMA J. Numer. Anal. 7 (1987).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.errors import CertificateError, SpectrumError
+from synthnet.spectrum.arrays import Floats
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ldl import Factor, factorise
 from synthnet.spectrum.ordering import Ordering
@@ -46,8 +44,8 @@ class Candidate:
         The last eigenvalue below the gap, and a lower bound of the first above it.
     """
 
-    values: NDArray[np.float64]
-    vectors: NDArray[np.float64]
+    values: Floats
+    vectors: Floats
     residual: float
     gap: tuple[float, float]
 
@@ -137,9 +135,7 @@ def certify(candidate: Candidate, counted: Factor, zeros: int = 1) -> Certificat
     return Certificate(counted.negative, shift, candidate.residual, zeros=zeros)
 
 
-def largest_residual(
-    matrices: Matrices, defects: NDArray[np.float64], values: NDArray[np.float64]
-) -> float:
+def largest_residual(matrices: Matrices, defects: Floats, values: Floats) -> float:
     r"""Return the largest relative residual of B-orthonormal vectors.
 
     With :math:`r = A\varphi - \lambda B\varphi`, M the lumped mass and B ≥ cM, it is

@@ -5,17 +5,15 @@ copies of eigenvalues, a zero for each at the least, which an iteration from two
 slowly or not at all; apart, each is an ordinary problem.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from synthnet.spectrum.arrays import Booleans, Floats, Indices, Integers
 from synthnet.spectrum.certificate import SAFETY, Candidate, inertia
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering, find_ordering
@@ -45,19 +43,19 @@ class Component:
         Below this, in 1/length², it has no other eigenvalue than zero and those.
     """
 
-    vertices: NDArray[np.int64]
+    vertices: Integers
     matrices: Matrices
     ordering: Ordering
     pairs: Candidate | None = None
     complete: float = np.inf
 
     @property
-    def values(self) -> NDArray[np.float64]:
+    def values(self) -> Floats:
         """Its eigenvalues as far as they are known, without the zero."""
         return np.zeros(0) if self.pairs is None else self.pairs.values
 
 
-def components(matrices: Matrices) -> tuple[int, NDArray[np.int32]]:
+def components(matrices: Matrices) -> tuple[int, Indices]:
     """Return the number of components, and for each row that of its own, (n,)."""
     shape = (len(matrices.lumped),) * 2
     entries = np.ones(len(matrices.indices))  # of a lumped mass many are zero
@@ -66,7 +64,7 @@ def components(matrices: Matrices) -> tuple[int, NDArray[np.int32]]:
     return int(count), numbers
 
 
-def unheld(matrices: Matrices, numbers: NDArray[np.int32]) -> NDArray[np.bool_]:
+def unheld(matrices: Matrices, numbers: Indices) -> Booleans:
     """Return which components have a zero eigenvalue, because nothing in them is held at zero."""
     free = np.ones(int(numbers.max()) + 1, dtype=np.bool_)
     if matrices.anchored is not None:
@@ -74,15 +72,14 @@ def unheld(matrices: Matrices, numbers: NDArray[np.int32]) -> NDArray[np.bool_]:
     return free
 
 
-def split(matrices: Matrices, numbers: NDArray[np.int32]) -> Iterator[Component]:
+def split(matrices: Matrices, numbers: Indices) -> Iterator[Component]:
     """Yield the block of every component."""
     order = np.argsort(numbers, kind="stable")
     renumbered = np.empty_like(order)
     renumbered[order] = np.arange(len(order))
-    lengths = np.diff(matrices.indptr)[order]
-    start = np.concatenate([[0], np.cumsum(lengths)])
-    entries = np.repeat(matrices.indptr[:-1][order] - start[:-1], lengths) + np.arange(start[-1])
-    indices = renumbered[matrices.indices[entries]]
+    numbered = np.arange(len(matrices.indices))
+    rows = sparse.csr_array((numbered, matrices.indices, matrices.indptr))[order]
+    start, entries, indices = rows.indptr, rows.data, renumbered[rows.indices]
     stiffness, mass = matrices.stiffness[entries], matrices.mass[entries]
     ends = np.concatenate([[0], np.cumsum(np.bincount(numbers))])
     for low, high in pairwise(ends.tolist()):
@@ -100,7 +97,7 @@ def split(matrices: Matrices, numbers: NDArray[np.int32]) -> Iterator[Component]
 
 
 def solve(
-    matrices: Matrices, numbers: NDArray[np.int32], k: int, solver: Solver
+    matrices: Matrices, numbers: Indices, k: int, solver: Solver
 ) -> tuple[Candidate, Certificate]:
     """Find the first k eigenpairs after all zeros of matrices of several components.
 
@@ -185,7 +182,7 @@ def _at_most(block: Component, value: float) -> int:
     return max(counted.negative - block.matrices.zeros, 0)
 
 
-def _gap_above(values: NDArray[np.float64], k: int) -> tuple[float, float]:
+def _gap_above(values: Floats, k: int) -> tuple[float, float]:
     """Return the first gap above the k-th of ascending values; the widest if all are narrow."""
     ratios = values[k:] / values[k - 1 : -1]
     wide = np.flatnonzero(ratios > 1 + GAP)

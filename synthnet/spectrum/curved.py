@@ -15,14 +15,12 @@ Demlow, "Higher-order finite element methods and pointwise error estimates for e
 surfaces", SIAM J. Numer. Anal. 47 (2009): why the surface's own approximation limits the order.
 """
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import fem
-from synthnet.spectrum.bending import Floats, Patches, cross, dot
+from synthnet.spectrum.arrays import Booleans, Floats, Indices
+from synthnet.spectrum.bending import Patches, cross, dot
 from synthnet.spectrum.fem import Matrices, products
 
 FLATTEST = 0.3  # of the flat triangle's area, seen from above: a patch with less at a point folds
@@ -80,8 +78,7 @@ def hierarchical(patches: Patches) -> tuple[Matrices, Floats, Floats]:
     functions[:, :3], slopes[:, :3] = CORNERS, SLOPES
     stiffness, mass, ratio = _blocks(patches, functions, slopes)
     indptr, indices = fem.pattern(patches.faces, len(patches.vertices))
-    stiff, heavy = np.zeros(len(indices)), np.zeros(len(indices))
-    _scatter(patches.faces, indptr, indices, stiffness, mass, stiff, heavy)
+    stiff, heavy = _summed(patches.faces, indptr, indices, stiffness, mass)
     lumped = np.add.reduceat(heavy, indptr[:-1])
     return Matrices(indptr, indices, stiff, heavy, lumped, ratio / 4), stiffness, mass
 
@@ -100,7 +97,7 @@ def _blocks(patches: Patches, functions: Floats, slopes: Floats) -> tuple[Floats
     m, points = len(patches.faces), len(WEIGHTS)
     scales, areas = np.empty((m, 3, points)), np.empty((m, points))
     while True:
-        folded, ratio = _densities(*patches, CORNERS, WEIGHTS, scales, areas)
+        folded, ratio = _densities(patches, CORNERS, WEIGHTS, scales, areas)
         if not patches.rises[patches.sides[folded]].any():  # what is flat cannot fold
             break
         patches.rises[patches.sides[folded]] = 0.0
@@ -113,13 +110,7 @@ def _blocks(patches: Patches, functions: Floats, slopes: Floats) -> tuple[Floats
 
 @part
 def _tangents(
-    vertices: Floats,
-    face: NDArray[np.int32],
-    side: NDArray[np.int32],
-    rises: Floats,
-    at: Floats,
-    u: Floats,
-    v: Floats,
+    vertices: Floats, face: Indices, side: Indices, rises: Floats, at: Floats, u: Floats, v: Floats
 ) -> None:
     """Set u and v to a patch's derivatives along two of its sides, at a point in its corners."""
     l0, l1, l2 = at
@@ -132,21 +123,14 @@ def _tangents(
 
 @kernel
 def _densities(
-    vertices: Floats,
-    faces: NDArray[np.int32],
-    ends: NDArray[np.int32],
-    sides: NDArray[np.int32],
-    rises: Floats,
-    corners: Floats,
-    weights: Floats,
-    scales: Floats,
-    areas: Floats,
-) -> tuple[NDArray[np.bool_], float]:
+    patches: Patches, corners: Floats, weights: Floats, scales: Floats, areas: Floats
+) -> tuple[Booleans, float]:
     """Fill in areas at the points, (m, q), and what the metric makes of slopes, (m, 3, q).
 
     Return which patches have too little area somewhere, as seen from above their flat triangle, and
     the least ratio of a patch's densities.
     """
+    vertices, faces, sides, rises = patches.vertices, patches.faces, patches.sides, patches.rises
     folded = np.zeros(faces.shape[0], np.bool_)
     straight, none = np.zeros((1, 3)), np.zeros(3, np.int32)
     u, v, normal, flat = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -173,16 +157,11 @@ def _densities(
 
 
 @kernel
-def _scatter(
-    faces: NDArray[np.int32],
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    stiffness: Floats,
-    mass: Floats,
-    stiff: Floats,
-    heavy: Floats,
-) -> None:
-    """Add the corners' parts of the patches' matrices to those of the mesh."""
+def _summed(
+    faces: Indices, indptr: Indices, indices: Indices, stiffness: Floats, mass: Floats
+) -> tuple[Floats, Floats]:
+    """Return the values of the mesh's matrices: sums of the corners' parts of the patches'."""
+    stiff, heavy = np.zeros(indices.shape[0]), np.zeros(indices.shape[0])
     for f in range(faces.shape[0]):
         for c in range(3):
             row = faces[f, c]
@@ -190,3 +169,4 @@ def _scatter(
                 p = fem.index(indices, indptr[row], indptr[row + 1], faces[f, d])
                 stiff[p] += stiffness[f, c, d]
                 heavy[p] += mass[f, c, d]
+    return stiff, heavy

@@ -6,14 +6,12 @@ P. R. Amestoy, T. A. Davis, I. S. Duff, "An approximate minimum degree ordering 
 SIAM J. Matrix Anal. Appl. 17 (1996).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.kernels import kernel, part
+from synthnet.spectrum.arrays import Indices, Integers
 
 
 class _Quotient(NamedTuple):
@@ -46,25 +44,25 @@ class _Quotient(NamedTuple):
         The vertices of each hash as a linked list, and each vertex's hash.
     """
 
-    start: NDArray[np.int64]
-    length: NDArray[np.int32]
-    elements: NDArray[np.int32]
-    size: NDArray[np.int32]
-    degree: NDArray[np.int32]
-    mark: NDArray[np.int64]
-    owner: NDArray[np.int32]
-    head: NDArray[np.int32]
-    after: NDArray[np.int32]
-    before: NDArray[np.int32]
-    bucket: NDArray[np.int32]
-    chain: NDArray[np.int32]
-    hashes: NDArray[np.int32]
+    start: Integers
+    length: Indices
+    elements: Indices
+    size: Indices
+    degree: Indices
+    mark: Integers
+    owner: Indices
+    head: Indices
+    after: Indices
+    before: Indices
+    bucket: Indices
+    chain: Indices
+    hashes: Indices
 
 
 @kernel
 def minimum_degree(
-    indptr: NDArray[np.int32], indices: NDArray[np.int32], stage: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    indptr: Indices, indices: Indices, stage: Indices
+) -> tuple[Indices, Indices, Indices, Indices]:
     """Eliminate vertices in the order of approximate external degree.
 
     The graph of what is left is kept as vertices and elements (cliques of eliminated
@@ -132,9 +130,7 @@ def minimum_degree(
 
 
 @part
-def _quotient(
-    indptr: NDArray[np.int32], indices: NDArray[np.int32], stage: NDArray[np.int32]
-) -> tuple[_Quotient, NDArray[np.int32], int]:
+def _quotient(indptr: Indices, indices: Indices, stage: Indices) -> tuple[_Quotient, Indices, int]:
     """Return the graph before the first pivot, its lists with room to grow, and their end."""
     n = indptr.shape[0] - 1
     lists = np.empty(indptr[n] + 12 * n + 64, np.int32)
@@ -191,7 +187,7 @@ def _unlink(graph: _Quotient, i: int) -> None:
 
 
 @part
-def _begin_stage(graph: _Quotient, lists: NDArray[np.int32], stage: int, left: int) -> int:
+def _begin_stage(graph: _Quotient, lists: Indices, stage: int, left: int) -> int:
     """Give the vertices of a stage a bound of their degree; return the least of these."""
     least = left
     i = graph.head[stage]
@@ -210,9 +206,7 @@ def _begin_stage(graph: _Quotient, lists: NDArray[np.int32], stage: int, left: i
 
 
 @part
-def _make_element(
-    graph: _Quotient, lists: NDArray[np.int32], pivot: int, free: int
-) -> tuple[int, int]:
+def _make_element(graph: _Quotient, lists: Indices, pivot: int, free: int) -> tuple[int, int]:
     """Turn a pivot into an element of its neighbours and those of the elements it absorbs.
 
     Its list is written from ``free``. Returns the end of the list and how many vertices it has.
@@ -241,9 +235,7 @@ def _make_element(
 
 
 @part
-def _count_outside(
-    graph: _Quotient, members: NDArray[np.int32], lists: NDArray[np.int32], stamp: int
-) -> None:
+def _count_outside(graph: _Quotient, members: Indices, lists: Indices, stamp: int) -> None:
     """Set mark[e] − stamp to the number of e's vertices outside the new element, of each e near."""
     mark, size = graph.mark, graph.size
     for i in members:
@@ -257,11 +249,7 @@ def _count_outside(
 
 @part
 def _update_degrees(
-    graph: _Quotient,
-    members: NDArray[np.int32],
-    lists: NDArray[np.int32],
-    pivot: int,
-    stamp: int,
+    graph: _Quotient, members: Indices, lists: Indices, pivot: int, stamp: int
 ) -> int:
     """Put the new element into its vertices' lists, and bound their degrees outside it.
 
@@ -317,9 +305,7 @@ def _update_degrees(
 
 
 @part
-def _merge_twins(
-    graph: _Quotient, members: NDArray[np.int32], lists: NDArray[np.int32], stamp: int
-) -> int:
+def _merge_twins(graph: _Quotient, members: Indices, lists: Indices, stamp: int) -> int:
     """Merge vertices of the new element that have the same list; return the next free stamp."""
     start, length, size, chain = graph.start, graph.length, graph.size, graph.chain
     mark, n = graph.mark, start.shape[0]
@@ -355,13 +341,7 @@ def _merge_twins(
 
 @part
 def _link_again(
-    graph: _Quotient,
-    lists: NDArray[np.int32],
-    low: int,
-    high: int,
-    clique: int,
-    left: int,
-    least: int,
+    graph: _Quotient, lists: Indices, low: int, high: int, clique: int, left: int, least: int
 ) -> tuple[int, int]:
     """Put the new element's vertices back into the lists of degrees, with their new degrees.
 

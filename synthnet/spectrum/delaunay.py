@@ -13,13 +13,11 @@ Discrete & Computational Geometry 38 (2007). M. Fisher, B. Springborn, P. Schrö
 digital geometry processing", Computing 81 (2007).
 """
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.kernels import kernel
 from synthnet.mesh.adjacency import edge_keys, joined_half_edges
+from synthnet.spectrum.arrays import Booleans, Floats, Integers
 from synthnet.spectrum.fem import REMEDY, Matrices, gathered
 from synthnet.types import Mesh
 
@@ -60,7 +58,7 @@ def assemble(mesh: Mesh) -> Matrices:
     return gathered(corners, stiffness, mass, len(mesh.vertices))
 
 
-def triangulate(mesh: Mesh) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def triangulate(mesh: Mesh) -> tuple[Integers, Floats]:
     """Return the corners of the intrinsic Delaunay triangles, and the lengths of their edges.
 
     Parameters
@@ -104,11 +102,7 @@ def triangulate(mesh: Mesh) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 
 @kernel
 def _flip_all(
-    corners: NDArray[np.int64],
-    lengths: NDArray[np.float64],
-    twin: NDArray[np.int64],
-    mirrored: NDArray[np.bool_],
-    most: int,
+    corners: Integers, lengths: Floats, twin: Integers, mirrored: Booleans, most: int
 ) -> int:
     """Flip until all edges are Delaunay, in place; return how many were, or -1 for too many."""
     stack = np.arange(twin.shape[0])
@@ -139,7 +133,7 @@ def _flip_all(
 
 
 @kernel
-def _is_delaunay(lengths: NDArray[np.float64], half: int, other: int) -> bool:
+def _is_delaunay(lengths: Floats, half: int, other: int) -> bool:
     """Whether the angles opposite an edge add up to no more than π."""
     cosine_here, area_here = _opposite(lengths, half)
     cosine_there, area_there = _opposite(lengths, other)
@@ -148,7 +142,7 @@ def _is_delaunay(lengths: NDArray[np.float64], half: int, other: int) -> bool:
 
 
 @kernel
-def _opposite(lengths: NDArray[np.float64], half: int) -> tuple[float, float]:
+def _opposite(lengths: Floats, half: int) -> tuple[float, float]:
     """Return multiples of cosine and sine of the angle opposite a half-edge: |a||b| times each."""
     face, side = half // 3, half % 3
     a = lengths[half]
@@ -162,11 +156,7 @@ def _opposite(lengths: NDArray[np.float64], half: int) -> tuple[float, float]:
 
 @kernel
 def _turn(
-    corners: NDArray[np.int64],
-    lengths: NDArray[np.float64],
-    twin: NDArray[np.int64],
-    mirrored: NDArray[np.bool_],
-    face: int,
+    corners: Integers, lengths: Floats, twin: Integers, mirrored: Booleans, face: int
 ) -> None:
     """Turn a face over: its sides 0 and 2 change places."""
     p, q, r = 3 * face, 3 * face + 1, 3 * face + 2
@@ -190,12 +180,7 @@ def _turn(
 
 @kernel
 def _flip(
-    corners: NDArray[np.int64],
-    lengths: NDArray[np.float64],
-    twin: NDArray[np.int64],
-    mirrored: NDArray[np.bool_],
-    half: int,
-    other: int,
+    corners: Integers, lengths: Floats, twin: Integers, mirrored: Booleans, half: int, other: int
 ) -> None:
     """Flip the edge from a to b of the faces abc and bad: they become cdb and dca."""
     f, i, g, j = half // 3, half % 3, other // 3, other % 3

@@ -4,16 +4,13 @@ r"""Descriptors of shapes and of points, by their published formulas, from a spe
 :func:`synthnet.spectrum.compute` returns. Eigenvectors are orthonormal in the mass matrix.
 """
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from synthnet.errors import suggestion
+from synthnet.spectrum.arrays import Floats
 from synthnet.spectrum.inputs import as_array
 from synthnet.types import Spectrum
-
-Floats = NDArray[np.float64]
 
 NORMALISATIONS = ("none", "area", "volume", "first")
 MEASURES = {"area": "area", "volume": "enclosed_volume"}  # functions of synthnet.mesh.geometry

@@ -13,8 +13,6 @@ partitioning unstructured problems", Concurrency: Practice and Experience 6 (199
 J. K. Bence, S. Osher, "Diffusion generated motion by mean curvature" (1992).
 """
 
-from __future__ import annotations
-
 from math import gcd
 from typing import NamedTuple
 
@@ -23,6 +21,8 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet.kernels import kernel, part
+from synthnet.spectrum.arrays import Booleans, Floats, Indices
+from synthnet.spectrum.fem import grouped
 
 PART = 8_000  # vertices of a part that is not cut: fewer make little difference
 LEAST = 0.42  # of a graph is in its smaller half
@@ -45,13 +45,13 @@ class Graph(NamedTuple):
         Vertices of the first graph that a vertex stands for.
     """
 
-    indptr: NDArray[np.int32]
-    indices: NDArray[np.int32]
-    weights: NDArray[np.float64]
-    sizes: NDArray[np.float64]
+    indptr: Indices
+    indices: Indices
+    weights: Floats
+    sizes: Floats
 
 
-def dissect(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> NDArray[np.int32]:
+def dissect(indptr: Indices, indices: Indices) -> Indices:
     """Return the stage at which each vertex of a symmetric pattern is eliminated.
 
     Stage 0 are the parts, stage 1 the cuts between two parts, and so on; the last stage is the
@@ -79,7 +79,7 @@ def dissect(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> NDArray[np
     return _stages(indptr, indices, nodes, levels)
 
 
-def _halve(graph: Graph, vertices: NDArray[np.int32], node: int, paths: NDArray[np.int32]) -> None:
+def _halve(graph: Graph, vertices: Indices, node: int, paths: Indices) -> None:
     """Write the part of each vertex of a graph into ``paths``: 2 i and 2 i + 1 are halves of i."""
     paths[vertices] = node
     if graph.sizes.sum() <= PART or len(vertices) < 2:
@@ -91,7 +91,7 @@ def _halve(graph: Graph, vertices: NDArray[np.int32], node: int, paths: NDArray[
         _halve(_induced(graph, members), vertices[members], 2 * node + half, paths)
 
 
-def _fiedler(graph: Graph) -> NDArray[np.float64]:
+def _fiedler(graph: Graph) -> Floats:
     """Return about the second eigenvector of the Laplacian of a graph."""
     n = len(graph.sizes)
     if n <= COARSEST:
@@ -99,7 +99,7 @@ def _fiedler(graph: Graph) -> NDArray[np.float64]:
         scale = 1 / np.sqrt(graph.sizes)
         laplacian *= scale[:, None] * scale
         vector = linalg.eigh(laplacian, subset_by_index=[1, 1])[1][:, 0] * scale
-        rounded: NDArray[np.float64] = np.round(vector / vector[np.abs(vector).argmax()], DIGITS)
+        rounded: Floats = np.round(vector / vector[np.abs(vector).argmax()], DIGITS)
         return rounded
     aggregates, count = _aggregate(graph.indptr, graph.indices)
     if 2 * count > n:  # a star, or hardly an edge: any cut will do
@@ -110,7 +110,7 @@ def _fiedler(graph: Graph) -> NDArray[np.float64]:
 
 
 @kernel
-def _laplacian(graph: Graph) -> NDArray[np.float64]:
+def _laplacian(graph: Graph) -> Floats:
     n = graph.sizes.shape[0]
     dense = np.zeros((n, n))
     for i in range(n):
@@ -121,7 +121,7 @@ def _laplacian(graph: Graph) -> NDArray[np.float64]:
 
 
 @kernel
-def _smooth(graph: Graph, values: NDArray[np.float64]) -> None:
+def _smooth(graph: Graph, values: Floats) -> None:
     """Set the value of each vertex to the mean of its neighbours, there and back."""
     n = values.shape[0]
     for sweep in range(2 * SWEEPS):
@@ -137,7 +137,7 @@ def _smooth(graph: Graph, values: NDArray[np.float64]) -> None:
 
 
 @kernel
-def _best_cut(graph: Graph, order: NDArray[np.int32]) -> int:
+def _best_cut(graph: Graph, order: Indices) -> int:
     """Return how many vertices of an order to cut off, for the least weight of edges by balance."""
     n = order.shape[0]
     rank = np.empty(n, np.int32)
@@ -163,9 +163,7 @@ def _best_cut(graph: Graph, order: NDArray[np.int32]) -> int:
 
 
 @kernel
-def _aggregate(
-    indptr: NDArray[np.int32], indices: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], int]:
+def _aggregate(indptr: Indices, indices: Indices) -> tuple[Indices, int]:
     """Cut a graph into vertices with their neighbours; return the aggregate of each, and how many.
 
     Vertices are visited in steps of about 0.62 n: along a grid, row by row, aggregates would be
@@ -214,23 +212,7 @@ def _coprime(n: int) -> int:
 
 
 @kernel
-def grouped(home: NDArray[np.int32], count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Sort vertices by their group; return where each group begins, and the vertices."""
-    start = np.zeros(count + 1, np.int32)
-    for i in range(home.shape[0]):
-        start[home[i] + 1] += 1
-    for k in range(count):
-        start[k + 1] += start[k]
-    members = np.empty(home.shape[0], np.int32)
-    fill = start[:-1].copy()
-    for i in range(home.shape[0]):
-        members[fill[home[i]]] = i
-        fill[home[i]] += 1
-    return start, members
-
-
-@kernel
-def _contract(graph: Graph, home: NDArray[np.int32], count: int) -> Graph:
+def _contract(graph: Graph, home: Indices, count: int) -> Graph:
     """Return the graph of aggregates, given the aggregate of each vertex."""
     start, members = grouped(home, count)
     indptr = np.zeros(count + 1, np.int32)
@@ -258,7 +240,7 @@ def _contract(graph: Graph, home: NDArray[np.int32], count: int) -> Graph:
 
 
 @kernel
-def _induced(graph: Graph, members: NDArray[np.int32]) -> Graph:
+def _induced(graph: Graph, members: Indices) -> Graph:
     """Return the graph of some vertices, in ascending order."""
     m = members.shape[0]
     local = np.full(graph.sizes.shape[0], -1, np.int32)
@@ -291,8 +273,8 @@ def _level(node: int) -> int:
 
 @kernel
 def _cuts(
-    graph: Graph, paths: NDArray[np.int32], level: int
-) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.bool_]]:
+    graph: Graph, paths: Indices, level: int
+) -> tuple[Indices, NDArray[np.float32], Booleans]:
     """Return, of each aggregate, its part at a level, its side of that part, and if a cut is near.
 
     A side is 1 or −1, or 0 in a part that is not cut. Near are aggregates with a neighbour on the
@@ -320,13 +302,13 @@ def _cuts(
 
 @kernel
 def _descend(
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    nodes: NDArray[np.int32],
-    home: NDArray[np.int32],
-    of_aggregates: NDArray[np.int32],
+    indptr: Indices,
+    indices: Indices,
+    nodes: Indices,
+    home: Indices,
+    of_aggregates: Indices,
     sides_of_aggregates: NDArray[np.float32],
-    near: NDArray[np.bool_],
+    near: Booleans,
 ) -> None:
     """Move vertices from parts into their halves, those near a cut so that it gets smoother.
 
@@ -360,9 +342,7 @@ def _descend(
 
 
 @kernel
-def _stages(
-    indptr: NDArray[np.int32], indices: NDArray[np.int32], nodes: NDArray[np.int32], levels: int
-) -> NDArray[np.int32]:
+def _stages(indptr: Indices, indices: Indices, nodes: Indices, levels: int) -> Indices:
     """Return 0 for a vertex inside a part; for one on a cut, how many levels are cut before.
 
     Of the two vertices of an edge between the halves of a part, the one in the first is on the

@@ -1,7 +1,5 @@
 """Linear finite elements on a triangle mesh: the pattern and the values of the matrices."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +7,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from synthnet.kernels import kernel
+from synthnet.spectrum.arrays import Booleans, Floats, Indices
 from synthnet.spectrum.inputs import check
 from synthnet.types import Mesh
 
@@ -38,13 +37,13 @@ class Matrices(NamedTuple):
         Rows that were next to an unknown that is held at zero and left out. None if there is none.
     """
 
-    indptr: NDArray[np.int32]
-    indices: NDArray[np.int32]
-    stiffness: NDArray[np.float64]
-    mass: NDArray[np.float64]
-    lumped: NDArray[np.float64]
+    indptr: Indices
+    indices: Indices
+    stiffness: Floats
+    mass: Floats
+    lumped: Floats
     least: float = 0.25
-    anchored: NDArray[np.bool_] | None = None
+    anchored: Booleans | None = None
 
     @property
     def zeros(self) -> int:
@@ -66,17 +65,13 @@ def check_used(mesh: Mesh) -> None:
         raise ValueError(f"{unused} vertices belong to no triangle: {REMEDY}")
 
 
-def products(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+def products(first: Floats, second: Floats) -> Floats:
     """Return the products of two functions at q points, shape (q, b²), from (q, b) of each."""
     return (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
 
 
 def gathered(
-    numbers: NDArray[np.integer],
-    stiffness: NDArray[np.float64],
-    mass: NDArray[np.float64],
-    size: int,
-    least: float = 0.25,
+    numbers: NDArray[np.integer], stiffness: Floats, mass: Floats, size: int, least: float = 0.25
 ) -> Matrices:
     """Add up the matrices of single triangles.
 
@@ -110,7 +105,7 @@ def gathered(
     )
 
 
-def assemble(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Matrices:
+def assemble(vertices: Floats, faces: Indices) -> Matrices:
     """Assemble the matrices of a mesh in which every vertex belongs to a face.
 
     Parameters
@@ -134,29 +129,35 @@ def assemble(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Matrice
     return Matrices(indptr, indices, stiffness, mass, lumped)
 
 
+def arrays(mesh: Mesh) -> tuple[Floats, Indices]:
+    """Return the vertices and faces of a mesh as kernels take them."""
+    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+    return vertices, np.ascontiguousarray(mesh.faces, dtype=np.int32)
+
+
 @kernel
-def around(faces: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return where the corners at each vertex begin, (n + 1,), and the corners 3 f + c, (3m,)."""
-    start = np.zeros(n + 1, np.int32)
-    for f in range(faces.shape[0]):
-        for c in range(3):
-            start[faces[f, c] + 1] += 1
-    for i in range(n):
-        start[i + 1] += start[i]
+def grouped(home: Indices, count: int) -> tuple[Indices, Indices]:
+    """Sort numbers 0, 1, ... by their group; return where each group begins, and the numbers.
+
+    By the vertices ``faces.ravel()`` of m faces, these are the corners 3 f + c at each vertex.
+    """
+    start = np.zeros(count + 1, np.int32)
+    for i in range(home.shape[0]):
+        start[home[i] + 1] += 1
+    for k in range(count):
+        start[k + 1] += start[k]
+    members = np.empty(home.shape[0], np.int32)
     fill = start[:-1].copy()
-    corners = np.empty(3 * faces.shape[0], np.int32)
-    for f in range(faces.shape[0]):
-        for c in range(3):
-            i = faces[f, c]
-            corners[fill[i]] = 3 * f + c
-            fill[i] += 1
-    return start, corners
+    for i in range(home.shape[0]):
+        members[fill[home[i]]] = i
+        fill[home[i]] += 1
+    return start, members
 
 
 @kernel
-def pattern(faces: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def pattern(faces: Indices, n: int) -> tuple[Indices, Indices]:
     """Return ``indptr`` and ``indices``: each vertex with itself and its neighbours, sorted."""
-    start, corners = around(faces, n)
+    start, corners = grouped(faces.ravel(), n)
     indptr = np.zeros(n + 1, np.int32)
     indices = np.empty(6 * faces.shape[0] + n, np.int32)
     seen = np.full(n, -1, np.int32)
@@ -179,7 +180,7 @@ def pattern(faces: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArra
 
 
 @kernel
-def sort(numbers: NDArray[np.int32]) -> None:
+def sort(numbers: Indices) -> None:
     """Sort a few numbers, or many, in place."""
     if numbers.shape[0] > 32:
         numbers.sort()
@@ -194,7 +195,7 @@ def sort(numbers: NDArray[np.int32]) -> None:
 
 
 @kernel
-def index(numbers: NDArray[np.int32], low: int, high: int, number: int) -> int:
+def index(numbers: Indices, low: int, high: int, number: int) -> int:
     """Return the index of a number in an ascending range of numbers."""
     while high - low > 8:
         middle = (low + high) // 2
@@ -208,7 +209,7 @@ def index(numbers: NDArray[np.int32], low: int, high: int, number: int) -> int:
 
 
 @kernel
-def flat_triangles(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> int:
+def flat_triangles(vertices: Floats, faces: Indices) -> int:
     """Return how many triangles have an area of zero, but for rounding.
 
     Fused products leave a rounding error where two corners are one point. This stands apart from
@@ -229,12 +230,12 @@ def flat_triangles(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> i
 
 @kernel
 def _add_triangles(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    stiffness: NDArray[np.float64],
-    mass: NDArray[np.float64],
+    vertices: Floats,
+    faces: Indices,
+    indptr: Indices,
+    indices: Indices,
+    stiffness: Floats,
+    mass: Floats,
 ) -> int:
     """Add every triangle's part; return how many have an area of zero or NaN."""
     flat = 0
@@ -280,9 +281,7 @@ def pieces(entries: int) -> list[slice]:
     return [slice(first, first + PIECE) for first in range(0, entries, PIECE)]
 
 
-def multiply(
-    matrices: Matrices, values: NDArray[np.float64], rows: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def multiply(matrices: Matrices, values: Floats, rows: Floats) -> Floats:
     """Return the products of vectors, the rows of a (c, n) array, with A or B by its values."""
     even = np.ascontiguousarray(rows if len(rows) % 2 == 0 else np.vstack([rows, rows[-1]]))
     product = np.empty_like(even)
@@ -292,13 +291,7 @@ def multiply(
 
 
 @kernel
-def multiply_two(
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    values: NDArray[np.float64],
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-) -> None:
+def multiply_two(indptr: Indices, indices: Indices, values: Floats, x: Floats, y: Floats) -> None:
     """Set the two rows of y to the products of a matrix and the two rows of x."""
     x0, x1, y0, y1 = x[0], x[1], y[0], y[1]
     for i in range(indptr.shape[0] - 1):

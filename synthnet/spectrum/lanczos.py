@@ -14,12 +14,13 @@ Lanczos algorithm with partial reorthogonalization", Math. Comp. 42 (1984).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet.kernels import kernel
+from synthnet.spectrum.arrays import Floats, Indices
 from synthnet.spectrum.fem import Matrices, multiply, multiply_two
 from synthnet.spectrum.ldl import Factor
 from synthnet.spectrum.ordering import Ordering
@@ -45,10 +46,10 @@ class RitzPairs:
         the operator adds to them in the direction of these.
     """
 
-    values: NDArray[np.float64]
-    errors: NDArray[np.float64]
-    inside: NDArray[np.float64]
-    outside: NDArray[np.float64]
+    values: Floats
+    errors: Floats
+    inside: Floats
+    outside: Floats
 
     def above(self, low: float) -> RitzPairs:
         """Return those above a value."""
@@ -59,6 +60,19 @@ class RitzPairs:
             self.inside[:, first:],
             self.outside[:, first:],
         )
+
+
+class _Room(NamedTuple):
+    """What kernels take: B; the basis, and the products of :class:`Lanczos`; where it begins."""
+
+    indptr: Indices
+    indices: Indices
+    mass: Floats
+    basis: Floats
+    weighted: Floats
+    projected: Floats
+    first: int
+    lean: bool
 
 
 class Lanczos:
@@ -96,7 +110,7 @@ class Lanczos:
         sigma: float,
         *,
         limit: int,
-        known: NDArray[np.float64] | None = None,
+        known: Floats | None = None,
         strict: bool = False,
         lean: bool = False,
         seed: int = 0,
@@ -120,46 +134,23 @@ class Lanczos:
             self.weighted[zeros:first] = multiply(matrices, matrices.mass, known)
         self.size = first + 2
         self.basis[first : self.size] = np.random.default_rng(seed).random((2, n)) - 0.5
-        _start(
-            matrices.indptr,
-            matrices.indices,
-            matrices.mass,
-            self.basis,
-            self.weighted,
-            first,
-            lean,
-        )
+        b = matrices.indptr, matrices.indices, matrices.mass
+        self.room = _Room(*b, self.basis, self.weighted, self.projected, first, lean)
+        _start(self.room)
 
     def extend(self, steps: int) -> bool:
         """Add two vectors a step; return whether there was room for all of them."""
-        matrices = self.matrices
         steps = max(0, min(steps, (self.limit - self.size) // 2))
-        grown = (
-            matrices.indptr,
-            matrices.indices,
-            matrices.mass,
-            self.basis,
-            self.weighted,
-            self.projected,
-        )
         if self.ordering.whole:
+            factors = self.factor.pivots, self.factor.panels
             self.skipped = _extend(
-                self.ordering,
-                self.factor.pivots,
-                self.factor.panels,
-                *grown,
-                self.size,
-                self.first,
-                steps,
-                self.skipped,
-                self.lean,
+                self.ordering, *factors, self.room, self.size, steps, self.skipped
             )
             self.size += 2 * steps
         else:
             for _ in range(steps):
-                new = _newest(self.basis, self.weighted, self.size, self.lean)
-                solve_pair(self.factor, self.ordering, new)
-                self.skipped = _append(*grown, self.size, self.first, self.skipped, self.lean)
+                solve_pair(self.factor, self.ordering, _newest(self.room, self.size))
+                self.skipped = _append(self.room, self.size, self.skipped)
                 self.size += 2
         return self.size + 2 <= self.limit
 
@@ -178,12 +169,10 @@ class Lanczos:
         thetas, vectors, values = thetas[order], vectors[:, order], values[order]
         outside = self.projected[last : self.size, last - 2 : last] @ vectors[-2:]
         errors = np.hypot(outside[0], outside[1]) * (values - self.sigma) ** 2
-        inside: NDArray[np.float64] = np.multiply(vectors, thetas)
+        inside: Floats = np.multiply(vectors, thetas)
         return RitzPairs(values, errors, inside, outside)
 
-    def vectors(
-        self, pairs: RitzPairs, count: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def vectors(self, pairs: RitzPairs, count: int) -> tuple[Floats, Floats]:
         """Return the first eigenvectors as rows of shape (count, n), and their products with B.
 
         They are the Ritz vectors after one more product with the operator, which costs nothing and
@@ -198,88 +187,65 @@ class Lanczos:
 
 
 @kernel
-def _start(
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    mass: NDArray[np.float64],
-    basis: NDArray[np.float64],
-    weighted: NDArray[np.float64],
-    first: int,
-    lean: bool,
-) -> None:
-    coefficients = np.empty((2, first))
-    new = basis[first : first + 2]
-    product = weighted[:2] if lean else weighted[first : first + 2]
-    left, right = (basis, product) if lean else (weighted, new)
+def _start(room: _Room) -> None:
+    """Make the first two vectors orthogonal to those that are known."""
+    coefficients = np.empty((2, room.first))
+    new, product, left, right = _two(room, room.first)
     for _ in range(2):
-        if lean:
-            multiply_two(indptr, indices, mass, new, product)
-        _project(basis, left, right, new, 0, first, coefficients)
-    multiply_two(indptr, indices, mass, new, product)
+        if room.lean:
+            multiply_two(room.indptr, room.indices, room.mass, new, product)
+        _project(room.basis, left, right, new, 0, room.first, coefficients)
+    multiply_two(room.indptr, room.indices, room.mass, new, product)
     _orthonormalise(new, product)
+
+
+@kernel
+def _two(room: _Room, m: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the two rows after m vectors, those for B times them, and what to project by."""
+    new = room.basis[m : m + 2]
+    if room.lean:
+        return new, room.weighted[:2], room.basis, room.weighted[:2]
+    return new, room.weighted[m : m + 2], room.weighted, new
 
 
 @kernel
 def _extend(
     ordering: Ordering,
-    pivots: NDArray[np.float64],
-    panels: NDArray[np.float64],
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    mass: NDArray[np.float64],
-    basis: NDArray[np.float64],
-    weighted: NDArray[np.float64],
-    projected: NDArray[np.float64],
+    pivots: Floats,
+    panels: Floats,
+    room: _Room,
     size: int,
-    first: int,
     steps: int,
     skipped: int,
-    lean: bool,
 ) -> int:
     """Add two vectors a step; return how many steps are now skipped after each two."""
     for m in range(size, size + 2 * steps, 2):
-        solve_two(ordering, pivots, panels, _newest(basis, weighted, m, lean))
-        skipped = _append(
-            indptr, indices, mass, basis, weighted, projected, m, first, skipped, lean
-        )
+        solve_two(ordering, pivots, panels, _newest(room, m))
+        skipped = _append(room, m, skipped)
     return skipped
 
 
 @kernel
-def _newest(
-    basis: NDArray[np.float64], weighted: NDArray[np.float64], m: int, lean: bool
-) -> NDArray[np.float64]:
+def _newest(room: _Room, m: int) -> Floats:
     """Return the two rows after a basis of m vectors, filled with B times the two before."""
-    new = basis[m : m + 2]
-    new[:] = weighted[:2] if lean else weighted[m - 2 : m]
+    new = room.basis[m : m + 2]
+    new[:] = room.weighted[:2] if room.lean else room.weighted[m - 2 : m]
     return new
 
 
 @kernel
-def _append(
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    mass: NDArray[np.float64],
-    basis: NDArray[np.float64],
-    weighted: NDArray[np.float64],
-    projected: NDArray[np.float64],
-    m: int,
-    first: int,
-    skipped: int,
-    lean: bool,
-) -> int:
+def _append(room: _Room, m: int, skipped: int) -> int:
     """Make the two solutions that follow a basis of m vectors part of it.
 
     The sub-blocks of ``projected`` are those of the block tridiagonal matrix. Returns how many
     steps are now skipped after each two.
     """
+    basis, projected = room.basis, room.projected
     coefficients = np.empty((2, basis.shape[0]))
-    new = basis[m : m + 2]
-    product = weighted[:2] if lean else weighted[m : m + 2]
-    left, right = (basis, product) if lean else (weighted, new)
+    new, product, left, right = _two(room, m)
     near = max(m - 4, 0)
-    if lean:
-        multiply_two(indptr, indices, mass, new, product)
+    if room.lean:
+        multiply_two(room.indptr, room.indices, room.mass, new, product)
     _project(basis, left, right, new, near, m, coefficients)
     for i in range(2):
         for j in range(2):
@@ -288,36 +254,36 @@ def _append(
     projected[m - 2, m - 1] = projected[m - 1, m - 2] = off
     # What is left of earlier vectors by rounding: all of them in two steps of four, at first.
     lost = 0.0
-    if lean:
-        multiply_two(indptr, indices, mass, new, product)
-    if m < first + 8 or (m // 2) % (2 + skipped) < 2:
+    if room.lean:
+        multiply_two(room.indptr, room.indices, room.mass, new, product)
+    if m < room.first + 8 or (m // 2) % (2 + skipped) < 2:
         _project(basis, left, right, new, 0, m, coefficients)
         for i in range(2):
             for j in range(near):
                 lost = max(lost, abs(coefficients[i, j]))
     else:
         _project(basis, left, right, new, near, m, coefficients)
-        _project(basis, left, right, new, 0, first, coefficients)
-    multiply_two(indptr, indices, mass, new, product)
+        _project(basis, left, right, new, 0, room.first, coefficients)
+    multiply_two(room.indptr, room.indices, room.mass, new, product)
     r, s, t = _orthonormalise(new, product)
     projected[m, m - 2] = projected[m - 2, m] = r
     projected[m, m - 1] = projected[m - 1, m] = s
     projected[m + 1, m - 1] = projected[m - 1, m + 1] = t
     lost /= max(r, t)
     if lost > LOST:
-        skipped = skipped // 2 if lean and lost < FAR * LOST else 0
+        skipped = skipped // 2 if room.lean and lost < FAR * LOST else 0
     return skipped
 
 
 @kernel
 def _project(
-    basis: NDArray[np.float64],
-    left: NDArray[np.float64],
-    right: NDArray[np.float64],
-    new: NDArray[np.float64],
+    basis: Floats,
+    left: Floats,
+    right: Floats,
+    new: Floats,
     low: int,
     high: int,
-    coefficients: NDArray[np.float64],
+    coefficients: Floats,
 ) -> None:
     """Make two vectors B-orthogonal to the basis from ``low`` to ``high``.
 
@@ -327,8 +293,7 @@ def _project(
     y, z = right[0], right[1]
     k = low
     while k + 4 <= high:
-        w = left
-        a, b = dot_four(y, z, w[k], w[k + 1], w[k + 2], w[k + 3])
+        a, b = dot_four(y, z, left[k], left[k + 1], left[k + 2], left[k + 3])
         for i in range(4):
             coefficients[0, k - low + i] = a[i]
             coefficients[1, k - low + i] = b[i]
@@ -342,9 +307,8 @@ def _project(
     while k + 4 <= high:
         a0, a1, a2, a3 = coefficients[0, k - low : k - low + 4]
         b0, b1, b2, b3 = coefficients[1, k - low : k - low + 4]
-        v = basis
-        four = (v[k], v[k + 1], v[k + 2], v[k + 3])
-        subtract_four(y, z, four[0], four[1], four[2], four[3], (a0, a1, a2, a3), (b0, b1, b2, b3))
+        x0, x1, x2, x3 = basis[k], basis[k + 1], basis[k + 2], basis[k + 3]
+        subtract_four(y, z, x0, x1, x2, x3, (a0, a1, a2, a3), (b0, b1, b2, b3))
         k += 4
     while k < high:
         y -= coefficients[0, k - low] * basis[k]
@@ -353,9 +317,7 @@ def _project(
 
 
 @kernel
-def _orthonormalise(
-    new: NDArray[np.float64], weighted: NDArray[np.float64]
-) -> tuple[float, float, float]:
+def _orthonormalise(new: Floats, weighted: Floats) -> tuple[float, float, float]:
     """Make two vectors B-orthonormal; they were y = r y', z = s y' + t z'."""
     y, z, by, bz = new[0], new[1], weighted[0], weighted[1]
     r = np.sqrt(_dot(y, by))
@@ -371,7 +333,7 @@ def _orthonormalise(
 
 
 @kernel
-def _dot(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+def _dot(x: Floats, y: Floats) -> float:
     total = 0.0
     for i in range(x.shape[0]):
         total += x[i] * y[i]

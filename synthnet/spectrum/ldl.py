@@ -6,14 +6,12 @@ I. S. Duff, J. K. Reid, "The multifrontal solution of indefinite sparse symmetri
 equations", ACM Trans. Math. Software 9 (1983).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.kernels import kernel, uncounted
+from synthnet.spectrum.arrays import Floats, Indices, Integers
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering
 from synthnet.spectrum.portions import in_turn
@@ -38,8 +36,8 @@ class Factor:
         the rounding unit. No bound: the norm of that matrix is a few times larger.
     """
 
-    pivots: NDArray[np.float64]
-    panels: NDArray[np.float64]
+    pivots: Floats
+    panels: Floats
     uncertainty: float
 
     @property
@@ -77,7 +75,7 @@ def factorise(
     stack = np.empty(ordering.stack[-1])  # what fronts have yet to add to their parents
     at = np.zeros(len(ordering.child), np.int64)
 
-    def work(portion: int) -> NDArray[np.float64]:
+    def work(portion: int) -> Floats:
         return _factorise(*matrices[:4], ordering, sigma, pivots, panels, stack, at, portion)
 
     size = sum(in_turn(work, ordering))
@@ -87,18 +85,18 @@ def factorise(
 
 @kernel
 def _factorise(
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    stiffness: NDArray[np.float64],
-    mass: NDArray[np.float64],
+    indptr: Indices,
+    indices: Indices,
+    stiffness: Floats,
+    mass: Floats,
     ordering: Ordering,
     sigma: float,
-    pivots: NDArray[np.float64],
-    panels: NDArray[np.float64],
-    stack: NDArray[np.float64],
-    at: NDArray[np.int64],
+    pivots: Floats,
+    panels: Floats,
+    stack: Floats,
+    at: Integers,
     portion: int,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Fill pivots and panels of a portion; return what it adds to the diagonal of |L| |D| |Lᵀ|.
 
     ``at`` is where each front's numbers are on the stack.
@@ -146,13 +144,7 @@ def _factorise(
 
 
 @kernel
-def _add_child(
-    front: NDArray[np.float64],
-    local: NDArray[np.int32],
-    rows: NDArray[np.int32],
-    stack: NDArray[np.float64],
-    start: int,
-) -> None:
+def _add_child(front: Floats, local: Indices, rows: Indices, stack: Floats, start: int) -> None:
     """Add what a child, with these rows, left on the stack: an upper triangle row by row."""
     front, stack = uncounted(front), uncounted(stack)
     for p in range(rows.shape[0]):
@@ -165,14 +157,14 @@ def _add_child(
 
 @kernel
 def _keep_columns(
-    front: NDArray[np.float64],
+    front: Floats,
     width: int,
     begin: int,
-    rows: NDArray[np.int32],
-    pivots: NDArray[np.float64],
-    panels: NDArray[np.float64],
+    rows: Indices,
+    pivots: Floats,
+    panels: Floats,
     first: int,
-    absolute: NDArray[np.float64],
+    absolute: Floats,
 ) -> None:
     """Keep the eliminated columns: pivots; rows of Lᵀ, from ``first`` in the panels, if any.
 
@@ -199,7 +191,7 @@ def _keep_columns(
 
 
 @kernel
-def _eliminate(front: NDArray[np.float64], width: int) -> None:
+def _eliminate(front: Floats, width: int) -> None:
     """Eliminate the first columns of a symmetric matrix, given by its upper triangle."""
     front = uncounted(front)
     size = front.shape[0]
@@ -225,7 +217,7 @@ def _eliminate(front: NDArray[np.float64], width: int) -> None:
 
 
 @kernel
-def _subtract_products(front: NDArray[np.float64], k: int, i: int) -> None:
+def _subtract_products(front: Floats, k: int, i: int) -> None:
     """Subtract from rows i to i + 3, right of column i, what pivots k to k + 3 add to them."""
     x0, x1, x2, x3 = front[k, i:], front[k + 1, i:], front[k + 2, i:], front[k + 3, i:]
     y0, y1, y2, y3 = front[i, i:], front[i + 1, i:], front[i + 2, i:], front[i + 3, i:]

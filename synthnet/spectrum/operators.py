@@ -11,20 +11,18 @@ Forum 39 (2020): the tufted cover. M. Reuter, F.-E. Wolter, N. Peinecke, "Laplac
 as 'Shape-DNA' of surfaces and solids", Computer-Aided Design 38 (2006): quadratic elements.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from synthnet.errors import needed_by
 from synthnet.mesh.adjacency import edge_keys
 from synthnet.spectrum import bending, curved, delaunay, fem
+from synthnet.spectrum.arrays import Booleans, Floats, Integers
 from synthnet.spectrum.fem import Matrices
 from synthnet.types import Mesh
 
@@ -81,7 +79,7 @@ class Operator:
     Operator(boundary='dirichlet', mass='lumped', elements='linear')
     """
 
-    boundary: Literal["neumann", "dirichlet"] | NDArray[np.bool_] = "neumann"
+    boundary: Literal["neumann", "dirichlet"] | Booleans = "neumann"
     mass: Literal["consistent", "mean", "lumped"] | None = None
     elements: Literal["linear", "quadratic", "curved", "delaunay", "tufted"] = "linear"
 
@@ -162,10 +160,10 @@ class Discrete(NamedTuple):
     """
 
     matrices: Matrices
-    free: NDArray[np.int64] | None
+    free: Integers | None
     vertices: int
 
-    def at_vertices(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at_vertices(self, rows: Floats) -> Floats:
         """Return functions (c, m) at the vertices, (c, n): zero where they are held."""
         if self.free is None:
             return rows if rows.shape[1] == self.vertices else rows[:, : self.vertices].copy()
@@ -201,7 +199,6 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     n = len(mesh.vertices)
     if operator.elements in ("linear", "quadratic", "curved"):
         _warn_of_sheets(mesh)
-    free = isinstance(operator.boundary, str) and operator.boundary == "neumann"
     if operator.elements == "tufted":
         matrices = _tufted(mesh)
     elif operator.elements == "quadratic":
@@ -209,9 +206,10 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     elif operator.elements == "curved":
         matrices = curved.quadratic(bending.bend(mesh))
     else:
-        plain = delaunay.assemble(mesh) if operator.elements == "delaunay" else _linear(mesh)
+        intrinsic = operator.elements == "delaunay"
+        plain = delaunay.assemble(mesh) if intrinsic else fem.assemble(*fem.arrays(mesh))
         matrices = _with_mass(plain, operator.share)
-    if free:
+    if isinstance(operator.boundary, str) and operator.boundary == "neumann":
         return Discrete(matrices, None, n)
     held = np.concatenate(_held(operator.boundary, mesh))[: len(matrices.lumped)]
     if held.all():
@@ -229,7 +227,7 @@ def assemble(mesh: Mesh) -> Matrices:
         triangle has no area, or a vertex no triangle.
     """
     fem.check_used(mesh)
-    return _linear(mesh)
+    return fem.assemble(*fem.arrays(mesh))
 
 
 def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
@@ -283,11 +281,6 @@ def as_sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]
         for values in (matrices.stiffness, matrices.mass)
     )
     return stiffness, mass
-
-
-def _linear(mesh: Mesh) -> Matrices:
-    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
-    return fem.assemble(vertices, np.ascontiguousarray(mesh.faces, dtype=np.int32))
 
 
 def _with_mass(matrices: Matrices, share: float) -> Matrices:
@@ -348,9 +341,7 @@ def _warn_of_sheets(mesh: Mesh) -> None:
         )
 
 
-def _held(
-    boundary: str | NDArray[np.bool_], mesh: Mesh
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _held(boundary: str | Booleans, mesh: Mesh) -> tuple[Booleans, Booleans]:
     """Return which vertices and which edges are held at zero."""
     n = len(mesh.vertices)
     edges, rims = bending.edges_and_rims(mesh)
@@ -368,7 +359,7 @@ def _held(
     return mask, mask[edges[:, 0]] & mask[edges[:, 1]]
 
 
-def _without(matrices: Matrices, held: NDArray[np.bool_]) -> Matrices:
+def _without(matrices: Matrices, held: Booleans) -> Matrices:
     """Return the matrices of the unknowns that are not held."""
     size = len(held)
     entries = sparse.csr_array(

@@ -6,16 +6,15 @@ C. Ashcraft, R. Grimes, "The influence of relaxed supernode partitions on the mu
 method", ACM Trans. Math. Software 15 (1989).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.kernels import kernel
+from synthnet.spectrum.arrays import Indices, Integers
 from synthnet.spectrum.degree import minimum_degree
-from synthnet.spectrum.dissection import dissect, grouped
+from synthnet.spectrum.dissection import dissect
+from synthnet.spectrum.fem import grouped
 
 LARGE = 500_000  # vertices from which on a graph is dissected first, and fronts cut into portions
 PORTION = 1 / 8  # of all work, which a portion hardly exceeds
@@ -53,19 +52,19 @@ class Ordering(NamedTuple):
         Where each portion keeps the numbers that wait to be added to parents.
     """
 
-    order: NDArray[np.int32]
-    position: NDArray[np.int32]
-    begin: NDArray[np.int32]
-    first_row: NDArray[np.int64]
-    rows: NDArray[np.int32]
-    row_vertices: NDArray[np.int32]
-    panel: NDArray[np.int64]
-    child: NDArray[np.int32]
-    sibling: NDArray[np.int32]
+    order: Indices
+    position: Indices
+    begin: Indices
+    first_row: Integers
+    rows: Indices
+    row_vertices: Indices
+    panel: Integers
+    child: Indices
+    sibling: Indices
     widest: int
-    portions: NDArray[np.int32]
+    portions: Indices
     subtrees: int
-    stack: NDArray[np.int64]
+    stack: Integers
 
     @property
     def whole(self) -> bool:
@@ -73,7 +72,7 @@ class Ordering(NamedTuple):
         return self.subtrees == len(self.portions)
 
 
-def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Ordering:
+def find_ordering(indptr: Indices, indices: Indices) -> Ordering:
     """Order the columns of a symmetric pattern with little fill, a function of it alone.
 
     Parameters
@@ -91,8 +90,11 @@ def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Orde
     position[order] = np.arange(len(order), dtype=np.int32)
     child, sibling = _children(parent)
     first_row, rows = _rows_below(order, position, begin, child, sibling, indptr, indices)
-    portions, subtrees = _portions(begin, first_row, child, sibling, PORTION if n >= LARGE else 1.0)
-    panel, widest, stack = _room(begin, first_row, child, sibling, portions)
+    portions, subtrees = _portions(begin, first_row, parent, PORTION if n >= LARGE else 1.0)
+    widths = np.diff(begin)
+    sizes = widths + np.diff(first_row)  # of the fronts, as dense matrices
+    panel = np.concatenate([[0], np.cumsum(widths * sizes)])
+    stack = _stacks(first_row, child, sibling, portions)
     return Ordering(
         order,
         position,
@@ -103,7 +105,7 @@ def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Orde
         panel,
         child,
         sibling,
-        widest,
+        int(sizes.max()),
         portions,
         subtrees,
         stack,
@@ -112,11 +114,8 @@ def find_ordering(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> Orde
 
 @kernel
 def _fronts(
-    owner: NDArray[np.int32],
-    pivots: NDArray[np.int32],
-    size: NDArray[np.int32],
-    below: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    owner: Indices, pivots: Indices, size: Indices, below: Indices
+) -> tuple[Indices, Indices, Indices]:
     """Merge small elements into their parents and number columns in postorder.
 
     Returns the vertex of each column, the first column of each front and each front's
@@ -141,12 +140,8 @@ def _fronts(
 
 @kernel
 def _merge_small(
-    owner: NDArray[np.int32],
-    pivots: NDArray[np.int32],
-    size: NDArray[np.int32],
-    below: NDArray[np.int32],
-    element: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
+    owner: Indices, pivots: Indices, size: Indices, below: Indices, element: Indices
+) -> tuple[Indices, Integers, Integers]:
     """Merge elements into their parents while the dense front has few zeros.
 
     Returns each element's parent, −1 at the roots; the element whose front it belongs to; and
@@ -176,49 +171,29 @@ def _merge_small(
 
 
 @kernel
-def _postorder(parent: NDArray[np.int32], into: NDArray[np.int64]) -> tuple[NDArray[np.int32], int]:
+def _postorder(parent: Indices, into: Integers) -> tuple[Indices, int]:
     """Number the fronts so that children come before parents; return also how many there are."""
     m = parent.shape[0]
-    child = np.full(m, -1, np.int32)
-    sibling = np.full(m, -1, np.int32)
-    root = -1
-    for k in range(m - 1, -1, -1):
-        if into[k] != k:
-            continue
-        if parent[k] >= 0:
-            p = into[parent[k]]
-            sibling[k] = child[p]
-            child[p] = k
-        else:
-            sibling[k] = root
-            root = k
+    above = np.full(m, m, np.int64)  # the parent's front; m at the roots
+    sizes = np.zeros(m + 1, np.int64)  # fronts in each subtree, and m's: all of them
+    for k in range(m):
+        if into[k] == k:
+            if parent[k] >= 0:
+                above[k] = into[parent[k]]
+            sizes[k] += 1
+            sizes[above[k]] += sizes[k]
     number = np.full(m, -1, np.int32)
-    path = np.empty(m + 1, np.int32)
-    count = 0
-    while root >= 0:
-        depth = 0
-        path[0] = root
-        while depth >= 0:
-            k = path[depth]
-            if child[k] >= 0:
-                depth += 1
-                path[depth] = child[k]
-                child[k] = sibling[child[k]]
-            else:
-                number[k] = count
-                count += 1
-                depth -= 1
-        root = sibling[root]
-    return number, count
+    last = np.full(m + 1, sizes[m] - 1)  # number of the last child that has none yet
+    for k in range(m - 1, -1, -1):
+        if into[k] == k:
+            number[k] = last[above[k]]
+            last[above[k]] -= sizes[k]
+            last[k] = number[k] - 1
+    return number, int(sizes[m])
 
 
 @kernel
-def _columns(
-    owner: NDArray[np.int32],
-    element: NDArray[np.int32],
-    front: NDArray[np.int32],
-    begin: NDArray[np.int32],
-) -> NDArray[np.int32]:
+def _columns(owner: Indices, element: Indices, front: Indices, begin: Indices) -> Indices:
     """Return the vertex of each column; a front's follow the order in which elements were made.
 
     ``front`` is the front of each element, and ``begin`` the first column of each front.
@@ -241,7 +216,7 @@ def _columns(
 
 
 @kernel
-def _children(parent: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _children(parent: Indices) -> tuple[Indices, Indices]:
     """Return each front's first child, and its next sibling; −1 for none."""
     child = np.full(parent.shape[0], -1, np.int32)
     sibling = np.full(parent.shape[0], -1, np.int32)
@@ -254,14 +229,14 @@ def _children(parent: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.
 
 @kernel
 def _rows_below(
-    order: NDArray[np.int32],
-    position: NDArray[np.int32],
-    begin: NDArray[np.int32],
-    child: NDArray[np.int32],
-    sibling: NDArray[np.int32],
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    order: Indices,
+    position: Indices,
+    begin: Indices,
+    child: Indices,
+    sibling: Indices,
+    indptr: Indices,
+    indices: Indices,
+) -> tuple[Integers, Indices]:
     """Find the rows below each front: those of its columns, and those of its children."""
     n, fronts = order.shape[0], child.shape[0]
     first_row = np.zeros(fronts + 1, np.int64)
@@ -298,20 +273,15 @@ def _rows_below(
 
 @kernel
 def _portions(
-    begin: NDArray[np.int32],
-    first_row: NDArray[np.int64],
-    child: NDArray[np.int32],
-    sibling: NDArray[np.int32],
-    share: float,
-) -> tuple[NDArray[np.int32], int]:
+    begin: Indices, first_row: Integers, parent: Indices, share: float
+) -> tuple[Indices, int]:
     """Cut the fronts where a front and those below it take more than a share of all work.
 
     Returns first and end of each portion, and how many need no front outside them: runs of whole
     subtrees. The fronts above them are portions of their own.
     """
-    fronts = child.shape[0]
+    fronts = parent.shape[0]
     work = np.zeros(fronts)  # of a front and all below it
-    root = np.ones(fronts, np.bool_)
     total = 0.0
     for k in range(fronts):
         m = first_row[k + 1] - first_row[k]
@@ -319,26 +289,18 @@ def _portions(
         own = float(order) ** 3 - float(m) ** 3
         total += own
         work[k] += own
-        c = child[k]
-        while c >= 0:
-            work[k] += work[c]
-            root[c] = False
-            c = sibling[c]
+        if parent[k] >= 0:
+            work[parent[k]] += work[k]
     above = work > share * total
-    for k in range(fronts):
-        if above[k]:
-            c = child[k]
-            while c >= 0:
-                root[c] = True
-                c = sibling[c]
     portions = np.empty((fronts, 2), np.int32)
     subtrees = 0
     first = 0
     done = 0.0
     for k in range(fronts):
-        if not above[k] and root[k]:
+        root = not above[k] and (parent[k] < 0 or above[parent[k]])
+        if root:
             done += work[k]
-        if above[k] or (root[k] and done > share * total) or k == fronts - 1:
+        if above[k] or (root and done > share * total) or k == fronts - 1:
             end = k if above[k] else k + 1
             if end > first:
                 portions[subtrees] = first, end
@@ -354,25 +316,11 @@ def _portions(
 
 
 @kernel
-def _room(
-    begin: NDArray[np.int32],
-    first_row: NDArray[np.int64],
-    child: NDArray[np.int32],
-    sibling: NDArray[np.int32],
-    portions: NDArray[np.int32],
-) -> tuple[NDArray[np.int64], int, NDArray[np.int64]]:
-    """Return where each front's rows of the factor begin, the widest front, and the stacks' places.
+def _stacks(first_row: Integers, child: Indices, sibling: Indices, portions: Indices) -> Integers:
+    """Return where the stack of each portion begins, and the end of the last.
 
     A stack holds, of each front of a portion that waits for its parent, a triangle of numbers.
     """
-    fronts = child.shape[0]
-    panel = np.zeros(fronts + 1, np.int64)
-    widest = 0
-    for k in range(fronts):
-        width = begin[k + 1] - begin[k]
-        order = width + first_row[k + 1] - first_row[k]
-        panel[k + 1] = panel[k] + width * order
-        widest = max(widest, order)
     stack = np.zeros(portions.shape[0] + 1, np.int64)
     for portion in range(portions.shape[0]):
         first, end = portions[portion]
@@ -389,4 +337,4 @@ def _room(
             waiting += m * (m + 1) // 2
             most = max(most, waiting)
         stack[portion + 1] = stack[portion] + most
-    return panel, widest, stack
+    return stack

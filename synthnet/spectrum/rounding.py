@@ -19,20 +19,17 @@ the error of Ritz values is quadratic in the residual. N. J. Higham, "Accuracy a
 Numerical Algorithms" (2002), chapter 3.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet.kernels import kernel, uncounted
+from synthnet.spectrum.arrays import Floats, Indices
 from synthnet.spectrum.certificate import Candidate
 from synthnet.spectrum.components import unheld
-from synthnet.spectrum.fem import FEW, PIECE, Matrices, pieces
+from synthnet.spectrum.fem import FEW, PIECE, Matrices, arrays, pieces
 from synthnet.spectrum.operators import Discrete
-from synthnet.spectrum.vectors import Vector
 from synthnet.types import Mesh
 
 UNIT = float(np.finfo(np.float64).eps)
@@ -47,11 +44,11 @@ def sharpened(
     mesh: Mesh,
     discrete: Discrete,
     candidate: Candidate,
-    numbers: NDArray[np.int32],
+    numbers: Indices,
     share: float = 1.0,
     *,
     with_vectors: bool = False,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]:
+) -> tuple[Floats, Floats, Floats | None]:
     r"""Return Ritz pairs of element energies, and how far each is from an exact eigenvalue at most.
 
     With the defects :math:`r_j = A\varphi_j - \rho_j B\varphi_j` of B-orthonormal Ritz vectors, all
@@ -91,8 +88,7 @@ def sharpened(
     """
     count = len(candidate.vectors)
     above = candidate.middle if count == len(candidate.values) else candidate.values[count]
-    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
-    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    vertices, faces = arrays(mesh)
     size = BLOCK if count > 2 * BLOCK else count
     blocks = []
     for first in range(0, count, size):
@@ -116,16 +112,16 @@ def sharpened(
 class _Block(NamedTuple):
     """Ritz pairs of some functions: the sum of their η², and the rounding of each."""
 
-    values: NDArray[np.float64]
-    vectors: NDArray[np.float64] | None
+    values: Floats
+    vectors: Floats | None
     squares: float
-    rounding: NDArray[np.float64]
+    rounding: Floats
 
 
 def _ritz(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    functions: NDArray[np.float64],
+    vertices: Floats,
+    faces: Indices,
+    functions: Floats,
     discrete: Discrete,
     share: float,
     with_vectors: bool,
@@ -157,12 +153,7 @@ def _ritz(
 
 
 def _squares(
-    matrices: Matrices,
-    stiff: NDArray[np.float64],
-    weighted: NDArray[np.float64],
-    values: NDArray[np.float64],
-    turn: NDArray[np.float64],
-    heavy: NDArray[np.float64],
+    matrices: Matrices, stiff: Floats, weighted: Floats, values: Floats, turn: Floats, heavy: Floats
 ) -> float:
     r"""Return an upper bound of the sum of η² of the Ritz pairs F T of functions F.
 
@@ -184,11 +175,7 @@ def _squares(
 
 
 def _norm(
-    stiff: NDArray[np.float64],
-    weighted: NDArray[np.float64],
-    values: NDArray[np.float64],
-    matrices: Matrices,
-    turn: NDArray[np.float64] | None = None,
+    stiff: Floats, weighted: Floats, values: Floats, matrices: Matrices, turn: Floats | None = None
 ) -> float:
     """Return the norm of A f − λ B f over all functions, columns, in that of M⁻¹.
 
@@ -204,7 +191,7 @@ def _norm(
     return float(np.sqrt(total))
 
 
-def _bounds(number: int, blocks: list[_Block], above: float, total: float) -> NDArray[np.float64]:
+def _bounds(number: int, blocks: list[_Block], above: float, total: float) -> Floats:
     """Return how far each value of a block is from an exact eigenvalue at most."""
     block = blocks[number]
     apart = above - block.values
@@ -220,9 +207,7 @@ def _bounds(number: int, blocks: list[_Block], above: float, total: float) -> ND
     return np.asarray(np.minimum(missed, np.sqrt(total)) + block.rounding)
 
 
-def _means(
-    vectors: NDArray[np.float64], matrices: Matrices, numbers: NDArray[np.int32]
-) -> NDArray[np.float64]:
+def _means(vectors: Floats, matrices: Matrices, numbers: Indices) -> Floats:
     """Return the means of vectors (c, m) on each row's component, (m, c) or (1, c); 0 where held.
 
     What rounding left of a constant in an eigenfunction adds to its norm and not to its energy, so
@@ -239,13 +224,13 @@ def _means(
 
 @kernel
 def _apply(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    functions: NDArray[np.float64],
-    stiff: NDArray[np.float64],
-    weighted: NDArray[np.float64],
-    slopes: NDArray[np.float64],
-    rough: NDArray[np.float64],
+    vertices: Floats,
+    faces: Indices,
+    functions: Floats,
+    stiff: Floats,
+    weighted: Floats,
+    slopes: Floats,
+    rough: Floats,
 ) -> None:
     """Add A f and B f of every function to ``stiff`` and ``weighted``, triangle by triangle.
 
@@ -292,7 +277,7 @@ def _apply(
 
 
 @kernel
-def _areas(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+def _areas(vertices: Floats, faces: Indices) -> Floats:
     """Return a third of the area around each vertex, by edges at each triangle's largest angle."""
     areas = np.zeros(vertices.shape[0])
     u, v = np.empty(3), np.empty(3)
@@ -314,14 +299,14 @@ def _areas(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[n
 
 @kernel
 def _slope(
-    at_i: Vector,
-    at_j: Vector,
-    at_k: Vector,
+    at_i: Floats,
+    at_j: Floats,
+    at_k: Floats,
     beside: float,
     along: float,
     aside: float,
-    first: Vector,
-    second: Vector,
+    first: Floats,
+    second: Floats,
 ) -> None:
     """Set the two components of the slopes of functions by their values at the corners."""
     for c in range(at_i.shape[0]):
@@ -332,28 +317,28 @@ def _slope(
 
 
 @kernel
-def _add(y: Vector, first: Vector, a: float, second: Vector, b: float) -> None:
+def _add(y: Floats, first: Floats, a: float, second: Floats, b: float) -> None:
     """Add a combination of two vectors: y += a first + b second."""
     for c in range(y.shape[0]):
         y[c] += a * first[c] + b * second[c]
 
 
 @kernel
-def _add_squares(y: Vector, first: Vector, second: Vector, factor: float) -> None:
+def _add_squares(y: Floats, first: Floats, second: Floats, factor: float) -> None:
     """Add a multiple of the squares of two vectors."""
     for c in range(y.shape[0]):
         y[c] += factor * (first[c] * first[c] + second[c] * second[c])
 
 
 @kernel
-def _add_mass(y: Vector, here: Vector, second: Vector, third: Vector, share: float) -> None:
+def _add_mass(y: Floats, here: Floats, second: Floats, third: Floats, share: float) -> None:
     """Add a triangle's part of B f at one of its corners."""
     for c in range(y.shape[0]):
         y[c] += share * (2 * here[c] + second[c] + third[c])
 
 
 @kernel
-def _add_mass_squares(y: Vector, fi: Vector, fj: Vector, fk: Vector, share: float) -> None:
+def _add_mass_squares(y: Floats, fi: Floats, fj: Floats, fk: Floats, share: float) -> None:
     """Add a triangle's part of fᵀ B f."""
     for c in range(y.shape[0]):
         p, q, r = fi[c], fj[c], fk[c]
@@ -362,7 +347,7 @@ def _add_mass_squares(y: Vector, fi: Vector, fj: Vector, fk: Vector, share: floa
 
 
 @kernel
-def _widest(vertices: NDArray[np.float64], faces: NDArray[np.int32], t: int) -> int:
+def _widest(vertices: Floats, faces: Indices, t: int) -> int:
     """Return the corner opposite to the longest edge of a triangle."""
     widest = 0
     longest = -1.0

@@ -1,15 +1,13 @@
 """The search for eigenpairs: Lanczos until all below a gap have converged, then a count of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
+from synthnet.spectrum.arrays import Booleans, Floats
 from synthnet.spectrum.certificate import NEAR_ZERO, Candidate, count_in_gap, largest_residual
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.lanczos import Lanczos, RitzPairs
@@ -21,7 +19,6 @@ MIDDLE = 0.5  # of a window: where its shift lies
 PLACINGS = 40  # most counts that place a shift
 ASIDE, CLOSE = 1e-3, 1.1  # a shift at an eigenvalue is moved so far; two so close need no other
 ROUNDS = 8  # most searches for further copies of an eigenvalue: a start of two vectors shows two
-Rows = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +78,7 @@ class Window:
 
     low: float
     count: int
-    deflated: Rows
+    deflated: Floats
     spacing: float
 
 
@@ -96,7 +93,7 @@ class _Problem:
     setting: Setting
     window: Window
 
-    def converged(self, pairs: RitzPairs, tolerance: float) -> NDArray[np.bool_]:
+    def converged(self, pairs: RitzPairs, tolerance: float) -> Booleans:
         """Return which pairs have an error below the tolerance, relative to their value."""
         scale = np.maximum(pairs.values, NEAR_ZERO * abs(self.sigma))
         return np.asarray(pairs.errors <= tolerance * scale, dtype=np.bool_)
@@ -237,7 +234,7 @@ def _find(problem: _Problem, k: int, known: Candidate | None = None, seed: int =
 
 
 def _gap_above(
-    pairs: RitzPairs, converged: NDArray[np.bool_], k: int, least: float
+    pairs: RitzPairs, converged: Booleans, k: int, least: float
 ) -> tuple[int, tuple[float, float]] | None:
     """Return the number of pairs below the first gap above k of which all have converged."""
     values, errors = pairs.values, pairs.errors
@@ -250,7 +247,7 @@ def _gap_above(
 
 
 def _below_gap(
-    pairs: RitzPairs, converged: NDArray[np.bool_], known: Candidate
+    pairs: RitzPairs, converged: Booleans, known: Candidate
 ) -> tuple[int, tuple[float, float]] | None:
     """Return the number of pairs below a known gap, if there are any and all have converged."""
     below = pairs.values < known.middle
@@ -260,7 +257,7 @@ def _below_gap(
 
 def _vectors(
     lanczos: Lanczos, pairs: RitzPairs, count: int, known: Candidate | None
-) -> tuple[Rows, Rows]:
+) -> tuple[Floats, Floats]:
     """Return the known vectors and the first ones of a search, and their products with B."""
     vectors, weighted = lanczos.vectors(pairs, count)
     if known is None:
@@ -270,7 +267,7 @@ def _vectors(
 
 
 def _polished(
-    problem: _Problem, vectors: Rows, weighted: Rows, gap: tuple[float, float]
+    problem: _Problem, vectors: Floats, weighted: Floats, gap: tuple[float, float]
 ) -> Candidate:
     """Rayleigh–Ritz, with one correction where the residual is not small enough."""
     matrices = problem.matrices
@@ -286,9 +283,7 @@ def _polished(
     return Candidate(values, vectors, residual, gap)
 
 
-def _rayleigh_ritz(
-    matrices: Matrices, vectors: Rows, weighted: Rows
-) -> tuple[NDArray[np.float64], Rows]:
+def _rayleigh_ritz(matrices: Matrices, vectors: Floats, weighted: Floats) -> tuple[Floats, Floats]:
     """Overwrite rows by the Ritz vectors of their span; ``weighted`` are their products with B.
 
     Returns the values, and the defects A φ − λ B φ.

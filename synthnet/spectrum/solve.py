@@ -1,17 +1,15 @@
 """Eigenvalues of the Laplace-Beltrami operator by linear finite elements, with a certificate."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import components
+from synthnet.spectrum.arrays import Floats, Indices
 from synthnet.spectrum.certificate import (
     SAFETY,
     Candidate,
@@ -189,7 +187,7 @@ def compute(
     return replace(spectrum, eigenvalues=values[:k], eigenvectors=vectors, trivial=trivial)
 
 
-def _warn_of_rounding(values: NDArray[np.float64], bounds: NDArray[np.float64]) -> None:
+def _warn_of_rounding(values: Floats, bounds: Floats) -> None:
     """Warn where rounding has left an eigenvalue no more than a digit or two."""
     rough = np.flatnonzero(~(bounds <= ROUGH * np.abs(values)))
     if len(rough):
@@ -226,7 +224,7 @@ def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
     return _spectrum(discrete, k, *_solved(matrices, k))
 
 
-def smallest(matrices: Matrices, k: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def smallest(matrices: Matrices, k: int) -> tuple[Floats, Floats]:
     """Return the k smallest eigenpairs, the zeros among them; the others by :func:`of_matrices`.
 
     Parameters
@@ -322,7 +320,7 @@ def _count_below(matrices: Matrices, ordering: Ordering, shift: float) -> int:
 
 def _solved(
     matrices: Matrices, k: int, unknowns: str = "unknowns"
-) -> tuple[Candidate, Certificate, NDArray[np.int32]]:
+) -> tuple[Candidate, Certificate, Indices]:
     """Return at least k certified pairs, their certificate, and the component of each row.
 
     ``unknowns`` is what a message calls the rows.
@@ -376,11 +374,7 @@ def _certified(
 
 
 def _spectrum(
-    discrete: Discrete,
-    k: int,
-    candidate: Candidate,
-    certificate: Certificate,
-    numbers: NDArray[np.int32],
+    discrete: Discrete, k: int, candidate: Candidate, certificate: Certificate, numbers: Indices
 ) -> Spectrum:
     matrices = discrete.matrices
     zero = float(matrices.stiffness.sum()) / float(matrices.lumped.sum())
@@ -393,7 +387,7 @@ def _spectrum(
     )
 
 
-def _turned(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turned(rows: Floats) -> Floats:
     """Give rows the sign with which their entry of largest size is positive; return them."""
     for row in rows:
         if row[np.abs(row).argmax()] < 0:

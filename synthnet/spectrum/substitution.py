@@ -1,18 +1,16 @@
 """Solutions with LDLᵀ: through L from the leaves up, and through D Lᵀ down again."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.kernels import kernel, uncounted
+from synthnet.spectrum.arrays import Floats, Indices
 from synthnet.spectrum.ldl import Factor
 from synthnet.spectrum.ordering import Ordering
 from synthnet.spectrum.portions import side_by_side
-from synthnet.spectrum.vectors import Vector, dot_four, subtract, subtract_four
+from synthnet.spectrum.vectors import dot_four, subtract, subtract_four
 
 
-def solve(factor: Factor, ordering: Ordering, rows: NDArray[np.float64]) -> None:
+def solve(factor: Factor, ordering: Ordering, rows: Floats) -> None:
     """Overwrite each row x of a (c, n) array by the solution y of (A − σB) y = x."""
     count = len(rows)
     for i in range(0, count - 1, 2):
@@ -23,7 +21,7 @@ def solve(factor: Factor, ordering: Ordering, rows: NDArray[np.float64]) -> None
         rows[-1] = twice[0]
 
 
-def solve_pair(factor: Factor, ordering: Ordering, x: NDArray[np.float64]) -> None:
+def solve_pair(factor: Factor, ordering: Ordering, x: Floats) -> None:
     """Solve for the two rows of x in place, on as many threads as a mesh so large needs.
 
     The answer is the same, to the byte, on any number of them: what a subtree subtracts from the
@@ -58,12 +56,7 @@ def solve_pair(factor: Factor, ordering: Ordering, x: NDArray[np.float64]) -> No
 
 
 @kernel
-def solve_two(
-    ordering: Ordering,
-    pivots: NDArray[np.float64],
-    panels: NDArray[np.float64],
-    x: NDArray[np.float64],
-) -> None:
+def solve_two(ordering: Ordering, pivots: Floats, panels: Floats, x: Floats) -> None:
     """Solve for the two rows of x in place, on one thread."""
     fronts = ordering.child.shape[0]
     _up(ordering, panels, x, np.empty((2, 0)), 0, fronts)
@@ -71,14 +64,7 @@ def solve_two(
 
 
 @kernel
-def _up(
-    ordering: Ordering,
-    panels: NDArray[np.float64],
-    x: NDArray[np.float64],
-    sums: NDArray[np.float64],
-    first: int,
-    end: int,
-) -> None:
+def _up(ordering: Ordering, panels: Floats, x: Floats, sums: Floats, first: int, end: int) -> None:
     """Solve L y = x for the columns of some fronts, children before parents.
 
     What they subtract from columns of fronts above them goes to ``sums``, of shape (2, m): the m
@@ -120,9 +106,7 @@ def _up(
 
 
 @kernel
-def _add_apart(
-    ordering: Ordering, columns: NDArray[np.int32], y: Vector, z: Vector, sums: NDArray[np.float64]
-) -> None:
+def _add_apart(ordering: Ordering, columns: Indices, y: Floats, z: Floats, sums: Floats) -> None:
     """Add y and z to the sums of ascending columns of the fronts that belong to no subtree."""
     portion = ordering.subtrees
     begin, end, place = 0, 0, 0  # of a front's columns, and where they are in sums
@@ -138,12 +122,7 @@ def _add_apart(
 
 @kernel
 def _down(
-    ordering: Ordering,
-    pivots: NDArray[np.float64],
-    panels: NDArray[np.float64],
-    x: NDArray[np.float64],
-    first: int,
-    end: int,
+    ordering: Ordering, pivots: Floats, panels: Floats, x: Floats, first: int, end: int
 ) -> None:
     """Solve D Lᵀ y = x for the columns of some fronts, parents before children."""
     x0, x1 = x[0], x[1]
@@ -171,7 +150,7 @@ def _down(
 
 
 @kernel
-def _forward(u: NDArray[np.float64], y: Vector, z: Vector, width: int, size: int) -> None:
+def _forward(u: Floats, y: Floats, z: Floats, width: int, size: int) -> None:
     """Solve for a front's columns, first in y and z, and subtract them from what follows.
 
     The rows of u, of shape (width, size), are those of Lᵀ.
@@ -201,7 +180,7 @@ def _forward(u: NDArray[np.float64], y: Vector, z: Vector, width: int, size: int
 
 
 @kernel
-def _backward(u: NDArray[np.float64], y: Vector, z: Vector, width: int, size: int) -> None:
+def _backward(u: Floats, y: Floats, z: Floats, width: int, size: int) -> None:
     """Solve for a front's columns, first in y and z, from what follows, which is solved."""
     u, y, z = uncounted(u), uncounted(y), uncounted(z)
     t = width

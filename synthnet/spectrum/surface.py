@@ -21,16 +21,14 @@ Anal. 30 (1993). K. Neymeyr, "A posteriori error estimation for elliptic eigenpr
 Linear Algebra Appl. 9 (2002).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.errors import SpectrumError
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import curved, fem
+from synthnet.spectrum.arrays import Floats, Indices
 from synthnet.spectrum.bending import Patches, bend
 from synthnet.spectrum.inputs import as_mesh
 from synthnet.spectrum.solve import of_matrices
@@ -38,7 +36,7 @@ from synthnet.spectrum.solve import of_matrices
 ENOUGH, STEPS = 0.01, 20  # conjugate gradients end with a step that adds no such share, or so many
 
 
-def surface_eigenvalues(mesh: Any, k: int = 10) -> NDArray[np.float64]:
+def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     """Estimate the first k eigenvalues, after the zeros, of the surface that a mesh samples.
 
     The surface is taken to go through the vertices, with a crease where two triangles meet at more
@@ -87,50 +85,26 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> NDArray[np.float64]:
 
 
 def _edge_energies(
-    patches: Patches,
-    stiffness: NDArray[np.float64],
-    mass: NDArray[np.float64],
-    vectors: NDArray[np.float64],
-    values: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    r"""Return :math:`r^T (C - \theta M)^{-1} r` of eigenpairs of linear elements, from below.
+    patches: Patches, stiffness: Floats, mass: Floats, vectors: Floats, values: Floats
+) -> Floats:
+    r"""Return :math:`r^T (C - \theta M)^{-1} r`, (k,) in 1/length², from below.
 
-    Parameters
-    ----------
-    patches : Patches
-        Of n vertices and m faces.
-    stiffness, mass : ndarray of shape (m, 6, 6), float64
-        As :func:`synthnet.spectrum.curved.hierarchical` returns them.
-    vectors : ndarray of shape (n, k), float64
-        B-orthonormal columns.
-    values : ndarray of shape (k,), float64
-        In 1/length², the θ.
-
-    Returns
-    -------
-    ndarray of shape (k,), float64
-        In 1/length².
+    Of k eigenpairs of linear elements, whose vectors are columns, and the patches' matrices as
+    :func:`synthnet.spectrum.curved.hierarchical` returns them.
     """
-    of_patches = (patches.faces, patches.sides, len(patches.ends), stiffness, mass)
-    residuals, diagonal = _residuals(*of_patches, np.ascontiguousarray(vectors), values)
+    columns = np.ascontiguousarray(vectors)
+    residuals, diagonal = _residuals(patches, stiffness, mass, columns, values)
     own, masses = (np.ascontiguousarray(blocks[:, 3:, 3:]) for blocks in (stiffness, mass))
     highest = _highest(own, masses)
-    return _energies(
-        patches.sides, own, masses, highest, values, diagonal, residuals, ENOUGH, STEPS
-    )
+    return _energies(patches.sides, own, masses, highest, values, diagonal, residuals)
 
 
 @kernel
 def _residuals(
-    faces: NDArray[np.int32],
-    sides: NDArray[np.int32],
-    edges: int,
-    stiffness: NDArray[np.float64],
-    mass: NDArray[np.float64],
-    vectors: NDArray[np.float64],
-    values: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    patches: Patches, stiffness: Floats, mass: Floats, vectors: Floats, values: Floats
+) -> tuple[Floats, Floats]:
     """Return r = θ B u − A u of each pair, (edges, k), and the diagonal of C."""
+    faces, sides, edges = patches.faces, patches.sides, patches.ends.shape[0]
     residuals, diagonal = np.zeros((edges, values.shape[0])), np.zeros(edges)
     for f in range(faces.shape[0]):
         for s in range(3):
@@ -144,7 +118,7 @@ def _residuals(
 
 
 @kernel
-def _highest(own: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.float64]:
+def _highest(own: Floats, masses: Floats) -> Floats:
     """Return for each patch a θ up to which θ M is at most half of C: 1 / (2 tr C⁻¹ M)."""
     highest = np.empty(own.shape[0])
     for f in range(own.shape[0]):
@@ -166,16 +140,14 @@ def _highest(own: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[n
 
 @kernel
 def _energies(
-    sides: NDArray[np.int32],
-    own: NDArray[np.float64],
-    masses: NDArray[np.float64],
-    highest: NDArray[np.float64],
-    values: NDArray[np.float64],
-    diagonal: NDArray[np.float64],
-    r: NDArray[np.float64],
-    enough: float,
-    steps: int,
-) -> NDArray[np.float64]:
+    sides: Indices,
+    own: Floats,
+    masses: Floats,
+    highest: Floats,
+    values: Floats,
+    diagonal: Floats,
+    r: Floats,
+) -> Floats:
     """Return rᵀ (C − θ M)⁻¹ r of each column, from below; r becomes what is left of it.
 
     A column ends by itself, so that it does not depend on how many there are.
@@ -184,7 +156,7 @@ def _energies(
     p, q = np.zeros((edges, k)), np.empty((edges, k))
     energies, before = np.zeros(k), np.full(k, np.inf)
     ended = np.zeros(k, np.bool_)
-    for _ in range(steps):
+    for _ in range(STEPS):
         now = _weighted_squares(r, diagonal)
         ratio = now / before
         for e in range(edges):
@@ -201,7 +173,7 @@ def _energies(
             else:
                 step[j] = now[j] / step[j] if step[j] > 0 else np.nan
             energies[j] += step[j] * now[j]
-            ended[j] |= step[j] * now[j] <= enough * energies[j]
+            ended[j] |= step[j] * now[j] <= ENOUGH * energies[j]
         if np.all(ended):
             break
         for e in range(edges):
@@ -212,7 +184,7 @@ def _energies(
 
 
 @part
-def _weighted_squares(r: NDArray[np.float64], diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
+def _weighted_squares(r: Floats, diagonal: Floats) -> Floats:
     squares = np.zeros(r.shape[1])
     for e in range(r.shape[0]):
         inverse = 1 / diagonal[e]
@@ -223,13 +195,13 @@ def _weighted_squares(r: NDArray[np.float64], diagonal: NDArray[np.float64]) -> 
 
 @part
 def _multiply(
-    sides: NDArray[np.int32],
-    own: NDArray[np.float64],
-    masses: NDArray[np.float64],
-    highest: NDArray[np.float64],
-    values: NDArray[np.float64],
-    p: NDArray[np.float64],
-    q: NDArray[np.float64],
+    sides: Indices,
+    own: Floats,
+    masses: Floats,
+    highest: Floats,
+    values: Floats,
+    p: Floats,
+    q: Floats,
 ) -> None:
     """Set q to (C − θ M) p, patch by patch, θ at most what it may be there."""
     q[:] = 0.0

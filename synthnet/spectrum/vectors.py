@@ -1,16 +1,13 @@
 """Loops over long vectors, which read one once for several others: most of the time is in them."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from synthnet.kernels import kernel
+from synthnet.spectrum.arrays import Floats
 
-Vector = NDArray[np.float64]
 Four = tuple[float, float, float, float]
 
 
 @kernel
-def subtract(y: Vector, x: Vector, factor: float) -> None:
+def subtract(y: Floats, x: Floats, factor: float) -> None:
     """Subtract a multiple of a vector: y −= factor x."""
     for j in range(y.shape[0]):
         y[j] -= factor * x[j]
@@ -18,7 +15,7 @@ def subtract(y: Vector, x: Vector, factor: float) -> None:
 
 @kernel
 def subtract_four(
-    y: Vector, z: Vector, x0: Vector, x1: Vector, x2: Vector, x3: Vector, a: Four, b: Four
+    y: Floats, z: Floats, x0: Floats, x1: Floats, x2: Floats, x3: Floats, a: Four, b: Four
 ) -> None:
     """Subtract two combinations of four vectors: y −= Σ aᵢ xᵢ, z −= Σ bᵢ xᵢ."""
     a0, a1, a2, a3 = a
@@ -31,7 +28,7 @@ def subtract_four(
 
 @kernel
 def dot_four(
-    y: Vector, z: Vector, x0: Vector, x1: Vector, x2: Vector, x3: Vector
+    y: Floats, z: Floats, x0: Floats, x1: Floats, x2: Floats, x3: Floats
 ) -> tuple[Four, Four]:
     """Return the products of y, and of z, with four vectors."""
     a0 = a1 = a2 = a3 = 0.0

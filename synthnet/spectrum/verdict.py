@@ -9,18 +9,17 @@ factorisation. Where an interval is too wide for a shift, it is counted there. W
 that count by more than the tolerance, the verdict says so and certifies nothing.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
+from synthnet.spectrum.arrays import Floats, Integers
 from synthnet.spectrum.certificate import SAFETY, inertia
 from synthnet.spectrum.components import Component, components, split
 from synthnet.spectrum.fem import Matrices
@@ -69,7 +68,7 @@ class Verdict:
         How many vertices or faces each repair met, by its name, if the mesh was to be repaired.
     """
 
-    eigenvalues: NDArray[np.float64]
+    eigenvalues: Floats
     zeros: int
     tolerance: float
     asked: float
@@ -176,21 +175,12 @@ def certify(
     1 missed below 6.02614: index 3
     """
     check_operator(operator)
+    repairs: Mapping[str, int] = {}
     if repair:
         mended = repaired(mesh)
-        operator.check_repairs(mended.repairs)
-        verdict = _judged(mended.mesh, eigenvalues, eigenvectors, tolerance, operator)
-        return replace(verdict, repairs=mended.repairs)
-    return _judged(as_mesh(mesh), eigenvalues, eigenvectors, tolerance, operator)
-
-
-def _judged(
-    mesh: Mesh,
-    eigenvalues: ArrayLike,
-    eigenvectors: ArrayLike | None,
-    tolerance: float,
-    operator: Operator,
-) -> Verdict:
+        mesh, repairs = mended.mesh, mended.repairs
+        operator.check_repairs(repairs)
+    mesh = as_mesh(mesh)
     if not 0 < tolerance <= LOOSEST:
         raise ValueError(f"tolerance must be above 0 and at most {LOOSEST}, got {tolerance:g}")
     discrete = discretise(mesh, operator)
@@ -215,12 +205,12 @@ def _judged(
                 counter.learn(*found)
                 break
             count = there  # it has cut a multiple one
-    return _counted(counter, values, tolerance)
+    return replace(_counted(counter, values, tolerance), repairs=repairs)
 
 
 def _found(
     mesh: Mesh, discrete: Discrete, operator: Operator, count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64] | None] | None:
+) -> tuple[Floats, Floats | None] | None:
     """Return the first eigenvalues after the zeros and bounds of their errors, if they are found.
 
     The bounds are those of a certificate: they hold what rounding does, too.
@@ -258,7 +248,7 @@ class _Counter:
         """How many there were, of several components one for all."""
         return len(self._known)
 
-    def learn(self, values: NDArray[np.float64], bounds: NDArray[np.float64] | None) -> bool:
+    def learn(self, values: Floats, bounds: Floats | None) -> bool:
         """Take in eigenvalues, ascending; return whether up to a count there are no others.
 
         Their bounds prove that there are as many eigenvalues in an interval as values; if there
@@ -355,7 +345,7 @@ def _inertia(block: Component, shift: float) -> tuple[int, float]:
     return factor.negative, SAFETY * factor.uncertainty
 
 
-def _counted(counter: _Counter, values: NDArray[np.float64], asked: float) -> Verdict:
+def _counted(counter: _Counter, values: Floats, asked: float) -> Verdict:
     """Judge by counts, within the tolerance that was asked for, or that which rounding leaves."""
     tolerance = asked
     matched, wrong = _matched(counter, values, tolerance)
@@ -392,9 +382,7 @@ def _counted(counter: _Counter, values: NDArray[np.float64], asked: float) -> Ve
     )
 
 
-def _matched(
-    counter: _Counter, values: NDArray[np.float64], tolerance: float
-) -> tuple[list[int], list[int]]:
+def _matched(counter: _Counter, values: Floats, tolerance: float) -> tuple[list[int], list[int]]:
     """Return the ranks that answers stand for, and the indices of answers that stand for none.
 
     Answers and windows ascend, so the first eigenvalue that is left for each is as good as any.
@@ -444,7 +432,7 @@ def _below(value: float, tolerance: float) -> float:
     return float(value / (1 + tolerance))
 
 
-def _answers(given: ArrayLike, counter: _Counter) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _answers(given: ArrayLike, counter: _Counter) -> tuple[Floats, Integers]:
     """Return the answers after the zeros, ascending, and where they stood."""
     values = as_array(given)
     if values.dtype.kind not in "fiu" or values.ndim != 1 or not len(values):
@@ -462,7 +450,7 @@ def _answers(given: ArrayLike, counter: _Counter) -> tuple[NDArray[np.float64], 
     return values[order], order
 
 
-def _zeros_given(values: NDArray[np.float64], counter: _Counter) -> int:
+def _zeros_given(values: Floats, counter: _Counter) -> int:
     """Return how many of the ascending answers are zeros: all of the mesh's, or none.
 
     A neck between two parts has an eigenvalue that is nearly as small; a count tells them apart.
@@ -486,9 +474,7 @@ def _zeros_given(values: NDArray[np.float64], counter: _Counter) -> int:
     return left_out
 
 
-def _vectors(
-    given: ArrayLike, discrete: Discrete, order: NDArray[np.int64], count: int
-) -> NDArray[np.float64]:
+def _vectors(given: ArrayLike, discrete: Discrete, order: Integers, count: int) -> Floats:
     """Return the eigenvectors after the zeros as rows, at the vertices that are free."""
     vectors = as_array(given).astype(np.float64)
     shape = (discrete.vertices, count)
@@ -498,9 +484,7 @@ def _vectors(
     return np.ascontiguousarray(rows if discrete.free is None else rows[:, discrete.free])
 
 
-def _error_bounds(
-    matrices: Matrices, values: NDArray[np.float64], rows: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
+def _error_bounds(matrices: Matrices, values: Floats, rows: Floats) -> Floats | None:
     """Return bounds of errors, (k,), in 1/length²; None if the vectors are not orthonormal.
 
     Within the norm of the bounds of any of the pairs there are as many eigenvalues (Kahan).
@@ -516,9 +500,7 @@ def _error_bounds(
     return np.asarray(bounds / (1 - defect), dtype=np.float64)
 
 
-def _apart(
-    values: NDArray[np.float64], bounds: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+def _apart(values: Floats, bounds: Floats) -> tuple[Floats, Floats, Integers]:
     """Return intervals that do not overlap, and how many eigenvalues are in each.
 
     Examples

@@ -157,8 +157,6 @@ def test_without_an_estimate_there_is_no_answer(monkeypatch):
         np.array([1.0, 2.0]),
         np.ones(3),
         np.array([[1.0, 0], [0, 0], [0, 0]]),
-        0.01,
-        20,
     )
     np.testing.assert_array_equal(np.isnan(energies), [True, False])  # nothing was left of one
     monkeypatch.setattr(surface, "_edge_energies", lambda *_: np.array([0.0, np.nan]))
