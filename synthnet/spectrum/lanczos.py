@@ -123,36 +123,53 @@ class Lanczos:
         self.matrices, self.ordering, self.factor, self.sigma = matrices, ordering, factor, sigma
         self.lean, self.limit = lean, limit + len(known)
         self.skipped = 0 if strict else 2  # steps after each two that are orthogonal to all
-        self.basis = np.empty((self.limit, n))
-        self.weighted = np.empty((2 if lean else self.limit, n))  # B times the basis
-        self.projected = np.zeros((self.limit, self.limit))
+        self.size = first + 2
+        self.basis = np.empty((self.size, n))
+        self.weighted = np.empty((2 if lean else self.size, n))  # B times the basis
+        self.projected = np.zeros((self.size, self.size))
         area = matrices.lumped.sum()
         self.basis[:zeros] = 1 / np.sqrt(area)
         self.basis[zeros:first] = known
         if not lean:
             self.weighted[:zeros] = matrices.lumped / np.sqrt(area)
             self.weighted[zeros:first] = multiply(matrices, matrices.mass, known)
-        self.size = first + 2
-        self.basis[first : self.size] = np.random.default_rng(seed).random((2, n)) - 0.5
-        b = matrices.indptr, matrices.indices, matrices.mass
-        self.room = _Room(*b, self.basis, self.weighted, self.projected, first, lean)
-        _start(self.room)
+        self.basis[first:] = np.random.default_rng(seed).random((2, n)) - 0.5
+        _start(self._room())
 
     def extend(self, steps: int) -> bool:
         """Add two vectors a step; return whether there was room for all of them."""
         steps = max(0, min(steps, (self.limit - self.size) // 2))
+        self._make_room(self.size + 2 * steps)
+        room = self._room()
         if self.ordering.whole:
             factors = self.factor.pivots, self.factor.panels
-            self.skipped = _extend(
-                self.ordering, *factors, self.room, self.size, steps, self.skipped
-            )
+            self.skipped = _extend(self.ordering, *factors, room, self.size, steps, self.skipped)
             self.size += 2 * steps
         else:
             for _ in range(steps):
-                solve_pair(self.factor, self.ordering, _newest(self.room, self.size))
-                self.skipped = _append(self.room, self.size, self.skipped)
+                solve_pair(self.factor, self.ordering, _newest(room, self.size))
+                self.skipped = _append(room, self.size, self.skipped)
                 self.size += 2
         return self.size + 2 <= self.limit
+
+    def _make_room(self, size: int) -> None:
+        """Make the arrays long enough for so many vectors, and for half as many more.
+
+        As long as the limit allows they would be many times longer than most searches need, and
+        their memory would be the system's again after each.
+        """
+        if size <= len(self.basis):
+            return
+        rows, kept = min(self.limit, size + size // 2), slice(self.size)
+        self.basis = _longer(self.basis[kept], rows, self.basis.shape[1])
+        if not self.lean:
+            self.weighted = _longer(self.weighted[kept], rows, self.basis.shape[1])
+        self.projected = _longer(self.projected[kept, kept], rows, rows)
+
+    def _room(self) -> _Room:
+        b = self.matrices.indptr, self.matrices.indices, self.matrices.mass
+        arrays = self.basis, self.weighted, self.projected
+        return _Room(*b, *arrays, self.first, self.lean)
 
     def ritz(self) -> RitzPairs:
         """Return the eigenpairs of the projected operator that may be positive eigenvalues."""
@@ -184,6 +201,13 @@ class Lanczos:
         if self.lean:
             return vectors, multiply(self.matrices, self.matrices.mass, vectors)
         return vectors, weights @ self.weighted[used]
+
+
+def _longer(array: Floats, rows: int, columns: int) -> Floats:
+    """Return a larger array that begins with this one, and is zero elsewhere."""
+    larger = np.zeros((rows, columns))
+    larger[: array.shape[0], : array.shape[1]] = array
+    return larger
 
 
 @kernel
