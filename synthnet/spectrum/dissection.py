@@ -102,7 +102,7 @@ def _fiedler(graph: Graph) -> Floats:
         rounded: Floats = np.round(vector / vector[np.abs(vector).argmax()], DIGITS)
         return rounded
     aggregates, count = _aggregate(graph.indptr, graph.indices)
-    if 2 * count > n:  # a star, or hardly an edge: any cut will do
+    if count == 1 or 2 * count > n:  # a star, or hardly an edge: any cut will do
         return np.arange(n, dtype=np.float64)
     vector = _fiedler(_contract(graph, aggregates, count))[aggregates]
     _smooth(graph, vector)
