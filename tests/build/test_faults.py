@@ -6,6 +6,7 @@ import random
 import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -91,11 +92,8 @@ def test_files_of_another_recipe_are_noticed(mini_copy):
 
 @pytest.mark.parametrize("error", [MemoryError(), SystemError("error return without exception")])
 def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(error, tiny, tmp_path, monkeypatch):
-    def starve(*_):
-        raise error
-
     with monkeypatch.context() as patch, ThreadPoolExecutor(1) as pool:
-        patch.setattr(versions, "make_sample", starve)
+        patch.setattr(versions, "make_sample", Mock(side_effect=error))
         with pytest.raises(BuildError, match=r"ran out of memory at shards/.*: finished"):
             build(tiny, root=tmp_path, engine=given(pool, workers=1))
     assert not list((tmp_path / "tiny").rglob("*.p*"))
@@ -114,7 +112,6 @@ def test_a_report_survives_json():
 
 def test_a_build_that_fails_leaves_no_partial_file_of_a_stopped_worker(tiny, tmp_path, monkeypatch):
     shards = tmp_path / "tiny" / "shards"
-
     begun = []
 
     def stopped(*_):
