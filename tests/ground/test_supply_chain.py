@@ -1,6 +1,5 @@
 """What the workflows may do and run, and that what is installed has one version."""
 
-import importlib.util
 import json
 import platform
 import re
@@ -12,12 +11,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from scripts import hash_pins
+
 ROOT = Path(__file__).parents[2]
-_SPEC = importlib.util.spec_from_file_location("hash_pins", ROOT / "scripts" / "hash_pins.py")
-assert _SPEC is not None
-assert _SPEC.loader is not None
-hash_pins = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(hash_pins)
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 WRITES = {
     "pages.yml": {"publish": {"pages": "write", "id-token": "write"}}
