@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synthnet.families import FAMILIES
 from synthnet.spectrum import compute
 from synthnet.spectrum.derivative import clusters
+from tests.spectrum.meshes import sphere
 
 torch = pytest.importorskip("torch")
 from synthnet.torch import eigenvalues  # noqa: E402 - it needs torch
@@ -16,10 +16,10 @@ from synthnet.torch import eigenvalues  # noqa: E402 - it needs torch
 
 def bumpy(n=8):
     """A sphere whose symmetry random moves have taken away, and its faces."""
-    sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": n})
+    mesh = sphere(n)
     rng = np.random.default_rng(3)
-    moved = sphere.vertices * (1 + 0.1 * rng.standard_normal((len(sphere.vertices), 1)))
-    return torch.tensor(moved, dtype=torch.float64, requires_grad=True), torch.tensor(sphere.faces)
+    moved = mesh.vertices * (1 + 0.1 * rng.standard_normal((len(mesh.vertices), 1)))
+    return torch.tensor(moved, dtype=torch.float64, requires_grad=True), torch.tensor(mesh.faces)
 
 
 def test_values_are_those_of_compute():
@@ -102,18 +102,11 @@ def test_clusters_are_neighbours_with_small_gaps():
 def test_bad_input_is_one_line(change, message):
     vertices = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     faces = torch.tensor([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    given = {"vertices": vertices, "faces": faces, "k": 2, **change}
     with pytest.raises(ValueError, match=message):
-        eigenvalues(
-            given["vertices"],
-            given["faces"],
-            given["k"],
-            **({"tolerance": change["tolerance"]} if "tolerance" in change else {}),
-        )
+        eigenvalues(**{"vertices": vertices, "faces": faces, "k": 2, **change})
 
 
 def test_the_example_recovers_the_axes_of_an_ellipsoid(capsys):
-    path = Path(__file__).parents[2] / "examples" / "ellipsoid_axes.py"
-    example = runpy.run_path(str(path))
+    example = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "ellipsoid_axes.py"))
     assert example["recover"]() == pytest.approx([0.8, 1.0, 1.3], abs=1e-3)
     assert "off by" in capsys.readouterr().out
