@@ -15,7 +15,6 @@ from synthnet import store
 from synthnet.build import versions
 from synthnet.build.versions import build
 from synthnet.build.workers import given
-from synthnet.commands import cli
 from synthnet.errors import BuildError
 from synthnet.store import files
 from synthnet.verify.checks import verify_files
@@ -68,13 +67,13 @@ def test_altered_shard_is_mended_by_a_build_though_its_size_is_right(mini_home, 
     assert path.read_bytes() == (mini_home / VERSION / SHARD).read_bytes()
 
 
-def test_files_alone_are_verified_on_request(mini_copy, capsys):
-    arguments = ["verify", "--files", "--version", VERSION, "--out", str(mini_copy)]
-    assert cli.main(arguments) == 0
-    capsys.readouterr()
+def test_files_alone_are_verified_on_request(mini_copy, run):
+    arguments = ["verify", "--files", "--version", VERSION, "--out", mini_copy]
+    assert run(*arguments)[0] == 0
     (mini_copy / VERSION / SHARD).write_bytes(b"no Parquet")
-    assert cli.main([*arguments, "--json"]) == 1
-    problems = {c["check"]: c["problems"] for c in json.loads(capsys.readouterr().out)["checks"]}
+    code, out, _ = run(*arguments, "--json")
+    assert code == 1
+    problems = {c["check"]: c["problems"] for c in json.loads(out)["checks"]}
     assert list(problems) == ["manifest", "digests", "shards", "limits", "unpacked"]
     assert SHARD in problems["digests"][0]
     assert SHARD in problems["shards"][0]
