@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from evidence.operators import square
 from synthnet.commands.spectra import read_answer
 from synthnet.spectrum import Operator, compute
 from tests.conftest import only_line
@@ -32,7 +33,7 @@ def test_no_mesh_is_overwritten_by_its_spectrum(run, files):
     assert files[0].read_bytes() == before
 
 
-def test_spectra_of_files_are_shown_written_and_certified(run, files, tmp_path):
+def test_spectra_of_files_are_shown_written_and_certified(run, printed, files, tmp_path):
     out = tmp_path / "made" / "spectra.csv"
     code, table, err = run("spectrum", *files, "-k", 12, "--out", out)
     assert code == 2  # of the third; the others are kept
@@ -48,20 +49,16 @@ def test_spectra_of_files_are_shown_written_and_certified(run, files, tmp_path):
     for row in rows:
         np.testing.assert_allclose(np.array(row.split(",")[3:], float), expected, rtol=1e-6)
     for file in files[:2]:
-        code, printed, _ = run("certify", file, out)
-        assert code == 0
-        assert printed.startswith("certified: 12 eigenvalues within 1e-06")
-    code, printed, _ = run("spectrum", files[0], "--json")
-    (facts,) = json.loads(printed)
-    assert code == 0
+        judged = printed("certify", file, out)
+        assert judged.startswith("certified: 12 eigenvalues within 1e-06")
+    (facts,) = json.loads(printed("spectrum", files[0], "--json"))
     assert facts["eigenvalues"] == pytest.approx(expected[:10].tolist(), rel=1e-6)
     assert max(facts["error_bound"]) < 1e-9
 
 
 def test_files_have_other_operators(run, files, tmp_path):
     answer = tmp_path / "lumped.csv"
-    code, _, _ = run("spectrum", files[0], "-k", 5, "--mass", "lumped", "--out", answer)
-    assert code == 0
+    assert run("spectrum", files[0], "-k", 5, "--mass", "lumped", "--out", answer)[0] == 0
     values = [float(value) for value in answer.read_text().splitlines()[1].split(",")[3:]]
     expected = compute(trimesh.load(files[0]), 5, operator=Operator(mass="lumped")).eigenvalues
     np.testing.assert_allclose(values, expected, rtol=1e-9)
@@ -186,18 +183,15 @@ def test_quadratic_elements_have_more_eigenvalues_than_vertices(run, tmp_path):
     assert len(json.loads(printed)[0]["eigenvalues"]) == 8  # of 4 vertices and 5 edges
 
 
-def book(n=4):
+def book():
     """Three squares that share an edge."""
-    row, column = np.divmod(np.arange((n + 1) ** 2), n + 1)
-    corner = np.flatnonzero((row < n) & (column < n))
-    halves = ([0, n + 1, n + 2], [0, n + 2, 1])
-    square = np.concatenate([corner[:, None] + half for half in halves])
-    sheets = [
-        np.stack([np.cos(angle) * row, np.sin(angle) * row, column], axis=1) / n
-        for angle in 2 * np.pi * np.arange(3) / 3
-    ]
-    faces = np.concatenate([square + sheet * (n + 1) ** 2 for sheet in range(3)])
-    return trimesh.Trimesh(np.concatenate(sheets), faces)  # which merges equal positions
+    page = square(4)
+    x, y, _ = page.vertices.T
+    angles = 2 * np.pi * np.arange(3) / 3
+    sheets = [np.stack([np.cos(a) * x, np.sin(a) * x, y], axis=1) for a in angles]
+    faces = [page.faces + sheet * len(x) for sheet in range(3)]
+    # Trimesh merges equal positions.
+    return trimesh.Trimesh(np.concatenate(sheets), np.concatenate(faces))
 
 
 def test_three_sheets_that_meet_have_one_tufted_spectrum_in_any_format(run, tmp_path):
