@@ -311,14 +311,6 @@ def test_workers_must_be_at_least_one(workers, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_place_that_cannot_be_written_is_refused(tmp_path):
-    (tmp_path / "file").write_text("no directory")
-    with pytest.raises(
-        BuildError, match=r"cannot write to .*: choose another directory with --out"
-    ):
-        build(VERSION, root=tmp_path / "file" / "home")
-
-
 # On first use
 
 

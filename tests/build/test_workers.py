@@ -21,9 +21,9 @@ from synthnet.build.jobs import work
 from synthnet.build.terms import is_ours, terms_of
 from synthnet.build.versions import build, shard_job
 from synthnet.build.workers import Workers, dask_cluster, given
-from synthnet.commands.cli import main
 from synthnet.errors import BuildError
 from synthnet.recipe.plan import plan_shards
+from tests.conftest import only_line
 from tests.datasets import contents
 
 MPIEXEC = Path(sys.executable).parent / "mpiexec"
@@ -68,8 +68,7 @@ def test_few_shards_are_submitted_at_a_time(small, tmp_path):
 
 def test_shards_kept_submitted_follow_the_workers():
     with ThreadPoolExecutor(1) as pool:
-        counts = iter([0, 1, 8, 80])
-        workers = Workers(pool, lambda: next(counts))
+        workers = Workers(pool, iter([0, 1, 8, 80]).__next__)
         assert [workers.ahead for _ in range(4)] == [1, 2, 10, 91]
 
 
@@ -107,11 +106,11 @@ def test_worker_of_another_kind_is_refused(change, message, small, terms):
 def test_shard_written_to_another_disk_is_noticed(tmp_path, monkeypatch):
     monkeypatch.setattr(jobs, "SEEN_WITHIN", 0.0)
     path = tmp_path / "a.parquet"
-    unseen = pytest.raises(BuildError, match="is not there: --out must be a directory that all")
-    with unseen:
+    unseen = "is not there: --out must be a directory that all"
+    with pytest.raises(BuildError, match=unseen):
         jobs.see(path, 14)
     path.write_bytes(b"an older shard")
-    with unseen:
+    with pytest.raises(BuildError, match=unseen):
         jobs.see(path, 10)
     jobs.see(path, 14)
 
@@ -127,9 +126,8 @@ def test_shard_written_to_another_disk_is_noticed(tmp_path, monkeypatch):
         (["--version", "1.0-x2", "--scale", "2"], "1.0-x2 is scaled already"),
     ],
 )
-def test_wrong_options_are_one_line(arguments, message, tmp_path, capsys):
-    assert main(["build", "--out", str(tmp_path), *arguments]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
+def test_wrong_options_are_one_line(arguments, message, tmp_path, run):
+    line = only_line(*run("build", "--out", tmp_path, *arguments))
     assert line.startswith(f"synthnet: {message}")
 
 
