@@ -137,22 +137,18 @@ def test_commands_of_full_size_or_for_a_cluster_are_understood(line):
     assert callable(parsed.run)
 
 
+def named(pattern, pages):
+    """Return what in some pages has a form, sorted."""
+    return sorted({match for page in pages for match in re.findall(pattern, page.read_text())})
+
+
 def test_pages_name_no_script_that_is_not_there():
-    named = {
-        script
-        for page in PAGES
-        for script in re.findall(r"(?<![\w/])(?:scripts|benchmarks)/\w+\.py", page.read_text())
-    }
-    assert [script for script in sorted(named) if not (ROOT / script).is_file()] == []
+    scripts = named(r"(?<![\w/])(?:scripts|benchmarks)/\w+\.py", PAGES)
+    assert [script for script in scripts if not (ROOT / script).is_file()] == []
 
 
-EVIDENCE = sorted(
-    {
-        command.strip()
-        for page in [*PAGES, ROOT / "Makefile"]
-        for command in re.findall(r"python -m evidence\b(?!\.)([^`#\n\"]*)", page.read_text())
-    }
-)
+EVIDENCE = named(r"python -m evidence\b(?!\.)([^`#\n\"]*)", [*PAGES, ROOT / "Makefile"])
+EVIDENCE = sorted({command.strip() for command in EVIDENCE})
 
 
 def test_pages_name_commands_of_evidence():

@@ -4,6 +4,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import torch
+import trimesh
 from torch_geometric.data import Data
 
 from baselines.gcn.encodings import (
@@ -200,9 +201,7 @@ def test_isometric_copies_have_one_encoding_in_principal_axes(orthogonal):
 def test_principal_axes_diagonalise_the_moments_of_the_surface():
     # A box of 6 by 2 by 4 around the origin, in other axes: by hand the second moments of its
     # surface are largest along 6, then 4, then 2.
-    corners = np.array([[x, y, z] for x in (-3, 3) for y in (-1, 1) for z in (-2, 2)], float)
-    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
-    faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
-    turned = data_of(moved(Mesh(corners, np.array(faces)), np.eye(3)[[2, 0, 1]]))
+    box = trimesh.creation.box((6, 2, 4))
+    turned = data_of(moved(Mesh(box.vertices, box.faces), np.eye(3)[[2, 0, 1]]))
     positions = PrincipalAxes()(turned).pos.abs()
     torch.testing.assert_close(positions, torch.tensor([[3.0, 2.0, 1.0]]).double().expand(8, 3))
