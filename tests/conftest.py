@@ -239,3 +239,15 @@ def only_line(code, out, err):
 def run(capsys):
     """Return a function that runs a command of synthnet: exit code, stdout and stderr."""
     return partial(called, cli.main, capsys)
+
+
+@pytest.fixture
+def printed(run):
+    """Return a function that runs a command of synthnet, which must succeed: its stdout."""
+
+    def command(*words):
+        code, out, _ = run(*words)
+        assert code == 0
+        return out
+
+    return command

@@ -11,6 +11,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from torch_geometric.data import Batch, Data
 
+from evidence.operators import square
 from synthnet.adapters.diffusionnet import compute_operators
 from synthnet.adapters.geomfum import CertifiedEigsh
 from synthnet.adapters.lapy import Solver
@@ -31,6 +32,11 @@ def data(mesh):
     return Data(pos=torch.tensor(mesh.vertices), face=torch.tensor(mesh.faces).T)
 
 
+def assert_eigenpairs(values, vectors, stiffness, mass):
+    np.testing.assert_allclose(vectors.T @ (mass @ vectors), np.eye(len(values)), atol=1e-9)
+    assert np.abs(stiffness @ vectors - mass @ vectors * values).max() < 1e-6
+
+
 @pytest.mark.parametrize("lump", [False, True])
 @pytest.mark.parametrize("mesh", [TORUS, BOX, HALVES], ids=["torus", "box", "two components"])
 def test_the_solver_gives_the_numbers_of_lapy(mesh, lump):
@@ -39,9 +45,7 @@ def test_the_solver_gives_the_numbers_of_lapy(mesh, lump):
     assert abs(ours.mass - theirs.mass).max() < 1e-12
     values, vectors = ours.eigs(k=12)
     np.testing.assert_allclose(values, theirs.eigs(k=12)[0], rtol=1e-8, atol=1e-8)
-    np.testing.assert_allclose(vectors.T @ (theirs.mass @ vectors), np.eye(12), atol=1e-9)
-    residual = theirs.stiffness @ vectors - theirs.mass @ vectors * values
-    assert np.abs(residual).max() < 1e-6
+    assert_eigenpairs(values, vectors, theirs.stiffness, theirs.mass)
 
 
 @pytest.mark.parametrize("k", [1, 2, 3])
@@ -138,11 +142,9 @@ def test_shape_dna_by_volume_refuses_an_open_surface():
 
 
 def test_adapters_repair_where_that_is_asked_for():
-    soup = trimesh.Trimesh(
-        TORUS.triangles.reshape(-1, 3),
-        np.arange(3 * len(TORUS.faces)).reshape(-1, 3),
-        process=False,
-    )
+    corners = TORUS.triangles.reshape(-1, 3)
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    soup = trimesh.Trimesh(corners, faces, process=False)
     expected = compute(TORUS, 5).eigenvalues
     solver = Solver(tria(soup), repair=True)
     assert solver.repairs == {"merged vertices": len(soup.vertices) - len(TORUS.vertices)}
@@ -172,8 +174,8 @@ def test_adapters_repair_where_that_is_asked_for():
 OPERATORS = ("frames", "massvec", "L", "evals", "evecs", "gradX", "gradY")
 
 
-def operators(mesh, k=8, **options):
-    vertices, faces = torch.tensor(mesh.vertices), torch.tensor(mesh.faces)
+def operators(mesh, k=8, dtype=torch.float64, **options):
+    vertices, faces = torch.tensor(mesh.vertices, dtype=dtype), torch.tensor(mesh.faces)
     return dict(zip(OPERATORS, compute_operators(vertices, faces, k, **options), strict=True))
 
 
@@ -184,9 +186,7 @@ def test_diffusionnets_matrices_and_pairs_are_those_of_lapy_with_a_lumped_mass(m
     np.testing.assert_allclose(ours["massvec"], theirs.mass.diagonal(), rtol=1e-12)
     values, vectors = ours["evals"].numpy(), ours["evecs"].numpy()
     np.testing.assert_allclose(values, theirs.eigs(k=8)[0], rtol=1e-8, atol=1e-8)
-    np.testing.assert_allclose(vectors.T @ (theirs.mass @ vectors), np.eye(8), atol=1e-9)
-    defects = theirs.stiffness @ vectors - theirs.mass @ vectors * values
-    assert np.abs(defects).max() < 1e-6
+    assert_eigenpairs(values, vectors, theirs.stiffness, theirs.mass)
 
 
 def test_a_frame_is_two_tangents_and_the_mean_normal():
@@ -225,15 +225,11 @@ def test_a_gradient_is_the_regularised_fit_to_the_differences_along_edges():
 
 
 def test_a_linear_function_on_a_plane_has_a_constant_gradient():
-    side = np.linspace(0, 100, 7)
-    flat = np.stack([*np.meshgrid(side, side), np.zeros((7, 7))], axis=-1).reshape(-1, 3)
+    plane = square(6)
+    flat = 100 * plane.vertices
     flat[:, :2] += np.random.default_rng(1).uniform(-4, 4, size=(49, 2))
-    corner = np.arange(42)[np.arange(42) % 7 < 6]
-    faces = np.concatenate(
-        [np.stack([corner, corner + a, corner + b], axis=1) for a, b in ((1, 8), (8, 7))]
-    )
     turn = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
-    ours = operators(trimesh.Trimesh(flat @ turn.T, faces, process=False))
+    ours = operators(trimesh.Trimesh(flat @ turn.T, plane.faces, process=False))
     slope = np.array([0.3, -1.1, 0.0])
     function = torch.tensor(flat @ slope)
     x, y, _ = ours["frames"][0].numpy()
@@ -243,9 +239,8 @@ def test_a_linear_function_on_a_plane_has_a_constant_gradient():
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_operators_have_the_shapes_and_the_dtype_of_diffusionnets(dtype):
-    vertices, faces = torch.tensor(BOX.vertices, dtype=dtype), torch.tensor(BOX.faces)
-    computed = dict(zip(OPERATORS, compute_operators(vertices, faces, 5), strict=True))
-    n = len(vertices)
+    computed = operators(BOX, 5, dtype)
+    n = len(BOX.vertices)
     assert {name: tuple(operator.shape) for name, operator in computed.items()} == {
         "frames": (n, 3, 3),
         "massvec": (n,),
@@ -260,8 +255,8 @@ def test_operators_have_the_shapes_and_the_dtype_of_diffusionnets(dtype):
     for name, operator in computed.items():
         assert operator.is_sparse == (name in ("L", "gradX", "gradY"))
         assert not operator.is_sparse or torch.equal(operator.coalesce().indices(), pattern)
-    none = compute_operators(vertices, faces, 0)
-    assert (none[3].shape, none[4].shape) == ((0,), (n, 0))
+    none = operators(BOX, 0, dtype)
+    assert (none["evals"].shape, none["evecs"].shape) == ((0,), (n, 0))
 
 
 def test_given_normals_are_taken():
@@ -296,17 +291,14 @@ def test_the_eigensolver_gives_the_numbers_of_a_finder_of_geomfum(mesh):
     from geomfum.shape import TriangleMesh
 
     shape = TriangleMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    options = {"spectrum_size": 9, "laplacian_finder": LaplacianFinder()}
     finders = [
-        LaplacianSpectrumFinder(
-            spectrum_size=9, laplacian_finder=LaplacianFinder(), eig_solver=solver
-        )
+        LaplacianSpectrumFinder(**options, eig_solver=solver)
         for solver in (CertifiedEigsh(9), None)
     ]
     ours, theirs = (finder(shape, as_basis=True) for finder in finders)
     np.testing.assert_allclose(ours.vals, theirs.vals, rtol=1e-8, atol=1e-8)
-    stiffness, mass = shape.laplacian.find()
-    np.testing.assert_allclose(ours.vecs.T @ (mass @ ours.vecs), np.eye(9), atol=1e-9)
-    assert np.abs(stiffness @ ours.vecs - mass @ ours.vecs * ours.vals).max() < 1e-6
+    assert_eigenpairs(ours.vals, ours.vecs, *shape.laplacian.find())
     finders[0].spectrum_size = 4
     four = finders[0](shape, as_basis=False)[0]
     np.testing.assert_allclose(four, ours.vals[:4], rtol=1e-9, atol=1e-12)
@@ -329,35 +321,31 @@ def test_the_eigensolver_returns_tensors_where_tensors_are_given():
 
 def test_matrices_that_are_no_laplacian_and_lumped_mass_are_one_line():
     stiffness, mass = lumped(TORUS)
-    solver = CertifiedEigsh(6)
-    with pytest.raises(ValueError, match="mass matrix is not diagonal"):
-        solver(stiffness, M=lapy.Solver(tria(TORUS)).mass)
-    with pytest.raises(ValueError, match="1 vertices have no positive mass, the first is vertex 7"):
-        solver(stiffness, M=sparse.diags(np.where(np.arange(288) == 7, 0, mass.diagonal())))
+    seventh = np.arange(288) == 7
     infinite = stiffness.copy()
     infinite.data[0] = np.inf
-    for name, given in (
-        ("mass", (stiffness, sparse.diags(np.where(np.arange(288) == 7, np.nan, 1.0)))),
-        ("stiffness", (infinite, mass)),
+    not_finite = "matrix has entries that are NaN or inf"
+    for matrix, masses, message in (
+        (stiffness, lapy.Solver(tria(TORUS)).mass, "mass matrix is not diagonal"),
+        (
+            stiffness,
+            sparse.diags(np.where(seventh, 0, mass.diagonal())),
+            "1 vertices have no positive mass, the first is vertex 7",
+        ),
+        (stiffness, sparse.diags(np.where(seventh, np.nan, 1.0)), f"the mass {not_finite}"),
+        (infinite, mass, f"the stiffness {not_finite}"),
+        (stiffness + sparse.identity(288), mass, "rows do not add up to zero"),
+        (stiffness.astype(np.float32), mass, "no Laplacian in float64"),
+        (-stiffness, mass, "has 287 negative eigenvalues: give -A"),
+        (stiffness, mass[:5, :5], r"of one size, got \(288, 288\) and \(5, 5\)"),
+        (stiffness[:5], mass, r"must be square .* got \(5, 288\)"),
+        (stiffness, None, "must be sparse ones of SciPy, .* got NoneType"),
+        (torch.eye(3), torch.eye(3), r"layout sparse_csc, got torch\.strided"),
     ):
-        with pytest.raises(ValueError, match=f"the {name} matrix has entries that are NaN or inf"):
-            solver(given[0], M=given[1])
-    with pytest.raises(ValueError, match="rows do not add up to zero"):
-        solver(stiffness + sparse.identity(288), M=mass)
-    with pytest.raises(ValueError, match="no Laplacian in float64"):
-        solver(stiffness.astype(np.float32), M=mass)
+        with pytest.raises(ValueError, match=message):
+            CertifiedEigsh(6)(matrix, M=masses)
     with pytest.raises(ValueError, match="k must be from 1 to 288"):
         CertifiedEigsh(289)(stiffness, M=mass)
-    with pytest.raises(ValueError, match="has 287 negative eigenvalues: give -A"):
-        solver(-stiffness, M=mass)
-    with pytest.raises(ValueError, match=r"of one size, got \(288, 288\) and \(5, 5\)"):
-        solver(stiffness, M=mass[:5, :5])
-    with pytest.raises(ValueError, match=r"must be square .* got \(5, 288\)"):
-        solver(stiffness[:5], M=mass)
-    with pytest.raises(ValueError, match=r"must be sparse ones of SciPy, .* got NoneType"):
-        solver(stiffness, M=None)
-    with pytest.raises(ValueError, match=r"layout sparse_csc, got torch\.strided"):
-        solver(torch.eye(3), M=torch.eye(3))
 
 
 def test_one_negative_eigenvalue_among_others_is_refused():

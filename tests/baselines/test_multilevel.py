@@ -15,6 +15,7 @@ from synthnet.families import FAMILIES
 from synthnet.families.radial import radial
 from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Mesh
+from tests.spectrum.meshes import side_by_side
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def mesh(request):
     return HARD[request.param]()
 
 
-def matrix(values, indptr, indices, n):
+def matrix(indptr, indices, values, n):
     return sparse.csr_matrix((values, indices, indptr), shape=(len(indptr) - 1, n)).toarray()
 
 
@@ -75,10 +76,9 @@ def matrix(values, indptr, indices, n):
 
 
 def test_matrices_are_those_of_the_label(mesh, multilevel):
-    stiffness, mass = multilevel.finest(mesh).dense()
-    expected = spectrum.fem_matrices(mesh)
-    for matrix, known in zip((stiffness, mass), expected, strict=True):
-        np.testing.assert_allclose(matrix, known.toarray(), atol=1e-12 * abs(known).max())
+    dense, expected = multilevel.finest(mesh).dense(), spectrum.fem_matrices(mesh)
+    for ours, known in zip(dense, expected, strict=True):
+        np.testing.assert_allclose(ours, known.toarray(), atol=1e-12 * abs(known).max())
 
 
 def test_aggregates_partition_the_vertices_and_hang_together(mesh, multilevel, kernels):
@@ -94,8 +94,7 @@ def test_aggregates_partition_the_vertices_and_hang_together(mesh, multilevel, k
 
 def test_coarse_matrices_are_galerkin(mesh, multilevel):
     fine, coarse = multilevel.coarsened(multilevel.finest(mesh), multilevel.SETTING)
-    starts, columns, values = fine.prolongation
-    p = matrix(values, starts, columns, len(coarse))
+    p = matrix(*fine.prolongation, len(coarse))
     assert (p >= 0).all()
     np.testing.assert_allclose(p.sum(axis=1), 1, rtol=1e-14)
     for small, large in zip(coarse.dense(), fine.dense(), strict=True):
@@ -124,20 +123,17 @@ def test_prolongation_of_a_path_by_hand(kernels):
     stiffness = np.array([1.0, -1, 4, -1, -3, 4, -3, -1, 1, -1])
     of = np.array([0, 0, 1, 1], np.int32)
     for least, shared in ((0.0, 3 / 8), (0.8, 0.0)):  # of the inner two, 3/4 is across
-        starts, columns, values = kernels.prolongation(indptr, indices, stiffness, of, 0.5, least)
+        parts = kernels.prolongation(indptr, indices, stiffness, of, 0.5, least)
         expected = [[1, 0], [1 - shared, shared], [shared, 1 - shared], [0, 1]]
-        np.testing.assert_allclose(matrix(values, starts, columns, 2), expected)
+        np.testing.assert_allclose(matrix(*parts, 2), expected)
 
 
 def test_a_dropped_share_does_not_spoil_the_next_row(mesh, multilevel, kernels):
     level = multilevel.finest(mesh)
     of, count = kernels.aggregates(*level.pattern, level.stiffness, 0.24)
     whole, cut = (
-        matrix(values, starts, columns, count)
-        for starts, columns, values in (
-            kernels.prolongation(*level.pattern, level.stiffness, of, 0.6, least)
-            for least in (0.0, 0.3)
-        )
+        matrix(*kernels.prolongation(*level.pattern, level.stiffness, of, 0.6, least), count)
+        for least in (0.0, 0.3)
     )
     other = np.arange(count) != of[:, None]
     kept = np.where(other & (whole >= 0.3 * 0.6), whole, 0)
@@ -222,10 +218,7 @@ def test_a_small_mesh_is_solved_exactly(resolution, multilevel):
 
 def test_components_make_more_zeros_and_leave_the_rest(multilevel):
     single = blob()
-    both = Mesh(
-        np.concatenate([single.vertices, 2 * single.vertices + 9]),
-        np.concatenate([single.faces, single.faces + len(single.vertices)]),
-    )
+    both = side_by_side(single, Mesh(2 * single.vertices, single.faces))
     values = multilevel.ritz_values(both)
     alone = spectrum.compute(single).eigenvalues
     expected = np.sort(np.concatenate([alone, alone / 4]))[:9]
@@ -293,10 +286,7 @@ def test_one_flat_triangle_is_enough_for_the_certified_solver(multilevel):
 
 def test_components_are_not_trusted(multilevel):
     single = drawn("pretzel", 3000)
-    both = Mesh(
-        np.concatenate([single.vertices, single.vertices + 9]),
-        np.concatenate([single.faces, single.faces + len(single.vertices)]),
-    )
+    both = side_by_side(single, single)
     assert multilevel.trusted(both) is None
     alone = spectrum.compute(single).eigenvalues
     np.testing.assert_allclose(multilevel.eigenvalues(both)[0], np.repeat(alone[:5], 2), rtol=1e-6)

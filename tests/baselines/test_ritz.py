@@ -6,7 +6,7 @@ import pytest
 from evidence import baseline
 from evidence.operators import square
 from synthnet import Mesh, spectrum
-from synthnet.families import FAMILIES
+from tests.spectrum.meshes import sphere
 
 
 @pytest.fixture(scope="module")
@@ -26,9 +26,9 @@ def test_ritz_values_are_upper_bounds_ten_of_them_also_in_a_plane(ritz, degree):
 
 
 def test_degree_is_not_raised_where_the_functions_suffice(ritz):
-    sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 12})
-    np.testing.assert_array_equal(ritz.ritz_values(sphere, 3), ritz.predict([sphere], degree=3)[0])
-    assert ritz.ritz_values(sphere, 3)[-1] > ritz.ritz_values(sphere, 5)[-1]
+    mesh = sphere(12)
+    np.testing.assert_array_equal(ritz.ritz_values(mesh, 3), ritz.predict([mesh], degree=3)[0])
+    assert ritz.ritz_values(mesh, 3)[-1] > ritz.ritz_values(mesh, 5)[-1]
 
 
 def test_a_mesh_of_fewer_vertices_than_eigenvalues_ends(ritz):

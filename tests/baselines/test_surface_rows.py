@@ -8,12 +8,9 @@ from evidence import baseline
 from synthnet import spectrum
 from synthnet.families import FAMILIES
 from synthnet.types import Mesh
+from tests.spectrum.meshes import sphere
 
 SPHERE = np.repeat([2.0, 6.0, 12.0], [3, 5, 2])
-
-
-def sphere(resolution):
-    return FAMILIES["sphere"].generate({"radius": 1.0, "resolution": resolution})
 
 
 def box(subdivisions):
@@ -110,7 +107,7 @@ def test_kriging_goes_through_its_points_and_follows_a_trend():
 
 def test_multilevel_values_are_bounds_and_their_errors_are_seen_beside_them():
     masses = baseline("multilevel_masses")
-    mesh = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 40})
+    mesh = sphere(40)
     area = baseline("ritz_features").features(mesh)[0]
     logs, ratio, residual = masses.features(mesh).reshape(3, 10)
     exact, lumped = np.log(area * baseline("two_masses").spectra(mesh))

@@ -6,6 +6,7 @@ import random
 import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -14,7 +15,6 @@ from synthnet import store
 from synthnet.build import versions
 from synthnet.build.versions import build
 from synthnet.build.workers import given
-from synthnet.commands import cli
 from synthnet.errors import BuildError
 from synthnet.store import files
 from synthnet.verify.checks import verify_files
@@ -67,13 +67,13 @@ def test_altered_shard_is_mended_by_a_build_though_its_size_is_right(mini_home, 
     assert path.read_bytes() == (mini_home / VERSION / SHARD).read_bytes()
 
 
-def test_files_alone_are_verified_on_request(mini_copy, capsys):
-    arguments = ["verify", "--files", "--version", VERSION, "--out", str(mini_copy)]
-    assert cli.main(arguments) == 0
-    capsys.readouterr()
+def test_files_alone_are_verified_on_request(mini_copy, run):
+    arguments = ["verify", "--files", "--version", VERSION, "--out", mini_copy]
+    assert run(*arguments)[0] == 0
     (mini_copy / VERSION / SHARD).write_bytes(b"no Parquet")
-    assert cli.main([*arguments, "--json"]) == 1
-    problems = {c["check"]: c["problems"] for c in json.loads(capsys.readouterr().out)["checks"]}
+    code, out, _ = run(*arguments, "--json")
+    assert code == 1
+    problems = {c["check"]: c["problems"] for c in json.loads(out)["checks"]}
     assert list(problems) == ["manifest", "digests", "shards", "limits", "unpacked"]
     assert SHARD in problems["digests"][0]
     assert SHARD in problems["shards"][0]
@@ -91,11 +91,8 @@ def test_files_of_another_recipe_are_noticed(mini_copy):
 
 @pytest.mark.parametrize("error", [MemoryError(), SystemError("error return without exception")])
 def test_worker_out_of_memory_is_one_line_and_the_build_goes_on(error, tiny, tmp_path, monkeypatch):
-    def starve(*_):
-        raise error
-
     with monkeypatch.context() as patch, ThreadPoolExecutor(1) as pool:
-        patch.setattr(versions, "make_sample", starve)
+        patch.setattr(versions, "make_sample", Mock(side_effect=error))
         with pytest.raises(BuildError, match=r"ran out of memory at shards/.*: finished"):
             build(tiny, root=tmp_path, engine=given(pool, workers=1))
     assert not list((tmp_path / "tiny").rglob("*.p*"))
@@ -114,7 +111,6 @@ def test_a_report_survives_json():
 
 def test_a_build_that_fails_leaves_no_partial_file_of_a_stopped_worker(tiny, tmp_path, monkeypatch):
     shards = tmp_path / "tiny" / "shards"
-
     begun = []
 
     def stopped(*_):

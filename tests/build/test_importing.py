@@ -6,9 +6,9 @@ import re
 import shlex
 import shutil
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -22,15 +22,14 @@ from synthnet import spectrum, store
 from synthnet.build import filters, importing, sources, surfaces
 from synthnet.build.importing import Settings, file_outcomes, import_meshes
 from synthnet.build.jobs import Watcher, exclusive
-from synthnet.build.workers import Workers
-from synthnet.commands import cli
+from synthnet.build.workers import given
 from synthnet.errors import BuildError, MeshImportError, RecipeError, StoreError
 from synthnet.families import FAMILIES
 from synthnet.loaders.pyg import SynthNet
 from synthnet.mesh import geometry, repair
 from synthnet.store import pins
-from synthnet.types import Mesh
 from synthnet.verify.checks import verify, verify_files
+from tests.conftest import only_line
 from tests.datasets import contents
 
 SPHERE = trimesh.creation.icosphere(subdivisions=2)
@@ -69,18 +68,37 @@ def scans(tmp_path):
 
 
 @pytest.fixture
-def run(tmp_path):
-    def imported(*places, name="mine", root=tmp_path / "root", watcher=None, **options):
+def root(tmp_path):
+    return tmp_path / "root"
+
+
+@pytest.fixture
+def imported(root):
+    """Return a function that imports files as ``mine``, or another, by a thread."""
+
+    def make(*places, name="mine", root=root, watcher=None, **options):
         with ThreadPoolExecutor(1) as pool:
-            settings = Settings(**options)
-            engine = nullcontext(Workers(pool, lambda: 1))
-            return import_meshes(places, name, settings, root=root, engine=engine, watcher=watcher)
+            where = {"root": root, "engine": given(pool, workers=1), "watcher": watcher}
+            return import_meshes(places, name, Settings(**options), **where)
 
-    return imported
+    return make
 
 
-def test_folder_becomes_a_dataset(folder, run):
-    dataset = run(folder).dataset
+@pytest.fixture
+def mine(printed, root):
+    """Return a function that runs a command on the dataset ``mine``: its stdout."""
+    return lambda *words: printed(*words, "--dataset", "mine", "--out", root)
+
+
+@pytest.fixture
+def run_import(run, root):
+    """Return a function that runs ``synthnet import`` of ``mine``: exit code, stdout, stderr."""
+    options = ["--name", "mine", "--out", root, "--workers"]
+    return lambda *words, workers=1: run("import", *words, *options, workers)
+
+
+def test_folder_becomes_a_dataset(folder, imported):
+    dataset = imported(folder).dataset
     rows = {row["file"]: (row["outcome"], row["what"]) for row in file_outcomes(dataset)}
     merged = 3 * len(SPHERE.faces) - len(SPHERE.vertices)
     assert rows["a.ply"] == ("as it was", "")
@@ -99,13 +117,13 @@ def outcomes_by_file(report):
     return {str(row["file"]): str(row["what"]) for row in file_outcomes(report.dataset)}
 
 
-def test_labels_are_those_of_the_surface(folder, run):
-    ply, stl, torus, both = run(folder).dataset.samples()
-    parts = [spectrum.compute(Mesh(np.array(m.vertices), np.array(m.faces))) for m in (SPHERE, FAR)]
-    merged = np.sort(np.concatenate([part.eigenvalues for part in parts]))[:10]
+def test_labels_are_those_of_the_surface(folder, imported):
+    ply, stl, torus, both = imported(folder).dataset.samples()
+    parts = [spectrum.compute(mesh).eigenvalues for mesh in (SPHERE, FAR)]
+    merged = np.sort(np.concatenate(parts))[:10]
     assert both.eigenvalues == pytest.approx(merged, rel=1e-5)
     for sample, mesh in ((ply, SPHERE), (stl, SPHERE), (torus, TORUS)):
-        expected = spectrum.compute(Mesh(np.array(mesh.vertices), np.array(mesh.faces)))
+        expected = spectrum.compute(mesh)
         assert sample.eigenvalues == pytest.approx(expected.eigenvalues, rel=1e-5)
         assert 0 < float(sample.spec.parameters["error_bound"]) < 1e-10
         assert sample.certificate.count >= 11
@@ -114,9 +132,8 @@ def test_labels_are_those_of_the_surface(folder, run):
         assert sample.isometries.tolist() == [np.eye(3).tolist()]
 
 
-def test_every_reader_takes_it(folder, run, tmp_path):
-    dataset = run(folder).dataset
-    root = tmp_path / "root"
+def test_every_reader_takes_it(folder, imported, root):
+    dataset = imported(folder).dataset
     shapes = SynthNet(version="mine", split="test", root=root)
     assert len(shapes) == 4
     assert shapes[2].y[0].numpy() == pytest.approx(list(dataset.samples())[2].eigenvalues, rel=1e-6)
@@ -128,58 +145,47 @@ def test_every_reader_takes_it(folder, run, tmp_path):
         assert report.problems == ()
 
 
-def test_verify_finds_an_altered_label(folder, run, tmp_path):
-    dataset = run(folder).dataset
+def test_verify_finds_an_altered_label(folder, imported, root):
+    dataset = imported(folder).dataset
     (path,) = dataset.paths()
     samples = list(store.read_samples(path))
     for sample in samples:
         sample.eigenvalues[0] *= 1.5
-    rejections = dataset.manifest.rejections
-    digest = dataset.manifest.recipe_digest
-    store.write_shard(path, samples, rejections, family="my_meshes", recipe_digest=digest)
-    counts = {c.name: len(c.problems) for c in verify("mine", root=tmp_path / "root").checks}
+    options = {"family": "my_meshes", "recipe_digest": dataset.manifest.recipe_digest}
+    store.write_shard(path, samples, dataset.manifest.rejections, **options)
+    counts = {c.name: len(c.problems) for c in verify("mine", root=root).checks}
     assert counts["digests"] == 1
     assert counts["labels"] == 4
 
 
-def test_second_import_has_nothing_to_do(folder, run, tmp_path):
-    first = run(folder)
-    files = contents(tmp_path / "root" / "mine")
-    manifest = tmp_path / "root" / "mine" / "manifest.json"
+def test_second_import_has_nothing_to_do(folder, imported, root):
+    first = imported(folder)
+    files = contents(root / "mine")
+    manifest = root / "mine" / "manifest.json"
     os.utime(manifest, (1, 1))
-    again = run(folder)
+    again = imported(folder)
     assert (first.nothing_to_do, again.nothing_to_do) == (False, True)
     assert manifest.stat().st_mtime == 1
     (shard,) = first.dataset.paths()
     Path(shard).write_bytes(Path(shard).read_bytes()[:-9])
-    third = run(folder)
+    third = imported(folder)
     assert (third.nothing_to_do, third.reused) == (False, 0)  # made anew
-    assert contents(tmp_path / "root" / "mine") == files
+    assert contents(root / "mine") == files
 
 
-class Interrupted(Watcher):
-    """Is interrupted when the second shard is about to be made."""
-
-    def __init__(self):
-        self.seen = 0
-
-    def submitted(self, plan):
-        self.seen += 1
-        if self.seen == 2:
-            raise KeyboardInterrupt
-
-
-def test_import_that_was_interrupted_goes_on(folder, run, tmp_path, monkeypatch):
+def test_import_that_was_interrupted_goes_on(folder, imported, root, tmp_path, monkeypatch):
     monkeypatch.setattr(sources, "SHARD_FILES", 3)
-    run(folder, root=tmp_path / "other")
+    imported(folder, root=tmp_path / "other")
+    watcher = Watcher()
+    watcher.submitted = Mock(side_effect=[None, KeyboardInterrupt])  # at the second shard
     with pytest.raises(KeyboardInterrupt):
-        run(folder, watcher=Interrupted())
-    made = contents(tmp_path / "root" / "mine")
+        imported(folder, watcher=watcher)
+    made = contents(root / "mine")
     assert sorted(made) == ["shards/my_meshes-0000.parquet"]
     with pytest.raises(RecipeError, match="or make it of your own meshes by `synthnet import`"):
-        verify("mine", root=tmp_path / "root")
-    assert run(folder).reused == 1
-    assert contents(tmp_path / "root" / "mine") == contents(tmp_path / "other" / "mine")
+        verify("mine", root=root)
+    assert imported(folder).reused == 1
+    assert contents(root / "mine") == contents(tmp_path / "other" / "mine")
     assert len(contents(tmp_path / "other" / "mine")) == 3
 
 
@@ -213,10 +219,10 @@ def test_any_number_of_workers_makes_the_same_bytes(folder, tmp_path, monkeypatc
     ],
 )
 def test_other_import_under_the_same_name_overwrites_nothing(
-    change, difference, folder, run, tmp_path, monkeypatch
+    change, difference, folder, imported, root, tmp_path, monkeypatch
 ):
-    run(folder)
-    files = contents(tmp_path / "root" / "mine")
+    imported(folder)
+    files = contents(root / "mine")
     other = tmp_path / "other"
     other.mkdir()
     TORUS.export(other / "a.ply")
@@ -228,96 +234,91 @@ def test_other_import_under_the_same_name_overwrites_nothing(
         monkeypatch.setattr(importing, "RULES", 0)
     elif change == "limits":
         monkeypatch.setattr(importing, "LIMITS", "2.0")
-    places = [other] if change == "other" else [folder]
+    place = other if change == "other" else folder
     advice = r".*: remove .*mine or choose another"
     for missing in ("", "manifest.json"):  # also where the first was never finished
         expected = rf"is of another import than this \({difference}\){advice}"
         if missing:
             expected = f"is of other directories, files, options or rules{advice}"
-            (tmp_path / "root" / "mine" / missing).unlink()
+            (root / "mine" / missing).unlink()
             del files[missing]
         with pytest.raises(StoreError, match=expected):
-            run(*places, components="largest" if change == "option" else "keep")
-        assert contents(tmp_path / "root" / "mine") == files
+            imported(place, components="largest" if change == "option" else "keep")
+        assert contents(root / "mine") == files
 
 
-def test_a_dataset_that_was_built_is_refused(folder, run, mini_home, tmp_path):
-    shutil.copytree(mini_home / "1.0-mini", tmp_path / "root" / "mine")
+def test_a_dataset_that_was_built_is_refused(folder, imported, mini_home, root):
+    shutil.copytree(mini_home / "1.0-mini", root / "mine")
     with pytest.raises(StoreError, match="mine was not imported, but built; nothing was overwr"):
-        run(folder)
+        imported(folder)
 
 
-def test_stranger_among_the_shards_is_refused(folder, run, tmp_path):
-    (tmp_path / "root" / "mine" / "shards").mkdir(parents=True)
-    (tmp_path / "root" / "mine" / "shards" / "notes.txt").write_text("mine")
+def test_stranger_among_the_shards_is_refused(folder, imported, root):
+    (root / "mine" / "shards").mkdir(parents=True)
+    (root / "mine" / "shards" / "notes.txt").write_text("mine")
     with pytest.raises(StoreError, match=r"notes\.txt .*, or of none; nothing was overwritten"):
-        run(folder)
-    assert contents(tmp_path / "root") == {"mine/shards/notes.txt": b"mine"}
+        imported(folder)
+    assert contents(root) == {"mine/shards/notes.txt": b"mine"}
 
 
-def test_import_waits_for_another_or_says_so(folder, run, tmp_path):
-    directory = tmp_path / "root" / "mine"
+def test_import_waits_for_another_or_says_so(folder, imported, root):
+    directory = root / "mine"
     directory.mkdir(parents=True)
     with (
         exclusive(directory, wait_for_lock=False),
         pytest.raises(BuildError, match=r"another build is writing .*: wait for it \(--wait\)"),
     ):
-        run(folder)
+        imported(folder)
 
 
-def test_unit_area_is_recorded(folder, run):
-    samples = list(run(folder, unit_area=True).dataset.samples())
+def test_unit_area_is_recorded(folder, imported):
+    samples = list(imported(folder, unit_area=True).dataset.samples())
     assert len(samples) == 4
     for sample in samples[:3]:
         scale = float(sample.spec.parameters["scale"])
         mesh = TORUS if "below" in str(sample.spec.parameters["file"]) else SPHERE
         assert scale == pytest.approx(mesh.area**-0.5, rel=1e-6)
-        expected = spectrum.compute(Mesh(np.array(mesh.vertices), np.array(mesh.faces)))
+        expected = spectrum.compute(mesh)
         assert sample.eigenvalues * scale**2 == pytest.approx(expected.eigenvalues, rel=1e-5)
 
 
-def test_largest_component_is_kept_if_asked(folder, run):
-    rows = file_outcomes(run(folder, components="largest").dataset)
+def test_largest_component_is_kept_if_asked(folder, imported):
+    rows = file_outcomes(imported(folder, components="largest").dataset)
     (kept,) = [row for row in rows if row["file"] == "e.ply"]
-    assert (kept["outcome"], kept["what"]) == (
-        "repaired",
-        "1 components left out, 2 components, the largest has 80.0% of the area",
-    )
+    what = "1 components left out, 2 components, the largest has 80.0% of the area"
+    assert (kept["outcome"], kept["what"]) == ("repaired", what)
     assert kept["vertices"] == len(SPHERE.vertices)
 
 
-def test_the_bound_of_the_error_changes_no_pin(folder, run):
-    sample = next(iter(run(folder).dataset.samples()))
+def test_the_bound_of_the_error_changes_no_pin(folder, imported):
+    sample = next(iter(imported(folder).dataset.samples()))
     others = {k: v for k, v in sample.spec.parameters.items() if k != "error_bound"}
     assert len(others) == len(sample.spec.parameters) - 1
     without = replace(sample, spec=replace(sample.spec, parameters=others))
     assert pins.digest(without) == pins.digest(sample)
 
 
-def test_each_component_is_a_shape_if_asked(folder, run, tmp_path):
-    dataset = run(folder, components="split").dataset
+def test_each_component_is_a_shape_if_asked(folder, imported, root):
+    dataset = imported(folder, components="split").dataset
     rows = {row["id"]: row for row in file_outcomes(dataset)}
     large, small = rows["my_meshes-00004"], rows["my_meshes-00005"]
     assert large["file"] == small["file"] == "e.ply"
     for number, row in enumerate((large, small)):
-        assert row["what"] == (
-            f"2 components, the largest has 80.0% of the area; this is part {number}"
-        )
+        share = "2 components, the largest has 80.0% of the area"
+        assert row["what"] == f"{share}; this is part {number}"
     ends = [dataset.find(f"e.ply#{number}") for number in (0, 1)]
     for sample, mesh in zip(ends, (SPHERE, FAR), strict=True):
         assert geometry.area(sample.mesh) == pytest.approx(mesh.area, rel=1e-6)
     assert ends[0].spec.group == ends[1].spec.group
-    assert verify("mine", root=tmp_path / "root").problems == ()
+    assert verify("mine", root=root).problems == ()
 
 
-def test_500_spheres_in_a_file_are_one_shape_with_all_shares(scans, run):
+def test_500_spheres_in_a_file_are_one_shape_with_all_shares(scans, imported):
     ball = trimesh.creation.icosphere(subdivisions=1)
-    many = [
-        ball.copy().apply_scale(2.0 if i == 0 else 1.0).apply_translation([5 * i, 0, 0])
-        for i in range(500)
-    ]
+    many = [ball.copy().apply_translation([5 * i, 0, 0]) for i in range(500)]
+    many[0].apply_scale(2.0)
     trimesh.util.concatenate(many).export(scans / "many.off", digits=17)
-    (sample,) = run(scans).dataset.samples()
+    (sample,) = imported(scans).dataset.samples()
     facts = sample.spec.parameters
     assert (facts["components"], facts["largest_share"]) == (500, round(4 / 503, 6))
     assert facts["shares"] == f"{4 / 503:.6f} {1 / 503:.6f}*499"
@@ -325,33 +326,32 @@ def test_500_spheres_in_a_file_are_one_shape_with_all_shares(scans, run):
 
 
 @pytest.mark.parametrize("cut", [False, True])
-def test_fins_are_cut_by_the_command_line_if_asked(scans, tmp_path, cut):
+def test_fins_are_cut_by_the_command_line_if_asked(scans, run_import, root, cut):
     points = SPHERE.vertices.tolist()
     a, b = SPHERE.edges_unique[0]
     points.append(3 * (SPHERE.vertices[a] + SPHERE.vertices[b]))
     faces = [*SPHERE.faces.tolist(), [a, b, len(SPHERE.vertices)]]
     fin = trimesh.Trimesh(points, faces, process=False)
     fin.export(scans / "fin.off", digits=17)
-    where = ["--name", "mine", "--out", str(tmp_path / "root"), "--workers", "1"]
-    assert cli.main(["import", str(scans), *where, *["--cut-fins"] * cut]) == (0 if cut else 2)
-    (row,) = file_outcomes(store.open_dataset("mine", str(tmp_path / "root")))
+    assert run_import(scans, *["--cut-fins"] * cut)[0] == (0 if cut else 2)
+    (row,) = file_outcomes(store.open_dataset("mine", root))
     if cut:
         assert "1 edges cut from fins" in str(row["what"])
     else:
         assert str(row["what"]).startswith("non_manifold_edge: 1 edge has more than two faces")
 
 
-def test_a_file_alone_is_imported(folder, run):
-    dataset = run(folder / "a.ply", folder / "b.STL").dataset
+def test_a_file_alone_is_imported(folder, imported):
+    dataset = imported(folder / "a.ply", folder / "b.STL").dataset
     assert [row["file"] for row in file_outcomes(dataset)] == ["a.ply", "b.STL"]
     assert list(dataset.manifest.drawn) == ["my_meshes"]
     with pytest.raises(MeshImportError, match=r"f\.txt is none of \.obj"):
-        run(folder / "f.txt", name="other")
+        imported(folder / "f.txt", name="other")
 
 
-def test_shapes_are_found_by_the_name_of_their_file(folder, run, tmp_path, capsys):
+def test_shapes_are_found_by_the_name_of_their_file(folder, imported, mine, run, root, tmp_path):
     shutil.copy(folder / "a.ply", folder / "below" / "a.ply")
-    dataset = run(folder).dataset
+    dataset = imported(folder).dataset
     for name in ("below/c.obj", "c.obj", "c", "my_meshes-00003"):
         assert dataset.find(name).spec.id == "my_meshes-00003"
     assert dataset.find("a.ply").spec.id == "my_meshes-00000"  # its whole path
@@ -359,30 +359,27 @@ def test_shapes_are_found_by_the_name_of_their_file(folder, run, tmp_path, capsy
         dataset.find("a")
     with pytest.raises(StoreError, match="was rejected by unreadable"):
         dataset.find("d.off")
-    where = ["--dataset", "mine", "--out", str(tmp_path / "root")]
-    assert cli.main(["show", "c.obj", *where]) == 0
-    shown = capsys.readouterr().out
-    assert "my_meshes-00003" in shown
     bound = dataset.find("c.obj").spec.parameters["error_bound"]
-    assert f"each within a relative {bound:.1g} of the mesh's, rounding included" in shown
-    assert cli.main(["info", "--shape", "d.off", *where]) == 0
-    assert "unreadable: line 2" in capsys.readouterr().out
-    assert cli.main(["info", "--shape", "c.obj", "--json", *where]) == 0
-    assert json.loads(capsys.readouterr().out)["id"] == "my_meshes-00003"
-    assert cli.main(["info", "--shape", "none.obj", *where]) == 2
-    assert "no file 'none.obj' in mine" in capsys.readouterr().err
-    assert cli.main(["info", "--ids", *where]) == 0
-    assert "my_meshes-00003  below/c.obj" in capsys.readouterr().out
-    assert cli.main(["gallery", "c.obj", *where, "--png", str(tmp_path / "c.png"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["ids"] == ["my_meshes-00003"]
+    for words, expected in (
+        (["show", "c.obj"], "my_meshes-00003"),
+        (["show", "c.obj"], f"each within a relative {bound:.1g} of the mesh's, rounding included"),
+        (["info", "--shape", "d.off"], "unreadable: line 2"),
+        (["info", "--ids"], "my_meshes-00003  below/c.obj"),
+    ):
+        assert expected in mine(*words)
+    assert json.loads(mine("info", "--shape", "c.obj", "--json"))["id"] == "my_meshes-00003"
+    drawn = json.loads(mine("gallery", "c.obj", "--png", tmp_path / "c.png", "--json"))
+    assert drawn["ids"] == ["my_meshes-00003"]
+    missing = run("info", "--shape", "none.obj", "--dataset", "mine", "--out", root)
+    assert "no file 'none.obj' in mine" in only_line(*missing)
 
 
-def test_a_largest_component_of_less_than_half_is_said(folder, tmp_path, capsys):
+def test_a_largest_component_of_less_than_half_is_said(folder, run_import):
     three = [SPHERE.copy().apply_translation([4.0 * i, 0, 0]) for i in range(3)]
     trimesh.util.concatenate(three).export(folder / "three.ply")
-    where = ["--name", "mine", "--out", str(tmp_path / "root"), "--workers", "1"]
-    assert cli.main(["import", str(folder), *where]) == 0
-    (line,) = [s for s in capsys.readouterr().err.splitlines() if "warning" in s]
+    code, _, err = run_import(folder)
+    assert code == 0
+    (line,) = [s for s in err.splitlines() if "warning" in s]
     assert "in 1 of the files (three.ply) the largest component has less than half" in line
 
 
@@ -396,50 +393,50 @@ def strip(aspect):
     return trimesh.Trimesh(points @ turn.T, np.concatenate(faces, axis=1).T, process=False)
 
 
-def test_thin_meshes_are_labelled_within_the_limit_or_refused_and_verify_agrees(tmp_path, run):
-    directory = tmp_path / "thin"
-    directory.mkdir()
+def test_thin_meshes_are_labelled_within_the_limit_or_refused_and_verify_agrees(
+    scans, root, imported
+):
     for number in range(7):
-        strip(10.0**-number).export(directory / f"{number}.off", digits=17)
-    dataset = run(directory).dataset
+        strip(10.0**-number).export(scans / f"{number}.off", digits=17)
+    dataset = imported(scans).dataset
     assert {"0.off", "1.off", "2.off", "3.off"} <= {
         str(sample.spec.parameters["file"]) for sample in dataset.samples()
     }
     for sample in dataset.samples():
         assert float(sample.spec.parameters["error_bound"]) <= 1e-6
     assert {refused.reason for refused in dataset.manifest.rejections} <= {"certificate"}
-    assert verify("mine", root=tmp_path / "root").problems == ()
+    assert verify("mine", root=root).problems == ()
 
 
-def test_copies_of_a_file_are_in_one_split(scans, run):
+def test_copies_of_a_file_are_in_one_split(scans, imported):
     for i in range(12):
         mesh = SPHERE.copy().apply_scale(1 + i / 10)
         mesh.export(scans / f"{i:02d}.off")
         mesh.export(scans / f"{i:02d}-copy.off")
-    samples = list(run(scans, split="hash").dataset.samples())
+    samples = list(imported(scans, split="hash").dataset.samples())
     for original, copy in zip(samples[1::2], samples[::2], strict=True):
         assert (original.split, original.spec.group) == (copy.split, copy.spec.group)
     assert len({sample.split for sample in samples}) > 1
 
 
-def test_far_coordinates_keep_their_shape(scans, run):
+def test_far_coordinates_keep_their_shape(scans, imported):
     SPHERE.copy().apply_translation([5e5, 4e6, 0]).export(scans / "a.ply", encoding="ascii")
     lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in np.add(SPHERE.vertices, [5e5, 4e6, 0])]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in SPHERE.faces]
     (scans / "b.obj").write_text("\n".join(lines))
-    *_, sample = run(scans).dataset.samples()
+    *_, sample = imported(scans).dataset.samples()
     assert np.abs(sample.mesh.vertices).max() < 1.1
     assert sample.eigenvalues[:3] == pytest.approx([2, 2, 2], rel=0.05)
 
 
 @pytest.mark.parametrize("name", ["1.0", "../up", ""])
-def test_name_that_will_not_do_is_refused(name, folder, run, tmp_path):
+def test_name_that_will_not_do_is_refused(name, folder, imported, root):
     with pytest.raises(MeshImportError, match="--name must be a letter"):
-        run(folder, name=name)
-    assert not (tmp_path / "root").exists()
+        imported(folder, name=name)
+    assert not root.exists()
 
 
-def test_directories_that_will_not_do_are_refused(folder, run, tmp_path):
+def test_directories_that_will_not_do_are_refused(folder, imported, root, tmp_path):
     (tmp_path / "empty").mkdir()
     (tmp_path / "other" / "my-meshes").mkdir(parents=True)
     shutil.copy(folder / "a.ply", tmp_path / "other" / "my-meshes")
@@ -453,38 +450,39 @@ def test_directories_that_will_not_do_are_refused(folder, run, tmp_path):
         ([folder / "below", folder], "are the same or one within the other: give one of them"),
     ):
         with pytest.raises(MeshImportError, match=expected):
-            run(*places)
-    assert not (tmp_path / "root").exists()
+            imported(*places)
+    assert not root.exists()
 
 
 @pytest.mark.parametrize(
-    ("root", "name"), [("", "scans"), ("scans", "data"), ("scans/below", "deep"), ("..", "here")]
+    ("above", "name"), [("", "scans"), ("scans", "data"), ("scans/below", "deep"), ("..", "here")]
 )
-def test_dataset_is_never_among_the_meshes(root, name, folder, run, tmp_path):
+def test_dataset_is_never_among_the_meshes(above, name, folder, imported, tmp_path):
     directory = tmp_path / "here" / "scans"
     directory.parent.mkdir()
     shutil.copytree(folder, directory)
     before = contents(tmp_path)
     with pytest.raises(MeshImportError, match=r"dataset's directory .* are the same or one"):
-        run(directory, name=name, root=directory.parent / root)
+        imported(directory, name=name, root=directory.parent / above)
     assert contents(tmp_path) == before
 
 
-def test_dataset_is_never_written_over_other_things(folder, run, tmp_path):
-    (tmp_path / "root" / "mine").mkdir(parents=True)
-    (tmp_path / "root" / "mine" / "thesis.tex").write_text("mine")
-    (tmp_path / "root" / "note").write_text("mine")
+def test_dataset_is_never_written_over_other_things(folder, imported, root):
+    (root / "mine").mkdir(parents=True)
+    (root / "mine" / "thesis.tex").write_text("mine")
+    (root / "note").write_text("mine")
     with pytest.raises(MeshImportError, match=r"holds thesis\.tex, which is of no import: nothing"):
-        run(folder)
+        imported(folder)
     with pytest.raises(MeshImportError, match="note is no directory: choose another --out"):
-        run(folder, name="note")
-    assert len(contents(tmp_path / "root")) == 2
+        imported(folder, name="note")
+    assert len(contents(root)) == 2
 
 
-def test_files_that_cannot_be_opened_are_rejections(folder, run, monkeypatch):
+def test_files_that_cannot_be_opened_are_rejections(folder, imported, monkeypatch):
     (folder / "loop.obj").symlink_to("loop.obj")
     (folder / "gone.obj").symlink_to("nowhere.obj")
     (folder / "secret").mkdir()
+    (folder / "below" / "up").symlink_to(folder)  # a directory, which is not followed
     os.mkfifo(folder / "pipe.stl")
     scan = os.scandir
 
@@ -494,7 +492,7 @@ def test_files_that_cannot_be_opened_are_rejections(folder, run, monkeypatch):
         return scan(path)
 
     monkeypatch.setattr(os, "scandir", denied)
-    outcomes = outcomes_by_file(run(folder))
+    outcomes = outcomes_by_file(imported(folder))
     assert outcomes["gone.obj"] == "unreadable: cannot be opened (No such file or directory)"
     assert re.fullmatch(r"unreadable: cannot be opened \(.*symbolic links\)", outcomes["loop.obj"])
     assert outcomes["secret/"] == "unreadable: cannot be opened (Permission denied)"
@@ -503,55 +501,49 @@ def test_files_that_cannot_be_opened_are_rejections(folder, run, monkeypatch):
     assert outcomes["a.ply"] == ""
 
 
-def test_links_to_directories_are_not_followed(folder, run):
-    (folder / "below" / "up").symlink_to(folder)
-    assert len(outcomes_by_file(run(folder))) == 5
-
-
-def test_file_that_changes_or_goes_in_between_is_a_rejection(folder, run):
+def test_file_that_changes_or_goes_in_between_is_a_rejection(folder, imported):
     class Meddler(Watcher):
         def planned(self, drawn):
             TORUS.export(folder / "a.ply")
             (folder / "b.STL").unlink()
 
-    outcomes = outcomes_by_file(run(folder, watcher=Meddler()))
+    outcomes = outcomes_by_file(imported(folder, watcher=Meddler()))
     assert outcomes["a.ply"] == "changed: its bytes are others than when the import began"
     assert outcomes["b.STL"] == "unreadable: cannot be opened (No such file or directory)"
     assert outcomes["below/c.obj"] == ""
 
 
-def test_directory_that_goes_in_between_stops_the_import(folder, run):
+def test_directory_that_goes_in_between_stops_the_import(folder, imported):
     class Unmounted(Watcher):
         def planned(self, drawn):
             folder.rename(folder.with_name("elsewhere"))
 
     with pytest.raises(BuildError, match=r"the worker on .* does not see .*My Meshes: the meshes"):
-        run(folder, watcher=Unmounted())
+        imported(folder, watcher=Unmounted())
 
 
-def test_files_of_odd_names(folder, run, tmp_path, capsys):
+def test_files_of_odd_names(folder, imported, run_import, mine):
     names = [b"a: b.ply", b"\xff.ply", b"new\nline.ply", b"\x1b[31m.ply", "é.ply".encode()]
     for name in names:
         shutil.copy(folder / "a.ply", folder / os.fsdecode(name))
     (folder / "x: y.off").write_text("OFF\n3 nonsense")
-    outcomes = outcomes_by_file(run(folder))
+    outcomes = outcomes_by_file(imported(folder))
     assert outcomes["a: b.ply"] == outcomes["é.ply"] == outcomes[r"\udcff.ply"] == ""
     assert outcomes[r"new\nline.ply"] == outcomes[r"\x1b[31m.ply"] == ""
     assert outcomes["x: y.off"] == "unreadable: line 2: '3 nonsense': no whole numbers"
     assert len(outcomes) == 11
-    where = ["--name", "mine", "--out", str(tmp_path / "root")]
-    assert cli.main(["import", str(folder), *where]) == 0
-    assert cli.main(["info", "--version", "mine", "--out", str(tmp_path / "root")]) == 0
-    out = capsys.readouterr().out
+    code, out, _ = run_import(folder)
+    assert code == 0
+    out += mine("info")
     assert "x: y.off: line 2: '3 nonsense'" in out.encode().decode()  # all of it can be encoded
     assert "imported already: nothing to do" in out
 
 
-def test_too_large_files_are_rejections(folder, run, monkeypatch):
+def test_too_large_files_are_rejections(folder, imported, monkeypatch):
     size = (folder / "below" / "c.obj").stat().st_size
     monkeypatch.setattr(sources, "MOST_BYTES", size - 1)
     monkeypatch.setattr(repair, "MOST_VERTICES", 161)
-    outcomes = outcomes_by_file(run(folder))
+    outcomes = outcomes_by_file(imported(folder))
     assert outcomes["below/c.obj"] == f"too_large: {size:,} bytes, more than {size - 1:,}"
     assert outcomes["a.ply"] == outcomes["b.STL"] == "too_large: 162 vertices, more than 161"
     assert len(outcomes) == 5
@@ -564,7 +556,9 @@ def test_too_large_files_are_rejections(folder, run, monkeypatch):
         (ValueError("a vertex\nno triangle"), "solver: a vertex no triangle"),
     ],
 )
-def test_label_that_fails_is_the_file_s_own_rejection(error, expected, folder, run, monkeypatch):
+def test_label_that_fails_is_the_file_s_own_rejection(
+    error, expected, folder, imported, monkeypatch
+):
     compute = spectrum.compute
 
     def failing(mesh, k=10, **options):
@@ -573,60 +567,60 @@ def test_label_that_fails_is_the_file_s_own_rejection(error, expected, folder, r
         return compute(mesh, k, **options)
 
     monkeypatch.setattr(spectrum, "compute", failing)
-    outcomes = outcomes_by_file(run(folder))
+    outcomes = outcomes_by_file(imported(folder))
     assert outcomes["below/c.obj"] == expected
     assert outcomes["a.ply"] == ""
 
 
-def test_mobius_band_is_not_called_repaired(scans, run):
+def test_mobius_band_is_not_called_repaired(scans, imported):
     band = FAMILIES["mobius_band"].generate(
         {"width": 1.0, "half_turns": 1, "triangulation": "uniform", "vertices": 50, "seed": 0}
     )
     trimesh.Trimesh(band.vertices, band.faces, process=False).export(scans / "a.off", digits=17)
-    (row,) = file_outcomes(run(scans).dataset)
+    (row,) = file_outcomes(imported(scans).dataset)
     assert (row["outcome"], row["what"]) == ("as it was", "not orientable")
 
 
 @pytest.mark.parametrize("n", [9, 10, 11, 12, 25])
-def test_smallest_surfaces_are_labelled_and_verified(n, scans, tmp_path, run):
+def test_smallest_surfaces_are_labelled_and_verified(n, scans, root, imported):
     """Pyramids over a polygon: n + 2 vertices."""
     angle = 2 * np.pi * np.arange(n) / n
     rim = np.column_stack([np.cos(angle), 1.1 * np.sin(angle), 0.1 * np.sin(3 * angle)])
     faces = [[i, (i + 1) % n, n] for i in range(n)] + [[(i + 1) % n, i, n + 1] for i in range(n)]
     mesh = trimesh.Trimesh([*rim, [0, 0, 1], [0, 0, -1]], faces, process=False)
     mesh.export(scans / "a.off")
-    assert run(scans).dataset.manifest.rows == 1
-    assert verify("mine", root=tmp_path / "root").problems == ()
+    assert imported(scans).dataset.manifest.rows == 1
+    assert verify("mine", root=root).problems == ()
 
 
-def test_ten_vertices_are_too_few(scans, run):
+def test_ten_vertices_are_too_few(scans, imported):
     trimesh.creation.box().export(scans / "a.off")
-    assert outcomes_by_file(run(scans)) == {
+    assert outcomes_by_file(imported(scans)) == {
         "a.off": "few_vertices: 8 vertices, a spectrum needs at least 11"
     }
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e5])
-def test_any_unit_is_verified(size, scans, tmp_path, run):
+def test_any_unit_is_verified(size, scans, root, imported):
     TORUS.copy().apply_scale(size).export(scans / "a.off", digits=17)
-    (sample,) = run(scans).dataset.samples()
-    expected = spectrum.compute(Mesh(np.array(TORUS.vertices), np.array(TORUS.faces)))
+    (sample,) = imported(scans).dataset.samples()
+    expected = spectrum.compute(TORUS)
     assert sample.eigenvalues * size**2 == pytest.approx(expected.eigenvalues, rel=1e-5)
-    assert verify("mine", root=tmp_path / "root").problems == ()
+    assert verify("mine", root=root).problems == ()
 
 
-def test_eigenvalues_next_to_zero_are_verified(scans, tmp_path, run):
+def test_eigenvalues_next_to_zero_are_verified(scans, root, imported):
     """One vertex of a torus far away: relative to itself no solver is exact to 1e-8 there."""
     spiked = TORUS.copy()
     spiked.vertices[7] *= 1e4
     spiked.export(scans / "a.off", digits=17)
-    (sample,) = run(scans).dataset.samples()
+    (sample,) = imported(scans).dataset.samples()
     assert sample.eigenvalues[0] < 1e-4 * 40 * np.pi / spiked.area
-    assert verify("mine", root=tmp_path / "root").problems == ()
+    assert verify("mine", root=root).problems == ()
 
 
-def test_verify_compares_the_shapes_with_the_list_of_files(folder, run, tmp_path):
-    dataset = run(folder).dataset
+def test_verify_compares_the_shapes_with_the_list_of_files(folder, imported, root):
+    dataset = imported(folder).dataset
     (path,) = dataset.paths()
     manifest = dataset.manifest
     samples = list(store.read_samples(path))
@@ -637,12 +631,11 @@ def test_verify_compares_the_shapes_with_the_list_of_files(folder, run, tmp_path
         replace(samples[2], spec=replace(samples[2].spec, id="my_meshes-00009")),
         samples[3],
     ]
-    digest = manifest.recipe_digest
-    options = {"family": "my_meshes", "recipe_digest": digest}
+    options = {"family": "my_meshes", "recipe_digest": manifest.recipe_digest}
     record = store.write_shard(path, altered, manifest.rejections, **options)
     listed = {**manifest.recipe, "limits": "1.0-mini"}
     store.write_manifest(dataset.directory, replace(manifest, shards=(record,), recipe=listed))
-    problems = {c.name: list(c.problems) for c in verify("mine", root=tmp_path / "root").checks}
+    problems = {c.name: list(c.problems) for c in verify("mine", root=root).checks}
     assert problems["manifest"] == ["manifest: its digest is not that of its options and files"]
     assert problems["recipe"] == [
         "my_meshes-00000: file or SHA-256 differ from the manifest's list",
@@ -654,20 +647,20 @@ def test_verify_compares_the_shapes_with_the_list_of_files(folder, run, tmp_path
     assert problems["digests"] == problems["shards"] == problems["labels"] == []
 
 
-def test_import_without_a_list_of_files_cannot_be_verified(folder, run, tmp_path):
-    dataset = run(folder).dataset
+def test_import_without_a_list_of_files_cannot_be_verified(folder, imported, root):
+    dataset = imported(folder).dataset
     old = replace(dataset.manifest, recipe={"imported": {}, "rules": "1.0"})
     store.write_manifest(dataset.directory, old)
     with pytest.raises(StoreError, match="imported by an older synthnet: remove it and import"):
-        verify("mine", root=tmp_path / "root")
+        verify("mine", root=root)
 
 
 @pytest.mark.slow
-def test_predictor_is_evaluated_on_an_import(folder, run, tmp_path, capsys):
-    run(folder)
+def test_predictor_is_evaluated_on_an_import(folder, imported, root, tmp_path, capsys):
+    imported(folder)
     code = "import numpy as np\n\ndef predict(meshes):\n    return np.ones((len(meshes), 10))\n"
     (tmp_path / "ones.py").write_text(code)
-    where = ["--dataset", "mine", "--root", str(tmp_path / "root")]
+    where = ["--dataset", "mine", "--root", str(root)]
     out = ["--out", str(tmp_path / "ones.json")]
     assert eigbench_cli.main(["evaluate", str(tmp_path / "ones.py"), *where, *out]) == 0
     result = json.loads((tmp_path / "ones.json").read_text())
@@ -690,27 +683,26 @@ def test_reasons_are_those_of_the_documentation():
     assert reasons <= set(re.findall(r"`(\w+)`", PAGE))
 
 
-def test_command_line(folder, tmp_path, capsys):
-    where = ["--name", "mine", "--out", str(tmp_path / "root"), "--workers", "1"]
+def test_command_line(folder, run_import, mine):
     for name in ("more.txt", "a.mtl", "b.MTL", "LICENSE"):
         (folder / name).write_text("no mesh")
-    assert cli.main(["import", str(folder), *where]) == 0
-    out = capsys.readouterr().out
+    code, out, _ = run_import(folder)
+    assert code == 0
     assert "5 other files, not read as meshes: 2 .mtl, 2 .txt, 1 without a suffix" in out
     assert "5 files: 3 as it was, 1 repaired, 1 rejected" in out
     assert "a.ply" in out  # though nothing befell it
     assert "2 components, the largest has 80.0% of the area" in out
-    assert cli.main(["import", str(folder), *where, "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert len(printed["files"]) == 5
+    code, out, _ = run_import(folder, "--json")
+    printed = json.loads(out)
+    assert (code, len(printed["files"])) == (0, 5)
     assert printed["not_meshes"] == {".mtl": 2, ".txt": 2, "without a suffix": 1}
-    assert cli.main(["info", "--version", "mine", "--out", str(tmp_path / "root")]) == 0
+    assert mine("info")
 
 
 PAGE = (Path(__file__).parents[2] / "docs" / "import.md").read_text()
 
 
-def test_the_command_for_thingi10k_imports_a_folder_of_its_layout(tmp_path, monkeypatch, capsys):
+def test_the_command_for_thingi10k_imports_a_folder_of_its_layout(run, root, tmp_path, monkeypatch):
     directory = tmp_path / "Thingi10K" / "raw_meshes"
     directory.mkdir(parents=True)
     SPHERE.export(directory / "32770.stl")
@@ -718,9 +710,8 @@ def test_the_command_for_thingi10k_imports_a_folder_of_its_layout(tmp_path, monk
     (directory / "37322.stl").write_bytes(b"solid")
     monkeypatch.chdir(tmp_path)
     (line,) = re.findall(r"^synthnet import Thingi10K.*$", PAGE, flags=re.M)
-    command = [*shlex.split(line)[1:], "--out", str(tmp_path / "root"), "--workers", "1"]
-    assert cli.main(command) == 0
-    out = capsys.readouterr().out
+    code, out, _ = run(*shlex.split(line)[1:], "--out", root, "--workers", 1)
+    assert code == 0
     for number, outcome in (
         ("32770", "repaired"),
         ("36082", "1 components left out"),
@@ -728,7 +719,7 @@ def test_the_command_for_thingi10k_imports_a_folder_of_its_layout(tmp_path, monk
     ):
         (row,) = (row for row in out.splitlines() if f"{number}.stl" in row)
         assert outcome in row
-    stored = store.open_dataset("thingi10k", str(tmp_path / "root"))
+    stored = store.open_dataset("thingi10k", root)
     areas = [geometry.area(sample.mesh) for sample in stored.samples()]
     assert areas == pytest.approx([1.0, 1.0], rel=1e-6)
 
@@ -741,31 +732,27 @@ def test_page_shows_what_became_of_the_hostile_files():
         assert f"| `{file['file']}` | {file['outcome']} | {file['what']} |\n" in PAGE
 
 
-def test_number_of_workers_is_checked(folder, tmp_path, capsys):
-    where = ["--name", "mine", "--out", str(tmp_path / "root"), "--workers", "0"]
-    assert cli.main(["import", str(folder), *where]) == 2
-    assert capsys.readouterr().err.strip() == "synthnet: workers must be at least 1, got 0"
-    assert not (tmp_path / "root").exists()
+def test_number_of_workers_is_checked(folder, run_import, root):
+    line = only_line(*run_import(folder, workers=0))
+    assert line == "synthnet: workers must be at least 1, got 0"
+    assert not root.exists()
 
 
-def test_verify_tells_of_an_import_what_makes_it_anew(folder, run, tmp_path, capsys):
-    (shard,) = run(folder).dataset.paths()
+def test_verify_tells_of_an_import_what_makes_it_anew(folder, imported, run, root):
+    (shard,) = imported(folder).dataset.paths()
     Path(shard).unlink()
-    where = ["--version", "mine", "--out", str(tmp_path / "root")]
-    assert cli.main(["verify", "--files", *where]) == 1
-    out = capsys.readouterr().out
+    code, out, _ = run("verify", "--files", "--dataset", "mine", "--out", root)
+    assert code == 1
     assert "or for an import the same `synthnet import`" in out
     assert "run the `synthnet import` of mine again" in out
 
 
-def test_folder_without_one_good_file_exits_with_2(tmp_path, capsys):
-    (tmp_path / "bad").mkdir()
-    (tmp_path / "bad" / "a.obj").write_text("f 1 2 3\n")
-    where = ["--name", "bad", "--out", str(tmp_path / "root"), "--workers", "1"]
-    assert cli.main(["import", str(tmp_path / "bad"), *where]) == 2
-    captured = capsys.readouterr()
-    assert "unreadable" in captured.out
-    assert "synthnet: no file became a shape" in captured.err
+def test_folder_without_one_good_file_exits_with_2(scans, run_import):
+    (scans / "a.obj").write_text("f 1 2 3\n")
+    code, out, err = run_import(scans)
+    assert code == 2
+    assert "unreadable" in out
+    assert "synthnet: no file became a shape" in err
 
 
 @pytest.mark.slow

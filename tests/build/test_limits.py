@@ -4,6 +4,7 @@ import dataclasses
 import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from unittest.mock import Mock
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -16,7 +17,7 @@ from synthnet.build import versions
 from synthnet.build.jobs import exclusive
 from synthnet.build.versions import build
 from synthnet.build.workers import given
-from synthnet.commands import cli, info
+from synthnet.commands import info
 from synthnet.errors import BuildError, DamagedError, SpectrumError, StoreError
 from synthnet.families import FAMILIES
 from synthnet.families.family import Family
@@ -154,25 +155,18 @@ def test_others_are_computed_and_a_run_goes_on_where_it_stopped(built, threads, 
 
 def test_triangulations_of_a_surface_share_its_limit(tmp_path, monkeypatch):
     specs = [draw_shape(recipe.load("2.0"), "ellipsoid", index) for index in range(6)]
-    asked = []
-
-    def count(family, parameters, k):
-        asked.append(parameters)
-        return Limit(np.arange(1.0, k + 1), np.ones(k))
-
-    monkeypatch.setattr(Family, "limit_spectrum", count)
+    solve = Mock(return_value=Limit(np.arange(1.0, 11), np.ones(10)))
+    monkeypatch.setattr(Family, "limit_spectrum", solve)
     monkeypatch.setattr(building, "labels", lambda _: ((s, np.arange(1.0, 11)) for s in specs))
     (tmp_path / limits.DIRECTORY).mkdir()
     record = ShardRecord("shards/ellipsoid-0000.parquet", "ellipsoid", "0" * 64, 1, 6, 1, 1, ())
     building.make_shard(tmp_path, record)
-    assert len(asked) == 2
+    assert solve.call_count == 2
     assert [row.id for row in limits.read_shard(tmp_path, record)] == [s.id for s in specs]
 
 
 def test_a_surface_that_cannot_be_solved_names_the_shape(built, threads, monkeypatch):
-    def fail(*_):
-        raise SpectrumError("factorisation failed")
-
+    fail = Mock(side_effect=SpectrumError("factorisation failed"))
     monkeypatch.setattr(Family, "limit_spectrum", fail)
     with pytest.raises(SpectrumError, match=r"^torus-00000, its surface: factorisation failed$"):
         compute(built, threads())
@@ -196,15 +190,13 @@ def test_two_at_once_do_not_mix(built, threads):
         compute(built, threads())
 
 
-def test_the_command_finds_pinned_limits_there(mini_home, capsys):
-    arguments = ["build", "--version", VERSION, "--out", str(mini_home), "--limits"]
-    assert cli.main(arguments) == 0
-    printed = capsys.readouterr().out
-    assert "is built already" in printed.splitlines()[0]
-    assert "nothing to do" not in printed.splitlines()[0]
-    assert "its limits are there: nothing to compute" in printed
-    assert cli.main([*arguments, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["limits"]["nothing_to_do"] is True
+def test_the_command_finds_pinned_limits_there(mini_home, printed):
+    arguments = ["build", "--version", VERSION, "--out", mini_home, "--limits"]
+    out = printed(*arguments)
+    assert "is built already" in out.splitlines()[0]
+    assert "nothing to do" not in out.splitlines()[0]
+    assert "its limits are there: nothing to compute" in out
+    assert json.loads(printed(*arguments, "--json"))["limits"]["nothing_to_do"] is True
 
 
 @pytest.mark.slow
@@ -267,36 +259,29 @@ def test_psnr_is_that_of_the_paper():
         assert shifted.above_20_db is above
 
 
-def test_show_and_info_say_what_is_there(dataset, capsys):
-    location = ["--version", VERSION, "--out", str(dataset.directory.parent)]
+def test_show_and_info_say_what_is_there(dataset, printed):
+    location = ["--version", VERSION, "--out", dataset.directory.parent]
     row = next(row for row in limits.read(dataset) if not row.above_20_db)
     failing = sum(not row.above_20_db for row in limits.read(dataset))
-    cli.main(["show", row.id, *location, "--json"])
-    printed = json.loads(capsys.readouterr().out)["limit"]
-    assert printed["eigenvalues"] == row.eigenvalues.tolist()
-    assert (printed["bar"], printed["error"]) == (row.bar.tolist(), row.error.tolist())
-    assert printed["above_20_db"] is False
-    cli.main(["show", row.id, *location])
-    lines = capsys.readouterr().out.splitlines()
+    shown = json.loads(printed("show", row.id, "--json", *location))["limit"]
+    assert shown["eigenvalues"] == row.eigenvalues.tolist()
+    assert (shown["bar"], shown["error"]) == (row.bar.tolist(), row.error.tolist())
+    assert shown["above_20_db"] is False
+    lines = printed("show", row.id, *location).splitlines()
     at = lines.index("limits, the eigenvalues of the surface (1/length²)")
     assert [float(v) for v in lines[at + 1].split()] == pytest.approx(row.eigenvalues, rel=1e-5)
     assert lines[at + 4] == "errors, eigenvalue / limit - 1 (PSNR 20 dB or less)"
     assert lines[at + 5].split() == [f"{value:.2%}" for value in row.error]
-    cli.main(["info", *location])
-    assert f"limits     of 335 labels; {failing} of them (" in capsys.readouterr().out
-    cli.main(["info", *location, "--json"])
-    assert json.loads(capsys.readouterr().out)["limits"] == {"labels": 335, "failing": failing}
+    assert f"limits     of 335 labels; {failing} of them (" in printed("info", *location)
+    counts = json.loads(printed("info", "--json", *location))["limits"]
+    assert counts == {"labels": 335, "failing": failing}
 
     limits.path_of(dataset.directory, record_of(dataset)).unlink()  # as a run leaves it
-    cli.main(["info", *location])
-    assert f"limits     of {335 - record_of(dataset).rows} labels; " in capsys.readouterr().out
+    assert f"limits     of {335 - record_of(dataset).rows} labels; " in printed("info", *location)
     shutil.rmtree(dataset.directory / limits.DIRECTORY)
-    cli.main(["info", *location])
-    assert "limits     none (--limits)\n" in capsys.readouterr().out
-    cli.main(["show", row.id, *location, "--json"])
-    assert json.loads(capsys.readouterr().out)["limit"] is None
-    cli.main(["show", row.id, *location])
-    assert "limits" not in capsys.readouterr().out
+    assert "limits     none (--limits)\n" in printed("info", *location)
+    assert json.loads(printed("show", row.id, "--json", *location))["limit"] is None
+    assert "limits" not in printed("show", row.id, *location)
     text = info._say_limits({"labels": 0, "failing": 0}, recipe.Kind.IMPORTED)
     assert text == "none (meshes alone)"
 
@@ -305,17 +290,18 @@ def test_show_and_info_say_what_is_there(dataset, capsys):
 
 
 @pytest.fixture
-def only_limits(monkeypatch):
-    """What verify does besides has its own tests."""
+def problems(dataset, monkeypatch):
+    """Return a function that verifies the limits. What verify does besides has its own tests."""
     for name in ("check_mesh", "check_label", "check_pin", "check_certificate"):
         monkeypatch.setattr(shapes, name, lambda *_: [])
 
+    def found(sample=0):
+        report = verify(VERSION, root=dataset.directory.parent, sample=sample)
+        (check,) = (c for c in report.checks if c.name == "limits")
+        assert report.problems == check.problems
+        return list(check.problems)
 
-def found_problems(dataset, sample=0):
-    report = verify(VERSION, root=dataset.directory.parent, sample=sample)
-    (check,) = (c for c in report.checks if c.name == "limits")
-    assert report.problems == check.problems
-    return list(check.problems)
+    return found
 
 
 def rewrite(dataset, change):
@@ -328,36 +314,32 @@ def rewrite(dataset, change):
     return rows
 
 
-@pytest.mark.usefixtures("only_limits")
-def test_whole_limits_pass(dataset):
-    assert found_problems(dataset) == []
+def test_whole_limits_pass(problems):
+    assert problems() == []
 
 
-@pytest.mark.usefixtures("only_limits")
-def test_an_error_that_is_not_of_its_label_is_found(dataset):
+def test_an_error_that_is_not_of_its_label_is_found(dataset, problems):
     def change(rows):
         rows[3] = dataclasses.replace(rows[3], error=rows[3].error + 1e-9)
         rows[4] = dataclasses.replace(rows[4], above_20_db=not rows[4].above_20_db)
 
     rows = rewrite(dataset, change)
-    assert found_problems(dataset) == [
+    assert problems() == [
         f"{row.id}: error or PSNR are not those of its label and its limit" for row in rows[3:5]
     ]
 
 
-@pytest.mark.usefixtures("only_limits")
-def test_limits_of_other_shapes_or_lengths_are_found(dataset):
+def test_limits_of_other_shapes_or_lengths_are_found(dataset, problems):
     rows = rewrite(dataset, lambda rows: rows.pop(0) and None)
     file = record_of(dataset).file
-    assert found_problems(dataset) == [f"{file}: the limits beside it are of other shapes"]
+    assert problems() == [f"{file}: the limits beside it are of other shapes"]
     first = {name: getattr(rows[0], name)[:9] for name in limits.NUMBERS}
     rows[0] = dataclasses.replace(rows[0], **first)
     limits.write(dataset.directory, record_of(dataset), rows)
-    assert found_problems(dataset) == [f"{rows[0].id}: 9 limits of 10 eigenvalues"]
+    assert problems() == [f"{rows[0].id}: 9 limits of 10 eigenvalues"]
 
 
-@pytest.mark.usefixtures("only_limits")
-def test_limits_that_are_not_the_pinned_ones_are_found(dataset):
+def test_limits_that_are_not_the_pinned_ones_are_found(dataset, problems):
     labels = {sample.spec.id: sample.eigenvalues for sample in dataset.samples()}
 
     def change(rows):
@@ -366,13 +348,10 @@ def test_limits_that_are_not_the_pinned_ones_are_found(dataset):
         rows[5] = dataclasses.replace(rows[5], bar=rows[5].bar * 2)
 
     rows = rewrite(dataset, change)
-    assert found_problems(dataset) == [
-        f"{rows[i].id}: limit or bar are not the pinned ones" for i in (2, 5)
-    ]
+    assert problems() == [f"{rows[i].id}: limit or bar are not the pinned ones" for i in (2, 5)]
 
 
-@pytest.mark.usefixtures("only_limits")
-def test_some_are_computed_anew(dataset, monkeypatch):
+def test_some_are_computed_anew(problems, monkeypatch):
     asked = []
 
     def off(family, parameters, k):
@@ -380,11 +359,11 @@ def test_some_are_computed_anew(dataset, monkeypatch):
         return Limit(np.full(k, 1000.0), np.zeros(k))
 
     monkeypatch.setattr(Family, "limit_spectrum", off)
-    problems = found_problems(dataset, sample=60)
-    assert len(asked) == checks.LIMITS_MADE_ANEW == len(problems)
+    found = problems(sample=60)
+    assert len(asked) == checks.LIMITS_MADE_ANEW == len(found)
     assert len(set(asked)) > 1
     assert not {"tetrahedron", "rectangular_prism"} & set(asked)  # these are not in closed form
-    assert all("off one computed anew, more than the bars say" in text for text in problems)
+    assert all("off one computed anew, more than the bars say" in text for text in found)
 
 
 def test_missing_limits_of_one_shard_are_found(dataset):

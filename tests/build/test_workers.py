@@ -21,9 +21,9 @@ from synthnet.build.jobs import work
 from synthnet.build.terms import is_ours, terms_of
 from synthnet.build.versions import build, shard_job
 from synthnet.build.workers import Workers, dask_cluster, given
-from synthnet.commands.cli import main
 from synthnet.errors import BuildError
 from synthnet.recipe.plan import plan_shards
+from tests.conftest import only_line
 from tests.datasets import contents
 
 MPIEXEC = Path(sys.executable).parent / "mpiexec"
@@ -68,8 +68,7 @@ def test_few_shards_are_submitted_at_a_time(small, tmp_path):
 
 def test_shards_kept_submitted_follow_the_workers():
     with ThreadPoolExecutor(1) as pool:
-        counts = iter([0, 1, 8, 80])
-        workers = Workers(pool, lambda: next(counts))
+        workers = Workers(pool, iter([0, 1, 8, 80]).__next__)
         assert [workers.ahead for _ in range(4)] == [1, 2, 10, 91]
 
 
@@ -79,31 +78,39 @@ def terms(small, tmp_path):
     return terms_of(small, tmp_path)
 
 
-def test_worker_with_another_version_is_refused(small, terms):
-    other = dataclasses.replace(terms, packages={**terms.packages, "numpy": "0.1"})
-    with pytest.raises(BuildError, match=r"has numpy .*, the build has 0\.1: install the same"):
-        work(shard_job(plan_shards(small)[0], other))
-
-
-def test_worker_that_understands_another_recipe_is_refused(small, terms):
-    other = dataclasses.replace(terms, digest="0" * 64)
-    with pytest.raises(BuildError, match="understands another recipe than the build"):
-        work(shard_job(plan_shards(small)[0], other))
-
-
-def test_worker_that_does_not_see_the_directory_is_refused(small, terms):
-    other = dataclasses.replace(terms, directory=terms.directory / "elsewhere")
-    with pytest.raises(BuildError, match=r"does not see .*: --out must be a directory that all"):
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda terms: {"packages": {**terms.packages, "numpy": "0.1"}},
+            r"has numpy .*, the build has 0\.1: install the same",
+        ),
+        (lambda _: {"digest": "0" * 64}, "understands another recipe than the build"),
+        (
+            lambda terms: {"directory": terms.directory / "elsewhere"},
+            r"does not see .*: --out must be a directory that all",
+        ),
+        (
+            lambda _: {"processor": "m68000-0"},
+            r"has a processor of another kind .* than the build \(m68",
+        ),
+    ],
+    ids=["version", "recipe", "directory", "processor"],
+)
+def test_worker_of_another_kind_is_refused(change, message, small, terms):
+    other = dataclasses.replace(terms, **change(terms))
+    with pytest.raises(BuildError, match=message):
         work(shard_job(plan_shards(small)[0], other))
 
 
 def test_shard_written_to_another_disk_is_noticed(tmp_path, monkeypatch):
     monkeypatch.setattr(jobs, "SEEN_WITHIN", 0.0)
     path = tmp_path / "a.parquet"
-    with pytest.raises(BuildError, match="is not there: --out must be a directory that all"):
+    unseen = "is not there: --out must be a directory that all"
+    with pytest.raises(BuildError, match=unseen):
         jobs.see(path, 14)
     path.write_bytes(b"an older shard")
-    with pytest.raises(BuildError, match="is not there: --out must be a directory that all"):
+    with pytest.raises(BuildError, match=unseen):
         jobs.see(path, 10)
     jobs.see(path, 14)
 
@@ -119,9 +126,8 @@ def test_shard_written_to_another_disk_is_noticed(tmp_path, monkeypatch):
         (["--version", "1.0-x2", "--scale", "2"], "1.0-x2 is scaled already"),
     ],
 )
-def test_wrong_options_are_one_line(arguments, message, tmp_path, capsys):
-    assert main(["build", "--out", str(tmp_path), *arguments]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
+def test_wrong_options_are_one_line(arguments, message, tmp_path, run):
+    line = only_line(*run("build", "--out", tmp_path, *arguments))
     assert line.startswith(f"synthnet: {message}")
 
 
@@ -214,23 +220,13 @@ def test_mpi_outside_a_job_is_one_line(tmp_path, command):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_worker_with_another_processor_is_refused(small, terms):
-    other = dataclasses.replace(terms, processor="m68000-0")
-    with pytest.raises(
-        BuildError, match=r"has a processor of another kind .* than the build \(m68"
-    ):
-        work(shard_job(plan_shards(small)[0], other))
-
-
-BLAS = "from synthnet.build.terms import blas_kernels; print(blas_kernels())"
-
-
 def test_worker_with_another_blas_kernel_is_refused(small, terms, environment):
     if "openblas" not in terms.blas:
         pytest.skip(f"only OpenBLAS is told which kernels to take, here is {terms.blas}")
     core = "Haswell" if platform.machine() == "x86_64" else "ARMV8"
+    blas = "from synthnet.build.terms import blas_kernels; print(blas_kernels())"
     done = subprocess.run(
-        [sys.executable, "-c", BLAS],
+        [sys.executable, "-c", blas],
         env={**environment, "OPENBLAS_CORETYPE": core},
         capture_output=True,
         text=True,

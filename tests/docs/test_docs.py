@@ -7,9 +7,9 @@ import shutil
 import sys
 import tomllib
 
+import eigbench.commands.cli
 import pytest
 import trimesh
-from eigbench.commands import cli
 from eigbench.running.predictor import META_KEYS
 
 import synthnet.commands.cli
@@ -86,9 +86,7 @@ def test_datasets_are_named_by_a_word_or_by_dataset():
     """The old option stays, and is tested; what is shown has one name for it."""
     shown = [*PAGES, ROOT / "Makefile", ROOT / ".ci" / "run"]
     old = re.compile(r"(?:synthnet|eigbench)\b[^\n]* --version[ =]\S")
-    assert {
-        path.name: old.findall(path.read_text()) for path in shown if old.search(path.read_text())
-    } == {}
+    assert [(path.name, line) for path in shown for line in old.findall(path.read_text())] == []
 
 
 @pytest.fixture(scope="module")
@@ -124,30 +122,33 @@ def test_commands_that_take_too_long_run_on_a_small_version(page, lines, small_h
 
 @pytest.mark.parametrize(
     "line",
-    [line for page in (*DOCS, *WHOLE) for line in commands("text", page) if "eigbench " in line],
+    [
+        line
+        for page in (*DOCS, *WHOLE)
+        for line in commands("text", page)
+        if re.search("eigbench |synthnet (b|i)", line)
+    ],
 )
-def test_commands_of_full_size_are_understood(line):
-    program, *arguments = shlex.split(line, comments=True)
-    assert program == "eigbench"
-    assert callable(cli._parser().parse_args(arguments).run)
+def test_commands_of_full_size_or_for_a_cluster_are_understood(line):
+    before, program, arguments = re.split(r"(eigbench|synthnet) ", line, maxsplit=1)
+    assert before == "" or program == "synthnet"  # a launcher of a cluster's jobs may come first
+    house = {"eigbench": eigbench, "synthnet": synthnet}[program]
+    parsed = house.commands.cli._parser().parse_args(shlex.split(arguments, comments=True))
+    assert callable(parsed.run)
+
+
+def named(pattern, pages):
+    """Return what in some pages has a form, sorted."""
+    return sorted({match for page in pages for match in re.findall(pattern, page.read_text())})
 
 
 def test_pages_name_no_script_that_is_not_there():
-    named = {
-        script
-        for page in PAGES
-        for script in re.findall(r"(?<![\w/])(?:scripts|benchmarks)/\w+\.py", page.read_text())
-    }
-    assert [script for script in sorted(named) if not (ROOT / script).is_file()] == []
+    scripts = named(r"(?<![\w/])(?:scripts|benchmarks)/\w+\.py", PAGES)
+    assert [script for script in scripts if not (ROOT / script).is_file()] == []
 
 
-EVIDENCE = sorted(
-    {
-        command.strip()
-        for page in [*PAGES, ROOT / "Makefile"]
-        for command in re.findall(r"python -m evidence\b(?!\.)([^`#\n\"]*)", page.read_text())
-    }
-)
+EVIDENCE = named(r"python -m evidence\b(?!\.)([^`#\n\"]*)", [*PAGES, ROOT / "Makefile"])
+EVIDENCE = sorted({command.strip() for command in EVIDENCE})
 
 
 def test_pages_name_commands_of_evidence():
@@ -170,20 +171,6 @@ def test_page_to_start_from_installs_what_there_is():
     assert set(re.findall(r"^\| `(\w+)` \|", section, flags=re.M)) == {
         *extras["optional-dependencies"]
     }
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        line
-        for page in (*DOCS, *WHOLE)
-        for line in commands("text", page)
-        if re.search("synthnet (b|i)", line)
-    ],
-)
-def test_commands_that_need_a_cluster_are_understood(line):
-    arguments = shlex.split(line.partition("synthnet ")[2])
-    assert callable(synthnet.commands.cli._parser().parse_args(arguments).run)
 
 
 @pytest.mark.slow

@@ -16,18 +16,10 @@ PARAMETERS = {
 }
 
 
-def torus(tube_radius, k=10):
-    values = FAMILIES["torus"].limit_eigenvalues(
-        {
-            "torus_radius": 1.0,
-            "tube_radius": tube_radius,
-            "radial_resolution": 30,
-            "tubular_resolution": 20,
-        },
-        k,
-    )
-    assert values is not None
-    return values
+def torus(tube_radius):
+    tube = {"torus_radius": 1.0, "tube_radius": tube_radius}
+    mesh = {"radial_resolution": 30, "tubular_resolution": 20}
+    return FAMILIES["torus"].limit_eigenvalues({**tube, **mesh})
 
 
 def test_sphere_is_l_times_l_plus_one():
@@ -79,16 +71,17 @@ def test_thin_torus_is_a_flat_one():
         np.testing.assert_allclose(values, np.repeat(np.arange(1, 6) ** 2, 2), rtol=share)
 
 
+def of(family, **changes):
+    return FAMILIES[family].limit_eigenvalues({**PARAMETERS[family], **changes})
+
+
 @pytest.mark.parametrize("height", [0.01, 0.3, 3.0, 100.0])
 @pytest.mark.parametrize("family", PARAMETERS)
 def test_ends_converge_to_a_relative_1e_8(family, height, monkeypatch):
-    parameters = {**PARAMETERS[family], "height": height}
-    values = FAMILIES[family].limit_eigenvalues(parameters)
+    values = of(family, height=height)
     monkeypatch.setattr(limits, "PIECES", 2 * limits.PIECES)
     monkeypatch.setattr(limits, "LAYERS", limits.LAYERS + 3)
-    finer = FAMILIES[family].limit_eigenvalues(parameters)
-    assert values is not None
-    assert finer is not None
+    finer = of(family, height=height)
     assert (values != finer).any()
     np.testing.assert_allclose(values, finer, rtol=1e-8)
 
@@ -103,18 +96,10 @@ def test_tori_converge_to_a_relative_1e_8(tube_radius, monkeypatch):
 
 
 def test_a_frustum_of_equal_radii_is_a_cylinder():
-    size = {"radius": 1.0, "height": 2.0, "resolution": 9, "split": 1}
-    cylinder = FAMILIES["cylinder"].limit_eigenvalues(size)
-    frustum = FAMILIES["conical_frustum"].limit_eigenvalues({**size, "scaling": 1.0})
-    assert cylinder is not None
-    assert frustum is not None
+    cylinder, frustum = of("cylinder", height=2.0), of("conical_frustum", height=2.0, scaling=1.0)
     np.testing.assert_allclose(cylinder, frustum, rtol=1e-12)
 
 
 def test_a_surface_twice_the_size_has_a_quarter_of_the_eigenvalues():
-    size = {"resolution": 9, "split": 1}
-    single = FAMILIES["cylinder"].limit_eigenvalues({"radius": 1.0, "height": 0.7, **size})
-    double = FAMILIES["cylinder"].limit_eigenvalues({"radius": 2.0, "height": 1.4, **size})
-    assert single is not None
-    assert double is not None
+    single, double = of("cylinder", height=0.7), of("cylinder", radius=2.0, height=1.4)
     np.testing.assert_allclose(single, 4 * double, rtol=1e-11)

@@ -28,12 +28,15 @@ def made(family, surface, **changes):
     return dict(one_shape(parameters)), FAMILIES[family].generate(parameters)
 
 
+def surfaces(family):
+    return (made(family, surface) for surface in SURFACES)
+
+
 @pytest.mark.parametrize("family", [box_union, lattice], ids=["box_union", "lattice"])
 def test_solids_of_boxes_have_the_volume_of_their_cells(family):
     solid = {box_union: "union", lattice: "frame"}[family]
     genera = set()
-    for surface in SURFACES:
-        parameters, mesh = made(family.FAMILY.name, surface)
+    for parameters, mesh in surfaces(family.FAMILY.name):
         filled, planes = getattr(family, solid)(**parameters)
         x, y, z = (np.diff(at) for at in planes)
         volumes = x[:, None, None] * y[:, None] * z
@@ -69,8 +72,7 @@ def test_a_frame_around_a_window_has_a_handle():
 
 def test_a_perforated_plate_has_the_area_and_volume_of_a_plate_with_holes():
     drilled = []
-    for surface in SURFACES:
-        parameters, mesh = made("perforated_plate", surface)
+    for parameters, mesh in surfaces("perforated_plate"):
         plate = perforated_plate.plate(**parameters)
         width, depth = plate.x[-1] - plate.x[0], plate.y[-1] - plate.y[0]
         sheet = width * depth - np.pi * (plate.holes**2).sum()
@@ -84,8 +86,7 @@ def test_a_perforated_plate_has_the_area_and_volume_of_a_plate_with_holes():
 
 def test_bending_a_sheet_keeps_its_volume():
     """By Pappus's theorem, since lengths halfway through it stay as they are."""
-    for surface in SURFACES:
-        parameters, mesh = made("sheet_metal", surface)
+    for parameters, mesh in surfaces("sheet_metal"):
         part = sheet_metal.part(**parameters)
         length, width = np.ptp(part.plate.x), np.ptp(part.plate.y)
         sheet = length * width - np.pi * (part.plate.holes**2).sum()
@@ -96,8 +97,7 @@ def test_bending_a_sheet_keeps_its_volume():
 
 
 def test_a_rounded_box_has_the_area_and_volume_of_steiners_formula():
-    for surface in SURFACES:
-        parameters, mesh = made("rounded_box", surface)
+    for parameters, mesh in surfaces("rounded_box"):
         sides = np.array([parameters[name] for name in ("width", "height", "depth")])
         radius = parameters["fillet"] * sides.min() / 2
         inner = sides - 2 * radius
@@ -112,8 +112,7 @@ def test_a_rounded_box_has_the_area_and_volume_of_steiners_formula():
 
 def test_a_shaft_has_the_volume_of_its_steps():
     bores = set()
-    for surface in SURFACES:
-        parameters, mesh = made("shaft", surface)
+    for parameters, mesh in surfaces("shaft"):
         corners = np.array(shaft.profile(**parameters))
         r, z = corners.T
         if not parameters["bore"]:

@@ -1,32 +1,26 @@
 """The script that makes a virtual environment checks whom it takes pip from."""
 
-import importlib.util
 import ssl
 import subprocess
 import urllib.error
-from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / "scripts" / "make_venv.py"
+from scripts import make_venv
 
 
 @pytest.fixture
 def script(monkeypatch):
-    """Load the script as on a machine that lacks python3-venv."""
-    spec = importlib.util.spec_from_file_location("make_venv", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    """The script as on a machine that lacks python3-venv."""
 
     def run(*command):
         return subprocess.CompletedProcess(command, 0 if "--without-pip" in command else 1, "", "")
 
-    monkeypatch.setattr(module, "run", run)
+    monkeypatch.setattr(make_venv, "run", run)
     monkeypatch.setenv("PIP_INDEX_URL", "https://index.example/simple")
     monkeypatch.delenv("PIP_CERT", raising=False)
-    return module
+    return make_venv
 
 
 @pytest.fixture
@@ -43,28 +37,24 @@ def refusal(script, capsys, tmp_path):
 
 
 def test_an_unknown_certificate_is_refused_in_one_line(script, refusal, monkeypatch):
-    contexts = []
-
-    def urlopen(url, *, timeout, context):
-        contexts.append(context)
-        raise urllib.error.URLError(ssl.SSLCertVerificationError(1, "unknown issuer"))
-
+    unknown = ssl.SSLCertVerificationError(1, "unknown issuer")
+    urlopen = Mock(side_effect=urllib.error.URLError(unknown))
     monkeypatch.setattr(script.urllib.request, "urlopen", urlopen)
     assert refusal() == (
         "make_venv: cannot check the certificate of the package index index.example: install "
         "ca-certificates or python3-venv, or set PIP_CERT or SSL_CERT_FILE to a file of "
         "certificates\n"
     )
-    (context,) = contexts
-    assert context.verify_mode == ssl.CERT_REQUIRED
-    assert context.check_hostname
+    urlopen.assert_called_once()
+    options = urlopen.call_args.kwargs
+    assert options["timeout"] == make_venv.TIMEOUT
+    assert options["context"].verify_mode == ssl.CERT_REQUIRED
+    assert options["context"].check_hostname
 
 
 def test_an_index_that_does_not_answer_is_named(script, refusal, monkeypatch):
-    def urlopen(*_, **options):
-        raise urllib.error.URLError("timed out")
-
-    monkeypatch.setattr(script.urllib.request, "urlopen", urlopen)
+    silent = Mock(side_effect=urllib.error.URLError("timed out"))
+    monkeypatch.setattr(script.urllib.request, "urlopen", silent)
     assert "cannot get pip from the package index index.example: " in refusal()
 
 

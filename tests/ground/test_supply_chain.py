@@ -1,6 +1,5 @@
 """What the workflows may do and run, and that what is installed has one version."""
 
-import importlib.util
 import json
 import platform
 import re
@@ -12,16 +11,12 @@ from pathlib import Path
 import pytest
 import yaml
 
+from scripts import hash_pins
+
 ROOT = Path(__file__).parents[2]
-_SPEC = importlib.util.spec_from_file_location("hash_pins", ROOT / "scripts" / "hash_pins.py")
-assert _SPEC is not None
-assert _SPEC.loader is not None
-hash_pins = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(hash_pins)
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
-WRITES = {
-    "pages.yml": {"publish": {"pages": "write", "id-token": "write"}}
-}  # and nothing else does
+# And nothing else may write.
+WRITES = {"pages.yml": {"publish": {"pages": "write", "id-token": "write"}}}
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
@@ -48,9 +43,8 @@ def test_actions_are_named_by_commit_and_leave_no_token(path):
 
 
 def test_every_package_has_one_version():
-    lines = [
-        line for line in (ROOT / "constraints.txt").read_text().splitlines() if line[:1] != "#"
-    ]
+    text = (ROOT / "constraints.txt").read_text()
+    lines = [line for line in text.splitlines() if line[:1] != "#"]
     assert [line for line in lines if not re.fullmatch(r"[\w.-]+==[\w.]+", line)] == []
     assert len(hash_pins.pins()) == len(lines)
 
@@ -111,6 +105,5 @@ def test_the_list_of_packages_has_the_pinned_versions(tmp_path):
     assert bill["bomFormat"] == "CycloneDX"
     listed = {re.sub("[-_.]+", "-", c["name"]).lower(): c["version"] for c in bill["components"]}
     expected = hash_pins.pins()
-    assert {"numpy", "scipy", "numba", "pyarrow"} <= set(listed)
     for name in ("numpy", "scipy", "numba", "pyarrow"):
         assert listed[name] == expected[name]

@@ -61,8 +61,10 @@ def test_the_validator_finds_faults(described, tmp_path):
 @pytest.mark.slow
 def test_records_load_equal_to_the_stored_ones(described):
     loaded = mlcroissant.Dataset(str(described)).records("shapes")
-    samples = sorted(store.open_dataset(VERSION, described.parents[1]).samples(), key=by_file)
-    count = 0
+    stored = store.open_dataset(VERSION, described.parents[1]).samples()
+    # mlcroissant reads in the order of the shards' names.
+    samples = sorted(stored, key=lambda sample: (sample.spec.family, sample.spec.index))
+    assert len(samples) == 335
     for sample, record in zip(samples, loaded, strict=True):
         row = {key.removeprefix("shapes/"): value for key, value in record.items()}
         assert list(row) == store.SCHEMA.names
@@ -70,28 +72,17 @@ def test_records_load_equal_to_the_stored_ones(described):
         assert plain(row["split"]) == sample.split
         assert tuple(map(plain, row["paper_splits"])) == sample.paper_splits
         assert json.loads(row["parameters"]) == dict(sample.spec.parameters)
-        certificate = (row["count"], row["shift"], row["residual"])
-        assert certificate == (
-            sample.certificate.count,
-            sample.certificate.shift,
-            sample.certificate.residual,
-        )
-        for name, stored in (
+        for name in ("count", "shift", "residual"):
+            assert row[name] == getattr(sample.certificate, name)
+        for name, expected in (
             ("eigenvalues", sample.eigenvalues),
             ("vertices", sample.mesh.vertices),
             ("faces", sample.mesh.faces),
             ("isometries", sample.isometries.reshape(-1, 9)),
         ):
             array = np.array(row[name])
-            assert array.dtype == stored.dtype
-            np.testing.assert_array_equal(array, stored)
-        count += 1
-    assert count == 335
-
-
-def by_file(sample):
-    """The order in which mlcroissant reads: that of the shards' names."""
-    return sample.spec.family, sample.spec.index
+            assert array.dtype == expected.dtype
+            np.testing.assert_array_equal(array, expected)
 
 
 def test_labels_load_without_the_meshes(described):
@@ -127,12 +118,8 @@ def test_every_file_has_its_digest_and_size(described):
 
 
 def test_columns_are_those_of_the_store_with_their_types():
-    kinds = {
-        "string": "sc:Text",
-        "int32": "cr:Int32",
-        "double": "cr:Float64",
-        "float": "cr:Float32",
-    }
+    numbers = {"int32": "cr:Int32", "double": "cr:Float64", "float": "cr:Float32"}
+    kinds = {"string": "sc:Text", **numbers}
     assert list(croissant.COLUMNS) == store.SCHEMA.names
     for field in store.SCHEMA:
         kind = field.type
@@ -164,12 +151,12 @@ def test_a_sealed_set_is_refused(sealed_set):
 
 def test_command_writes_beside_the_manifest(run, mini_copy):
     location = mini_copy / VERSION / "croissant.json"
-    assert run("croissant", "--version", VERSION, "--out", mini_copy) == (0, f"{location}\n", "")
-    code, out, _ = run("croissant", "--version", VERSION, "--out", mini_copy, "--json")
+    where = ["--version", VERSION, "--out", mini_copy]
+    assert run("croissant", *where) == (0, f"{location}\n", "")
+    code, out, _ = run("croissant", *where, "--json")
     assert (code, json.loads(out)) == (0, {"croissant": str(location)})
     assert json.loads(location.read_text())["name"] == "synthNet 1.0-mini"
-    code, out, _ = run("verify", "--version", VERSION, "--out", mini_copy, "--files")
-    assert code == 0
+    assert run("verify", *where, "--files")[0] == 0
 
 
 def test_it_says_what_the_licence_says():

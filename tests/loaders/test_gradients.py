@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
-from synthnet.families import FAMILIES
 from synthnet.spectrum import compute
 from synthnet.spectrum.derivative import clusters
+from tests.spectrum.meshes import sphere
 
 torch = pytest.importorskip("torch")
 from synthnet.torch import eigenvalues  # noqa: E402 - it needs torch
@@ -16,10 +17,10 @@ from synthnet.torch import eigenvalues  # noqa: E402 - it needs torch
 
 def bumpy(n=8):
     """A sphere whose symmetry random moves have taken away, and its faces."""
-    sphere = FAMILIES["sphere"].generate({"radius": 1.0, "resolution": n})
+    mesh = sphere(n)
     rng = np.random.default_rng(3)
-    moved = sphere.vertices * (1 + 0.1 * rng.standard_normal((len(sphere.vertices), 1)))
-    return torch.tensor(moved, dtype=torch.float64, requires_grad=True), torch.tensor(sphere.faces)
+    moved = mesh.vertices * (1 + 0.1 * rng.standard_normal((len(mesh.vertices), 1)))
+    return torch.tensor(moved, dtype=torch.float64, requires_grad=True), torch.tensor(mesh.faces)
 
 
 def test_values_are_those_of_compute():
@@ -49,22 +50,16 @@ def test_gradient_knows_that_eigenvalues_scale_and_do_not_move_or_turn():
 
 
 def test_each_eigenvalue_of_a_cluster_has_the_gradient_of_its_mean():
-    octahedron = torch.tensor(
-        [[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]],
-        dtype=torch.float64,
-        requires_grad=True,
-    )
-    faces = torch.tensor(
-        [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]
-    )
-    values = eigenvalues(octahedron, faces, 2)  # the first three agree
+    solid = trimesh.creation.icosahedron()
+    vertices, faces = torch.tensor(solid.vertices, requires_grad=True), torch.tensor(solid.faces)
+    values = eigenvalues(vertices, faces, 2)  # the first three agree
     gradient, other = (
-        torch.autograd.grad(values[i], octahedron, retain_graph=True)[0] for i in range(2)
+        torch.autograd.grad(values[i], vertices, retain_graph=True)[0] for i in range(2)
     )
     np.testing.assert_allclose(gradient.numpy(), other.numpy(), atol=1e-12)
-    step = 1e-6 * torch.randn(6, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    moved = octahedron.detach() + step
-    change = (eigenvalues(moved, faces, 3) - eigenvalues(octahedron.detach(), faces, 3)).mean()
+    step = torch.tensor(1e-6 * np.random.default_rng(0).normal(size=(12, 3)))
+    at = vertices.detach()
+    change = (eigenvalues(at + step, faces, 3) - eigenvalues(at, faces, 3)).mean()
     assert change.item() == pytest.approx((gradient * step).sum().item(), rel=1e-3)
 
 
@@ -102,18 +97,11 @@ def test_clusters_are_neighbours_with_small_gaps():
 def test_bad_input_is_one_line(change, message):
     vertices = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     faces = torch.tensor([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    given = {"vertices": vertices, "faces": faces, "k": 2, **change}
     with pytest.raises(ValueError, match=message):
-        eigenvalues(
-            given["vertices"],
-            given["faces"],
-            given["k"],
-            **({"tolerance": change["tolerance"]} if "tolerance" in change else {}),
-        )
+        eigenvalues(**{"vertices": vertices, "faces": faces, "k": 2, **change})
 
 
 def test_the_example_recovers_the_axes_of_an_ellipsoid(capsys):
-    path = Path(__file__).parents[2] / "examples" / "ellipsoid_axes.py"
-    example = runpy.run_path(str(path))
+    example = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "ellipsoid_axes.py"))
     assert example["recover"]() == pytest.approx([0.8, 1.0, 1.3], abs=1e-3)
     assert "off by" in capsys.readouterr().out

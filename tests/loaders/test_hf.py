@@ -4,6 +4,7 @@ import shutil
 import socket
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -26,9 +27,7 @@ def home(unpacking_home):
 
 @pytest.fixture(autouse=True)
 def _no_network(monkeypatch):
-    def refuse(*args, **options):
-        raise AssertionError("this must not use the network")
-
+    refuse = Mock(side_effect=AssertionError("this must not use the network"))
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     monkeypatch.setenv("HF_DATASETS_OFFLINE", "1")
     for name in ("connect", "connect_ex", "sendto"):
@@ -49,12 +48,6 @@ def test_split_holds_its_shapes(split, home):
     assert set(dataset["split"][:]) == {split}
     assert str(dataset.split) == split
     assert dataset.column_names == [*store.SCHEMA.names, "surface_eigenvalues", "surface_bar"]
-
-
-def test_splits_are_all_there_is(home):
-    sizes = [len(synthnet.load_dataset(VERSION, split=split, root=home)) for split in SPLITS]
-    assert sum(sizes) == 335
-    assert sizes == pytest.approx([0.7 * 335, 0.2 * 335, 0.1 * 335], abs=10)
 
 
 def test_rows_are_those_of_the_store(home):
@@ -81,16 +74,13 @@ def test_limits_are_those_of_the_shapes(home, tmp_path):
     assert len(dataset) == 34
     for row in dataset:
         limit = known[str(row["id"])]
-        assert (row["surface_eigenvalues"], row["surface_bar"]) == (
-            limit.eigenvalues.tolist(),
-            limit.bar.tolist(),
-        )
+        assert row["surface_eigenvalues"] == limit.eigenvalues.tolist()
+        assert row["surface_bar"] == limit.bar.tolist()
     shutil.copytree(home / VERSION, tmp_path / VERSION)
     shutil.rmtree(tmp_path / VERSION / limits.DIRECTORY)
     added = synthnet.load_dataset(VERSION, split="test", root=tmp_path)  # from the pins
     assert added["surface_eigenvalues"][:] == dataset["surface_eigenvalues"][:]
-    names = ["surface_eigenvalues", "surface_bar"]
-    assert added.column_names == [*store.SCHEMA.names, *names]
+    assert added.column_names == dataset.column_names
 
 
 def test_split_is_train_unless_said(home):

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -45,14 +46,24 @@ def open_split(unpacking_home):
     return lambda split="train", **options: SynthNet(unpacking_home, MINI, split, **options)
 
 
+@pytest.fixture
+def items(open_split):
+    """The test shapes as they are."""
+    return open_split("test", augment=False)
+
+
+def assert_same_positions(actual, expected):
+    for item, other in zip(actual, expected, strict=True):
+        assert torch.equal(item.pos, other.pos)
+
+
 def as_mesh(data):
     return Mesh(data.pos.numpy(), data.face.t().numpy())
 
 
-def test_items_are_what_the_shards_hold(open_split, samples):
-    test = open_split("test", augment=False)
-    assert len(test) == 34
-    for data in test:
+def test_items_are_what_the_shards_hold(items, samples):
+    assert len(items) == 34
+    for data in items:
         sample = samples[data.shape_id]
         assert data.family == sample.spec.family
         assert data.pos.dtype == torch.float32
@@ -93,27 +104,26 @@ def test_a_pre_transform_is_kept_by_its_target(open_split):
         assert torch.equal(torch.cat([data.y for data in done]), source.y)
 
 
-def copy_unpacked(home, copy):
-    """Copy 1.0-mini and what was unpacked of it, without what transforms made: 0.4 GB."""
-    where = mapped.directory(store.open_dataset(MINI, home))
+@pytest.fixture
+def home(items, unpacking_home, tmp_path):
+    """A copy of 1.0-mini and what was unpacked of it, without what transforms made: 0.4 GB."""
+    where = mapped.directory(store.open_dataset(MINI, unpacking_home))
     transformed = [path.name for path in where.parent.glob("*") if path != where]
-    shutil.copytree(home / MINI, copy / MINI, ignore=shutil.ignore_patterns(*transformed))
+    ignore = shutil.ignore_patterns(*transformed)
+    shutil.copytree(unpacking_home / MINI, tmp_path / MINI, ignore=ignore)
+    return tmp_path
 
 
-def test_pinned_limits_are_added_to_a_dataset_that_was_built_without(
-    open_split, unpacking_home, tmp_path
-):
-    copy_unpacked(unpacking_home, tmp_path)
-    shutil.rmtree(tmp_path / MINI / limits.DIRECTORY)
-    dataset = SynthNet(tmp_path, MINI, "test", augment=False, target="surface")
+def test_pinned_limits_are_added_to_a_dataset_that_was_built_without(open_split, home):
+    shutil.rmtree(home / MINI / limits.DIRECTORY)
+    dataset = SynthNet(home, MINI, "test", augment=False, target="surface")
     expected = open_split("test", augment=False, target="surface")
     assert torch.equal(dataset.y, expected.y)
 
 
-def test_a_surface_needs_limits(unpacking_home, tmp_path, monkeypatch):
-    copy_unpacked(unpacking_home, tmp_path)
-    shutil.rmtree(tmp_path / MINI / limits.DIRECTORY)
-    plain = store.open_dataset(MINI, tmp_path)
+def test_a_surface_needs_limits(home, monkeypatch):
+    shutil.rmtree(home / MINI / limits.DIRECTORY)
+    plain = store.open_dataset(MINI, home)
     monkeypatch.setattr(store.StoredDataset, "kind", Kind.SCALED)
     remedy = "has no limits of its surfaces: run `synthnet build 1.0-mini --limits`$"
     with pytest.raises(StoreError, match=remedy):
@@ -122,7 +132,7 @@ def test_a_surface_needs_limits(unpacking_home, tmp_path, monkeypatch):
     with pytest.raises(StoreError, match=r"have no known surface, take target='mesh'$"):
         surface_spectra(plain)
     with pytest.raises(ValueError, match="target must be one of mesh, surface, got 'limit'"):
-        SynthNet(tmp_path, MINI, target="limit")
+        SynthNet(home, MINI, target="limit")
 
 
 def test_grouped_splits_are_the_shards_splits(open_split, samples):
@@ -191,13 +201,12 @@ def test_it_is_an_in_memory_dataset_that_loads_in_batches(open_split):
 
 @pytest.mark.filterwarnings("ignore:This DataLoader will create")  # on a machine of one core
 @pytest.mark.parametrize("start", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])
-def test_worker_processes_read_the_same_items(open_split, start):
+def test_worker_processes_read_the_same_items(items, start):
     if start not in multiprocessing.get_all_start_methods():
         pytest.skip(f"this platform cannot {start} processes")
-    test = open_split("test", augment=False)[:6]
-    loader = DataLoader(test, batch_size=2, num_workers=2, multiprocessing_context=start)
+    loader = DataLoader(items[:6], batch_size=2, num_workers=2, multiprocessing_context=start)
     positions = torch.cat([batch.pos for batch in loader])
-    assert torch.equal(positions, torch.cat([data.pos for data in test]))
+    assert torch.equal(positions, torch.cat([data.pos for data in items[:6]]))
 
 
 def test_slices_shuffles_copies_and_pickles_agree(open_split):
@@ -227,29 +236,26 @@ def test_attributes_of_the_whole_split(open_split):
         _ = test.colour
 
 
-def test_summary_counts_the_split(open_split):
-    test = open_split("test", augment=False)
-    summary = test.get_summary()
-    assert summary.num_graphs == len(test)
-    assert summary.num_nodes.max == max(data.num_nodes for data in test)
+def test_summary_counts_the_split(items):
+    summary = items.get_summary()
+    assert summary.num_graphs == len(items)
+    assert summary.num_nodes.max == max(data.num_nodes for data in items)
 
 
-def test_changing_an_item_changes_nothing_else(open_split):
-    test = open_split("test", augment=False)
-    before = test[0].pos.clone()
-    data = test[0]
+def test_changing_an_item_changes_nothing_else(items):
+    before = items[0].pos.clone()
+    data = items[0]
     data.pos.zero_()
     data.y.zero_()
-    assert torch.equal(test[0].pos, before)
-    assert test[0].y.abs().sum() > 0
+    assert torch.equal(items[0].pos, before)
+    assert items[0].y.abs().sum() > 0
 
 
-def test_mapped_pages_are_handed_back(open_split, monkeypatch):
+def test_mapped_pages_are_handed_back(items, monkeypatch):
     monkeypatch.setattr(mapped, "RELEASE_BYTES", 1)
-    test = open_split("test", augment=False)
-    plain = [data.pos for data in test]
+    plain = list(items)
     assert len(plain) > 1
-    assert all(torch.equal(data.pos, pos) for data, pos in zip(test, plain, strict=True))
+    assert_same_positions(items, plain)
 
 
 class Centre:
@@ -270,10 +276,7 @@ def few_vertices(data):
 def test_pre_transform_is_applied_to_every_instance_once(open_split):
     plain = open_split("test", pre_filter=few_vertices)
     assert len(plain) >= 20
-    for pre_transform in (
-        Centre(1.0),
-        Compose([NormalizeScale(), FaceToEdge(remove_faces=True)]),
-    ):
+    for pre_transform in (Centre(1.0), Compose([NormalizeScale(), FaceToEdge(remove_faces=True)])):
         done = open_split("test", pre_filter=few_vertices, pre_transform=pre_transform)
         assert len(done) == len(plain)
         for a, b in zip(done[:20], plain[:20], strict=True):
@@ -356,11 +359,10 @@ class Weighted:
     ],
     ids=["partial", "slots", "method", "default", "tensor", "closure"],
 )
-def test_a_pre_transform_with_another_state_is_another_dataset(open_split, make):
-    plain = open_split("test", augment=False)[0]
+def test_a_pre_transform_with_another_state_is_another_dataset(open_split, items, make):
     for by in (2.0, 3.0):
         item = open_split("test", augment=False, pre_transform=make(by))[0]
-        assert torch.allclose(item.x, plain.pos * by)
+        assert torch.allclose(item.x, items[0].pos * by)
 
 
 class Holder:
@@ -467,14 +469,11 @@ def test_repr_names_the_dataset(open_split):
 
 
 def test_pre_filter_drops_shapes_with_all_their_instances(open_split):
-    def small(data):
-        return data.num_nodes < 1000
-
-    kept = open_split(pre_filter=small)
+    kept = open_split(pre_filter=few_vertices)
     expected = [i for i in open_split(augment=False).shape_id if i in set(kept.shape_id)]
-    assert all(data.num_nodes < 1000 for data in kept[::9])
+    assert all(few_vertices(data) for data in kept[::9])
     assert len(kept) == 9 * len(expected) > 0
-    both = open_split(augment=False, pre_filter=small, pre_transform=Centre(0.0))
+    both = open_split(augment=False, pre_filter=few_vertices, pre_transform=Centre(0.0))
     assert len(both) == len(expected)
 
 
@@ -514,24 +513,18 @@ def test_unknown_options_are_refused(unpacking_home, options, message):
 
 
 def test_unknown_protocol_is_refused(unpacking_home):
-    with pytest.raises(
-        RecipeError, match=r"protocol of 1\.0-mini must be one of grouped, paper: 'm"
-    ):
+    message = r"protocol of 1\.0-mini must be one of grouped, paper: 'm"
+    with pytest.raises(RecipeError, match=message):
         SynthNet(unpacking_home, MINI, protocol="mine")
 
 
 def test_a_missing_version_is_built_on_first_use(tmp_path, monkeypatch, capfd):
-    calls = []
-
-    def run(command, **options):
-        calls.append(command)
-        raise KeyboardInterrupt
-
+    run = Mock(side_effect=KeyboardInterrupt)
     monkeypatch.setattr("synthnet.build.versions.subprocess.run", run)
     with pytest.raises(KeyboardInterrupt):
         SynthNet(tmp_path, MINI)
-    command = ["-m", "synthnet", "build", MINI, "--out", str(tmp_path), "--wait"]
-    assert calls[0][1:] == command
+    (_, *command), *_ = run.call_args.args
+    assert command == ["-m", "synthnet", "build", MINI, "--out", str(tmp_path), "--wait"]
     assert f"synthNet {MINI} is not in {tmp_path / MINI} yet: building it" in capfd.readouterr().err
 
 
@@ -551,21 +544,12 @@ def truncated(path):
     path.write_bytes(path.read_bytes()[:-1])
 
 
-@pytest.fixture
-def unpacked_copy(open_split, unpacking_home, tmp_path):
-    """A home with a copy of what is unpacked, and the positions of its test shapes."""
-    expected = [data.pos.clone() for data in open_split("test", augment=False)]
-    copy_unpacked(unpacking_home, tmp_path)
-    return tmp_path, expected
-
-
 FILES = ("vertices.npy", "faces.npy", "y.npy", "isometries.npy", "shapes.parquet")
 
 
 @pytest.mark.parametrize("damage", [altered, truncated, Path.unlink])
 @pytest.mark.parametrize("name", [*FILES, unpacked.CONTENTS])
-def test_damaged_files_are_unpacked_anew_and_never_loaded(unpacked_copy, name, damage, capfd):
-    home, expected = unpacked_copy
+def test_damaged_files_are_unpacked_anew_and_never_loaded(home, items, name, damage, capfd):
     where = mapped.directory(store.open_dataset(MINI, home))
     before = {path.name: path.read_bytes() for path in where.iterdir()}
     assert set(before) == {*FILES, unpacked.CONTENTS}
@@ -574,7 +558,7 @@ def test_damaged_files_are_unpacked_anew_and_never_loaded(unpacked_copy, name, d
     opened = SynthNet(home, MINI, "test", augment=False)
     for data in SynthNet(home, MINI, "train", augment=False):
         assert data.face.max() < data.num_nodes  # every mesh is read, and all are whole
-    assert all(torch.equal(data.pos, pos) for data, pos in zip(opened, expected, strict=True))
+    assert_same_positions(opened, items)
     printed = [line for line in capfd.readouterr().err.splitlines() if line]
     (line,) = printed
     assert line.endswith("synthNet 1.0-mini anew for PyTorch Geometric") or (
@@ -585,8 +569,7 @@ def test_damaged_files_are_unpacked_anew_and_never_loaded(unpacked_copy, name, d
     assert list(unpacked.problems(where)) == []
 
 
-def test_a_mesh_damaged_after_opening_is_unpacked_anew(unpacked_copy, capfd):
-    home, expected = unpacked_copy
+def test_a_mesh_damaged_after_opening_is_unpacked_anew(home, items, capfd):
     opened = SynthNet(home, MINI, "test", augment=False)
     where = mapped.directory(store.open_dataset(MINI, home))
     altered(where / "vertices.npy", 200)  # a torus is the first: no test shape
@@ -599,26 +582,23 @@ def test_a_mesh_damaged_after_opening_is_unpacked_anew(unpacked_copy, capfd):
     everything = [*train, *SynthNet(home, MINI, "validation", augment=False)]
     assert "is damaged (its SHA-256 is another): unpacking" in capfd.readouterr().err
     assert len(everything) + len(opened) == 335
-    assert all(torch.equal(data.pos, pos) for data, pos in zip(opened, expected, strict=True))
+    assert_same_positions(opened, items)
 
 
-def test_transformed_items_are_checked_too(unpacked_copy, capfd):
-    home, _ = unpacked_copy
+def test_transformed_items_are_checked_too(home, capfd):
     options = {"augment": False, "pre_transform": Centre(1.0)}
     first = SynthNet(home, MINI, "test", **options)
-    expected = [data.pos.clone() for data in first]
+    expected = [data.clone() for data in first]
     where = Path(first.processed_dir)
     for name, damage in (("000.bin", altered), ("000.bin", truncated), ("index.json", altered)):
         damage(where / name)
         capfd.readouterr()
         again = SynthNet(home, MINI, "test", **options)
-        positions = [data.pos for data in again]
-        assert all(torch.equal(a, b) for a, b in zip(positions, expected, strict=True))
+        assert_same_positions(again, expected)
         assert f"{where / name} is damaged" in capfd.readouterr().err
 
 
-def test_what_was_unpacked_of_other_shards_is_not_used(unpacked_copy, capfd):
-    home, _ = unpacked_copy
+def test_what_was_unpacked_of_other_shards_is_not_used(home):
     dataset = store.open_dataset(MINI, home)
     SynthNet(home, MINI, "test")
     manifest = dataset.manifest
@@ -638,8 +618,7 @@ def test_what_was_unpacked_of_other_shards_is_not_used(unpacked_copy, capfd):
         (lambda c: c.update(files=[]), "'list' object has no attribute 'items'"),
     ],
 )
-def test_a_table_of_contents_names_files_of_its_folder(unpacked_copy, change, message):
-    home, _ = unpacked_copy
+def test_a_table_of_contents_names_files_of_its_folder(home, change, message):
     dataset = store.open_dataset(MINI, home)
     where = mapped.directory(dataset)
     content = json.loads((where / unpacked.CONTENTS).read_text())

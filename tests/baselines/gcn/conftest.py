@@ -30,9 +30,16 @@ def one_thread():
 
 
 @pytest.fixture(scope="session")
-def meshes(tiny_samples):
-    """Ten small meshes of four families."""
-    return [sample.mesh for samples in tiny_samples.values() for sample in samples]
+def samples(tiny_samples):
+    """Ten small samples of four families."""
+    made = [sample for members in tiny_samples.values() for sample in members]
+    assert len(made) == 10
+    return made
+
+
+@pytest.fixture(scope="session")
+def meshes(samples):
+    return [sample.mesh for sample in samples]
 
 
 @pytest.fixture(scope="session")

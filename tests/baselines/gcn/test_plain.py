@@ -15,7 +15,6 @@ from tests.baselines.gcn.conftest import data_of
 @pytest.mark.parametrize("inwards", [False, True])
 @pytest.mark.parametrize("virtual", [False, True])
 def test_the_encoding_is_that_of_the_fast_network(virtual, inwards, meshes):
-    assert len(meshes) == 10
     for mesh in meshes:
         turned = Mesh(mesh.vertices, mesh.faces[:, ::-1]) if inwards else mesh
         ours = encode(data_of(turned), virtual)
@@ -37,23 +36,23 @@ def test_the_encoding_of_a_right_triangle_by_hand():
 
 def batch_of(samples):
     graphs = []
-    for sample in [member for members in samples.values() for member in members]:
+    for sample in samples:
         graphs.append(encode(data_of(sample.mesh)))
         graphs[-1].y = torch.from_numpy(sample.eigenvalues[None].astype(np.float32))
     return Batch.from_data_list(graphs)
 
 
-def test_training_lowers_the_loss(tiny_samples):
+def test_training_lowers_the_loss(samples):
     torch.manual_seed(0)
-    batch = batch_of(tiny_samples)
+    batch = batch_of(samples)
     losses = list(train(Network(), [batch] * 60, rate=3e-3))
     assert len(losses) == 60
     assert (np.diff(losses[::20] + losses[-1:]) < 0).all()  # 2.82 at first, 0.007 less each time
 
 
-def test_an_untrained_network_starts_at_the_mean_spectrum(tiny_samples):
+def test_an_untrained_network_starts_at_the_mean_spectrum(samples):
     torch.manual_seed(0)
-    batch, network = batch_of(tiny_samples), Network()
+    batch, network = batch_of(samples), Network()
     with torch.no_grad():
         network.head[-1].weight.zero_()
     (loss,) = train(network, [batch], rate=0.0)
@@ -62,8 +61,8 @@ def test_an_untrained_network_starts_at_the_mean_spectrum(tiny_samples):
     assert loss == pytest.approx(expected.item(), rel=1e-5)
 
 
-def test_the_command_prints_a_loss_a_step(tiny_samples, monkeypatch, capsys):
-    graphs = batch_of(tiny_samples).to_data_list()
+def test_the_command_prints_a_loss_a_step(samples, monkeypatch, capsys):
+    graphs = batch_of(samples).to_data_list()
     options = []
 
     def dataset(**chosen):

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -29,9 +30,7 @@ QUIET = Console(quiet=True)
 
 
 @pytest.fixture(scope="session")
-def shapes(tiny_samples):
-    samples = [sample for members in tiny_samples.values() for sample in members]
-
+def shapes(samples):
     def encode(config):
         splits = np.array(["validation", "test"] + ["train"] * (len(samples) - 2))
         return Shapes(
@@ -49,12 +48,29 @@ def shapes(tiny_samples):
 
 @pytest.fixture
 def make(shapes, tmp_path):
-    def run(config, out=tmp_path, seed=0):
+    """Return a function that begins a run and takes some steps."""
+
+    def run(config, out=tmp_path, seed=0, steps=0):
         cpu = torch.device("cpu")
         encoded = shapes(config.model)
-        return Run(config, encoded, protocol="grouped", seed=seed, out=out, device=cpu)
+        begun = Run(config, encoded, protocol="grouped", seed=seed, out=out, device=cpu)
+        advance(begun, steps)
+        return begun
 
     return run
+
+
+def advance(run, steps):
+    for _ in range(steps):
+        run.step()
+
+
+@pytest.fixture
+def row(make):
+    """The row of a run that took no step."""
+    run = make(STORED)
+    run.finish()
+    return Row(run.out / "weights.safetensors")
 
 
 SMALL = {"epochs": 2, "batch_size": 6}
@@ -63,9 +79,12 @@ RANDOM = replace(MODERN, epochs=9, batch_size=3)
 AVERAGED = replace(SCALE_FREE["table2-alg-virtual-scale-free"], epochs=9, batch_size=3)
 
 
-def flat(run):
-    networks = (run.model, run.averaged)
+def flattened(*networks):
     return torch.cat([p.detach().flatten() for network in networks for p in network.parameters()])
+
+
+def flat(run):
+    return flattened(run.model, run.averaged)
 
 
 # Configurations
@@ -117,15 +136,13 @@ def test_names_of_rows_differ():
 def test_a_resumed_run_ends_with_the_same_weights(config, make, tmp_path):
     whole = make(config, tmp_path / "whole")
     (tmp_path / "whole").mkdir()
-    while whole.progressed.steps < whole.total:
-        whole.step()
+    advance(whole, whole.total)
     (tmp_path / "parts").mkdir()
     for stop in (1, whole.total // 2, whole.total):
         part = make(config, tmp_path / "parts")
         if stop > 1:
             part.resume()
-        while part.progressed.steps < stop:
-            part.step()
+        advance(part, stop - part.progressed.steps)
         part.save()
     assert torch.equal(flat(whole), flat(part))
     logs = [
@@ -136,15 +153,19 @@ def test_a_resumed_run_ends_with_the_same_weights(config, make, tmp_path):
     assert sum("validation_rpd" in row for row in logs[0]) == config.epochs
 
 
+def logged(run):
+    """The steps that a run's log has, and those of them that were scored."""
+    log = run.progressed.log
+    assert run.validated() == log[-1]
+    return [row["steps"] for row in log], [r["steps"] for r in log if "validation_rpd" in r]
+
+
 def test_log_has_every_tenth_step_and_scores_of_every_epoch(make):
     run = make(STORED)
-    for _ in range(2 * run.per_epoch):
-        run.step()
-    steps = {row["steps"]: "validation_rpd" in row for row in run.progressed.log}
-    epochs = {run.per_epoch, 2 * run.per_epoch}
-    assert set(steps) == {*range(10, 2 * run.per_epoch + 1, 10), *epochs}
-    assert {step for step, scored in steps.items() if scored} == epochs
-    assert run.validated() == run.progressed.log[-1]
+    advance(run, 2 * run.per_epoch)
+    steps, scored = logged(run)
+    assert scored == [run.per_epoch, 2 * run.per_epoch]
+    assert steps == sorted({*range(10, 2 * run.per_epoch + 1, 10), *scored})
 
 
 @pytest.mark.parametrize("config", [STORED, RANDOM])
@@ -171,22 +192,17 @@ def test_rpd_has_no_gradient_where_an_output_is_negative():
 def test_long_log_is_thinned(make, monkeypatch):
     monkeypatch.setattr(baselines.gcn.run, "ROWS", 3)
     run = make(replace(STORED, epochs=4))
-    for _ in range(4 * run.per_epoch):
-        run.step()
-    steps = {row["steps"]: "validation_rpd" in row for row in run.progressed.log}
-    assert list(steps) == sorted(steps)
-    scored = [step for step, has in steps.items() if has]
+    advance(run, 4 * run.per_epoch)
+    steps, scored = logged(run)
+    assert steps == sorted(steps)
     assert scored == [run.per_epoch * epoch for epoch in (1, 2, 3, 4)]
     assert 1 <= len(steps) - len(scored) <= 3
-    assert run.validated() == run.progressed.log[-1]
 
 
 def test_seeds_differ(make):
-    runs = [make(STORED, seed=seed) for seed in (0, 0, 1)]
-    for run in runs:
-        run.step()
-    assert torch.equal(flat(runs[0]), flat(runs[1]))
-    assert not torch.equal(flat(runs[0]), flat(runs[2]))
+    first, same, other = (flat(make(STORED, seed=seed, steps=1)) for seed in (0, 0, 1))
+    assert torch.equal(first, same)
+    assert not torch.equal(first, other)
 
 
 def test_an_epoch_is_every_instance_once(make):
@@ -206,10 +222,8 @@ def test_an_epoch_is_every_instance_once(make):
     "name", ["rpd", *(pytest.param(n, marks=pytest.mark.slow) for n in LOSSES if n != "rpd")]
 )
 def test_training_lowers_the_loss(name, make):
-    config = replace(RANDOM, loss=name, epochs=60, batch_size=6, schedule="constant")
-    run = make(config)
-    for _ in range(run.total):
-        run.step()
+    run = make(replace(RANDOM, loss=name, epochs=60, batch_size=6, schedule="constant"))
+    advance(run, run.total)
     losses = [row["loss"] for row in run.progressed.log]
     assert np.mean(losses[-5:]) < 0.8 * losses[0]
 
@@ -303,12 +317,8 @@ def test_time_is_up(make, tmp_path):
 
 
 def test_training_ends_when_the_run_has_converged(make):
-    run = make(AVERAGED)
-    run.step()
-    run.progressed.log = [
-        {"steps": 9000, "validation_rpd": 0.3},
-        {"steps": 13_400, "validation_rpd": 0.3},
-    ]
+    run = make(AVERAGED, steps=1)
+    run.progressed.log = [{"steps": n, "validation_rpd": 0.3} for n in (9000, 13_400)]
     assert train.loop(run, None, QUIET) == "converged"
     assert run.progressed.steps == 1
 
@@ -318,17 +328,14 @@ def test_training_ends_when_the_run_has_converged(make):
 
 @pytest.mark.parametrize("config", [RANDOM, AVERAGED], ids=["last", "averaged"])
 def test_weights_are_what_is_scored(config, make, meshes, tmp_path):
-    run = make(config)
-    for _ in range(12):
-        run.step()
+    run = make(config, steps=12)
     run.finish()
     row = Row(tmp_path / "weights.safetensors")
     assert row.record["steps"] == 12
     assert row.model.config == config.model
     answers = row.predict(meshes)
     assert answers.shape == (len(meshes), 10)
-    halved = torch.cat([p.detach().flatten() for p in run.averaged.parameters()]).half().float()
-    assert torch.equal(torch.cat([p.flatten() for p in row.parameters()]), halved)
+    assert torch.equal(flattened(row), flattened(run.averaged).half().float())
 
 
 @pytest.mark.parametrize("name", ["table3-a-5-virtual", "table2-alg"])
@@ -355,8 +362,7 @@ def test_a_checkpoint_of_another_run_is_refused_and_kept(make, tmp_path):
 
 @pytest.mark.parametrize("lost", ["steps", "optimiser"])
 def test_a_checkpoint_that_lacks_something(lost, make, tmp_path):
-    run = make(RANDOM)
-    run.step()
+    run = make(RANDOM, steps=1)
     run.save()
     tensors, record = weights.read(tmp_path / CHECKPOINT)
     kept = {name: t for name, t in tensors.items() if not name.startswith(f"{lost}.3.")}
@@ -397,19 +403,15 @@ def test_weights_too_large_for_half_precision(make, tmp_path):
 
 
 def test_a_full_disk_is_one_line(make, monkeypatch):
-    def full(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
     run = make(STORED)
-    monkeypatch.setattr(Path, "write_bytes", full)
+    full = OSError(errno.ENOSPC, "No space left on device")
+    monkeypatch.setattr(Path, "write_bytes", Mock(side_effect=full))
     with pytest.raises(BuildError, match=r"no space left for .*checkpoint\.safetensors"):
         run.save()
 
 
-def test_no_meshes_have_no_eigenvalues(make):
-    run = make(STORED)
-    run.finish()
-    assert Row(run.out / "weights.safetensors").predict([]).shape == (0, 10)
+def test_no_meshes_have_no_eigenvalues(row):
+    assert row.predict([]).shape == (0, 10)
 
 
 @pytest.mark.parametrize("name", ["loss", "optimiser", "schedule", "isometries"])
@@ -426,24 +428,20 @@ def test_weights_of_another_model(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"no weights", b"\x08" + bytes(7) + b"{}      "])
-def test_damaged_weights(content, tmp_path):
+def test_missing_and_damaged_weights(content, tmp_path):
     path = tmp_path / "w.safetensors"
+    with pytest.raises(weights.WeightsError, match="there is no file"):
+        weights.load_model(path)
     path.write_bytes(content)
     with pytest.raises(weights.WeightsError, match="is damaged, or no file of this program"):
         weights.load_model(path)
-
-
-def test_missing_weights(tmp_path):
-    with pytest.raises(weights.WeightsError, match="there is no file"):
-        weights.load_model(tmp_path / "none.safetensors")
 
 
 # The scale-free network
 
 
 def test_a_scale_free_network_obeys_scaling(make, meshes):
-    run = make(RANDOM)
-    run.step()
+    run = make(RANDOM, steps=1)
     run.finish()
     row = Row(run.out / "weights.safetensors")
     doubled = [Mesh(2.0 * mesh.vertices.astype(np.float64), mesh.faces) for mesh in meshes]
@@ -468,11 +466,9 @@ def test_outputs_of_zero_are_weyls_law():
     ],
     ids=["one triangle", "no faces", "nan", "no area"],
 )
-def test_bad_meshes(mesh, message, make):
-    run = make(STORED)
-    run.finish()
+def test_bad_meshes(mesh, message, row):
     with pytest.raises(ValueError, match=message):
-        Row(run.out / "weights.safetensors").predict([mesh])
+        row.predict([mesh])
 
 
 # The command line
@@ -516,10 +512,7 @@ def test_cuda_that_is_not_there(capsys, tmp_path):
 
 
 def test_memory_of_a_gpu_that_is_full(capsys, tmp_path, monkeypatch):
-    def full(*_):
-        raise torch.OutOfMemoryError
-
-    monkeypatch.setattr(train, "train", full)
+    monkeypatch.setattr(train, "train", Mock(side_effect=torch.OutOfMemoryError))
     message = refused(capsys, "--config", "modern", "--batch-size", 64, "--out", tmp_path)
     assert "does not hold a batch of 64: choose a smaller --batch-size" in message
 

@@ -60,8 +60,8 @@ def test_meshes_of_every_size_cost_about_the_same():
     ids = [f"blob-{i:05d}" for i in range(4000)]
     for n in (500, 1000, 4000, 20_000):
         taken = sum(is_taken(id, n, 1000) for id in ids)
-        expected = len(ids) * min(1, 1000 / n)
-        assert abs(taken - expected) <= 4 * np.sqrt(expected * (1 - min(1, 1000 / n)))
+        share = min(1, 1000 / n)
+        assert abs(taken - len(ids) * share) <= 4 * np.sqrt(len(ids) * share * (1 - share))
 
 
 def test_a_share_is_loaded_without_the_test_split(mini_home):
@@ -107,8 +107,8 @@ def test_each_training_answers_with_its_own_weights(gathered, meshes):
     for training, own in runs.items():
         row = trainings.load_row(str(file), "cpu", 0, training)
         model, _ = weights.load_model(own)
-        mine = torch.cat([p.flatten() for p in row.parameters()])
-        assert torch.equal(mine, torch.cat([p.flatten() for p in model.parameters()]))
+        for mine, expected in zip(row.parameters(), model.parameters(), strict=True):
+            assert torch.equal(mine, expected)
         answers.append(row.predict(meshes))
     assert not np.allclose(*answers)
 
@@ -123,19 +123,16 @@ def test_meta_of_several_trainings(gathered):
 
 def test_two_training_sets_of_the_same_meshes_are_one_training(gathered, tmp_path):
     _, runs = gathered
-    trainings.gather(
-        tmp_path / "more.safetensors", {**runs, "2.0/twin": runs["2.0/genus"]}, vertices=1000
-    )
+    more = {**runs, "2.0/twin": runs["2.0/genus"]}
+    trainings.gather(tmp_path / "more.safetensors", more, vertices=1000)
     meta = trainings.meta(str(tmp_path / "more.py"), "Mine")
     assert "of 2 trainings" in meta["training_cost"]
 
 
 def test_what_was_not_trained_is_one_line(gathered):
     file = str(gathered[0])
-    with pytest.raises(
-        weights.WeightsError,
-        match=r"no weights trained on 1\.0/grouped, only on 2\.0/grouped, 2\.0/genus$",
-    ):
+    line = r"no weights trained on 1\.0/grouped, only on 2\.0/grouped, 2\.0/genus$"
+    with pytest.raises(weights.WeightsError, match=line):
         trainings.load_row(file, "cpu", 0, "1.0/grouped")
     with pytest.raises(weights.WeightsError, match="trained with seed 0 alone, not 1"):
         trainings.load_row(file, "cpu", 1, "2.0/genus")
