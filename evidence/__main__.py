@@ -1,31 +1,24 @@
 """The command: ``python -m evidence`` lists the blocks and the measurements."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 
 from eigbench.errors import EigbenchError
 
 from evidence import card, measurements, numbers, packages, pins, voronoi
-from evidence.blocks import BLOCKS, ELSEWHERE, PAGE, fill
+from evidence.blocks import BLOCKS, CARDS, ELSEWHERE, PAGE, fill, rendered
 from evidence.measurements import FILES, MEASUREMENTS, REPORTS, add_options
 from synthnet.errors import SynthNetError
 
-# Of a picture the module that draws it, the function, and the numbers that this is given.
-PICTURES: dict[str, tuple[str, str, tuple[str, ...]]] = {
-    "architecture": ("architecture", "draw_architecture", ()),
-    "concepts": ("concepts", "draw", ("concepts",)),
-    "growth": ("growth", "draw", ("growth",)),
-    "peers": ("peers", "draw", ("peers",)),
-    "1.0": ("card_pictures", "draw_card", ("shapes-1.0",)),
-    "2.0": ("card_pictures", "draw_card", ("shapes-2.0",)),
-    "2.1": ("card_pictures", "draw_card", ("shapes-2.1",)),
-    "readme": ("surface_pictures", "draw_readme", ()),
-    "poster": ("surface_pictures", "draw_poster", ()),
+# Of a picture the module and the function that draw it, and the numbers that these are given.
+PICTURES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "architecture": ("architecture.draw_architecture", ()),
+    **{name: (f"{name}.draw", (name,)) for name in ("concepts", "growth", "peers")},
+    **{name: ("card_pictures.draw_card", (f"shapes-{name}",)) for name in CARDS},
+    "readme": ("surface_pictures.draw_readme", ()),
+    "poster": ("surface_pictures.draw_poster", ()),
 }
 PINS = {
     "version": "the shapes of a built version",
@@ -141,9 +134,7 @@ def run_fill(options: argparse.Namespace) -> int:
 def run_draw(options: argparse.Namespace) -> int:
     """Draw pictures from the numbers of docs/data."""
     for name in options.names:
-        module, function, data = PICTURES[name]
-        draw = getattr(import_module(f"evidence.{module}"), function)
-        draw(*map(numbers.read, data))
+        rendered(*PICTURES[name])
     return 0
 
 

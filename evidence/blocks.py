@@ -4,12 +4,11 @@ A block stands between ``<!-- begin NAME -->`` and ``<!-- end NAME -->`` of a pa
 function of files of docs/data, so it can be checked without measuring anything again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from eigbench.board.marks import marked
 
@@ -37,10 +36,14 @@ class Block:
 
     def text(self) -> str:
         """Return what stands between the marks."""
-        module, _, function = self.render.partition(".")
-        render = getattr(import_module(f"evidence.{module}"), function)
-        text = render(*map(numbers.read, self.data))
+        text = rendered(self.render, self.data)
         return text if self.inline else f"\n{text}\n"
+
+
+def rendered(render: str, data: Iterable[str]) -> Any:
+    """Return what a module's function makes of the contents of files of docs/data."""
+    module, _, function = render.partition(".")
+    return getattr(import_module(f"evidence.{module}"), function)(*map(numbers.read, data))
 
 
 CARDS = {"1.0": "dataset-card", "2.0": "dataset-card-2.0", "2.1": "dataset-card-2.1"}

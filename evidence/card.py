@@ -1,7 +1,5 @@
 """What the pages say of whole builds and of what a full evaluation costs."""
 
-from __future__ import annotations
-
 import json
 
 from tabulate import tabulate
@@ -99,9 +97,9 @@ def citations(*builds: dict) -> str:
     """Return the entries for BibTeX: the software, and a version of the dataset each."""
     entries = [bibtex("synthnet", "synthNet and eigbench", f"software, version {__version__}")]
     for build in builds:
-        version, digest = build["version"], build["recipe_digest"]
-        key, note = f"synthnet-{version}", f"recipe digest {digest[:12]}"
-        entries.append(bibtex(key, f"synthNet {version}, a dataset of certified spectra", note))
+        version, note = build["version"], f"recipe digest {build['recipe_digest'][:12]}"
+        title = f"synthNet {version}, a dataset of certified spectra"
+        entries.append(bibtex(f"synthnet-{version}", title, note))
     return "```bibtex\n" + "\n\n".join(entries) + "\n```"
 
 

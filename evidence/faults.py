@@ -6,8 +6,6 @@ be refused in one line with exit code 2; anything else is wrong. Needs Linux; a 
 root, which may mount one. Half an hour on two cores. ``--only`` keeps the rows of other faults.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import random
@@ -83,9 +81,7 @@ def measure(*, kills: int = 50, flips: int = 200, seed: int = 0, only: Sequence[
         if unknown := {*only} - {*faults}:
             raise ValueError(f"no fault {min(unknown)!r}: there are {', '.join(faults)}")
         sys.stderr.write("an undisturbed build to compare with\n")
-        build = Build(reference)
-        if build.wait():
-            raise RuntimeError(f"an undisturbed build fails: {build.failure()}")
+        undisturbed_seconds(reference)
         shards = [name for name in contents(reference) if name.startswith("shards/")]
         if len(plan_shards(recipe.load(VERSION))) != len(shards):
             raise RuntimeError("the undisturbed build lacks shards")
@@ -131,7 +127,9 @@ def kill_builds(
     """Kill builds at random times, and what resumes them, and let the last one finish."""
     outcome = Outcome("killed")
     expected = contents(reference)
-    seconds = seconds or undisturbed_seconds(expected, folder, missing)
+    if seconds is None:
+        with begun(folder, expected, missing) as home:
+            seconds = undisturbed_seconds(home)
     while outcome.cases < kills:
         with begun(folder, expected, missing) as home:
             done = 0
@@ -146,14 +144,13 @@ def kill_builds(
     return outcome
 
 
-def undisturbed_seconds(expected: Files, folder: Path, missing: Missing) -> float:
-    """Return how long the build takes that is to be killed."""
-    with begun(folder, expected, missing) as home:
-        started = time.monotonic()
-        build = Build(home)
-        if build.wait():
-            raise RuntimeError(f"an undisturbed build fails: {build.failure()}")
-        return time.monotonic() - started
+def undisturbed_seconds(home: Path) -> float:
+    """Build, and return how long it takes."""
+    started = time.monotonic()
+    build = Build(home)
+    if build.wait():
+        raise RuntimeError(f"an undisturbed build fails: {build.failure()}")
+    return time.monotonic() - started
 
 
 def kill_once(home: Path, seconds: float, files: int, rng: random.Random, outcome: Outcome) -> bool:

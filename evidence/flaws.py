@@ -1,7 +1,5 @@
 """Two of 1.0's known flaws: split cones are coarse, some inverted cones are not inverted."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from synthnet import recipe
@@ -14,25 +12,19 @@ VERSION = "1.0"
 
 def measure() -> dict:
     """Compare split cones with their surfaces, and count inverted cones by where their tip is."""
-    shapes = list(draw_shapes(recipe.load(VERSION)))
-    cones, inverted = (
-        [shape for shape in shapes if shape.family == family]
-        for family in ("split_cone", "inverted_cone")
-    )
-    flips = [tip(shape) for shape in inverted]
+    shapes = draw_shapes(recipe.load(VERSION))
+    cones = [shape for shape in shapes if shape.family == "split_cone"]
+    tips = [tip(shape) for shape in shapes if shape.family == "inverted_cone"]
+    counts = {"shapes": len(tips), "plain": tips.count(1.0), "touching": tips.count(0.5)}
     return {
         "split_cones": {"compared": len(cones), "excess": excess(cones)},
-        "inverted_cones": {
-            "shapes": len(inverted),
-            "plain": flips.count(1.0),
-            "touching": flips.count(0.5),
-        },
+        "inverted_cones": counts,
     }
 
 
 def excess(cones: list[ShapeSpec]) -> list[float]:
     """Return how far labels are above the surface's: 5th, 50th, 95th percentile of the mean."""
-    labels, limits = pins.read(VERSION) or {}, pins.read_limits(VERSION) or {}
+    labels, limits = pins.read(VERSION), pins.read_limits(VERSION)
     ratios = [labels[cone.id].eigenvalues / limits[cone.id].eigenvalues for cone in cones]
     return np.percentile(np.mean(ratios, axis=1) - 1, [5, 50, 95]).round(4).tolist()
 

@@ -5,8 +5,6 @@ Where it stays large, triangles are slivers that do not lie along the surface, t
 vertices are on it. Needs a built 2.0.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 
 import numpy as np
@@ -26,7 +24,7 @@ SHARP = 60.0  # degrees between normals
 def measure() -> dict:
     """Measure every mesh of the smooth families: medians and maxima by size."""
     dataset, version = store.open_dataset(VERSION), recipe.load(VERSION)
-    sizes = [size.name for size in version.sizes or ()]
+    sizes = [size.name for size in version.sizes]
     folds = defaultdict(list)
     shards = [shard for shard in dataset.manifest.shards if shard.family in SMOOTH]
     for shard in progress(shards, "folds"):
@@ -35,15 +33,11 @@ def measure() -> dict:
             folds[sample.spec.family, size].append(folded(sample.mesh))
     rows = []
     for (family, size), pairs in folds.items():
-        middle, most = np.median(pairs, axis=0).tolist(), np.max(pairs, axis=0).tolist()
-        rows.append(
-            {
-                "family": family,
-                "size": size,
-                "median": {"angle": middle[0], "area": middle[1]},
-                "largest": {"angle": most[0], "area": most[1]},
-            }
-        )
+        row = {"family": family, "size": size}
+        for name, reduced in (("median", np.median), ("largest", np.max)):
+            angle, area = reduced(pairs, axis=0).tolist()
+            row[name] = {"angle": angle, "area": area}
+        rows.append(row)
     return {"version": VERSION, "rows": rows}
 
 

@@ -5,13 +5,12 @@ become a certified shape or a rejection with a reason; a shape must have all the
 altered file declares; the dataset must verify.
 """
 
-from __future__ import annotations
-
 import random
 import re
 import tempfile
 import time
 from collections import Counter
+from itertools import product
 from pathlib import Path
 
 import trimesh
@@ -70,15 +69,11 @@ def problems(data: dict) -> list[str]:
 
 def write_cases(directory: Path, cases: int, rng: random.Random) -> None:
     """Write so many altered files, of each format and mesh in turn."""
-    wholes = {
-        (name, suffix): mesh.export(**options)
-        for name, mesh in MESHES.items()
-        for suffix, options in FORMATS.items()
-    }
-    kinds = sorted(wholes)
+    kinds = sorted(product(MESHES, FORMATS))
+    wholes = [MESHES[name].export(**FORMATS[suffix]) for name, suffix in kinds]
     for case in range(cases):
         name, suffix = kinds[case % len(kinds)]
-        whole = wholes[name, suffix]
+        whole = wholes[case % len(kinds)]
         whole = whole.encode() if isinstance(whole, str) else whole
         (directory / f"{case:05d}-{name}.{suffix}").write_bytes(altered(whole, rng))
 

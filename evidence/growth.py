@@ -58,14 +58,9 @@ def measure(*, largest: int = 1_000_000) -> dict:
 
 def torus(step: float) -> Mesh:
     """Return a torus of radii 1 and 10^-1/2 with 600 step² vertices, nearly."""
-    return FAMILIES["torus"].generate(
-        {
-            "torus_radius": 1.0,
-            "tube_radius": 10**-0.5,
-            "radial_resolution": round(30 * step),
-            "tubular_resolution": round(20 * step),
-        }
-    )
+    radii = {"torus_radius": 1.0, "tube_radius": 10**-0.5}
+    steps = {"radial_resolution": round(30 * step), "tubular_resolution": round(20 * step)}
+    return FAMILIES["torus"].generate(radii | steps)
 
 
 def solve(side: str, step: float) -> dict:

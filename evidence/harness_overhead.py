@@ -6,8 +6,6 @@ the ratio is that of the medians over rounds of the whole time charged. Beside i
 what is not charged: starting, reading, sending meshes and answers.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from pathlib import Path
@@ -37,18 +35,18 @@ def measure(*, version: str = "1.0-mini", rounds: int = 5) -> dict:
 def row(name: str, version: str, rounds: int, count: int) -> dict:
     """Return the median milliseconds a mesh of both sides, in turn, and of what is not charged."""
     one_thread = dict.fromkeys(THREAD_VARIABLES, "1")
-    plain, harness, rest = [], [], []
+    seconds = []
     for _ in range(rounds):
-        plain.append(in_new_process(bare, name, version, environment=one_thread))
-        seconds, whole = charged(name, version)
-        harness.append(seconds)
-        rest.append(whole - seconds)
+        plain = in_new_process(bare, name, version, environment=one_thread)
+        harness, whole = charged(name, version)
+        seconds.append((plain, harness, whole - harness))
+    plain, harness, rest = np.median(seconds, axis=0).tolist()
     return {
         "predictor": name,
-        "bare ms": round(1e3 * float(np.median(plain)) / count, 3),
-        "charged ms": round(1e3 * float(np.median(harness)) / count, 3),
-        "ratio": round(float(np.median(harness) / np.median(plain)), 3),
-        "not charged ms": round(1e3 * float(np.median(rest)) / count, 3),
+        "bare ms": round(1e3 * plain / count, 3),
+        "charged ms": round(1e3 * harness / count, 3),
+        "ratio": round(harness / plain, 3),
+        "not charged ms": round(1e3 * rest / count, 3),
     }
 
 

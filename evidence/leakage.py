@@ -7,8 +7,6 @@ the spectrum of the nearest training shape, scaled, and the boosted trees of the
 the numbers.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from eigbench.scoring import metrics
 from scipy.spatial import cKDTree
@@ -57,16 +55,13 @@ def measure() -> dict:
             shapes, weights = np.flatnonzero(tests), tests[tests > 0] / tests.sum()
             known = features[train], np.log(label * area)[train]
             predicted = np.exp(predict(*known, features[shapes])) / area[shapes]
-            psnr20 = metrics.psnr_above_20(predicted, label[shapes])
-            rpd = metrics.relative_percent_difference(predicted, label[shapes])
+            means = {
+                "seen": train[shapes],
+                "psnr20": metrics.psnr_above_20(predicted, label[shapes]),
+                "rpd": metrics.relative_percent_difference(predicted, label[shapes]),
+            }
             rows.append(
-                {
-                    "predictor": name,
-                    "protocol": protocol,
-                    "instances": int(tests.sum()),
-                    "seen": round(float(weights @ train[shapes]), 6),
-                    "psnr20": round(float(weights @ psnr20), 6),
-                    "rpd": round(float(weights @ rpd), 6),
-                }
+                {"predictor": name, "protocol": protocol, "instances": int(tests.sum())}
+                | {key: round(float(weights @ values), 6) for key, values in means.items()}
             )
     return {"version": VERSION, "rows": rows}

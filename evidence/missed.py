@@ -8,8 +8,6 @@ other into an environment of their own, and asked as LaPy asks: ``eigsh(A, k + 1
 ``--only MESH SOLVER`` asks again for one mesh, and one solver: parts of their names are enough.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -87,8 +85,7 @@ def measure(*, meshes: int = 500, only: tuple = ()) -> dict:
 
 def made(count: int) -> Iterator[tuple[str, Mesh, int]]:
     """Yield names, meshes and how many eigenvalues are asked for."""
-    twisted = _twisted()
-    named = _named()
+    twisted, named = _twisted(), _named()
     yield from ((*named, k) for k in COUNTS)
     for number in range(count):
         rng = np.random.default_rng(number)
@@ -109,11 +106,10 @@ def _symmetric(rng: np.random.Generator) -> tuple[str, Mesh]:
     kind = rng.choice(["icosphere", "rounded cube", "sphere", "torus"])
     if kind in ("icosphere", "rounded cube"):
         cuts = int(rng.integers(1, 5))
-        solid = (
-            trimesh.creation.icosphere(subdivisions=cuts)
-            if kind == "icosphere"
-            else trimesh.creation.box().subdivide_loop(cuts)
-        )
+        if kind == "icosphere":
+            solid = trimesh.creation.icosphere(subdivisions=cuts)
+        else:
+            solid = trimesh.creation.box().subdivide_loop(cuts)
         points = size * np.asarray(solid.vertices, dtype=np.float64)
         return f"{kind} of {cuts} subdivisions, size {size:.4f}", Mesh(points, solid.faces)
     if kind == "sphere":

@@ -1,7 +1,5 @@
 """Which discrete operator is nearest to the surface: errors against closed forms."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
@@ -159,10 +157,9 @@ def problems(data: dict) -> list[str]:
 def table(data: dict) -> str:
     """Return the largest error of the first ten, in per cent, one row per operator."""
     shapes = list(dict.fromkeys(row["shape"] for row in data["rows"]))
-    by_operator = {(row["elements"], row["mass"], row["shape"]): row for row in data["rows"]}
-    rows = []
-    for elements, mass in dict.fromkeys((row["elements"], row["mass"]) for row in data["rows"]):
-        of = [by_operator[elements, mass, shape] for shape in shapes]
-        cells = [f"{100 * row['errors'][1]:.2g} %" for row in of]
-        rows.append([elements, mass, *cells])
+    errors: dict[tuple[str, str], dict[str, str]] = {}
+    for row in data["rows"]:
+        of_operator = errors.setdefault((row["elements"], row["mass"]), {})
+        of_operator[row["shape"]] = f"{100 * row['errors'][1]:.2g} %"
+    rows = [[*operator, *(cells[shape] for shape in shapes)] for operator, cells in errors.items()]
     return markdown.table(["elements", "mass", *shapes], rows)

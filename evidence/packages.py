@@ -7,8 +7,6 @@ no copy of another: all ten eigenvalues, each divided by their geometric mean, w
 minutes.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import tempfile
@@ -112,10 +110,8 @@ def pin_packages(directory: Path) -> None:
 
 def entry(package: Package) -> str:
     """Return a package of the list as TOML."""
-    words = {
-        name: getattr(package, name) for name in ("name", "version", "licence", "meshes", "folder")
-    }
-    lines = ["[[package]]", *(f'{name} = "{word}"' for name, word in words.items())]
+    names = ("name", "version", "licence", "meshes", "folder")
+    lines = ["[[package]]", *(f'{name} = "{getattr(package, name)}"' for name in names)]
     lines.append(f"without = {json.dumps(package.without)}")
     lines += ["[package.files]", *(f'"{file}" = "{sha}"' for file, sha in package.files.items())]
     return "\n".join(lines) + "\n"

@@ -6,10 +6,8 @@ a mesh against the certified solver. From 10,000 vertices on, LaPy with CHOLMOD 
 in processor seconds of one thread. A quarter of an hour and more, most of it to make the meshes.
 """
 
-from __future__ import annotations
-
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 
 import numpy as np
@@ -71,10 +69,9 @@ def made(count: int, seed: int) -> Iterator[tuple[str, Mesh | None]]:
             yield solid, None
 
 
-def imported(source: str) -> Iterator[tuple[str, Mesh]]:
-    """Yield the meshes of an import, or of the files of a directory that can be imported."""
-    meshes, _ = read_meshes(source)
-    yield from meshes.items()
+def imported(source: str) -> Iterable[tuple[str, Mesh]]:
+    """Return the meshes of an import, or of the files of a directory that can be imported."""
+    return read_meshes(source)[0].items()
 
 
 def built(version: str) -> Iterator[tuple[str, Mesh]]:
@@ -84,7 +81,7 @@ def built(version: str) -> Iterator[tuple[str, Mesh]]:
             yield sample.spec.id, as_given(sample.mesh)
 
 
-def row(name: str, meshes: partial[Iterator[tuple[str, Mesh | None]]]) -> dict:
+def row(name: str, meshes: partial[Iterable[tuple[str, Mesh | None]]]) -> dict:
     """Return what is counted over a set of meshes."""
     cases, left_out = [], Counter({REFUSED: 0, UNCERTIFIED: 0})
     for label, mesh in progress(meshes(), name):

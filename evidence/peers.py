@@ -4,8 +4,6 @@ Each solve is a process of its own, on one thread: the median of its repetitions
 raised the process's peak memory, and what :func:`synthnet.spectrum.certify` finds of its answer.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 import sys
@@ -155,15 +153,14 @@ def solve(name: str, vertices: int, k: int) -> dict:
 def table(data: dict) -> str:
     """Return seconds by solver and case, the certified solver's ratio, memory and misses."""
     cases = list(dict.fromkeys((row["vertices"], row["k"]) for row in data["rows"]))
-    rows = {(row["name"], row["vertices"], row["k"]): row for row in data["rows"]}
-    names = [name for name in PEERS if any(row["name"] == name for row in data["rows"])]
     body = []
-    for name in names:
-        mine = [rows.get((name, *case)) for case in cases]
-        cells = ["" if row is None else f"{row['seconds']:.2g}" for row in mine]
-        solved = [row for row in mine if row is not None]
-        memory = max(row["megabytes"] for row in solved)
-        wrong = sum(row["missed"] + row["off"] for row in solved)
+    for name in PEERS:
+        mine = {(row["vertices"], row["k"]): row for row in data["rows"] if row["name"] == name}
+        if not mine:
+            continue
+        cells = [f"{mine[case]['seconds']:.2g}" if case in mine else "" for case in cases]
+        memory = max(row["megabytes"] for row in mine.values())
+        wrong = sum(row["missed"] + row["off"] for row in mine.values())
         body.append([name, *cells, f"{memory:,.0f}", str(wrong)])
     headers = ["seconds", *(f"{n:,}, k = {k}" for n, k in cases), "most MB", "missed or off"]
     return markdown.table(headers, body, "lr")
@@ -182,7 +179,7 @@ def long(data: dict) -> str:
 def claim(data: dict) -> str:
     """Return the smallest and the largest ratio to LaPy with CHOLMOD, by k, as a sentence."""
     seconds = {(row["name"], row["vertices"], row["k"]): row["seconds"] for row in data["rows"]}
-    first, peer = "synthNet, certified", "LaPy with CHOLMOD"
+    first, peer = FASTEST
     ratios = {
         (n, k): seconds[peer, n, k] / seconds[first, n, k]
         for name, n, k in seconds

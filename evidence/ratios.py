@@ -6,8 +6,6 @@ changed since, runs on the clock's own processor, and runs of earlier releases, 
 the way to the predictor and back, are left out.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from eigbench import results
 from eigbench.board.leaderboard import RESULTS
@@ -28,9 +26,8 @@ def measure() -> dict:
             if row is None or own.get("reference") is None:
                 continue
             cost = timing.cost_of(row)
-            if own["hardware"] == cost["hardware"]:
-                continue
-            if "copies_ratio" not in own:  # by a clock in the predictor's process
+            # Without copies_ratio, by a clock in the predictor's process
+            if own["hardware"] == cost["hardware"] or "copies_ratio" not in own:
                 continue
             first, second = own["reference"]["ratio"], cost["reference"]["ratio"]
             rows.append(
@@ -56,23 +53,21 @@ def measure() -> dict:
 
 def table(data: dict) -> str:
     """Return the ratios on both machines, and by which factor they differ."""
-    of = (
-        "model",
-        "dataset",
-        "first machine",
-        "first",
-        "second machine",
-        "second",
-        "second / first",
-    )
+    headers = {
+        "model": "model",
+        "dataset": "dataset",
+        "first machine": "first machine",
+        "first": "× LaPy",
+        "second machine": "second machine",
+        "second": "× LaPy",
+        "second / first": "quotient",
+    }
     cells = [
-        [number(row[key], 2) if isinstance(row[key], float) else row[key] for key in of]
+        [number(row[key], 2) if isinstance(row[key], float) else row[key] for key in headers]
         for row in data["rows"]
     ]
-    headers = ["model", "dataset", "first machine", "× LaPy"]
-    headers += ["second machine", "× LaPy", "quotient"]
     sentence = (
         f"The ratios of the two machines differ by a factor of {data['median_factor']} in the "
         f"median, and of {data['largest_factor']} at most."
     )
-    return f"{markdown.table(headers, cells, 'lllrlrr')}\n\n{sentence}"
+    return f"{markdown.table(list(headers.values()), cells, 'lllrlrr')}\n\n{sentence}"

@@ -5,8 +5,6 @@ baselines/reproduction (what each row was trained on), docs/data/gcn.json (`make
 benchmark/reported. A row whose training has not ended says that it was not run.
 """
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -152,11 +150,12 @@ def record(config: str, protocol: str) -> dict[str, Any]:
     return weights.read(Training(config, protocol).weights())[1]
 
 
-def mean(result: Submission | None, key: str) -> str:
-    """Return a mean over all instances for a table."""
+def mean(result: Submission | None, key: str, family: str = "") -> str:
+    """Return a mean over all instances, or those of a family, for a table."""
     if result is None:
         return NOT_RUN
-    value = result.scores["overall"][key]["mean"]
+    scores = result.scores["families"][family] if family else result.scores["overall"]
+    value = scores[key]["mean"]
     if key == "psnr20" and value is not None:
         return f"{value:.2%}"
     return number(value, METRICS[key].decimals)
@@ -165,9 +164,7 @@ def mean(result: Submission | None, key: str) -> str:
 @cache
 def planned() -> list[tuple[str, str]]:
     """Return the configurations and protocols of the queue, each once."""
-    return list(
-        dict.fromkeys((training.config, training.protocol) for training in queue.trainings())
-    )
+    return list(dict.fromkeys((each.config, each.protocol) for each in queue.trainings()))
 
 
 def ours(config: str) -> dict[str, tuple[str, str]]:
@@ -207,15 +204,14 @@ def by_family() -> str:
         rows.append([cells[0], "reported", *cells[1:]])
         for who, row in ours(config).items():
             result = read(*row)
-            rows.append(["", who, *(family_mean(result, family) for family in FAMILIES)])
+            rows.append(["", who, *(mean(result, "invlap", family) for family in FAMILIES)])
     return markdown.table([given["columns"][0], "who", *given["columns"][1:]], rows, "llr")
 
 
-def family_mean(result: Submission | None, family: str) -> str:
-    """Return the mean Inverse Laplacian of a family."""
-    if result is None:
-        return NOT_RUN
-    return number(result.scores["families"][family]["invlap"]["mean"], 4)
+def minutes_to_best(training: dict[str, Any]) -> str:
+    """Return after how many minutes a training passed the paper's best, if it did."""
+    passed = (row for row in training["log"] if row.get("validation_psnr20", 0) > BEST_REPORTED)
+    return next((f"{row['minutes']:.0f}" for row in passed), "")
 
 
 def runs() -> str:
@@ -229,8 +225,7 @@ def runs() -> str:
             rows.append([config, protocol, count, *[NOT_RUN] * 6])
             continue
         r = record(config, protocol)
-        passed = [row for row in r["log"] if row.get("validation_psnr20", 0) > BEST_REPORTED]
-        first = f"{passed[0]['minutes']:.0f}" if passed else "–"
+        first = minutes_to_best(r) or "–"
         hardware = f"{'; '.join(dict.fromkeys(map(told, r['sessions'])))}, {r['dtype']}"
         progress = [f"{r['steps']:,}", f"{r['epochs']:g}", f"{r['minutes']:.0f}", first]
         end = "when it had converged" if r.get("converged") else "after the last step"
@@ -285,11 +280,9 @@ def best() -> str:
     keys = ("psnr20", "invlap", "rpd")
     here = ", ".join(f"{METRICS[key].title} {mean(result, key)}" for key in keys)
     there = ", ".join(printed[METRICS[key].heading] for key in keys)
-    passed = [row for row in r["log"] if row.get("validation_psnr20", 0) > BEST_REPORTED]
     soon = ""
-    if passed:
-        minutes = f"{passed[0]['minutes']:.0f} minutes"
-        soon = f" On 200 validation shapes it passed the paper's PSNR>20 after {minutes}."
+    if minutes := minutes_to_best(r):
+        soon = f" On 200 validation shapes it passed the paper's PSNR>20 after {minutes} minutes."
     end = "" if r["converged"] else " It had not converged, by the rule below."
     return (
         f"The paper's best network, with inputs and outputs free of scale, has {here} on the test "
@@ -298,15 +291,9 @@ def best() -> str:
     )
 
 
-def measured_seconds() -> list[dict[str, Any]]:
-    """Return what ``python -m evidence measure gcn --figure-2`` has measured."""
-    rows: list[dict[str, Any]] = numbers.read("gcn")["figure2"]
-    return rows
-
-
 def times() -> str:
     """Return Figure 2 as a table: seconds of networks and solvers."""
-    measured = measured_seconds()
+    measured = numbers.read("gcn")["figure2"]  # by ``measure gcn --figure-2``
     rows = [[r["what"], r["where"], f"{r['seconds']:.3g}"] for r in measured]
     if not any(r["where"].startswith("cuda") for r in measured):
         rows.insert(0, [measured[0]["what"], "a GPU", NOT_RUN])
@@ -317,7 +304,7 @@ def times() -> str:
 
 def time_bars() -> Figure:
     """Draw Figure 2: seconds for a batch of 200 meshes, ours and the paper's."""
-    ours = [(f"{r['what']}; {r['where']}", r["seconds"]) for r in measured_seconds()]
+    ours = [(f"{r['what']}; {r['where']}", r["seconds"]) for r in numbers.read("gcn")["figure2"]]
     given = [row for row in REPORTED["tables"][4]["rows"] if "200 meshes" in row[0]]
     theirs = [(f"reported: {what}; {where}", float(s)) for what, where, s in given]
     bars = sorted(ours + theirs, key=lambda bar: -bar[1])

@@ -5,8 +5,6 @@ validation split; then each family is left out of training, and scored on its ow
 A quarter of an hour on one core.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from eigbench.scoring.metrics import METRICS
 
@@ -95,14 +93,10 @@ def left_out(data: Data) -> list[dict]:
         own = data.their_families == family
         without = data.fit(data.every, data.families != family)
         ritz = data.their_features[:, : data.corrected]
+        ways = {"with": whole, "without": without, "ritz": ritz}
         rows.append(
-            {
-                "family": str(family),
-                "shapes": int(own.sum()),
-                "with": score(whole[own], data.truth[own]),
-                "without": score(without[own], data.truth[own]),
-                "ritz": score(ritz[own], data.truth[own]),
-            }
+            {"family": str(family), "shapes": int(own.sum())}
+            | {way: score(logs[own], data.truth[own]) for way, logs in ways.items()}
         )
     return rows
 

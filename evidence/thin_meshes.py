@@ -5,8 +5,6 @@ of 1 to 1e-8, turned in space. An eigenvalue is within the bound if the exact ma
 eigenvalues below either end as that says, by the law of inertia.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from evidence import markdown
@@ -67,7 +65,6 @@ def judge(mesh: Mesh) -> dict | None:
         outcome = {}
         for name, label in (("plain", plain), ("sharp", sharp)):
             values, bounds = label.eigenvalues, label.certificate.error_bound
-            assert bounds is not None
             outcome[f"{name} bound"] = float((bounds / values).max())
             outcome[f"{name} outside"] = not all(
                 within(matrices, i, *pair)

@@ -23,7 +23,6 @@ from synthnet.verify import seal
 hypothesis.settings.register_profile("synthnet", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("synthnet")
 
-
 os.environ[kernels.SAID] = ""  # tests compare what commands print, whatever the cache holds
 
 
@@ -64,17 +63,15 @@ def recipes_are_drawn_once():
         digest = next((digest for digest, known in drawn.items() if known is specs), None)
         if digest is None:
             return paper(specs, *settings)
-        if (digest, repr(settings)) not in split:
-            split[digest, repr(settings)] = paper(specs, *settings)
-        return split[digest, repr(settings)]
+        key = digest, repr(settings)
+        if key not in split:
+            split[key] = paper(specs, *settings)
+        return split[key]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plan, "draw_shapes", draw_once)
         patch.setattr(splits, "paper", split_once)
         yield
-
-
-# --- end of the recipe and the draw ---------------------------------------------------
 
 
 # --- a built dataset, the command line and processes (store, build, verify, cli, hf) --
@@ -184,9 +181,6 @@ def tiny_samples(tiny):
     return made
 
 
-# --- end of the built dataset ---------------------------------------------------------
-
-
 # --- a sealed set (seal, cli, eigbench) -----------------------------------------------
 
 
@@ -213,7 +207,7 @@ def sealed_set(tmp_path_factory):
     return SealedSet(version, home, salt, published, made)
 
 
-# --- end of the sealed set ------------------------------------------------------------
+# --- command lines --------------------------------------------------------------------
 
 
 def called(main, captured, *arguments):

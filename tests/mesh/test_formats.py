@@ -19,7 +19,8 @@ FORMATS = {
     "binary.stl": {"file_type": "stl"},
 }
 SPHERE = trimesh.creation.icosphere(subdivisions=1)
-POINTS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
+POINTS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"  # a square
+HALVES = [[0, 1, 2], [0, 2, 3]]
 VERTICES = "".join(f"v {line}\n" for line in POINTS.splitlines())
 PLY = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
 PLY += "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
@@ -35,6 +36,10 @@ def suffix(name):
     return name[name.index(".") :]
 
 
+def faces_of(text, kind=".obj"):
+    return read(text.encode(), kind).faces.tolist()
+
+
 def refused(text, kind):
     with pytest.raises(UnreadableError) as error:
         read(text.encode() if isinstance(text, str) else text, kind)
@@ -46,11 +51,10 @@ def refused(text, kind):
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_is_read(name):
     mesh = read(content(name), suffix(name))
-    vertices, faces = mesh.vertices, mesh.faces
-    assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
-    np.testing.assert_allclose(vertices[faces], SPHERE.triangles, atol=1e-6)
+    assert (mesh.vertices.dtype, mesh.faces.dtype) == (np.float64, np.int64)
+    np.testing.assert_allclose(mesh.vertices[mesh.faces], SPHERE.triangles, atol=1e-6)
     if not name.endswith("stl"):
-        np.testing.assert_array_equal(faces, SPHERE.faces)
+        np.testing.assert_array_equal(mesh.faces, SPHERE.faces)
 
 
 @pytest.mark.parametrize("name", sorted(set(FORMATS) - {"ascii.obj"}))
@@ -79,7 +83,7 @@ def test_a_line_that_is_gone_or_there_twice_is_seen(name):
 
 def test_obj_counts_from_1_or_back_from_the_last_vertex_so_far():
     text = VERTICES + "f -4 -3 -2\nv 9 9 9\nf 1/7 3//2 4/1/1 # a comment\nf -5 4 5\n"
-    assert read(text.encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+    assert faces_of(text) == [*HALVES, [0, 3, 4]]
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name.startswith("ascii")])
@@ -95,22 +99,18 @@ def test_text_may_begin_with_a_mark_of_its_bytes_order(name, start):
 def test_obj_is_read_alone():
     text = "mtllib missing.mtl\nvt 0 0\nvn 0 0 1\no a\ng b\nusemtl c\ns off\nv 5 5 5 1 0 0\n"
     mesh = read((text + VERTICES + "f 2 3 4\nl 1 2\np 1\n").encode(), ".obj")
-    vertices, faces = mesh.vertices, mesh.faces
-    assert len(vertices) == 5  # the loose one too
-    assert faces.tolist() == [[1, 2, 3]]
+    assert len(mesh.vertices) == 5  # the loose one too
+    assert mesh.faces.tolist() == [[1, 2, 3]]
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
 def test_lines_end_in_any_way(newline):
-    text = (VERTICES + "f 1 2 3\n").replace("\n", newline)
-    assert len(read(text.encode(), ".obj").faces) == 1
-    text = f"OFF\n4 1 0\n{POINTS}3 0 1 2\n".replace("\n", newline)
-    assert len(read(text.encode(), ".off").faces) == 1
-    text = (PLY + POINTS + "3 0 1 2\n").replace("\n", newline)
-    assert len(read(text.encode(), ".ply").faces) == 1
-    assert refused(text.replace("3 0 1 2", "3 0 1"), ".ply").endswith("line 14 ends early")
-    text = f"solid\n{FACET}endsolid\n".replace("\n", newline)
-    assert len(read(text.encode(), ".stl").faces) == 1
+    ply = PLY + POINTS + "3 0 1 2\n"
+    texts = {".obj": VERTICES + "f 1 2 3\n", ".off": f"OFF\n4 1 0\n{POINTS}3 0 1 2\n", ".ply": ply}
+    for kind, text in {**texts, ".stl": f"solid\n{FACET}endsolid\n"}.items():
+        assert len(faces_of(text.replace("\n", newline), kind)) == 1
+    early = ply.replace("3 0 1 2", "3 0 1").replace("\n", newline)
+    assert refused(early, ".ply").endswith("line 14 ends early")
 
 
 @pytest.mark.parametrize("newline", [b"\n", b"\r\n"])
@@ -126,23 +126,20 @@ def test_off_may_have_all_vertices_on_a_line_and_all_faces(end):
     points = " ".join(POINTS.split())
     mesh = read(f"OFF\n4 3 0\n{points}\n3 0 1 2 3 0 2 3 4 0 1 2 3{end}".encode(), ".off")
     assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 1, 2], [0, 2, 3]]
-    mesh = read(f"OFF\n4 2 0\n{points}\n3 0 1 2 3 0 2 3".encode(), ".off")
-    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
-    mesh = read(f"OFF\n4 2 0\n{points}\n3 0 1 2 0.5 1 0 1\n3 0 2 3 9\n".encode(), ".off")
-    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert mesh.faces.tolist() == HALVES + HALVES
+    for faces in ("3 0 1 2 3 0 2 3", "3 0 1 2 0.5 1 0 1\n3 0 2 3 9\n"):
+        assert faces_of(f"OFF\n4 2 0\n{points}\n{faces}", ".off") == HALVES
 
 
 @pytest.mark.parametrize("head", ["OFF\n4 1 0", "OFF 4 1 0", "OFF4 1 0", "# c\n\nCOFF # c\n4 1"])
 def test_off_headers(head):
-    text = f"{head}\n{POINTS}4 0 1 2 3 255 0 0\n"
-    assert read(text.encode(), ".off").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert faces_of(f"{head}\n{POINTS}4 0 1 2 3 255 0 0\n", ".off") == HALVES
 
 
 def test_polygons_are_fans_in_the_order_of_the_file():
     hexagon = [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3]
     text = "".join(f"v {x} {y} 0\n" for x, y in hexagon) + "f 1 2 3 4 5 6\nf 1 2 3\nf 3 2 1 6\n"
-    assert read(text.encode(), ".obj").faces.tolist() == [
+    assert faces_of(text) == [
         *([0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]),
         *([0, 1, 2], [2, 1, 0], [2, 0, 5]),
     ]
@@ -195,24 +192,17 @@ def test_a_polygon_that_crosses_itself_is_refused():
 
 def test_arrow_is_cut_from_its_inner_corner_or_its_tip():
     text = "v 0 0 0\nv 2 0 0\nv 1 .5 0\nv 1 2 0\nf 3 4 1 2\nf 1 2 3 4\n"
-    assert read(text.encode(), ".obj").faces.tolist() == [
-        [2, 3, 0],
-        [2, 0, 1],
-        [0, 1, 2],
-        [0, 2, 3],
-    ]
+    assert faces_of(text) == [[2, 3, 0], [2, 0, 1], *HALVES]
 
 
 def test_polygons_that_name_a_vertex_twice_are_left_to_repair():
-    assert read((VERTICES + "f 1 2 3 3").encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 2]]
+    assert faces_of(VERTICES + "f 1 2 3 3") == [[0, 1, 2], [0, 2, 2]]
 
 
-def binary_ply(faces, rows, order="<", vertices=""):
+def binary_ply(faces, rows, order="<"):
     name = {"<": "little", ">": "big"}[order]
     header = f"ply\nformat binary_{name}_endian 1.0\ncomment c\nelement vertex 4\n"
-    header += (
-        f"property double x\nproperty float y\nproperty short z\n{vertices}{faces}end_header\n"
-    )
+    header += f"property double x\nproperty float y\nproperty short z\n{faces}end_header\n"
     kinds = np.dtype([("x", order + "f8"), ("y", order + "f4"), ("z", order + "i2")])
     points = np.array([tuple(map(float, p.split())) for p in POINTS.splitlines()], kinds)
     return header.encode() + points.tobytes() + rows
@@ -226,26 +216,32 @@ def test_binary_ply_of_any_kinds_and_order(order):
     kinds = np.dtype([("n", "u1"), ("i", order + "i2", 4), ("red", "u1")])
     rows = np.array([(4, [0, 1, 2, 3], 7), (4, [3, 2, 1, 0], 7)], kinds).tobytes()
     mesh = read(binary_ply(LIST, rows, order), ".ply")
-    vertices, faces = mesh.vertices, mesh.faces
-    assert vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-    assert faces.tolist() == [[0, 1, 2], [0, 2, 3], [3, 2, 1], [3, 1, 0]]
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    assert mesh.faces.tolist() == [*HALVES, [3, 2, 1], [3, 1, 0]]
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_binary_ply_of_polygons_of_several_sizes(order):
+    rows = b"".join(
+        bytes([len(face)]) + np.array(face, order + "i2").tobytes() + b"\x07"
+        for face in ([0, 1, 2, 3], [3, 2, 1])
+    )
+    assert read(binary_ply(LIST, rows, order), ".ply").faces.tolist() == [*HALVES, [3, 2, 1]]
 
 
 def test_ascii_ply_with_other_elements_and_properties():
     text = PLY.replace("element face 1\n", "element camera 1\nproperty float f\nelement face 1\n")
-    text = text.replace(
-        "property list", ("property uchar red\nproperty list uchar float uv\nproperty list")
-    )
+    more = "property uchar red\nproperty list uchar float uv\nproperty list"
+    text = text.replace("property list", more)
     text += POINTS + "50.0\n255 2 0.5 0.5 4 0 1 2 3\n"
-    assert read(text.encode(), ".ply").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert faces_of(text, ".ply") == HALVES
 
 
 def test_ascii_stl_of_two_solids_and_any_names():
     text = f"solid vertex of a facet\n{FACET}endsolid\nSOLID b\n{FACET.upper()}ENDSOLID b\n"
     mesh = read(text.encode(), ".stl")
-    vertices, faces = mesh.vertices, mesh.faces
-    assert (vertices == [1, 2, 3]).all()
-    assert faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert (mesh.vertices == [1, 2, 3]).all()
+    assert mesh.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
 
 
 def test_binary_stl_may_begin_with_solid():
@@ -347,21 +343,9 @@ def test_what_is_no_mesh_is_refused(kind, text, message):
     assert message in refused(text, kind)
 
 
-@pytest.mark.parametrize("order", ["<", ">"])
-def test_binary_ply_of_polygons_of_several_sizes(order):
-    rows = b"".join(
-        bytes([len(face)]) + np.array(face, order + "i2").tobytes() + b"\x07"
-        for face in ([0, 1, 2, 3], [3, 2, 1])
-    )
-    assert read(binary_ply(LIST, rows, order), ".ply").faces.tolist() == [
-        *([0, 1, 2], [0, 2, 3]),
-        [3, 2, 1],
-    ]
-
-
 def test_lines_of_obj_that_go_on_are_joined():
     text = VERTICES + "f 1 2 \\\n3\nf 1 \\\n 3 \\\n4\n"
-    assert read(text.encode(), ".obj").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert faces_of(text) == HALVES
     assert refused(text + "f 1 2 9\n", ".obj").startswith("line 10: ")
 
 

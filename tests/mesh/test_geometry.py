@@ -9,12 +9,9 @@ from synthnet.mesh import geometry
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.recipe.drawing import draw_shape
 from synthnet.types import Mesh
+from tests.mesh.test_repair import CUBE, FACES
 
 TETRAHEDRON = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
-CUBE = [  # vertex number = x + 2y + 4z
-    *([0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4]),
-    *([2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5]),
-]
 
 
 def mesh_of(vertices, faces):
@@ -28,23 +25,14 @@ def corner_tetrahedron():
 
 
 def cube():
-    return mesh_of([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)], CUBE)
+    return Mesh(CUBE, FACES)
 
 
 def grid_torus(n):
-    def number(i, j):
-        return i % n * n + j % n
-
-    faces = [
-        triangle
-        for i in range(n)
-        for j in range(n)
-        for triangle in (
-            [number(i, j), number(i + 1, j), number(i + 1, j + 1)],
-            [number(i, j), number(i + 1, j + 1), number(i, j + 1)],
-        )
-    ]
-    return mesh_of([[0.0, 0.0, 0.0]] * n**2, faces)
+    a = np.arange(n**2).reshape(n, n)
+    b, d = np.roll(a, -1, axis=0), np.roll(a, -1, axis=1)
+    c = np.roll(b, -1, axis=1)
+    return mesh_of([[0.0, 0.0, 0.0]] * n**2, np.stack([[a, b, c], [a, c, d]]).transpose(0, 2, 3, 1))
 
 
 def angle_defects(mesh):

@@ -33,12 +33,6 @@ def sphere(tmp_path):
     return path
 
 
-def pid_of(reader):
-    assert reader._process is not None
-    assert reader._process.pid is not None
-    return reader._process.pid
-
-
 def test_file_is_read(reader, sphere):
     mesh = reader.read(sphere, sha256(sphere))
     np.testing.assert_array_equal(mesh.faces, SPHERE.faces)
@@ -95,7 +89,7 @@ def test_file_of_other_bytes_is_told(reader, sphere):
 def test_process_that_died_before_is_no_file_s_fault(sphere):
     with Reader() as reader:
         reader.read(sphere)
-        os.kill(pid_of(reader), signal.SIGKILL)
+        os.kill(reader._process.pid, signal.SIGKILL)
         assert len(reader.read(sphere).faces) == 80
     assert reader._process is None
 
@@ -105,7 +99,7 @@ def test_file_of_which_two_processes_die_is_refused(sphere, monkeypatch):
 
     def doomed(self):
         begin(self)
-        os.kill(pid_of(self), signal.SIGKILL)
+        os.kill(self._process.pid, signal.SIGKILL)
 
     with Reader() as reader, monkeypatch.context() as patched:
         patched.setattr(Reader, "_begin", doomed)
@@ -118,7 +112,7 @@ def test_file_of_which_two_processes_die_is_refused(sphere, monkeypatch):
 def test_file_that_hangs_is_refused(sphere):
     with Reader() as reader:
         reader.read(sphere)
-        os.kill(pid_of(reader), signal.SIGSTOP)
+        os.kill(reader._process.pid, signal.SIGSTOP)
         reader.patience = 0.5
         with pytest.raises(UnreadableError, match=r"not read within 0\.5 s$"):
             reader.read(sphere)
@@ -178,7 +172,6 @@ def test_process_ends_with_its_parent(sphere, tmp_path, environment):
     command = [sys.executable, tmp_path / "parent.py", sphere, long]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen(command, env=environment, **pipes) as parent:
-        assert parent.stdout is not None
         child = int(parent.stdout.readline())
         time.sleep(0.5)
         assert alive(child)

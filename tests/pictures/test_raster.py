@@ -27,12 +27,18 @@ def square(depth, side=1.0):
 
 
 TWO = [[0, 1, 2], [0, 2, 3]]
+BOTH = [*TWO, [4, 5, 6], [4, 6, 7]]  # faces of two squares
 MOBIUS = {"width": 0.6, "half_turns": 1, "triangulation": "uniform", "vertices": 600, "seed": 0}
 
 
 @pytest.fixture(scope="module")
 def mobius():
     return FAMILIES["mobius_band"].generate(MOBIUS)
+
+
+def rectangle(vertices, triangulation="uniform"):
+    shape = {"height": 1.0, "width": 1.0, "triangulation": triangulation, "seed": 0}
+    return FAMILIES["flat_rectangle"].generate({**shape, "vertices": vertices})
 
 
 @pytest.fixture
@@ -62,16 +68,16 @@ def test_a_square_fills_a_picture_without_a_gap_on_the_diagonal(bare):
 
 
 def test_a_mesh_of_triangles_smaller_than_pixels_has_no_gap(bare):
-    parameters = {"height": 1.0, "width": 1.0, "triangulation": "uniform", "seed": 0}
-    plane = FAMILIES["flat_rectangle"].generate({**parameters, "vertices": 40_000})
-    assert covered(render(plane, 50, 50, view=ABOVE)).all()
+    assert covered(render(rectangle(40_000), 50, 50, view=ABOVE)).all()
 
 
 def test_what_is_nearer_hides_what_is_behind_in_any_order():
     near, far = square(-1.0, side=1.0), square(1.0, side=2.0)
     tilted = [[x, y + 0.5 * z, z] for x, y, z in near]
-    first = render(mesh([*tilted, *far], [*TWO, [4, 5, 6], [4, 6, 7]]), 80, 80, view=FRONT)
-    second = render(mesh([*far, *tilted], [*TWO, [4, 5, 6], [4, 6, 7]]), 80, 80, view=FRONT)
+    first, second = (
+        render(mesh(points, BOTH), 80, 80, view=FRONT)
+        for points in ([*tilted, *far], [*far, *tilted])
+    )
     np.testing.assert_array_equal(first, second)
     alone = render(mesh(far, TWO), 80, 80, view=FRONT)
     assert (first[40, 40] != alone[40, 40]).any()  # the near one's shade
@@ -82,8 +88,7 @@ def test_triangles_that_cut_each_other_are_each_seen_on_one_side():
     back = [[x, x, z] for x, _, z in square(0.0)]
     forth = [[x, -x, z] for x, _, z in square(0.0)]
     values = np.array([-1.0] * 4 + [1.0] * 4)
-    crossed = mesh([*back, *forth], [*TWO, [4, 5, 6], [4, 6, 7]])
-    picture = render(crossed, 80, 80, view=FRONT, values=values).astype(int)
+    picture = render(mesh([*back, *forth], BOTH), 80, 80, view=FRONT, values=values).astype(int)
     blue = picture[..., 2] > picture[..., 0]
     assert blue[40, 15]  # at x < 0 the first is nearer
     assert not blue[40, 65]
@@ -145,17 +150,15 @@ def test_no_line_is_drawn_where_a_function_stays_away_from_zero(bare):
 
 
 def test_the_line_has_no_gap_on_triangles_smaller_than_it():
-    parameters = {"height": 1.0, "width": 1.0, "triangulation": "irregular", "seed": 0}
-    plane = FAMILIES["flat_rectangle"].generate({**parameters, "vertices": 40_000})
+    plane = rectangle(40_000, "irregular")
     picture = render(plane, 61, 61, view=ABOVE, values=plane.vertices[:, 0] - 0.5)
     assert picture[5:56, 30].max() < 140
 
 
 def test_edges_are_drawn_and_fade_where_triangles_are_small():
-    parameters = {"height": 1.0, "width": 1.0, "triangulation": "uniform", "seed": 0}
     darker = {}
     for vertices in (50, 40_000):
-        plane = FAMILIES["flat_rectangle"].generate({**parameters, "vertices": vertices})
+        plane = rectangle(vertices)
         with_edges = render(plane, 60, 60, edges=True, view=ABOVE)
         without = render(plane, 60, 60, view=ABOVE).astype(int)
         darker[vertices] = without - with_edges
@@ -165,8 +168,7 @@ def test_edges_are_drawn_and_fade_where_triangles_are_small():
 
 def test_the_end_of_a_surface_is_outlined_also_before_another_part():
     near, far = square(-1.0, side=1.0), square(1.0, side=2.0)
-    both = mesh([*near, *far], [*TWO, [4, 5, 6], [4, 6, 7]])
-    picture = render(both, 80, 80, view=FRONT).astype(int)
+    picture = render(mesh([*near, *far], BOTH), 80, 80, view=FRONT).astype(int)
     inside, line = picture[40, 40], picture[40, 20:24].min(axis=0)
     assert (line < inside - 20).all()
 

@@ -1,15 +1,30 @@
-"""Meshes that the tests of several files take."""
+"""Meshes that the tests of several files take, and all their eigenvalues by dense solvers."""
 
 import numpy as np
+import scipy.linalg
 
 from synthnet import recipe
 from synthnet.families import FAMILIES, PRIMITIVES
 from synthnet.recipe.drawing import draw_shape
+from synthnet.spectrum import as_mesh, reference
+from synthnet.spectrum.operators import PLAIN, as_sparse, discretise
 from synthnet.types import Mesh
 
 
 def sphere(resolution, radius=1.0):
     return FAMILIES["sphere"].generate({"radius": radius, "resolution": resolution})
+
+
+def torus(around, across):
+    sizes = {"torus_radius": 1.0, "tube_radius": 0.4}
+    steps = {"radial_resolution": around, "tubular_resolution": across}
+    return FAMILIES["torus"].generate(sizes | steps)
+
+
+def tetrahedron(scale=1.0):
+    """A regular one."""
+    corners = scale * np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    return Mesh(corners, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
 
 
 def drawn(family, index=1):
@@ -18,6 +33,20 @@ def drawn(family, index=1):
     return FAMILIES[family].generate(draw_shape(recipe.load(version), family, index).parameters)
 
 
-def side_by_side(first, second):
-    vertices = np.concatenate([first.vertices, second.vertices + 5.0])
-    return Mesh(vertices, np.concatenate([first.faces, second.faces + len(first.vertices)]))
+def side_by_side(*meshes, apart=5.0):
+    """Return meshes as one, each moved so far beyond the one before."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = [mesh.vertices + apart * i for i, mesh in enumerate(meshes)]
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+def dense(mesh, operator=PLAIN):
+    """All eigenvalues, zeros among them, by LAPACK."""
+    stiffness, mass = as_sparse(discretise(as_mesh(mesh), operator).matrices)
+    return scipy.linalg.eigvalsh(stiffness.toarray(), mass.toarray())
+
+
+def reference_eigenvalues(mesh):
+    """All eigenvalues of linear elements, by the reference."""
+    return reference.all_eigenvalues(*reference.matrices(mesh.vertices, mesh.faces))

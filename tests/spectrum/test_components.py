@@ -8,29 +8,19 @@ from hypothesis import strategies as st
 from synthnet import spectrum
 from synthnet.spectrum import reference
 from synthnet.types import Mesh
-from tests.spectrum.meshes import sphere
-
-
-def tetrahedron(scale):
-    corners = scale * np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-    return Mesh(corners, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
+from tests.spectrum.meshes import reference_eigenvalues, side_by_side, sphere, tetrahedron
 
 
 def together(meshes):
     """Put meshes side by side, their vertices in a random order."""
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
-    vertices = np.concatenate([mesh.vertices + 3.0 * i for i, mesh in enumerate(meshes)])
-    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)])
-    order = np.random.default_rng(0).permutation(len(vertices))
-    number = np.empty_like(order)
-    number[order] = np.arange(len(order))
-    return Mesh(vertices[order], number[faces])
+    whole = side_by_side(*meshes)
+    order = np.random.default_rng(0).permutation(len(whole.vertices))
+    return Mesh(whole.vertices[order], np.argsort(order)[whole.faces])
 
 
 def union(meshes, k):
     """The first k eigenvalues after all zeros, by the dense solver."""
-    every = [reference.all_eigenvalues(*reference.matrices(m.vertices, m.faces)) for m in meshes]
-    return np.sort(np.concatenate([values[1:] for values in every]))[:k]
+    return np.sort(np.concatenate([reference_eigenvalues(mesh)[1:] for mesh in meshes]))[:k]
 
 
 def test_two_components_have_the_union_of_their_spectra():
@@ -80,7 +70,7 @@ def test_debris_changes_nothing(scale):
 
 
 def test_k_is_at_most_the_vertices_less_the_components():
-    mesh = together([tetrahedron(1.0), tetrahedron(0.5)])
+    mesh = together([tetrahedron(), tetrahedron(0.5)])
     assert len(spectrum.compute(mesh, k=6).eigenvalues) == 6
     with pytest.raises(ValueError, match="between 1 and 6 for 8 vertices in 2 components, got 7"):
         spectrum.compute(mesh, k=7)

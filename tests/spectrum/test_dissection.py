@@ -8,21 +8,11 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from synthnet import processes, spectrum
-from synthnet.families import FAMILIES
 from synthnet.spectrum import dissection, ldl, ordering, substitution
 from synthnet.spectrum.degree import minimum_degree
+from synthnet.spectrum.operators import as_sparse
+from tests.spectrum.meshes import torus
 from tests.spectrum.test_solver import check_ordering, matrices_of, pattern_of
-
-
-def torus(around, across):
-    return FAMILIES["torus"].generate(
-        {
-            "torus_radius": 1.0,
-            "tube_radius": 0.4,
-            "radial_resolution": around,
-            "tubular_resolution": across,
-        }
-    )
 
 
 @pytest.fixture
@@ -131,10 +121,7 @@ def test_any_number_of_threads_gives_the_same_factor(large, monkeypatch, shift):
         np.testing.assert_array_equal(together.pivots, alone.pivots)
         np.testing.assert_array_equal(again, solved)
         assert together.uncertainty == alone.uncertainty
-    a, b = (
-        sparse.csr_matrix((values, large.indices, large.indptr))
-        for values in (large.stiffness, large.mass)
-    )
+    a, b = as_sparse(large)
     np.testing.assert_allclose((a - shift * b) @ solved.T, rows.T, atol=1e-9)
 
 

@@ -20,25 +20,34 @@ def _twice(x):
 """
 
 
+def python(*command, folder, cache, told=True):
+    """Run Python in a folder with a cache; "told": it does not say that kernels are compiled."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "TMPDIR": str(cache.parent)}
+    if not told:
+        del environment[kernels.SAID]
+    done = subprocess.run(
+        [sys.executable, *command],
+        env=environment,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout, done.stderr
+
+
 @pytest.mark.parametrize("order", [("room.part", "part"), ("part", "room.part")])
 def test_a_module_may_be_imported_by_two_names(order, tmp_path):
     """As baselines.gcn by its training, and as gcn by its rows."""
     (tmp_path / "room").mkdir()
     (tmp_path / "room" / "part.py").write_text(SOURCE)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     for name in order:
         folder = tmp_path / "room" if name == "part" else tmp_path
         code = f"import sys; sys.path.insert(0, {str(folder)!r})\n"
         code += f"import importlib; print(importlib.import_module({name!r})._twice(2.0))"
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            env=environment,
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert (done.returncode, done.stdout) == (0, "4.0\n"), done.stderr
+        out, _ = python("-c", code, folder=folder, cache=tmp_path / "cache")
+        assert out == "4.0\n"
     assert list((tmp_path / "cache").rglob("*.nbi"))
 
 
@@ -59,19 +68,10 @@ part._twice(2)  # of whole numbers: compiled a second time
 def test_a_program_and_its_processes_say_once_that_they_compile(tmp_path):
     (tmp_path / "part.py").write_text(SOURCE)
     (tmp_path / "program.py").write_text(COMPILES)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    environment["TMPDIR"] = str(tmp_path)
-    del environment[kernels.SAID]  # empty in tests
-
-    def stderr():
-        command = [sys.executable, "program.py", "with others"]
-        done = subprocess.run(
-            command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
-        )
-        return done.stderr
-
-    assert stderr() == f"{kernels.COMPILING.format(how='kept from now on')}\n"
-    assert stderr() == ""
+    for line in (f"{kernels.COMPILING.format(how='kept from now on')}\n", ""):
+        command = ("program.py", "with others")
+        _, err = python(*command, folder=tmp_path, cache=tmp_path / "cache", told=False)
+        assert err == line
     assert not list(tmp_path.glob("*compiling*"))
 
 
@@ -111,26 +111,11 @@ def test_what_lies_beside_a_module_is_never_loaded(tmp_path):
     (tmp_path / "part.py").write_text(SOURCE)
     cache = tmp_path / "cache"
     code = "import part; print(part._twice(2.0), part._twice.stats.cache_path)"
-
-    def run(open_to_all):
-        if open_to_all:
-            cache.chmod(0o777)
-        environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "TMPDIR": str(tmp_path)}
-        del environment[kernels.SAID]
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            env=environment,
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        return done.stdout, done.stderr
-
-    out, err = run(open_to_all=False)
+    out, err = python("-c", code, folder=tmp_path, cache=cache, told=False)
     assert out.startswith(f"4.0 {cache}")
     assert err == f"{kernels.COMPILING.format(how='kept from now on')}\n"
-    out, err = run(open_to_all=True)
+    cache.chmod(0o777)
+    out, err = python("-c", code, folder=tmp_path, cache=cache, told=False)
     how = f"anew by every process, as others may write to {cache}: remove it"
     assert (out, err) == ("4.0 None\n", f"{kernels.COMPILING.format(how=how)}\n")
     assert not list(tmp_path.glob("__pycache__/*.nb?"))

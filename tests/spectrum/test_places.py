@@ -6,13 +6,13 @@ import warnings
 import numpy as np
 import pytest
 import trimesh
-from scipy import linalg
 
 from synthnet import spectrum
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import Operator, solve
 from synthnet.spectrum.ordering import find_ordering
 from synthnet.spectrum.search import shift_amid
+from tests.spectrum.meshes import dense
 
 OCTAHEDRON = (
     np.concatenate([np.eye(3), -np.eye(3)]),
@@ -29,11 +29,8 @@ def strip(cells, height=1.0, width=1.0):
     return vertices, faces.reshape(-1, 3)
 
 
-def dense(mesh, k):
-    matrices = spectrum.discretise(spectrum.as_mesh(mesh), Operator()).matrices
-    stiffness, mass = (matrix.toarray() for matrix in spectrum.as_sparse(matrices))
-    values = linalg.eigh(stiffness, mass, eigvals_only=True)
-    return values[matrices.zeros :][:k]
+def first_ones(mesh, k):
+    return dense(mesh)[1 : k + 1]
 
 
 @pytest.mark.parametrize("height", [2.0, 3.0])
@@ -41,9 +38,9 @@ def dense(mesh, k):
 def test_a_count_beside_the_middle_of_the_gap(cells, height):
     mesh = strip(cells, height)
     answer = spectrum.compute(mesh, cells)  # in the middle of the gap above, a pivot is zero
-    np.testing.assert_allclose(answer.eigenvalues, dense(mesh, cells), rtol=1e-10)
+    np.testing.assert_allclose(answer.eigenvalues, first_ones(mesh, cells), rtol=1e-10)
     assert answer.certificate.count == cells + 1
-    low, high = dense(mesh, cells + 1)[-2:]
+    low, high = first_ones(mesh, cells + 1)[-2:]
     assert low < answer.certificate.shift < high
     assert spectrum.certify(mesh, answer.eigenvalues).certified
 
@@ -60,7 +57,7 @@ def test_all_eigenvalues_of_a_mesh_of_many_vertices(monkeypatch):
     monkeypatch.setattr(solve, "DENSE_AT_MOST", 0)
     most = len(box.vertices) - 1
     answer = spectrum.compute(box, most)
-    expected = dense((box.vertices, box.faces), most)
+    expected = first_ones(box, most)
     np.testing.assert_allclose(answer.eigenvalues, expected, rtol=1e-9)
 
 
@@ -87,7 +84,7 @@ def test_a_shift_is_placed_amid_the_first_ones_or_below_a_cluster(k):
     mesh = sphere, octahedron.faces  # its first eigenvalues are three equal ones, then 2 and 3
     matrices = spectrum.discretise(spectrum.as_mesh(mesh), Operator()).matrices
     shift = shift_amid(matrices, find_ordering(matrices.indptr, matrices.indices), k)
-    first = dense(mesh, 9)
+    first = first_ones(mesh, 9)
     below = int((first < shift).sum())
     assert k / 2 <= below <= k or (below < k and first[below] < 1.1 * shift)
     placed = solve.replace(solve.PLACED, shift=shift / (4 * np.pi * k / matrices.lumped.sum()))
@@ -133,7 +130,7 @@ def test_eigenvalues_that_rounding_has_spoilt_come_with_a_warning(ball):
 
 @pytest.mark.parametrize("largest", [18647.0, 1e5, 1e12])
 def test_an_answer_far_too_large_does_not_blur_the_others(ball, largest):
-    true = dense(ball, 4)
+    true = first_ones(ball, 4)
     judged = spectrum.certify(ball, [2.0, *true[1:3], largest])
     assert [index for index, _ in judged.off] == [1, 4]
     np.testing.assert_allclose([value for _, value in judged.off], true[[0, 3]], rtol=1e-6)
@@ -141,7 +138,7 @@ def test_an_answer_far_too_large_does_not_blur_the_others(ball, largest):
 
 def test_an_answer_that_is_off_beside_one_that_is_missing_is_named_by_the_nearest():
     box = trimesh.creation.box(extents=(1, 1, 1e-3)).subdivide().subdivide().subdivide()
-    true = dense((box.vertices, box.faces), 12)
+    true = first_ones(box, 12)
     apart = [0, *(1 + np.flatnonzero(np.diff(true) > 1e-3 * true[1:])), 12]  # of equal ones
     pairs = [
         (first, second)

@@ -7,11 +7,12 @@ from hypothesis import strategies as st
 from scipy import linalg, sparse
 
 from synthnet.families import FAMILIES, PRIMITIVES
-from synthnet.spectrum import fem, ldl, reference, substitution
+from synthnet.spectrum import fem, ldl, substitution
 from synthnet.spectrum.degree import minimum_degree
 from synthnet.spectrum.lanczos import Lanczos
+from synthnet.spectrum.operators import as_sparse
 from synthnet.spectrum.ordering import find_ordering
-from tests.spectrum.meshes import drawn, sphere
+from tests.spectrum.meshes import drawn, reference_eigenvalues, sphere
 
 
 def matrices_of(mesh):
@@ -19,11 +20,7 @@ def matrices_of(mesh):
 
 
 def dense(matrices):
-    stiffness, mass = (
-        sparse.csr_matrix((values, matrices.indices, matrices.indptr)).toarray()
-        for values in (matrices.stiffness, matrices.mass)
-    )
-    return stiffness, mass
+    return [matrix.toarray() for matrix in as_sparse(matrices)]
 
 
 def pattern_of(graph):
@@ -122,13 +119,11 @@ def test_ordering_of_every_family_is_one_of_its_factor(family):
 
 def test_a_path_and_a_star_are_eliminated_without_fill():
     for n in (2, 9, 40):
-        path = np.eye(n, k=1)
         star = np.zeros((n, n))
         star[0, 1:] = 1
-        for graph in (path, star):
+        for graph in (np.eye(n, k=1), star):
             indptr, indices = pattern_of(graph)
-            ordering = find_ordering(indptr, indices)
-            assert fill(indptr, indices, ordering.order) == n - 1
+            assert fill(indptr, indices, find_ordering(indptr, indices).order) == n - 1
 
 
 def test_fill_of_a_grid_is_that_of_a_good_ordering():
@@ -160,10 +155,7 @@ def test_factor_solves_and_counts(family, shift):
     ordering = find_ordering(matrices.indptr, matrices.indices)
     factor = ldl.factorise(matrices, ordering, shift)
     assert factor.finite
-    a, b = (
-        sparse.csr_matrix((values, matrices.indices, matrices.indptr))
-        for values in (matrices.stiffness, matrices.mass)
-    )
+    a, b = as_sparse(matrices)
     x = np.random.default_rng(0).normal(size=(3, len(ordering.order)))
     y, second = x.copy(), x[1:2].copy()
     for rows in (y, second):
@@ -286,7 +278,7 @@ def test_basis_is_orthonormal_and_the_projection_that_of_the_operator(strict, le
 def test_error_bounds_hold_and_fall():
     mesh = drawn("cylinder")
     a, b = dense(matrices_of(mesh))
-    exact = reference.all_eigenvalues(*reference.matrices(mesh.vertices, mesh.faces))
+    exact = reference_eigenvalues(mesh)
     lanczos = search(mesh, 5.0)
     before = np.inf
     for _ in range(4):
@@ -316,7 +308,7 @@ def test_search_ends_where_there_is_no_room():
 @pytest.mark.parametrize("lean", [False, True])
 def test_a_shift_close_to_an_eigenvalue_makes_the_search_strict(lean):
     mesh = drawn("torus")
-    exact = reference.all_eigenvalues(*reference.matrices(mesh.vertices, mesh.faces))
+    exact = reference_eigenvalues(mesh)
     lanczos = search(mesh, exact[6] * (1 - 1e-5), lean=lean)
     lanczos.extend(30)
     assert lanczos.skipped == 0

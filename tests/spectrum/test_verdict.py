@@ -7,27 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import linalg
 
-from synthnet.families import FAMILIES
-from synthnet.spectrum import certify, compute, fem_matrices, verdict
+from synthnet.spectrum import certify, compute, verdict
 from synthnet.types import Mesh
+from tests.spectrum.meshes import dense, side_by_side, sphere, torus
 
-SHAPES = {
-    "sphere": FAMILIES["sphere"].generate({"radius": 1.0, "resolution": 8}),
-    "torus": FAMILIES["torus"].generate(
-        {"torus_radius": 1.0, "tube_radius": 0.4, "radial_resolution": 16, "tubular_resolution": 8}
-    ),
-}
-
-
-def exact(mesh):
-    """All eigenvalues after the zero, by LAPACK."""
-    stiffness, mass = (matrix.toarray() for matrix in fem_matrices(mesh))
-    return linalg.eigh(stiffness, mass, eigvals_only=True)[1:]
-
-
-VALUES = {name: exact(mesh) for name, mesh in SHAPES.items()}
+SHAPES = {"sphere": sphere(8), "torus": torus(16, 8)}
+VALUES = {name: dense(mesh)[1:] for name, mesh in SHAPES.items()}
 
 
 @contextmanager
@@ -150,10 +136,8 @@ def test_what_rounding_leaves_open_is_not_certified():
 @pytest.mark.parametrize("size", [1e2, 1e4, 1e8])
 def test_components_of_all_sizes_are_judged_within_what_was_asked(size):
     mesh = SHAPES["sphere"]
-    scales = np.array([1 / size, 1, size])
-    vertices = [scale * mesh.vertices + [4 * size * i, 0, 0] for i, scale in enumerate(scales)]
-    faces = [mesh.faces + len(mesh.vertices) * i for i in range(3)]
-    whole = Mesh(np.concatenate(vertices), np.concatenate(faces))
+    scaled = (Mesh(scale * mesh.vertices, mesh.faces) for scale in (1 / size, 1, size))
+    whole = side_by_side(*scaled, apart=4 * size)
     values = compute(whole, 8).eigenvalues
     assert certify(whole, values).certified
     assert certify(whole, values).tolerance == 1e-6
@@ -222,11 +206,7 @@ def test_with_eigenvectors_one_factorisation_suffices_and_bad_ones_do_not_mislea
 
 
 def test_zeros_of_components_may_be_given_all_or_none():
-    mesh = SHAPES["sphere"]
-    two = Mesh(
-        np.concatenate([mesh.vertices, mesh.vertices + 5]),
-        np.concatenate([mesh.faces, mesh.faces + len(mesh.vertices)]),
-    )
+    two = side_by_side(SHAPES["sphere"], SHAPES["sphere"])
     values = np.repeat(VALUES["sphere"][:4], 2)
     for answer in (values, [0.0, 0.0, *values]):
         assert certify(two, answer).certified

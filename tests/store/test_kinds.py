@@ -59,7 +59,6 @@ def test_an_import_is_known_by_its_manifest_whatever_its_name(tmp_path):
         (tmp_path / name).mkdir()
         store.write_manifest(tmp_path / name, manifest(name, DESCRIPTION.to_dict()))
         dataset = store.open_unversioned(name, tmp_path)
-        assert dataset is not None
         assert dataset.kind is Kind.IMPORTED
         assert description_of(dataset.manifest) == DESCRIPTION
     assert store.open_unversioned("1.0-mini", tmp_path) is None

@@ -54,10 +54,9 @@ def torus_shard(tiny_samples, tmp_path):
 
 @pytest.mark.parametrize("family", ["torus", "tetrahedron", "split_cone", "sphere"])
 def test_samples_come_back_exactly(family, tiny_samples, tmp_path):
-    samples = tiny_samples[family]
-    write(tmp_path / "shards" / "a.parquet", samples)
-    stored = list(store.read_samples(tmp_path / "shards" / "a.parquet"))
-    assert [exact(s) for s in stored] == [exact(s) for s in samples]
+    path, samples = tmp_path / "shards" / "a.parquet", tiny_samples[family]
+    write(path, samples)
+    assert list(map(exact, store.read_samples(path))) == list(map(exact, samples))
 
 
 def test_awkward_numbers_come_back_exactly(tmp_path):
@@ -81,8 +80,7 @@ def test_awkward_numbers_come_back_exactly(tmp_path):
 
 def test_record_says_what_is_in_the_shard(tiny_samples, tmp_path):
     path = tmp_path / "shards" / "torus-0000.parquet"
-    samples = tiny_samples["torus"]
-    record = write(path, samples, (REJECTION,))
+    record = write(path, tiny_samples["torus"], (REJECTION,))
     assert record == ShardRecord(
         file="shards/torus-0000.parquet",
         family="torus",
@@ -96,20 +94,14 @@ def test_record_says_what_is_in_the_shard(tiny_samples, tmp_path):
     assert store.read_record(path, "d" * 64) == record
 
 
-def test_same_samples_give_the_same_bytes(tiny_samples, tmp_path):
-    paths = [tmp_path / name / "torus-0000.parquet" for name in "ab"]
-    for path in paths:
-        write(path, tiny_samples["torus"], (REJECTION,))
-    first, second = (path.read_bytes() for path in paths)
-    assert first == second
-    write(paths[1], tiny_samples["torus"][:-1], (REJECTION,))
-    assert first != paths[1].read_bytes()
-
-
-def test_samples_read_and_written_again_give_the_same_bytes(torus_shard):
-    before = torus_shard.read_bytes()
-    write(torus_shard, list(store.read_samples(torus_shard)), (REJECTION,))
-    assert torus_shard.read_bytes() == before
+def test_same_samples_give_the_same_bytes_also_read_and_written_again(
+    torus_shard, tiny_samples, tmp_path
+):
+    other = tmp_path / "other" / torus_shard.name
+    read = list(store.read_samples(torus_shard))
+    for samples, same in ((tiny_samples["torus"], True), (read, True), (read[:-1], False)):
+        write(other, samples, (REJECTION,))
+        assert (other.read_bytes() == torus_shard.read_bytes()) == same
 
 
 def test_shard_of_rejections_only(tmp_path):
@@ -224,17 +216,21 @@ def manifest(tiny, torus_shard):
     )
 
 
-def test_manifest_comes_back(manifest, tmp_path):
+@pytest.fixture
+def written(manifest, tmp_path):
+    """The file of the manifest."""
     store.write_manifest(tmp_path, manifest)
-    stored = store.read_manifest(tmp_path)
+    return tmp_path / "manifest.json"
+
+
+def test_manifest_comes_back(manifest, written):
+    stored = store.read_manifest(written.parent)
     assert stored == manifest
-    assert stored is not None
     assert (stored.rows, stored.rejections) == (4, (REJECTION,))
 
 
-def test_manifest_is_json_with_a_schema_version(manifest, tmp_path):
-    store.write_manifest(tmp_path, manifest)
-    content = json.loads((tmp_path / "manifest.json").read_text())
+def test_manifest_is_json_with_a_schema_version(manifest, written):
+    content = json.loads(written.read_text())
     assert content["schema_version"] == store.SCHEMA_VERSION
     assert content["shards"][0]["sha256"] == manifest.shards[0].sha256
     assert content["shards"][0]["rejections"][0]["reason"] == "degenerate_face"
@@ -256,29 +252,25 @@ def test_damaged_manifest_is_refused(content, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_every_altered_byte_of_a_manifest_is_refused(manifest, tmp_path):
-    store.write_manifest(tmp_path, manifest)
-    path = tmp_path / "manifest.json"
-    written = path.read_bytes()
-    for at, byte in enumerate(written):
+def test_every_altered_byte_of_a_manifest_is_refused(written, tmp_path):
+    whole = written.read_bytes()
+    for at, byte in enumerate(whole):
         blank = bytes([byte]).isspace()
         for other in set(b" \n\r\t") - {byte} if blank else {byte ^ 1}:
-            path.write_bytes(written[:at] + bytes([other]) + written[at + 1 :])
+            written.write_bytes(whole[:at] + bytes([other]) + whole[at + 1 :])
             with pytest.raises(StoreError):
                 store.read_manifest(tmp_path)
-    for text in (written[:-1], written + b"\n", json.dumps(json.loads(written)).encode()):
-        path.write_bytes(text)
+    for text in (whole[:-1], whole + b"\n", json.dumps(json.loads(whole)).encode()):
+        written.write_bytes(text)
         with pytest.raises(DamagedError, match="its bytes are not those of its content"):
             store.read_manifest(tmp_path)
 
 
 @pytest.mark.parametrize("key", [f.name for f in dataclasses.fields(Manifest)])
-def test_manifest_that_lacks_a_key_is_refused(key, manifest, tmp_path):
-    store.write_manifest(tmp_path, manifest)
-    path = tmp_path / "manifest.json"
-    content = json.loads(path.read_text())
+def test_manifest_that_lacks_a_key_is_refused(key, written, tmp_path):
+    content = json.loads(written.read_text())
     del content[key]
-    path.write_text(json.dumps(content))
+    written.write_text(json.dumps(content))
     with pytest.raises(DamagedError, match=f"is damaged .*{key}"):
         store.read_manifest(tmp_path)
 
@@ -309,40 +301,34 @@ def test_manifest_that_lacks_a_key_is_refused(key, manifest, tmp_path):
         ),
     ],
 )
-def test_manifest_is_read_by_its_schema(change, message, manifest, tmp_path):
+def test_manifest_is_read_by_its_schema(change, message, written, tmp_path):
     """Each forgery has a whole digest of its own."""
-    store.write_manifest(tmp_path, manifest)
-    path = tmp_path / "manifest.json"
-    content = json.loads(path.read_text())
+    content = json.loads(written.read_text())
     del content[store.DIGEST]
     change(content)
-    path.write_text(store.with_digest(content))
+    written.write_text(store.with_digest(content))
     with pytest.raises(DamagedError, match=rf"is damaged \(.*{message}"):
         store.read_manifest(tmp_path)
 
 
-def test_manifest_that_is_no_file_or_nested_without_end(tmp_path):
-    path = tmp_path / "manifest.json"
-    path.write_text("[" * 100_000)
-    with pytest.raises(DamagedError, match="is damaged"):
-        store.read_manifest(tmp_path)
-    path.unlink()
-    os.mkfifo(path)
-    with pytest.raises(DamagedError, match="it is no file"):
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda path: path.write_text("[" * 100_000), DamagedError, "is damaged"),
+        (os.mkfifo, DamagedError, "it is no file"),
+        (Path.mkdir, StoreError, r"manifest\.json"),
+    ],
+    ids=["nested without end", "a pipe", "a directory"],
+)
+def test_manifest_that_is_no_file_or_nested_without_end(make, error, message, tmp_path):
+    make(tmp_path / "manifest.json")
+    with pytest.raises(error, match=message):
         store.read_manifest(tmp_path)
 
 
-def test_manifest_of_another_schema_version_is_refused(manifest, tmp_path):
-    store.write_manifest(tmp_path, manifest)
-    path = tmp_path / "manifest.json"
-    path.write_text(path.read_text().replace('"schema_version": 2', '"schema_version": 1'))
+def test_manifest_of_another_schema_version_is_refused(written, tmp_path):
+    written.write_text(written.read_text().replace('"schema_version": 2', '"schema_version": 1'))
     with pytest.raises(StoreError, match="has schema version 1, this synthnet reads 2: remove"):
-        store.read_manifest(tmp_path)
-
-
-def test_manifest_in_an_unreadable_place_is_a_store_error(tmp_path):
-    (tmp_path / "manifest.json").mkdir()
-    with pytest.raises(StoreError, match=r"manifest\.json"):
         store.read_manifest(tmp_path)
 
 
@@ -363,34 +349,29 @@ def dataset(tiny, tiny_samples, tmp_path):
     return store.open_dataset("tiny", tmp_path)
 
 
-def test_samples_of_a_dataset_come_in_order(dataset, tiny_samples):
+def test_samples_of_a_dataset_come_in_order_and_each_is_found(dataset, tiny_samples):
     written = [s for samples in tiny_samples.values() for s in samples]
-    assert [exact(s) for s in dataset.samples()] == [exact(s) for s in written]
+    assert len(written) == 10
+    assert list(map(exact, dataset.samples())) == list(map(exact, written))
     assert [p.name for p in dataset.paths()] == [f"{name}-0000.parquet" for name in tiny_samples]
+    for sample in written:
+        assert exact(dataset.find(sample.spec.id)) == exact(sample)
 
 
-def test_find_gives_every_shape(dataset, tiny_samples):
-    assert sum(map(len, tiny_samples.values())) == 10
-    for samples in tiny_samples.values():
-        for sample in samples:
-            assert exact(dataset.find(sample.spec.id)) == exact(sample)
+UNKNOWN_FAMILY = r"no shape .*: an id is a family \(torus, .*\) and a num"
 
 
-def test_find_of_a_rejected_shape_says_why(dataset):
-    with pytest.raises(StoreError, match="torus-00007 was rejected by degenerate_face: 20 of"):
-        dataset.find("torus-00007")
-
-
-@pytest.mark.parametrize("id", ["dodecahedron-00000", "torus", "", "-", "../x"])
-def test_find_in_an_unknown_family_names_the_families(id, dataset):
-    with pytest.raises(StoreError, match=r"no shape .*: an id is a family \(torus, .*\) and a num"):
-        dataset.find(id)
-
-
-def test_find_of_an_unknown_number_says_where_the_ids_are(dataset):
-    message = "no shape 'torus-00099' in tiny: `synthnet info tiny --ids` lists them"
+@pytest.mark.parametrize(
+    ("id", "message"),
+    [
+        ("torus-00007", "torus-00007 was rejected by degenerate_face: 20 of"),
+        ("torus-00099", "no shape 'torus-00099' in tiny: `synthnet info tiny --ids` lists them"),
+        *((id, UNKNOWN_FAMILY) for id in ("dodecahedron-00000", "torus", "", "-", "../x")),
+    ],
+)
+def test_find_of_what_is_not_there_says_why(id, message, dataset):
     with pytest.raises(StoreError, match=message):
-        dataset.find("torus-00099")
+        dataset.find(id)
 
 
 def test_dataset_that_is_not_built_says_how_to_build_it(tmp_path):
@@ -455,6 +436,15 @@ def test_directory_that_can_be_written_is_left_empty(tmp_path):
     files.make_directory(tmp_path / "a" / "b")
     files.make_directory(tmp_path / "a" / "b")
     assert list((tmp_path / "a" / "b").iterdir()) == []
+
+
+def failing(number):
+    """Return a function that the system lets down."""
+
+    def fail(*_, **__):
+        raise OSError(number, os.strerror(number))
+
+    return fail
 
 
 def full_disk(table, path, **options):
@@ -536,46 +526,32 @@ def test_directory_is_made_in_place_or_not_at_all(tmp_path):
 # Locks
 
 
-def refuse(monkeypatch, number):
-    """Let the system refuse a lock."""
-
-    def flock(descriptor, operation):
-        raise OSError(number, os.strerror(number))
-
-    monkeypatch.setattr("fcntl.flock", flock)
+ELSEWHERE = r"choose another --out or \$SYNTHNET_HOME on a local disk, or a URL$"
 
 
-@pytest.mark.parametrize("number", files.NO_LOCKS)
-def test_file_system_without_locks(number, tmp_path, monkeypatch):
-    refuse(monkeypatch, number)
-    remedy = (
-        r"has no locks \(.*\): choose another --out or \$SYNTHNET_HOME on a local disk, or a URL$"
-    )
-    with pytest.raises(BuildError, match=remedy), files.locked(tmp_path / ".lock", wait=True):
-        pass
-
-
-def test_lock_that_cannot_be_had_for_another_reason(tmp_path, monkeypatch):
-    refuse(monkeypatch, errno.EIO)
-    error = r"cannot write .*\.lock \(Input/output error\)$"
-    with pytest.raises(BuildError, match=error), files.locked(tmp_path / ".lock", wait=False):
+@pytest.mark.parametrize("wait", [False, True])
+@pytest.mark.parametrize(
+    ("number", "line"),
+    [
+        *((number, rf"has no locks \(.*\): {ELSEWHERE}") for number in files.NO_LOCKS),
+        (errno.EIO, r"cannot write .*\.lock \(Input/output error\)$"),
+    ],
+)
+def test_lock_that_the_system_refuses(number, line, wait, tmp_path, monkeypatch):
+    monkeypatch.setattr("fcntl.flock", failing(number))
+    with pytest.raises(BuildError, match=line), files.locked(tmp_path / ".lock", wait=wait):
         pass
 
 
 def test_lock_of_another_user(tmp_path, monkeypatch):
     path = tmp_path / ".lock"
     path.touch()
-
-    def denied(*_, **__):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
-
-    monkeypatch.setattr(files.filelock.FileLock, "acquire", denied)
-    for owner, name in ((path.owner(), path.owner()), (None, "another user")):
-        if owner is None:
+    monkeypatch.setattr(files.filelock.FileLock, "acquire", failing(errno.EACCES))
+    for name in (path.owner(), "another user"):
+        if name == "another user":
             path.unlink()
-        remedy = (
-            rf"cannot lock {tmp_path}: {path} is {name}'s, choose another --out or \$SYNTHNET_HOME"
-        )
+        place = f"cannot lock {tmp_path}: {path} is {name}'s"
+        remedy = rf"{place}, choose another --out or \$SYNTHNET_HOME"
         with pytest.raises(BuildError, match=remedy), files.locked(path, wait=True):
             pass
 
@@ -590,9 +566,8 @@ def test_lock_says_who_holds_it(tmp_path):
 
     with files.locked(path, wait=False):
         assert path.read_text() == f"{socket.gethostname()} {os.getpid()}\n"
-        assert (
-            f"is writing to {tmp_path} (process {os.getpid()}): wait for it (--wait)" in message()
-        )
+        own = f"is writing to {tmp_path} (process {os.getpid()}): wait for it (--wait)"
+        assert own in message()
         path.write_text("elsewhere\n")  # written by nobody, or by half
         assert f"is writing to {tmp_path}: wait for it (--wait)" in message()
         # A server of files may keep the lock of a machine that died.
@@ -607,11 +582,7 @@ def test_lock_says_who_holds_it(tmp_path):
 
 def test_lock_holds_on_a_full_disk(tmp_path, monkeypatch):
     path = tmp_path / ".lock"
-
-    def full(*_, **__):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(Path, "write_text", failing(errno.ENOSPC))
     other = r"is writing to \S+: wait for it"
     with (
         files.locked(path, wait=False),

@@ -23,12 +23,8 @@ from tests.datasets import contents
 
 SALT = bytes(range(32))
 OTHER = bytes(range(1, 33))
-VERSIONS = (
-    pytest.param("1.0", marks=pytest.mark.slow),
-    "1.0-mini",
-    pytest.param("2.0", marks=pytest.mark.slow),
-    "2.0-mini",
-)
+WHOLE = (pytest.param(version, marks=pytest.mark.slow) for version in ("1.0", "2.0"))
+each_version = pytest.mark.parametrize("version", [*WHOLE, "1.0-mini", "2.0-mini"])
 DISCRETE = {"sphere", "split_sphere"}  # whose parameters are whole numbers
 
 
@@ -68,9 +64,11 @@ def test_new_salt_is_secret_random_and_never_overwritten(tmp_path):
     assert first.read_bytes() == before
 
 
-def test_salt_that_cannot_be_written(tmp_path):
+def test_salt_that_can_neither_be_written_nor_read(tmp_path):
     with pytest.raises(BuildError, match=r"there is no directory .*nowhere, make it first"):
         seal.make_salt(tmp_path / "nowhere" / "salt")
+    with pytest.raises(SealError, match=r"cannot read the salt .*Is a directory"):
+        seal.read_salt(tmp_path)
 
 
 def test_salt_is_read_whatever_its_end(tmp_path):
@@ -120,11 +118,6 @@ def test_salt_that_others_may_read_draws_no_set(run, tmp_path):
     assert run("seal", "--version", "1.0-mini", *where, "--commitment")[0] == 0
 
 
-def test_salt_that_is_a_directory(tmp_path):
-    with pytest.raises(SealError, match=r"cannot read the salt .*Is a directory"):
-        seal.read_salt(tmp_path)
-
-
 # The recipe that a salt draws
 
 
@@ -137,7 +130,6 @@ def test_commitment_and_seed_are_the_documented_hashes():
         head = f"synthnet seal/1 {purpose}\n{hashlib.sha256(text.encode()).hexdigest()}\n"
         return hashlib.sha256(head.encode() + SALT).hexdigest()
 
-    assert sealed_version.sealed is not None
     assert sealed_version.sealed.commitment == hashed("commitment", "{" + ending)
     assert sealed_version.seed == int(hashed("seed", '{"beacon":"round 7",' + ending), 16)
     assert sealed_version.version == f"1.0-mini-sealed-{sealed_version.sealed.commitment[:12]}"
@@ -166,18 +158,14 @@ def test_every_term_changes_commitment_and_seed_and_the_beacon_the_seed_alone():
     assert lit.digest != made[0].digest
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@each_version
 def test_sealed_set_has_its_share_of_every_family_and_all_in_the_test_split(version):
     base, sealed_version = recipe.load(version), seal.sealed_recipe(version, SALT)
     planned = [shape for shard in plan_shards(sealed_version) for shape in shard.shapes]
     for family in base.families:
         members = [s.spec for s in planned if s.spec.family == family]
-        surfaces = base.drawn(family) // base.copies
-        assert (
-            len(members)
-            == sealed_version.drawn(family)
-            == base.copies * max(1, round(0.1 * surfaces))
-        )
+        surfaces = max(1, round(0.1 * (base.drawn(family) // base.copies)))
+        assert len(members) == sealed_version.drawn(family) == base.copies * surfaces
         each = [{s.group for s in members[i :: base.copies]} for i in range(base.copies)]
         assert all(groups == each[0] for groups in each)  # every size of every surface
     assert {shape.split for shape in planned} == {"test"}
@@ -186,7 +174,7 @@ def test_sealed_set_has_its_share_of_every_family_and_all_in_the_test_split(vers
     assert sealed_version.filters == base.filters
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@each_version
 def test_no_shape_is_the_versions_own_or_that_of_another_salt(version):
     public = draw_shapes(recipe.load(version))
     own, others = shapes(version), shapes(version, OTHER)
@@ -250,8 +238,7 @@ def test_recipe_file_is_never_sealed():
 def test_two_workers_make_the_same_bytes(sealed_set, tmp_path):
     made, _ = seal.make(sealed_set.recipe, root=tmp_path, workers=2)
     assert made == sealed_set.seal
-    name = sealed_set.seal.dataset
-    assert contents(tmp_path / name) == contents(sealed_set.home / name)
+    assert contents(tmp_path / made.dataset) == contents(sealed_set.home / made.dataset)
 
 
 class Stopped(Watcher):
@@ -274,8 +261,7 @@ def test_interrupted_build_goes_on(sealed_set, tmp_path):
     made, report = seal.make(sealed_set.recipe, root=tmp_path, workers=1)
     assert report.reused >= 3
     assert made == sealed_set.seal
-    name = sealed_set.seal.dataset
-    assert contents(tmp_path / name) == contents(sealed_set.home / name)
+    assert contents(tmp_path / made.dataset) == contents(sealed_set.home / made.dataset)
 
 
 def test_directory_is_private(sealed_set):

@@ -6,6 +6,7 @@ import re
 import shutil
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -44,42 +45,33 @@ def fixture_pins(mini_home):
     return {sample.spec.id: pins.pin(sample) for sample in samples}
 
 
-@pytest.fixture(scope="session")
-def known_meshes():
-    return {}
+def remembered(function, key):
+    """Return the function, called once for each key of its arguments."""
+    known = {}
+
+    def once(*arguments):
+        name = key(*arguments)
+        if name not in known:
+            known[name] = function(*arguments)
+        return known[name]
+
+    return once
 
 
-@pytest.fixture(autouse=True)
-def generate_each_mesh_once(known_meshes, monkeypatch):
-    """Generating the meshes of 1.0-mini takes two seconds, and most tests here want them."""
-    generate = shapes.generated_anew
-
-    def once(spec):
-        key = json.dumps([spec.family, dict(spec.parameters)])
-        if key not in known_meshes:
-            known_meshes[key] = generate(spec)
-        return known_meshes[key]
-
-    monkeypatch.setattr(shapes, "generated_anew", once)
-
-
-@pytest.fixture(scope="session")
-def known_counts():
-    return {}
-
-
-@pytest.fixture(autouse=True)
-def count_each_mesh_once(known_counts, monkeypatch):
-    """Counting the eigenvalues of all of 1.0-mini takes five seconds."""
-    count = spectrum.count_below
-
-    def once(mesh, *shifts):
-        key = (mesh.vertices.tobytes(), mesh.faces.tobytes(), shifts)
-        if key not in known_counts:
-            known_counts[key] = count(mesh, *shifts)
-        return known_counts[key]
-
-    monkeypatch.setattr(shapes.spectrum, "count_below", once)
+@pytest.fixture(scope="module", autouse=True)
+def meshes_are_made_and_counted_once():
+    """Of 1.0-mini the meshes take two seconds and counts five, and most tests here want them."""
+    made = remembered(
+        shapes.generated_anew, lambda spec: json.dumps([spec.family, dict(spec.parameters)])
+    )
+    counted = remembered(
+        spectrum.count_below,
+        lambda mesh, *shifts: (mesh.vertices.tobytes(), mesh.faces.tobytes(), shifts),
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(shapes, "generated_anew", made)
+        patch.setattr(shapes.spectrum, "count_below", counted)
+        yield
 
 
 @pytest.fixture
@@ -98,13 +90,8 @@ def tamper(home, change):
     directory = home / VERSION
     manifest = store.open_dataset(VERSION, home).manifest
     samples = change(list(store.read_samples(directory / SHARD)))
-    record = store.write_shard(
-        directory / SHARD,
-        samples,
-        [],
-        family=FAMILY,
-        recipe_digest=manifest.recipe_digest,
-    )
+    digest = manifest.recipe_digest
+    record = store.write_shard(directory / SHARD, samples, [], family=FAMILY, recipe_digest=digest)
     alter_manifest(home, dataclasses.asdict(record))
     shutil.rmtree(directory / "limits", ignore_errors=True)  # they would tell: of another shard
 
@@ -218,34 +205,36 @@ def test_version_without_pins_is_not_verified(failed, monkeypatch):
 # Tampering that leaves traces in the files
 
 
-def test_altered_byte_is_found(mini_copy, failed):
-    path = mini_copy / VERSION / SHARD
-    content = bytearray(path.read_bytes())
+@pytest.fixture
+def shard(mini_copy):
+    return mini_copy / VERSION / SHARD
+
+
+def test_altered_byte_is_found(shard, failed):
+    content = bytearray(shard.read_bytes())
     content[len(content) // 2] ^= 1
-    path.write_bytes(content)
+    shard.write_bytes(content)
     failures = failed()
     assert failures["digests"][0].startswith(f"{SHARD}: SHA-256 is ")
-    assert f"{path} is damaged" in failures["shards"][0]
+    assert f"{shard} is damaged" in failures["shards"][0]
     assert len(failures["recipe"]) == 20  # the shapes of that shard are lost
     assert "manifest" not in failures
 
 
-def test_altered_footer_is_found(mini_copy, failed):
-    path = mini_copy / VERSION / SHARD
-    content = path.read_bytes()
+def test_altered_footer_is_found(shard, failed):
+    content = shard.read_bytes()
     assert b"parquet-cpp-arrow" in content
-    path.write_bytes(content.replace(b"parquet-cpp-arrow", b"parquet-cpp-ARROW"))
+    shard.write_bytes(content.replace(b"parquet-cpp-arrow", b"parquet-cpp-ARROW"))
     assert list(failed()) == ["digests"]
 
 
-def test_truncated_shard_is_found(mini_copy, failed):
-    path = mini_copy / VERSION / SHARD
-    path.write_bytes(path.read_bytes()[:-1])
+def test_truncated_shard_is_found(shard, failed):
+    shard.write_bytes(shard.read_bytes()[:-1])
     assert list(failed()) == ["digests", "shards", "recipe", "pins"]
 
 
-def test_removed_shard_is_found(mini_copy, failed):
-    (mini_copy / VERSION / SHARD).unlink()
+def test_removed_shard_is_found(shard, failed):
+    shard.unlink()
     failures = failed()
     assert failures["digests"] == [f"{SHARD}: missing"]
     assert "is missing: run `synthnet build` again" in failures["shards"][0]
@@ -259,9 +248,8 @@ def test_removed_shard_is_found(mini_copy, failed):
 def test_tampering_with_nothing_changes_nothing(mini_home, mini_copy):
     tamper(mini_copy, lambda samples: samples)
     for name in (SHARD, "manifest.json"):
-        assert (mini_copy / VERSION / name).read_bytes() == (
-            mini_home / VERSION / name
-        ).read_bytes()
+        mine, original = (home / VERSION / name for home in (mini_copy, mini_home))
+        assert mine.read_bytes() == original.read_bytes()
 
 
 def only(array, place):
@@ -416,16 +404,17 @@ def test_altered_eigenvalue_is_found_by_the_labels(mini_copy, monkeypatch):
     assert {c.name: c.examined for c in report.checks}["labels"] == 1
 
 
-def test_foreign_shape_is_found(mini_copy, failed):
+def stored_ids(shard):
+    return [sample.spec.id for sample in store.read_samples(shard)]
+
+
+def test_foreign_shape_is_found(mini_copy, shard, failed):
     taken = {s.spec.id for plan in plan_shards(recipe.load(VERSION)) for s in plan.shapes}
     foreign = next(id for i in range(999) if (id := f"{FAMILY}-{i:05d}") not in taken)
-    first = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
+    first = stored_ids(shard)[0]
     tamper_first(mini_copy, lambda s: {"spec": dataclasses.replace(s.spec, id=foreign)})
     assert failed() == {
-        "recipe": [
-            f"{foreign}: not drawn by the recipe",
-            f"{first}: neither stored nor rejected",
-        ],
+        "recipe": [f"{foreign}: not drawn by the recipe", f"{first}: neither stored nor rejected"],
         "pins": [
             f"{foreign}: stored here, but the pinned build rejected it",
             f"{first}: missing here, but the pinned build kept it",
@@ -433,8 +422,8 @@ def test_foreign_shape_is_found(mini_copy, failed):
     }
 
 
-def test_dropped_row_is_found(mini_copy, failed):
-    dropped = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
+def test_dropped_row_is_found(mini_copy, shard, failed):
+    dropped = stored_ids(shard)[0]
     tamper(mini_copy, lambda samples: samples[1:])
     failures = failed()
     assert failures["manifest"] == [
@@ -443,19 +432,18 @@ def test_dropped_row_is_found(mini_copy, failed):
     assert failures["recipe"] == [f"{dropped}: neither stored nor rejected"]
 
 
-def test_repeated_row_is_found(mini_copy, failed):
-    lost = list(store.read_samples(mini_copy / VERSION / SHARD))[-1].spec.id
+def test_repeated_row_is_found(mini_copy, shard, failed):
+    lost = stored_ids(shard)[-1]
     tamper(mini_copy, lambda samples: [samples[0], *samples[:-1]])
     assert failed()["recipe"] == [f"{lost}: neither stored nor rejected"]
 
 
-def test_row_dropped_as_if_it_had_been_rejected_is_found(mini_copy, failed):
-    dropped = next(iter(store.read_samples(mini_copy / VERSION / SHARD))).spec.id
+def test_row_dropped_as_if_it_had_been_rejected_is_found(mini_copy, shard, failed):
+    dropped = stored_ids(shard)[0]
     tamper(mini_copy, lambda samples: samples[1:])
     made_up = Rejection(dropped, FAMILY, "residual", "made up")
     alter_manifest(mini_copy, {"rejections": (made_up,)})
-    failures = failed()
-    assert failures["pins"] == [f"{dropped}: rejected here, but the pinned build kept it"]
+    assert failed()["pins"] == [f"{dropped}: rejected here, but the pinned build kept it"]
 
 
 # Tampering with the manifest
@@ -507,7 +495,9 @@ def test_pins_come_back(fixture_pins, tmp_path):
     path = tmp_path / "9.9.lock.parquet"
     pins.write(path, fixture_pins.values())
     before = path.read_bytes()
-    stored = _read_pins(path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pins.resources, "files", lambda package: tmp_path)
+        stored = pins.read("9.9")
     assert list(stored) == list(fixture_pins)
     for id, pin in fixture_pins.items():
         assert (stored[id].id, stored[id].digest) == (pin.id, pin.digest)
@@ -518,27 +508,13 @@ def test_pins_come_back(fixture_pins, tmp_path):
     assert path.read_bytes() == before
 
 
-def _read_pins(path):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pins.resources, "files", lambda package: path.parent)
-        stored = pins.read(path.name.removesuffix(".lock.parquet"))
-    assert stored is not None
-    return stored
-
-
 def test_pins_are_read_by_path(monkeypatch):
     # Reading an open Python file aborted one process in ten as it ended, see shipped_table.
-    sources = []
-
-    def read_table(source):
-        sources.append(source)
-        return pq_read_table(source)
-
-    pq_read_table = pq.read_table
+    read_table = Mock(side_effect=pq.read_table)
     monkeypatch.setattr(pins.pq, "read_table", read_table)
     assert pins._pins(pins.labels_file("1.0"))  # read() may have read them before
     assert pins.read_limits("1.0")
-    assert [type(source) for source in sources] == [type(Path())] * 2
+    assert [type(call.args[0]) for call in read_table.call_args_list] == [type(Path())] * 2
 
 
 def test_version_without_a_lock_has_no_pins():
@@ -547,7 +523,6 @@ def test_version_without_a_lock_has_no_pins():
 
 def test_repository_pins_what_is_built(fixture_pins):
     pinned = pins.read("1.0")
-    assert pinned is not None
     drawn = [s.spec.id for plan in plan_shards(recipe.load("1.0")) for s in plan.shapes]
     assert set(pinned) <= set(drawn)
     assert len(pinned) > 16_000
