@@ -44,6 +44,19 @@ def predict(meshes):
         spectra.append(4 * np.pi * np.arange(1, 11) / area)
     return np.array(spectra)
 """
+LAZY = """
+import time
+import numpy as np
+
+class Answer:
+    def __init__(self, count): self.count = count
+    def __array__(self, dtype=None, copy=None):
+        time.sleep(0.3)
+        return np.ones((self.count, 10))
+
+def predict(meshes): return Answer(len(meshes))
+"""
+WEYL_TO_CHANGE = WEYL.replace("def predict", "def weyl")  # for code that predicts something else
 
 
 @dataclass(frozen=True)
@@ -80,6 +93,19 @@ def predictor_file(tmp_path):
 
 
 @pytest.fixture
+def evaluated(predictor_file, mini_meshes, tmp_path):
+    """Return a function that evaluates code on some of the test split of 1.0-mini, with options."""
+
+    def evaluate(code, labels, **options):
+        options = running.Options(**options)
+        return running.evaluate(
+            predictor_file(code), labels, mini_meshes, options, tmp_path / "parts"
+        )
+
+    return evaluate
+
+
+@pytest.fixture
 def eigbench(capfd):
     """Return a function that runs the command line: exit code, stdout and stderr.
 
@@ -87,6 +113,18 @@ def eigbench(capfd):
     """
 
     return partial(called, cli.main, capfd)
+
+
+@pytest.fixture
+def printed(eigbench):
+    """Return a function that runs what must succeed, and returns what it prints to stdout."""
+
+    def run(*arguments):
+        code, out, err = eigbench(*arguments)
+        assert code == 0, err
+        return out
+
+    return run
 
 
 @pytest.fixture
