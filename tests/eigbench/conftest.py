@@ -6,7 +6,8 @@ import hashlib
 import io
 import itertools
 import json
-from dataclasses import dataclass
+import shutil
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -67,6 +68,11 @@ class Evaluated:
     out: Path
     predictions: Path
     result: dict[str, Any]
+
+
+def changed(row, part, **new):
+    """Return a row with other values in a part of its result."""
+    return replace(row, result={**row.result, part: {**row.result.get(part, {}), **new}})
 
 
 @pytest.fixture(scope="session")
@@ -159,6 +165,15 @@ def weyl(mini_home):
                 patch.setattr(running, "REFERENCE", 10)  # LaPy is timed on 20 meshes, not 200
                 assert cli.main(["evaluate", str(code), *options]) == 0
     return Evaluated(code, out, location / "result.parquet", json.loads(out.read_text()))
+
+
+@pytest.fixture
+def weyl_copy(weyl, tmp_path):
+    """A copy of its result, which a test may change, with its predictions beside it."""
+    out = tmp_path / "result.json"
+    shutil.copy(weyl.out, out)
+    shutil.copy(weyl.predictions, out.with_suffix(".parquet"))
+    return out
 
 
 @pytest.fixture(scope="session")
