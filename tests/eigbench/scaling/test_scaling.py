@@ -66,22 +66,16 @@ def test_small_meshes_are_pinned_and_their_labels_solved_anew_agree():
         assert list(surfaces.differences(surfaces.pinned(surface, size))) == []
 
 
-def test_a_mesh_is_the_same_each_time_and_has_about_the_wanted_vertices():
-    assert len(surfaces.SURFACES) == 6
-    for surface in surfaces.SURFACES:
-        mesh, again = surfaces.mesh(surface, 1_000), surfaces.mesh(surface, 1_000)
-        assert np.array_equal(mesh.vertices, again.vertices)
-        assert np.array_equal(mesh.faces, again.faces)
-        assert 0.9 * 1_000 < len(mesh.vertices) < 1.3 * 1_000
-
-
-def test_meshes_have_the_topology_of_their_surface():
-    assert len(surfaces.SURFACES) == 6
-    for surface in surfaces.SURFACES:
-        facts = geometry.MeshFacts(surfaces.mesh(surface, 1_000))
-        topology = FAMILIES[surface].topology(surfaces.spec(surface, 1_000).parameters)
-        assert facts.euler_characteristic == topology.euler_characteristic
-        assert facts.is_closed == (topology.boundaries == 0)
+@pytest.mark.parametrize("surface", surfaces.SURFACES)
+def test_a_mesh_is_the_same_each_time_and_has_the_size_and_topology_of_its_surface(surface):
+    mesh, again = surfaces.mesh(surface, 1_000), surfaces.mesh(surface, 1_000)
+    assert np.array_equal(mesh.vertices, again.vertices)
+    assert np.array_equal(mesh.faces, again.faces)
+    assert 0.9 * 1_000 < len(mesh.vertices) < 1.3 * 1_000
+    facts = geometry.MeshFacts(mesh)
+    topology = FAMILIES[surface].topology(surfaces.spec(surface, 1_000).parameters)
+    assert facts.euler_characteristic == topology.euler_characteristic
+    assert facts.is_closed == (topology.boundaries == 0)
 
 
 @pytest.mark.parametrize("surface", surfaces.SURFACES)
@@ -303,25 +297,30 @@ def test_scaling_lists_and_verifies(eigbench, monkeypatch, only):
 # --- the page --------------------------------------------------------------------------
 
 
-@pytest.fixture
-def made(make_scaled):
-    return make_scaled
-
-
 NOWHERE = "solver.** Nowhere: no prediction wins at any size."
 TIMES = {1_000: 0.01, 10_000: 1.0}  # of an exact solver, in seconds
 
 
 @pytest.fixture
-def rows(made):
+def rows(make_scaled):
     """Two solvers; a prediction 0.5 % off, better than meshes of 1,000 vertices; one far off."""
     return [
-        made("Exact", {1_000: (0.1, 1.0), 10_000: (1.0, 1.0)}),
-        made("Exact too", {1_000: (0.2, 1 + 1e-11), 10_000: (9.0, None)}),
-        made("Near", {1_000: (0.01, 1.005), 10_000: (0.02, 1.005)}),
-        made("Far | off", {1_000: (0.001, 2.0)}),
-        made("Slow", {10_000: (5.0, 1.001)}),
+        make_scaled("Exact", {1_000: (0.1, 1.0), 10_000: (1.0, 1.0)}),
+        make_scaled("Exact too", {1_000: (0.2, 1 + 1e-11), 10_000: (9.0, None)}),
+        make_scaled("Near", {1_000: (0.01, 1.005), 10_000: (0.02, 1.005)}),
+        make_scaled("Far | off", {1_000: (0.001, 2.0)}),
+        make_scaled("Slow", {10_000: (5.0, 1.001)}),
     ]
+
+
+@pytest.fixture
+def exact(make_scaled):
+    """An exact solver for each size."""
+    return {size: make_scaled(f"Exact {size}", {size: (time, 1.0)}) for size, time in TIMES.items()}
+
+
+def section_of(rows):
+    return "\n".join(scaling_page.section(rows)[0])
 
 
 def page_of(rows):
@@ -343,26 +342,24 @@ def test_a_prediction_wins_where_it_is_faster_and_below_the_discretisation_error
     assert "(20.00 ms, error 0.500 %). Not run: Far \\| off.\n" in text
 
 
-def test_what_is_all_but_exact_is_a_prediction(made):
-    fit = made("Fit", {10_000: (0.5, 1 + 5e-7)})  # as a basis of polynomials on an ellipsoid
-    solver = made("Solver", {10_000: (1.0, 1 + 1e-11)})
+def test_what_is_all_but_exact_is_a_prediction(make_scaled):
+    fit = make_scaled("Fit", {10_000: (0.5, 1 + 5e-7)})  # as a basis of polynomials on an ellipsoid
+    solver = make_scaled("Solver", {10_000: (1.0, 1 + 1e-11)})
     verdict = scaling_scores.verdict([fit, solver], 10_000)
     assert (verdict.solver, verdict.seconds) == ("Solver", 1.0)
     assert verdict.faster == {"fit": (6, 6)}
 
 
-def test_a_prediction_does_not_win_where_a_coarser_mesh_is_as_good_and_faster(made):
-    near = made("Near", {10_000: (0.5, 1.0007)})  # error below the mesh's own, on every surface
-    exact = {size: made(f"Exact {size}", {size: (time, 1.0)}) for size, time in TIMES.items()}
+def test_a_prediction_does_not_win_where_a_coarser_mesh_is_as_good_and_faster(make_scaled, exact):
+    # An error below the mesh's own, on every surface
+    near = make_scaled("Near", {10_000: (0.5, 1.0007)})
     alone = scaling_scores.verdict([near, exact[10_000]], 10_000)
     assert alone.faster == {"near": (6, 6)}
     both = scaling_scores.verdict([near, *exact.values()], 10_000)
     assert both.faster == {"near": (6, 1)}  # elsewhere 0.07 % more costs half a second
     for surface in surfaces.SURFACES:  # by hand: slope of log time over log error
-        (small, large), (t, own) = (
-            [surfaces.pinned(surface, size).discretisation_error for size in TIMES],
-            TIMES.values(),
-        )
+        small, large = (surfaces.pinned(surface, size).discretisation_error for size in TIMES)
+        t, own = TIMES.values()
         distance = scaling_scores.distance(near.meshes[surface, 10_000])
         slope = np.log(own / t) / np.log(small / large)
         equal = scaling_scores.equal_seconds(surface, TIMES, distance)
@@ -372,7 +369,7 @@ def test_a_prediction_does_not_win_where_a_coarser_mesh_is_as_good_and_faster(ma
 
 
 def test_page_says_what_was_not_run_and_what_took_too_long(rows):
-    text = "\n".join(scaling_page.section(rows)[0])
+    text = section_of(rows)
     lines = {line.split(" | ")[0][2:]: line for line in text.splitlines() if line.startswith("| ")}
     main = text.partition("| model | kind | 1,000: error")[2].partition("\n\n")[0]
     assert "| Exact too | classical | exact | 200.00 | over 600 s | over 600 s |" in main
@@ -396,31 +393,29 @@ def test_json_has_the_medians_of_each_row_and_nothing_for_what_took_too_long(row
     assert by_name["Near"]["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def test_page_without_a_solver_or_a_winner_says_so(made):
-    alone = made("Near", {1_000: (0.01, 1.005)})
-    assert "nothing can be said" in "\n".join(scaling_page.section([alone])[0])
-    exact = made("Exact", {1_000: (0.001, 1.0)})
-    text = "\n".join(scaling_page.section([alone, exact])[0])
-    assert NOWHERE in text
+def test_page_without_a_solver_or_a_winner_says_so(make_scaled):
+    alone = make_scaled("Near", {1_000: (0.01, 1.005)})
+    assert "nothing can be said" in section_of([alone])
+    assert NOWHERE in section_of([alone, make_scaled("Exact", {1_000: (0.001, 1.0)})])
     assert scaling_page.section([]) == ([], {})
 
 
-def test_page_says_nowhere_where_only_a_coarser_mesh_is_as_good_and_faster(made):
-    near = made("Near", {10_000: (0.95, 1.0007)})
-    rows = [near, *(made(f"Exact {size}", {size: (t, 1.0)}) for size, t in TIMES.items())]
+def test_page_says_nowhere_where_only_a_coarser_mesh_is_as_good_and_faster(make_scaled, exact):
+    near = make_scaled("Near", {10_000: (0.95, 1.0007)})
+    rows = [near, *exact.values()]
     for surface in surfaces.SURFACES:  # faster and near enough to the label on every one
         own = surfaces.pinned(surface, 10_000).discretisation_error
         assert scaling_scores.error(near.meshes[surface, 10_000]) < own
     assert scaling_scores.verdict(rows, 10_000).faster == {"near": (6, 0)}
-    assert NOWHERE in "\n".join(scaling_page.section(rows)[0])
+    assert NOWHERE in section_of(rows)
 
 
-def test_times_of_two_machines_are_not_compared(made):
+def test_times_of_two_machines_are_not_compared(make_scaled):
     rows = [
-        made("Exact", {1_000: (0.1, 1.0)}),
-        made("Near", {1_000: (0.01, 1.005)}, hardware="another"),
+        make_scaled("Exact", {1_000: (0.1, 1.0)}),
+        make_scaled("Near", {1_000: (0.01, 1.005)}, hardware="another"),
     ]
-    text = "\n".join(scaling_page.section(rows)[0])
+    text = section_of(rows)
     assert text.count("### Scaling: ") == 2
     assert "nothing can be said" in text
     assert "Faster, on some surface: none" in page_of(rows)
@@ -484,8 +479,8 @@ def test_submit_places_a_result_and_the_board_is_checked(eigbench, refused, rows
         (lambda r: r["model"].pop("sources"), "'sources' is a required property"),
     ],
 )
-def test_a_damaged_result_is_refused(made, change, message):
-    row = made("Near", {1_000: (0.01, 1.005)})
+def test_a_damaged_result_is_refused(make_scaled, change, message):
+    row = make_scaled("Near", {1_000: (0.01, 1.005)})
     result = copy.deepcopy(row.result)
     change(result)
     row.path.write_text(json.dumps(result))
