@@ -6,7 +6,9 @@ import hashlib
 import io
 import itertools
 import json
+import os
 import shutil
+import subprocess
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -68,6 +70,20 @@ class Evaluated:
     out: Path
     predictions: Path
     result: dict[str, Any]
+
+
+def git(folder, *command, day="2026-01-02"):
+    """Run git in a folder as somebody, on a day; return what it prints."""
+    name = ["-c", "user.name=Somebody", "-c", "user.email=somebody@example.org"]
+    dates = {f"GIT_{who}_DATE": f"{day}T12:00:00Z" for who in ("AUTHOR", "COMMITTER")}
+    done = subprocess.run(
+        ["git", "-C", folder, *name, *command],
+        env={**os.environ, **dates},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout.strip()
 
 
 def changed(row, part, **new):
@@ -205,6 +221,29 @@ def make_row(make_submission):
     return lambda *given, **model: submission.read(make_submission(*given, **model))
 
 
+@pytest.fixture(scope="session")
+def of_protocol(make_submission):
+    """Return a function that makes a submission on 2.0-mini, off the labels by a factor."""
+
+    def make(name, protocol, factor, **model):
+        labels = truth.load("2.0-mini", "test", protocol)
+        return make_submission(name, labels.eigenvalues * factor, labels, **model)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def held_out_submissions(of_protocol):
+    """A solver; a model that is 1 % off, 5 % where genus was held out; one run i.i.d. only."""
+    trained = {"kind": "learned", "training_data": "the training split"}
+    return [
+        of_protocol("Solver", "grouped", 1.001, kind="classical", training_data="none"),
+        of_protocol("Model", "grouped", 1.01, **trained),
+        of_protocol("Lazy", "grouped", 1.02, **trained),
+        of_protocol("Model", "genus", 1.05, **trained),
+    ]
+
+
 @pytest.fixture
 def made_truth():
     """Return a function that makes a truth of given shapes, families and labels."""
@@ -254,7 +293,7 @@ def make_scaled(tmp_path_factory):
                     "detail": "",
                     "time_limit": 600,
                     "memory_limit_gib": 16,
-                    "eigenvalues": None if factor is None else (factor * expected.label).tolist(),
+                    "eigenvalues": (factor * expected.label).tolist() if answered else None,
                     "seconds": [seconds] if answered else [],
                     "cpu_seconds": [seconds] if answered else [],
                     "peak_memory_mb": 100.0 if answered else None,
