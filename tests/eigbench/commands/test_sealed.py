@@ -88,10 +88,6 @@ def test_set_that_is_not_here_is_one_line(score, sealed_set, tmp_path):
     assert "make it with its salt, by `synthnet seal` or `synthnet verify --sealed`" in line
 
 
-def test_seal_that_is_not_here_is_one_line(score, tmp_path):
-    assert "there is no seal " in only_line(*score("--sealed", tmp_path / "seal.json"))
-
-
 def test_seal_of_other_meshes_is_refused(score, sealed_set, tmp_path):
     content = json.loads(sealed_set.published.read_text())
     del content["sha256"]
@@ -115,14 +111,15 @@ def test_labels_that_were_changed_are_refused(score, sealed_set, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("more", "message"),
+    ("option", "value", "message"),
     [
-        (["--dataset", "1.0"], "not allowed with argument --sealed"),
-        (["--split", "train"], "has nothing in the split train"),
+        ("--dataset", "1.0", "not allowed with argument --sealed"),
+        ("--split", "train", "has nothing in the split train"),
+        ("--sealed", "none.json", "there is no seal "),
     ],
 )
-def test_what_a_sealed_set_has_not(score, more, message):
-    assert message in only_line(*score(*more))
+def test_what_is_no_sealed_set_or_not_in_it_is_one_line(score, option, value, message):
+    assert message in only_line(*score(option, value))
 
 
 def test_predictions_of_the_version_are_not_of_the_set(eigbench, sealed_set, where, weyl):
