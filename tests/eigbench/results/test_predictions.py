@@ -39,8 +39,13 @@ def save(path, ids, values, seeds=None):
     return path
 
 
-def shuffled(count, *, seed=1):
-    return np.random.default_rng(seed).permutation(count)
+def refuse(path, split, message):
+    with pytest.raises(PredictionsError, match=message):
+        predictions.read(path, split)
+
+
+def shuffled(count):
+    return np.random.default_rng(1).permutation(count)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -105,16 +110,14 @@ WRONG = {
 def test_file_that_is_not_of_the_split_is_refused(split, values, what, suffix, tmp_path):
     change, message = WRONG[what]
     path = save(tmp_path / f"p{suffix}", *change(split.ids, values))
-    with pytest.raises(PredictionsError, match=message.format(*split.ids)):
-        predictions.read(path, split)
+    refuse(path, split, message.format(*split.ids))
 
 
 def test_only_the_first_ids_are_named(split, values, mini_truth, tmp_path):
     path = save(tmp_path / "p.parquet", split.ids, values)
     lacked = [id for id in mini_truth.ids if id not in split.ids]
     message = rf"lacks {', '.join(lacked[:3])} and {len(lacked) - 3} more"
-    with pytest.raises(PredictionsError, match=message):
-        predictions.read(path, mini_truth)
+    refuse(path, mini_truth, message)
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".csv"])
@@ -125,8 +128,7 @@ def test_seed_that_lacks_an_id_is_refused(split, values, suffix, tmp_path):
         [*values, *values[:-1]],
         [0] * 20 + [1] * 19,
     )
-    with pytest.raises(PredictionsError, match=f"lacks {split.ids[-1]}"):
-        predictions.read(path, split)
+    refuse(path, split, f"lacks {split.ids[-1]}")
 
 
 def patched(change):
@@ -196,28 +198,24 @@ DAMAGED = [
 @pytest.mark.parametrize(("name", "write", "message"), DAMAGED)
 def test_damaged_file_is_refused(split, values, name, write, message, tmp_path):
     write(tmp_path / name, list(split.ids), values)
-    with pytest.raises(PredictionsError, match=message.format(*split.ids)):
-        predictions.read(tmp_path / name, split)
+    refuse(tmp_path / name, split, message.format(*split.ids))
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_missing_file_is_refused(split, suffix, tmp_path):
-    with pytest.raises(PredictionsError, match=f"there is no file .*p{suffix}"):
-        predictions.read(tmp_path / f"p{suffix}", split)
+    refuse(tmp_path / f"p{suffix}", split, f"there is no file .*p{suffix}")
 
 
 @pytest.mark.parametrize("name", ["p.json", "p", "p.parquet.zip", "p.PKL"])
 def test_wrong_suffix_is_refused(split, name, tmp_path):
-    with pytest.raises(PredictionsError, match=r"must end in \.parquet, \.npz, \.csv"):
-        predictions.read(tmp_path / name, split)
+    refuse(tmp_path / name, split, r"must end in \.parquet, \.npz, \.csv")
 
 
 @pytest.mark.parametrize("content", [b"", b"PAR1nothing", b"PK\x03\x04nothing", b"\xff\xfe\x00"])
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_file_that_is_no_such_file_is_refused(split, suffix, content, tmp_path):
     (tmp_path / f"p{suffix}").write_bytes(content)
-    with pytest.raises(PredictionsError, match="cannot be read"):
-        predictions.read(tmp_path / f"p{suffix}", split)
+    refuse(tmp_path / f"p{suffix}", split, "cannot be read")
 
 
 def test_changed_byte_of_a_written_file_never_passes_unseen(split, values, tmp_path):
@@ -242,8 +240,7 @@ def test_pickled_npz_is_refused_and_not_run(split, values, tmp_path):
             return (open, (str(tmp_path / "exploded"), "w"))
 
     np.savez(tmp_path / "p.npz", ids=np.array([Bomb()], dtype=object), eigenvalues=values)
-    with pytest.raises(PredictionsError, match="dtype object: arrays are of numbers or text"):
-        predictions.read(tmp_path / "p.npz", split)
+    refuse(tmp_path / "p.npz", split, "dtype object: arrays are of numbers or text")
     assert not (tmp_path / "exploded").exists()
 
 
@@ -275,8 +272,7 @@ def test_row_of_a_csv_file_that_is_not_as_its_header_is_named(split, new, messag
     assert second.count(",1.5,") == 1
     changed = second.replace(",1.5,", new)
     path.write_text("\n".join([head, " ", first, changed, *others]))
-    with pytest.raises(PredictionsError, match=f"cannot be read: ({message})"):
-        predictions.read(path, split)
+    refuse(path, split, f"cannot be read: ({message})")
 
 
 @pytest.mark.parametrize("word", ["", "nan", "NA", "null"])
