@@ -14,7 +14,7 @@ from eigbench.running.box import Settings
 from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.running.process import Loaded, PredictorProcess, Status
 
-from tests.eigbench.conftest import LAZY
+from tests.eigbench.conftest import LAZY, ONES
 
 pytestmark = pytest.mark.attack
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
@@ -86,9 +86,6 @@ def test_what_a_predictor_sends_does_not_run_in_the_harness(predictor_file, kind
     assert not Path(code.parent, "went-off").exists()
 
 
-ONES = "    return np.ones((len(meshes), 10))\n"
-
-
 def asked(code):
     """Return what a predictor answers, with the loaded process' facts and its status."""
     with PredictorProcess(code, 10, Settings()) as process:
@@ -97,8 +94,7 @@ def asked(code):
 
 
 def test_what_is_solved_while_loading_is_seconds_of_loading(predictor_file):
-    code = "import time\nimport numpy as np\ntime.sleep(1.5)\ndef predict(meshes):\n" + ONES
-    loaded, answered, _ = asked(predictor_file(code))
+    loaded, answered, _ = asked(predictor_file("import time\ntime.sleep(1.5)\n" + ONES))
     assert loaded.loading_seconds >= 1.5
     assert answered.seconds < loaded.loading_seconds
 
@@ -109,8 +105,7 @@ def test_work_after_the_answer_is_within_the_clock(predictor_file):
 
 
 # Each child burns for a while and is forgotten by the system, since nobody waits for it.
-FORGOTTEN = (
-    """
+FORGOTTEN = """
 import os, signal, time
 import numpy as np
 
@@ -126,9 +121,8 @@ def predict(meshes):
             os.waitpid(child, 0)
         except ChildProcessError:
             pass
+    return np.ones((len(meshes), 10))
 """
-    + ONES
-)
 
 
 @linux
@@ -156,8 +150,7 @@ def test_a_control_group_counts_every_child(predictor_file):
     assert 2.0 <= answered.cpu_seconds < 4.0
 
 
-ORPHANS = (
-    """
+ORPHANS = """
 import os, signal, subprocess, sys, time
 from pathlib import Path
 import numpy as np
@@ -168,9 +161,8 @@ def predict(meshes):
     Path(__file__).with_suffix(".pids").write_text(f"{os.getpid()} {new.pid}")
     os.kill(os.getppid(), signal.SIGKILL)
     time.sleep(0.5)
+    return np.ones((len(meshes), 10))
 """
-    + ONES
-)
 
 
 @linux
@@ -206,17 +198,15 @@ def test_a_predictor_that_closes_the_connection_and_sleeps_is_ended(predictor_fi
     assert time.monotonic() - start < 60
 
 
-NAMES = (
-    """
+NAMES = """
 import numpy as np
 from eigbench.running import predictor
 
 predictor.sources = lambda path, roots: [path.name, {name!r}]
 
 def predict(meshes):
+    return np.ones((len(meshes), 10))
 """
-    + ONES
-)
 
 
 @pytest.mark.parametrize(

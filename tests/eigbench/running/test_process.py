@@ -302,7 +302,7 @@ def test_failure_of_lapy_is_not_laid_on_the_predictor(evaluated, peer, mini_trut
 
 
 def test_cpu_time_is_finer_than_a_clock_tick(predictor_file):
-    with PredictorProcess(predictor_file(ONES), 10, Settings(), training="") as process:
+    with PredictorProcess(predictor_file(ONES), 10, Settings()) as process:
         mesh = meshes.warming(1)
         seen = {process.predict(["a"], mesh).cpu_seconds for _ in range(20)}
     assert len(seen) > 10
@@ -335,7 +335,7 @@ def predict(meshes):
 @pytest.mark.attack
 @pytest.mark.skipif(sys.platform != "linux", reason="its processes end in another order elsewhere")
 def test_time_and_memory_of_helpers_count(predictor_file):
-    with PredictorProcess(predictor_file(HELPED), 10, Settings(), training="") as process:
+    with PredictorProcess(predictor_file(HELPED), 10, Settings()) as process:
         answered = process.predict(["a"], meshes.warming(1))
         assert answered.cpu_seconds > 0.9
         assert process.status().peak_bytes > 2 * 2**28
