@@ -6,7 +6,10 @@ import hashlib
 import io
 import itertools
 import json
-from dataclasses import dataclass
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -44,6 +47,19 @@ def predict(meshes):
         spectra.append(4 * np.pi * np.arange(1, 11) / area)
     return np.array(spectra)
 """
+LAZY = """
+import time
+import numpy as np
+
+class Answer:
+    def __init__(self, count): self.count = count
+    def __array__(self, dtype=None, copy=None):
+        time.sleep(0.3)
+        return np.ones((self.count, 10))
+
+def predict(meshes): return Answer(len(meshes))
+"""
+WEYL_TO_CHANGE = WEYL.replace("def predict", "def weyl")  # for code that predicts something else
 
 
 @dataclass(frozen=True)
@@ -54,6 +70,25 @@ class Evaluated:
     out: Path
     predictions: Path
     result: dict[str, Any]
+
+
+def git(folder, *command, day="2026-01-02"):
+    """Run git in a folder as somebody, on a day; return what it prints."""
+    name = ["-c", "user.name=Somebody", "-c", "user.email=somebody@example.org"]
+    dates = {f"GIT_{who}_DATE": f"{day}T12:00:00Z" for who in ("AUTHOR", "COMMITTER")}
+    done = subprocess.run(
+        ["git", "-C", folder, *name, *command],
+        env={**os.environ, **dates},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout.strip()
+
+
+def changed(row, part, **new):
+    """Return a row with other values in a part of its result."""
+    return replace(row, result={**row.result, part: {**row.result.get(part, {}), **new}})
 
 
 @pytest.fixture(scope="session")
@@ -80,6 +115,19 @@ def predictor_file(tmp_path):
 
 
 @pytest.fixture
+def evaluated(predictor_file, mini_meshes, tmp_path):
+    """Return a function that evaluates code on some of the test split of 1.0-mini, with options."""
+
+    def evaluate(code, labels, **options):
+        options = running.Options(**options)
+        return running.evaluate(
+            predictor_file(code), labels, mini_meshes, options, tmp_path / "parts"
+        )
+
+    return evaluate
+
+
+@pytest.fixture
 def eigbench(capfd):
     """Return a function that runs the command line: exit code, stdout and stderr.
 
@@ -87,6 +135,18 @@ def eigbench(capfd):
     """
 
     return partial(called, cli.main, capfd)
+
+
+@pytest.fixture
+def printed(eigbench):
+    """Return a function that runs what must succeed, and returns what it prints to stdout."""
+
+    def run(*arguments):
+        code, out, err = eigbench(*arguments)
+        assert code == 0, err
+        return out
+
+    return run
 
 
 @pytest.fixture
@@ -123,6 +183,15 @@ def weyl(mini_home):
     return Evaluated(code, out, location / "result.parquet", json.loads(out.read_text()))
 
 
+@pytest.fixture
+def weyl_copy(weyl, tmp_path):
+    """A copy of its result, which a test may change, with its predictions beside it."""
+    out = tmp_path / "result.json"
+    shutil.copy(weyl.out, out)
+    shutil.copy(weyl.predictions, out.with_suffix(".parquet"))
+    return out
+
+
 @pytest.fixture(scope="session")
 def make_submission(weyl, mini_truth, tmp_path_factory):
     """Return a function that makes a result and predictions of its own name and answers."""
@@ -150,6 +219,29 @@ def make_submission(weyl, mini_truth, tmp_path_factory):
 def make_row(make_submission):
     """Return a function that makes a submission of its own name and answers, and reads it."""
     return lambda *given, **model: submission.read(make_submission(*given, **model))
+
+
+@pytest.fixture(scope="session")
+def of_protocol(make_submission):
+    """Return a function that makes a submission on 2.0-mini, off the labels by a factor."""
+
+    def make(name, protocol, factor, **model):
+        labels = truth.load("2.0-mini", "test", protocol)
+        return make_submission(name, labels.eigenvalues * factor, labels, **model)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def held_out_submissions(of_protocol):
+    """A solver; a model that is 1 % off, 5 % where genus was held out; one run i.i.d. only."""
+    trained = {"kind": "learned", "training_data": "the training split"}
+    return [
+        of_protocol("Solver", "grouped", 1.001, kind="classical", training_data="none"),
+        of_protocol("Model", "grouped", 1.01, **trained),
+        of_protocol("Lazy", "grouped", 1.02, **trained),
+        of_protocol("Model", "genus", 1.05, **trained),
+    ]
 
 
 @pytest.fixture
@@ -201,7 +293,7 @@ def make_scaled(tmp_path_factory):
                     "detail": "",
                     "time_limit": 600,
                     "memory_limit_gib": 16,
-                    "eigenvalues": None if factor is None else (factor * expected.label).tolist(),
+                    "eigenvalues": (factor * expected.label).tolist() if answered else None,
                     "seconds": [seconds] if answered else [],
                     "cpu_seconds": [seconds] if answered else [],
                     "peak_memory_mb": 100.0 if answered else None,

@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 from eigbench.board import answer_figure, generalisation, leaderboard, page, ranking
 from eigbench.errors import EigbenchError, PredictorError, ResultError
+from eigbench.results import submission
 from eigbench.running.evaluate import Options, alone, evaluate
 from eigbench.running.process import PredictorProcess
 from eigbench.scoring import training, truth
+
+from tests.eigbench.conftest import ONES
 
 MESH = "## synthNet 2.0-mini: shapes unlike those of training, against the mesh"
 TRAINED = """
@@ -28,13 +31,8 @@ class Trained:
 def load(device, seed, training):
     return Trained(training)
 """
-UNTRAINED = """
-import numpy as np
-META = {"kind": "KIND"}
-
-def predict(meshes):
-    return np.ones((len(meshes), 10))
-"""
+UNTRAINED = "META = {'kind': 'KIND'}\n" + ONES
+README = "<!-- begin leaderboard --><!-- end leaderboard -->"
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +45,7 @@ def test_each_shape_of_the_test_split_is_under_one_training_of_family(parts):
     assert whole.ids == family.ids
     assert whole.digest == family.digest
     assert set(whole.trainings) == {"2.0/grouped"}  # the subset's test is in the full one's
-    labels = [f"2.0/family/{name}" for name in family.families]
-    assert family.trainings.tolist() == labels
+    assert family.trainings.tolist() == [f"2.0/family/{name}" for name in family.families]
 
 
 def test_a_training_may_see_all_but_what_is_tested(parts):
@@ -146,21 +143,24 @@ def test_a_run_leaves_the_answers_of_another_alone(eigbench, predictor_file, min
     assert not parts.exists()  # nothing was answered
 
 
+@pytest.fixture(scope="session")
+def row_of(of_protocol):
+    """Return a function that makes a row on 2.0-mini, off the labels by a factor."""
+    return lambda *given, **model: submission.read(of_protocol(*given, **model))
+
+
 @pytest.fixture(scope="module")
-def held_out(parts, make_row):
-    """A solver; a model that is 1 % off, 5 % where genus was held out; one run i.i.d. only."""
-
-    def made(name, protocol, factor, **model):
-        labels = parts[protocol]
-        return make_row(name, labels.eigenvalues * factor, labels, **model)
-
-    whole = [
-        made("Solver", "grouped", 1.001, kind="classical", training_data="none"),
-        made("Model", "grouped", 1.01, kind="learned", training_data="the training split"),
-        made("Lazy", "grouped", 1.02, kind="learned", training_data="the training split"),
-    ]
-    model = made("Model", "genus", 1.05, kind="learned", training_data="the training split")
+def held_out(held_out_submissions):
+    """Three rows trained on everything, or on nothing; one where genus was held out."""
+    *whole, model = map(submission.read, held_out_submissions)
     return whole, model
+
+
+def placed(rows, board):
+    """Place rows on a board, and return those that are read from it."""
+    for row in rows:
+        leaderboard.add(row, board)
+    return leaderboard.read(board)
 
 
 def test_the_drop_is_against_the_same_shapes_and_nothing_that_is_untrained_has_one(held_out):
@@ -180,11 +180,9 @@ def test_the_drop_is_against_the_same_shapes_and_nothing_that_is_untrained_has_o
 @pytest.mark.slow
 def test_section_shows_scores_beside_the_iid_column_with_the_drop(held_out, tmp_path):
     whole, model = held_out
-    for entry in [*whole, model]:
-        leaderboard.add(entry, tmp_path)
-    pages = leaderboard.generate(leaderboard.read(tmp_path), [])
+    pages = leaderboard.generate(placed([*whole, model], tmp_path), [])
     assert pages == leaderboard.generate([model, *whole[::-1]], [])
-    text = pages[leaderboard.Path(leaderboard.PAGE)]
+    text = pages[Path(leaderboard.PAGE)]
     assert "protocol genus" not in text  # no section of its own
     assert text.index("unlike those of training, against the surface") < text.index(MESH)
     text = text.partition(MESH)[2]
@@ -222,25 +220,18 @@ def test_section_says_whether_the_rows_of_a_protocol_are_verified(held_out):
 
 def test_readme_shows_what_the_first_rows_lose(held_out):
     whole, model = held_out
-    readme = "<!-- begin leaderboard --><!-- end leaderboard -->"
-    text = leaderboard.generate([*whole, model], [], (), readme)[leaderboard.Path("README.md")]
+    text = leaderboard.generate([*whole, model], [], (), README)[Path("README.md")]
     assert "held out of training, synthNet 2.0-mini, against the surface" in text
     (line,) = re.findall(r"^\| Model \| 0\.\d+ \| not run .*$", text, flags=re.M)
     assert re.search(r"\| not run \| not run \| 0\.\d+ \(\+0\.\d+\) \| not run \|", line)
     best = page.generalised_top(generalisation.Board(ranking.ranked(whole), {"genus": [model]}), 1)
-    assert [line.split(" | ")[0] for line in best.splitlines()[2:]] == [
-        "| model (mean RPD ↓)",
-        "| ---",
-        "| Solver",
-    ]
+    first_cells = [line.split(" | ")[0] for line in best.splitlines()[2:]]
+    assert first_cells == ["| model (mean RPD ↓)", "| ---", "| Solver"]
 
 
-def test_what_is_trained_on_another_version_has_no_drop(parts, make_row):
+def test_what_is_trained_on_another_version_has_no_drop(row_of):
     model = {"kind": "learned", "training_data": "synthNet 1.0-small train, grouped"}
-    whole, genus = (
-        make_row("M", labels.eigenvalues * 1.01, labels, **model)
-        for labels in (parts["grouped"], parts["genus"])
-    )
+    whole, genus = (row_of("M", protocol, 1.01, **model) for protocol in ("grouped", "genus"))
     board = generalisation.Board(ranking.ranked([whole]), {"genus": [genus]})
     cell = board.scored(whole, "genus", "rpd")
     assert cell.score == pytest.approx(10 * 0.01 / 2.01)
@@ -250,18 +241,16 @@ def test_what_is_trained_on_another_version_has_no_drop(parts, make_row):
 @pytest.mark.slow
 def test_a_remark_beside_a_result_stands_below_its_table(held_out, tmp_path):
     whole, model = held_out
-    for row in [*whole, model]:
-        leaderboard.add(row, tmp_path)
+    placed([*whole, model], tmp_path)
     results = tmp_path / leaderboard.RESULTS
     (results / model.board / "model.remark.txt").write_text("tuned\non these\n")
     (results / whole[0].board / "solver.remark.txt").write_text("a | b\n")
-    readme = "<!-- begin leaderboard --><!-- end leaderboard -->"
-    pages = leaderboard.generate(leaderboard.read(tmp_path), [], (), readme)
+    pages = leaderboard.generate(leaderboard.read(tmp_path), [], (), README)
     for location in ("LEADERBOARD.md", "README.md"):
-        text = pages[leaderboard.Path(location)]
+        text = pages[Path(location)]
         assert "\n\n**Solver**: a \\| b\n" in text
         assert "\n\n¹ Model, genus 1 and more unseen: tuned on these\n" in text
-    held = pages[leaderboard.Path("LEADERBOARD.md")].partition(MESH)[2]
+    held = pages[Path("LEADERBOARD.md")].partition(MESH)[2]
     assert "| Solver | 0.0050 | 0.0050 | 0.0050 | 0.0050 | 0.0050 |" in held
     assert "| Model | 0.0498 | not run | not run | 0.2439 (+0.1942) ¹ | not run |" in held
 
@@ -283,44 +272,37 @@ def test_a_wrong_remark_is_one_line(name, content, message, held_out, tmp_path):
         leaderboard.read(tmp_path)
 
 
-def test_submit_says_that_a_remark_stays(held_out, eigbench, tmp_path):
+def test_submit_says_that_a_remark_stays(held_out, printed, tmp_path):
     solver = held_out[0][0]
     arguments = ["submit", solver.result_path, "--board", tmp_path]
-    code, out, _ = eigbench(*arguments)
-    assert code == 0
-    assert "the remark on" not in out
+    assert "the remark on" not in printed(*arguments)
     location = tmp_path / leaderboard.RESULTS / solver.board / "solver.remark.txt"
     location.write_text("tuned")
-    code, out, _ = eigbench(*arguments, "--replace")
-    assert code == 0
+    out = printed(*arguments, "--replace")
     assert f"the remark on the earlier result stays: {location}" in out
 
 
 def test_a_board_wants_whole_protocols_and_a_result_to_compare_with(held_out, make_row, tmp_path):
     _, model = held_out
-    leaderboard.add(model, tmp_path)
     with pytest.raises(ResultError, match="Model has a result under genus and none under grouped"):
-        leaderboard.read(tmp_path)
+        placed([model], tmp_path)
     labels = truth.load("2.0-mini", "test", "family/pretzel")
     single = make_row("Model", labels.eigenvalues, labels)
     with pytest.raises(ResultError, match=r"is of family/pretzel alone: .* --protocol family"):
         leaderboard.add(single, tmp_path)
 
 
-def test_a_model_that_says_nothing_of_its_training_is_not_taken_for_untrained(parts, make_row):
-    labels = parts["grouped"]
-    values = labels.eigenvalues * 1.01
-    silent = make_row("Silent", values, labels, kind="learned")
+def test_a_model_that_says_nothing_of_its_training_is_not_taken_for_untrained(row_of):
+    silent = row_of("Silent", "grouped", 1.01, kind="learned")
     silent.result["model"].pop("training_data", None)
     board = generalisation.Board(ranking.ranked([silent]), {})
     assert board.scored(silent, "genus", "rpd") == generalisation.HeldOut(None)
 
 
-def test_the_drop_is_between_the_same_seeds(parts, make_row):
-    whole, genus = parts["grouped"], parts["genus"]
+def test_the_drop_is_between_the_same_seeds(row_of):
     factors = np.array([1.01, 1.5, 1.5])[:, None, None]
-    three = make_row("M", whole.eigenvalues * factors, whole, kind="learned")
-    single = make_row("M", genus.eigenvalues * 1.01, genus, kind="learned")
+    three = row_of("M", "grouped", factors, kind="learned")
+    single = row_of("M", "genus", 1.01, kind="learned")
     board = generalisation.Board(ranking.ranked([three]), {"genus": [single]})
     assert board.scored(three, "genus", "rpd").drop == pytest.approx(0)
 
@@ -334,39 +316,28 @@ def test_the_drop_is_between_the_same_seeds(parts, make_row):
     ],
     ids=["other digests", "no file in common", "other weights"],
 )
-def test_a_drop_between_two_codes_is_refused(held_out, parts, make_row, tmp_path, change):
+def test_a_drop_between_two_codes_is_refused(held_out, row_of, tmp_path, change):
     files = held_out[1].result["model"]["sources"]
-    for part, sources in (
-        ("grouped", {**files, "b.safetensors": "1" * 64}),
-        ("genus", change(files)),
-    ):
-        labels = parts[part]
-        row = make_row("Model", labels.eigenvalues, labels, kind="learned", sources=sources)
-        leaderboard.add(row, tmp_path)
+    of_whole = {**files, "b.safetensors": "1" * 64}
+    rows = [
+        row_of("Model", protocol, 1, kind="learned", sources=sources)
+        for protocol, sources in (("grouped", of_whole), ("genus", change(files)))
+    ]
     with pytest.raises(ResultError, match="are of other code, or other weights"):
-        leaderboard.read(tmp_path)
+        placed(rows, tmp_path)
 
 
-def test_a_file_that_an_earlier_release_did_not_name_is_no_other_code(
-    held_out, parts, make_row, tmp_path
-):
+def test_a_file_that_an_earlier_release_did_not_name_is_no_other_code(held_out, row_of, tmp_path):
     whole, model = held_out
     more = {**model.result["model"]["sources"], "features.parquet": "0" * 64}
-    genus = parts["genus"]
-    again = make_row("Model", genus.eigenvalues, genus, kind="learned", sources=more)
-    for row in (whole[1], again):
-        leaderboard.add(row, tmp_path)
-    assert len(leaderboard.read(tmp_path)) == 2
+    again = row_of("Model", "genus", 1, kind="learned", sources=more)
+    assert len(placed([whole[1], again], tmp_path)) == 2
 
 
-def test_a_solver_of_two_codes_is_shown_because_no_drop_is(parts, make_row, tmp_path):
-    other = {"solver.py": "0" * 64}
-    for labels, more in ((parts["grouped"], {}), (parts["genus"], {"sources": other})):
-        row = make_row(
-            "Solver", labels.eigenvalues, labels, kind="classical", training_data="none", **more
-        )
-        leaderboard.add(row, tmp_path)
-    assert len(leaderboard.read(tmp_path)) == 2
+def test_a_solver_of_two_codes_is_shown_because_no_drop_is(held_out, row_of, tmp_path):
+    untrained = {"kind": "classical", "training_data": "none"}
+    again = row_of("Solver", "genus", 1, **untrained, sources={"solver.py": "0" * 64})
+    assert len(placed([held_out[0][0], again], tmp_path)) == 2
 
 
 def test_the_answer_has_every_row_and_the_solver_by_size(held_out):
@@ -398,15 +369,13 @@ def test_a_model_without_a_mark_is_named_with_the_reason(held_out, layout):
     assert ">2</text>" not in text
 
 
-def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, make_row):
+def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, row_of):
     whole, model = held_out
     elsewhere = {"kind": "learned", "training_data": "synthNet 1.0 train"}  # not counted
-    labels = parts["grouped"]
-    foreign = make_row("Foreign", labels.eigenvalues * 1.005, labels, **elsewhere)
+    foreign = row_of("Foreign", "grouped", 1.005, **elsewhere)
     rows = ranking.ranked([row.at("surface") for row in [*whole, foreign]])
-    board = generalisation.Board(
-        rows, {"family": [model.at("surface")], "genus": [model.at("surface")]}
-    )
+    surface = model.at("surface")
+    board = generalisation.Board(rows, {"family": [surface], "genus": [surface]})
     means = {row.submission.name: row.scores["overall"]["rpd"]["mean"] for row in rows}
     trained = [row for row in rows if row.submission.name in ("Model", "Lazy")]
     nearer = [row for row in trained if means[row.submission.name] < means["Solver"]]
@@ -414,10 +383,9 @@ def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, parts, m
     share = f"{20 * means['Solver']:.2g} %"  # a sum of ten, each at most 1, as per cent of a value
     assert f" off by {share} on average (mean RPD {means['Solver']:.4f})" in first
     assert f" {len(nearer)} of {len(trained)} trained models are significantly closer" in second
-    unseen = board.scored(model.at("surface"), "family", "rpd").score
-    (solver,) = (row.at("surface") for row in whole if row.name == "Solver")
-    other = generalisation.restricted(solver, model.truth)
-    closer = ranking.difference(model.at("surface"), other.at("surface"), "rpd").verdict == "a"
+    unseen = board.scored(surface, "family", "rpd").score
+    other = generalisation.restricted(whole[0].at("surface"), model.truth)
+    closer = ranking.difference(surface, other.at("surface"), "rpd").verdict == "a"
     assert closer == (unseen < means["Solver"])
     some = "1 of 1 trained models is significantly closer than Solver: *Model*"
     none = "0 of 1 trained models are significantly closer than Solver."

@@ -15,6 +15,8 @@ from evidence import __main__ as evidence
 from evidence import reproduction
 
 ROOT = Path(__file__).parents[3]
+# What ends their training
+BY_RULE, BY_CLOCK = queue.Training("table1-rpd-scale-free"), queue.Training("table1-rpd")
 
 
 @pytest.fixture
@@ -63,33 +65,26 @@ def test_what_was_not_run_says_so(directory):
 def test_findings_are_judged_by_paired_intervals(
     directory, make_row, mini_truth, monkeypatch, better, worse, verdict
 ):
-    made = {
-        config: make_row(config, mini_truth.eigenvalues * factor)
-        for config, factor in (
-            ("table1-rpd-scale-free", better),
-            ("table1-polar-scale-free", worse),
-        )
-    }
+    factors = {"table1-rpd-scale-free": better, "table1-polar-scale-free": worse}
+    made = {name: make_row(name, mini_truth.eigenvalues * f) for name, f in factors.items()}
     monkeypatch.setattr(
         reproduction, "read", lambda config, protocol: made.get(config) if protocol else None
     )
-    converged = {"converged": True}
-    monkeypatch.setattr(reproduction, "record", lambda config, protocol: converged)
-    (finding,) = [
-        row
-        for row in rows_of(reproduction.findings(), "RPDLoss beats PolarLoss")
-        if "not" not in row
-    ]
-    assert finding[-1] == verdict
-    shares = ["100.00%" if factor < 2 else "0.00%" for factor in (better, worse)]
-    assert finding[2] == " against ".join(shares)
+    record = {"converged": True}
+    monkeypatch.setattr(reproduction, "record", lambda config, protocol: record)
 
-    converged["converged"] = False  # nothing is concluded from runs that are not
-    (finding,) = (
-        row for row in rows_of(reproduction.findings(), finding[0]) if "not run" not in row
-    )
-    assert finding[2] == " against ".join(shares)
-    assert finding[3::2] == ["not converged", "not converged"]
+    def finding():
+        rows = rows_of(reproduction.findings(), "RPDLoss beats PolarLoss")
+        (run,) = (row for row in rows if "not run" not in row)
+        return run
+
+    assert finding()[-1] == verdict
+    shares = ["100.00%" if factor < 2 else "0.00%" for factor in (better, worse)]
+    assert finding()[2] == " against ".join(shares)
+
+    record["converged"] = False  # nothing is concluded from runs that are not
+    assert finding()[2] == " against ".join(shares)
+    assert finding()[3::2] == ["not converged", "not converged"]
 
 
 @pytest.fixture
@@ -106,18 +101,17 @@ def test_a_training_of_the_queue_goes_on_and_stands_on_the_page(
 ):
     assert queue.main([*short, "--minutes", "0.001"]) == 0
     assert "the time is up" in capsys.readouterr().out
-    training = queue.Training("table1-rpd")
-    checkpoint = queue.folder(training, directory / "runs") / queue.CHECKPOINT
+    checkpoint = queue.folder(BY_CLOCK, directory / "runs") / queue.CHECKPOINT
     begun = weights.read(checkpoint)[1]
-    assert not training.weights().exists()
+    assert not BY_CLOCK.weights().exists()
     monkeypatch.setattr(queue, "LONGEST", begun["minutes"] + 0.05)
 
     assert queue.main(short) == 0
-    record = weights.read(training.weights())[1]
+    record = weights.read(BY_CLOCK.weights())[1]
     assert record["steps"] > begun["steps"]
     assert len(record["sessions"]) == 2
     assert not record["converged"]
-    result = json.loads(training.result().read_text())
+    result = json.loads(BY_CLOCK.result().read_text())
     assert result["partial"] is False
     assert result["model"]["parameters"] == 198_794
     assert result["model"]["code"] == "reproduction.py:table1_rpd"
@@ -151,10 +145,8 @@ def test_a_training_of_the_queue_goes_on_and_stands_on_the_page(
 def test_a_training_that_fails_is_told_and_writes_no_row(directory, short, capfd):
     options = ["none" if option == "1.0-mini" else option for option in short]
     assert queue.main(options) == 1
-    message = (
-        "gcn.queue: table1-rpd, grouped, seed 0: baselines.gcn.train has ended with exit code 2"
-    )
-    assert message in capfd.readouterr().err
+    message = "table1-rpd, grouped, seed 0: baselines.gcn.train has ended with exit code 2"
+    assert f"gcn.queue: {message}" in capfd.readouterr().err
     assert not list((directory / "baselines" / "reproduction").iterdir())
 
 
@@ -168,6 +160,12 @@ def ran(monkeypatch, tmp_path):
     return commands
 
 
+@pytest.fixture
+def out(tmp_path):
+    """The folder of a run whose end is a rule."""
+    return queue.folder(BY_RULE, tmp_path / "runs")
+
+
 def trained(path, **record):
     """Write a file of a training's record."""
     known = {"steps": 50, "of": 100, "minutes": 1.0, "converged": False, "log": []}
@@ -175,48 +173,42 @@ def trained(path, **record):
     weights.write(path, {}, {**known, **record})
 
 
-def test_weights_that_were_trained_and_never_scored_are_scored(ran, tmp_path, capsys):
-    training = queue.Training("table1-rpd-scale-free")
-    out = queue.folder(training, tmp_path / "runs")
+def test_weights_that_were_trained_and_never_scored_are_scored(ran, out, tmp_path, capsys):
     for name in (queue.CHECKPOINT, queue.WEIGHTS):
         trained(out / name, converged=True)
-    options = ["--run", "--runs", str(tmp_path / "runs"), "--only", training.config]
+    options = ["--run", "--runs", str(tmp_path / "runs"), "--only", BY_RULE.config]
     assert queue.main(options) == 1  # nothing is written here in eigbench's place
     assert "grouped, seed 0: eigbench has written no result of this seed" in capsys.readouterr().err
     assert "reproduction.py:table1_rpd_scale_free" in ran[0][2]
     assert ran[0][ran[0].index("--seeds") + 1] == "1"
-    assert training.weights().read_bytes() == (out / queue.WEIGHTS).read_bytes()
+    assert BY_RULE.weights().read_bytes() == (out / queue.WEIGHTS).read_bytes()
 
 
-def test_a_training_killed_before_it_wrote_its_weights_goes_on_to_do_so(ran, tmp_path):
-    training = queue.Training("table1-rpd-scale-free")
-    out = queue.folder(training, tmp_path / "runs")
+def test_a_training_killed_before_it_wrote_its_weights_goes_on_to_do_so(out):
     trained(out / queue.CHECKPOINT, converged=True)
-    assert queue.left(training, out) > 0
+    assert queue.left(BY_RULE, out) > 0
     trained(out / queue.WEIGHTS, steps=40)  # of an earlier session
-    assert queue.left(training, out) > 0
+    assert queue.left(BY_RULE, out) > 0
     trained(out / queue.WEIGHTS, steps=50)
-    assert queue.left(training, out) == 0
+    assert queue.left(BY_RULE, out) == 0
 
 
 def test_what_was_scored_before_it_had_converged_is_not_finished(ran, monkeypatch):
     monkeypatch.setattr(queue.Training, "scored", lambda training: True)
-    by_rule, by_clock = queue.Training("table1-rpd-scale-free"), queue.Training("table1-rpd")
-    assert not by_rule.finished()  # there are no weights
+    assert not BY_RULE.finished()  # there are no weights
     for record, expected in (
         ({"minutes": 200.0}, (False, True)),
         ({"converged": True}, (True, True)),
         ({"steps": 100}, (True, True)),
         ({}, (False, False)),
     ):
-        for training in (by_rule, by_clock):
+        for training in (BY_RULE, BY_CLOCK):
             trained(training.weights(), **record)
-        assert (by_rule.finished(), by_clock.finished()) == expected
+        assert (BY_RULE.finished(), BY_CLOCK.finished()) == expected
 
 
 def test_time_left_is_that_of_the_clock_or_of_the_rule(tmp_path):
-    by_rule, by_clock = queue.Training("table1-rpd-scale-free"), queue.Training("table1-rpd")
-    for training, expected in ((by_rule, float("inf")), (by_clock, 179.0)):
+    for training, expected in ((BY_RULE, float("inf")), (BY_CLOCK, 179.0)):
         out = queue.folder(training, tmp_path)
         assert queue.left(training, out) in (float("inf"), 180.0)
         trained(out / queue.CHECKPOINT)
@@ -224,12 +216,12 @@ def test_time_left_is_that_of_the_clock_or_of_the_rule(tmp_path):
 
 
 def test_a_training_whose_time_is_spent_to_the_hundredth_has_ended(tmp_path, monkeypatch):
-    training = queue.Training("table1-rpd")
     monkeypatch.setattr(queue, "LONGEST", 0.01 + 0.05)
     assert queue.LONGEST > 0.06  # by a rounding, for which nobody should wait
+    out = queue.folder(BY_CLOCK, tmp_path)
     for name in (queue.CHECKPOINT, queue.WEIGHTS):
-        trained(queue.folder(training, tmp_path) / name, minutes=0.06)
-    assert queue.left(training, queue.folder(training, tmp_path)) == 0
+        trained(out / name, minutes=0.06)
+    assert queue.left(BY_CLOCK, out) == 0
 
 
 def test_a_second_queue_is_refused(ran, tmp_path, capsys):

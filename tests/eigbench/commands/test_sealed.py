@@ -34,11 +34,29 @@ def answers(sealed_truth, tmp_path):
 
 
 @pytest.fixture
-def score(eigbench, sealed_set, answers):
-    def run(*more, published=sealed_set.published, root=sealed_set.home):
-        return eigbench("score", answers, "--sealed", published, "--root", root, *more)
+def where(sealed_set):
+    """The options that name the sealed set."""
+    return ["--sealed", sealed_set.published, "--root", sealed_set.home]
 
-    return run
+
+@pytest.fixture
+def directory(sealed_set):
+    return sealed_set.home / sealed_set.seal.dataset
+
+
+@pytest.fixture
+def score(eigbench, where, answers):
+    """Return a function that scores the answers: exit code, stdout and stderr."""
+    return lambda *more: eigbench("score", answers, *where, *more)
+
+
+@pytest.fixture
+def entry(eigbench, where, weyl, tmp_path):
+    """The result of a predictor that was evaluated on the sealed set."""
+    out = tmp_path / "entry.json"
+    code, _, err = eigbench("evaluate", weyl.code, *where, "--no-reference", "--out", out)
+    assert code == 0, err
+    return out
 
 
 def test_score_is_that_of_the_labels(score, sealed_truth, sealed_set, answers):
@@ -65,13 +83,9 @@ def test_predictor_of_a_sealed_set_is_trained_on_the_version_it_was_drawn_from(s
 
 
 def test_set_that_is_not_here_is_one_line(score, sealed_set, tmp_path):
-    line = only_line(*score(root=tmp_path))
+    line = only_line(*score("--root", tmp_path))
     assert f"the sealed set {sealed_set.seal.dataset} is not in {tmp_path}" in line
     assert "make it with its salt, by `synthnet seal` or `synthnet verify --sealed`" in line
-
-
-def test_seal_that_is_not_here_is_one_line(score, tmp_path):
-    assert "there is no seal " in only_line(*score(published=tmp_path / "seal.json"))
 
 
 def test_seal_of_other_meshes_is_refused(score, sealed_set, tmp_path):
@@ -81,72 +95,57 @@ def test_seal_of_other_meshes_is_refused(score, sealed_set, tmp_path):
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()
     path = tmp_path / "seal.json"
     path.write_text(json.dumps({**content, "sha256": digest}, indent=1) + "\n")
-    line = only_line(*score(published=path))
+    line = only_line(*score("--sealed", path))
     assert "is not the set that was sealed: seal: its meshes is 000000000000…" in line
 
 
 def test_labels_that_were_changed_are_refused(score, sealed_set, tmp_path):
     shutil.copytree(sealed_set.home, tmp_path / "home")
-    name = sealed_set.seal.dataset
-    dataset = store.open_dataset(name, tmp_path / "home")
+    dataset = store.open_dataset(sealed_set.seal.dataset, tmp_path / "home")
     record = dataset.manifest.shards[0]
     samples = list(store.read_samples(dataset.directory / record.file))
     samples[0].eigenvalues[:] *= 2
-    digest = dataset.manifest.recipe_digest
-    family = record.family
-    path = dataset.directory / record.file
-    store.write_shard(path, samples, [], family=family, recipe_digest=digest)
-    assert "is damaged: remove it and seal again" in only_line(*score(root=tmp_path / "home"))
+    facts = {"family": record.family, "recipe_digest": dataset.manifest.recipe_digest}
+    store.write_shard(dataset.directory / record.file, samples, [], **facts)
+    assert "is damaged: remove it and seal again" in only_line(*score("--root", tmp_path / "home"))
 
 
 @pytest.mark.parametrize(
-    ("more", "message"),
+    ("option", "value", "message"),
     [
-        (["--dataset", "1.0"], "not allowed with argument --sealed"),
-        (["--split", "train"], "has nothing in the split train"),
+        ("--dataset", "1.0", "not allowed with argument --sealed"),
+        ("--split", "train", "has nothing in the split train"),
+        ("--sealed", "none.json", "there is no seal "),
     ],
 )
-def test_what_a_sealed_set_has_not(score, more, message):
-    assert message in only_line(*score(*more))
+def test_what_is_no_sealed_set_or_not_in_it_is_one_line(score, option, value, message):
+    assert message in only_line(*score(option, value))
 
 
-def test_predictions_of_the_version_are_not_of_the_set(eigbench, sealed_set, weyl):
-    where = ["--sealed", sealed_set.published, "--root", sealed_set.home]
+def test_predictions_of_the_version_are_not_of_the_set(eigbench, sealed_set, where, weyl):
     line = only_line(*eigbench("score", weyl.predictions, *where))
     assert f"it is of 1.0-mini, test, grouped, not of {sealed_set.seal.dataset}, test" in line
 
 
 def test_evaluate_runs_a_predictor_on_the_set_and_no_board_takes_it(
-    eigbench, sealed_set, weyl, tmp_path
+    eigbench, printed, sealed_set, where, directory, entry, tmp_path
 ):
-    out = tmp_path / "entry.json"
-    where = ["--sealed", sealed_set.published, "--root", sealed_set.home]
-    code, _, err = eigbench("evaluate", weyl.code, *where, "--no-reference", "--out", out)
-    assert code == 0, err
-    result = results.read(out)
+    result = results.read(entry)
     assert result["dataset"]["version"] == sealed_set.seal.dataset
-    code, printed, _ = eigbench("score", out.with_suffix(".parquet"), *where, "--json")
-    assert code == 0
-    assert json.loads(printed)["scores"] == result["scores"]
-    line = only_line(*eigbench("submit", out, "--board", tmp_path / "board"))
+    scored = json.loads(printed("score", entry.with_suffix(".parquet"), *where, "--json"))
+    assert scored["scores"] == result["scores"]
+    line = only_line(*eigbench("submit", entry, "--board", tmp_path / "board"))
     assert f"is of the sealed set {sealed_set.seal.dataset}, which cannot be on a board" in line
-    directory = sealed_set.home / sealed_set.seal.dataset
-    code, printed, _ = eigbench("compare", out, out, "--dataset", directory)
-    assert code == 0
-    assert "tie" in printed
+    assert "tie" in printed("compare", entry, entry, "--dataset", directory)
 
 
-def test_a_result_that_lies_is_not_told_the_truth(eigbench, sealed_set, weyl, tmp_path):
+def test_a_result_that_lies_is_not_told_the_truth(eigbench, directory, entry):
     """The true number would be a query of the set that nobody has noted."""
-    out = tmp_path / "entry.json"
-    where = ["--sealed", sealed_set.published, "--root", sealed_set.home]
-    assert eigbench("evaluate", weyl.code, *where, "--no-reference", "--out", out)[0] == 0
-    result = json.loads(out.read_text())
+    result = json.loads(entry.read_text())
     result["scores"]["mesh"]["overall"]["rpd"]["high"] *= 1.5
-    out.write_text(json.dumps(result))
-    directory = sealed_set.home / sealed_set.seal.dataset
-    line = only_line(*eigbench("compare", out, out, "--dataset", directory))
-    assert line.endswith(f"{out}: its scores are not those of its predictions")
+    entry.write_text(json.dumps(result))
+    line = only_line(*eigbench("compare", entry, entry, "--dataset", directory))
+    assert line.endswith(f"{entry}: its scores are not those of its predictions")
 
 
 def fractions(value):
@@ -156,16 +155,11 @@ def fractions(value):
     return [value] if isinstance(value, float) else []
 
 
-def test_no_score_has_more_than_three_digits(eigbench, score, sealed_set, weyl, tmp_path):
-    out = tmp_path / "entry.json"
-    where = ["--sealed", sealed_set.published, "--root", sealed_set.home]
-    code, _, err = eigbench("evaluate", weyl.code, *where, "--no-reference", "--out", out)
-    assert code == 0, err
-    directory = sealed_set.home / sealed_set.seal.dataset
-    compared = json.loads(eigbench("compare", out, out, "--dataset", directory, "--json")[1])
+def test_no_score_has_more_than_three_digits(printed, score, directory, entry):
+    compared = json.loads(printed("compare", entry, entry, "--dataset", directory, "--json"))
     scored = [
         json.loads(score("--json")[1])["scores"],
-        json.loads(out.read_text())["scores"],
+        json.loads(entry.read_text())["scores"],
         compared["overall"],
         compared["families"],
     ]
@@ -174,7 +168,7 @@ def test_no_score_has_more_than_three_digits(eigbench, score, sealed_set, weyl, 
         assert [x for x in numbers if float(f"{x:.3g}") != x] == []
 
 
-def test_every_score_is_noted_before_it_is_told(eigbench, score, sealed_set, answers, tmp_path):
+def test_every_score_is_noted_before_it_is_told(score, sealed_set, answers, tmp_path):
     dataset = store.open_dataset(sealed_set.seal.dataset, sealed_set.home)
     log = queries.log_of(dataset)
     log.unlink(missing_ok=True)
@@ -195,7 +189,7 @@ def test_every_score_is_noted_before_it_is_told(eigbench, score, sealed_set, ans
     assert "no score of a sealed set is shown without" in line
     log.unlink()
     assert "1.0-mini" not in store.there(sealed_set.home)  # the log is no dataset
-    assert eigbench("score", answers, "--sealed", sealed_set.published, "--root", tmp_path)[0] == 2
+    assert score("--root", tmp_path)[0] == 2
     assert not log.exists()
 
 

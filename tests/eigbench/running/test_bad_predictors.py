@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from eigbench.results import predictions
 
-from tests.eigbench.conftest import WEYL
+from tests.eigbench.conftest import WEYL_TO_CHANGE
 
 LIMIT, BATCH = 30, 10
-PRELUDE = "import os, signal, sys, time" + WEYL.replace("def predict", "def weyl")
+PRELUDE = "import os, signal, sys, time" + WEYL_TO_CHANGE
 
 
 @pytest.fixture
@@ -32,17 +32,22 @@ def ids(mini_truth):
     return set(mini_truth.head(LIMIT).ids)
 
 
-def assert_refused(answer, message, folder):
-    code, out, err = answer
-    assert code == 2
-    assert out == ""
-    assert "Traceback" not in err
-    assert "Warning" not in err
-    lines = [line for line in err.splitlines() if line.startswith("eigbench: ")]
-    assert len(lines) == 1
-    assert message in lines[0]
-    assert not (folder / "out.json").exists()
-    assert not (folder / "out.parquet").exists()
+@pytest.fixture
+def fails(evaluate, tmp_path):
+    """Return a function that evaluates what must fail with a message, and returns stderr."""
+
+    def run(code, message, *more, path=None):
+        status, out, err = evaluate(code, *more, path=path)
+        assert (status, out) == (2, "")
+        assert "Traceback" not in err
+        assert "Warning" not in err
+        (line,) = (line for line in err.splitlines() if line.startswith("eigbench: "))
+        assert message in line
+        assert not (tmp_path / "out.json").exists()
+        assert not (tmp_path / "out.parquet").exists()
+        return err
+
+    return run
 
 
 def named(err):
@@ -55,9 +60,32 @@ def batches_kept(folder):
     return sorted(path.name for path in folder.glob(".out.json.parts/seed-0/*.npz"))
 
 
-ONE_SHORT = "def predict(meshes): return weyl(meshes)[:, :9]"
-CASES = {
-    "wrong shape": (ONE_SHORT, "9), it must be ("),
+AT_LOADING = {
+    "is interrupted by itself at import": (
+        "raise KeyboardInterrupt",
+        "failed to load: KeyboardInterrupt (my_model.py:11: raise KeyboardInterrupt)",
+    ),
+    "leaves a generator that there is not": (
+        "raise GeneratorExit",
+        "failed to load: GeneratorExit (my_model.py:11: raise GeneratorExit)",
+    ),
+    "is interrupted in load": (
+        "def load(device, seed): raise KeyboardInterrupt",
+        "failed to load: KeyboardInterrupt (my_model.py:11: in load: def load(device, seed):",
+    ),
+    "dies at import": ("os._exit(3)", "died while loading (exit code 3"),
+    "needs a package": (
+        "import no_such_thing\ndef predict(meshes): pass",
+        "needs the package no_such_thing, which is not installed: pip install it",
+    ),
+    "takes too little": (
+        "def load(device): pass",
+        "load(device) cannot be called as load(device, seed): too many positional arguments",
+    ),
+    "has no door": ("x = 1", "has no predictor: define predict(meshes)"),
+}
+AT_A_BATCH = {
+    "wrong shape": ("def predict(meshes): return weyl(meshes)[:, :9]", "9), it must be ("),
     "complex": ("def predict(meshes): return weyl(meshes) + 0j", "eigenvalues are real"),
     "text": ("def predict(meshes): return weyl(meshes).astype(str)", "must be real numbers"),
     "nothing": ("def predict(meshes): pass", "predict returned None"),
@@ -115,18 +143,6 @@ CASES = {
         "    def __str__(self): raise KeyError\ndef predict(meshes): raise Mine",
         "Mine: its message cannot be read: KeyError",
     ),
-    "is interrupted by itself at import": (
-        "raise KeyboardInterrupt",
-        "failed to load: KeyboardInterrupt (my_model.py:11: raise KeyboardInterrupt)",
-    ),
-    "leaves a generator that there is not": (
-        "raise GeneratorExit",
-        "failed to load: GeneratorExit (my_model.py:11: raise GeneratorExit)",
-    ),
-    "is interrupted in load": (
-        "def load(device, seed): raise KeyboardInterrupt",
-        "failed to load: KeyboardInterrupt (my_model.py:11: in load: def load(device, seed):",
-    ),
     "raises at length": (
         "def predict(meshes): raise ValueError('x' * 6_000_000)",
         "ValueError: " + "x" * 500 + " … (my_model.py:11: in predict",
@@ -147,31 +163,12 @@ CASES = {
         "def predict(meshes): os.kill(os.getpid(), signal.SIGKILL)",
         "exit code -9; -9 is often lack of memory",
     ),
-    "dies at import": ("os._exit(3)", "died while loading (exit code 3"),
-    "needs a package": (
-        "import no_such_thing\ndef predict(meshes): pass",
-        "needs the package no_such_thing, which is not installed: pip install it",
-    ),
     "needs a package later": (
         "def predict(meshes):\n    import no_such_thing",
         "No module named 'no_such_thing'",
     ),
-    "takes too little": (
-        "def load(device): pass",
-        "load(device) cannot be called as load(device, seed): too many positional arguments",
-    ),
-    "has no door": ("x = 1", "has no predictor: define predict(meshes)"),
 }
-
-
-AT_LOADING = {
-    *("dies at import", "needs a package", "takes too little", "has no door"),
-    *("is interrupted by itself at import", "is interrupted in load"),
-    "leaves a generator that there is not",
-}
-AT_A_BATCH = set(CASES) - AT_LOADING
-
-
+CASES = AT_LOADING | AT_A_BATCH
 # One of each kind: a wrong answer, a changed input, an exception, a dead process, a bad file.
 QUICK = {
     *("wrong shape", "writes past NumPy", "writes to the harness's socket"),
@@ -184,23 +181,20 @@ QUICK = {
     "name",
     [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in CASES],
 )
-def test_bad_predictor_is_refused_on_one_line(name, evaluate, tmp_path):
-    code, message = CASES[name]
-    answer = evaluate(code)
-    assert_refused(answer, message, tmp_path)
-    assert ("on meshes to warm up with" in answer[2]) == (name in AT_A_BATCH)
+def test_bad_predictor_is_refused_on_one_line(name, fails, tmp_path):
+    err = fails(*CASES[name])
+    assert ("on meshes to warm up with" in err) == (name in AT_A_BATCH)
     assert list(tmp_path.glob(".out.json.parts*")) == []
 
 
-def test_missing_predictor_is_refused(evaluate, tmp_path):
-    answer = evaluate("", path=tmp_path / "none.py")
-    assert_refused(answer, "there is no file", tmp_path)
+def test_missing_predictor_is_refused(fails, tmp_path):
+    fails("", "there is no file", path=tmp_path / "none.py")
 
 
-def test_predictor_that_hangs_is_ended(evaluate, tmp_path):
-    answer = evaluate("def predict(meshes): time.sleep(60)", "--time-limit", "4")
-    assert_refused(answer, "took more than 4 s", tmp_path)
-    assert "on meshes to warm up with" in answer[2]
+def test_predictor_that_hangs_is_ended(fails):
+    hangs = "def predict(meshes): time.sleep(60)"
+    err = fails(hangs, "took more than 4 s", "--time-limit", "4")
+    assert "on meshes to warm up with" in err
 
 
 def test_predictor_never_gets_more_meshes_than_the_batch_size(evaluate):
@@ -229,23 +223,25 @@ HOWS = {
     "how",
     ["raises", *(pytest.param(h, marks=pytest.mark.slow) for h in ("dies", "answers wrongly"))],
 )
-def test_what_was_computed_before_a_failure_is_kept_and_resumed(how, evaluate, ids, tmp_path):
+def test_what_was_computed_before_a_failure_is_kept_and_resumed(
+    how, evaluate, fails, ids, tmp_path
+):
     code, message = HOWS[how]
     path = tmp_path / "fails.py"
     path.write_text(PRELUDE + FAILS_IN_BATCH_2.format(how=code))
-    failed = evaluate("", path=path)
-    assert_refused(failed, message, tmp_path)
-    assert len(named(failed[2]) & ids) == 3
-    assert "--resume goes on from the last good batch" in failed[2]
+    err = fails("", message, path=path)
+    assert len(named(err) & ids) == 3
+    assert "--resume goes on from the last good batch" in err
     assert batches_kept(tmp_path) == ["000000.npz"]
 
-    kept = (tmp_path / ".out.json.parts/seed-0/000000.npz").stat().st_mtime_ns
-    with np.load(tmp_path / ".out.json.parts/seed-0/000000.npz") as part:
+    first = tmp_path / ".out.json.parts/seed-0/000000.npz"
+    kept = first.stat().st_mtime_ns
+    with np.load(first) as part:
         assert len(set(part["instances"].tolist())) == BATCH
     again = evaluate("", "--resume", path=path)  # call 3 is batch 3 now
     assert again[0] == 2
     assert batches_kept(tmp_path) == ["000000.npz", "000001.npz"]
-    assert (tmp_path / ".out.json.parts/seed-0/000000.npz").stat().st_mtime_ns == kept
+    assert first.stat().st_mtime_ns == kept
 
     if how != "raises":
         return
@@ -291,35 +287,28 @@ def predict(meshes):
     assert sources[0] == sources[1]
 
 
-def test_changed_code_starts_anew(evaluate, tmp_path):
+@pytest.mark.parametrize(
+    "changed",
+    ["fails.py", *(pytest.param(n, marks=pytest.mark.slow) for n in ("sibling.py", "fails.npz"))],
+)
+def test_changed_code_sibling_or_weights_start_anew(evaluate, tmp_path, changed):
     path = tmp_path / "fails.py"
-    path.write_text(PRELUDE + FAILS_IN_BATCH_2.format(how="raise RuntimeError"))
+    (tmp_path / "sibling.py").write_text("x = 1\n")
+    (tmp_path / "fails.npz").write_bytes(b"weights")
+    code = "import sibling\n" + PRELUDE + FAILS_IN_BATCH_2.format(how="raise RuntimeError")
+    path.write_text(f'"""1.0"""\n{code}')  # which its code may read
     assert evaluate("", path=path)[0] == 2
     assert "starting anew" not in evaluate("", "--resume", path=path)[2]
-    path.write_text('"""2.0"""\n' + path.read_text())  # which its code may read
+    (tmp_path / changed).write_text(f'"""2.0"""\n{code}' if changed == path.name else "x = 2\n")
     again = evaluate("", "--resume", path=path)
     assert again[0] == 2
     assert "code or settings have changed: starting anew" in again[2]
     assert batches_kept(tmp_path) == ["000000.npz"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("beside", ["sibling.py", "fails.npz"])
-def test_changed_sibling_starts_anew(evaluate, tmp_path, beside):
-    path = tmp_path / "fails.py"
-    (tmp_path / "sibling.py").write_text("x = 1\n")
-    (tmp_path / "fails.npz").write_bytes(b"weights")
-    code = "import sibling\n" + PRELUDE + FAILS_IN_BATCH_2.format(how="raise RuntimeError")
-    path.write_text(code)
-    assert evaluate("", path=path)[0] == 2
-    (tmp_path / beside).write_text("x = 2\n")
-    assert "starting anew" in evaluate("", "--resume", path=path)[2]
-    assert batches_kept(tmp_path) == ["000000.npz"]
-
-
-def test_several_seeds_need_a_predictor_that_takes_one(evaluate, tmp_path):
-    answer = evaluate("def predict(meshes): return weyl(meshes)", "--seeds", "2")
-    assert_refused(answer, "takes no seed: define load(device, seed), or leave --seeds", tmp_path)
+def test_several_seeds_need_a_predictor_that_takes_one(evaluate, fails, tmp_path):
+    message = "takes no seed: define load(device, seed), or leave --seeds"
+    fails("def predict(meshes): return weyl(meshes)", message, "--seeds", "2")
     code = """
 class Shaken:
     def __init__(self, seed): self.seed = seed
@@ -345,13 +334,12 @@ def test_one_answer_that_is_not_finite_is_scored_and_makes_every_mean_none(
     assert code == 2
     assert "Warning" not in err
     assert "the predictions of 4 of 30 instances are not finite, first ids: " in err
+    scores = result["scores"]["mesh"]
     for key in ("invlap", "rpd", "polar", "l1", "l2"):
-        assert result["scores"]["mesh"]["overall"][key]["mean"] is None
-        assert result["scores"]["mesh"]["overall"][key]["low"] is None
-        assert result["scores"]["mesh"]["overall"][key]["median"] is None
-    assert result["scores"]["mesh"]["per_index"][3]["mean"] is None
-    assert result["scores"]["mesh"]["per_index"][2]["mean"] is not None
-    assert sum(f["count"] for f in result["scores"]["mesh"]["families"].values()) == LIMIT
+        assert [scores["overall"][key][name] for name in ("mean", "low", "median")] == [None] * 3
+    assert scores["per_index"][3]["mean"] is None
+    assert scores["per_index"][2]["mean"] is not None
+    assert sum(family["count"] for family in scores["families"].values()) == LIMIT
     kept = predictions.read(tmp_path / "out.parquet", mini_truth.head(LIMIT))[0]
     assert np.isnan(kept).sum() == 4  # batches: 19 shapes, and 11 copies of some
 

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from functools import cache
 from pathlib import Path
+from subprocess import PIPE
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -37,6 +38,7 @@ KINDS = [
         marks=pytest.mark.skipif(landlock.version() == 0, reason="the kernel has no Landlock"),
     ),
 ]
+LANDLOCK = box.Settings(sandbox=box.LANDLOCK)
 PROBE = """
 import ctypes, os, socket
 from pathlib import Path
@@ -65,6 +67,19 @@ ATTEMPTS = {
     "a file elsewhere": ("open(r'{secret.parent}/left', 'w')", "write {secret.parent}/left"),
     "a file at the top": ("open('/left', 'w')", "write /left"),
 }
+
+
+@pytest.fixture(params=KINDS)
+def kind(request):
+    """Each sandbox that works here."""
+    return request.param
+
+
+def warmed(file, sandbox, **more):
+    """Run a predictor in a box until it is warm, and return the box's report."""
+    with PredictorProcess(file, 10, box.Settings(sandbox=sandbox, **more)) as process:
+        process.warm_up(1)
+        return process.status()
 
 
 @pytest.fixture
@@ -98,9 +113,7 @@ def asked(predictor_file, secret, listening, monkeypatch):
         if link.name in attempt:
             link.symlink_to(secret)
         monkeypatch.chdir(file.parent)
-        with PredictorProcess(file, 10, box.Settings(sandbox=kind, readable=readable)) as process:
-            process.warm_up(1)
-            return process.status()
+        return warmed(file, kind, readable=readable)
 
     return ask
 
@@ -119,7 +132,6 @@ def test_outside_the_box_each_attempt_succeeds(asked, what):
         Path("/left").unlink()
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("what", ATTEMPTS)
 def test_in_the_box_each_attempt_fails_and_is_reported(asked, secret, kind, what):
     attempt, report = ATTEMPTS[what]
@@ -131,14 +143,12 @@ def test_in_the_box_each_attempt_fails_and_is_reported(asked, secret, kind, what
     assert not secret.with_name("left").exists()
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_what_the_user_shows_can_be_read_and_is_a_source(asked, secret, kind):
     status = asked("open(r'{secret}').read()", kind, readable=[secret])
     assert status.refused == ()
     assert sorted(status.sources) == ["labels.csv", "my_model.py"]
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_it_has_a_directory_of_its_own_that_is_gone_afterwards(asked, kind, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     code = "Path(os.environ['TMPDIR'], 'mine').write_text(str(Path.home()))"
@@ -161,17 +171,15 @@ def test_the_folder_of_a_process_that_was_killed_is_swept_and_no_other(
     other.write_text("no folder")
     monkeypatch.setenv("TMPDIR", str(temporary))
     monkeypatch.setattr("tempfile.tempdir", str(temporary))
-    command = [sys.executable, str(code), str(path)]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as holder:
+    command, pipes = [sys.executable, code, path], {"stdin": PIPE, "stdout": PIPE}
+    with subprocess.Popen(command, **pipes, text=True) as holder:
         folder = Path(holder.stdout.readline().strip())
         assert folder.parent == temporary
         box.sweep()
         assert folder.is_dir()
         holder.kill()
     assert folder.is_dir()
-    box.Box(path, "1.0/grouped", box.Settings(sandbox="landlock")).close()
+    box.Box(path, "1.0/grouped", LANDLOCK).close()
     assert list(temporary.iterdir()) == [other]
 
 
@@ -188,7 +196,6 @@ def predict(meshes):
 """
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_that_it_compiles_is_said_once_and_how_long_that_is_kept(
     predictor_file, kind, monkeypatch, tmp_path, capfd
 ):
@@ -197,12 +204,10 @@ def test_that_it_compiles_is_said_once_and_how_long_that_is_kept(
     monkeypatch.setenv(kernels.SAID, "a-test")
     line = kernels.COMPILING.format(how="kept as long as the sandbox is there")
     for said in (f"{line}\n", ""):
-        with PredictorProcess(predictor_file(COMPILES), 10, box.Settings(sandbox=kind)) as process:
-            process.warm_up(1)
+        warmed(predictor_file(COMPILES), kind)
         assert capfd.readouterr().err == said
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_folders_of_modules_that_are_not_in_it_are_not_looked_for(asked, secret, kind, monkeypatch):
     """`python -m eigbench` puts the working directory there, and the predictor may be elsewhere."""
     monkeypatch.syspath_prepend(secret.parent)
@@ -210,14 +215,12 @@ def test_folders_of_modules_that_are_not_in_it_are_not_looked_for(asked, secret,
     assert asked(search, kind).refused == ()
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_it_inherits_no_secret_from_the_environment(asked, kind, monkeypatch):
     monkeypatch.setenv("MY_TOKEN", "secret")
     with pytest.raises(PredictorError, match="KeyError: 'MY_TOKEN'"):
         asked("os.environ['MY_TOKEN']", kind)
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_processes_outside_are_out_of_reach(asked, kind):
     """Neither their memory and files nor their lives: by signal 0, which only asks."""
     for attempt in (
@@ -258,7 +261,10 @@ def test_the_labels_that_are_handed_over_are_those_of_the_training(tmp_path, mon
 
 
 NO_SOCKET = """
-def attempt():
+import socket
+import numpy as np
+
+def predict(meshes):
     for family, kind in ((socket.AF_UNIX, socket.SOCK_STREAM), (socket.AF_INET, socket.SOCK_DGRAM)):
         try:
             socket.socket(family, kind)
@@ -266,18 +272,14 @@ def attempt():
             continue
         raise RuntimeError("a socket")
     socket.socketpair()
+    return np.ones((len(meshes), 10))
 """
 
 
 @pytest.mark.skipif(landlock.version() == 0, reason="the kernel has no Landlock")
 def test_landlock_goes_with_no_socket_at_all(predictor_file):
     """Landlock itself does not see sockets that lie in files, or packets of UDP."""
-    call = (
-        NO_SOCKET + "def predict(meshes):\n    attempt()\n    return np.ones((len(meshes), 10))\n"
-    )
-    file = predictor_file("import socket\nimport numpy as np\n" + call)
-    with PredictorProcess(file, 10, box.Settings(sandbox=box.LANDLOCK)) as process:
-        process.warm_up(1)
+    warmed(predictor_file(NO_SOCKET), box.LANDLOCK)
 
 
 KEEPS = """
@@ -299,16 +301,11 @@ def predict(meshes):
 
 
 @pytest.mark.attack
-@pytest.mark.parametrize("kind", KINDS)
 def test_a_predictor_leaves_nothing_in_the_kernel_for_the_next(predictor_file, kind):
     """Memory, queues and keys that are shared by their number would outlive its process."""
-    numbers = calls.KEEPING[platform.machine()]
-    file = predictor_file(KEEPS.format(numbers=numbers))
-    with PredictorProcess(file, 10, box.Settings(sandbox=kind)) as process:
-        process.warm_up(1)
+    warmed(predictor_file(KEEPS.format(numbers=calls.KEEPING[platform.machine()])), kind)
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_packages_of_a_rows_own_are_found_in_the_box_only(predictor_file, tmp_path, kind):
     """What Python runs by itself when it starts would run before Landlock holds it."""
     packages, left = tmp_path / "packages", tmp_path / "left"
@@ -317,13 +314,10 @@ def test_packages_of_a_rows_own_are_found_in_the_box_only(predictor_file, tmp_pa
     (packages / "of_its_own.py").write_text("NUMBER = 2.5")
     code = "import numpy as np\nimport of_its_own\ndef predict(meshes):\n"
     code += "    return np.full((len(meshes), 10), of_its_own.NUMBER)\n"
-    file = predictor_file(code)
-    with PredictorProcess(file, 10, box.Settings(sandbox=kind, packages=packages)) as process:
-        process.warm_up(1)
+    warmed(predictor_file(code), kind, packages=packages)
     assert not left.exists()
 
 
-@pytest.mark.parametrize("kind", KINDS)
 def test_what_was_compiled_beside_a_package_is_not_run(predictor_file, kind):
     file = predictor_file(
         "import numpy as np\nimport package\ndef predict(meshes):\n"
@@ -334,27 +328,25 @@ def test_what_was_compiled_beside_a_package_is_not_run(predictor_file, kind):
     source, other = package / "__init__.py", package / "other.py"
     source.write_text("VALUE = 1.0\n")
     other.write_text("raise RuntimeError('compiled elsewhere')\n")
-    compiled = Path(importlib.util.cache_from_source(str(source)))
-    py_compile.compile(
-        str(other), str(compiled), invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH
-    )
+    compiled = importlib.util.cache_from_source(str(source))
+    unchecked = py_compile.PycInvalidationMode.UNCHECKED_HASH
+    py_compile.compile(str(other), compiled, invalidation_mode=unchecked)
     other.unlink()
     with pytest.raises(PredictorError, match="compiled elsewhere"):
         PredictorProcess(file, 10, box.Settings()).__enter__()
-    with PredictorProcess(file, 10, box.Settings(sandbox=kind)) as process:
-        process.warm_up(1)
+    warmed(file, kind)
 
 
 @pytest.mark.parametrize("make", [os.mkfifo, lambda path: Path(path).symlink_to("/dev/zero")])
 def test_a_file_beside_the_code_that_never_ends_is_not_read(predictor_file, make):
     file = predictor_file("def predict(meshes): ...")
     make(file.with_name("zz.py"))
-    box.Box(file, "2.0/grouped", box.Settings(sandbox=box.LANDLOCK)).close()
+    box.Box(file, "2.0/grouped", LANDLOCK).close()
 
 
 def test_a_folder_that_a_process_has_closed_is_removed(predictor_file):
     file = predictor_file("def predict(meshes): ...")
-    made = box.Box(file, "2.0/grouped", box.Settings(sandbox=box.LANDLOCK))
+    made = box.Box(file, "2.0/grouped", LANDLOCK)
     closed = made.private / "closed"
     closed.mkdir()
     (closed / "left").touch()
@@ -371,8 +363,7 @@ def test_labels_are_handed_over_to_a_predictor_that_asks_for_a_training(
 ):
     monkeypatch.setattr(box, "hand_over", lambda training, folder: (folder / training).touch())
     file = predictor_file(f'META = {{"training_data": "none"}}\ndef load({parameters}): ...')
-    settings = box.Settings(sandbox=box.LANDLOCK)
-    with contextlib.closing(box.Box(file, "labels-of-a-training", settings)) as made:
+    with contextlib.closing(box.Box(file, "labels-of-a-training", LANDLOCK)) as made:
         assert (made.folder / "labels" / "labels-of-a-training").exists() == asks
 
 
@@ -388,8 +379,7 @@ def test_kernels_are_copied_as_the_code_is_now_and_where_it_lies(
             (tmp_path / "kernels" / folder / name).touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     file = predictor_file("def predict(meshes): ...")
-    settings = box.Settings(sandbox=box.LANDLOCK)
-    with contextlib.closing(box.Box(file, "2.0/grouped", settings)) as made:
+    with contextlib.closing(box.Box(file, "2.0/grouped", LANDLOCK)) as made:
         copied = [path.relative_to(made.private) for path in made.private.rglob("*.nbi")]
     assert copied == [Path("numba", here, now)]
 
@@ -403,7 +393,6 @@ def answers(name, sandbox):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["weyl", "mean", "kriging", "ritz_mlp"])
 def test_baselines_answer_the_same_to_the_bit(kind, name):
     assert answers(name, kind) == answers(name, box.NONE)

@@ -14,6 +14,8 @@ from eigbench.running.box import Settings
 from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.running.process import Loaded, PredictorProcess, Status
 
+from tests.eigbench.conftest import LAZY, ONES
+
 pytestmark = pytest.mark.attack
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
 
@@ -31,10 +33,9 @@ def predict(meshes):
 """
 
 
-def test_who_counts_the_questions_answers_others(predictor_file, mini_truth, mini_meshes, tmp_path):
+def test_who_counts_the_questions_answers_others(evaluated, mini_truth, tmp_path):
     np.save(tmp_path / "table.npy", mini_truth.eigenvalues[mini_truth.order])
-    question = (predictor_file(COUNTS), mini_truth, mini_meshes, Options(batch_size=16))
-    predicted = evaluate(*question, tmp_path / "parts").predictions[0]
+    predicted = evaluated(COUNTS, mini_truth, batch_size=16).predictions[0]
     assert np.isfinite(predicted).all()
     assert (predicted == mini_truth.eigenvalues).all(axis=1).mean() < 0.1
 
@@ -52,12 +53,8 @@ def predict(meshes):
 """
 
 
-def test_a_clock_that_is_stopped_in_the_predictors_process_stops_nothing(
-    predictor_file, mini_truth, mini_meshes, tmp_path
-):
-    question = (predictor_file(CLOCKLESS), mini_truth.head(3), mini_meshes, Options())
-    evaluation = evaluate(*question, tmp_path / "parts")
-    assert evaluation.seconds.min() >= 0.2
+def test_a_clock_that_is_stopped_in_the_predictors_process_stops_nothing(evaluated, mini_truth):
+    assert evaluated(CLOCKLESS, mini_truth.head(3)).seconds.min() >= 0.2
 
 
 PICKLED = """
@@ -89,46 +86,26 @@ def test_what_a_predictor_sends_does_not_run_in_the_harness(predictor_file, kind
     assert not Path(code.parent, "went-off").exists()
 
 
-ONES = "    return np.ones((len(meshes), 10))\n"
-
-
-def asked(code, count=1, **options):
+def asked(code):
     """Return what a predictor answers, with the loaded process' facts and its status."""
-    with PredictorProcess(code, 10, Settings(**options)) as process:
-        answered = process.predict(["a"] * count, meshes.warming(count))
+    with PredictorProcess(code, 10, Settings()) as process:
+        answered = process.predict(["a"], meshes.warming(1))
         return process.loaded, answered, process.status()
 
 
 def test_what_is_solved_while_loading_is_seconds_of_loading(predictor_file):
-    code = "import time\nimport numpy as np\ntime.sleep(1.5)\ndef predict(meshes):\n" + ONES
-    loaded, answered, _ = asked(predictor_file(code))
+    loaded, answered, _ = asked(predictor_file("import time\ntime.sleep(1.5)\n" + ONES))
     assert loaded.loading_seconds >= 1.5
     assert answered.seconds < loaded.loading_seconds
 
 
-LATER = """
-import threading, time
-import numpy as np
-
-class Answer:
-    def __init__(self, count): self.count = count
-    def __array__(self, dtype=None, copy=None):
-        time.sleep(0.5)
-        return np.ones((self.count, 10))
-
-def predict(meshes):
-    return Answer(len(meshes))
-"""
-
-
 def test_work_after_the_answer_is_within_the_clock(predictor_file):
-    _, answered, _ = asked(predictor_file(LATER))
-    assert answered.seconds >= 0.5
+    _, answered, _ = asked(predictor_file(LAZY))
+    assert answered.seconds >= 0.3
 
 
 # Each child burns for a while and is forgotten by the system, since nobody waits for it.
-FORGOTTEN = (
-    """
+FORGOTTEN = """
 import os, signal, time
 import numpy as np
 
@@ -144,9 +121,8 @@ def predict(meshes):
             os.waitpid(child, 0)
         except ChildProcessError:
             pass
+    return np.ones((len(meshes), 10))
 """
-    + ONES
-)
 
 
 @linux
@@ -174,8 +150,7 @@ def test_a_control_group_counts_every_child(predictor_file):
     assert 2.0 <= answered.cpu_seconds < 4.0
 
 
-ORPHANS = (
-    """
+ORPHANS = """
 import os, signal, subprocess, sys, time
 from pathlib import Path
 import numpy as np
@@ -186,9 +161,8 @@ def predict(meshes):
     Path(__file__).with_suffix(".pids").write_text(f"{os.getpid()} {new.pid}")
     os.kill(os.getppid(), signal.SIGKILL)
     time.sleep(0.5)
+    return np.ones((len(meshes), 10))
 """
-    + ONES
-)
 
 
 @linux
@@ -224,17 +198,15 @@ def test_a_predictor_that_closes_the_connection_and_sleeps_is_ended(predictor_fi
     assert time.monotonic() - start < 60
 
 
-NAMES = (
-    """
+NAMES = """
 import numpy as np
 from eigbench.running import predictor
 
 predictor.sources = lambda path, roots: [path.name, {name!r}]
 
 def predict(meshes):
+    return np.ones((len(meshes), 10))
 """
-    + ONES
-)
 
 
 @pytest.mark.parametrize(
@@ -280,26 +252,21 @@ def predict(meshes):
 
 @pytest.mark.parametrize(("first", "named"), [("2 * values", True), ("values", False)])
 def test_a_predictor_that_answers_copies_better_than_what_is_timed_is_named(
-    first, named, predictor_file, mini_truth, mini_meshes, tmp_path
+    first, named, evaluated, mini_truth, mini_meshes, tmp_path
 ):
     sizes = mini_meshes.vertices(mini_truth.ids).tolist()
     table = {str(n): v for n, v in zip(sizes, mini_truth.eigenvalues, strict=True)}
     np.savez(tmp_path / "my_model.npz", **table)
-    question = (predictor_file(TWO_FACED.replace("FIRST", first)), mini_truth, mini_meshes)
-    evaluation = evaluate(*question, Options(batch_size=50), tmp_path / "parts")
+    evaluation = evaluated(TWO_FACED.replace("FIRST", first), mini_truth, batch_size=50)
     assert evaluation.first.sum() == len(set(mini_truth.shapes.tolist()))
     findings = record.two_faced(mini_truth, evaluation)
     assert any("computed differently" in finding for finding in findings) == named
 
 
-def test_a_predictor_that_rotations_change_is_not_two_faced(
-    predictor_file, mini_truth, mini_meshes, tmp_path
-):
+def test_a_predictor_that_rotations_change_is_not_two_faced(evaluated, mini_truth):
     code = "import numpy as np\ndef predict(meshes):\n    return np.stack([1 + np.abs(m.vertices"
     code += "[:10, 0]) for m in meshes])\n"  # which a rotation changes
-    question = (predictor_file(code), mini_truth, mini_meshes, Options(batch_size=50))
-    evaluation = evaluate(*question, tmp_path / "parts")
-    assert record.two_faced(mini_truth, evaluation) == []
+    assert record.two_faced(mini_truth, evaluated(code, mini_truth, batch_size=50)) == []
 
 
 KNOWS = """

@@ -31,15 +31,8 @@ def two(predictor_file):
 def test_every_predictor_gets_every_batch_and_batches_go_by_size(two, mini_truth, mini_meshes):
     labels = mini_truth.take(timing.asked(mini_truth, 14))
     steps = []
-    timed = clock.together(
-        two,
-        labels,
-        mini_meshes,
-        batch_size=3,
-        repeats=2,
-        settings=box.Settings(),
-        on_step=steps.append,
-    )
+    how = {"batch_size": 3, "repeats": 2, "settings": box.Settings()}
+    timed = clock.together(two, labels, mini_meshes, **how, on_step=steps.append)
     assert [row.loaded.meta["name"] for row in timed] == ["fast", "slow"]
     turns = [step for step in steps if step.startswith(("batch 1 of 6", "batch 2 of 6"))]
     names = ("1 of 6: fast", "1 of 6: slow", "2 of 6: slow", "2 of 6: fast")
@@ -80,10 +73,7 @@ def test_too_few_shapes_is_one_line(mini_truth):
 
 def test_ratio_is_that_of_the_whole_times_with_an_interval_over_batches():
     own, theirs = np.array([1.0, 1.0, 2.0]), np.array([2.0, 3.0, 4.0])
-    ratio = timing.ratio(theirs, own)
-    assert ratio["ratio"] == 9 / 4
-    assert ratio["low"] == 2.0
-    assert ratio["high"] == 3.0
+    assert timing.ratio(theirs, own) == {"ratio": 9 / 4, "low": 2.0, "high": 3.0}
     assert timing.ratio(own, own) == {"ratio": 1.0, "low": 1.0, "high": 1.0}
 
 
@@ -120,22 +110,19 @@ def test_command_writes_times_that_the_board_shows(
     assert times["vertices"] == sorted(times["vertices"])
     assert slow["cost"]["peers"]["slow"] == {"ratio": 1.0, "low": 1.0, "high": 1.0}
     assert fast["cost"]["peers"]["slow"]["ratio"] > 2
-    known = make_row("fast", np.ones((306, 10)), code=fast["code"], sources=fast["sources"])
-    changed = make_row(
-        "slow", mini_truth.eigenvalues * 1.02, code="slow.py", sources={"slow.py": "0" * 64}
-    )
+    of_fast = {"code": fast["code"], "sources": fast["sources"]}
+    known = make_row("fast", np.ones((306, 10)), **of_fast)
+    other_code = {"code": "slow.py", "sources": {"slow.py": "0" * 64}}
+    changed = make_row("slow", mini_truth.eigenvalues * 1.02, **other_code)
     for row in (known, changed):
         leaderboard.add(row, board)
     rows = {row.name: row for row in leaderboard.read(board)}
     assert rows["fast"].result["cost"]["ms_per_mesh"] == fast["cost"]["ms_per_mesh"]
     assert rows["slow"].result["cost"]["ms_per_mesh"] != slow["cost"]["ms_per_mesh"]
-    better = make_row(
-        "fast", mini_truth.eigenvalues * 1.01, code=fast["code"], sources=fast["sources"]
-    )
+    better = make_row("fast", mini_truth.eigenvalues * 1.01, **of_fast)
     leaderboard.add(better, board, replace=True)
-    with pytest.raises(
-        ResultError, match=r"while it was timed, fast answered with an RPD of .* 0.0"
-    ):
+    message = r"while it was timed, fast answered with an RPD of .* 0.0"
+    with pytest.raises(ResultError, match=message):
         leaderboard.read(board)
     text = leaderboard.generate(rows.values(), [])
     assert "| against slow |" in text[leaderboard.BOARDS / "1.0-mini-test-grouped-mesh.md"]
@@ -168,25 +155,28 @@ def test_a_peer_that_is_not_timed_is_one_line(refused, two):
     assert "slow.py: name it among the predictors too" in err
 
 
-def test_a_peer_that_is_named_like_the_reference_hides_no_false_ratio(tmp_path):
-    path = tmp_path / timing.FOLDER / "1.0.json"
-    path.parent.mkdir(parents=True)
+@pytest.fixture
+def times(tmp_path):
+    """Where the times of 1.0 are kept."""
+    (tmp_path / timing.FOLDER).mkdir(parents=True)
+    return tmp_path / timing.FOLDER / "1.0.json"
+
+
+def test_a_peer_that_is_named_like_the_reference_hides_no_false_ratio(times, tmp_path):
     content = json.loads((Path(__file__).parents[3] / timing.FOLDER / "1.0.json").read_text())
     means = {row["name"]: row["cost"]["ms_per_mesh_mean"] for row in content["rows"]}
     cost = content["rows"][3]["cost"]
     ratio = means["LaPy"] / cost["ms_per_mesh_mean"]
     cost["peers"]["LaPy"] = {"ratio": ratio, "low": ratio, "high": ratio}
-    path.write_text(json.dumps(content))
+    times.write_text(json.dumps(content))
     assert timing.read(tmp_path)
     cost["reference"] |= {"ratio": 1e6, "high": 1e6}
-    path.write_text(json.dumps(content))
-    with pytest.raises(timing.ResultError, match=r"its ratio to LaPy is 1e\+06, its times give"):
+    times.write_text(json.dumps(content))
+    with pytest.raises(ResultError, match=r"its ratio to LaPy is 1e\+06, its times give"):
         timing.read(tmp_path)
 
 
-def test_a_file_that_holds_no_times_is_one_line(tmp_path):
-    path = tmp_path / timing.FOLDER / "1.0.json"
-    path.parent.mkdir(parents=True)
-    path.write_text("[]")
-    with pytest.raises(timing.ResultError, match="holds no times of `eigbench time`"):
+def test_a_file_that_holds_no_times_is_one_line(times, tmp_path):
+    times.write_text("[]")
+    with pytest.raises(ResultError, match="holds no times of `eigbench time`"):
         timing.read(tmp_path)

@@ -3,7 +3,6 @@
 import dataclasses
 import gc
 import os
-import subprocess
 import sys
 import types
 from pathlib import Path
@@ -18,7 +17,7 @@ from eigbench.running.meshes import view
 from synthnet import store
 from synthnet.mesh.geometry import volume
 from synthnet.types import Mesh
-from tests.eigbench.conftest import WEYL
+from tests.eigbench.conftest import WEYL, git
 
 MESH = view(Mesh(np.eye(3), np.array([[0, 1, 2]])))
 
@@ -62,39 +61,44 @@ def fresh_imports(monkeypatch):
             del sys.modules[name]
 
 
+@pytest.fixture
+def load(predictor_file):
+    """Return a function that writes a predictor's code to a file, and loads it or a variant."""
+
+    def load(code, name="my_model.py", variant="", **options):
+        return predictor.load(predictor_file(code, name).with_name(name + variant), **options)
+
+    return load
+
+
 # --- doors -----------------------------------------------------------------------------
 
 
-def test_function_door(predictor_file):
-    loaded = predictor.load(predictor_file(FUNCTION))
-    assert loaded.predict([MESH]) == "function"
+@pytest.mark.parametrize(
+    ("code", "answer"),
+    [(FUNCTION, "function"), (CLASS, "class"), (LOAD, ("load", "cuda:1", 7))],
+    ids=["function", "class", "load"],
+)
+def test_door_is_given_device_and_seed_if_it_takes_them(load, code, answer):
+    loaded = load(code, device="cuda:1", seed=7)
+    assert loaded.predict([MESH]) == answer
     assert loaded.parameters is None
-
-
-def test_class_door(predictor_file):
-    loaded = predictor.load(predictor_file(CLASS))
-    assert loaded.predict([MESH]) == "class"
-    assert loaded.parameters is None
-
-
-def test_load_door_is_given_device_and_seed(predictor_file):
-    loaded = predictor.load(predictor_file(LOAD), device="cuda:1", seed=7)
-    assert loaded.predict([MESH]) == ("load", "cuda:1", 7)
 
 
 @pytest.mark.parametrize(
     ("constructor", "door"), [("self, network", "load"), ("self, network=None", "class")]
 )
-def test_a_class_that_cannot_be_made_alone_is_made_by_load(predictor_file, constructor, door):
+def test_a_class_that_cannot_be_made_alone_is_made_by_load(load, constructor, door):
     made = f"    def __init__({constructor}): self.door = 'load' if network else 'class'\n"
     code = f"class Predictor:\n{made}    def predict(self, meshes): return self.door\n"
     code += "def load(device, seed): return Predictor('a network')"
-    assert predictor.load(predictor_file(code)).predict([]) == door
+    assert load(code).predict([]) == door
 
 
-def test_torch_door_evaluates_without_gradients_and_counts_parameters(predictor_file):
+@pytest.mark.parametrize("model", ["Net()", "Net"], ids=["module", "class"])
+def test_torch_door_evaluates_without_gradients_and_counts_parameters(load, model):
     torch = pytest.importorskip("torch")
-    loaded = predictor.load(predictor_file(TORCH))
+    loaded = load(TORCH.replace("model = Net()", f"model = {model}"))
     answer = loaded.predict([MESH, MESH])
     assert answer.shape == (2, 10)
     assert isinstance(answer, torch.Tensor)
@@ -102,21 +106,14 @@ def test_torch_door_evaluates_without_gradients_and_counts_parameters(predictor_
     assert predictor.checked(predictor.as_array(answer), 2, 10).dtype == np.float64
 
 
-def test_torch_door_takes_a_class(predictor_file):
+def test_torch_door_applies_the_transform_of_the_file(load):
     pytest.importorskip("torch")
-    loaded = predictor.load(predictor_file(TORCH.replace("Net()\n", "Net\n")))
-    assert loaded.predict([MESH]).shape == (1, 10)
-
-
-def test_torch_door_applies_the_transform_of_the_file(predictor_file):
-    pytest.importorskip("torch")
-    code = TORCH + "def transform(data):\n    data.pos = 0 * data.pos\n    return data\n"
-    loaded = predictor.load(predictor_file(code))
+    loaded = load(TORCH + "def transform(data):\n    data.pos = 0 * data.pos\n    return data\n")
     bias = loaded.predict([view(Mesh(np.zeros((3, 3)), MESH.faces))])
     np.testing.assert_array_equal(loaded.predict([MESH]), bias)
 
 
-def test_arrays_of_a_predictor_are_counted(predictor_file):
+def test_arrays_of_a_predictor_are_counted(load):
     code = """
 import numpy as np
 
@@ -124,31 +121,31 @@ class Predictor:
     def parameters(self): return [np.ones((3, 4)), np.ones(5)]
     def predict(self, meshes): return np.ones((len(meshes), 10))
 """
-    assert predictor.load(predictor_file(code)).parameters == 17
+    assert load(code).parameters == 17
 
 
-def test_parameters_of_a_torch_module_behind_the_load_door_are_counted(predictor_file):
+def test_parameters_of_a_torch_module_behind_the_load_door_are_counted(load):
     pytest.importorskip("torch")
     code = TORCH.replace("model = Net()", "") + (
         "    def predict(self, meshes): return None\ndef load(device, seed): return Net()\n"
     )
-    assert predictor.load(predictor_file(code)).parameters == 45
+    assert load(code).parameters == 45
 
 
 DOORS = [FUNCTION, CLASS, LOAD, "model = 'no module'\n"]
 
 
 @pytest.mark.parametrize("first", range(3))
-def test_first_door_wins_whatever_the_order_in_the_file(predictor_file, first):
+def test_first_door_wins_whatever_the_order_in_the_file(load, first):
     code = "".join(reversed(DOORS[first:]))
-    answer = predictor.load(predictor_file(code)).predict([MESH])
+    answer = load(code).predict([MESH])
     assert answer == ("function", "class", ("load", "cpu", 0))[first]
 
 
-def test_siblings_can_be_imported(predictor_file):
+def test_siblings_can_be_imported(predictor_file, load):
     predictor_file("ANSWER = 'sibling'\n", "a_sibling_of_mine.py")
     code = "from a_sibling_of_mine import ANSWER\ndef predict(meshes): return ANSWER\n"
-    assert predictor.load(predictor_file(code)).predict([MESH]) == "sibling"
+    assert load(code).predict([MESH]) == "sibling"
 
 
 def test_files_beside_the_predictor_can_be_read(predictor_file, monkeypatch):
@@ -168,31 +165,31 @@ def test_relative_path_of_a_predictor_works(predictor_file, monkeypatch):
     assert predictor.load(type(path)(path.name)).predict([MESH]) == "function"
 
 
-def test_dataclass_in_a_predictor_works(predictor_file):
+def test_dataclass_in_a_predictor_works(load):
     code = (
         "from __future__ import annotations\nfrom dataclasses import dataclass\n"
         "@dataclass\nclass Setting:\n    k: int = 10\n" + FUNCTION
     )
-    assert predictor.load(predictor_file(code)).predict([MESH]) == "function"
+    assert load(code).predict([MESH]) == "function"
 
 
 # --- META ------------------------------------------------------------------------------
 
 
-def test_without_meta_the_name_is_the_files_and_the_kind_is_learned(predictor_file):
-    assert predictor.load(predictor_file(FUNCTION, "my_net.py")).meta == {
-        "name": "my_net",
-        "kind": "learned",
-    }
-
-
-def test_meta_is_kept_as_text(predictor_file):
-    code = f"META = {{'name': 'Net', 'kind': 'classical', 'training_cost': 3}}\n{FUNCTION}"
-    assert predictor.load(predictor_file(code)).meta == {
-        "name": "Net",
-        "kind": "classical",
-        "training_cost": "3",
-    }
+@pytest.mark.parametrize(
+    ("meta", "expected"),
+    [
+        ("", {"name": "my_net", "kind": "learned"}),
+        (
+            "META = {'name': 'Net', 'kind': 'classical', 'training_cost': 3}\n",
+            {"name": "Net", "kind": "classical", "training_cost": "3"},
+        ),
+        ("META = {'name': 'Mo\u0308del'}\n", {"name": "M\u00f6del", "kind": "learned"}),
+    ],
+    ids=["without", "as text", "composed letters"],
+)
+def test_meta_is_text_and_without_it_the_name_is_the_files(load, meta, expected):
+    assert load(meta + FUNCTION, "my_net.py").meta == expected
 
 
 def test_every_key_of_meta_is_allowed_by_the_schema_of_results():
@@ -225,35 +222,33 @@ def test_every_key_of_meta_is_allowed_by_the_schema_of_results():
         ("{'name': 'Weyl \\u039cean'}", r"META name has the character U\+039C in a word"),
     ],
 )
-def test_wrong_meta_is_refused_before_anything_is_run(predictor_file, meta, message):
+def test_wrong_meta_is_refused_before_anything_is_run(load, meta, message):
     with pytest.raises(PredictorError, match=message):
-        predictor.load(predictor_file(f"META = {meta}\n{FUNCTION}"))
+        load(f"META = {meta}\n{FUNCTION}")
 
 
 @pytest.mark.parametrize(
     "name", ["λ", "Fit of λ₁ and λ2", "Poincaré", "Δ-net", "Метод Галёркина", "गाउस", "ガウス"]
 )
-def test_a_name_may_have_letters_of_any_script(predictor_file, name):
-    meta = predictor.load(predictor_file(f"META = {{'name': {name!r}}}\n{FUNCTION}")).meta
-    assert meta["name"] == name
+def test_a_name_may_have_letters_of_any_script(load, name):
+    assert load(f"META = {{'name': {name!r}}}\n{FUNCTION}").meta["name"] == name
 
 
 # --- what does not load ----------------------------------------------------------------
 
 
-def test_missing_file_is_refused(tmp_path):
-    with pytest.raises(PredictorError, match=r"there is no file .*none\.py"):
-        predictor.load(tmp_path / "none.py")
-
-
-def test_directory_is_refused(tmp_path):
-    with pytest.raises(PredictorError, match="is a directory: name the predictor's file in it"):
-        predictor.load(tmp_path)
-
-
-def test_file_that_is_not_python_is_refused(predictor_file):
-    with pytest.raises(PredictorError, match=r"weights\.txt is no Python file"):
-        predictor.load(predictor_file("1 2 3", "weights.txt"))
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("none.py", r"there is no file .*none\.py"),
+        ("", "is a directory: name the predictor's file in it"),
+        ("weights.txt", r"weights\.txt is no Python file"),
+    ],
+)
+def test_what_is_no_file_of_python_is_refused(predictor_file, name, message):
+    folder = predictor_file("1 2 3", "weights.txt").parent
+    with pytest.raises(PredictorError, match=message):
+        predictor.load(folder / name)
 
 
 @pytest.mark.parametrize(
@@ -289,11 +284,11 @@ def test_file_that_is_not_python_is_refused(predictor_file):
         ("model = dict", r"model must be a torch\.nn\.Module, got dict"),
     ],
 )
-def test_file_that_does_not_load_says_why_on_one_line(predictor_file, code, message):
+def test_file_that_does_not_load_says_why_on_one_line(load, code, message):
     if "model" in code:
         pytest.importorskip("torch_geometric")
     with pytest.raises(PredictorError, match=message) as caught:
-        predictor.load(predictor_file(code))
+        load(code)
     assert "\n" not in str(caught.value)
     assert "my_model.py" in str(caught.value)
 
@@ -388,15 +383,9 @@ def test_arrays_are_plain_read_only_float64_and_int64(seen):
             assert array.shape[1:] == (3,)
             assert array.flags.c_contiguous
             assert not array.flags.writeable
+            assert array.base is None or array.base.nbytes == array.nbytes  # no window on others
             with pytest.raises(ValueError, match="read-only"):
                 array[0] = 0
-
-
-def test_no_array_is_a_window_on_a_larger_one(seen):
-    meshes, _ = seen
-    for mesh in meshes.values():
-        for array in (mesh.vertices, mesh.faces):
-            assert array.base is None or array.base.nbytes == array.nbytes
 
 
 def test_nothing_that_a_mesh_refers_to_holds_a_label_an_id_or_a_family(seen, mini_truth):
@@ -431,9 +420,8 @@ def test_instances_of_a_shape_are_isometric_and_face_outwards(seen):
 
 def test_dataset_that_lacks_a_shape_is_refused(mini_home):
     stored = store.open_dataset("1.0-mini", mini_home)
-    with pytest.raises(
-        EigbenchError, match=r"lacks 1 shapes of the split, first cone-99999.*verify"
-    ):
+    message = r"lacks 1 shapes of the split, first cone-99999.*verify"
+    with pytest.raises(EigbenchError, match=message):
         instances.read(stored, ["cone-99999/0"])
 
 
@@ -464,60 +452,47 @@ def test_sources_of_a_directory_that_the_file_puts_on_the_path(predictor_file, t
     assert {Path(os.path.relpath(shared / "net.py", path.parent)).as_posix()} < set(sources)
 
 
-def test_first_predictor_takes_ten_lines(predictor_file):
+def test_first_predictor_takes_ten_lines(load):
     assert len(WEYL.strip().splitlines()) < 10
-    answer = predictor.load(predictor_file(WEYL)).predict([MESH])
+    answer = load(WEYL).predict([MESH])
     area = np.sqrt(3) / 2  # of an equilateral triangle with side sqrt 2
     np.testing.assert_allclose(answer, [4 * np.pi * np.arange(1, 11) / area], rtol=1e-14)
 
 
 @pytest.fixture
-def checkout(tmp_path, monkeypatch):
-    """Return a function that runs git in a repository with one commit, of a predictor."""
-    for who in ("AUTHOR", "COMMITTER"):
-        monkeypatch.setenv(f"GIT_{who}_NAME", "somebody")
-        monkeypatch.setenv(f"GIT_{who}_EMAIL", "somebody@example.org")
-    (tmp_path / "code").mkdir()
-
-    def git(*command):
-        done = subprocess.run(
-            ["git", *command], cwd=tmp_path / "code", capture_output=True, text=True, check=True
-        )
-        return done.stdout.strip()
-
-    git("init", "-q")
-    (tmp_path / "code" / "my_model.py").write_text(FUNCTION)
-    git("add", "my_model.py")
-    git("commit", "-q", "-m", "A predictor")
-    return git
+def checkout(tmp_path):
+    """A repository with one commit, of a predictor."""
+    folder = tmp_path / "code"
+    folder.mkdir()
+    (folder / "my_model.py").write_text(FUNCTION)
+    git(folder, "init", "-q")
+    git(folder, "add", "my_model.py")
+    git(folder, "commit", "-q", "-m", "A predictor")
+    return folder
 
 
-def test_commit_of_a_checkout_is_recorded(checkout, tmp_path):
-    code = tmp_path / "code" / "my_model.py"
-    commit = checkout("rev-parse", "HEAD")
+def test_commit_of_a_checkout_is_recorded_and_whether_the_code_is_in_it(checkout):
+    code = checkout / "my_model.py"
+    commit = git(checkout, "rev-parse", "HEAD")
     clean = {"checkout": {"commit": commit, "dirty": False}}
     assert record.checkout(code) == clean
-    (tmp_path / "code" / "results.json").write_text("{}")  # no part of the code
+    (checkout / "results.json").write_text("{}")  # no part of the code
     assert record.checkout(code) == clean
     code.write_text(FUNCTION + "\n# changed\n")
     assert record.checkout(code) == {"checkout": {"commit": commit, "dirty": True}}
-
-
-def test_predictor_that_is_not_in_the_commit_makes_the_checkout_dirty(checkout, tmp_path):
-    other = tmp_path / "code" / "other.py"
+    other = checkout / "other.py"
     other.write_text(FUNCTION)
     assert record.checkout(other)["checkout"]["dirty"] is True
 
 
-def test_outside_of_a_checkout_no_commit_is_recorded(tmp_path, monkeypatch):
+def test_outside_of_a_checkout_no_commit_is_recorded(predictor_file, tmp_path, monkeypatch):
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
-    (tmp_path / "my_model.py").write_text(FUNCTION)
-    assert record.checkout(tmp_path / "my_model.py") == {}
+    assert record.checkout(predictor_file(FUNCTION)) == {}
 
 
 def test_without_git_no_commit_is_recorded(checkout, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert record.checkout(tmp_path / "code" / "my_model.py") == {}
+    assert record.checkout(checkout / "my_model.py") == {}
 
 
 FAMILY = """
@@ -531,20 +506,20 @@ def load(device, seed, variant): return Loaded(device, seed, variant)
 """
 
 
-def test_variant_of_a_file_is_loaded_by_its_name(predictor_file):
-    path = predictor_file(FAMILY)
-    loaded = predictor.load(path.with_name("my_model.py:large"), device="cuda", seed=3)
+def test_variant_of_a_file_is_loaded_by_its_name(load):
+    loaded = load(FAMILY, variant=":large", device="cuda", seed=3)
     assert loaded.predict([]) == ("cuda", 3, "large")
     assert loaded.meta == {"name": "Family, large", "kind": "learned", "authors": "A. A. "}
     assert loaded.seeded
     assert not loaded.trained
+    without_meta = load(FAMILY.replace("def META", "def other"), variant=":small")
+    assert without_meta.meta["name"] == "my_model small"
 
 
-def test_variant_and_training_are_asked_for_by_name(predictor_file):
+def test_variant_and_training_are_asked_for_by_name(load):
     code = FAMILY.replace("seed, variant): return", "seed, variant, training): return")
     code = code.replace("Loaded(device, seed, variant)", "Loaded(variant, training)")
-    path = predictor_file(code).with_name("my_model.py:small")
-    loaded = predictor.load(path, training="2.0/genus")
+    loaded = load(code, variant=":small", training="2.0/genus")
     assert loaded.predict([]) == ("small", "2.0/genus")
     assert loaded.trained
 
@@ -553,14 +528,8 @@ def test_variant_and_training_are_asked_for_by_name(predictor_file):
     "helper", ["from json import load", "def load(path): pass", "def load(path, variant): pass"]
 )
 @pytest.mark.parametrize("door", [FUNCTION, CLASS], ids=["function", "class"])
-def test_a_helper_named_load_is_nothing_to_a_file_with_another_door(predictor_file, helper, door):
-    loaded = predictor.load(predictor_file(f"{helper}\n{door}"))
-    assert not loaded.seeded
-
-
-def test_letters_are_composed_in_a_name(predictor_file):
-    loaded = predictor.load(predictor_file(f"META = {{'name': 'Mo\u0308del'}}\n{FUNCTION}"))
-    assert loaded.meta["name"] == "M\u00f6del"
+def test_a_helper_named_load_is_nothing_to_a_file_with_another_door(load, helper, door):
+    assert not load(f"{helper}\n{door}").seeded
 
 
 def test_file_whose_name_no_result_can_hold_is_refused(predictor_file):
@@ -582,16 +551,11 @@ def test_an_error_whose_message_fails_or_is_long_is_one_short_line():
         assert len(line) < 600
 
 
-def test_parameters_that_are_no_arrays_are_named(predictor_file):
+def test_parameters_that_are_no_arrays_are_named(load):
     code = "class Predictor:\n    def predict(self, meshes): pass\n"
     code += "    def parameters(self): return [3]\n"
     with pytest.raises(PredictorError, match=r"parameters\(\) of a Predictor must give tensors"):
-        predictor.load(predictor_file(code))
-
-
-def test_variant_without_meta_is_named_after_file_and_variant(predictor_file):
-    path = predictor_file(FAMILY.replace("def META", "def other"))
-    assert predictor.load(path.with_name("my_model.py:small")).meta["name"] == "my_model small"
+        load(code)
 
 
 @pytest.mark.parametrize(
@@ -621,10 +585,8 @@ def test_sources_of_a_variant_are_its_own_weights(predictor_file, tmp_path):
     for name in ("small", "large"):
         (tmp_path / "my_model" / f"{name}.npz").write_bytes(name.encode())
     path = path.with_name("my_model.py:large")
-    assert set(predictor.sources(path, predictor.load(path).roots)) == {
-        "my_model.py",
-        "my_model/large.npz",
-    }
+    sources = predictor.sources(path, predictor.load(path).roots)
+    assert set(sources) == {"my_model.py", "my_model/large.npz"}
 
 
 def test_file_whose_name_has_a_colon_is_a_file(predictor_file):
@@ -634,9 +596,8 @@ def test_file_whose_name_has_a_colon_is_a_file(predictor_file):
 
 
 def test_an_error_names_the_innermost_line_of_its_authors_modules(predictor_file):
-    predictor_file(
-        "import numpy as np\n\ndef f():\n    return np.ones(2) @ np.ones(3)\n", "beside.py"
-    )
+    beside = "import numpy as np\n\ndef f():\n    return np.ones(2) @ np.ones(3)\n"
+    predictor_file(beside, "beside.py")
     path = predictor_file("import beside\n\ndef predict(meshes):\n    return beside.f()\n")
     loaded = predictor.load(path)
     with pytest.raises(ValueError, match="matmul") as caught:

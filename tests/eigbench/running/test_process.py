@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from eigbench.scoring import physics
 
 from synthnet.kernels import processor
 from synthnet.types import Mesh
-from tests.eigbench.conftest import ONES
+from tests.eigbench.conftest import LAZY, ONES
 
 SPY = """
 import gc, re, sys
@@ -57,17 +58,6 @@ def predict(meshes):
 
 
 @pytest.fixture
-def run(predictor_file, mini_meshes, tmp_path):
-    """Return a function that evaluates code on some of the test split, with options."""
-
-    def evaluated(code, labels, **options):
-        path = predictor_file(code)
-        return evaluate(path, labels, mini_meshes, Options(**options), tmp_path / "parts")
-
-    return evaluated
-
-
-@pytest.fixture
 def peer(predictor_file, monkeypatch):
     """Return a function that puts code in the place of LaPy."""
 
@@ -79,10 +69,10 @@ def peer(predictor_file, monkeypatch):
 
 
 @pytest.mark.attack
-def test_neither_ids_nor_labels_are_in_the_memory_of_the_predictors_process(run, mini_truth):
+def test_neither_ids_nor_labels_are_in_the_memory_of_the_predictors_process(evaluated, mini_truth):
     labels = mini_truth.head(30)
     code = SPY.format(labels=" ".join(map(float.hex, labels.eigenvalues[:, 1].tolist())))
-    assert run(code, labels, batch_size=10).predictions.shape == (1, 30, 10)
+    assert evaluated(code, labels, batch_size=10).predictions.shape == (1, 30, 10)
 
 
 @pytest.mark.parametrize(
@@ -94,14 +84,11 @@ def test_neither_ids_nor_labels_are_in_the_memory_of_the_predictors_process(run,
         ("kept = {'array': np.array([2.0, 1.25])}", "found an array of labels"),
     ],
 )
-def test_the_spy_finds_what_is_there(run, mini_truth, planted, message):
+def test_the_spy_finds_what_is_there(evaluated, mini_truth, planted, message):
     """The test above can fail: the same search finds what is planted."""
     code = SPY.format(labels=(1.25).hex()).replace("def predict", f"{planted}\n\ndef predict")
-    if message is None:
-        run(code, mini_truth.head(30))
-    else:
-        with pytest.raises(PredictorError, match=message):
-            run(code, mini_truth.head(30))
+    with pytest.raises(PredictorError, match=message) if message else nullcontext():
+        evaluated(code, mini_truth.head(30))
 
 
 SIZES = """
@@ -145,33 +132,18 @@ def predict(meshes):
     time.sleep(0.01)
     return np.ones((len(meshes), 10))
 """
-LAZY = """
-import time
-import numpy as np
-
-class Answer:
-    def __init__(self, count): self.count = count
-    def __array__(self, dtype=None, copy=None):
-        time.sleep(0.3)
-        return np.ones((self.count, 10))
-
-def predict(meshes): return Answer(len(meshes))
-"""
 
 
 @pytest.mark.attack
-def test_work_that_is_put_off_until_the_answer_is_read_is_timed(run, mini_truth):
-    assert run(LAZY, mini_truth.head(10)).seconds.min() >= 0.3
+def test_work_that_is_put_off_until_the_answer_is_read_is_timed(evaluated, mini_truth):
+    assert evaluated(LAZY, mini_truth.head(10)).seconds.min() >= 0.3
 
 
 def test_error_while_the_answer_is_read_is_the_predictors(predictor_file):
-    code = LAZY.replace("time.sleep(0.3)", "raise RuntimeError('CUDA error')")
-    ids, probes = physics.questions()
-    with pytest.raises(
-        PredictorError,
-        match=r"CUDA error \(my_model\.py:\d+: in __array__: raise RuntimeError.*\), on",
-    ):
-        predict_meshes(predictor_file(code), ids, probes, 10, Options())
+    code = predictor_file(LAZY.replace("time.sleep(0.3)", "raise RuntimeError('CUDA error')"))
+    message = r"CUDA error \(my_model\.py:\d+: in __array__: raise RuntimeError.*\), on"
+    with pytest.raises(PredictorError, match=message):
+        predict_meshes(code, *physics.questions(), 10, Options())
 
 
 COUNTED = {"processor_time": "control group", "memory": "process tree"}
@@ -215,11 +187,11 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
     ],
 )
 def test_lapy_is_timed_on_the_batches_of_the_first_and_last_meshes(
-    run, peer, mini_truth, monkeypatch, size, batches, timed
+    evaluated, peer, mini_truth, monkeypatch, size, batches, timed
 ):
     monkeypatch.setattr("eigbench.running.evaluate.REFERENCE", 8)
     peer(SLEEPER)
-    evaluation = run(SLEEPER, mini_truth, batch_size=size, reference=True)
+    evaluation = evaluated(SLEEPER, mini_truth, batch_size=size, reference=True)
     assert evaluation.sizes.tolist() == batches
     assert np.isfinite(evaluation.reference_seconds).tolist() == timed
     assert np.nanmin(evaluation.reference_seconds) >= 0.01
@@ -276,14 +248,14 @@ def test_a_signal_ends_an_evaluation_and_the_predictors_process(
     assert not Path("/proc", pid.read_text()).exists()
 
 
-def test_lapys_time_is_kept_with_an_interrupted_run(run, peer, mini_truth, tmp_path):
+def test_lapys_time_is_kept_with_an_interrupted_run(evaluated, peer, mini_truth, tmp_path):
     peer(SLEEPER)
     fails = SLEEPER.replace("time.sleep(0.01)", "assert len(meshes) != 200")
     with pytest.raises(PredictorError):
-        run(fails, mini_truth, reference=True)
+        evaluated(fails, mini_truth, reference=True)
     left = next((tmp_path / "parts").rglob("*.npz")).stat().st_mtime_ns
     with pytest.raises(PredictorError):
-        run(fails, mini_truth, reference=True, resume=True)
+        evaluated(fails, mini_truth, reference=True, resume=True)
     kept = list((tmp_path / "parts").rglob("*.npz"))
     assert [path.stat().st_mtime_ns for path in kept] == [left]
     with np.load(kept[0]) as part:
@@ -296,8 +268,8 @@ def test_reference_answers_the_labels(mini_truth, mini_meshes):
     assert answers == pytest.approx(mini_truth.eigenvalues[:3], rel=1e-8)
 
 
-def test_without_reference_there_is_no_ratio(run, mini_truth):
-    assert record.cost(run(SLEEPER, mini_truth.head(5)), Options())["reference"] is None
+def test_without_reference_there_is_no_ratio(evaluated, mini_truth):
+    assert record.cost(evaluated(SLEEPER, mini_truth.head(5)), Options())["reference"] is None
 
 
 def test_hardware_names_the_kind_of_processor():
@@ -318,19 +290,19 @@ def test_device_that_is_not_there_is_refused():
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
-def test_peak_memory_is_of_the_predictors_process_alone(run, mini_truth):
+def test_peak_memory_is_of_the_predictors_process_alone(evaluated, mini_truth):
     ballast = np.ones(2**27)  # 1 GiB in this process
-    assert run(ONES, mini_truth.head(10)).status.peak_bytes < ballast.nbytes / 2
+    assert evaluated(ONES, mini_truth.head(10)).status.peak_bytes < ballast.nbytes / 2
 
 
-def test_failure_of_lapy_is_not_laid_on_the_predictor(run, peer, mini_truth):
+def test_failure_of_lapy_is_not_laid_on_the_predictor(evaluated, peer, mini_truth):
     peer("def predict(meshes): raise ValueError('no')")
     with pytest.raises(PredictorError, match=r"^LaPy, timed beside .* ValueError: no.*--no-ref"):
-        run(SLEEPER, mini_truth.head(5), reference=True)
+        evaluated(SLEEPER, mini_truth.head(5), reference=True)
 
 
 def test_cpu_time_is_finer_than_a_clock_tick(predictor_file):
-    with PredictorProcess(predictor_file(ONES), 10, Settings(), training="") as process:
+    with PredictorProcess(predictor_file(ONES), 10, Settings()) as process:
         mesh = meshes.warming(1)
         seen = {process.predict(["a"], mesh).cpu_seconds for _ in range(20)}
     assert len(seen) > 10
@@ -363,7 +335,7 @@ def predict(meshes):
 @pytest.mark.attack
 @pytest.mark.skipif(sys.platform != "linux", reason="its processes end in another order elsewhere")
 def test_time_and_memory_of_helpers_count(predictor_file):
-    with PredictorProcess(predictor_file(HELPED), 10, Settings(), training="") as process:
+    with PredictorProcess(predictor_file(HELPED), 10, Settings()) as process:
         answered = process.predict(["a"], meshes.warming(1))
         assert answered.cpu_seconds > 0.9
         assert process.status().peak_bytes > 2 * 2**28
@@ -389,15 +361,10 @@ def predict(meshes):
 @pytest.mark.parametrize("end", ["pass", "os._exit(1)"])
 def test_nothing_that_a_predictor_starts_outlives_it(predictor_file, end):
     code = predictor_file(LEFT_BEHIND.replace("END", end))
-    question = (code, ["a"], meshes.warming(1), 10, Options())
-    if end == "pass":
-        predict_meshes(*question)
-    else:
-        with pytest.raises(PredictorError, match="exit code 1"):
-            predict_meshes(*question)
-    pid = code.with_suffix(".pid").read_text()
-    status = Path("/proc", pid, "status")
-    assert not status.exists()
+    ends = pytest.raises(PredictorError, match="exit code 1") if end != "pass" else nullcontext()
+    with ends:
+        predict_meshes(code, ["a"], meshes.warming(1), 10, Options())
+    assert not Path("/proc", code.with_suffix(".pid").read_text(), "status").exists()
 
 
 REMEMBERS = """
@@ -416,12 +383,8 @@ def predict(meshes):
 
 
 @pytest.mark.attack
-def test_what_a_predictor_remembers_of_a_shape_is_no_speed(
-    predictor_file, mini_truth, mini_meshes, tmp_path
-):
-    code = predictor_file(REMEMBERS)
-    evaluation = evaluate(code, mini_truth, mini_meshes, Options(batch_size=20), tmp_path / "parts")
-    cost = record.cost(evaluation, Options(batch_size=20))
+def test_what_a_predictor_remembers_of_a_shape_is_no_speed(evaluated, mini_truth):
+    cost = record.cost(evaluated(REMEMBERS, mini_truth, batch_size=20), Options(batch_size=20))
     assert cost["ms_per_mesh_mean"] > 5  # every new shape costs that
     assert cost["copies_ratio"] < 0.2
     (finding,) = record.findings({**cost, "cores_used": 1.0})

@@ -4,15 +4,14 @@ import copy
 import hashlib
 import itertools
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from eigbench.board import leaderboard, scaling_page
-from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, ResultError
-from eigbench.running import box, meshes
-from eigbench.running.process import PredictorProcess
+from eigbench.errors import EigbenchError, ResultError
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import run as scaling_run
 from eigbench.scaling import scores as scaling_scores
@@ -66,22 +65,16 @@ def test_small_meshes_are_pinned_and_their_labels_solved_anew_agree():
         assert list(surfaces.differences(surfaces.pinned(surface, size))) == []
 
 
-def test_a_mesh_is_the_same_each_time_and_has_about_the_wanted_vertices():
-    assert len(surfaces.SURFACES) == 6
-    for surface in surfaces.SURFACES:
-        mesh, again = surfaces.mesh(surface, 1_000), surfaces.mesh(surface, 1_000)
-        assert np.array_equal(mesh.vertices, again.vertices)
-        assert np.array_equal(mesh.faces, again.faces)
-        assert 0.9 * 1_000 < len(mesh.vertices) < 1.3 * 1_000
-
-
-def test_meshes_have_the_topology_of_their_surface():
-    assert len(surfaces.SURFACES) == 6
-    for surface in surfaces.SURFACES:
-        facts = geometry.MeshFacts(surfaces.mesh(surface, 1_000))
-        topology = FAMILIES[surface].topology(surfaces.spec(surface, 1_000).parameters)
-        assert facts.euler_characteristic == topology.euler_characteristic
-        assert facts.is_closed == (topology.boundaries == 0)
+@pytest.mark.parametrize("surface", surfaces.SURFACES)
+def test_a_mesh_is_the_same_each_time_and_has_the_size_and_topology_of_its_surface(surface):
+    mesh, again = surfaces.mesh(surface, 1_000), surfaces.mesh(surface, 1_000)
+    assert np.array_equal(mesh.vertices, again.vertices)
+    assert np.array_equal(mesh.faces, again.faces)
+    assert 0.9 * 1_000 < len(mesh.vertices) < 1.3 * 1_000
+    facts = geometry.MeshFacts(mesh)
+    topology = FAMILIES[surface].topology(surfaces.spec(surface, 1_000).parameters)
+    assert facts.euler_characteristic == topology.euler_characteristic
+    assert facts.is_closed == (topology.boundaries == 0)
 
 
 @pytest.mark.parametrize("surface", surfaces.SURFACES)
@@ -136,14 +129,15 @@ def test_what_is_not_in_the_set_or_not_pinned_is_said(monkeypatch):
 # --- running ---------------------------------------------------------------------------
 
 
-def test_a_run_writes_what_the_schema_wants(
-    eigbench, refused, predictor_file, tmp_path, monkeypatch
-):
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "scaling.json"
+
+
+def test_a_run_writes_what_the_schema_wants(printed, refused, predictor_file, out, monkeypatch):
     monkeypatch.setattr(surfaces, "SURFACES", ONE)
-    out = tmp_path / "scaling.json"
-    code, printed, _ = eigbench("scale", predictor_file(EIGHTY), "--sizes", 1000, "--out", out)
-    assert code == 0
-    assert printed.startswith("Eighty, one mesh a call\n")
+    command = ["scale", predictor_file(EIGHTY), "--sizes", 1000, "--out", out]
+    assert printed(*command).startswith("Eighty, one mesh a call\n")
     (mesh,) = scaling_results.read(out).meshes.values()
     assert (mesh["surface"], mesh["size"], mesh["outcome"]) == ("ellipsoid", 1000, "answered")
     assert mesh["eigenvalues"] == [80.0 + i for i in range(10)]
@@ -151,7 +145,7 @@ def test_a_run_writes_what_the_schema_wants(
     assert mesh["reference_seconds"] > 0
     label = surfaces.pinned("ellipsoid", 1000).label
     assert scaling_scores.error(mesh) == np.mean(np.abs(np.arange(80, 90) - label) / label)
-    err = refused("scale", predictor_file(EIGHTY), "--sizes", 1000, "--out", out)
+    err = refused(*command)
     assert "is there already: --resume adds what it lacks, or give another" in err
 
 
@@ -159,22 +153,25 @@ def test_a_run_writes_what_the_schema_wants(
     ("happens", "outcome", "detail"),
     [
         ("time.sleep(60)", "over time", "more than 2 s on the batch of 1"),
-        ("kept = np.ones(2**27); time.sleep(60)", "over memory", "more than 0.25 GiB"),
+        (
+            "kept = np.ones(2**27); time.sleep(60)",
+            "over memory",
+            r"more than 0\.25 GiB .*: raise --memory-limit",
+        ),
         ("os._exit(3)", "died", "exit code 3"),
         ("raise ValueError('too many\\nvertices')", "failed", "ValueError: too many vertices"),
         ("return -np.ones((1, 10))", "failed", "not finite and positive"),
     ],
 )
 def test_what_goes_wrong_at_one_size_loses_only_that(
-    predictor_file, tmp_path, only, happens, outcome, detail
+    predictor_file, out, only, happens, outcome, detail
 ):
     only(ONE)
     code = predictor_file(AT_TEN_THOUSAND.format(happens))
     settings = Settings(time_limit=2.0, memory_limit=0.25)
-    out = tmp_path / "scaling.json"
     result = scaling_run.run(code, [10_000, 1_000], settings, out)
     assert [mesh["outcome"] for mesh in result["meshes"]] == ["answered", outcome]
-    assert detail in result["meshes"][1]["detail"]
+    assert re.search(detail, result["meshes"][1]["detail"])
     assert result["meshes"][1]["eigenvalues"] is None
     assert scaling_results.read(out).result == result
     cell = scaling_scores.medians(Scaled(result, out), 10_000)
@@ -184,12 +181,12 @@ def test_what_goes_wrong_at_one_size_loses_only_that(
 
 @pytest.mark.slow
 def test_resume_adds_what_is_missing_and_tries_again_what_a_higher_limit_allows(
-    predictor_file, tmp_path, only, monkeypatch
+    predictor_file, out, only, monkeypatch
 ):
     only(TWO)
     monkeypatch.setattr(scaling_run, "ENOUGH", 1.0)
     code = predictor_file(AT_TEN_THOUSAND.format("time.sleep(1.5)"))
-    out, asked = tmp_path / "scaling.json", []
+    asked = []
 
     def run(limit, *sizes):
         asked.clear()
@@ -209,9 +206,9 @@ def test_resume_adds_what_is_missing_and_tries_again_what_a_higher_limit_allows(
     assert result["meshes"][:2] == first
 
 
-def test_resume_refuses_what_other_code_or_settings_have_made(predictor_file, tmp_path, only):
+def test_resume_refuses_what_other_code_or_settings_have_made(predictor_file, out, only):
     only(ONE)
-    code, out = predictor_file(EIGHTY), tmp_path / "scaling.json"
+    code = predictor_file(EIGHTY)
     scaling_run.run(code, [1_000], Settings(), out)
     with pytest.raises(EigbenchError, match=r"made with another threads \(cost\): give another"):
         scaling_run.run(code, [1_000], Settings(threads=2, resume=True), out)
@@ -234,9 +231,8 @@ def test_pins_are_read_by_path(monkeypatch):
     assert [type(source) for source in sources] == [type(Path())]
 
 
-def test_an_interrupted_run_keeps_what_it_has(predictor_file, tmp_path, only):
+def test_an_interrupted_run_keeps_what_it_has(predictor_file, out, only):
     only(TWO)
-    out = tmp_path / "scaling.json"
 
     def stop(name):
         if name.startswith("open_cylinder"):
@@ -260,38 +256,16 @@ def test_wrong_arguments_are_one_line(refused, arguments, message):
     assert message in refused("scale", *arguments)
 
 
-def test_a_predictor_that_cannot_do_a_small_mesh_leaves_no_result(
-    refused, predictor_file, tmp_path
-):
+def test_a_predictor_that_cannot_do_a_small_mesh_leaves_no_result(refused, predictor_file, out):
     code = predictor_file("import numpy as np\ndef predict(meshes):\n    return np.ones((1, 9))\n")
-    out = tmp_path / "scaling.json"
     err = refused("scale", code, "--sizes", 1000, "--out", out)
     assert err.startswith("eigbench: the answer has shape (1, 9), it must be (1, 10)")
     assert not out.exists()
 
 
-@pytest.mark.slow
-def test_errors_of_a_process_can_be_told_apart(predictor_file):
-    mesh = meshes.warming(1)
-
-    def ask(happens, **limits):
-        code = predictor_file(AT_TEN_THOUSAND.replace("> 5000", "> 0").format(happens))
-        with PredictorProcess(code, 10, box.Settings(time_limit=30.0, **limits)) as process:
-            process.time_limit = 2.0
-            process.predict(["a"], mesh)
-
-    with pytest.raises(OverTime, match="more than 2 s"):
-        ask("time.sleep(60)")
-    with pytest.raises(Died, match="exit code 3"):
-        ask("os._exit(3)")
-    with pytest.raises(OverMemory, match=r"more than 0.25 GiB .*: raise --memory-limit"):
-        ask("kept = np.ones(2**27); time.sleep(60)", memory_limit=0.25)
-
-
-def test_scaling_lists_and_verifies(eigbench, monkeypatch, only):
+def test_scaling_lists_and_verifies(eigbench, printed, monkeypatch, only):
     only(ONE)
-    code, out, _ = eigbench("scaling", "--verify", "--sizes", 1000)
-    assert code == 0
+    out = printed("scaling", "--verify", "--sizes", 1000)
     assert "1 meshes and their labels are the pinned ones" in out
     pins = {key: replace(pin, vertices=7) for key, pin in surfaces.read().items()}
     monkeypatch.setattr(surfaces, "read", lambda: pins)
@@ -303,25 +277,30 @@ def test_scaling_lists_and_verifies(eigbench, monkeypatch, only):
 # --- the page --------------------------------------------------------------------------
 
 
-@pytest.fixture
-def made(make_scaled):
-    return make_scaled
-
-
 NOWHERE = "solver.** Nowhere: no prediction wins at any size."
 TIMES = {1_000: 0.01, 10_000: 1.0}  # of an exact solver, in seconds
 
 
 @pytest.fixture
-def rows(made):
+def rows(make_scaled):
     """Two solvers; a prediction 0.5 % off, better than meshes of 1,000 vertices; one far off."""
     return [
-        made("Exact", {1_000: (0.1, 1.0), 10_000: (1.0, 1.0)}),
-        made("Exact too", {1_000: (0.2, 1 + 1e-11), 10_000: (9.0, None)}),
-        made("Near", {1_000: (0.01, 1.005), 10_000: (0.02, 1.005)}),
-        made("Far | off", {1_000: (0.001, 2.0)}),
-        made("Slow", {10_000: (5.0, 1.001)}),
+        make_scaled("Exact", {1_000: (0.1, 1.0), 10_000: (1.0, 1.0)}),
+        make_scaled("Exact too", {1_000: (0.2, 1 + 1e-11), 10_000: (9.0, None)}),
+        make_scaled("Near", {1_000: (0.01, 1.005), 10_000: (0.02, 1.005)}),
+        make_scaled("Far | off", {1_000: (0.001, 2.0)}),
+        make_scaled("Slow", {10_000: (5.0, 1.001)}),
     ]
+
+
+@pytest.fixture
+def exact(make_scaled):
+    """An exact solver for each size."""
+    return {size: make_scaled(f"Exact {size}", {size: (time, 1.0)}) for size, time in TIMES.items()}
+
+
+def section_of(rows):
+    return "\n".join(scaling_page.section(rows)[0])
 
 
 def page_of(rows):
@@ -343,26 +322,24 @@ def test_a_prediction_wins_where_it_is_faster_and_below_the_discretisation_error
     assert "(20.00 ms, error 0.500 %). Not run: Far \\| off.\n" in text
 
 
-def test_what_is_all_but_exact_is_a_prediction(made):
-    fit = made("Fit", {10_000: (0.5, 1 + 5e-7)})  # as a basis of polynomials on an ellipsoid
-    solver = made("Solver", {10_000: (1.0, 1 + 1e-11)})
+def test_what_is_all_but_exact_is_a_prediction(make_scaled):
+    fit = make_scaled("Fit", {10_000: (0.5, 1 + 5e-7)})  # as a basis of polynomials on an ellipsoid
+    solver = make_scaled("Solver", {10_000: (1.0, 1 + 1e-11)})
     verdict = scaling_scores.verdict([fit, solver], 10_000)
     assert (verdict.solver, verdict.seconds) == ("Solver", 1.0)
     assert verdict.faster == {"fit": (6, 6)}
 
 
-def test_a_prediction_does_not_win_where_a_coarser_mesh_is_as_good_and_faster(made):
-    near = made("Near", {10_000: (0.5, 1.0007)})  # error below the mesh's own, on every surface
-    exact = {size: made(f"Exact {size}", {size: (time, 1.0)}) for size, time in TIMES.items()}
+def test_a_prediction_does_not_win_where_a_coarser_mesh_is_as_good_and_faster(make_scaled, exact):
+    # An error below the mesh's own, on every surface
+    near = make_scaled("Near", {10_000: (0.5, 1.0007)})
     alone = scaling_scores.verdict([near, exact[10_000]], 10_000)
     assert alone.faster == {"near": (6, 6)}
     both = scaling_scores.verdict([near, *exact.values()], 10_000)
     assert both.faster == {"near": (6, 1)}  # elsewhere 0.07 % more costs half a second
     for surface in surfaces.SURFACES:  # by hand: slope of log time over log error
-        (small, large), (t, own) = (
-            [surfaces.pinned(surface, size).discretisation_error for size in TIMES],
-            TIMES.values(),
-        )
+        small, large = (surfaces.pinned(surface, size).discretisation_error for size in TIMES)
+        t, own = TIMES.values()
         distance = scaling_scores.distance(near.meshes[surface, 10_000])
         slope = np.log(own / t) / np.log(small / large)
         equal = scaling_scores.equal_seconds(surface, TIMES, distance)
@@ -372,7 +349,7 @@ def test_a_prediction_does_not_win_where_a_coarser_mesh_is_as_good_and_faster(ma
 
 
 def test_page_says_what_was_not_run_and_what_took_too_long(rows):
-    text = "\n".join(scaling_page.section(rows)[0])
+    text = section_of(rows)
     lines = {line.split(" | ")[0][2:]: line for line in text.splitlines() if line.startswith("| ")}
     main = text.partition("| model | kind | 1,000: error")[2].partition("\n\n")[0]
     assert "| Exact too | classical | exact | 200.00 | over 600 s | over 600 s |" in main
@@ -396,31 +373,29 @@ def test_json_has_the_medians_of_each_row_and_nothing_for_what_took_too_long(row
     assert by_name["Near"]["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def test_page_without_a_solver_or_a_winner_says_so(made):
-    alone = made("Near", {1_000: (0.01, 1.005)})
-    assert "nothing can be said" in "\n".join(scaling_page.section([alone])[0])
-    exact = made("Exact", {1_000: (0.001, 1.0)})
-    text = "\n".join(scaling_page.section([alone, exact])[0])
-    assert NOWHERE in text
+def test_page_without_a_solver_or_a_winner_says_so(make_scaled):
+    alone = make_scaled("Near", {1_000: (0.01, 1.005)})
+    assert "nothing can be said" in section_of([alone])
+    assert NOWHERE in section_of([alone, make_scaled("Exact", {1_000: (0.001, 1.0)})])
     assert scaling_page.section([]) == ([], {})
 
 
-def test_page_says_nowhere_where_only_a_coarser_mesh_is_as_good_and_faster(made):
-    near = made("Near", {10_000: (0.95, 1.0007)})
-    rows = [near, *(made(f"Exact {size}", {size: (t, 1.0)}) for size, t in TIMES.items())]
+def test_page_says_nowhere_where_only_a_coarser_mesh_is_as_good_and_faster(make_scaled, exact):
+    near = make_scaled("Near", {10_000: (0.95, 1.0007)})
+    rows = [near, *exact.values()]
     for surface in surfaces.SURFACES:  # faster and near enough to the label on every one
         own = surfaces.pinned(surface, 10_000).discretisation_error
         assert scaling_scores.error(near.meshes[surface, 10_000]) < own
     assert scaling_scores.verdict(rows, 10_000).faster == {"near": (6, 0)}
-    assert NOWHERE in "\n".join(scaling_page.section(rows)[0])
+    assert NOWHERE in section_of(rows)
 
 
-def test_times_of_two_machines_are_not_compared(made):
+def test_times_of_two_machines_are_not_compared(make_scaled):
     rows = [
-        made("Exact", {1_000: (0.1, 1.0)}),
-        made("Near", {1_000: (0.01, 1.005)}, hardware="another"),
+        make_scaled("Exact", {1_000: (0.1, 1.0)}),
+        make_scaled("Near", {1_000: (0.01, 1.005)}, hardware="another"),
     ]
-    text = "\n".join(scaling_page.section(rows)[0])
+    text = section_of(rows)
     assert text.count("### Scaling: ") == 2
     assert "nothing can be said" in text
     assert "Faster, on some surface: none" in page_of(rows)
@@ -484,8 +459,8 @@ def test_submit_places_a_result_and_the_board_is_checked(eigbench, refused, rows
         (lambda r: r["model"].pop("sources"), "'sources' is a required property"),
     ],
 )
-def test_a_damaged_result_is_refused(made, change, message):
-    row = made("Near", {1_000: (0.01, 1.005)})
+def test_a_damaged_result_is_refused(make_scaled, change, message):
+    row = make_scaled("Near", {1_000: (0.01, 1.005)})
     result = copy.deepcopy(row.result)
     change(result)
     row.path.write_text(json.dumps(result))

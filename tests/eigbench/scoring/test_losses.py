@@ -7,11 +7,16 @@ from eigbench.scoring.metrics import l1_norm, polar_loss, relative_percent_diffe
 torch = pytest.importorskip("torch")
 losses = pytest.importorskip("eigbench.scoring.losses")
 
-PAIRS = [
-    pytest.param(losses.rpd_loss, relative_percent_difference, id="rpd"),
-    pytest.param(losses.polar_loss, polar_loss, id="polar"),
-    pytest.param(losses.l1_loss, l1_norm, id="l1"),
-]
+METRICS = {
+    losses.rpd_loss: relative_percent_difference,
+    losses.polar_loss: polar_loss,
+    losses.l1_loss: l1_norm,
+}
+
+
+@pytest.fixture(params=METRICS, ids=lambda loss: loss.__name__)
+def loss(request):
+    return request.param
 
 
 def batch(rows=7, *, seed=0):
@@ -20,39 +25,34 @@ def batch(rows=7, *, seed=0):
     return g * rng.uniform(0.5, 2, g.shape), g
 
 
-@pytest.mark.parametrize(("loss", "metric"), PAIRS)
 @pytest.mark.parametrize("sign", [1, -1])
-def test_loss_equals_the_mean_of_the_metric(loss, metric, sign):
+def test_loss_equals_the_mean_of_the_metric(loss, sign):
     p, g = batch()
     value = loss(torch.tensor(sign * p), torch.tensor(g))
     assert value.shape == ()
     assert value.dtype == torch.float64
-    assert value.item() == pytest.approx(metric(sign * p, g).mean(), rel=1e-12, abs=1e-12)
+    assert value.item() == pytest.approx(METRICS[loss](sign * p, g).mean(), rel=1e-12, abs=1e-12)
 
 
-@pytest.mark.parametrize(("loss", "metric"), PAIRS)
-def test_loss_of_the_label_is_zero(loss, metric):
+def test_loss_of_the_label_is_zero(loss):
     _, g = batch()
     assert loss(torch.tensor(g), torch.tensor(g)).item() == pytest.approx(0, abs=1e-12)
 
 
-@pytest.mark.parametrize(("loss", "metric"), PAIRS)
-def test_gradient_of_the_loss_equals_the_finite_difference(loss, metric):
+def test_gradient_of_the_loss_equals_the_finite_difference(loss):
     p, g = batch(3, seed=1)
     prediction = torch.tensor(p, requires_grad=True)
     assert torch.autograd.gradcheck(lambda p: loss(p, torch.tensor(g)), (prediction,))
 
 
-@pytest.mark.parametrize(("loss", "metric"), PAIRS)
-def test_gradient_at_the_label_is_finite(loss, metric):
+def test_gradient_at_the_label_is_finite(loss):
     _, g = batch(2)
     prediction = torch.tensor(g, requires_grad=True)
     loss(prediction, torch.tensor(g)).backward()
     assert torch.isfinite(prediction.grad).all()
 
 
-@pytest.mark.parametrize(("loss", "metric"), PAIRS)
-def test_a_step_against_the_gradient_lowers_the_loss(loss, metric):
+def test_a_step_against_the_gradient_lowers_the_loss(loss):
     p, g = batch(4, seed=2)
     prediction, label = torch.tensor(p, requires_grad=True), torch.tensor(g)
     before = loss(prediction, label)

@@ -59,12 +59,10 @@ def test_per_index_equals_the_numbers_worked_by_hand(by_hand):
 
 
 def test_several_seeds_give_the_mean_and_the_spread_of_their_means(by_hand):
-    off_by_one = np.array(LABELS) + np.array([1, 0])
-    off_by_three = np.array(LABELS) + np.array([3, 0])
-    overall = scores.score(by_hand, np.stack([off_by_one, off_by_three]))["overall"]
-    assert overall["l1"]["mean"] == 2
-    assert overall["l1"]["median"] == 2
-    assert overall["l1"]["seed_std"] == pytest.approx(math.sqrt(2))  # of 1 and 3, n - 1
+    off_by_one_and_by_three = np.array(LABELS) + np.array([[[1, 0]], [[3, 0]]])
+    l1 = scores.score(by_hand, off_by_one_and_by_three)["overall"]["l1"]
+    assert (l1["mean"], l1["median"]) == (2, 2)
+    assert l1["seed_std"] == pytest.approx(math.sqrt(2))  # of 1 and 3, n - 1
 
 
 def test_one_seed_repeated_changes_nothing_but_the_spread(random_case):
@@ -91,14 +89,11 @@ def test_weighted_mean_over_families_is_the_overall_mean(random_case, by_hand):
 
 
 def test_interval_holds_the_mean(random_case):
-    overall = scores.score(*random_case)["overall"]
-    assert list(overall) == list(METRICS)
-    for cell in overall.values():
+    scored = scores.score(*random_case)
+    assert scored == scores.score(*random_case)  # the same for every call
+    assert list(scored["overall"]) == list(METRICS)
+    for cell in scored["overall"].values():
         assert cell["low"] <= cell["mean"] <= cell["high"]
-
-
-def test_scores_are_the_same_for_every_call(random_case):
-    assert scores.score(*random_case) == scores.score(*random_case)
 
 
 def test_families_weigh_alike_in_the_mean_over_families(by_hand):
@@ -132,10 +127,8 @@ def test_one_value_that_is_not_finite_is_never_dropped(random_case, broken):
     predictions[1, 5, 2] = broken
     result = scores.score(truth, predictions)
     for key in ("invlap", "rpd", "polar", "l1", "l2"):
-        assert result["overall"][key]["mean"] is None
-        assert result["overall"][key]["low"] is None
-        assert result["overall"][key]["high"] is None
-        assert result["overall"][key]["seed_std"] is None
+        cell = result["overall"][key]
+        assert [cell[name] for name in ("mean", "low", "high", "seed_std")] == [None] * 4
         assert result["families"]["a"][key]["mean"] is None
         assert result["families"]["b"][key]["mean"] is not None
     assert result["families"]["a"]["count"] == 30

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from eigbench.board import ranking
 from eigbench.errors import EigbenchError
-from eigbench.results import submission
 from eigbench.scoring import scores, targets, truth
 
 from synthnet.families.limits import Limit
@@ -30,11 +29,10 @@ def pin(monkeypatch, mini_truth):
 
 
 @pytest.fixture(scope="module")
-def two(make_submission, mini_truth):
+def two(make_row, mini_truth):
     """Predictors that are 2 and 8 % off the labels on every shape."""
     g = mini_truth.eigenvalues
-    paths = [make_submission(f"Off by {share}", g * (1 + share)) for share in (0.02, 0.08)]
-    return [(path, submission.read(path)) for path in paths]
+    return [make_row(f"Off by {share}", g * (1 + share)) for share in (0.02, 0.08)]
 
 
 def test_surface_of_a_sphere_has_its_closed_form_and_the_mesh_has_not(mini_truth):
@@ -134,7 +132,7 @@ def test_the_pinned_limits_are_those_of_the_pinned_labels():
 @pytest.mark.parametrize(("bar", "verdict"), [(0.02, "a"), (0.04, "tie")])
 def test_a_difference_that_the_bars_could_make_is_a_tie(pin, two, bar, verdict):
     pin(0.9, bar)  # so that both answers are far beyond the bars
-    a, b = (row.at("surface") for _, row in two)
+    a, b = (row.at("surface") for row in two)
     difference = ranking.difference(a, b, "rpd")
     first, second = (1.02 / 0.9 - 1, 1.08 / 0.9 - 1)
     apart = 10 * (second / (2 + second) - first / (2 + first))
@@ -154,39 +152,36 @@ def test_what_is_not_finite_loses_whatever_the_floor(pin, two, make_row, mini_tr
     values[7, 3] = np.nan
     bad = make_row("Bad", values)
     pin(0.9, 0.5)
-    both = bad.at("surface"), two[1][1].at("surface")
-    assert ranking.difference(*both, "rpd").verdict == "b"
+    assert ranking.difference(bad.at("surface"), two[1].at("surface"), "rpd").verdict == "b"
 
 
 # Shown
 
 
-def test_compare_is_at_the_target_that_is_asked_for(eigbench, pin, make_submission, mini_truth):
+def test_compare_is_at_the_target_that_is_asked_for(printed, pin, make_submission, mini_truth):
     pin(0.9, 0.0)
     g = mini_truth.eigenvalues
     paths = [make_submission(f"Off by {share}", g * (1 + share)) for share in (0.02, 0.08)]
-    code, out, _ = eigbench("compare", *paths, "--target", "surface")
-    assert code == 0
+    out = printed("compare", *paths, "--target", "surface")
     assert "both against the surface" in out
     line = next(line for line in out.splitlines() if line.startswith("RPD "))
     assert line.split()[1] == f"{10 * (1.02 / 0.9 - 1) / (1.02 / 0.9 + 1):.4f}"
-    assert json.loads(eigbench("compare", *paths, "--json")[1])["target"] == "surface"
-    comparison = json.loads(eigbench("compare", *paths, "--target", "mesh", "--json")[1])
+    assert json.loads(printed("compare", *paths, "--json"))["target"] == "surface"
+    comparison = json.loads(printed("compare", *paths, "--target", "mesh", "--json"))
     assert comparison["target"] == "mesh"
     assert comparison["overall"]["rpd"]["a"] == pytest.approx(10 * 0.02 / 2.02)
     assert comparison["overall"]["psnr"]["floor"] is None
 
 
-def test_score_has_both_targets_or_the_one_that_is_asked_for(eigbench, refused, two, monkeypatch):
-    path, row = two[0]
-    arguments = [path.with_suffix(".parquet"), "--dataset", "1.0-mini"]
-    both = json.loads(eigbench("score", *arguments, "--json")[1])["scores"]
-    assert both == json.loads(json.dumps(row.result["scores"]))
-    alone = json.loads(eigbench("score", *arguments, "--target", "surface", "--json")[1])["scores"]
+def test_score_has_both_targets_or_the_one_that_is_asked_for(printed, refused, two, monkeypatch):
+    arguments = ["score", two[0].predictions_path, "--dataset", "1.0-mini"]
+    both = json.loads(printed(*arguments, "--json"))["scores"]
+    assert both == json.loads(json.dumps(two[0].result["scores"]))
+    alone = json.loads(printed(*arguments, "--target", "surface", "--json"))["scores"]
     assert alone == {"surface": both["surface"]}
-    out = eigbench("score", *arguments)[1]
+    out = printed(*arguments)
     assert out.index("Against the surface") < out.index("Against the mesh")
     monkeypatch.setattr(targets, "_pinned", lambda version: None)
-    err = refused("score", *arguments, "--target", "surface")
+    err = refused(*arguments, "--target", "surface")
     assert "the surfaces' spectra of 1.0-mini, grouped, are not known: give --target mesh" in err
-    assert "Against the surface: not known for this dataset" in eigbench("score", *arguments)[1]
+    assert "Against the surface: not known for this dataset" in printed(*arguments)

@@ -42,11 +42,8 @@ def test_sizes_of_a_split(splits, key):
 
 @pytest.mark.parametrize("protocol", ["grouped", "paper"])
 def test_splits_of_the_mini_have_every_instance_once(splits, protocol):
-    ids = [
-        id
-        for split in ("train", "validation", "test")
-        for id in splits["1.0-mini", split, protocol].ids
-    ]
+    parts = [splits["1.0-mini", split, protocol] for split in ("train", "validation", "test")]
+    ids = [id for part in parts for id in part.ids]
     assert len(ids) == len(set(ids)) == 335 * 9
 
 
@@ -87,83 +84,71 @@ def test_labels_are_positive_and_ascending(splits):
         assert (np.diff(split.eigenvalues, axis=1) >= 0).all()
 
 
-def test_instances_of_a_shape_have_one_label(splits):
-    split = splits["1.0-mini", "test", "grouped"]
-    assert len(np.unique(split.shapes)) == 34
-    for shape in np.unique(split.shapes):
-        assert len(np.unique(split.eigenvalues[split.shapes == shape], axis=0)) == 1
+def test_instances_of_a_shape_have_one_label(mini_truth):
+    shapes = np.unique(mini_truth.shapes)
+    assert len(shapes) == 34
+    for shape in shapes:
+        assert len(np.unique(mini_truth.eigenvalues[mini_truth.shapes == shape], axis=0)) == 1
 
 
-def test_digest_is_the_same_for_every_load(splits):
-    digest = splits["1.0-mini", "test", "grouped"].digest
-    assert digest == truth.load("1.0-mini", "test", "grouped").digest
-    assert len(digest) == 64
+def test_digest_is_the_same_for_every_load(splits, mini_truth):
+    assert splits["1.0-mini", "test", "grouped"].digest == mini_truth.digest
+    assert len(mini_truth.digest) == 64
     assert len({split.digest for split in splits.values()}) == len(SIZES)
 
 
-def test_digest_changes_with_the_last_bit_of_one_label(splits):
-    split = splits["1.0-mini", "test", "grouped"]
-    changed = split.eigenvalues.copy()
-    changed[200, 3] = np.nextafter(changed[200, 3], 0)
-    assert dataclasses.replace(split, eigenvalues=changed).digest != split.digest
-
-
-def test_digest_changes_with_an_id_and_with_the_order(splits):
-    split = splits["1.0-mini", "test", "grouped"]
-    renamed = ("cone-99999/0", *split.ids[1:])
-    assert dataclasses.replace(split, ids=renamed).digest != split.digest
-    swapped = (split.ids[1], split.ids[0], *split.ids[2:])
-    assert dataclasses.replace(split, ids=swapped).digest != split.digest
+def test_digest_changes_with_the_last_bit_of_a_label_with_an_id_and_with_the_order(mini_truth):
+    first, second, *others = mini_truth.ids
+    labels = mini_truth.eigenvalues.copy()
+    labels[200, 3] = np.nextafter(labels[200, 3], 0)
+    for change in (
+        {"eigenvalues": labels},
+        {"ids": ("cone-99999/0", second, *others)},
+        {"ids": (second, first, *others)},
+    ):
+        assert dataclasses.replace(mini_truth, **change).digest != mini_truth.digest
 
 
 @pytest.mark.parametrize("count", [1, 30, 305])
-def test_head_is_a_subset_in_the_order_of_the_whole(splits, count):
-    whole = splits["1.0-mini", "test", "grouped"]
-    head = whole.head(count)
-    rows = [whole.ids.index(id) for id in head.ids]
+def test_head_is_a_subset_in_the_order_of_the_whole(mini_truth, count):
+    head = mini_truth.head(count)
+    rows = [mini_truth.ids.index(id) for id in head.ids]
     assert len(rows) == count
     assert rows == sorted(rows)
-    np.testing.assert_array_equal(head.eigenvalues, whole.eigenvalues[rows])
-    np.testing.assert_array_equal(head.shapes, whole.shapes[rows])
-    np.testing.assert_array_equal(head.families, whole.families[rows])
-    assert head.digest != whole.digest
-    assert head.recipe_digest == whole.recipe_digest
+    for name in ("eigenvalues", "shapes", "families"):
+        np.testing.assert_array_equal(getattr(head, name), getattr(mini_truth, name)[rows])
+    assert head.digest != mini_truth.digest
+    assert head.recipe_digest == mini_truth.recipe_digest
 
 
-def test_head_is_the_same_for_every_call_and_for_another_load(splits):
-    whole = splits["1.0-mini", "test", "grouped"]
-    assert whole.head(30).digest == whole.head(30).digest
-    assert whole.head(30).digest == truth.load("1.0-mini").head(30).digest
-
-
-def test_smaller_heads_are_inside_larger_ones(splits):
-    whole = splits["1.0-mini", "test", "grouped"]
-    assert set(whole.head(10).ids) < set(whole.head(30).ids) < set(whole.head(100).ids)
-
-
-def test_head_mixes_the_families(splits):
+def test_heads_are_the_same_each_time_inside_larger_ones_and_of_many_families(splits, mini_truth):
+    again = splits["1.0-mini", "test", "grouped"]
+    assert mini_truth.head(30).digest == mini_truth.head(30).digest == again.head(30).digest
+    small, middle, large = (set(mini_truth.head(count).ids) for count in (10, 30, 100))
+    assert small < middle < large
+    assert mini_truth.head(1000).digest == mini_truth.digest
     assert len(set(splits["1.0", "test", "grouped"].head(100).families.tolist())) >= 8
 
 
-def test_head_of_more_than_there_is_is_the_whole(splits):
-    whole = splits["1.0-mini", "test", "grouped"]
-    assert whole.head(1000).digest == whole.digest
-
-
-def test_unknown_split_is_refused():
-    with pytest.raises(EigbenchError, match="split must be one of train, validation, test, got 't"):
-        truth.load("1.0-mini", "tests")
-
-
-def test_unknown_protocol_is_refused():
-    message = "protocol of 1.0-mini must be one of grouped, paper: 'random'"
-    with pytest.raises(RecipeError, match=message):
-        truth.load("1.0-mini", "test", "random")
-
-
-def test_unknown_version_is_refused():
-    with pytest.raises(RecipeError, match=r"unknown version '9\.9': choose one of 1\.0"):
-        truth.load("9.9")
+@pytest.mark.parametrize(
+    ("question", "error", "message"),
+    [
+        (
+            ("1.0-mini", "tests"),
+            EigbenchError,
+            "split must be one of train, validation, test, got 't",
+        ),
+        (
+            ("1.0-mini", "test", "random"),
+            RecipeError,
+            "protocol of 1.0-mini must be one of grouped, paper: 'random'",
+        ),
+        (("9.9",), RecipeError, r"unknown version '9\.9': choose one of 1\.0"),
+    ],
+)
+def test_what_is_not_there_is_refused(question, error, message):
+    with pytest.raises(error, match=message):
+        truth.load(*question)
 
 
 def test_version_without_pins_is_refused(monkeypatch):
@@ -174,19 +159,15 @@ def test_version_without_pins_is_refused(monkeypatch):
 
 # --- the labels of 1.0, and that they stay what they are --------------------------------
 
-# Of the ids and labels that the leaderboard stands on. A change is a new dataset version.
-DIGESTS = {
-    ("1.0", "test", "grouped"): "6b9c2670abcdd84ffd1a15381c615256d5923c7c7e5f491de219a4ab5b52d094",
-}
+
+def test_labels_are_those_of_the_leaderboard(splits):
+    """Of the ids and labels that it stands on. A change is a new dataset version."""
+    expected = "6b9c2670abcdd84ffd1a15381c615256d5923c7c7e5f491de219a4ab5b52d094"
+    assert splits["1.0", "test", "grouped"].digest == expected
 
 
-@pytest.mark.parametrize("which", DIGESTS, ids="-".join)
-def test_labels_are_those_of_the_leaderboard(which):
-    assert truth.load(*which).digest == DIGESTS[which]
-
-
-def test_equal_shapes_are_one_group():
-    labels = truth.load("1.0")
+def test_equal_shapes_are_one_group(splits):
+    labels = splits["1.0", "test", "grouped"]
     shapes, groups = len(set(labels.shapes.tolist())), len(set(labels.groups.tolist()))
     assert groups < shapes  # there are more draws of spheres than spheres
     for group in set(labels.groups.tolist()):

@@ -13,7 +13,6 @@ import pytest
 from eigbench.board import leaderboard
 from eigbench.results import submission
 from eigbench.scaling import results as scaling_results
-from eigbench.scoring import truth
 from eigbench.site import bundle, write
 from playwright.sync_api import sync_playwright
 
@@ -106,6 +105,20 @@ def browser(launch):
     return launch()
 
 
+@pytest.fixture
+def new_page(browser):
+    """Return a function that opens an empty page, which is closed after the test."""
+    pages = []
+
+    def new(**options):
+        pages.append(browser.new_page(**options))
+        return pages[-1]
+
+    yield new
+    for page in pages:
+        page.close()
+
+
 @pytest.fixture(scope="session")
 def overflow():
     """Return a function: by how many pixels a page is wider than its window."""
@@ -146,30 +159,17 @@ def bundled(tmp_path_factory, npm):
 
 
 @pytest.fixture(scope="session")
-def made_board(make_submission, make_scaled, mini_truth):
+def made_board(make_submission, of_protocol, held_out_submissions, make_scaled, mini_truth):
     """A board of everything there is: datasets, protocols, an import, scaling, reported rows."""
     g = mini_truth.eigenvalues
-    two = np.stack([g * 1.2, g * 1.21])
+    trained = {"kind": "learned", "training_data": "the training split"}
     paths = [
         make_submission("One percent", g * 1.01, kind="classical", training_data="none"),
         make_submission("Other percent", g * 1.011, kind="learned", parameters=12),
-        make_submission(
-            "Twenty | <percent>", two, kind="learned", training_data="the training split"
-        ),
+        make_submission("Twenty | <percent>", np.stack([g * 1.2, g * 1.21]), **trained),
         make_submission("Far", g * 4, training_data="none"),
-    ]
-
-    def of(name, protocol, factor, **model):
-        labels = truth.load("2.0-mini", "test", protocol)
-        return make_submission(name, labels.eigenvalues * factor, labels, **model)
-
-    trained = {"kind": "learned", "training_data": "the training split"}
-    paths += [
-        of("Solver", "grouped", 1.001, kind="classical", training_data="none"),
-        of("Model", "grouped", 1.01, **trained),
-        of("Lazy", "grouped", 1.02, **trained),
-        of("Model", "genus", 1.05, **trained),
-        of("Model", "imported/real-28", 1.1, **trained),
+        *held_out_submissions,
+        of_protocol("Model", "imported/real-28", 1.1, **trained),
     ]
     scaled = [
         make_scaled("Exact", {1_000: (0.1, 1.0), 10_000: (1.0, 1.0)}),

@@ -2,10 +2,8 @@
 
 import base64
 import json
-import os
 import re
 import shutil
-import subprocess
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
@@ -27,11 +25,24 @@ from eigbench.site.shapes import FACES, STEPS
 
 from synthnet.mesh.open3d import decimate
 from synthnet.types import Mesh
+from tests.eigbench.conftest import changed, git
+from tests.eigbench.site.conftest import CHECKOUT
 
 FIRST = ("index.html", "style.css", "page.js", "data.js")  # the chart and the first board follow
-# The boards that are shown; that of this repository is large.
-BOTH = ["made", pytest.param("real", marks=pytest.mark.slow)]
 LARGEST = 400_000  # bytes of the first view
+
+
+@pytest.fixture(params=["made", pytest.param("real", marks=pytest.mark.slow)])
+def shown(request):
+    """A board and the files of its page; that of this repository is large."""
+    return [request.getfixturevalue(f"{request.param}_{kind}") for kind in ("board", "content")]
+
+
+@pytest.fixture
+def empty_board(tmp_path):
+    """A board without rows."""
+    (tmp_path / "benchmark" / "results").mkdir(parents=True)
+    return tmp_path
 
 
 def read(content, path):
@@ -63,9 +74,8 @@ def test_input_in_another_order_gives_the_same_bytes(made_board, made_content):
     assert again == made_content
 
 
-@pytest.mark.parametrize("name", BOTH)
-def test_first_view_is_small_and_the_rest_is_loaded_when_asked_for(request, name):
-    content = request.getfixturevalue(f"{name}_content")
+def test_first_view_is_small_and_the_rest_is_loaded_when_asked_for(shown):
+    _, content = shown
     assert first_view(content) < LARGEST
     page = content["index.html"].decode()
     loaded = re.findall(r"<(?:script defer src|link rel=\"stylesheet\" href)=\"(.+?)\"", page)
@@ -123,10 +133,8 @@ ON_THE_BOARD = {
 }
 
 
-@pytest.mark.parametrize("name", BOTH)
-def test_every_row_is_there_with_the_numbers_of_the_leaderboard(request, name):
-    submissions, reported, scaled = request.getfixturevalue(f"{name}_board")
-    content = request.getfixturevalue(f"{name}_content")
+def test_every_row_is_there_with_the_numbers_of_the_leaderboard(shown):
+    (submissions, reported, scaled), content = shown
     pages = leaderboard.generate(submissions, reported, scaled)
     assert submissions
     assert reported
@@ -142,23 +150,15 @@ def test_every_row_is_there_with_the_numbers_of_the_leaderboard(request, name):
             line = main[cell(row["name"])]
             assert line["kind"] == row["kind"]
             for key, heading in ON_THE_BOARD.items():
-                assert cell(row["cells"][key][0]) == line[heading], (
-                    submission.board,
-                    row["name"],
-                    key,
-                )
+                where = submission.board, row["name"], key
+                assert cell(row["cells"][key][0]) == line[heading], where
+    titles = [table["title"] for table in read(content, "boards/reported.js")["tables"]]
     for paper in reported:
-        titles = [
-            reported_table["title"]
-            for reported_table in read(content, "boards/reported.js")["tables"]
-        ]
-        assert titles == [reported_table["title"] for reported_table in paper["tables"]]
+        assert titles == [table["title"] for table in paper["tables"]]
 
 
-@pytest.mark.parametrize("name", BOTH)
-def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, name):
-    submissions, reported, scaled = request.getfixturevalue(f"{name}_board")
-    content = request.getfixturevalue(f"{name}_content")
+def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(shown):
+    (submissions, reported, scaled), content = shown
     pages = leaderboard.generate(submissions, reported, scaled)
     held_out = [
         submission
@@ -173,14 +173,12 @@ def test_what_is_held_out_has_the_numbers_of_the_generalisation_table(request, n
         for key in generalisation.SHOWN:
             lines = table(section, f"model (mean {METRICS[key].heading})")
             for row in read(content, f"boards/{submission.board}-{submission.target}.js")["rows"]:
-                line = lines[cell(row["name"])]
-                shown = line[title].rstrip(
-                    " ⁰¹²³⁴⁵⁶⁷⁸⁹"
-                )  # marks of remarks, which the page has as notes
-                mean, _, drop = shown.partition(" (")
-                shown = row["cells"][key][0].partition(" ± ")[0]
-                all_or_none = re.fullmatch(r"(100|0) % \(.+\)", shown)  # with its bound
-                known = f"{all_or_none[1]}.00 %" if all_or_none else shown
+                # Without the marks of remarks, which the page has as notes
+                number = lines[cell(row["name"])][title].rstrip(" ⁰¹²³⁴⁵⁶⁷⁸⁹")
+                mean, _, drop = number.partition(" (")
+                known = row["cells"][key][0].partition(" ± ")[0]
+                if all_or_none := re.fullmatch(r"(100|0) % \(.+\)", known):  # with its bound
+                    known = f"{all_or_none[1]}.00 %"
                 assert cell(known) == mean, (submission.board, row["name"])
                 if key == "rpd":
                     assert row["cells"]["drop"][0] == (drop.removesuffix(")") or "none")
@@ -200,18 +198,14 @@ def test_every_table_of_a_board_is_a_view_of_the_page(made_board, made_content):
         compared.append(group["key"])
         for row in board["rows"]:
             line = lines[cell(row["name"])]
-            titles = [cell(board["columns"][key]["title"]) for key in group["columns"]]
-            assert [line[title] for title in titles] == [
-                cell(row["cells"][key][0]) for key in group["columns"]
-            ]
+            for key in group["columns"]:
+                assert line[cell(board["columns"][key]["title"])] == cell(row["cells"][key][0])
     families = [f"families-{key}" for key in ("invlap", "rpd", "psnr20")]
     assert compared == ["medians", "intervals", *families, "indices", "cost", "physics"]
 
 
-@pytest.mark.parametrize("name", BOTH)
-def test_every_row_opens_to_its_shapes_and_their_meshes(request, name):
-    content = request.getfixturevalue(f"{name}_content")
-    submissions = request.getfixturevalue(f"{name}_board")[0]
+def test_every_row_opens_to_its_shapes_and_their_meshes(shown):
+    (submissions, _, _), content = shown
     assert submissions
     for submission in both_targets(submissions):
         key = f"{submission.board}-{submission.target}"
@@ -227,9 +221,8 @@ def test_every_row_opens_to_its_shapes_and_their_meshes(request, name):
                 assert f"{shape['mesh']}.js" in content
 
 
-@pytest.mark.parametrize("name", BOTH)
-def test_every_model_has_a_page_with_its_ranks_and_the_differences_behind_them(request, name):
-    content = request.getfixturevalue(f"{name}_content")
+def test_every_model_has_a_page_with_its_ranks_and_the_differences_behind_them(shown):
+    _, content = shown
     keys = [p[7:-3] for p in content if p.startswith("boards/") and "test" in p]
     assert keys
     for key in keys:
@@ -311,16 +304,6 @@ def test_a_row_says_where_it_comes_from(made_board, bundled, tmp_path):
 
 
 def test_the_day_of_a_result_is_that_of_its_commit(tmp_path):
-    def git(*command, day="2026-01-02"):
-        when = {f"GIT_{who}_DATE": f"{day}T12:00:00Z" for who in ("AUTHOR", "COMMITTER")}
-        name = ["-c", "user.name=A", "-c", "user.email=a@example.org"]
-        subprocess.run(
-            ["git", "-C", tmp_path, *name, *command],
-            check=True,
-            capture_output=True,
-            env={**os.environ, **when},
-        )
-
     def day(name):
         origin._dates.cache_clear()
         return origin.date(folder / name)
@@ -329,28 +312,24 @@ def test_the_day_of_a_result_is_that_of_its_commit(tmp_path):
     folder.mkdir(parents=True)
     for name in ("one.json", "two.json", "new.json"):
         (folder / name).write_text(name)
-    git("init", "-q")
-    git("add", folder / "one.json", folder / "two.json")
-    git("commit", "-qm", "rows")
+    git(tmp_path, "init", "-q")
+    git(tmp_path, "add", folder / "one.json", folder / "two.json")
+    git(tmp_path, "commit", "-qm", "rows")
     (folder / "two.json").write_text("again")
-    git("commit", "-qam", "a row again", day="2026-03-04")
-    assert [day(name) for name in ("one.json", "two.json", "new.json")] == [
-        "2026-01-02",
-        "2026-03-04",
-        "",
-    ]
+    git(tmp_path, "commit", "-qam", "a row again", day="2026-03-04")
+    days = [day(name) for name in ("one.json", "two.json", "new.json")]
+    assert days == ["2026-01-02", "2026-03-04", ""]
     (folder / "one.json").write_text("changed since")
     assert day("one.json") == ""
     shallow = tmp_path / "shallow"
-    subprocess.run(["git", "clone", "-q", "--depth=1", f"file://{tmp_path}", shallow], check=True)
+    git(tmp_path, "clone", "-q", "--depth=1", f"file://{tmp_path}", shallow)
     there = shallow / folder.relative_to(tmp_path)
     assert origin.date(there / "two.json") == ""
 
 
 def test_command_of_a_page_names_the_run_and_its_own_batches(made_board, bundled):
     far = made_board[0][3]
-    clock = {**far.result["cost"], "batch_size": 3}
-    timed = replace(far, result={**far.result, "cost": clock})
+    timed = changed(far, "cost", batch_size=3)
     commands = read(write.files([timed], [], []), "models/far.js")["command"]
     assert commands["1.0-mini-test-grouped-mesh"] == (
         f"eigbench evaluate {far.result['model']['code']} --dataset 1.0-mini --protocol grouped "
@@ -406,9 +385,7 @@ def test_what_is_held_out_stands_beside_the_same_model_trained_on_everything(mad
     assert groups["protocols-rpd"][:2] == ["rpd-iid", "rpd-family"]
     lazy = next(row for row in every["rows"] if row["name"] == "Lazy")
     assert lazy["cells"]["rpd-genus"] == ["not run", None]
-    genus = next(
-        protocol for protocol in every["drops"]["rpd"] if protocol["column"] == "rpd-genus"
-    )
+    (genus,) = (drop for drop in every["drops"]["rpd"] if drop["column"] == "rpd-genus")
     assert set(genus["scores"]) == {"solver", "model"}
     assert genus["scores"]["model"] == pytest.approx([rpd - drop, rpd], rel=1e-5)
     assert genus["scores"]["solver"][0] is None
@@ -417,13 +394,8 @@ def test_what_is_held_out_stands_beside_the_same_model_trained_on_everything(mad
 
 
 def test_what_is_not_trained_is_scored_on_the_part_that_a_protocol_tests(made_board):
-    submissions, _, _ = made_board
     genus = truth.load("2.0-mini", "test", "genus")
-    (solver,) = (
-        submission
-        for submission in submissions
-        if (submission.name, submission.truth.protocol) == ("Solver", "grouped")
-    )
+    (solver,) = (row for row in made_board[0] if row.name == "Solver")
     part = boards.restricted(solver, genus)
     assert part.truth.digest == genus.digest
     np.testing.assert_array_equal(part.predictions, generalisation.predicted(solver, genus))
@@ -517,7 +489,7 @@ def test_a_large_mesh_is_simplified_the_same_each_time(mini_truth):
 
 @pytest.mark.slow
 def test_command_writes_the_page_and_says_where(eigbench, real_content, tmp_path, monkeypatch):
-    monkeypatch.chdir(Path(__file__).parents[3])
+    monkeypatch.chdir(CHECKOUT)
     code, out, err = eigbench("site", "--out", tmp_path / "page", "--docs", write.DOCS)
     assert code == 0, err
     assert re.search(r"rows: \d+; \d+ files, .* MB: open .*page/index\.html", out)
@@ -533,15 +505,21 @@ def test_command_writes_the_page_and_says_where(eigbench, real_content, tmp_path
     assert [path.name for path in tmp_path.iterdir()] == ["page"]
 
 
-def test_an_older_page_is_replaced_whole(made_content, tmp_path):
-    write.write(tmp_path / "page", {**made_content, "rows/old.js": b"old"})
+@pytest.fixture
+def page(made_content, tmp_path):
+    """The folder of a page that was written; after the test nothing else is beside it."""
     write.write(tmp_path / "page", made_content)
-    assert not (tmp_path / "page" / "rows" / "old.js").exists()
+    yield tmp_path / "page"
     assert [path.name for path in tmp_path.iterdir()] == ["page"]
 
 
-def test_a_run_that_fails_leaves_the_older_page(made_content, tmp_path, monkeypatch):
-    write.write(tmp_path / "page", made_content)
+def test_an_older_page_is_replaced_whole(made_content, page):
+    write.write(page, {**made_content, "rows/old.js": b"old"})
+    write.write(page, made_content)
+    assert not (page / "rows" / "old.js").exists()
+
+
+def test_a_run_that_fails_leaves_the_older_page(made_content, page, monkeypatch):
     calls = []
 
     def fail(self, data):
@@ -552,10 +530,9 @@ def test_a_run_that_fails_leaves_the_older_page(made_content, tmp_path, monkeypa
 
     monkeypatch.setattr(Path, "write_bytes", fail)
     with pytest.raises(EigbenchError, match=r"cannot write .*page \(No space left on device\)"):
-        write.write(tmp_path / "page", made_content)
+        write.write(page, made_content)
     monkeypatch.undo()
-    assert (tmp_path / "page" / "index.html").read_bytes() == made_content["index.html"]
-    assert [path.name for path in tmp_path.iterdir()] == ["page"]
+    assert (page / "index.html").read_bytes() == made_content["index.html"]
 
 
 def stop_at_move(monkeypatch, number, error):
@@ -574,28 +551,24 @@ def stop_at_move(monkeypatch, number, error):
 @pytest.mark.parametrize("error", [OSError(5, "Input/output error"), KeyboardInterrupt()])
 @pytest.mark.parametrize("number", [1, 2])
 def test_a_run_that_is_stopped_at_a_move_leaves_the_older_page(
-    made_content, tmp_path, monkeypatch, number, error
+    made_content, page, monkeypatch, number, error
 ):
-    write.write(tmp_path / "page", made_content)
     stop_at_move(monkeypatch, number, error)
     with pytest.raises((EigbenchError, KeyboardInterrupt)):
-        write.write(tmp_path / "page", {**made_content, "data.js": b"new"})
+        write.write(page, {**made_content, "data.js": b"new"})
     monkeypatch.undo()
-    assert (tmp_path / "page" / "data.js").read_bytes() == made_content["data.js"]
-    assert [path.name for path in tmp_path.iterdir()] == ["page"]
+    assert (page / "data.js").read_bytes() == made_content["data.js"]
 
 
 def test_a_page_that_a_killed_run_left_beside_its_place_is_put_back(
-    made_content, tmp_path, monkeypatch
+    made_content, page, monkeypatch
 ):
-    write.write(tmp_path / "page", made_content)
-    (tmp_path / "page").rename(tmp_path / f".page.{'0' * 32}.older")
+    page.rename(page.with_name(f".page.{'0' * 32}.older"))
     monkeypatch.setattr(Path, "write_bytes", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):  # the next run does not even get as far as its moves
-        write.write(tmp_path / "page", made_content)
+        write.write(page, made_content)
     monkeypatch.undo()
-    assert (tmp_path / "page" / "data.js").read_bytes() == made_content["data.js"]
-    assert [path.name for path in tmp_path.iterdir()] == ["page"]
+    assert (page / "data.js").read_bytes() == made_content["data.js"]
 
 
 def test_two_runs_have_no_folder_in_common(made_content, tmp_path, monkeypatch):
@@ -613,9 +586,8 @@ def test_two_runs_have_no_folder_in_common(made_content, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", [".git/config", "CNAME", "rows/mine/notes.txt"])
-def test_a_page_with_something_else_in_its_folder_is_not_replaced(made_content, tmp_path, name):
-    write.write(tmp_path / "page", made_content)
-    mine = tmp_path / "page" / name
+def test_a_page_with_something_else_in_its_folder_is_not_replaced(made_content, page, name):
+    mine = page / name
     mine.parent.mkdir(parents=True, exist_ok=True)
     mine.write_text("mine")
     named = name.partition("/")[0] if name.startswith(".git") else name
@@ -624,23 +596,22 @@ def test_a_page_with_something_else_in_its_folder_is_not_replaced(made_content, 
         match=rf"page has {re.escape(named)}, which `eigbench site` did not write and would "
         "remove: move it elsewhere, or give another folder with --out$",
     ):
-        write.write(tmp_path / "page", made_content)
+        write.write(page, made_content)
     assert mine.read_text() == "mine"
 
 
-def test_a_folder_that_is_no_page_is_not_touched(refused, tmp_path):
-    (tmp_path / "benchmark" / "results").mkdir(parents=True)
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "index.html").write_text("mine")
-    err = refused("site", "--board", tmp_path, "--out", tmp_path / "mine")
+def test_a_folder_that_is_no_page_is_not_touched(refused, empty_board):
+    mine = empty_board / "mine" / "index.html"
+    mine.parent.mkdir()
+    mine.write_text("mine")
+    err = refused("site", "--board", empty_board, "--out", mine.parent)
     assert re.search(r"eigbench: .*mine exists and is no page of `eigbench site`, .* --out\n", err)
-    assert (tmp_path / "mine" / "index.html").read_text() == "mine"
+    assert mine.read_text() == "mine"
 
 
-def test_scripts_that_were_not_bundled_are_one_line(refused, tmp_path, monkeypatch):
-    (tmp_path / "benchmark" / "results").mkdir(parents=True)
+def test_scripts_that_were_not_bundled_are_one_line(refused, empty_board, tmp_path, monkeypatch):
     monkeypatch.setattr(bundle, "BUNDLE", tmp_path / "dist")
-    err = refused("site", "--board", tmp_path, "--out", tmp_path / "page")
+    err = refused("site", "--board", empty_board, "--out", tmp_path / "page")
     assert re.fullmatch(r"eigbench: .*dist has no index\.html: run `make page` .*\n", err)
 
 
@@ -653,14 +624,15 @@ def test_scripts_that_were_not_bundled_are_one_line(refused, tmp_path, monkeypat
     ],
     ids=["changed", "added", "removed"],
 )
-def test_scripts_of_other_sources_are_one_line(refused, bundled, tmp_path, monkeypatch, edit, name):
+def test_scripts_of_other_sources_are_one_line(
+    refused, bundled, empty_board, tmp_path, monkeypatch, edit, name
+):
     page = tmp_path / "scripts"
     shutil.copytree(bundled.parent, page, ignore=shutil.ignore_patterns("node_modules"))
     monkeypatch.setattr(bundle, "BUNDLE", page / "dist")
     assert not bundle.stale()
     edit(page / name)
-    (tmp_path / "benchmark" / "results").mkdir(parents=True)
-    err = refused("site", "--board", tmp_path, "--out", tmp_path / "page")
+    err = refused("site", "--board", empty_board, "--out", tmp_path / "page")
     assert re.fullmatch(
         rf"eigbench: .*dist was not made from {name} as it is now: run `make page` .*\n", err
     )
@@ -676,23 +648,22 @@ def test_place_of_the_docs_is_checked_and_used(made_content):
         write.files([], [], [], code="/code")
 
 
-def test_place_of_the_docs_is_checked_before_the_scoring(refused, tmp_path, monkeypatch):
-    (tmp_path / "benchmark" / "results").mkdir(parents=True)
+def test_place_of_the_docs_is_checked_before_the_scoring(
+    refused, empty_board, tmp_path, monkeypatch
+):
     monkeypatch.setattr(leaderboard, "read", lambda *_: pytest.fail("it was scored"))
     out = tmp_path / "page"
-    err = refused("site", "--board", tmp_path, "--out", out, "--docs", "/docs/")
+    err = refused("site", "--board", empty_board, "--out", out, "--docs", "/docs/")
     assert re.fullmatch(r"eigbench: --docs /docs/ must have \{\} .*\n", err)
     assert not out.exists()
 
 
-def test_place_of_the_docs_is_seen_from_the_page(eigbench, bundled, tmp_path):
-    (tmp_path / "benchmark" / "results").mkdir(parents=True)
+def test_place_of_the_docs_is_seen_from_the_page(printed, bundled, empty_board, tmp_path):
     out = tmp_path / "a place" / "page"
-    code, _, err = eigbench("site", "--board", tmp_path, "--out", out)
-    assert code == 0, err
+    printed("site", "--board", empty_board, "--out", out)
     docs = read({"data.js": (out / "data.js").read_bytes()}, "data.js")["docs"]
     there = out / unquote(docs).format("metrics")
-    assert there.resolve() == Path(__file__).parents[3] / "docs" / "metrics.md"
+    assert there.resolve() == CHECKOUT / "docs" / "metrics.md"
     assert there.is_file()
 
 
@@ -705,24 +676,29 @@ def test_an_empty_board_is_a_page_that_says_so(bundled):
 # --- the machine of the tests ------------------------------------------------------------
 
 
+@pytest.fixture
+def failing(npm, tmp_path):
+    """Return a function that runs a program in npm's place, which says something and fails."""
+
+    def run(message, *arguments):
+        program = tmp_path / "npm"
+        program.write_text(f"#!/bin/sh\necho {message} >&2\nexit 1\n")
+        program.chmod(0o755)
+        npm(tmp_path, *arguments, program=str(program))
+
+    return run
+
+
 @pytest.mark.parametrize("code", ["ENOTFOUND", "EAI_AGAIN", "ECONNREFUSED"])
-def test_no_registry_skips_the_tests_of_the_page_but_not_in_ci(npm, tmp_path, monkeypatch, code):
-    program = tmp_path / "npm"
-    program.write_text(f"#!/bin/sh\necho npm error code {code} >&2\nexit 1\n")
-    program.chmod(0o755)
+def test_no_registry_skips_the_tests_of_the_page_but_not_in_ci(failing, monkeypatch, code):
     monkeypatch.delenv("CI", raising=False)
     with pytest.raises(pytest.skip.Exception, match=rf"npm ci cannot reach .* \({code}\)"):
-        npm(tmp_path, "ci", program=str(program))
+        failing(f"npm error code {code}", "ci")
     monkeypatch.setenv("CI", "true")
     with pytest.raises(pytest.fail.Exception, match="under CI=true this is no reason to skip"):
-        npm(tmp_path, "ci", program=str(program))
+        failing(f"npm error code {code}", "ci")
 
 
-def test_a_bundle_that_cannot_be_made_fails_and_does_not_skip(npm, tmp_path):
-    program = tmp_path / "npm"
-    program.write_text(
-        "#!/bin/sh\necho npm error: src/page.js: unexpected end of file >&2\nexit 1\n"
-    )
-    program.chmod(0o755)
+def test_a_bundle_that_cannot_be_made_fails_and_does_not_skip(failing):
     with pytest.raises(AssertionError, match="unexpected end of file"):
-        npm(tmp_path, "run", "build", program=str(program))
+        failing("npm error: src/page.js: unexpected end of file", "run", "build")

@@ -103,13 +103,11 @@ OPENED = """() => {
 }"""
 
 
-def test_every_link_of_every_board_and_model_leads_to_what_is_there(site, browser):
+def test_every_link_of_every_board_and_model_leads_to_what_is_there(site, new_page):
     folder = site / "board"
     boards = {path.stem for path in folder.glob("boards/*.js")}
     models = {path.stem for path in folder.glob("models/*.js")}
-    rows = {
-        path.relative_to(folder / "rows").with_suffix("") for path in folder.glob("rows/*/*.js")
-    }
+    rows = {Path(path.parent.name, path.stem) for path in folder.glob("rows/*/*.js")}
     assert len(boards) > 10
     assert len(models) > 20
     of_a_model = sorted({row.name: row.parent.name for row in sorted(rows)}.items())
@@ -117,7 +115,7 @@ def test_every_link_of_every_board_and_model_leads_to_what_is_there(site, browse
     views += [f"#board={board}&model={model}" for model, board in of_a_model]
     anchors = {}
     lost, kinds = [], set()
-    page = browser.new_page()
+    page = new_page()
     page.set_default_timeout(60_000)
     for view in views:
         page.goto("about:blank")
@@ -145,7 +143,6 @@ def test_every_link_of_every_board_and_model_leads_to_what_is_there(site, browse
                 there = address.startswith("https://")
             if not there:
                 lost.append((view, given))
-    page.close()
     assert lost == []
     assert {"view", "docs", "board"} <= kinds
     assert "out" not in kinds
@@ -155,9 +152,9 @@ def test_every_link_of_every_board_and_model_leads_to_what_is_there(site, browse
 
 
 @pytest.mark.parametrize("size", [{"width": 1440, "height": 900}, PHONE], ids=["wide", "phone"])
-def test_a_word_is_searched_for_and_found_from_a_file(site, browser, size):
+def test_a_word_is_searched_for_and_found_from_a_file(site, new_page, size):
     phone = {"has_touch": True, "is_mobile": True} if size == PHONE else {}
-    page = browser.new_page(viewport=size, **phone)
+    page = new_page(viewport=size, **phone)
     page.goto((site / "docs" / "start.html").as_uri())
     field = page.get_by_role("searchbox").or_(page.locator("input[name=q]")).first
     if size == PHONE:
@@ -174,7 +171,6 @@ def test_a_word_is_searched_for_and_found_from_a_file(site, browser, size):
     page.wait_for_load_state()
     assert Path(unquote(urlparse(page.url).path)).is_file()
     expect(page.locator("article")).to_contain_text(re.compile("isospectral", re.IGNORECASE))
-    page.close()
 
 
 @pytest.fixture
@@ -212,8 +208,8 @@ def hosted(site):
 
 
 @pytest.mark.parametrize("lost", ["gone.html", "docs/gone.html", "a/b/c/d.html", "board/a/"])
-def test_a_page_that_is_not_there_leads_back_from_any_depth(hosted, browser, lost):
-    page = browser.new_page()
+def test_a_page_that_is_not_there_leads_back_from_any_depth(hosted, new_page, lost):
+    page = new_page()
     page.goto(hosted + lost)
     targets = ("index.html", "board/index.html", "search.html")
     for link, target in zip(page.locator("main a").all(), targets, strict=True):
@@ -222,7 +218,6 @@ def test_a_page_that_is_not_there_leads_back_from_any_depth(hosted, browser, los
     page.locator("main a").first.click()
     expect(page).to_have_url(f"{hosted}index.html")
     expect(page.locator("h1")).to_contain_text("synthNet")
-    page.close()
 
 
 # --- every page -----------------------------------------------------------------------------
@@ -231,11 +226,8 @@ def test_a_page_that_is_not_there_leads_back_from_any_depth(hosted, browser, los
 def pages_of_the_docs(site):
     every = sorted(site.rglob("*.html"))
     code = [path for path in every if SOURCES in path.parts]
-    pages = [
-        path
-        for path in every
-        if path not in code and "board" not in path.relative_to(site).parts[:1]
-    ]
+    beside = [*code, *(site / "board").rglob("*.html")]
+    pages = [path for path in every if path not in beside]
     assert len(pages) > 50
     return [*pages, code[-1]]
 
@@ -244,25 +236,23 @@ def pages_of_the_docs(site):
 @pytest.mark.parametrize(
     ("scheme", "rules"), [("light", ()), ("dark", ("color-contrast",))], ids=["light", "dark"]
 )
-def test_axe_finds_nothing_serious_in_the_docs(site, browser, violations, scheme, rules):
-    page = browser.new_page(color_scheme=scheme, viewport={"width": 1440, "height": 900})
+def test_axe_finds_nothing_serious_in_the_docs(site, new_page, violations, scheme, rules):
+    page = new_page(color_scheme=scheme, viewport={"width": 1440, "height": 900})
     serious = {}
     for path in pages_of_the_docs(site):
         page.goto(path.as_uri())
         for violation in violations(page, *rules):
             if re.match("serious|critical", violation):
                 serious.setdefault(violation, path.relative_to(site).as_posix())
-    page.close()
     assert serious == {}
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_no_page_of_the_docs_scrolls_sideways(site, browser, overflow, width):
-    page = browser.new_page(viewport={"width": width, "height": 900})
+def test_no_page_of_the_docs_scrolls_sideways(site, new_page, overflow, width):
+    page = new_page(viewport={"width": width, "height": 900})
     wide = []
     for path in pages_of_the_docs(site):
         page.goto(path.as_uri())
         if overflow(page):
             wide.append(path.relative_to(site).as_posix())
-    page.close()
     assert wide == []
