@@ -43,37 +43,18 @@ NEAR = 9.0  # points: an open mark that is nearer to another model's stands besi
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The measures of the figure.
+    """The measures of the figure, in inches where nothing else is said."""
 
-    Parameters
-    ----------
-    width, plot, top, left : float
-        Inches: of the figure; of the axes, their labels and the legend; of the legend; and of
-        the labels at the left.
-    columns : int
-        Of names below the axes.
-    keys : int
-        Of marks in a line of the legend.
-    letters : int
-        Of a line of the note on the drop.
-    font : float
-        Points, of what stands inside the axes.
-    size : str
-        The note at a size of meshes.
-    open : str
-        What an open mark is.
-    """
-
-    width: float
-    plot: float
-    top: float
-    left: float
-    columns: int
-    keys: int
-    letters: int
-    font: float
-    size: str
-    open: str
+    width: float  # of the figure
+    plot: float  # of the axes, their labels and the legend
+    top: float  # of the legend
+    left: float  # of the labels at the left
+    columns: int  # of names below the axes
+    keys: int  # marks in a line of the legend
+    letters: int  # of a line of the note on the drop
+    font: float  # points, of what stands inside the axes
+    size: str  # the note at a size of meshes
+    open: str  # what an open mark is
 
 
 WIDE = Layout(7.4, 4.9, 0.34, 0.63, 2, 5, 20, 9, "{} meshes", "the same model on unseen families")
@@ -90,14 +71,7 @@ def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE
     surfaces, beside LaPy on all of them: what a user has who refines. A model whose error is too
     large to be drawn, or that has no time, is named below with the reason.
 
-    Parameters
-    ----------
-    board : Board
-        A version's rows and protocols against the surface.
-    solver : str
-        The row that the line is of.
-    layout : Layout
-        :data:`WIDE`, or :data:`NARROW`.
+    The board is a version's against the surface; the line is of the row ``solver``.
     """
     ranked = sorted(board.rows, key=_error)
     rows = [row for row in ranked if not _absent(row)]
@@ -212,14 +186,8 @@ def sentences(board: Board, solver: str = "lapy") -> str:
     """Return the figure in sentences; empty where the solver or trained models are missing.
 
     There are three, and a fourth if a row without training is significantly nearer than the solver.
-    Models that say they are trained on other versions are left out.
-
-    Parameters
-    ----------
-    board : Board
-        A version's rows and protocols against the surface.
-    solver : str
-        The row that predictions are compared with.
+    Models that say they are trained on other versions are left out. The board is a version's
+    against the surface; predictions are compared with the row ``solver``.
     """
     exact = [row for row in board.rows if row.submission.slug == solver]
     models = [(row, row.submission.result["model"]) for row in board.rows]

@@ -18,16 +18,8 @@ from synthnet.errors import counted
 def line(root: Path, labels: Truth, code: str, seeds: int) -> str:
     """Return what is known of a run before it starts, as one line.
 
-    Parameters
-    ----------
-    root : Path
-        Directory of the board; it may have none.
-    labels : Truth
-        What is to be predicted.
-    code : str
-        The predictor's file: a row made of a file of that name tells most.
-    seeds : int
-        Runs over all meshes.
+    A row of the board in ``root``, which may have none, tells most if it was made of a file named
+    as the predictor's ``code``. ``seeds`` counts runs over all meshes.
     """
     count = len(labels.ids) * seeds
     start = f"{counted(count, 'mesh', 'meshes')} to predict"

@@ -82,14 +82,9 @@ these are ranked.
 
 
 def board(rows: Sequence[Ranked], page: Path, numbers: Path, figure: Path) -> list[str]:
-    """Return the section of a board in LEADERBOARD.md: one table and its figure.
+    """Return the section of a board in LEADERBOARD.md: one table, best rows first, and its figure.
 
-    Parameters
-    ----------
-    rows : sequence of Ranked
-        Best first.
-    page, numbers, figure : Path
-        Of the board's other tables, its JSON and its figure.
+    The paths are those of the board's other tables, its JSON and its figure.
     """
     links = f"[All metrics, families, cost]({page.as_posix()}) · [JSON]({numbers.as_posix()})"
     return [
@@ -214,14 +209,7 @@ def _cost(group: Group[Ranked], rows: Sequence[Ranked]) -> str:
 def generalised(board: Board, page: Path, numbers: Path, figures: Mapping[str, Path]) -> list[str]:
     """Return the section of a version's protocols at a target in LEADERBOARD.md.
 
-    Parameters
-    ----------
-    board : Board
-        Its rows and protocols.
-    page, numbers : Path
-        Of the other tables, and of the JSON.
-    figures : mapping of str to Path
-        By what they show.
+    The paths are those of the other tables, of the JSON, and of the figures by what they show.
     """
     marks = generalisation.remark_marks(board, board.rows)
     first = board.target == SURFACE

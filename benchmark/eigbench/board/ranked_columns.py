@@ -109,13 +109,8 @@ def overview(board: Board | None, protocol: str | None) -> Group[Ranked]:
 def groups(rows: Sequence[Ranked], protocol: str | None = None) -> list[Group[Ranked]]:
     """Return the tables below the main one.
 
-    Parameters
-    ----------
-    rows : sequence of Ranked
-        Of the board.
-    protocol : str or None
-        The version's own protocol that the rows are of, which has no times and physics of its
-        own; ``None`` for a protocol that all versions have.
+    ``protocol`` is the version's own that the rows are of, which has no times and physics of its
+    own; ``None`` for a protocol that all versions have.
     """
     median_note = (
         "The median over instances. InvLap has no upper bound, so one bad prediction can dominate "

@@ -84,13 +84,9 @@ class Channel:
     ) -> tuple[bytes, bytes, int | None]:
         """Wait for a frame; return its kind, its body and a descriptor, if one came with it.
 
-        Parameters
-        ----------
-        most : int
-            Bytes of the body; a longer one is refused before it is read.
-        on_step : callable, optional
-            Called ten times a second while nothing comes; what it raises ends the wait. A
-            descriptor is taken only where it is ``None``: the harness accepts none.
+        A body of more than ``most`` bytes is refused before it is read. ``on_step`` is called ten
+        times a second while nothing comes; what it raises ends the wait. A descriptor is taken
+        only where it is ``None``: the harness accepts none.
 
         Raises
         ------

@@ -18,18 +18,10 @@ from synthnet.types import Mesh, Parameters
 
 @dataclass(frozen=True, slots=True)
 class Instances:
-    """Shapes in memory, and the isometries that make their instances.
+    """Shapes in memory, and the isometries that make their instances; both by the shape's id."""
 
-    Parameters
-    ----------
-    shapes : mapping of str to Mesh
-        By id, at the precision of the store.
-    isometries : mapping of str to ndarray of shape (c, 3, 3), float64
-        By id of the shape.
-    """
-
-    shapes: Mapping[str, Mesh]
-    isometries: Mapping[str, NDArray[np.float64]]
+    shapes: Mapping[str, Mesh]  # at the precision of the store
+    isometries: Mapping[str, NDArray[np.float64]]  # of shape (c, 3, 3)
 
     def vertices(self, ids: Sequence[str]) -> NDArray[np.int64]:
         """Return the number of vertices of instances, shape (n,)."""
@@ -46,12 +38,7 @@ class Instances:
 def read(dataset: store.StoredDataset, ids: Sequence[str]) -> Instances:
     """Read the shapes of instances into memory: about 0.2 GB for the test split of 1.0.
 
-    Parameters
-    ----------
-    dataset : StoredDataset
-        A built dataset.
-    ids : sequence of str
-        Instances as in :class:`eigbench.scoring.truth.Truth`.
+    The ids are those of instances, as in :class:`eigbench.scoring.truth.Truth`.
 
     Raises
     ------

@@ -27,16 +27,10 @@ _numbers = itertools.count()
 
 
 class ControlGroup:
-    """A control group of its own below that of this process, so within the limits of that one.
-
-    Parameters
-    ----------
-    directory : Path
-        Where the system shows it.
-    """
+    """A control group of its own below that of this process, so within the limits of that one."""
 
     def __init__(self, directory: Path) -> None:
-        self._directory = directory
+        self._directory = directory  # where the system shows it
 
     @classmethod
     def make(cls) -> ControlGroup | None:
@@ -123,14 +117,9 @@ def sweep(above: Path) -> None:
 
 
 class Usage:
-    """What a process and all that it starts use.
+    """What a process, started in a control group or in none, and all that it starts use.
 
-    Parameters
-    ----------
-    root : psutil.Process
-        The process; its own time, that of a supervisor, counts in a control group alone.
-    group : ControlGroup or None
-        That it was started in.
+    Its own time, that of a supervisor, counts in a control group alone.
     """
 
     def __init__(self, root: psutil.Process, group: ControlGroup | None) -> None:

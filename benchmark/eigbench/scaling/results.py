@@ -28,17 +28,9 @@ FOLDER = Path("benchmark", "scaling")  # where the results on a board lie
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """A result of the scaling track.
+    """A result of the scaling track, and its file."""
 
-    Parameters
-    ----------
-    result : dict
-        As :mod:`eigbench.scaling.run` made it.
-    path : Path
-        Its file.
-    """
-
-    result: dict[str, Any]
+    result: dict[str, Any]  # as :mod:`eigbench.scaling.run` made it
     path: Path
 
     @property

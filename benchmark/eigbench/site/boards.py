@@ -29,20 +29,13 @@ OF_ALL = {
 class Shown:
     """A board as it is shown.
 
-    Parameters
-    ----------
-    rows : sequence of Ranked
-        Best first. Under a version's own protocol, models without training are among them: their
-        predictions of the whole split hold for a part of it.
-    protocols : Board or None
-        All protocols of the version, if it has its own.
-    own : str or None
-        The version's own protocol that the rows are of, if they are of one.
+    Its rows are the best first. Under a version's own protocol, models without training are among
+    them: their predictions of the whole split hold for a part of it.
     """
 
     rows: Sequence[Ranked]
-    protocols: Board | None
-    own: str | None
+    protocols: Board | None  # all of the version, if it has its own
+    own: str | None  # the version's own protocol that the rows are of, if they are of one
 
     @property
     def truth(self) -> Truth:
