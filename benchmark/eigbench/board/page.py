@@ -20,6 +20,7 @@ from eigbench.board.ranked_columns import KIND, MODEL, RANK
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.results.submission import Submission
 from eigbench.results.verification import is_verified
+from eigbench.scaling.results import Scaled
 from eigbench.scoring import neighbours, targets
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.names import MESH, SURFACE
@@ -91,7 +92,7 @@ def board(rows: Sequence[Ranked], page: Path, numbers: Path, figure: Path) -> li
         f"## {title(rows)}\n",
         f"{_counts(rows)} {_verified(row.submission for row in rows)}{links}\n",
         as_markdown(ranked_columns.short(), rows, (RANK, MODEL, KIND)),
-        *remarks(rows),
+        *remarks(row.submission for row in rows),
         f"![Error against speed]({figure.as_posix()})\n",
         "*A number is a row of the table, by its name on the right: mean RPD, and how many times "
         "as fast as LaPy it is. Colour and mark tell the kind; lower right is better.*\n",
@@ -111,7 +112,7 @@ def details(rows: Sequence[Ranked]) -> str:
         f"# {title(rows)}\n",
         *introduction(rows),
         as_markdown(ranked_columns.main(), rows, (RANK, MODEL, KIND)),
-        *remarks(rows),
+        *remarks(row.submission for row in rows),
     ]
     for group in ranked_columns.groups(rows):
         parts.append(f"## {group.title}\n")
@@ -173,15 +174,14 @@ def _floor(rows: Sequence[Ranked]) -> str:
     )
 
 
-def remarks(rows: Sequence[Ranked]) -> list[str]:
-    """Return what a reader should know of single rows, a line each."""
-    submissions = [row.submission for row in rows if row.submission.remark]
-    return [f"**{escaped(s.name)}**: {escaped(s.remark)}\n" for s in submissions]
+def remarks(rows: Iterable[Submission | Scaled]) -> list[str]:
+    """Return what a reader should know of single rows of any track, a line each."""
+    return [f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in rows if row.remark]
 
 
 def top(rows: Sequence[Ranked]) -> str:
     """Return the first rows of a board, in few columns, for the README."""
-    below = "".join(f"\n{line}" for line in remarks(rows[:TOP]))
+    below = "".join(f"\n{line}" for line in remarks(row.submission for row in rows[:TOP]))
     heading = f"{title(rows)}, {len(rows)} rows. {_counts(rows)}"
     return f"{heading}\n\n{top_table(rows[:TOP])}{below}"
 

@@ -40,18 +40,8 @@ OUTPUTS = {
 # Suffixes of notes, logs and pictures: no predictor reads them. A .txt or .csv may hold its numbers
 NOTES = frozenset(
     (
-        ".log",
-        ".out",
-        ".err",
-        ".md",
-        ".rst",
-        ".html",
-        ".pdf",
-        ".svg",
-        ".png",
-        ".jpg",
-        ".jpeg",
-        ".gif",
+        *(".log", ".out", ".err", ".md", ".rst", ".html"),
+        *(".pdf", ".svg", ".png", ".jpg", ".jpeg", ".gif"),
     )
 )
 EARLIER = "This row was made by an earlier version of the model's code."

@@ -171,10 +171,7 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
         if shape.spec.id in pinned  # or it was rejected by a filter, and has no label
     )
     own = None if protocol in PROTOCOLS else resolved
-    chosen = list(_choose(shapes, _trained_on(version), own, split, protocol))
-    if not chosen:
-        raise EigbenchError(f"{version} has nothing in the split {split} of protocol {protocol}")
-    return _truth(chosen, version, split, protocol, resolved.digest)
+    return _truth(shapes, own, version, split, protocol, resolved.digest, version)
 
 
 def of_dataset(
@@ -199,12 +196,8 @@ def of_dataset(
             f"{suggestion(protocol, PROTOCOLS)}"
         )
     own = None if protocol in PROTOCOLS else recipe.load(source.version)
-    chosen = list(_choose(_stored(dataset), _trained_on(version), own, split, protocol))
-    if not chosen:
-        raise EigbenchError(
-            f"{dataset.directory} has nothing in the split {split} of protocol {protocol}"
-        )
-    return _truth(chosen, version, split, protocol, dataset.manifest.recipe_digest)
+    digest, where = dataset.manifest.recipe_digest, str(dataset.directory)
+    return _truth(_stored(dataset), own, version, split, protocol, digest, where)
 
 
 def of_import(dataset: store.StoredDataset, version: str) -> Truth:
@@ -248,20 +241,13 @@ def imported_name(resolved: Recipe, split: str, protocol: str) -> str:
 
 def _of_import(version: str, protocol: str, labels: Mapping[str, pins.Pin]) -> Truth:
     """Return the labels of an import; its digest is that of the pins, so of the very meshes."""
-    ids = list(labels)
-    lines = "\n".join(f"{id} {pin.digest}" for id, pin in labels.items())
-    return Truth(
-        version,
-        "test",
-        protocol,
-        tuple(f"{id}/0" for id in ids),
-        np.array(ids),
-        np.array(ids),
-        np.array([id.rpartition("-")[0] for id in ids]),
-        np.full(len(ids), training_set(_trained_on(version), protocol)),
-        np.array([pin.eigenvalues for pin in labels.values()]),
-        hashlib.sha256(lines.encode()).hexdigest(),
+    shapes = (
+        _Labelled(id, id, id.rpartition("-")[0], 0, "test", ("test",), pin.eigenvalues)
+        for id, pin in labels.items()
     )
+    lines = "\n".join(f"{id} {pin.digest}" for id, pin in labels.items())
+    digest = hashlib.sha256(lines.encode()).hexdigest()
+    return _truth(shapes, None, version, "test", protocol, digest, protocol)
 
 
 def _choose(
@@ -293,8 +279,18 @@ def _stored(dataset: store.StoredDataset) -> Iterator[_Labelled]:
 
 
 def _truth(
-    chosen: list[tuple[str, _Labelled, str]], version: str, split: str, protocol: str, digest: str
+    labelled: Iterable[_Labelled],
+    own: Recipe | None,
+    version: str,
+    split: str,
+    protocol: str,
+    digest: str,
+    where: str,
 ) -> Truth:
+    """Return the labels of those shapes that are in a split; a message calls them ``where``."""
+    chosen = list(_choose(labelled, _trained_on(version), own, split, protocol))
+    if not chosen:
+        raise EigbenchError(f"{where} has nothing in the split {split} of protocol {protocol}")
     ids, shapes, trainings = zip(*chosen, strict=True)
     return Truth(
         version,

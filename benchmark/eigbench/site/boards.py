@@ -160,7 +160,8 @@ def _groups(board: Shown) -> list[Group[Ranked]]:
 
 def _notes(board: Shown) -> list[str]:
     """Return the paragraphs of "How to read this"."""
-    notes = [note.strip() for note in (*page.introduction(board.rows), *page.remarks(board.rows))]
+    remarks = page.remarks(row.submission for row in board.rows)
+    notes = [note.strip() for note in (*page.introduction(board.rows), *remarks)]
     if board.own is not None:
         return [*notes, f"**Generalisation**: {generalisation.EXPLAINED}"]
     if board.protocols is not None:
