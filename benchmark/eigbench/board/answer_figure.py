@@ -9,18 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eigbench.board.figures import (
-    FASTEST,
-    KINDS,
-    NAME_LINE,
-    Point,
-    as_svg,
-    escaped,
-    legend,
-    number_marks,
-    scatter,
-    style,
-)
+from eigbench.board import figures
+from eigbench.board.figures import FASTEST, KINDS, NAME_LINE, Point
 from eigbench.board.generalisation import Board, restricted
 from eigbench.board.ranking import RANKED_BY, Ranked, difference
 from eigbench.board.tables import number as _digits
@@ -81,17 +71,17 @@ def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE
     ]
     names = [(str(p.number), p.name, KINDS[p.kind][0]) for p in points]
     names += [("–", f"{r.submission.name}: {note}", GREY) for r in ranked if (note := _absent(r))]
-    with style() as new_figure:
+    with figures.style() as new_figure:
         lines = -(-len(names) // layout.columns)
         high = layout.plot + NAME_LINE * lines
         figure = new_figure(figsize=(layout.width, high))
         axes = figure.subplots()
         bottom, top = 1 - (layout.plot - 0.62) / high, 1 - layout.top / high
         figure.subplots_adjust(layout.left / layout.width, bottom, 0.99, top)
-        scatter(axes, points, floor=0.0)
+        figures.scatter(axes, points, floor=0.0)
         _solver_line(axes, board, solver, layout)
         axes.set_xlim(right=FASTEST * 1.6)
-        number_marks(axes, points, floor=0.0)
+        figures.number_marks(axes, points, floor=0.0)
         axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the surface")
         _draw_drops(axes, points)
         _name(axes, points, rows, layout)
@@ -99,9 +89,11 @@ def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE
         unseen = axes.plot([], [], "^", color=KINDS["learned"][0], mfc="white", label=layout.open)
         blue = KINDS["classical"][0]
         line = axes.plot([], [], ".-", color=blue, lw=1.6, ms=10, label="exact solver")
-        legend(axes, KINDS, line + unseen, loc="lower left", bbox_to_anchor=(-0.06, 1.0),
-               ncols=layout.keys, columnspacing=1.2, handletextpad=0.4)  # fmt: skip
-        return as_svg(figure)
+        figures.legend(
+            axes, KINDS, line + unseen, loc="lower left", bbox_to_anchor=(-0.06, 1.0),
+            ncols=layout.keys, columnspacing=1.2, handletextpad=0.4,
+        )  # fmt: skip
+        return figures.as_svg(figure)
 
 
 def _absent(row: Ranked) -> str:
@@ -151,7 +143,7 @@ def _name(
             axes.annotate(point.name, at, (0, 10), ha="center", color=colour, **font)
         elif point.name in trained:
             trained = set()  # the first is the best
-            name = fill(escaped(point.name), 24)
+            name = fill(figures.escaped(point.name), 24)
             axes.annotate(name, at, (9, -3), va="top", color=colour, **font)
     fallen = [p for p in points if p.unseen is not None and p.unseen > p.error]
     if fallen:
@@ -172,7 +164,7 @@ def _key(axes: mpl.axes.Axes, names: Sequence[tuple[str, str, str]], layout: Lay
         y = -(0.62 + NAME_LINE * line) / high
         text: dict[str, Any] = {"transform": axes.transAxes, "va": "center", "fontsize": 8}
         axes.text(x, y, number, ha="right", color=colour, weight="bold", **text)
-        axes.text(x + 0.08 / wide, y, escaped(name), **text)
+        axes.text(x + 0.08 / wide, y, figures.escaped(name), **text)
 
 
 def _point(number: int, row: Ranked, unseen: float | None) -> Point:

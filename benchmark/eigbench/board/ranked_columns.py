@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from eigbench.board import cost_columns, generalisation
+from eigbench.board import cost_columns, generalisation, tables
 from eigbench.board.columns import (
     DECLARED,
     Cell,
@@ -19,14 +19,6 @@ from eigbench.board.columns import (
 )
 from eigbench.board.generalisation import Board
 from eigbench.board.ranking import RANKED_BY, Ranked
-from eigbench.board.tables import (
-    deviation,
-    error,
-    family_title,
-    in_order,
-    interval,
-    with_uncertainty,
-)
 from eigbench.scoring.metrics import MAIN, METRICS
 from eigbench.scoring.names import MESH
 from eigbench.scoring.physics import SHARES, TITLES
@@ -153,7 +145,7 @@ def _mean(key: str) -> Column[Ranked]:
         "in brackets the standard deviation over seeds."
     )
     return _of_metric(
-        key, "", note, lambda cell: (with_uncertainty(cell, key), six_digits(cell["mean"]))
+        key, "", note, lambda cell: (tables.with_uncertainty(cell, key), six_digits(cell["mean"]))
     )
 
 
@@ -183,7 +175,7 @@ def _interval(key: str) -> Column[Ranked]:
         key,
         "-interval",
         note,
-        lambda cell: (interval(cell["low"], cell["high"], key), six_digits(cell["low"])),
+        lambda cell: (tables.interval(cell["low"], cell["high"], key), six_digits(cell["low"])),
     )
 
 
@@ -195,14 +187,14 @@ def _families(rows: Sequence[Ranked], key: str) -> Group[Ranked]:
         count = f"{counts[name]['count']:,}"
         return Column(
             f"{key}-{name}",
-            family_title(name),
+            tables.family_title(name),
             f"Mean {metric.title} over the {count} instances of this family. {METRIC_NOTES[key]}",
             lambda row: of_score(row.scores["families"][name][key]["mean"], key),
             higher=metric.higher_is_better,
             lead=count,
         )
 
-    columns = [column(name) for name in in_order(counts)]
+    columns = [column(name) for name in tables.in_order(counts)]
     return Group(f"families-{key}", f"{metric.heading} by family", columns, lead="instances")
 
 
@@ -210,7 +202,7 @@ def _indices(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
     def column(i: int) -> Column[Ranked]:
         def cell(row: Ranked) -> Cell:
             value = row.scores["per_index"][i]["mean"]
-            return error(value), six_digits(value)
+            return tables.error(value), six_digits(value)
 
         note = f"Mean relative error |p − g| / g of the non-zero eigenvalue number {i + 1}."
         return Column(f"index-{i + 1}", f"λ{i + 1}", note, cell)
@@ -244,7 +236,7 @@ def _verified() -> Group[Ranked]:
         return Column(f"verified-{key}", title, note, of_row, numeric=key != "date")
 
     def scored(scores: dict[str, Any]) -> Cell:
-        shown = with_uncertainty({**scores, "seed_std": None}, RANKED_BY)
+        shown = tables.with_uncertainty({**scores, "seed_std": None}, RANKED_BY)
         return shown, six_digits(scores["mean"])
 
     metric = METRICS[RANKED_BY]
@@ -283,7 +275,7 @@ def _physics() -> Group[Ranked]:
     def column(key: str) -> Column[Ranked]:
         def cell(row: Ranked) -> Cell:
             value = row.submission.result["physics"][key]
-            return deviation(key, value), six_digits(value)
+            return tables.deviation(key, value), six_digits(value)
 
         measured = "" if key in SHARES else " Median relative deviation on probe shapes."
         note = f"{PHYSICS_NOTES[key]}{measured} {DECLARED}"
