@@ -23,12 +23,8 @@ AGREE = 1e-5  # relative, between batch sizes and orders of one predictor
 
 def add_commands(command: Command) -> None:
     """Add the command to the command line."""
-    sub = command(
-        "check",
-        check,
-        "try a predictor on about 130 small meshes; this runs the file's code",
-        "my_model.py",
-    )
+    text = "try a predictor on about 130 small meshes; this runs the file's code"
+    sub = command("check", check, text, "my_model.py")
     arguments.predictor(sub)
     arguments.time_limit(sub, 600.0)
     predict.add_sandbox(sub)

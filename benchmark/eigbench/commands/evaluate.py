@@ -36,24 +36,16 @@ UNTIMED = (
 
 def add_commands(command: Command) -> None:
     """Add evaluate to the command line."""
-    sub = command(
-        "evaluate",
-        run_evaluate,
-        "run a predictor over a split and score it; this runs the file's code",
-        "my_model.py --dataset 1.0 --out results.json",
-    )
+    text = "run a predictor over a split and score it; this runs the file's code"
+    sub = command("evaluate", run_evaluate, text, "my_model.py --dataset 1.0 --out results.json")
     predict.add_run(sub)
     arguments.out(sub, "results.json", "the result")
     text = "the predictions (default: beside --out, ending in .parquet)"
     arguments.path(sub, "--predictions", "FILE", text)
     text = "predict only N meshes, and mark the result as partial (default: all)"
     sub.add_argument("--limit", type=arguments.positive, metavar="N", help=text)
-    sub.add_argument(
-        "--no-reference",
-        dest="reference",
-        action="store_false",
-        help="do not time LaPy on some of the same meshes; a leaderboard requires that time",
-    )
+    text = "do not time LaPy on some of the same meshes; a leaderboard requires that time"
+    sub.add_argument("--no-reference", dest="reference", action="store_false", help=text)
 
 
 def run_evaluate(options: argparse.Namespace) -> int:
