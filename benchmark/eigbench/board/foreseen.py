@@ -29,7 +29,9 @@ def line(root: Path, labels: Truth, code: str, seeds: int) -> str:
         lapy = [(row, "LaPy") for row in rows if row["model"]["name"] == "LaPy"]
         if candidates := [*own, *lapy]:
             row, name = candidates[0]
-            return f"{start}: {name} took {_took(row, count)}"
+            took = about(row["cost"]["ms_per_mesh_mean"] / 1e3 * count)
+            setting = results.setting(row)
+            return f"{start}: {name} took {took} for as many on the board ({setting})"
     return f"{start}; no result of them is recorded here: the first batch will show the time"
 
 
@@ -45,11 +47,6 @@ def _boards(labels: Truth) -> Iterator[str]:
     yield f"{labels.version}-test-{labels.protocol.replace('/', '-')}"
     if labels.version in recipe.available():
         yield f"{recipe.load(labels.version).base}-test-grouped"
-
-
-def _took(row: dict[str, Any], count: int) -> str:
-    seconds = row["cost"]["ms_per_mesh_mean"] / 1e3 * count
-    return f"{about(seconds)} for as many on the board ({results.setting(row)})"
 
 
 def about(seconds: float) -> str:

@@ -239,27 +239,17 @@ def _verified() -> Group[Ranked]:
         shown = tables.with_uncertainty({**scores, "seed_std": None}, RANKED_BY)
         return shown, six_digits(scores["mean"])
 
-    metric = METRICS[RANKED_BY]
+    def drawn(said: dict[str, Any]) -> Cell:
+        count = said["sealed"]["instances"]
+        return f"{count:,}", count
+
+    heading, about = METRICS[RANKED_BY].heading, METRIC_NOTES[RANKED_BY]
+    same = f"{about} On the same split, by the same code."
+    fresh = f"{about} On surfaces that were drawn for this run and removed after it."
     columns = [
-        column(
-            "again",
-            f"{metric.heading} run again",
-            f"{METRIC_NOTES[RANKED_BY]} On the same split, by the same code.",
-            lambda said: scored(said["scores"][MESH]),
-        ),
-        column(
-            "fresh",
-            f"{metric.heading} on a fresh draw",
-            f"{METRIC_NOTES[RANKED_BY]} On surfaces that were drawn for this run and removed "
-            "after it.",
-            lambda said: scored(said["sealed"]),
-        ),
-        column(
-            "drawn",
-            "meshes of the draw",
-            "Instances of the fresh draw.",
-            lambda said: (f"{said['sealed']['instances']:,}", said["sealed"]["instances"]),
-        ),
+        column("again", f"{heading} run again", same, lambda said: scored(said["scores"][MESH])),
+        column("fresh", f"{heading} on a fresh draw", fresh, lambda said: scored(said["sealed"])),
+        column("drawn", "meshes of the draw", "Instances of the fresh draw.", drawn),
         column("date", "date", "When it was verified.", lambda said: words(said["date"])),
     ]
     note = (

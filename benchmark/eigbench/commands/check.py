@@ -54,14 +54,12 @@ def check(options: argparse.Namespace) -> int:
         *_differences("one mesh at a time", ids, answers[:base], singly),
         *_differences("shuffled order", [ids[i] for i in order], answers[order], shuffled),
     ]
-    finite = np.isfinite(answers).all()
-    if not finite:
-        bad = [ids[i] for i in np.flatnonzero(~np.isfinite(answers).all(axis=1))[:3]]
-        findings.append(f"answers that are not finite, first for {', '.join(bad)}")
-    elif not (answers > 0).all():
-        bad = [ids[i] for i in np.flatnonzero(~(answers > 0).all(axis=1))[:3]]
-        findings.append(f"answers that are not positive, first for {', '.join(bad)}")
-    if finite and contract["ascending"] != 1:
+    finite = np.isfinite(answers)
+    what, good = ("positive", answers > 0) if finite.all() else ("finite", finite)
+    if not good.all():
+        bad = [ids[i] for i in np.flatnonzero(~good.all(axis=1))[:3]]
+        findings.append(f"answers that are not {what}, first for {', '.join(bad)}")
+    if finite.all() and contract["ascending"] != 1:
         findings.append("answers that do not ascend: sort each spectrum")
     verdict = "it can be evaluated" if not findings else "look at the findings above"
     lines = [

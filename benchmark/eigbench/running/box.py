@@ -184,9 +184,8 @@ class Box:
         _remove(self.folder)
         os.close(self._lock)
 
-    def command(self, descriptor: int) -> list[str]:
-        """Return the command that runs a predictor's supervisor in the box."""
-        start = [sys.executable, "-P", "-m", supervisor.__name__, str(descriptor)]
+    def command(self, start: Sequence[str]) -> list[str]:
+        """Return the command that runs a predictor's supervisor, started by another, in the box."""
         if self.kind == BUBBLEWRAP:
             where = ["--chdir", str(self.directory)]
             return ["bwrap", *self._mounts(), *where, "--", *start, supervisor.HELD]

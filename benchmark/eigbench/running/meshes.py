@@ -84,12 +84,6 @@ def warming(count: int) -> list[Mesh]:
 
 @functools.cache
 def _ellipsoid(vertices: int, seed: int) -> Mesh:
-    parameters: Parameters = {
-        "a": 1.0,
-        "b": 1.2,
-        "c": 0.9,
-        "triangulation": "irregular",
-        "vertices": vertices,
-        "seed": seed,
-    }
-    return view(FAMILIES["ellipsoid"].generate(parameters))
+    surface: Parameters = {"a": 1.0, "b": 1.2, "c": 0.9}
+    meshing: Parameters = {"triangulation": "irregular", "vertices": vertices, "seed": seed}
+    return view(FAMILIES["ellipsoid"].generate({**surface, **meshing}))

@@ -116,7 +116,8 @@ class PredictorProcess:
                 made.callback(group.remove)
             own, other = map(made.enter_context, socket.socketpair())
             self._channel = frames.Channel(own)
-            command = self._command(other.fileno())
+            command = [sys.executable, "-P", "-m", supervisor.__name__, str(other.fileno())]
+            command = command if self._box is None else self._box.command(command)
             try:
                 self._process = subprocess.Popen(
                     command if group is None else group.command(command),
@@ -205,11 +206,6 @@ class PredictorProcess:
             for file in (sorted(path.rglob("*")) if path.is_dir() else [path])
             if file.is_file()
         }
-
-    def _command(self, descriptor: int) -> list[str]:
-        if self._box is not None:
-            return self._box.command(descriptor)
-        return [sys.executable, "-P", "-m", supervisor.__name__, str(descriptor)]
 
     def _environment(self) -> dict[str, str]:
         """Return the variables of the process: modules are found as here, threads are counted."""
