@@ -7,6 +7,7 @@ import difflib
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Self
 
 from rich.console import Console
 
@@ -65,7 +66,7 @@ class Stages:
         self._status = Console(stderr=True).status("")
         self._stage = ""
 
-    def __enter__(self) -> Stages:
+    def __enter__(self) -> Self:
         if sys.stderr.isatty():
             self._status.start()
         return self

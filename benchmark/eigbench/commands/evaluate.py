@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 from dataclasses import replace
@@ -26,6 +25,7 @@ from eigbench.scoring.scores import is_sealed
 from eigbench.site.bundle import CHECKOUT
 from synthnet.recipe import Kind
 from synthnet.store.files import make_parent
+from synthnet.terminal import print_json
 from synthnet.types import PROTOCOLS
 
 UNTIMED = (
@@ -100,7 +100,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
         )
         results.write(out, result)
     if options.json:
-        print(json.dumps(result, indent=1))
+        print_json(result)
     else:
         print(f"{result['model']['name']} on {score.described(result)}\n")
         score.print_scores(result["scores"])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import datetime
-import json
 import sys
 import tempfile
 from dataclasses import dataclass, replace
@@ -104,7 +103,7 @@ def verify_rows(options: argparse.Namespace) -> int:
                 print(f"{number} of {len(rows)}: {row.result_path}", file=sys.stderr)
             code = max(code, _tried(row, setup, by, verified))
     if options.json:
-        print(json.dumps(verified, indent=1))
+        terminal.print_json(verified)
     elif verified:
         print(f"now: eigbench leaderboard{arguments.board_argument(options)}")
     return code

@@ -12,7 +12,7 @@ import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +80,7 @@ class Submission:
         scored: dict[str, Any] = self.result["scores"][self.target]
         return scored
 
-    def at(self, target: str) -> Submission | None:
+    def at(self, target: str) -> Self | None:
         """Return the same predictions beside another target; None where it is not known."""
         labels = targets.at(self.truth, target)
         return None if labels is None else replace(self, truth=labels)

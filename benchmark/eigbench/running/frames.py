@@ -18,7 +18,7 @@ import socket
 import struct
 import tempfile
 from collections.abc import Callable, Sequence
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, Self, cast
 
 import numpy as np
 
@@ -60,7 +60,7 @@ class Channel:
     def __init__(self, end: socket.socket) -> None:
         self._socket = end
 
-    def __enter__(self) -> Channel:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

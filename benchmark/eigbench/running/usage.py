@@ -15,6 +15,7 @@ import subprocess
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Self
 
 import psutil
 
@@ -33,7 +34,7 @@ class ControlGroup:
         self._directory = directory  # where the system shows it
 
     @classmethod
-    def make(cls) -> ControlGroup | None:
+    def make(cls) -> Self | None:
         """Make one, unless there is no such system here or this process may not."""
         above = own_directory()
         if above is None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,11 +84,11 @@ class Truth:
         keys = [hashlib.sha256(id.encode()).digest() for id in self.ids]
         return np.array(sorted(range(len(keys)), key=keys.__getitem__), dtype=np.int64)
 
-    def head(self, count: int) -> Truth:
+    def head(self, count: int) -> Self:
         """Return the first ``count`` instances of a random order that is always the same."""
         return self.take(np.sort(self.order[:count]))
 
-    def take(self, chosen: NDArray[Any]) -> Truth:
+    def take(self, chosen: NDArray[Any]) -> Self:
         """Return the instances of an index or mask."""
         return replace(
             self,
