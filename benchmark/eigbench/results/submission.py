@@ -32,31 +32,19 @@ AGREE = 1e-9  # relative, between a score that is stored and the same computed h
 
 @dataclass(frozen=True, slots=True)
 class Submission:
-    """A result that its predictions confirm.
+    """A result that its predictions confirm, and the two files."""
 
-    Parameters
-    ----------
-    result : dict
-        As :mod:`eigbench.results` made it.
-    truth : Truth
-        What was predicted, with the eigenvalues of one target: as it is read, the meshes' labels.
-    predictions : ndarray of shape (seeds, n, k), float64
-        In the order of the truth's ids, in 1/length².
-    result_path, predictions_path : Path
-        The two files.
-    batch_size : int
-        Meshes in a call of the run; the times that are shown may be of another run.
-    remark : str
-        What a reader should know of the result, on one line: that its code has changed since,
-        and the text beside it. Empty if there is nothing to say.
-    """
-
-    result: dict[str, Any]
+    result: dict[str, Any]  #: as :mod:`eigbench.results` made it
+    #: What was predicted, with the eigenvalues of one target: as it is read, the meshes' labels.
     truth: Truth
+    #: Of shape (seeds, n, k), in the order of the truth's ids, in 1/length².
     predictions: NDArray[np.float64]
     result_path: Path
     predictions_path: Path
+    #: Meshes in a call of the run; the times that are shown may be of another run.
     batch_size: int
+    #: What a reader should know of the result, on one line: that its code has changed since,
+    #: and the text beside it. Empty if there is nothing to say.
     remark: str = ""
 
     @property

@@ -103,33 +103,18 @@ def chosen(sandbox: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How a predictor's process is run.
+    """How a predictor's process is run."""
 
-    Parameters
-    ----------
-    device : str
-        Handed to the predictor; one beginning with ``cuda`` has the box show the system's.
-    threads : int
-        Threads of BLAS and OpenMP.
-    time_limit : float
-        Most seconds for loading and for a batch.
-    memory_limit : float, optional
-        Most GiB that the process may have in memory (resident, where Linux tells).
-    sandbox : str
-        What holds it; ``none`` lets it do what its user may.
-    readable : sequence of Path
-        Files and directories that the box shows besides the predictor's own.
-    packages : Path, optional
-        A directory of packages that come before the others.
-    """
-
+    #: Handed to the predictor; one beginning with ``cuda`` has the box show the system's.
     device: str = "cpu"
-    threads: int = 1
-    time_limit: float = TIME_LIMIT
+    threads: int = 1  #: of BLAS and OpenMP
+    time_limit: float = TIME_LIMIT  #: most seconds for loading and for a batch
+    #: Most GiB that the process may have in memory (resident, where Linux tells).
     memory_limit: float | None = None
-    sandbox: str = NONE
+    sandbox: str = NONE  #: what holds it; ``none`` lets it do what its user may
+    #: Files and directories that the box shows besides the predictor's own.
     readable: Sequence[Path] = ()
-    packages: Path | None = None
+    packages: Path | None = None  #: a directory of packages that come before the others
 
 
 class Box:

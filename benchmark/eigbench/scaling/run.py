@@ -32,16 +32,11 @@ OUTCOMES = {OverTime: "over time", OverMemory: "over memory", Died: "died"}
 
 @dataclass(frozen=True, slots=True)
 class Settings(box.Settings):
-    """How to run a predictor, with limits of time and memory for a mesh.
-
-    Parameters
-    ----------
-    resume : bool
-        Keep the meshes of an earlier result at the same path, and add those that it lacks.
-    """
+    """How to run a predictor, with limits of time and memory for a mesh."""
 
     time_limit: float = 600.0
     memory_limit: float = 16.0
+    #: Keep the meshes of an earlier result at the same path, and add those that it lacks.
     resume: bool = False
 
 

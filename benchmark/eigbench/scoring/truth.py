@@ -30,39 +30,26 @@ EXACT = 1e-9  # relative: a prediction that differs by less differs by rounding
 class Truth:
     """The labels of a split.
 
-    Parameters
-    ----------
-    version, split, protocol : str
-        Which split of which dataset. A protocol ``imported/NAME`` is the imported dataset of
-        that name, for predictors trained on ``version``.
-    ids : tuple of str
-        Instances, ``cone-00042/3`` for instance 3 of that shape, in order.
-    shapes, groups, families : ndarray of shape (n,), str
-        Shape of each instance, the group of equal shapes it belongs to, and its family.
-    trainings : ndarray of shape (n,), str
-        What a predictor of each instance may be trained on, ``VERSION/PROTOCOL``: more than one
-        where a protocol holds out several things in turn.
-    eigenvalues : ndarray of shape (n, k), float64
-        The label of each instance, in 1/length²; or its surface's spectrum, by ``target``.
-    recipe_digest : str
-        Of the dataset.
-    target : str
-        What the eigenvalues are of: ``mesh``, or ``surface``.
-    bars : ndarray of shape (n, k), float64, or None
-        How far each eigenvalue may be from the true one, in 1/length²; None for rounding alone.
+    Version, split and protocol say which split of which dataset. A protocol ``imported/NAME`` is
+    the imported dataset of that name, for predictors trained on ``version``.
     """
 
     version: str
     split: str
     protocol: str
-    ids: tuple[str, ...]
-    shapes: NDArray[np.str_]
-    groups: NDArray[np.str_]
-    families: NDArray[np.str_]
+    ids: tuple[str, ...]  #: instances, ``cone-00042/3`` for instance 3 of that shape, in order
+    shapes: NDArray[np.str_]  #: shape of each instance, (n,)
+    groups: NDArray[np.str_]  #: the group of equal shapes it belongs to, (n,)
+    families: NDArray[np.str_]  #: its family, (n,)
+    #: What a predictor of each instance may be trained on, ``VERSION/PROTOCOL``, (n,): more than
+    #: one where a protocol holds out several things in turn.
     trainings: NDArray[np.str_]
+    #: The label of each instance, (n, k), in 1/length²; or its surface's spectrum, by ``target``.
     eigenvalues: NDArray[np.float64]
-    recipe_digest: str
-    target: str = MESH
+    recipe_digest: str  #: of the dataset
+    target: str = MESH  #: what the eigenvalues are of: ``mesh``, or ``surface``
+    #: How far each eigenvalue may be from the true one, (n, k), in 1/length²; None for rounding
+    #: alone.
     bars: NDArray[np.float64] | None = None
 
     @property
