@@ -81,10 +81,8 @@ def available() -> str:
 def chosen(sandbox: str) -> str:
     """Return the sandbox of a run.
 
-    Parameters
-    ----------
-    sandbox : str
-        ``auto`` for the best that there is, ``required`` for that or an error, or ``none``.
+    What is asked for is ``auto`` for the best that there is, ``required`` for that or an error, or
+    ``none``.
 
     Raises
     ------
@@ -120,16 +118,9 @@ class Settings:
 class Box:
     """What one process of a predictor gets: a folder of its own, its rules and its command.
 
-    Its folder is made at once and removed by :meth:`close`.
-
-    Parameters
-    ----------
-    file : Path
-        The predictor's file.
-    training : str
-        What it may be trained on: labels of the training and validation shapes are shown.
-    settings : Settings
-        With the sandbox ``bubblewrap`` or ``landlock``.
+    Its folder is made at once and removed by :meth:`close`. Labels of the training and validation
+    shapes of what the predictor may be trained on are shown. The sandbox of the settings must be
+    ``bubblewrap`` or ``landlock``.
     """
 
     def __init__(self, file: Path, training: str, settings: Settings) -> None:
@@ -210,10 +201,7 @@ class Box:
     def refused(self, attempts: Sequence[str]) -> list[str]:
         """Return those of a predictor's attempts that the box has refused.
 
-        Parameters
-        ----------
-        attempts : sequence of str
-            ``read PATH``, ``write PATH`` or ``connect HOST``, as its process saw them begin.
+        They are ``read PATH``, ``write PATH`` or ``connect HOST``, as its process saw them begin.
         """
         refusals = []
         for attempt in attempts:

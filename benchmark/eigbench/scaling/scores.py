@@ -150,16 +150,8 @@ def equal_seconds(surface: str, times: Mapping[int, float], distance: float) -> 
 
     Between two sizes time is a power of the discretisation error. On meshes coarser than the
     coarsest it is taken as inversely proportional to that error, as for a solver whose time is
-    linear in the vertices; beyond the finest mesh nothing is added.
-
-    Parameters
-    ----------
-    surface : str
-        Name of the surface.
-    times : mapping of int to float
-        Seconds of the solver by size; at least one.
-    distance : float
-        Mean relative error against the surface's spectrum.
+    linear in the vertices; beyond the finest mesh nothing is added. There must be one time at
+    least, seconds by size; ``distance`` is the mean relative error against the surface's spectrum.
     """
     errors = {size: surfaces.pinned(surface, size).discretisation_error for size in times}
     return interpolated_seconds(errors, times, distance)

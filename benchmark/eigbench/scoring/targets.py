@@ -30,14 +30,7 @@ from synthnet.store import pins
 
 
 def at(truth: Truth, target: str) -> Truth | None:
-    """Return the same instances with the eigenvalues and bars of a target.
-
-    Parameters
-    ----------
-    truth : Truth
-        Labels of meshes.
-    target : str
-        One of :data:`TARGETS`.
+    """Return labels of meshes with the eigenvalues and bars of one of the :data:`TARGETS`.
 
     Returns
     -------
