@@ -4,8 +4,6 @@ A column has a key, a title, a note, and a function from a row to a cell. A cell
 value that the page sorts it by, a number or words; ``None`` goes last.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

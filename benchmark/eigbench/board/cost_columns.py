@@ -1,7 +1,5 @@
 """The columns of time, memory and training: what a prediction costs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

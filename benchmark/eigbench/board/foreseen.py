@@ -1,7 +1,5 @@
 """What a run of a predictor will cost, by the times that a board has of it, or of LaPy."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -6,8 +6,6 @@ everything. The difference is the drop. A model without training has none, and i
 under the protocol ``grouped`` are its predictions under every other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

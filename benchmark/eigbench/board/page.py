@@ -1,7 +1,5 @@
 """LEADERBOARD.md and the page of each board: Markdown from ranked rows, the same to the byte."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

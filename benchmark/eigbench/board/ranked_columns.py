@@ -1,7 +1,5 @@
 """The columns of a board, for LEADERBOARD.md and for the page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -18,8 +18,6 @@ Mobility across Neighbourhoods and Academic Achievement across Countries", Revie
 Studies 91 (2024).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

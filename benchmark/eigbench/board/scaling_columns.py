@@ -1,7 +1,5 @@
 """The columns of the scaling track, for LEADERBOARD.md and for the page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

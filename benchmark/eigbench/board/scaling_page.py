@@ -3,8 +3,6 @@
 They are the same to the byte whatever the order of the rows.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Tables of a result: their cells, and as text for the terminal."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The commands leaderboard, export and site. None of them runs a predictor."""
 
-from __future__ import annotations
-
 import argparse
 import difflib
 import sys

@@ -1,7 +1,5 @@
 """The command check: it tries a predictor on some hundred small meshes."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The commands compare and plot, on one or several results; neither runs a predictor."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from dataclasses import asdict, replace

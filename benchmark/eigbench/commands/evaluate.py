@@ -1,7 +1,5 @@
 """The command evaluate: it runs a predictor over a split and scores it."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

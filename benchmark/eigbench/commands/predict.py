@@ -1,7 +1,5 @@
 """The command predict: it runs a predictor over a split, and writes its answers."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

@@ -1,7 +1,5 @@
 """The commands of the scaling track: scale, which runs a predictor, and scaling."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The command submit: it puts a result on a board, or says where it would stand."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

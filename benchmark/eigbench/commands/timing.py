@@ -1,7 +1,5 @@
 """The command time: all rows of a board on one machine, by one clock."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

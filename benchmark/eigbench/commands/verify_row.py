@@ -1,7 +1,5 @@
 """The command verify-row: it runs the code of rows again, on their split and on a fresh draw."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import datetime

@@ -5,8 +5,6 @@ imports that moved do not change it, a changed statement does. Any other file co
 No code is run here.
 """
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import os

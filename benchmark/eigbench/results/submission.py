@@ -4,8 +4,6 @@ Whatever compares, ranks or draws results reads them here, so no number that can
 recomputed from its predictions goes further. No predictor's code is run.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import re

@@ -1,7 +1,5 @@
 """Times of all rows of a dataset, taken in one run on one machine: ``benchmark/timing/*.json``."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -9,8 +9,6 @@ bubblewrap (https://github.com/containers/bubblewrap) holds it to the list where
 and may make namespaces, else :mod:`eigbench.running.landlock`.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import functools

@@ -5,8 +5,6 @@ are loaded, each in a process of its own, and each batch goes to one after the o
 them. So whatever slows the machine down slows all of them down.
 """
 
-from __future__ import annotations
-
 import contextlib
 import secrets
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Run a predictor over a split, and keep its answers."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import itertools

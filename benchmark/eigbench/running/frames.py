@@ -6,8 +6,6 @@ descriptor travels with the frame, so they can be read no earlier than they are 
 not copied. Nothing is unpickled: what a predictor sends cannot run in the harness.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import fcntl

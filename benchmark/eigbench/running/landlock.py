@@ -5,8 +5,6 @@ are added to it, and the process is held to it. A filter of its calls (:mod:`.ca
 making sockets, and what outlives it. No privilege is needed, and no mount.
 """
 
-from __future__ import annotations
-
 import ctypes
 import json
 import os

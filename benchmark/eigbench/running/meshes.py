@@ -1,7 +1,5 @@
 """The meshes of a split, instance by instance, as a predictor sees them."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -16,8 +16,6 @@ A file defines one of these; they are checked in this order:
 Loading runs the file's code.
 """
 
-from __future__ import annotations
-
 import glob
 import importlib.util
 import inspect

@@ -1,7 +1,5 @@
 """A predictor in a process of its own, and what becomes of it when it hangs or dies."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """From an evaluation to a result: what was measured, on what, and with which versions."""
 
-from __future__ import annotations
-
 import os
 import platform
 from collections.abc import Sequence

@@ -5,8 +5,6 @@ order, so it trains once and is not told which of the two a mesh is of. Each bat
 that looks public meshes up takes longer for the fresh ones.
 """
 
-from __future__ import annotations
-
 import secrets
 import shutil
 import subprocess

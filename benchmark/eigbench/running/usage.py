@@ -5,8 +5,6 @@ that have ended and that nobody has waited for. Where this process may not make 
 processes is sampled instead. A result says which of the two it was.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import os

@@ -1,7 +1,5 @@
 """Charts of the scaling track: error to the surface against speed beside LaPy, one a size."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

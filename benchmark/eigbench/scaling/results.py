@@ -4,8 +4,6 @@ Predictions and times stand in the result itself, mesh by mesh; errors do not: t
 the pinned labels.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

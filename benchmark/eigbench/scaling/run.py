@@ -4,8 +4,6 @@ A mesh that takes too long or too much memory, or whose process dies, is recorde
 others go on. The result is written anew after every mesh, so what is finished is never lost.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@ these on the same machine, no further from the label than the label is from the 
 and also faster than these are on a coarser mesh of that surface just as far from its spectrum.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

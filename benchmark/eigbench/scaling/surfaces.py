@@ -11,8 +11,6 @@ is the mesh's discretisation error: as an estimate of the surface's spectrum, a 
 the label than that is as good as the label.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache, partial

@@ -11,8 +11,6 @@ Rao, C. F. J. Wu, "Resampling inference with complex survey data", JASA 83 (1988
 that a resample of few seeds needs.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """From predictions to the numbers of a result: means, medians and intervals, for each target."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

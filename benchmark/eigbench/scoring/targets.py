@@ -11,8 +11,6 @@ that the bars could make is no difference. The bar of a label is a relative 1e-9
 that of a limit is pinned with it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

@@ -3,8 +3,6 @@
 The labels are those the repository pins, so scoring needs no built dataset.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace

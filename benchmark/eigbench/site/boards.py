@@ -1,7 +1,5 @@
 """Boards of the page: every dataset under every protocol, ranked, with its columns and cells."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Where a row comes from: its authors, its code and weights, its day, and how it is cited."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from functools import lru_cache

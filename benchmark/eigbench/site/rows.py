@@ -1,7 +1,5 @@
 """What a row opens to: all its numbers, and its worst and its median shape."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
