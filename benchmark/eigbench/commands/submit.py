@@ -25,7 +25,10 @@ def add_commands(command: Command) -> None:
     """Add submit to the command line."""
     text = "check a result and its predictions, and put both on the board"
     sub = command("submit", submit, text, "results.json")
-    arguments.row(sub, "made by `eigbench evaluate`")
+    text = "made by `eigbench evaluate`"
+    sub.add_argument("result", type=Path, metavar="RESULT.json", help=text)
+    text = "its predictions (default: beside the result)"
+    arguments.path(sub, "--predictions", "FILE", text)
     text = "write nothing: check both and show between which rows the result would stand"
     sub.add_argument("--dry-run", action="store_true", help=text)
     sub.add_argument("--replace", action="store_true", help="replace the model's earlier result")
