@@ -49,9 +49,9 @@ class Difference:
     high: float
     #: What the bars of the target could make of a difference; None where not known (PSNR).
     floor: float | None
-    verdict: str  #: ``a``, ``b`` or ``tie``: which is better
-    #: What makes a tie, else empty: ``equal`` values, ``few shapes`` (fewer than five), the
-    #: ``interval``, the ``floor``, or ``not finite`` where both have such values.
+    verdict: str  #: which is better, ``a`` or ``b``, or else ``tie``
+    #: Empty but for a tie, which these make. ``equal`` values, ``few shapes`` (fewer than five),
+    #: the ``interval``, the ``floor``, or ``not finite`` where both have such values.
     why: str
 
 
@@ -68,7 +68,7 @@ class Apart:
     mean: float
     low: float
     high: float
-    #: Whether the two differ by Holm's correction for all other rows: what the rank goes by.
+    #: Whether the two differ by Holm's correction for all other rows, which the rank goes by.
     sure: bool
 
 
@@ -81,7 +81,7 @@ class Ranked:
     ranks: tuple[int, int] | None
     apart: Sequence[Apart] = ()  #: every other row of the board, in the board's order
     exact: bool = False  #: whether every answer is right within the bars of the target
-    #: Whether it is on its author's word, on a board that has verified rows: it stands below
+    #: Whether it is on its author's word, on a board that has verified rows. It stands below
     #: these, without a rank and a speed.
     declared: bool = False
 

@@ -33,7 +33,7 @@ class Submission:
     """A result that its predictions confirm, and the two files."""
 
     result: dict[str, Any]  #: as :mod:`eigbench.results` made it
-    #: What was predicted, with the eigenvalues of one target: as it is read, the meshes' labels.
+    #: What was predicted, with the eigenvalues of one target; as it is read, the meshes' labels.
     truth: Truth
     #: Of shape (seeds, n, k), in the order of the truth's ids, in 1/length².
     predictions: NDArray[np.float64]
@@ -41,8 +41,8 @@ class Submission:
     predictions_path: Path
     #: Meshes in a call of the run; the times that are shown may be of another run.
     batch_size: int
-    #: What a reader should know of the result, on one line: that its code has changed since,
-    #: and the text beside it. Empty if there is nothing to say.
+    #: What a reader should know of the result, on one line. It says that its code has changed
+    #: since, and has the text beside it; empty if there is nothing to say.
     remark: str = ""
 
     @property

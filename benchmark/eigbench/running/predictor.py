@@ -68,8 +68,8 @@ class Predictor:
     seeded: bool = False  #: whether it was made with a seed, by ``load(device, seed)``
     #: Whether with the name of a training set too, by ``load(device, seed, training)``.
     trained: bool = False
-    #: The file's directory, and those that its code has put on ``sys.path``: where what it
-    #: imports is a part of it.
+    #: The file's directory, and those that its code has put on ``sys.path``. What it imports
+    #: from there is a part of it.
     roots: tuple[Path, ...] = ()
 
 

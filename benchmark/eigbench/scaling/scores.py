@@ -25,12 +25,12 @@ class Medians:
     """One model at one size: medians over the surfaces that it answered."""
 
     answered: int  #: surfaces
-    total: int  #: surfaces tried: 0 where it was not run
+    total: int  #: surfaces tried, 0 where it was not run
     error: float  #: mean relative error against the mesh's label
     distance: float  #: mean relative error against the surface's spectrum
     seconds: float  #: wall time of a mesh, itself the median of repeats
     peak_memory_mb: float  #: of the process
-    failures: tuple[str, ...]  #: why the others were not answered: ``over 600 s``
+    failures: tuple[str, ...]  #: why the others were not answered, as ``over 600 s``
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Verdict:
     solver: str | None
     seconds: float  #: median over the surfaces of the fastest exact time; NaN if there is none
     compared: int  #: surfaces on which there is an exact time
-    #: By slug of each model that is faster somewhere and not exact there: on how many of these
+    #: By slug of each model that is faster somewhere and not exact there, on how many of these
     #: surfaces it is, and on how many it wins.
     faster: Mapping[str, tuple[int, int]]
 

@@ -70,7 +70,7 @@ class Pinned:
     pin: pins.Pin
     certificate: Certificate  #: that the label misses no eigenvalue
     limit: Array  #: spectrum of the surface (k,), in 1/length²
-    limit_error: Array  #: a bound of its error (k,), in 1/length²: zero in closed form
+    limit_error: Array  #: a bound of its error (k,), in 1/length², zero in closed form
 
     @property
     def label(self) -> Array:

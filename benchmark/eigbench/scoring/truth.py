@@ -39,13 +39,13 @@ class Truth:
     shapes: NDArray[np.str_]  #: shape of each instance, (n,)
     groups: NDArray[np.str_]  #: the group of equal shapes it belongs to, (n,)
     families: NDArray[np.str_]  #: its family, (n,)
-    #: What a predictor of each instance may be trained on, ``VERSION/PROTOCOL``, (n,): more than
+    #: What a predictor of each instance may be trained on, ``VERSION/PROTOCOL``, (n,); more than
     #: one where a protocol holds out several things in turn.
     trainings: NDArray[np.str_]
     #: The label of each instance, (n, k), in 1/length²; or its surface's spectrum, by ``target``.
     eigenvalues: NDArray[np.float64]
     recipe_digest: str  #: of the dataset
-    target: str = MESH  #: what the eigenvalues are of: ``mesh``, or ``surface``
+    target: str = MESH  #: what the eigenvalues are of, ``mesh`` or ``surface``
     #: How far each eigenvalue may be from the true one, (n, k), in 1/length²; None for rounding
     #: alone.
     bars: NDArray[np.float64] | None = None
