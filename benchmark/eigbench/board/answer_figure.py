@@ -61,7 +61,8 @@ def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE
     surfaces, beside LaPy on all of them: what a user has who refines. A model whose error is too
     large to be drawn, or that has no time, is named below with the reason.
 
-    The board is a version's against the surface; the line is of the row ``solver``.
+    The board is a version's against the surface; the line is of the row ``solver``; the layout is
+    :data:`WIDE` or :data:`NARROW`.
     """
     ranked = sorted(board.rows, key=_error)
     rows = [row for row in ranked if not _absent(row)]
