@@ -9,18 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eigbench.board.figures import (
-    FASTEST,
-    KINDS,
-    NAME_LINE,
-    Point,
-    as_svg,
-    escaped,
-    legend,
-    number_marks,
-    scatter,
-    style,
-)
+from eigbench.board import figures
+from eigbench.board.figures import FASTEST, KINDS, NAME_LINE, Point
 from eigbench.board.generalisation import Board, restricted
 from eigbench.board.ranking import RANKED_BY, Ranked, difference
 from eigbench.board.tables import number as _digits
@@ -43,37 +33,18 @@ NEAR = 9.0  # points: an open mark that is nearer to another model's stands besi
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The measures of the figure.
+    """The measures of the figure, in inches where nothing else is said."""
 
-    Parameters
-    ----------
-    width, plot, top, left : float
-        Inches: of the figure; of the axes, their labels and the legend; of the legend; and of
-        the labels at the left.
-    columns : int
-        Of names below the axes.
-    keys : int
-        Of marks in a line of the legend.
-    letters : int
-        Of a line of the note on the drop.
-    font : float
-        Points, of what stands inside the axes.
-    size : str
-        The note at a size of meshes.
-    open : str
-        What an open mark is.
-    """
-
-    width: float
-    plot: float
-    top: float
-    left: float
-    columns: int
-    keys: int
-    letters: int
-    font: float
-    size: str
-    open: str
+    width: float  # of the figure
+    plot: float  # of the axes, their labels and the legend
+    top: float  # of the legend
+    left: float  # of the labels at the left
+    columns: int  # of names below the axes
+    keys: int  # marks in a line of the legend
+    letters: int  # of a line of the note on the drop
+    font: float  # points, of what stands inside the axes
+    size: str  # the note at a size of meshes
+    open: str  # what an open mark is
 
 
 WIDE = Layout(7.4, 4.9, 0.34, 0.63, 2, 5, 20, 9, "{} meshes", "the same model on unseen families")
@@ -90,14 +61,8 @@ def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE
     surfaces, beside LaPy on all of them: what a user has who refines. A model whose error is too
     large to be drawn, or that has no time, is named below with the reason.
 
-    Parameters
-    ----------
-    board : Board
-        A version's rows and protocols against the surface.
-    solver : str
-        The row that the line is of.
-    layout : Layout
-        :data:`WIDE`, or :data:`NARROW`.
+    The board is a version's against the surface; the line is of the row ``solver``; the layout is
+    :data:`WIDE` or :data:`NARROW`.
     """
     ranked = sorted(board.rows, key=_error)
     rows = [row for row in ranked if not _absent(row)]
@@ -107,17 +72,17 @@ def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE
     ]
     names = [(str(p.number), p.name, KINDS[p.kind][0]) for p in points]
     names += [("–", f"{r.submission.name}: {note}", GREY) for r in ranked if (note := _absent(r))]
-    with style() as new_figure:
+    with figures.style() as new_figure:
         lines = -(-len(names) // layout.columns)
         high = layout.plot + NAME_LINE * lines
         figure = new_figure(figsize=(layout.width, high))
         axes = figure.subplots()
         bottom, top = 1 - (layout.plot - 0.62) / high, 1 - layout.top / high
         figure.subplots_adjust(layout.left / layout.width, bottom, 0.99, top)
-        scatter(axes, points, floor=0.0)
+        figures.scatter(axes, points, floor=0.0)
         _solver_line(axes, board, solver, layout)
         axes.set_xlim(right=FASTEST * 1.6)
-        number_marks(axes, points, floor=0.0)
+        figures.number_marks(axes, points, floor=0.0)
         axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the surface")
         _draw_drops(axes, points)
         _name(axes, points, rows, layout)
@@ -125,9 +90,11 @@ def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE
         unseen = axes.plot([], [], "^", color=KINDS["learned"][0], mfc="white", label=layout.open)
         blue = KINDS["classical"][0]
         line = axes.plot([], [], ".-", color=blue, lw=1.6, ms=10, label="exact solver")
-        legend(axes, KINDS, line + unseen, loc="lower left", bbox_to_anchor=(-0.06, 1.0),
-               ncols=layout.keys, columnspacing=1.2, handletextpad=0.4)  # fmt: skip
-        return as_svg(figure)
+        figures.legend(
+            axes, KINDS, line + unseen, loc="lower left", bbox_to_anchor=(-0.06, 1.0),
+            ncols=layout.keys, columnspacing=1.2, handletextpad=0.4,
+        )  # fmt: skip
+        return figures.as_svg(figure)
 
 
 def _absent(row: Ranked) -> str:
@@ -177,7 +144,7 @@ def _name(
             axes.annotate(point.name, at, (0, 10), ha="center", color=colour, **font)
         elif point.name in trained:
             trained = set()  # the first is the best
-            name = fill(escaped(point.name), 24)
+            name = fill(figures.escaped(point.name), 24)
             axes.annotate(name, at, (9, -3), va="top", color=colour, **font)
     fallen = [p for p in points if p.unseen is not None and p.unseen > p.error]
     if fallen:
@@ -198,7 +165,7 @@ def _key(axes: mpl.axes.Axes, names: Sequence[tuple[str, str, str]], layout: Lay
         y = -(0.62 + NAME_LINE * line) / high
         text: dict[str, Any] = {"transform": axes.transAxes, "va": "center", "fontsize": 8}
         axes.text(x, y, number, ha="right", color=colour, weight="bold", **text)
-        axes.text(x + 0.08 / wide, y, escaped(name), **text)
+        axes.text(x + 0.08 / wide, y, figures.escaped(name), **text)
 
 
 def _point(number: int, row: Ranked, unseen: float | None) -> Point:
@@ -212,14 +179,8 @@ def sentences(board: Board, solver: str = "lapy") -> str:
     """Return the figure in sentences; empty where the solver or trained models are missing.
 
     There are three, and a fourth if a row without training is significantly nearer than the solver.
-    Models that say they are trained on other versions are left out.
-
-    Parameters
-    ----------
-    board : Board
-        A version's rows and protocols against the surface.
-    solver : str
-        The row that predictions are compared with.
+    Models that say they are trained on other versions are left out. The board is a version's
+    against the surface; predictions are compared with the row ``solver``.
     """
     exact = [row for row in board.rows if row.submission.slug == solver]
     models = [(row, row.submission.result["model"]) for row in board.rows]

@@ -4,8 +4,6 @@ A column has a key, a title, a note, and a function from a row to a cell. A cell
 value that the page sorts it by, a number or words; ``None`` goes last.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,54 +21,26 @@ DECLARED = "The run declared it: it does not follow from the predictions."
 
 @dataclass(frozen=True, slots=True)
 class Column(Generic[Row]):
-    """A column of a table.
+    """A column of a table."""
 
-    Parameters
-    ----------
-    key : str
-        Unique on its board.
-    title, note : str
-        Its head, and what the page explains about it.
-    cell : callable
-        From a row to its cell.
-    numeric : bool
-        Whether it is sorted by numbers, and aligned right.
-    higher : bool
-        Whether more is better, so that the page sorts it downwards first.
-    lead : str
-        Its text in the line above the models, in a table that has one.
-    """
-
-    key: str
+    key: str  # unique on its board
     title: str
-    note: str
+    note: str  # what the page explains about it
     cell: Callable[[Row], Cell]
-    numeric: bool = True
-    higher: bool = False
-    lead: str = ""
+    numeric: bool = True  # whether it is sorted by numbers, and aligned right
+    higher: bool = False  # whether more is better, so that the page sorts it downwards first
+    lead: str = ""  # its text in the line above the models, in a table that has one
 
 
 @dataclass(frozen=True, slots=True)
 class Group(Generic[Row]):
-    """Columns that are shown together: a table of LEADERBOARD.md, and a view of the page's table.
+    """Columns shown together: a table of LEADERBOARD.md, and a view of the page's table."""
 
-    Parameters
-    ----------
-    key, title : str
-        Unique on its board, and its heading.
-    columns : sequence of Column
-        Beside the model's name.
-    note : str
-        Stands below the heading in LEADERBOARD.md.
-    lead : str
-        What the line above the models is called; empty where there is none.
-    """
-
-    key: str
+    key: str  # unique on its board
     title: str
-    columns: Sequence[Column[Row]]
-    note: str = ""
-    lead: str = ""
+    columns: Sequence[Column[Row]]  # beside the model's name
+    note: str = ""  # stands below the heading in LEADERBOARD.md
+    lead: str = ""  # what the line above the models is called; empty where there is none
 
 
 def as_markdown(

@@ -1,7 +1,5 @@
 """The columns of time, memory and training: what a prediction costs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -18,6 +16,9 @@ def table(rows: Sequence[Ranked]) -> Group[Ranked]:
         low, high = facts["ms_per_mesh_quartiles"]
         return f"{number(low, 2)} to {number(high, 2)}", six_digits(low)
 
+    def lapys_own(facts: dict[str, Any]) -> Cell:
+        return _number("ms_per_mesh")(facts.get("reference") or {})
+
     def training(row: Ranked) -> Cell:
         return words(results.declared(row.submission.result, "training_cost"))
 
@@ -30,7 +31,7 @@ def table(rows: Sequence[Ranked]) -> Group[Ranked]:
         ms,
         _fact("quartiles", "quartiles", "Quartiles of ms per mesh over the batches.", quartiles),
         _fact("ms-mean", "mean", mean, _number("ms_per_mesh_mean")),
-        _fact("lapy-ms", "LaPy's ms", "LaPy's ms per mesh in the same run.", _lapys_own),
+        _fact("lapy-ms", "LaPy's ms", "LaPy's ms per mesh in the same run.", lapys_own),
         ratio,
         *peers(rows),
         _fact("batch", "batch", "Number of meshes in a call.", _number("batch_size", 0)),
@@ -108,11 +109,6 @@ def _number(name: str, decimals: int = 2) -> Callable[[dict[str, Any]], Cell]:
         return number(facts[name], decimals), six_digits(facts[name])
 
     return cell
-
-
-def _lapys_own(facts: dict[str, Any]) -> Cell:
-    """Return LaPy's ms per mesh in a run, on the batches that it was given too."""
-    return _number("ms_per_mesh")(facts.get("reference") or {})
 
 
 def parameters() -> Column[Ranked]:

@@ -9,17 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench.board import ranking
-from eigbench.board.figures import (
-    FLOOR,
-    KINDS,
-    PREDICTED,
-    TRUE,
-    check_finite,
-    dataset_of,
-    escaped,
-    style,
-)
+from eigbench.board import figures, ranking
+from eigbench.board.figures import FLOOR, KINDS, PREDICTED, TRUE
 from eigbench.board.ranking import RANKED_BY
 from eigbench.board.tables import family_title, in_order
 from eigbench.results.submission import Submission
@@ -44,8 +35,8 @@ def spectra(submission: Submission) -> Figure:
     """
     families = in_order(submission.truth.families.tolist())
     errors = ranking.per_mesh(submission, RANKED_BY)
-    check_finite(submission, errors, METRICS[RANKED_BY].title)
-    with style() as new_figure:
+    figures.check_finite(submission, errors, METRICS[RANKED_BY].title)
+    with figures.style() as new_figure:
         figure = new_figure(figsize=(7.2, 1.7 * len(families) + 0.6), layout="constrained")
         panels = figure.subplots(len(families), len(QUANTILES), squeeze=False)
         for row, family in zip(panels, families, strict=True):
@@ -59,7 +50,7 @@ def spectra(submission: Submission) -> Figure:
         for axes in panels[-1]:
             axes.set_xlabel("index", fontsize=7)
         figure.suptitle(
-            f"{escaped(submission.name)}: true and predicted eigenvalues\n"
+            f"{figures.escaped(submission.name)}: true and predicted eigenvalues\n"
             f"best, median and worst by {METRICS[RANKED_BY].title}",
             fontsize=10,
         )
@@ -89,16 +80,16 @@ def families(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure:
     """
     names = in_order(submissions[0].truth.families.tolist())
     several = len(submissions) > 1
-    with style() as new_figure:
+    with figures.style() as new_figure:
         height = 0.35 * len(names) * max(1.0, 0.4 * len(submissions)) + 1.2
         figure = new_figure(figsize=(7.2, height), layout="constrained")
         axes = figure.subplots()
         width = 0.8 / len(submissions)
         for number, submission in enumerate(submissions, start=1):
             values = ranking.per_mesh(submission, key)
-            check_finite(submission, values, METRICS[key].title)
+            figures.check_finite(submission, values, METRICS[key].title)
             values = np.maximum(values, FLOOR / 10)
-            name = escaped(submission.name)
+            name = figures.escaped(submission.name)
             positions = np.arange(len(names)) + (number - (len(submissions) + 1) / 2) * width
             boxes = axes.boxplot(
                 [values[submission.truth.families == family] for family in names],
@@ -142,7 +133,7 @@ def by_index(submissions: Sequence[Submission]) -> Figure:
     EigbenchError
         If a prediction is not finite.
     """
-    with style() as new_figure:
+    with figures.style() as new_figure:
         figure = new_figure(figsize=(7.2, 3.6 + 0.09 * len(submissions)), layout="constrained")
         axes = figure.subplots()
         lines = {kind: _lines(marker) for kind, (_, marker) in KINDS.items()}
@@ -156,7 +147,7 @@ def by_index(submissions: Sequence[Submission]) -> Figure:
                     band = f"{100 - 2 * share} % of the meshes"
                     axes.fill_between(index, low, high, color=colour, alpha=alpha, lw=0, label=band)
             line, marker = next(lines[submission.result["model"]["kind"]])
-            median, name = np.median(errors, axis=0), escaped(submission.name)
+            median, name = np.median(errors, axis=0), figures.escaped(submission.name)
             axes.plot(index, median, line, marker=marker, ms=4, color=colour, label=name)
         axes.set_yscale("log")
         axes.set_xticks(index)
@@ -180,7 +171,7 @@ def _lines(marker: str) -> Iterator[tuple[str, str]]:
 
 def _name(figure: Figure, axes: mpl.axes.Axes, submissions: Sequence[Submission]) -> None:
     """Name the dataset above, the models below."""
-    axes.set_title(dataset_of(submissions[0]), fontsize=9, loc="left")
+    axes.set_title(figures.dataset_of(submissions[0]), fontsize=9, loc="left")
     figure.legend(frameon=False, fontsize=7, loc="outside lower center", ncols=2)
 
 
@@ -196,14 +187,14 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
     least = FLOOR / 10
     every = [ranking.per_mesh(submission, key) for submission in submissions]
     for submission, values in zip(submissions, every, strict=True):
-        check_finite(submission, values, metric.title)
+        figures.check_finite(submission, values, metric.title)
     medians = [f"{np.median(values):.3g}" for values in every]
     if not metric.higher_is_better:
         every = [np.maximum(values, least) for values in every]
     low, high = min(v.min() for v in every), max(v.max() for v in every)
     space = np.linspace if metric.higher_is_better else np.geomspace
     edges = space(low, high if high > low else 1.1 * low + 1e-9, BINS + 1)
-    with style() as new_figure:
+    with figures.style() as new_figure:
         tall = 2.4 if len(every) == 1 else 0.85
         figure = new_figure(figsize=(7.2, tall * len(every) + 0.9), layout="constrained")
         panels = np.ravel(figure.subplots(len(every), sharex=True, squeeze=False))
@@ -213,7 +204,9 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
             weights = np.full(len(values), 100 / len(values))
             axes.hist(values, edges, weights=weights, color=_colour(submission))
             axes.axvline(np.median(values), color=INK, lw=1.2)
-            axes.set_title(f"{escaped(submission.name)}: median {median}", fontsize=8, loc="left")
+            axes.set_title(
+                f"{figures.escaped(submission.name)}: median {median}", fontsize=8, loc="left"
+            )
             axes.set_ylabel("% of meshes", fontsize=7)
             axes.tick_params(labelsize=7)
             axes.grid(axis="x", alpha=0.25)
@@ -222,7 +215,7 @@ def histogram(submissions: Sequence[Submission], key: str = RANKED_BY) -> Figure
         edge = "" if metric.higher_is_better else f"; below {least:g} at the edge"
         unit = f" ({metric.unit})" if metric.unit else ""
         panels[-1].set_xlabel(f"{metric.title}{unit}; line: median{edge}")
-        figure.suptitle(dataset_of(submissions[0]), fontsize=9, x=0.01, ha="left")
+        figure.suptitle(figures.dataset_of(submissions[0]), fontsize=9, x=0.01, ha="left")
     return figure
 
 
@@ -231,5 +224,5 @@ def _relative(submission: Submission) -> NDArray[np.float64]:
     """Return the relative error of each instance and eigenvalue, mean over seeds, shape (n, k)."""
     labels = submission.truth.eigenvalues
     values = np.mean(np.abs(submission.predictions - labels) / labels, axis=0)
-    check_finite(submission, values, "the relative error")
+    figures.check_finite(submission, values, "the relative error")
     return np.asarray(values)

@@ -42,31 +42,15 @@ NAME_LINE, LEGEND = 0.185, 0.7  # inches of a name in the key, and of the kinds 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A model on a chart of error against speed.
+    """A model on a chart of error against speed."""
 
-    Parameters
-    ----------
-    number : int
-        Stands in its mark, and before its name in the key.
-    name, kind : str
-        Of the model.
-    speed : float
-        How many times as fast as LaPy it is.
-    error : float
-        What the chart is of.
-    unseen : float or None
-        The same error on what the training held out.
-    whole : bool
-        Whether it answered every mesh; else its mark is open.
-    """
-
-    number: int
+    number: int  #: stands in its mark, and before its name in the key
     name: str
     kind: str
-    speed: float
-    error: float
-    unseen: float | None = None
-    whole: bool = True
+    speed: float  #: how many times as fast as LaPy it is
+    error: float  #: what the chart is of
+    unseen: float | None = None  #: the same error on what the training held out
+    whole: bool = True  #: whether it answered every mesh; else its mark is open
 
 
 @contextmanager

@@ -1,7 +1,5 @@
 """What a run of a predictor will cost, by the times that a board has of it, or of LaPy."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -18,16 +16,8 @@ from synthnet.errors import counted
 def line(root: Path, labels: Truth, code: str, seeds: int) -> str:
     """Return what is known of a run before it starts, as one line.
 
-    Parameters
-    ----------
-    root : Path
-        Directory of the board; it may have none.
-    labels : Truth
-        What is to be predicted.
-    code : str
-        The predictor's file: a row made of a file of that name tells most.
-    seeds : int
-        Runs over all meshes.
+    A row of the board in ``root``, which may have none, tells most if it was made of a file named
+    as the predictor's ``code``. ``seeds`` counts runs over all meshes.
     """
     count = len(labels.ids) * seeds
     start = f"{counted(count, 'mesh', 'meshes')} to predict"
@@ -37,7 +27,9 @@ def line(root: Path, labels: Truth, code: str, seeds: int) -> str:
         lapy = [(row, "LaPy") for row in rows if row["model"]["name"] == "LaPy"]
         if candidates := [*own, *lapy]:
             row, name = candidates[0]
-            return f"{start}: {name} took {_took(row, count)}"
+            took = about(row["cost"]["ms_per_mesh_mean"] / 1e3 * count)
+            setting = results.setting(row)
+            return f"{start}: {name} took {took} for as many on the board ({setting})"
     return f"{start}; no result of them is recorded here: the first batch will show the time"
 
 
@@ -53,11 +45,6 @@ def _boards(labels: Truth) -> Iterator[str]:
     yield f"{labels.version}-test-{labels.protocol.replace('/', '-')}"
     if labels.version in recipe.available():
         yield f"{recipe.load(labels.version).base}-test-grouped"
-
-
-def _took(row: dict[str, Any], count: int) -> str:
-    seconds = row["cost"]["ms_per_mesh_mean"] / 1e3 * count
-    return f"{about(seconds)} for as many on the board ({results.setting(row)})"
 
 
 def about(seconds: float) -> str:

@@ -6,8 +6,6 @@ everything. The difference is the drop. A model without training has none, and i
 under the protocol ``grouped`` are its predictions under every other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -61,18 +59,11 @@ NEAR = (
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """A model's mean score under a protocol.
+    """A model's mean score under a protocol."""
 
-    Parameters
-    ----------
-    score : float or None
-        Mean of the metric; ``None`` where the model was not run.
-    drop : float or None
-        The score minus the mean, on the same shapes, of the same model trained on everything;
-        ``None`` where the model is not trained, or on another version.
-    """
-
-    score: float | None
+    score: float | None  #: mean of the metric; ``None`` where the model was not run
+    #: The score minus the mean, on the same shapes, of the same model trained on everything;
+    #: ``None`` where the model is not trained, or on another version.
     drop: float | None = None
 
     @property
@@ -83,17 +74,10 @@ class HeldOut:
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """All that a version's protocols know of its models.
+    """All that a version's protocols know of its models."""
 
-    Parameters
-    ----------
-    rows : sequence of Ranked
-        Of the protocol ``grouped``, best first.
-    held_out : mapping of str to sequence of Submission
-        Of each other protocol that tests generalisation, at the same target.
-    """
-
-    rows: Sequence[Ranked]
+    rows: Sequence[Ranked]  #: of the protocol ``grouped``, best first
+    #: Of each other protocol that tests generalisation, at the same target.
     held_out: Mapping[str, Sequence[Submission]]
 
     @property

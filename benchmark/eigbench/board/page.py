@@ -1,7 +1,5 @@
 """LEADERBOARD.md and the page of each board: Markdown from ranked rows, the same to the byte."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -20,6 +18,7 @@ from eigbench.board.ranked_columns import KIND, MODEL, RANK
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.results.submission import Submission
 from eigbench.results.verification import is_verified
+from eigbench.scaling.results import Scaled
 from eigbench.scoring import neighbours, targets
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.names import MESH, SURFACE
@@ -82,21 +81,16 @@ these are ranked.
 
 
 def board(rows: Sequence[Ranked], page: Path, numbers: Path, figure: Path) -> list[str]:
-    """Return the section of a board in LEADERBOARD.md: one table and its figure.
+    """Return the section of a board in LEADERBOARD.md: one table, best rows first, and its figure.
 
-    Parameters
-    ----------
-    rows : sequence of Ranked
-        Best first.
-    page, numbers, figure : Path
-        Of the board's other tables, its JSON and its figure.
+    The paths are those of the board's other tables, its JSON and its figure.
     """
     links = f"[All metrics, families, cost]({page.as_posix()}) · [JSON]({numbers.as_posix()})"
     return [
         f"## {title(rows)}\n",
         f"{_counts(rows)} {_verified(row.submission for row in rows)}{links}\n",
         as_markdown(ranked_columns.short(), rows, (RANK, MODEL, KIND)),
-        *remarks(rows),
+        *remarks(row.submission for row in rows),
         f"![Error against speed]({figure.as_posix()})\n",
         "*A number is a row of the table, by its name on the right: mean RPD, and how many times "
         "as fast as LaPy it is. Colour and mark tell the kind; lower right is better.*\n",
@@ -116,7 +110,7 @@ def details(rows: Sequence[Ranked]) -> str:
         f"# {title(rows)}\n",
         *introduction(rows),
         as_markdown(ranked_columns.main(), rows, (RANK, MODEL, KIND)),
-        *remarks(rows),
+        *remarks(row.submission for row in rows),
     ]
     for group in ranked_columns.groups(rows):
         parts.append(f"## {group.title}\n")
@@ -178,15 +172,14 @@ def _floor(rows: Sequence[Ranked]) -> str:
     )
 
 
-def remarks(rows: Sequence[Ranked]) -> list[str]:
-    """Return what a reader should know of single rows, a line each."""
-    submissions = [row.submission for row in rows if row.submission.remark]
-    return [f"**{escaped(s.name)}**: {escaped(s.remark)}\n" for s in submissions]
+def remarks(rows: Iterable[Submission | Scaled]) -> list[str]:
+    """Return what a reader should know of single rows of any track, a line each."""
+    return [f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in rows if row.remark]
 
 
 def top(rows: Sequence[Ranked]) -> str:
     """Return the first rows of a board, in few columns, for the README."""
-    below = "".join(f"\n{line}" for line in remarks(rows[:TOP]))
+    below = "".join(f"\n{line}" for line in remarks(row.submission for row in rows[:TOP]))
     heading = f"{title(rows)}, {len(rows)} rows. {_counts(rows)}"
     return f"{heading}\n\n{top_table(rows[:TOP])}{below}"
 
@@ -214,14 +207,7 @@ def _cost(group: Group[Ranked], rows: Sequence[Ranked]) -> str:
 def generalised(board: Board, page: Path, numbers: Path, figures: Mapping[str, Path]) -> list[str]:
     """Return the section of a version's protocols at a target in LEADERBOARD.md.
 
-    Parameters
-    ----------
-    board : Board
-        Its rows and protocols.
-    page, numbers : Path
-        Of the other tables, and of the JSON.
-    figures : mapping of str to Path
-        By what they show.
+    The paths are those of the other tables, of the JSON, and of the figures by what they show.
     """
     marks = generalisation.remark_marks(board, board.rows)
     first = board.target == SURFACE

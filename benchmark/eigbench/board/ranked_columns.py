@@ -1,12 +1,10 @@
 """The columns of a board, for LEADERBOARD.md and for the page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from eigbench.board import cost_columns, generalisation
+from eigbench.board import cost_columns, generalisation, tables
 from eigbench.board.columns import (
     DECLARED,
     Cell,
@@ -19,14 +17,6 @@ from eigbench.board.columns import (
 )
 from eigbench.board.generalisation import Board
 from eigbench.board.ranking import RANKED_BY, Ranked
-from eigbench.board.tables import (
-    deviation,
-    error,
-    family_title,
-    in_order,
-    interval,
-    with_uncertainty,
-)
 from eigbench.scoring.metrics import MAIN, METRICS
 from eigbench.scoring.names import MESH
 from eigbench.scoring.physics import SHARES, TITLES
@@ -109,13 +99,8 @@ def overview(board: Board | None, protocol: str | None) -> Group[Ranked]:
 def groups(rows: Sequence[Ranked], protocol: str | None = None) -> list[Group[Ranked]]:
     """Return the tables below the main one.
 
-    Parameters
-    ----------
-    rows : sequence of Ranked
-        Of the board.
-    protocol : str or None
-        The version's own protocol that the rows are of, which has no times and physics of its
-        own; ``None`` for a protocol that all versions have.
+    ``protocol`` is the version's own that the rows are of, which has no times and physics of its
+    own; ``None`` for a protocol that all versions have.
     """
     median_note = (
         "The median over instances. InvLap has no upper bound, so one bad prediction can dominate "
@@ -158,7 +143,7 @@ def _mean(key: str) -> Column[Ranked]:
         "in brackets the standard deviation over seeds."
     )
     return _of_metric(
-        key, "", note, lambda cell: (with_uncertainty(cell, key), six_digits(cell["mean"]))
+        key, "", note, lambda cell: (tables.with_uncertainty(cell, key), six_digits(cell["mean"]))
     )
 
 
@@ -188,7 +173,7 @@ def _interval(key: str) -> Column[Ranked]:
         key,
         "-interval",
         note,
-        lambda cell: (interval(cell["low"], cell["high"], key), six_digits(cell["low"])),
+        lambda cell: (tables.interval(cell["low"], cell["high"], key), six_digits(cell["low"])),
     )
 
 
@@ -200,14 +185,14 @@ def _families(rows: Sequence[Ranked], key: str) -> Group[Ranked]:
         count = f"{counts[name]['count']:,}"
         return Column(
             f"{key}-{name}",
-            family_title(name),
+            tables.family_title(name),
             f"Mean {metric.title} over the {count} instances of this family. {METRIC_NOTES[key]}",
             lambda row: of_score(row.scores["families"][name][key]["mean"], key),
             higher=metric.higher_is_better,
             lead=count,
         )
 
-    columns = [column(name) for name in in_order(counts)]
+    columns = [column(name) for name in tables.in_order(counts)]
     return Group(f"families-{key}", f"{metric.heading} by family", columns, lead="instances")
 
 
@@ -215,7 +200,7 @@ def _indices(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
     def column(i: int) -> Column[Ranked]:
         def cell(row: Ranked) -> Cell:
             value = row.scores["per_index"][i]["mean"]
-            return error(value), six_digits(value)
+            return tables.error(value), six_digits(value)
 
         note = f"Mean relative error |p − g| / g of the non-zero eigenvalue number {i + 1}."
         return Column(f"index-{i + 1}", f"λ{i + 1}", note, cell)
@@ -249,30 +234,20 @@ def _verified() -> Group[Ranked]:
         return Column(f"verified-{key}", title, note, of_row, numeric=key != "date")
 
     def scored(scores: dict[str, Any]) -> Cell:
-        shown = with_uncertainty({**scores, "seed_std": None}, RANKED_BY)
+        shown = tables.with_uncertainty({**scores, "seed_std": None}, RANKED_BY)
         return shown, six_digits(scores["mean"])
 
-    metric = METRICS[RANKED_BY]
+    def drawn(said: dict[str, Any]) -> Cell:
+        count = said["sealed"]["instances"]
+        return f"{count:,}", count
+
+    heading, about = METRICS[RANKED_BY].heading, METRIC_NOTES[RANKED_BY]
+    same = f"{about} On the same split, by the same code."
+    fresh = f"{about} On surfaces that were drawn for this run and removed after it."
     columns = [
-        column(
-            "again",
-            f"{metric.heading} run again",
-            f"{METRIC_NOTES[RANKED_BY]} On the same split, by the same code.",
-            lambda said: scored(said["scores"][MESH]),
-        ),
-        column(
-            "fresh",
-            f"{metric.heading} on a fresh draw",
-            f"{METRIC_NOTES[RANKED_BY]} On surfaces that were drawn for this run and removed "
-            "after it.",
-            lambda said: scored(said["sealed"]),
-        ),
-        column(
-            "drawn",
-            "meshes of the draw",
-            "Instances of the fresh draw.",
-            lambda said: (f"{said['sealed']['instances']:,}", said["sealed"]["instances"]),
-        ),
+        column("again", f"{heading} run again", same, lambda said: scored(said["scores"][MESH])),
+        column("fresh", f"{heading} on a fresh draw", fresh, lambda said: scored(said["sealed"])),
+        column("drawn", "meshes of the draw", "Instances of the fresh draw.", drawn),
         column("date", "date", "When it was verified.", lambda said: words(said["date"])),
     ]
     note = (
@@ -288,7 +263,7 @@ def _physics() -> Group[Ranked]:
     def column(key: str) -> Column[Ranked]:
         def cell(row: Ranked) -> Cell:
             value = row.submission.result["physics"][key]
-            return deviation(key, value), six_digits(value)
+            return tables.deviation(key, value), six_digits(value)
 
         measured = "" if key in SHARES else " Median relative deviation on probe shapes."
         note = f"{PHYSICS_NOTES[key]}{measured} {DECLARED}"

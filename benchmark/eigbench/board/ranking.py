@@ -18,8 +18,6 @@ Mobility across Neighbourhoods and Academic Achievement across Countries", Revie
 Studies 91 (2024).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -41,28 +39,19 @@ RANKED_BY = "rpd"  # bounded, free of scale, and no share that saturates
 class Difference:
     """The paired difference of two predictors in one metric.
 
-    Parameters
-    ----------
-    a, b : float
-        Their means.
-    low, high : float
-        95 % percentile-bootstrap interval over shapes and seeds of the mean of a − b; NaN where a
-        value is not finite.
-    floor : float or None
-        What the bars of the target could make of a difference; None where it is not known (PSNR).
-    verdict : str
-        ``a``, ``b`` or ``tie``: which is better.
-    why : str
-        What makes a tie, else empty: ``equal`` values, ``few shapes`` (fewer than five), the
-        ``interval``, the ``floor``, or ``not finite`` where both have such values.
+    From ``low`` to ``high`` is the 95 % percentile-bootstrap interval over shapes and seeds of the
+    mean of a − b; both are NaN where a value is not finite.
     """
 
-    a: float
-    b: float
+    a: float  #: mean of the one
+    b: float  #: mean of the other
     low: float
     high: float
+    #: What the bars of the target could make of a difference; None where not known (PSNR).
     floor: float | None
-    verdict: str
+    verdict: str  #: which is better, ``a`` or ``b``, or else ``tie``
+    #: Empty but for a tie, which these make. ``equal`` values, ``few shapes`` (fewer than five),
+    #: the ``interval``, the ``floor``, or ``not finite`` where both have such values.
     why: str
 
 
@@ -70,50 +59,30 @@ class Difference:
 class Apart:
     """How far another row of the board is from a row.
 
-    Parameters
-    ----------
-    slug : str
-        Of the other row.
-    mean : float
-        The other's mean minus that of the row; NaN or infinite where a value is not finite.
-    low, high : float
-        95 % percentile-bootstrap interval of the mean over shapes and seeds; NaN where a value is
-        not finite.
-    sure : bool
-        Whether the two differ by Holm's correction for all other rows: what the rank goes by.
+    From ``low`` to ``high`` is the 95 % percentile-bootstrap interval of the mean over shapes and
+    seeds; both are NaN where a value is not finite.
     """
 
-    slug: str
+    slug: str  #: of the other row
+    #: The other's mean minus that of the row; NaN or infinite where a value is not finite.
     mean: float
     low: float
     high: float
+    #: Whether the two differ by Holm's correction for all other rows, which the rank goes by.
     sure: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Ranked:
-    """A submission at a target, and between which ranks it is.
+    """A submission at a target, and between which ranks it is."""
 
-    Parameters
-    ----------
-    submission : Submission
-        With the truth of the target.
-    ranks : tuple of two ints, or None
-        The first and the last of the interval of its ranks, from 1; None where it is exact or
-        declared.
-    apart : sequence of Apart
-        Every other row of the board, in the board's order.
-    exact : bool
-        Whether every answer is right within the bars of the target.
-    declared : bool
-        Whether it is on its author's word, on a board that has verified rows: it stands below
-        these, without a rank and a speed.
-    """
-
-    submission: Submission
+    submission: Submission  #: with the truth of the target
+    #: The first and the last of its interval, from 1; None where it is exact or declared.
     ranks: tuple[int, int] | None
-    apart: Sequence[Apart] = ()
-    exact: bool = False
+    apart: Sequence[Apart] = ()  #: every other row of the board, in the board's order
+    exact: bool = False  #: whether every answer is right within the bars of the target
+    #: Whether it is on its author's word, on a board that has verified rows. It stands below
+    #: these, without a rank and a speed.
     declared: bool = False
 
     @property

@@ -1,7 +1,5 @@
 """The columns of the scaling track, for LEADERBOARD.md and for the page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -21,36 +19,24 @@ MODEL, KIND, HARDWARE, TRAINING = of_run(_result)
 
 def groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> dict[str, Group[Scaled]]:
     """Return the tables of one hardware setting by key; ``verdicts`` are its own."""
-    timed = [size for size in sizes if size <= surfaces.TIMED_BESIDE]
+    overview = [column(size) for size in sizes for column in (_error, _time)]
+    distances = [_distance(size, verdicts) for size in sizes]
+    distance = (
+        "The same answers against the spectrum of the surface instead of the mesh's. In "
+        "brackets: the ms that the fastest exact solver takes on a mesh just fine enough for "
+        "that error, interpolated between the sizes; making such a mesh is not counted."
+    )
+    memory = "MB of the process, its libraries included."
+    timed = [_lapy(size) for size in sizes if size <= surfaces.TIMED_BESIDE]
+    lapy = (
+        "LaPy's ms per mesh in the run of each row, on the same meshes up to "
+        f"{surfaces.TIMED_BESIDE:,} vertices: how fast the machine was then."
+    )
     tables = (
-        Group(
-            "overview",
-            "Error and time",
-            [column(size) for size in sizes for column in (_error, _time)],
-            lead="discretisation error of the meshes",
-        ),
-        Group(
-            "distance",
-            "Against the surface",
-            [_distance(size, verdicts) for size in sizes],
-            "The same answers against the spectrum of the surface instead of the mesh's. In "
-            "brackets: the ms that the fastest exact solver takes on a mesh just fine enough for "
-            "that error, interpolated between the sizes; making such a mesh is not counted.",
-            lead="the labels",
-        ),
-        Group(
-            "memory",
-            "Peak memory",
-            [_memory(size) for size in sizes],
-            "MB of the process, its libraries included.",
-        ),
-        Group(
-            "lapy",
-            "LaPy beside each run",
-            [_lapy(size) for size in timed],
-            "LaPy's ms per mesh in the run of each row, on the same meshes up to "
-            f"{surfaces.TIMED_BESIDE:,} vertices: how fast the machine was then.",
-        ),
+        Group("overview", "Error and time", overview, lead="discretisation error of the meshes"),
+        Group("distance", "Against the surface", distances, distance, lead="the labels"),
+        Group("memory", "Peak memory", [_memory(size) for size in sizes], memory),
+        Group("lapy", "LaPy beside each run", timed, lapy),
     )
     return {group.key: group for group in tables}
 

@@ -7,16 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eigbench.board.figures import (
-    KINDS,
-    SPEED,
-    Point,
-    as_svg,
-    escaped,
-    number_marks,
-    scatter,
-    style,
-)
+from eigbench.board import figures
+from eigbench.board.figures import KINDS, SPEED, Point
 from eigbench.scaling import panels, scores, surfaces
 from eigbench.scaling.panels import Panel
 from eigbench.scaling.results import Scaled
@@ -55,7 +47,7 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
     down, lines = -(-len(charts) // ACROSS), -(-(len(rows) + len(SIGNS)) // COLUMNS)
     below = ENTRY * lines + 0.55
     high = HEIGHT * down + below
-    with style() as new_figure:
+    with figures.style() as new_figure:
         # Positions are fixed, as in figures.py
         figure = new_figure(figsize=(WIDTH, high))
         grid = np.ravel(figure.subplots(down, ACROSS, sharex=True, sharey=True, squeeze=False))
@@ -64,7 +56,7 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
         for axes, (label, mine, panel) in zip(grid, charts, strict=False):
             drawn.append(_models(axes, panel, [(numbers[_key(row)], row) for row in mine]))
             hardware = f"; {label}" if len(by_setting) > 1 else ""
-            title = escaped(f"{panel.size:,} vertices{hardware}")
+            title = figures.escaped(f"{panel.size:,} vertices{hardware}")
             axes.set_title(title, fontsize=9, loc="left", pad=3)
         # Which hold the models of all panels
         (left, _), (low, _) = grid[0].get_xlim(), grid[0].get_ylim()
@@ -75,12 +67,12 @@ def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
         grid[0].set_xlim(left, FASTEST * 1.6)
         grid[0].set_ylim(low, 1.0)
         for axes, points in zip(grid, drawn, strict=False):
-            number_marks(axes, points, floor=0.0, fastest=FASTEST)
+            figures.number_marks(axes, points, floor=0.0, fastest=FASTEST)
         figure.text(0.53, (below - 0.42) / high, SPEED, ha="center", fontsize=9)
         text = "mean relative error to the surface's spectrum"
         figure.text(0.012, 0.5 + below / high / 2, text, rotation=90, va="center", fontsize=9)
         _name_key(figure, rows, lines, high)
-        return as_svg(figure)
+        return figures.as_svg(figure)
 
 
 def _charts(label: str, rows: Sequence[Scaled]) -> list[tuple[str, Sequence[Scaled], Panel]]:
@@ -98,7 +90,7 @@ def _models(axes: mpl.axes.Axes, panel: Panel, rows: Sequence[tuple[int, Scaled]
             kind, speed = row.result["model"]["kind"], panel.lapy_seconds / cell.seconds
             whole = cell.answered == len(surfaces.SURFACES)
             points.append(Point(number, row.name, kind, speed, cell.distance, None, whole))
-    scatter(axes, points, floor=0.0, fastest=FASTEST)
+    figures.scatter(axes, points, floor=0.0, fastest=FASTEST)
     axes.set_xlabel("")
     return points
 
@@ -131,7 +123,7 @@ def _name_key(figure: Figure, rows: Sequence[Scaled], lines: int, high: float) -
         else:
             figure.add_artist(Line2D([x - 0.018, x], [y, y], **sign))
         short = text if len(text) <= LETTERS else f"{text[: LETTERS - 1]}…"
-        figure.text(x + 0.008, y, escaped(short), fontsize=7.5, va="center_baseline")
+        figure.text(x + 0.008, y, figures.escaped(short), fontsize=7.5, va="center_baseline")
 
 
 def _key(row: Scaled) -> tuple[str, str]:

@@ -3,8 +3,6 @@
 They are the same to the byte whatever the order of the rows.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -15,6 +13,7 @@ from eigbench.board import scaling_columns, scaling_figure
 from eigbench.board.columns import as_markdown, six_digits
 from eigbench.board.markdown import cell as escaped
 from eigbench.board.markdown import table
+from eigbench.board.page import remarks
 from eigbench.board.scaling_columns import KIND, MODEL, ms, percent
 from eigbench.board.tables import family_title
 from eigbench.scaling import scores, surfaces
@@ -41,7 +40,7 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
             f"### Scaling: {escaped(label)}\n",
             answer(verdicts, mine),
             as_markdown(overview, ordered(mine, sizes[0]), (MODEL, KIND)),
-            *_remarks(mine),
+            *remarks(mine),
         ]
     parts += [
         f"![Error to the surface against speed, one panel per size]({FIGURE.as_posix()})\n",
@@ -135,12 +134,8 @@ def answers(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> list[str]:
     return [
         answer(verdicts, rows),
         "\n".join(_facts(verdict, rows) for verdict in verdicts) + "\n",
-        *_remarks(rows),
+        *remarks(rows),
     ]
-
-
-def _remarks(rows: Sequence[Scaled]) -> list[str]:
-    return [f"**{escaped(row.name)}**: {escaped(row.remark)}\n" for row in rows if row.remark]
 
 
 def answer(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> str:

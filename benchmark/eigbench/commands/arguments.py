@@ -29,12 +29,6 @@ def predictor(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("predictor", type=Path, metavar="FILE", help="the predictor's Python file")
 
 
-def row(sub: argparse.ArgumentParser, what: str) -> None:
-    """Add the result of a row, and where its predictions are."""
-    sub.add_argument("result", type=Path, metavar="RESULT.json", help=what)
-    path(sub, "--predictions", "FILE", "its predictions (default: beside the result)")
-
-
 def path(sub: argparse._ActionsContainer, option: str, metavar: str, text: str) -> None:
     """Add an option that takes a path; its text says what it is by default."""
     sub.add_argument(option, type=Path, metavar=metavar, help=text)

@@ -1,12 +1,11 @@
 """The commands leaderboard, export and site. None of them runs a predictor."""
 
-from __future__ import annotations
-
 import argparse
 import difflib
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Self
 
 from rich.console import Console
 
@@ -28,46 +27,30 @@ MOST_GENERATED = 64 * 2**20  # bytes of a generated page
 
 def add_commands(command: Command) -> None:
     """Add leaderboard, export and site to the command line."""
-    sub = command(
-        "leaderboard",
-        regenerate,
-        "generate LEADERBOARD.md from the results on the board; no predictor is run",
-        "--check",
-    )
-    sub.add_argument(
-        "--check", action="store_true", help="write nothing; exit 1 if a file is not up to date"
-    )
+    text = "generate LEADERBOARD.md from the results on the board; no predictor is run"
+    sub = command("leaderboard", regenerate, text, "--check")
+    text = "write nothing; exit 1 if a file is not up to date"
+    sub.add_argument("--check", action="store_true", help=text)
     arguments.board(sub)
 
-    sub = command(
-        "export",
-        write_tables,
-        "write every prediction on the boards as tidy tables, beside both targets",
-        "--out tables",
-    )
+    text = "write every prediction on the boards as tidy tables, beside both targets"
+    sub = command("export", write_tables, text, "--out tables")
     arguments.out(sub, "tables", "directory that receives BOARD.parquet and BOARD.csv", "DIR")
     arguments.board(sub)
 
-    sub = command(
-        "site",
-        site,
-        "write the leaderboard as a page to sort, filter and open, which needs no server",
-        "--out page",
-    )
+    text = "write the leaderboard as a page to sort, filter and open, which needs no server"
+    sub = command("site", site, text, "--out page")
     arguments.out(sub, "page", "directory that receives the page", "DIR")
-    sub.add_argument(
-        "--docs",
-        metavar="URL",
-        help="address of the documentation, relative to DIR; {} is a page's name, as in "
-        f"{write.DOCS} (default: those of the checkout)",
+    text = (
+        "address of the documentation, relative to DIR; {} is a page's name, as in "
+        f"{write.DOCS} (default: those of the checkout)"
     )
-    sub.add_argument(
-        "--code",
-        metavar="URL",
-        default=write.CODE,
-        help="address of a file of the project, as https://HOST/OWNER/NAME/blob/main/{}, to link "
-        "code and weights of models there (default: %(default)s, which the page then has itself)",
+    sub.add_argument("--docs", metavar="URL", help=text)
+    text = (
+        "address of a file of the project, as https://HOST/OWNER/NAME/blob/main/{}, to link "
+        "code and weights of models there (default: %(default)s, which the page then has itself)"
     )
+    sub.add_argument("--code", metavar="URL", default=write.CODE, help=text)
     arguments.board(sub)
 
 
@@ -81,7 +64,7 @@ class Stages:
         self._status = Console(stderr=True).status("")
         self._stage = ""
 
-    def __enter__(self) -> Stages:
+    def __enter__(self) -> Self:
         if sys.stderr.isatty():
             self._status.start()
         return self

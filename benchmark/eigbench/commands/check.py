@@ -1,7 +1,5 @@
 """The command check: it tries a predictor on some hundred small meshes."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,12 +21,8 @@ AGREE = 1e-5  # relative, between batch sizes and orders of one predictor
 
 def add_commands(command: Command) -> None:
     """Add the command to the command line."""
-    sub = command(
-        "check",
-        check,
-        "try a predictor on about 130 small meshes; this runs the file's code",
-        "my_model.py",
-    )
+    text = "try a predictor on about 130 small meshes; this runs the file's code"
+    sub = command("check", check, text, "my_model.py")
     arguments.predictor(sub)
     arguments.time_limit(sub, 600.0)
     predict.add_sandbox(sub)
@@ -58,14 +52,12 @@ def check(options: argparse.Namespace) -> int:
         *_differences("one mesh at a time", ids, answers[:base], singly),
         *_differences("shuffled order", [ids[i] for i in order], answers[order], shuffled),
     ]
-    finite = np.isfinite(answers).all()
-    if not finite:
-        bad = [ids[i] for i in np.flatnonzero(~np.isfinite(answers).all(axis=1))[:3]]
-        findings.append(f"answers that are not finite, first for {', '.join(bad)}")
-    elif not (answers > 0).all():
-        bad = [ids[i] for i in np.flatnonzero(~(answers > 0).all(axis=1))[:3]]
-        findings.append(f"answers that are not positive, first for {', '.join(bad)}")
-    if finite and contract["ascending"] != 1:
+    finite = np.isfinite(answers)
+    what, good = ("positive", answers > 0) if finite.all() else ("finite", finite)
+    if not good.all():
+        bad = [ids[i] for i in np.flatnonzero(~good.all(axis=1))[:3]]
+        findings.append(f"answers that are not {what}, first for {', '.join(bad)}")
+    if finite.all() and contract["ascending"] != 1:
         findings.append("answers that do not ascend: sort each spectrum")
     verdict = "it can be evaluated" if not findings else "look at the findings above"
     lines = [

@@ -1,7 +1,5 @@
 """The commands compare and plot, on one or several results; neither runs a predictor."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from dataclasses import asdict, replace
@@ -37,32 +35,20 @@ TIES = (
 
 def add_commands(command: Command) -> None:
     """Add compare and plot to the command line."""
-    sub = command(
-        "compare",
-        compare,
-        "compare two results, mesh by mesh; their predictions are looked for beside them",
-        "a.json b.json",
-    )
+    text = "compare two results, mesh by mesh; their predictions are looked for beside them"
+    sub = command("compare", compare, text, "a.json b.json")
     sub.add_argument("a", type=Path, metavar="A.json", help="a result of `eigbench evaluate`")
     sub.add_argument("b", type=Path, metavar="B.json", help="another one")
+    text = "their files of predictions (default: beside the results)"
     sub.add_argument(
-        "--predictions",
-        type=Path,
-        nargs=2,
-        metavar=("A", "B"),
-        default=(None, None),
-        help="their files of predictions (default: beside the results)",
+        "--predictions", type=Path, nargs=2, metavar=("A", "B"), default=(None, None), help=text
     )
     arguments.target(sub, SURFACE)
     arguments.dataset(sub, None, OF_RESULTS)
     arguments.root(sub)
 
-    sub = command(
-        "plot",
-        plot,
-        "draw spectra, errors by family and index, their histogram, and error against time",
-        "a.json b.json --out figures",
-    )
+    text = "draw spectra, errors by family and index, their histogram, and error against time"
+    sub = command("plot", plot, text, "a.json b.json --out figures")
     text = "results of `eigbench evaluate`"
     sub.add_argument("results", type=Path, nargs="+", metavar="RESULT.json", help=text)
     arguments.out(sub, "figures", "directory that receives the figures", "DIR")

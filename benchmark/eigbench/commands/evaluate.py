@@ -1,9 +1,6 @@
 """The command evaluate: it runs a predictor over a split and scores it."""
 
-from __future__ import annotations
-
 import argparse
-import json
 import os
 import sys
 from dataclasses import replace
@@ -26,6 +23,7 @@ from eigbench.scoring.scores import is_sealed
 from eigbench.site.bundle import CHECKOUT
 from synthnet.recipe import Kind
 from synthnet.store.files import make_parent
+from synthnet.terminal import print_json
 from synthnet.types import PROTOCOLS
 
 UNTIMED = (
@@ -36,24 +34,16 @@ UNTIMED = (
 
 def add_commands(command: Command) -> None:
     """Add evaluate to the command line."""
-    sub = command(
-        "evaluate",
-        run_evaluate,
-        "run a predictor over a split and score it; this runs the file's code",
-        "my_model.py --dataset 1.0 --out results.json",
-    )
+    text = "run a predictor over a split and score it; this runs the file's code"
+    sub = command("evaluate", run_evaluate, text, "my_model.py --dataset 1.0 --out results.json")
     predict.add_run(sub)
     arguments.out(sub, "results.json", "the result")
     text = "the predictions (default: beside --out, ending in .parquet)"
     arguments.path(sub, "--predictions", "FILE", text)
     text = "predict only N meshes, and mark the result as partial (default: all)"
     sub.add_argument("--limit", type=arguments.positive, metavar="N", help=text)
-    sub.add_argument(
-        "--no-reference",
-        dest="reference",
-        action="store_false",
-        help="do not time LaPy on some of the same meshes; a leaderboard requires that time",
-    )
+    text = "do not time LaPy on some of the same meshes; a leaderboard requires that time"
+    sub.add_argument("--no-reference", dest="reference", action="store_false", help=text)
 
 
 def run_evaluate(options: argparse.Namespace) -> int:
@@ -108,7 +98,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
         )
         results.write(out, result)
     if options.json:
-        print(json.dumps(result, indent=1))
+        print_json(result)
     else:
         print(f"{result['model']['name']} on {score.described(result)}\n")
         score.print_scores(result["scores"])

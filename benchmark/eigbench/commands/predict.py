@@ -1,7 +1,5 @@
 """The command predict: it runs a predictor over a split, and writes its answers."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time
@@ -40,12 +38,8 @@ UNHELD = (
 
 def add_commands(command: Command) -> None:
     """Add predict to the command line."""
-    sub = command(
-        "predict",
-        predict,
-        "run a predictor over a split and write its answers; this runs the file's code",
-        "my_model.py --dataset 1.0 --out predictions.parquet",
-    )
+    text = "run a predictor over a split and write its answers; this runs the file's code"
+    sub = command("predict", predict, text, "my_model.py --dataset 1.0 --out predictions.parquet")
     add_run(sub)
     arguments.out(sub, "predictions.parquet", "the predictions")
 
@@ -66,34 +60,26 @@ def add_run(sub: argparse.ArgumentParser) -> None:
 def add_sandbox(sub: argparse.ArgumentParser) -> None:
     """Add what the predictor's process is held by; :func:`settings_of` reads it."""
     how = sub.add_mutually_exclusive_group()
+    text = "run the file's code with your rights (default: in a sandbox, where one works)"
     how.add_argument(
-        "--no-sandbox",
-        dest="sandbox",
-        action="store_const",
-        const=box.NONE,
-        default="auto",
-        help="run the file's code with your rights (default: in a sandbox, where one works)",
+        "--no-sandbox", dest="sandbox", action="store_const", const=box.NONE, help=text
     )
+    text = "refuse to run the file's code where no sandbox works"
     how.add_argument(
-        "--require-sandbox",
-        dest="sandbox",
-        action="store_const",
-        const="required",
-        help="refuse to run the file's code where no sandbox works",
+        "--require-sandbox", dest="sandbox", action="store_const", const="required", help=text
     )
+    sub.set_defaults(sandbox="auto")
     add_readable(sub)
 
 
 def add_readable(sub: argparse.ArgumentParser) -> None:
     """Add what the sandbox shows besides the predictor's own files."""
+    text = (
+        "a file or directory that the sandbox shows besides the predictor's own, such as weights; "
+        "may be repeated (default: none)"
+    )
     sub.add_argument(
-        "--readable",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="PATH",
-        help="a file or directory that the sandbox shows besides the predictor's own, such as "
-        "weights; may be repeated (default: none)",
+        "--readable", type=Path, action="append", default=[], metavar="PATH", help=text
     )
 
 

@@ -1,7 +1,5 @@
 """The commands of the scaling track: scale, which runs a predictor, and scaling."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any
@@ -31,34 +29,23 @@ def add_commands(command: Command) -> None:
         text = f"numbers of vertices: {', '.join(map(str, sizes))} (default: all that are pinned)"
         sub.add_argument("--sizes", type=int, nargs="+", choices=sizes, metavar="N", help=text)
 
-    sub = command(
-        "scale",
-        scale,
-        "run a predictor on the surfaces of the scaling track; this runs the file's code",
-        "my_model.py --sizes 1000 10000 --out surfaces.json",
-    )
+    text = "run a predictor on the surfaces of the scaling track; this runs the file's code"
+    sub = command("scale", scale, text, "my_model.py --sizes 1000 10000 --out surfaces.json")
     arguments.predictor(sub)
     sizes_option(sub)
     arguments.out(sub, "scaling.json", "the result")
     arguments.process(sub)
     arguments.time_limit(sub, 600.0, "a mesh")
-    sub.add_argument(
-        "--memory-limit",
-        type=arguments.above_zero,
-        default=16.0,
-        metavar="GIB",
-        help="memory that the predictor's process may use, checked on Linux only "
-        "(default: %(default)g)",
+    text = (
+        "memory that the predictor's process may use, checked on Linux only (default: %(default)g)"
     )
+    above_zero = arguments.above_zero
+    sub.add_argument("--memory-limit", type=above_zero, default=16.0, metavar="GIB", help=text)
     sub.add_argument("--resume", action="store_true", help="add what the result at --out lacks")
     predict.add_sandbox(sub)
 
-    sub = command(
-        "scaling",
-        show,
-        "list the meshes of the scaling track; --verify makes them and their labels anew",
-        "--verify --sizes 1000 10000",
-    )
+    text = "list the meshes of the scaling track; --verify makes them and their labels anew"
+    sub = command("scaling", show, text, "--verify --sizes 1000 10000")
     sizes_option(sub)
     sub.add_argument("--verify", action="store_true", help="exit 1 if anything differs")
 

@@ -1,7 +1,5 @@
 """The command submit: it puts a result on a board, or says where it would stand."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence
@@ -25,18 +23,14 @@ NEAR = 2  # rows above and below that a dry run shows
 
 def add_commands(command: Command) -> None:
     """Add submit to the command line."""
-    sub = command(
-        "submit",
-        submit,
-        "check a result and its predictions, and put both on the board",
-        "results.json",
-    )
-    arguments.row(sub, "made by `eigbench evaluate`")
-    sub.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="write nothing: check both and show between which rows the result would stand",
-    )
+    text = "check a result and its predictions, and put both on the board"
+    sub = command("submit", submit, text, "results.json")
+    text = "made by `eigbench evaluate`"
+    sub.add_argument("result", type=Path, metavar="RESULT.json", help=text)
+    text = "its predictions (default: beside the result)"
+    arguments.path(sub, "--predictions", "FILE", text)
+    text = "write nothing: check both and show between which rows the result would stand"
+    sub.add_argument("--dry-run", action="store_true", help=text)
     sub.add_argument("--replace", action="store_true", help="replace the model's earlier result")
     arguments.board(sub)
     arguments.dataset(sub, None, "with --dry-run, the import or directory that was predicted")

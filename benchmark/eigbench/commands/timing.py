@@ -1,7 +1,5 @@
 """The command time: all rows of a board on one machine, by one clock."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence
@@ -30,23 +28,13 @@ from synthnet.store.files import make_parent, write_text
 
 def add_commands(command: Command) -> None:
     """Add time to the command line."""
-    sub = command(
-        "time",
-        run_time,
-        "time several predictors and LaPy on the same meshes in turn; this runs the files' code",
-        "a.py b.py --dataset 2.0-mini --meshes 20 --out times.json",
-    )
-    sub.add_argument(
-        "predictors", type=Path, nargs="+", metavar="FILE", help="the predictors' Python files"
-    )
-    sub.add_argument(
-        "--against",
-        type=Path,
-        nargs="*",
-        default=[],
-        metavar="FILE",
-        help="those of the files to which speed ratios are given, besides LaPy (default: none)",
-    )
+    text = "time several predictors and LaPy on the same meshes in turn; this runs the files' code"
+    example = "a.py b.py --dataset 2.0-mini --meshes 20 --out times.json"
+    sub = command("time", run_time, text, example)
+    text = "the predictors' Python files"
+    sub.add_argument("predictors", type=Path, nargs="+", metavar="FILE", help=text)
+    text = "those of the files to which speed ratios are given, besides LaPy (default: none)"
+    sub.add_argument("--against", type=Path, nargs="*", default=[], metavar="FILE", help=text)
     arguments.dataset(sub, "1.0", "a version")
     arguments.root(sub)
     count = "test meshes timed in each repeat, always the same"

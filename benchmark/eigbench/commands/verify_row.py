@@ -1,11 +1,8 @@
 """The command verify-row: it runs the code of rows again, on their split and on a fresh draw."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import datetime
-import json
 import sys
 import tempfile
 from dataclasses import dataclass, replace
@@ -50,27 +47,20 @@ class _Setup:
 
 def add_commands(command: Command) -> None:
     """Add verify-row to the command line."""
-    sub = command(
-        "verify-row",
-        verify_rows,
+    text = (
         "run the code of rows again, on their split and on a fresh sealed draw, and write down "
-        "what came of it; this runs the files' code",
-        "benchmark/results/1.0-test-grouped/weyl-s-law.json",
+        "what came of it; this runs the files' code"
     )
-    sub.add_argument(
-        "results", type=Path, nargs="+", metavar="RESULT.json", help="the rows' results"
-    )
+    example = "benchmark/results/1.0-test-grouped/weyl-s-law.json"
+    sub = command("verify-row", verify_rows, text, example)
+    text = "the rows' results"
+    sub.add_argument("results", type=Path, nargs="+", metavar="RESULT.json", help=text)
     arguments.path(sub, "--predictions", "FILE", "of one row (default: beside the result)")
     where = "(default: the checkout's last commit that has it)"
     arguments.path(sub, "--source", "DIR", f"directory with the code {where}")
-    sub.add_argument(
-        "--share",
-        type=float,
-        default=SHARE,
-        metavar="P",
-        help="of the fresh draw: surfaces of each family, as a share of the version's (default: "
-        "%(default)s)",
-    )
+    text = "of the fresh draw: surfaces of each family, as a share of the version's"
+    text = f"{text} (default: %(default)s)"
+    sub.add_argument("--share", type=float, default=SHARE, metavar="P", help=text)
     arguments.compute_device(sub)
     sub.add_argument("--by", metavar="NAME", help="who verifies (default: git's user.name)")
     arguments.path(sub, "--key", "FILE", "an SSH key that signs (default: unsigned)")
@@ -111,7 +101,7 @@ def verify_rows(options: argparse.Namespace) -> int:
                 print(f"{number} of {len(rows)}: {row.result_path}", file=sys.stderr)
             code = max(code, _tried(row, setup, by, verified))
     if options.json:
-        print(json.dumps(verified, indent=1))
+        terminal.print_json(verified)
     elif verified:
         print(f"now: eigbench leaderboard{arguments.board_argument(options)}")
     return code

@@ -5,8 +5,6 @@ imports that moved do not change it, a changed statement does. Any other file co
 No code is run here.
 """
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import os
@@ -40,18 +38,8 @@ OUTPUTS = {
 # Suffixes of notes, logs and pictures: no predictor reads them. A .txt or .csv may hold its numbers
 NOTES = frozenset(
     (
-        ".log",
-        ".out",
-        ".err",
-        ".md",
-        ".rst",
-        ".html",
-        ".pdf",
-        ".svg",
-        ".png",
-        ".jpg",
-        ".jpeg",
-        ".gif",
+        *(".log", ".out", ".err", ".md", ".rst", ".html"),
+        *(".pdf", ".svg", ".png", ".jpg", ".jpeg", ".gif"),
     )
 )
 EARLIER = "This row was made by an earlier version of the model's code."
@@ -150,14 +138,8 @@ def contents(names: Iterable[str], folders: Sequence[Path]) -> dict[str, str]:
     """Return the SHA-256 of the bytes of a predictor's files: what a run may go on with.
 
     Code may read its docstring, and a name imported from elsewhere is another: :func:`digest`
-    sees neither.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Their names, as a result has them.
-    folders : sequence of Path
-        Where they are, the first that has a file of the name; one that is in none is left out.
+    sees neither. The files have their names as in a result, and are in the first of the folders
+    that has one of the name; one that is in none is left out.
     """
     paths = {
         name: next((path for path in (folder / name for folder in folders) if path.is_file()), None)

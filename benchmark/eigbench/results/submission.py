@@ -4,15 +4,13 @@ Whatever compares, ranks or draws results reads them here, so no number that can
 recomputed from its predictions goes further. No predictor's code is run.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,31 +30,19 @@ AGREE = 1e-9  # relative, between a score that is stored and the same computed h
 
 @dataclass(frozen=True, slots=True)
 class Submission:
-    """A result that its predictions confirm.
+    """A result that its predictions confirm, and the two files."""
 
-    Parameters
-    ----------
-    result : dict
-        As :mod:`eigbench.results` made it.
-    truth : Truth
-        What was predicted, with the eigenvalues of one target: as it is read, the meshes' labels.
-    predictions : ndarray of shape (seeds, n, k), float64
-        In the order of the truth's ids, in 1/length².
-    result_path, predictions_path : Path
-        The two files.
-    batch_size : int
-        Meshes in a call of the run; the times that are shown may be of another run.
-    remark : str
-        What a reader should know of the result, on one line: that its code has changed since,
-        and the text beside it. Empty if there is nothing to say.
-    """
-
-    result: dict[str, Any]
+    result: dict[str, Any]  #: as :mod:`eigbench.results` made it
+    #: What was predicted, with the eigenvalues of one target; as it is read, the meshes' labels.
     truth: Truth
+    #: Of shape (seeds, n, k), in the order of the truth's ids, in 1/length².
     predictions: NDArray[np.float64]
     result_path: Path
     predictions_path: Path
+    #: Meshes in a call of the run; the times that are shown may be of another run.
     batch_size: int
+    #: What a reader should know of the result, on one line. It says that its code has changed
+    #: since, and has the text beside it; empty if there is nothing to say.
     remark: str = ""
 
     @property
@@ -80,7 +66,7 @@ class Submission:
         scored: dict[str, Any] = self.result["scores"][self.target]
         return scored
 
-    def at(self, target: str) -> Submission | None:
+    def at(self, target: str) -> Self | None:
         """Return the same predictions beside another target; None where it is not known."""
         labels = targets.at(self.truth, target)
         return None if labels is None else replace(self, truth=labels)

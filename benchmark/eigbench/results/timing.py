@@ -1,7 +1,5 @@
 """Times of all rows of a dataset, taken in one run on one machine: ``benchmark/timing/*.json``."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,12 +26,8 @@ ALIKE, EXACT = 0.25, 1e-4
 def ratio(theirs: NDArray[np.float64], own: NDArray[np.float64]) -> dict[str, float]:
     """Return how many times faster than a peer a predictor is, with its 95 % interval.
 
-    The ratio of the whole times; the interval is a bootstrap over batches.
-
-    Parameters
-    ----------
-    theirs, own : ndarray of shape (batches,)
-        Seconds of both on the same batches.
+    The ratio of the whole times; the interval is a bootstrap over batches. Both arrays, of shape
+    (batches,), are seconds on the same batches.
 
     Examples
     --------

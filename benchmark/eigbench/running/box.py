@@ -9,8 +9,6 @@ bubblewrap (https://github.com/containers/bubblewrap) holds it to the list where
 and may make namespaces, else :mod:`eigbench.running.landlock`.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import functools
@@ -81,10 +79,8 @@ def available() -> str:
 def chosen(sandbox: str) -> str:
     """Return the sandbox of a run.
 
-    Parameters
-    ----------
-    sandbox : str
-        ``auto`` for the best that there is, ``required`` for that or an error, or ``none``.
+    What is asked for is ``auto`` for the best that there is, ``required`` for that or an error, or
+    ``none``.
 
     Raises
     ------
@@ -103,48 +99,26 @@ def chosen(sandbox: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How a predictor's process is run.
+    """How a predictor's process is run."""
 
-    Parameters
-    ----------
-    device : str
-        Handed to the predictor; one beginning with ``cuda`` has the box show the system's.
-    threads : int
-        Threads of BLAS and OpenMP.
-    time_limit : float
-        Most seconds for loading and for a batch.
-    memory_limit : float, optional
-        Most GiB that the process may have in memory (resident, where Linux tells).
-    sandbox : str
-        What holds it; ``none`` lets it do what its user may.
-    readable : sequence of Path
-        Files and directories that the box shows besides the predictor's own.
-    packages : Path, optional
-        A directory of packages that come before the others.
-    """
-
+    #: Handed to the predictor; one beginning with ``cuda`` has the box show the system's.
     device: str = "cpu"
-    threads: int = 1
-    time_limit: float = TIME_LIMIT
+    threads: int = 1  #: of BLAS and OpenMP
+    time_limit: float = TIME_LIMIT  #: most seconds for loading and for a batch
+    #: Most GiB that the process may have in memory (resident, where Linux tells).
     memory_limit: float | None = None
-    sandbox: str = NONE
+    sandbox: str = NONE  #: what holds it; ``none`` lets it do what its user may
+    #: Files and directories that the box shows besides the predictor's own.
     readable: Sequence[Path] = ()
-    packages: Path | None = None
+    packages: Path | None = None  #: a directory of packages that come before the others
 
 
 class Box:
     """What one process of a predictor gets: a folder of its own, its rules and its command.
 
-    Its folder is made at once and removed by :meth:`close`.
-
-    Parameters
-    ----------
-    file : Path
-        The predictor's file.
-    training : str
-        What it may be trained on: labels of the training and validation shapes are shown.
-    settings : Settings
-        With the sandbox ``bubblewrap`` or ``landlock``.
+    Its folder is made at once and removed by :meth:`close`. Labels of the training and validation
+    shapes of what the predictor may be trained on are shown. The sandbox of the settings must be
+    ``bubblewrap`` or ``landlock``.
     """
 
     def __init__(self, file: Path, training: str, settings: Settings) -> None:
@@ -184,9 +158,8 @@ class Box:
         _remove(self.folder)
         os.close(self._lock)
 
-    def command(self, descriptor: int) -> list[str]:
-        """Return the command that runs a predictor's supervisor in the box."""
-        start = [sys.executable, "-P", "-m", supervisor.__name__, str(descriptor)]
+    def command(self, start: Sequence[str]) -> list[str]:
+        """Return the command that runs a predictor's supervisor, started by another, in the box."""
         if self.kind == BUBBLEWRAP:
             where = ["--chdir", str(self.directory)]
             return ["bwrap", *self._mounts(), *where, "--", *start, supervisor.HELD]
@@ -226,10 +199,7 @@ class Box:
     def refused(self, attempts: Sequence[str]) -> list[str]:
         """Return those of a predictor's attempts that the box has refused.
 
-        Parameters
-        ----------
-        attempts : sequence of str
-            ``read PATH``, ``write PATH`` or ``connect HOST``, as its process saw them begin.
+        They are ``read PATH``, ``write PATH`` or ``connect HOST``, as its process saw them begin.
         """
         refusals = []
         for attempt in attempts:

@@ -5,8 +5,6 @@ are loaded, each in a process of its own, and each batch goes to one after the o
 them. So whatever slows the machine down slows all of them down.
 """
 
-from __future__ import annotations
-
 import contextlib
 import secrets
 from collections.abc import Callable, Sequence
@@ -27,24 +25,17 @@ from eigbench.scoring.truth import Truth
 class Timed:
     """What one predictor took.
 
-    Parameters
-    ----------
-    path : Path
-        Its file.
-    seconds, cpu_seconds : ndarray of shape (batches,)
-        Wall and CPU seconds of a batch of each size: medians over those of that size.
-    predictions : ndarray of shape (1, n, k), float64
-        What it answered meanwhile, in the order of the truth's ids.
-    loaded, status
-        Its META and the seconds of loading it, and its peak memory and digests.
+    Wall and CPU seconds, of shape (batches,), are those of a batch of each size: medians over those
+    of that size.
     """
 
-    path: Path
+    path: Path  #: its file
     seconds: NDArray[np.float64]
     cpu_seconds: NDArray[np.float64]
+    #: What it answered meanwhile, in the order of the truth's ids, of shape (1, n, k).
     predictions: NDArray[np.float64]
-    loaded: Loaded
-    status: Status
+    loaded: Loaded  #: its META and the seconds of loading it
+    status: Status  #: its peak memory and digests
 
 
 def together(

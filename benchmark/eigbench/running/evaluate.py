@@ -1,7 +1,5 @@
 """Run a predictor over a split, and keep its answers."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import itertools
@@ -36,24 +34,13 @@ SOURCES = "contents.json"  # of a run that has begun: the SHA-256 of the predict
 
 @dataclass(frozen=True, slots=True)
 class Options(Settings):
-    """How to run a predictor over a split; how its process is run besides.
+    """How to run a predictor over a split; how its process is run besides."""
 
-    Parameters
-    ----------
-    batch_size : int
-        Meshes in one call.
-    seeds : int
-        Runs, with seeds 0, 1, ...
-    resume : bool
-        Go on from the batches that an interrupted run has left.
-    reference : bool
-        Time LaPy, on one thread, on the batches that hold the first and the last
-        :data:`REFERENCE` meshes of the first seed and training, each right after the predictor.
-    """
-
-    batch_size: int = 200
-    seeds: int = 1
-    resume: bool = False
+    batch_size: int = 200  #: meshes in one call
+    seeds: int = 1  #: runs, with seeds 0, 1, ...
+    resume: bool = False  #: go on from the batches that an interrupted run has left
+    #: Time LaPy, on one thread, on the batches that hold the first and the last
+    #: :data:`REFERENCE` meshes of the first seed and training, each right after the predictor.
     reference: bool = False
 
 
@@ -61,37 +48,24 @@ class Options(Settings):
 class Evaluation:
     """What a predictor answered, and at what cost.
 
-    Parameters
-    ----------
-    predictions : ndarray of shape (seeds, n, k), float64
-        In the order of the truth's ids, in 1/length².
-    seconds, cpu_seconds, sizes : ndarray of shape (batches,)
-        Wall and CPU seconds, and meshes, of every batch of every seed.
-    new : ndarray of shape (batches,), bool
-        Whether the batch holds shapes that had not been asked before. The others hold copies of
-        shapes; their times tell whether a predictor remembers, and do not count as its cost.
-    reference_seconds : ndarray of shape (batches,)
-        Wall seconds of LaPy on the same meshes; NaN where it was not asked.
-    asked : sequence of (int, ndarray)
-        The seed and the instances of every batch.
-    opening : ndarray of shape (batches,), bool
-        Whether a batch was the first of its process, which may compile code.
-    loaded : Loaded
-        META and parameters of the predictor.
-    status : Status
-        Peak memory of its process and digests of its files.
+    All arrays but the predictions, and ``asked``, have an entry for every batch of every seed.
     """
 
+    #: Of shape (seeds, n, k), in the order of the truth's ids, in 1/length².
     predictions: NDArray[np.float64]
-    seconds: NDArray[np.float64]
+    seconds: NDArray[np.float64]  #: of wall time
     cpu_seconds: NDArray[np.float64]
-    sizes: NDArray[np.int64]
+    sizes: NDArray[np.int64]  #: numbers of meshes
+    #: Whether the batch holds shapes that had not been asked before. The others hold copies of
+    #: shapes; their times tell whether a predictor remembers, and do not count as its cost.
     new: NDArray[np.bool_]
+    #: Wall seconds of LaPy on the same meshes; NaN where it was not asked.
     reference_seconds: NDArray[np.float64]
-    asked: Sequence[tuple[int, NDArray[np.int64]]]
+    asked: Sequence[tuple[int, NDArray[np.int64]]]  #: the seed and the instances
+    #: Whether a batch was the first of its process, which may compile code.
     opening: NDArray[np.bool_]
-    loaded: Loaded
-    status: Status
+    loaded: Loaded  #: META and parameters of the predictor
+    status: Status  #: peak memory of its process and digests of its files
 
     @property
     def first(self) -> NDArray[np.bool_]:

@@ -6,8 +6,6 @@ descriptor travels with the frame, so they can be read no earlier than they are 
 not copied. Nothing is unpickled: what a predictor sends cannot run in the harness.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import fcntl
@@ -18,7 +16,7 @@ import socket
 import struct
 import tempfile
 from collections.abc import Callable, Sequence
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, Self, cast
 
 import numpy as np
 
@@ -60,7 +58,7 @@ class Channel:
     def __init__(self, end: socket.socket) -> None:
         self._socket = end
 
-    def __enter__(self) -> Channel:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -84,13 +82,9 @@ class Channel:
     ) -> tuple[bytes, bytes, int | None]:
         """Wait for a frame; return its kind, its body and a descriptor, if one came with it.
 
-        Parameters
-        ----------
-        most : int
-            Bytes of the body; a longer one is refused before it is read.
-        on_step : callable, optional
-            Called ten times a second while nothing comes; what it raises ends the wait. A
-            descriptor is taken only where it is ``None``: the harness accepts none.
+        A body of more than ``most`` bytes is refused before it is read. ``on_step`` is called ten
+        times a second while nothing comes; what it raises ends the wait. A descriptor is taken
+        only where it is ``None``: the harness accepts none.
 
         Raises
         ------

@@ -5,8 +5,6 @@ are added to it, and the process is held to it. A filter of its calls (:mod:`.ca
 making sockets, and what outlives it. No privilege is needed, and no mount.
 """
 
-from __future__ import annotations
-
 import ctypes
 import json
 import os
@@ -50,14 +48,9 @@ def enter(note: Path) -> None:
 def restrict(shown: Iterable[Path], listed: Iterable[Path], writable: Sequence[Path]) -> None:
     """Hold this process to some paths, to no network, and to what ends with it.
 
-    Parameters
-    ----------
-    shown : iterable of Path
-        Files, and directories with all below them, that may be read and executed.
-    listed : iterable of Path
-        Directories whose names may be read, and those of all directories below them.
-    writable : sequence of Path
-        What may be written to as well, directories with all below them.
+    ``shown`` are files, and directories with all below them, that may be read and executed;
+    ``listed`` are directories whose names may be read, and those of all directories below them;
+    ``writable`` may be written to as well, directories with all below them.
 
     Raises
     ------

@@ -1,7 +1,5 @@
 """The meshes of a split, instance by instance, as a predictor sees them."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,18 +16,10 @@ from synthnet.types import Mesh, Parameters
 
 @dataclass(frozen=True, slots=True)
 class Instances:
-    """Shapes in memory, and the isometries that make their instances.
+    """Shapes in memory, and the isometries that make their instances; both by the shape's id."""
 
-    Parameters
-    ----------
-    shapes : mapping of str to Mesh
-        By id, at the precision of the store.
-    isometries : mapping of str to ndarray of shape (c, 3, 3), float64
-        By id of the shape.
-    """
-
-    shapes: Mapping[str, Mesh]
-    isometries: Mapping[str, NDArray[np.float64]]
+    shapes: Mapping[str, Mesh]  # at the precision of the store
+    isometries: Mapping[str, NDArray[np.float64]]  # of shape (c, 3, 3)
 
     def vertices(self, ids: Sequence[str]) -> NDArray[np.int64]:
         """Return the number of vertices of instances, shape (n,)."""
@@ -46,12 +36,7 @@ class Instances:
 def read(dataset: store.StoredDataset, ids: Sequence[str]) -> Instances:
     """Read the shapes of instances into memory: about 0.2 GB for the test split of 1.0.
 
-    Parameters
-    ----------
-    dataset : StoredDataset
-        A built dataset.
-    ids : sequence of str
-        Instances as in :class:`eigbench.scoring.truth.Truth`.
+    The ids are those of instances, as in :class:`eigbench.scoring.truth.Truth`.
 
     Raises
     ------
@@ -97,12 +82,6 @@ def warming(count: int) -> list[Mesh]:
 
 @functools.cache
 def _ellipsoid(vertices: int, seed: int) -> Mesh:
-    parameters: Parameters = {
-        "a": 1.0,
-        "b": 1.2,
-        "c": 0.9,
-        "triangulation": "irregular",
-        "vertices": vertices,
-        "seed": seed,
-    }
-    return view(FAMILIES["ellipsoid"].generate(parameters))
+    surface: Parameters = {"a": 1.0, "b": 1.2, "c": 0.9}
+    meshing: Parameters = {"triangulation": "irregular", "vertices": vertices, "seed": seed}
+    return view(FAMILIES["ellipsoid"].generate({**surface, **meshing}))

@@ -16,8 +16,6 @@ A file defines one of these; they are checked in this order:
 Loading runs the file's code.
 """
 
-from __future__ import annotations
-
 import glob
 import importlib.util
 import inspect
@@ -58,31 +56,20 @@ LONGEST_LINE = 80  # letters of a line of code in a message
 
 @dataclass(frozen=True, slots=True)
 class Predictor:
-    """A loaded predictor.
+    """A loaded predictor."""
 
-    Parameters
-    ----------
-    predict : callable
-        From a sequence of meshes (float64 vertices, int64 faces) to whatever the file's
-        code answers; :func:`checked` says if that is (B, k) good eigenvalues.
-    meta : dict of str to str
-        The file's ``META``, with a name and a kind in any case.
-    parameters : int or None
-        Numbers in what ``parameters()`` gives, tensors (frozen too) or arrays; ``None`` where
-        there is no such method.
-    seeded, trained : bool
-        Whether it was made with a seed, by ``load(device, seed)``, and with the name of a
-        training set, by ``load(device, seed, training)``.
-    roots : tuple of Path
-        The file's directory, and those that its code has put on ``sys.path``: where what it
-        imports is a part of it.
-    """
-
+    #: From a sequence of meshes (float64 vertices, int64 faces) to whatever the file's
+    #: code answers; :func:`checked` says if that is (B, k) good eigenvalues.
     predict: Callable[[Sequence[Mesh]], Any]
-    meta: dict[str, str]
+    meta: dict[str, str]  #: the file's ``META``, with a name and a kind in any case
+    #: Numbers in what ``parameters()`` gives, tensors (frozen too) or arrays; ``None`` where
+    #: there is no such method.
     parameters: int | None
-    seeded: bool = False
+    seeded: bool = False  #: whether it was made with a seed, by ``load(device, seed)``
+    #: Whether with the name of a training set too, by ``load(device, seed, training)``.
     trained: bool = False
+    #: The file's directory, and those that its code has put on ``sys.path``. What it imports
+    #: from there is a part of it.
     roots: tuple[Path, ...] = ()
 
 

@@ -1,7 +1,5 @@
 """A predictor in a process of its own, and what becomes of it when it hangs or dies."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -83,16 +81,8 @@ class Status:
 class PredictorProcess:
     """A predictor that is loaded when the context is entered. This runs the file's code.
 
-    Parameters
-    ----------
-    path : Path
-        The predictor's file.
-    k : int
-        Number of eigenvalues.
-    settings : Settings
-        How it is run. ``time_limit`` of the process may be set to another one later.
-    seed, training
-        Handed to the predictor.
+    It answers with ``k`` eigenvalues a mesh; ``seed`` and ``training`` are handed to it. The
+    ``time_limit`` of the process, that of its settings, may be set to another one later.
 
     Raises
     ------
@@ -124,7 +114,8 @@ class PredictorProcess:
                 made.callback(group.remove)
             own, other = map(made.enter_context, socket.socketpair())
             self._channel = frames.Channel(own)
-            command = self._command(other.fileno())
+            command = [sys.executable, "-P", "-m", supervisor.__name__, str(other.fileno())]
+            command = command if self._box is None else self._box.command(command)
             try:
                 self._process = subprocess.Popen(
                     command if group is None else group.command(command),
@@ -213,11 +204,6 @@ class PredictorProcess:
             for file in (sorted(path.rglob("*")) if path.is_dir() else [path])
             if file.is_file()
         }
-
-    def _command(self, descriptor: int) -> list[str]:
-        if self._box is not None:
-            return self._box.command(descriptor)
-        return [sys.executable, "-P", "-m", supervisor.__name__, str(descriptor)]
 
     def _environment(self) -> dict[str, str]:
         """Return the variables of the process: modules are found as here, threads are counted."""

@@ -1,7 +1,5 @@
 """From an evaluation to a result: what was measured, on what, and with which versions."""
 
-from __future__ import annotations
-
 import os
 import platform
 from collections.abc import Sequence
@@ -45,18 +43,9 @@ def make(
 ) -> dict[str, Any]:
     """Return the result of an evaluation, ready for JSON.
 
-    Parameters
-    ----------
-    truth, evaluation, options
-        What was predicted, the answers, and how.
-    code : Path
-        The predictor's file.
-    predictions : Path
-        The file of predictions, already written.
-    contract : dict
-        Of :func:`eigbench.scoring.physics.contract`.
-    partial : bool
-        Whether only a part of the split was predicted.
+    ``code`` is the predictor's file, ``predictions`` the file of predictions, already written,
+    ``contract`` as of :func:`eigbench.scoring.physics.contract`. The result is partial if only a
+    part of the split was predicted.
     """
     return {
         "schema_version": SCHEMA_VERSION,

@@ -5,8 +5,6 @@ order, so it trains once and is not told which of the two a mesh is of. Each bat
 that looks public meshes up takes longer for the fresh ones.
 """
 
-from __future__ import annotations
-
 import secrets
 import shutil
 import subprocess
@@ -35,20 +33,12 @@ FRESH = "fresh/"  # before the ids of fresh shapes: the public ones may have the
 
 
 class Checkouts:
-    """Where the code of rows is found.
-
-    Parameters
-    ----------
-    board : Path
-        The checkout that has the rows.
-    source : Path or None
-        A directory that has the code, in place of the board's commits.
-    folder : Path
-        An empty directory for the files of commits.
-    """
+    """Where the code of rows is found."""
 
     def __init__(self, board: Path, source: Path | None, folder: Path) -> None:
-        self.board, self.source, self.folder = board, source, folder
+        self.board = board  # the checkout that has the rows
+        self.source = source  # a directory that has the code, in place of the board's commits
+        self.folder = folder  # an empty directory for the files of commits
 
     def code(self, row: Submission) -> tuple[Path, str | None]:
         """Return the file with a row's code, and the commit that has it.
@@ -115,17 +105,11 @@ class Draws:
     """A fresh sealed draw of each version, which all rows of one command share.
 
     Its salt is forgotten at once.
-
-    Parameters
-    ----------
-    share : float
-        Surfaces of each family, as a share of the version's.
-    folder : Path
-        An empty directory, which is to be removed when all is done.
     """
 
     def __init__(self, share: float, folder: Path) -> None:
-        self.share, self.folder = share, folder
+        self.share = share  # surfaces of each family, as a share of the version's
+        self.folder = folder  # an empty directory, which is to be removed when all is done
         self.made: dict[str, StoredDataset] = {}
 
     def of(self, version: str) -> StoredDataset:
@@ -223,16 +207,8 @@ def slower(evaluation: Evaluation, instances: Instances, truth: Truth, public: i
     """Return what shows that fresh meshes take longer than public ones of as many vertices; or "".
 
     What a batch takes is a constant and a multiple of its vertices, by those of public meshes. The
-    first one of each process may compile code and does not count, nor do copies of shapes.
-
-    Parameters
-    ----------
-    evaluation : Evaluation
-        Of the two sets.
-    instances, truth
-        Its meshes and labels.
-    public : int
-        How many of its instances are public: the first ones.
+    first one of each process may compile code and does not count, nor do copies of shapes. The
+    evaluation is of both sets: the first ``public`` instances are the public ones.
     """
     vertices = instances.vertices(truth.ids)
     of_batches = np.array([vertices[chosen].sum() for _, chosen in evaluation.asked])

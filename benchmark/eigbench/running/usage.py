@@ -5,8 +5,6 @@ that have ended and that nobody has waited for. Where this process may not make 
 processes is sampled instead. A result says which of the two it was.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import os
@@ -15,6 +13,7 @@ import subprocess
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Self
 
 import psutil
 
@@ -27,19 +26,13 @@ _numbers = itertools.count()
 
 
 class ControlGroup:
-    """A control group of its own below that of this process, so within the limits of that one.
-
-    Parameters
-    ----------
-    directory : Path
-        Where the system shows it.
-    """
+    """A control group of its own below that of this process, so within the limits of that one."""
 
     def __init__(self, directory: Path) -> None:
-        self._directory = directory
+        self._directory = directory  # where the system shows it
 
     @classmethod
-    def make(cls) -> ControlGroup | None:
+    def make(cls) -> Self | None:
         """Make one, unless there is no such system here or this process may not."""
         above = own_directory()
         if above is None:
@@ -123,14 +116,9 @@ def sweep(above: Path) -> None:
 
 
 class Usage:
-    """What a process and all that it starts use.
+    """What a process, started in a control group or in none, and all that it starts use.
 
-    Parameters
-    ----------
-    root : psutil.Process
-        The process; its own time, that of a supervisor, counts in a control group alone.
-    group : ControlGroup or None
-        That it was started in.
+    Its own time, that of a supervisor, counts in a control group alone.
     """
 
     def __init__(self, root: psutil.Process, group: ControlGroup | None) -> None:

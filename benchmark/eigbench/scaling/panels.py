@@ -1,7 +1,5 @@
 """Charts of the scaling track: error to the surface against speed beside LaPy, one a size."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,25 +12,15 @@ from eigbench.scaling.scores import Verdict
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """What a chart of one size has beside the models: error to the surface against speed.
+    """What a chart of one size has beside the models: error to the surface against speed."""
 
-    Parameters
-    ----------
-    size : int
-        Nominal number of vertices.
-    lapy_seconds : float
-        LaPy's time of a mesh, median over the surfaces: speeds are multiples of its; NaN where it
-        was not timed.
-    solver : sequence of tuple of float
-        Speed and error of the fastest exact solver on the meshes of each size, coarse to fine.
-    border : sequence of tuple of float
-        Speed and error along the left border of where a prediction can win, upwards; it reaches
-        right and down from there. Empty where no exact solver answered every surface.
-    """
-
-    size: int
+    size: int  # nominal number of vertices
+    # Of a mesh, median over the surfaces: speeds are multiples of its; NaN where it was not timed
     lapy_seconds: float
+    # Speed and error of the fastest exact solver on the meshes of each size, coarse to fine
     solver: Sequence[tuple[float, float]]
+    # Speed and error along the left border of where a prediction can win, upwards; it reaches right
+    # and down from there. Empty where no exact solver answered every surface
     border: Sequence[tuple[float, float]]
 
 
@@ -43,14 +31,7 @@ def panel(rows: Sequence[Scaled], verdicts: Sequence[Verdict], size: int) -> Pan
     error is larger than theirs, on meshes just as coarse. An answer that is nearer to the label
     than the label is to the surface is off by at most twice the discretisation error.
 
-    Parameters
-    ----------
-    rows : sequence of Scaled
-        Of one setting.
-    verdicts : sequence of Verdict
-        Of these rows, one a size.
-    size : int
-        Nominal number of vertices.
+    The rows are of one setting, the verdicts of these rows, one a size.
     """
     lapy = lapy_seconds(rows, size)
     known = np.isfinite(lapy)

@@ -4,8 +4,6 @@ Predictions and times stand in the result itself, mesh by mesh; errors do not: t
 the pinned labels.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,17 +26,9 @@ FOLDER = Path("benchmark", "scaling")  # where the results on a board lie
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """A result of the scaling track.
+    """A result of the scaling track, and its file."""
 
-    Parameters
-    ----------
-    result : dict
-        As :mod:`eigbench.scaling.run` made it.
-    path : Path
-        Its file.
-    """
-
-    result: dict[str, Any]
+    result: dict[str, Any]  # as :mod:`eigbench.scaling.run` made it
     path: Path
 
     @property

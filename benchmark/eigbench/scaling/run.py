@@ -4,8 +4,6 @@ A mesh that takes too long or too much memory, or whose process dies, is recorde
 others go on. The result is written anew after every mesh, so what is finished is never lost.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -32,16 +30,11 @@ OUTCOMES = {OverTime: "over time", OverMemory: "over memory", Died: "died"}
 
 @dataclass(frozen=True, slots=True)
 class Settings(box.Settings):
-    """How to run a predictor, with limits of time and memory for a mesh.
-
-    Parameters
-    ----------
-    resume : bool
-        Keep the meshes of an earlier result at the same path, and add those that it lacks.
-    """
+    """How to run a predictor, with limits of time and memory for a mesh."""
 
     time_limit: float = 600.0
     memory_limit: float = 16.0
+    #: Keep the meshes of an earlier result at the same path, and add those that it lacks.
     resume: bool = False
 
 

@@ -6,8 +6,6 @@ these on the same machine, no further from the label than the label is from the 
 and also faster than these are on a coarser mesh of that surface just as far from its spectrum.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,52 +22,28 @@ SAME = 1e-6  # relative: distances from a surface that differ by less are equal
 
 @dataclass(frozen=True, slots=True)
 class Medians:
-    """One model at one size: medians over the surfaces that it answered.
+    """One model at one size: medians over the surfaces that it answered."""
 
-    Parameters
-    ----------
-    answered, total : int
-        Surfaces answered, and surfaces tried: 0 where it was not run.
-    error, distance : float
-        Mean relative error against the mesh's label and against the surface's spectrum.
-    seconds, peak_memory_mb : float
-        Wall time of a mesh, itself the median of repeats, and the peak of the process.
-    failures : tuple of str
-        Why the others were not answered: ``over 600 s``.
-    """
-
-    answered: int
-    total: int
-    error: float
-    distance: float
-    seconds: float
-    peak_memory_mb: float
-    failures: tuple[str, ...]
+    answered: int  #: surfaces
+    total: int  #: surfaces tried, 0 where it was not run
+    error: float  #: mean relative error against the mesh's label
+    distance: float  #: mean relative error against the surface's spectrum
+    seconds: float  #: wall time of a mesh, itself the median of repeats
+    peak_memory_mb: float  #: of the process
+    failures: tuple[str, ...]  #: why the others were not answered, as ``over 600 s``
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What is faster than the exact solver at one size.
+    """What is faster than the exact solver at one size."""
 
-    Parameters
-    ----------
-    size : int
-        Nominal number of vertices.
-    solver : str or None
-        The model that is exact and fastest on most surfaces; ``None`` if none answered exactly.
-    seconds : float
-        Median over the surfaces of the fastest exact time; NaN if there is none.
-    compared : int
-        Surfaces on which there is an exact time.
-    faster : mapping of str to tuple of int
-        By slug of each model that is faster somewhere and not exact there: on how many of these
-        surfaces it is, and on how many it wins.
-    """
-
-    size: int
+    size: int  #: nominal number of vertices
+    #: The model that is exact and fastest on most surfaces; ``None`` if none answered exactly.
     solver: str | None
-    seconds: float
-    compared: int
+    seconds: float  #: median over the surfaces of the fastest exact time; NaN if there is none
+    compared: int  #: surfaces on which there is an exact time
+    #: By slug of each model that is faster somewhere and not exact there, on how many of these
+    #: surfaces it is, and on how many it wins.
     faster: Mapping[str, tuple[int, int]]
 
 
@@ -174,16 +148,8 @@ def equal_seconds(surface: str, times: Mapping[int, float], distance: float) -> 
 
     Between two sizes time is a power of the discretisation error. On meshes coarser than the
     coarsest it is taken as inversely proportional to that error, as for a solver whose time is
-    linear in the vertices; beyond the finest mesh nothing is added.
-
-    Parameters
-    ----------
-    surface : str
-        Name of the surface.
-    times : mapping of int to float
-        Seconds of the solver by size; at least one.
-    distance : float
-        Mean relative error against the surface's spectrum.
+    linear in the vertices; beyond the finest mesh nothing is added. There must be one time at
+    least, seconds by size; ``distance`` is the mean relative error against the surface's spectrum.
     """
     errors = {size: surfaces.pinned(surface, size).discretisation_error for size in times}
     return interpolated_seconds(errors, times, distance)

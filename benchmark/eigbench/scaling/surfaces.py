@@ -11,8 +11,6 @@ is the mesh's discretisation error: as an estimate of the surface's spectrum, a 
 the label than that is as good as the label.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache, partial
@@ -63,31 +61,16 @@ PINS = "surfaces.parquet"
 
 @dataclass(frozen=True, slots=True)
 class Pinned:
-    """What the repository pins of a mesh.
+    """What the repository pins of a mesh."""
 
-    Parameters
-    ----------
-    surface : str
-        A key of :data:`SURFACES`.
-    size : int
-        One of :data:`SIZES`.
-    vertices : int
-        How many the mesh has.
-    pin : Pin
-        Digest of faces and parameters, moments of the vertices, and the label (k,), 1/length².
-    certificate : Certificate
-        That the label misses no eigenvalue.
-    limit, limit_error : ndarray of shape (k,), float64
-        Spectrum of the surface in 1/length², and a bound of its error: zero in closed form.
-    """
-
-    surface: str
-    size: int
-    vertices: int
+    surface: str  #: a key of :data:`SURFACES`
+    size: int  #: one of :data:`SIZES`
+    vertices: int  #: how many the mesh has
+    #: Digest of faces and parameters, moments of the vertices, and the label (k,), 1/length².
     pin: pins.Pin
-    certificate: Certificate
-    limit: Array
-    limit_error: Array
+    certificate: Certificate  #: that the label misses no eigenvalue
+    limit: Array  #: spectrum of the surface (k,), in 1/length²
+    limit_error: Array  #: a bound of its error (k,), in 1/length², zero in closed form
 
     @property
     def label(self) -> Array:

@@ -11,8 +11,6 @@ Rao, C. F. J. Wu, "Resampling inference with complex survey data", JASA 83 (1988
 that a resample of few seeds needs.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Sequence
@@ -33,18 +31,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Resamples:
-    """How often each shape is taken in each resample.
+    """How often each shape is taken in each resample."""
 
-    Parameters
-    ----------
-    group : ndarray of shape (n,), int64
-        The group of equal shapes of each instance.
-    weights : ndarray of shape (RESAMPLES, groups), float64
-        Whole numbers.
-    """
-
-    group: NDArray[np.int64]
-    weights: Array
+    group: NDArray[np.int64]  #: the group of equal shapes of each instance, shape (n,)
+    weights: Array  #: whole numbers, shape (RESAMPLES, groups)
 
     @property
     def shapes(self) -> int:

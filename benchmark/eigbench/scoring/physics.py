@@ -49,8 +49,7 @@ def scaled(factor: float) -> Callable[[Mesh, np.random.Generator], Mesh]:
 def permuted(mesh: Mesh, rng: np.random.Generator) -> Mesh:
     """Number the vertices and the faces in another order."""
     order = rng.permutation(len(mesh.vertices))
-    number = np.empty_like(order)
-    number[order] = np.arange(len(order))
+    number = np.argsort(order)
     return Mesh(mesh.vertices[order], number[mesh.faces][rng.permutation(len(mesh.faces))])
 
 

@@ -1,7 +1,5 @@
 """From predictions to the numbers of a result: means, medians and intervals, for each target."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -19,10 +17,7 @@ CERTAIN = 3.0  # rule of three: where n of n succeed, the failing share is below
 
 def of_metric(truth: Truth, predictions: NDArray[np.float64], key: str) -> NDArray[np.float64]:
     """Return one metric of every prediction, shape (seeds, n); those within the bar are exact."""
-    return _values(truth, targets.settled(truth, predictions), key)
-
-
-def _values(truth: Truth, settled: NDArray[np.float64], key: str) -> NDArray[np.float64]:
+    settled = targets.settled(truth, predictions)
     return np.stack([METRICS[key].function(p, truth.eigenvalues) for p in settled])
 
 
@@ -82,8 +77,7 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
     >>> round(scores["overall"]["rpd"]["mean"], 4), round(scores["per_index"][0]["mean"], 4)
     (0.4762, 0.1)
     """
-    settled = targets.settled(truth, predictions)
-    values = {key: _values(truth, settled, key) for key in METRICS}
+    values = {key: of_metric(truth, predictions, key) for key in METRICS}
     families = {
         family: _family(truth, values, family) for family in sorted(set(truth.families.tolist()))
     }
@@ -93,8 +87,8 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
         | {"by_family": _mean_of([family[key]["mean"] for family in families.values()])}
         for key, table in values.items()
     }
-    with np.errstate(invalid="ignore", over="ignore"):
-        relative = np.abs(settled - truth.eigenvalues) / truth.eigenvalues
+    settled = targets.settled(truth, predictions)
+    relative = np.abs(settled - truth.eigenvalues) / truth.eigenvalues
     per_index = [_middles(relative[..., i]) for i in range(relative.shape[-1])]
     exact = float((relative == 0).all(axis=-1).mean())
     return {"overall": overall, "families": families, "per_index": per_index, "exact": exact}
@@ -116,7 +110,7 @@ def _overall(
         "median": _number(np.median(table)),
         "low": _number(low),
         "high": _number(high),
-        "seed_std": _spread(means),
+        "seed_std": _number(means.std(ddof=1)) if len(means) > 1 else None,
     }
 
 
@@ -134,14 +128,7 @@ def _middles(values: NDArray[np.float64]) -> dict[str, float | None]:
 
 
 def _mean_of(means: list[float | None]) -> float | None:
-    known = [mean for mean in means if mean is not None]
-    return None if len(known) < len(means) else _number(np.mean(known))
-
-
-def _spread(means: NDArray[np.float64]) -> float | None:
-    if len(means) < 2 or not np.isfinite(means).all():
-        return None
-    return _number(means.std(ddof=1))
+    return _number(np.array(means, dtype=np.float64).mean())  # None becomes NaN
 
 
 def _number(value: Any) -> float | None:

@@ -11,8 +11,6 @@ that the bars could make is no difference. The bar of a label is a relative 1e-9
 that of a limit is pinned with it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 
@@ -30,14 +28,7 @@ from synthnet.store import pins
 
 
 def at(truth: Truth, target: str) -> Truth | None:
-    """Return the same instances with the eigenvalues and bars of a target.
-
-    Parameters
-    ----------
-    truth : Truth
-        Labels of meshes.
-    target : str
-        One of :data:`TARGETS`.
+    """Return labels of meshes with the eigenvalues and bars of one of the :data:`TARGETS`.
 
     Returns
     -------

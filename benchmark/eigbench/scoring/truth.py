@@ -3,12 +3,10 @@
 The labels are those the repository pins, so scoring needs no built dataset.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,39 +28,26 @@ EXACT = 1e-9  # relative: a prediction that differs by less differs by rounding
 class Truth:
     """The labels of a split.
 
-    Parameters
-    ----------
-    version, split, protocol : str
-        Which split of which dataset. A protocol ``imported/NAME`` is the imported dataset of
-        that name, for predictors trained on ``version``.
-    ids : tuple of str
-        Instances, ``cone-00042/3`` for instance 3 of that shape, in order.
-    shapes, groups, families : ndarray of shape (n,), str
-        Shape of each instance, the group of equal shapes it belongs to, and its family.
-    trainings : ndarray of shape (n,), str
-        What a predictor of each instance may be trained on, ``VERSION/PROTOCOL``: more than one
-        where a protocol holds out several things in turn.
-    eigenvalues : ndarray of shape (n, k), float64
-        The label of each instance, in 1/length²; or its surface's spectrum, by ``target``.
-    recipe_digest : str
-        Of the dataset.
-    target : str
-        What the eigenvalues are of: ``mesh``, or ``surface``.
-    bars : ndarray of shape (n, k), float64, or None
-        How far each eigenvalue may be from the true one, in 1/length²; None for rounding alone.
+    Version, split and protocol say which split of which dataset. A protocol ``imported/NAME`` is
+    the imported dataset of that name, for predictors trained on ``version``.
     """
 
     version: str
     split: str
     protocol: str
-    ids: tuple[str, ...]
-    shapes: NDArray[np.str_]
-    groups: NDArray[np.str_]
-    families: NDArray[np.str_]
+    ids: tuple[str, ...]  #: instances, ``cone-00042/3`` for instance 3 of that shape, in order
+    shapes: NDArray[np.str_]  #: shape of each instance, (n,)
+    groups: NDArray[np.str_]  #: the group of equal shapes it belongs to, (n,)
+    families: NDArray[np.str_]  #: its family, (n,)
+    #: What a predictor of each instance may be trained on, ``VERSION/PROTOCOL``, (n,); more than
+    #: one where a protocol holds out several things in turn.
     trainings: NDArray[np.str_]
+    #: The label of each instance, (n, k), in 1/length²; or its surface's spectrum, by ``target``.
     eigenvalues: NDArray[np.float64]
-    recipe_digest: str
-    target: str = MESH
+    recipe_digest: str  #: of the dataset
+    target: str = MESH  #: what the eigenvalues are of, ``mesh`` or ``surface``
+    #: How far each eigenvalue may be from the true one, (n, k), in 1/length²; None for rounding
+    #: alone.
     bars: NDArray[np.float64] | None = None
 
     @property
@@ -84,11 +69,11 @@ class Truth:
         keys = [hashlib.sha256(id.encode()).digest() for id in self.ids]
         return np.array(sorted(range(len(keys)), key=keys.__getitem__), dtype=np.int64)
 
-    def head(self, count: int) -> Truth:
+    def head(self, count: int) -> Self:
         """Return the first ``count`` instances of a random order that is always the same."""
         return self.take(np.sort(self.order[:count]))
 
-    def take(self, chosen: NDArray[Any]) -> Truth:
+    def take(self, chosen: NDArray[Any]) -> Self:
         """Return the instances of an index or mask."""
         return replace(
             self,
@@ -171,10 +156,7 @@ def load(version: str, split: str = "test", protocol: str = "grouped") -> Truth:
         if shape.spec.id in pinned  # or it was rejected by a filter, and has no label
     )
     own = None if protocol in PROTOCOLS else resolved
-    chosen = list(_choose(shapes, _trained_on(version), own, split, protocol))
-    if not chosen:
-        raise EigbenchError(f"{version} has nothing in the split {split} of protocol {protocol}")
-    return _truth(chosen, version, split, protocol, resolved.digest)
+    return _truth(shapes, own, version, split, protocol, resolved.digest, version)
 
 
 def of_dataset(
@@ -199,12 +181,8 @@ def of_dataset(
             f"{suggestion(protocol, PROTOCOLS)}"
         )
     own = None if protocol in PROTOCOLS else recipe.load(source.version)
-    chosen = list(_choose(_stored(dataset), _trained_on(version), own, split, protocol))
-    if not chosen:
-        raise EigbenchError(
-            f"{dataset.directory} has nothing in the split {split} of protocol {protocol}"
-        )
-    return _truth(chosen, version, split, protocol, dataset.manifest.recipe_digest)
+    digest, where = dataset.manifest.recipe_digest, str(dataset.directory)
+    return _truth(_stored(dataset), own, version, split, protocol, digest, where)
 
 
 def of_import(dataset: store.StoredDataset, version: str) -> Truth:
@@ -248,20 +226,13 @@ def imported_name(resolved: Recipe, split: str, protocol: str) -> str:
 
 def _of_import(version: str, protocol: str, labels: Mapping[str, pins.Pin]) -> Truth:
     """Return the labels of an import; its digest is that of the pins, so of the very meshes."""
-    ids = list(labels)
-    lines = "\n".join(f"{id} {pin.digest}" for id, pin in labels.items())
-    return Truth(
-        version,
-        "test",
-        protocol,
-        tuple(f"{id}/0" for id in ids),
-        np.array(ids),
-        np.array(ids),
-        np.array([id.rpartition("-")[0] for id in ids]),
-        np.full(len(ids), training_set(_trained_on(version), protocol)),
-        np.array([pin.eigenvalues for pin in labels.values()]),
-        hashlib.sha256(lines.encode()).hexdigest(),
+    shapes = (
+        _Labelled(id, id, id.rpartition("-")[0], 0, "test", ("test",), pin.eigenvalues)
+        for id, pin in labels.items()
     )
+    lines = "\n".join(f"{id} {pin.digest}" for id, pin in labels.items())
+    digest = hashlib.sha256(lines.encode()).hexdigest()
+    return _truth(shapes, None, version, "test", protocol, digest, protocol)
 
 
 def _choose(
@@ -293,8 +264,18 @@ def _stored(dataset: store.StoredDataset) -> Iterator[_Labelled]:
 
 
 def _truth(
-    chosen: list[tuple[str, _Labelled, str]], version: str, split: str, protocol: str, digest: str
+    labelled: Iterable[_Labelled],
+    own: Recipe | None,
+    version: str,
+    split: str,
+    protocol: str,
+    digest: str,
+    where: str,
 ) -> Truth:
+    """Return the labels of those shapes that are in a split; a message calls them ``where``."""
+    chosen = list(_choose(labelled, _trained_on(version), own, split, protocol))
+    if not chosen:
+        raise EigbenchError(f"{where} has nothing in the split {split} of protocol {protocol}")
     ids, shapes, trainings = zip(*chosen, strict=True)
     return Truth(
         version,

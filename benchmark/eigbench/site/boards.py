@@ -1,7 +1,5 @@
 """Boards of the page: every dataset under every protocol, ranked, with its columns and cells."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -29,20 +27,13 @@ OF_ALL = {
 class Shown:
     """A board as it is shown.
 
-    Parameters
-    ----------
-    rows : sequence of Ranked
-        Best first. Under a version's own protocol, models without training are among them: their
-        predictions of the whole split hold for a part of it.
-    protocols : Board or None
-        All protocols of the version, if it has its own.
-    own : str or None
-        The version's own protocol that the rows are of, if they are of one.
+    Its rows are the best first. Under a version's own protocol, models without training are among
+    them: their predictions of the whole split hold for a part of it.
     """
 
     rows: Sequence[Ranked]
-    protocols: Board | None
-    own: str | None
+    protocols: Board | None  # all of the version, if it has its own
+    own: str | None  # the version's own protocol that the rows are of, if they are of one
 
     @property
     def truth(self) -> Truth:
@@ -167,7 +158,8 @@ def _groups(board: Shown) -> list[Group[Ranked]]:
 
 def _notes(board: Shown) -> list[str]:
     """Return the paragraphs of "How to read this"."""
-    notes = [note.strip() for note in (*page.introduction(board.rows), *page.remarks(board.rows))]
+    remarks = page.remarks(row.submission for row in board.rows)
+    notes = [note.strip() for note in (*page.introduction(board.rows), *remarks)]
     if board.own is not None:
         return [*notes, f"**Generalisation**: {generalisation.EXPLAINED}"]
     if board.protocols is not None:

@@ -1,7 +1,5 @@
 """Where a row comes from: its authors, its code and weights, its day, and how it is cited."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from functools import lru_cache
@@ -27,14 +25,8 @@ DECLARED = {
 def facts(result: Mapping[str, Any], path: Path, code: str) -> list[Fact]:
     """Return what is known of a row's origin, as titles and texts with links.
 
-    Parameters
-    ----------
-    result : mapping
-        Of any track.
-    path : Path
-        Its file.
-    code : str
-        Address of a file of the checkout, with ``{}`` for its path.
+    The result may be of any track; ``path`` is its file, ``code`` the address of a file of the
+    checkout, with ``{}`` for its path.
     """
     model = result["model"]
     here = files(result, path)

@@ -1,7 +1,5 @@
 """What a row opens to: all its numbers, and its worst and its median shape."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -23,16 +21,9 @@ NO_MESH = "The mesh is not shown: its file is not part of this project."
 def content(submission: Submission, where: str, own: str | None, code: str) -> dict[str, Any]:
     """Return what the page shows of a row when it is opened.
 
-    Parameters
-    ----------
-    submission : Submission
-        The row.
-    where : str
-        Title of its board.
-    own : str or None
-        Its protocol, if that is the version's own: the row was timed under ``grouped`` then.
-    code : str
-        Address of a file of the checkout, with ``{}`` for its path.
+    ``where`` is the title of its board, ``own`` its protocol if that is the version's own: the row
+    was timed under ``grouped`` then. ``code`` is the address of a file of the checkout, with ``{}``
+    for its path.
     """
     result = submission.result
     cost = "Cost" if own is None else "Cost under the protocol grouped"

@@ -81,4 +81,4 @@ def _quantised(vertices: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
 
 
 def _base64(array: NDArray[Any]) -> str:
-    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
+    return base64.b64encode(array.tobytes()).decode("ascii")
