@@ -415,10 +415,7 @@ def read(path: Path) -> Seal:
         If it is missing, no seal, of another schema, altered, or contradicts itself.
     """
     try:
-        written = path.read_bytes()
-        content = json.loads(written)
-        content.pop(store.DIGEST, None)
-        whole = store.with_digest(content).encode() == written
+        content, whole = store.without_digest(path.read_bytes())
         schema = content.pop("schema_version")
         if schema != SCHEMA_VERSION:
             raise SealError(
