@@ -5,8 +5,6 @@ or dropped there, and the program continues. So Ctrl-C, and SIGTERM as scheduler
 are also recorded, and long loops check the record.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import resource
@@ -18,7 +16,6 @@ from multiprocessing import connection
 from types import FrameType
 
 EXIT_CODE = 130  # by the shell's convention 128 + SIGINT; for SIGTERM too: both are interruptions
-
 THREADS = "OMP_NUM_THREADS"  # the environment variable
 
 _seen = threading.Event()
@@ -35,13 +32,7 @@ def notice_interrupts() -> None:
 
 
 def raise_if_interrupted() -> None:
-    """Raise ``KeyboardInterrupt`` if Ctrl-C has been pressed, or SIGTERM sent.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If it has.
-    """
+    """Raise ``KeyboardInterrupt`` if Ctrl-C has been pressed, or SIGTERM sent."""
     if _seen.is_set():
         raise KeyboardInterrupt
 
