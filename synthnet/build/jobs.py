@@ -7,8 +7,6 @@ files: :mod:`synthnet.build.versions`, :mod:`synthnet.build.importing` and
 any executor.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -116,7 +114,6 @@ class Options:
     wait_for_lock: bool
 
     def __post_init__(self) -> None:
-        """Check the number of workers."""
         count, most = self.workers, MOST_A_CORE * cores()
         if count is not None and count < 1:
             raise ValueError(f"workers must be at least 1, got {count}")

@@ -70,19 +70,9 @@ def packages() -> tuple[Package, ...]:
 def find(directory: Path, chosen: Sequence[Package] | None = None) -> dict[Path, list[Path]]:
     """Return the folder of each package below a directory, and its files that are listed.
 
-    Parameters
-    ----------
-    directory : Path
-        Where pip has installed the packages, by ``--target``.
-    chosen : sequence of Package, optional
-        By default those of the list.
-
-    Raises
-    ------
-    MeshImportError
-        If a package is not there, or has other files than those of the list.
-    MissingPackageError
-        If there are GIfTI files, and the package that reads them is missing.
+    Pip has installed them there by ``--target``; by default they are those of the list. Raise
+    MeshImportError if a package is not there, or has other files than those of the list, and
+    MissingPackageError if there are GIfTI files, and the package that reads them is missing.
     """
     chosen = packages() if chosen is None else chosen
     if missing := lacking(directory, chosen):

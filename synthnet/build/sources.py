@@ -52,20 +52,10 @@ def plan_files(
     """Return the shards: the files of each directory in order of their path.
 
     The split and the group of a file depend on its bytes alone, so copies are never apart.
-
-    Parameters
-    ----------
-    places : sequence of Path, or mapping of Path to sequence of Path
-        Directories, and single files; or directories and which files of each.
-    split : str
-        As for :func:`split_of`.
-    parts : callable, optional
-        Says how many shapes a file is, one for each of its components.
-
-    Raises
-    ------
-    MeshImportError
-        If a directory has no mesh file, or two of them would be the same family.
+    ``places`` are directories, and single files; or directories and which files of each. ``split``
+    is as for :func:`split_of`; ``parts`` says how many shapes a file is, one for each of its
+    components. Raise MeshImportError if a directory has no mesh file, or two of them would be the
+    same family.
     """
     plans, seen = list[FilePlan](), dict[str, Path]()
     for directory, paths in _by_directory(places).items():
