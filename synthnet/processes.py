@@ -45,12 +45,8 @@ def _notice(number: int, frame: FrameType | None) -> None:
 def run(program: str, main: Callable[[], int]) -> int:
     """Run a command line that imports what it needs, and return its exit code.
 
-    Parameters
-    ----------
-    program : str
-        Its name, with which every line begins.
-    main : callable
-        Imports the command line and runs it; of an interrupt it may say what is kept.
+    Every line begins with the name of the ``program``. ``main`` imports the command line and runs
+    it; of an interrupt it may say what is kept.
     """
     notice_interrupts()
     try:
