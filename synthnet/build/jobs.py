@@ -207,12 +207,8 @@ def exclusive(directory: Location, wait_for_lock: bool, *folders: Location) -> I
     """Keep other builds out of a directory; at a URL they do no harm.
 
     Partial files in ``folders`` are removed at the beginning, and at the end, however it ends:
-    they are of workers that died or were stopped, and on a full disk they are in the way.
-
-    Raises
-    ------
-    BuildError
-        If another build is there, and ``wait_for_lock`` is not given, or no lock can be had.
+    they are of workers that died or were stopped, and on a full disk they are in the way. Raise
+    BuildError if another build is there and ``wait_for_lock`` is not given, or no lock can be had.
     """
     if not isinstance(directory, Path):
         yield

@@ -86,10 +86,7 @@ def build_limits(
 def add_missing(dataset: StoredDataset) -> None:
     """Write the pinned limits of a dataset that was built before there were any.
 
-    Raises
-    ------
-    BuildError
-        If the disk is full or cannot be written.
+    Raise BuildError if the disk is full or cannot be written.
     """
     if dataset.kind is recipe.Kind.VERSION and not limits.any_there(dataset):
         resolved = recipe.load(dataset.manifest.version)
@@ -132,10 +129,7 @@ def add_pinned(
 ) -> None:
     """Write the limits of the shards that have none, or damaged ones, from the pins.
 
-    Raises
-    ------
-    BuildError
-        If the disk is full or cannot be written.
+    Raise BuildError if the disk is full or cannot be written.
     """
     missing = [record for record in shards if not limits.is_whole(directory, record)]
     if missing:

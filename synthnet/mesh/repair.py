@@ -192,10 +192,7 @@ def welded(mesh: Mesh) -> Repaired:
 def count_components(mesh: Mesh, rules: Rules) -> int:
     """Return how many components a mesh has, as :func:`repair` numbers them.
 
-    Raises
-    ------
-    Refused
-        By the first rule that the mesh offends before its components are told apart.
+    Raise Refused by the first rule that the mesh offends before its components are told apart.
     """
     return len(told_apart(mesh, replace(rules, components=KEEP, part=None)).shares)
 
