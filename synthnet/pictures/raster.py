@@ -4,8 +4,6 @@ A picture is an orthographic view. Each pixel knows the triangle that is nearest
 and where in it the pixel's middle lies; shade, colour, edges and contours follow from these.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

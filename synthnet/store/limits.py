@@ -6,8 +6,6 @@ spectrum of the smooth or polyhedral surface that the mesh approximates; with it
 the label is from it. The shards and the manifest do not depend on whether these files are there.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
