@@ -121,12 +121,10 @@ def needed_by(what: str) -> Iterator[None]:
     """
     try:
         yield
-    except MissingPackageError:
-        raise  # the inner block that raised it named the package
     except ImportError as error:
         package = (error.name or "").partition(".")[0]
         if package not in OPTIONAL:
-            raise
+            raise  # or an inner block has named the package
         name = OPTIONAL[package][0]
         if isinstance(error, ModuleNotFoundError):
             raise MissingPackageError(f"{what} needs {name}: {install(package)}") from error

@@ -5,8 +5,6 @@ or dropped there, and the program continues. So Ctrl-C, and SIGTERM as scheduler
 are also recorded, and long loops check the record.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import resource
@@ -18,7 +16,6 @@ from multiprocessing import connection
 from types import FrameType
 
 EXIT_CODE = 130  # by the shell's convention 128 + SIGINT; for SIGTERM too: both are interruptions
-
 THREADS = "OMP_NUM_THREADS"  # the environment variable
 
 _seen = threading.Event()
@@ -35,13 +32,7 @@ def notice_interrupts() -> None:
 
 
 def raise_if_interrupted() -> None:
-    """Raise ``KeyboardInterrupt`` if Ctrl-C has been pressed, or SIGTERM sent.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If it has.
-    """
+    """Raise ``KeyboardInterrupt`` if Ctrl-C has been pressed, or SIGTERM sent."""
     if _seen.is_set():
         raise KeyboardInterrupt
 
@@ -54,12 +45,8 @@ def _notice(number: int, frame: FrameType | None) -> None:
 def run(program: str, main: Callable[[], int]) -> int:
     """Run a command line that imports what it needs, and return its exit code.
 
-    Parameters
-    ----------
-    program : str
-        Its name, with which every line begins.
-    main : callable
-        Imports the command line and runs it; of an interrupt it may say what is kept.
+    Every line begins with the name of the ``program``. ``main`` imports the command line and runs
+    it; of an interrupt it may say what is kept.
     """
     notice_interrupts()
     try:

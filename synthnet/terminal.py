@@ -1,7 +1,5 @@
 """What both command lines share: parser, completion, errors, exit code, answers, progress."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -191,13 +189,7 @@ def print_answer(options: argparse.Namespace, value: Any, text: str) -> None:
 
 
 class Rate(ProgressColumn):
-    """A column of how many are done per second, since the first was begun.
-
-    Parameters
-    ----------
-    of : str
-        What is counted.
-    """
+    """A column of how many of something are done per second, since the first was begun."""
 
     def __init__(self, of: str) -> None:
         super().__init__()

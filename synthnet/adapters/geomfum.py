@@ -1,10 +1,9 @@
 """The certified solver as geomfum's eigensolver. geomfum need not be installed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from synthnet.errors import counted
@@ -63,8 +62,9 @@ class CertifiedEigsh:
         CertificateError, SpectrumError
             See :func:`synthnet.spectrum.of_matrices`.
         """
-        matrices = _matrices(_scipy(A), _scipy(M))
-        _check_semidefinite(matrices)
+        stiffness = _scipy(A)
+        matrices = _matrices(stiffness, _scipy(M))
+        _check_semidefinite(matrices, stiffness.diagonal())
         values, vectors = smallest(matrices, self.spectrum_size)
         if sparse.issparse(A):
             return values, vectors
@@ -128,12 +128,9 @@ def _matrices(stiffness: sparse.csr_matrix, mass: sparse.csr_matrix) -> Matrices
     )
 
 
-def _check_semidefinite(matrices: Matrices) -> None:
-    """Refuse a stiffness that has an eigenvalue below zero by more than rounding."""
-    diagonal = matrices.indices == np.repeat(
-        np.arange(len(matrices.lumped)), np.diff(matrices.indptr)
-    )
-    steepest = float((np.abs(matrices.stiffness[diagonal]) / matrices.lumped).max())
+def _check_semidefinite(matrices: Matrices, diagonal: NDArray[np.float64]) -> None:
+    """Refuse a stiffness of this diagonal with an eigenvalue below zero by more than rounding."""
+    steepest = float((np.abs(diagonal) / matrices.lumped).max())
     if steepest == 0:
         return
     ordering = find_ordering(matrices.indptr, matrices.indices)

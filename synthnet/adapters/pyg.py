@@ -1,7 +1,5 @@
 """Spectra as a transform of PyTorch Geometric."""
 
-from __future__ import annotations
-
 from synthnet.errors import needed_by
 from synthnet.spectrum import compute
 
@@ -58,6 +56,5 @@ class AddMeshSpectrum(BaseTransform):  # type: ignore[misc]
         return data
 
     def __repr__(self) -> str:
-        """Return the call that makes it."""
         options = f"eigenvectors={self.eigenvectors}" + ", repair=True" * self.repair
         return f"AddMeshSpectrum({self.k}, {options})"

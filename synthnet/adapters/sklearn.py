@@ -79,7 +79,6 @@ class ShapeDNA(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         return np.array([f"lambda{i}" for i in range(1, self.k + 1)], dtype=object)
 
     def __sklearn_is_fitted__(self) -> bool:
-        """Return that it needs no fit."""
         return True
 
     def _row(self, given: Any) -> NDArray[np.float64]:

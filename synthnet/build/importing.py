@@ -4,8 +4,6 @@ Each directory is a family, each file a shape. A file that cannot be opened, rea
 labelled is a rejection with its reason, as a drawn shape that a filter refuses, and stops no other.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import socket
@@ -200,7 +198,7 @@ def _check_sources(directories: Places, target: Location) -> None:
 
 
 def _overlap(first: Path, second: Path) -> bool:
-    return first == second or first in second.parents or second in first.parents
+    return first.is_relative_to(second) or second.is_relative_to(first)
 
 
 def _check_directory(directory: Location) -> None:

@@ -7,8 +7,6 @@ files: :mod:`synthnet.build.versions`, :mod:`synthnet.build.importing` and
 any executor.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -116,7 +114,6 @@ class Options:
     wait_for_lock: bool
 
     def __post_init__(self) -> None:
-        """Check the number of workers."""
         count, most = self.workers, MOST_A_CORE * cores()
         if count is not None and count < 1:
             raise ValueError(f"workers must be at least 1, got {count}")
@@ -210,12 +207,8 @@ def exclusive(directory: Location, wait_for_lock: bool, *folders: Location) -> I
     """Keep other builds out of a directory; at a URL they do no harm.
 
     Partial files in ``folders`` are removed at the beginning, and at the end, however it ends:
-    they are of workers that died or were stopped, and on a full disk they are in the way.
-
-    Raises
-    ------
-    BuildError
-        If another build is there, and ``wait_for_lock`` is not given, or no lock can be had.
+    they are of workers that died or were stopped, and on a full disk they are in the way. Raise
+    BuildError if another build is there and ``wait_for_lock`` is not given, or no lock can be had.
     """
     if not isinstance(directory, Path):
         yield

@@ -1,7 +1,5 @@
 """The limits of a dataset: looked up where the repository pins them, else computed."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
@@ -88,10 +86,7 @@ def build_limits(
 def add_missing(dataset: StoredDataset) -> None:
     """Write the pinned limits of a dataset that was built before there were any.
 
-    Raises
-    ------
-    BuildError
-        If the disk is full or cannot be written.
+    Raise BuildError if the disk is full or cannot be written.
     """
     if dataset.kind is recipe.Kind.VERSION and not limits.any_there(dataset):
         resolved = recipe.load(dataset.manifest.version)
@@ -134,10 +129,7 @@ def add_pinned(
 ) -> None:
     """Write the limits of the shards that have none, or damaged ones, from the pins.
 
-    Raises
-    ------
-    BuildError
-        If the disk is full or cannot be written.
+    Raise BuildError if the disk is full or cannot be written.
     """
     missing = [record for record in shards if not limits.is_whole(directory, record)]
     if missing:
@@ -155,20 +147,17 @@ def make_shard(
     for spec, label in labels(directory / record.file):
         limit = known.get(spec.id)
         if limit is None:
-            key = FAMILIES[spec.family].surface_key(spec.parameters)
+            family = FAMILIES[spec.family]
+            key = family.surface_key(spec.parameters)
             if key not in surfaces:
-                surfaces[key] = _computed(spec, len(label))
+                try:
+                    surfaces[key] = family.limit_spectrum(spec.parameters, len(label))
+                except SpectrumError as error:
+                    raise SpectrumError(f"{spec.id}, its surface: {error}") from error
             limit = surfaces[key]
         rows.append(limits.compare(spec.id, label, limit))
     limits.write(directory, record, rows)
     return record
-
-
-def _computed(spec: ShapeSpec, k: int) -> Limit:
-    try:
-        return FAMILIES[spec.family].limit_spectrum(spec.parameters, k)
-    except SpectrumError as error:
-        raise SpectrumError(f"{spec.id}, its surface: {error}") from error
 
 
 def labels(path: Location) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:

@@ -5,8 +5,6 @@ imports them has the same ids, faces and labels. The packages are only unpacked 
 their own: no code of theirs runs, and the user's environment stays as it is.
 """
 
-from __future__ import annotations
-
 import shlex
 import subprocess
 import sys
@@ -31,31 +29,15 @@ STDERR = 2  # of the system: what a command prints with --json stays JSON
 
 @dataclass(frozen=True, slots=True)
 class Package:
-    """A package, and its files that are imported.
+    """A package, and its files that are imported."""
 
-    Parameters
-    ----------
-    name, version : str
-        As pip knows it.
-    licence : str
-        Of the package, by its SPDX name.
-    meshes : str
-        What its meshes show.
-    folder : str
-        Where its wheel puts them, below the folder that pip installs into.
-    without : tuple of str
-        Folders in it that are left out, because another licence may hold there.
-    files : mapping of str to str
-        SHA-256 by path below ``folder``.
-    """
-
-    name: str
+    name: str  # as pip knows it
     version: str
-    licence: str
-    meshes: str
-    folder: str
-    without: tuple[str, ...]
-    files: Mapping[str, str]
+    licence: str  # of the package, by its SPDX name
+    meshes: str  # what its meshes show
+    folder: str  # where its wheel puts them, below the folder that pip installs into
+    without: tuple[str, ...]  # folders in it left out, because another licence may hold there
+    files: Mapping[str, str]  # SHA-256 by path below ``folder``
 
     @property
     def pinned(self) -> str:
@@ -88,19 +70,9 @@ def packages() -> tuple[Package, ...]:
 def find(directory: Path, chosen: Sequence[Package] | None = None) -> dict[Path, list[Path]]:
     """Return the folder of each package below a directory, and its files that are listed.
 
-    Parameters
-    ----------
-    directory : Path
-        Where pip has installed the packages, by ``--target``.
-    chosen : sequence of Package, optional
-        By default those of the list.
-
-    Raises
-    ------
-    MeshImportError
-        If a package is not there, or has other files than those of the list.
-    MissingPackageError
-        If there are GIfTI files, and the package that reads them is missing.
+    Pip has installed them there by ``--target``; by default they are those of the list. Raise
+    MeshImportError if a package is not there, or has other files than those of the list, and
+    MissingPackageError if there are GIfTI files, and the package that reads them is missing.
     """
     chosen = packages() if chosen is None else chosen
     if missing := lacking(directory, chosen):
@@ -129,13 +101,7 @@ def pip_arguments(directory: Path, chosen: Iterable[Package]) -> list[str]:
 
 
 def download(directory: Path) -> None:
-    """Let pip bring what is lacking; its messages go to the standard error.
-
-    Raises
-    ------
-    MeshImportError
-        If it fails.
-    """
+    """Let pip bring what is lacking, its messages on standard error, or raise MeshImportError."""
     missing = lacking(directory, packages())
     if not missing:
         return

@@ -1,7 +1,5 @@
 """Find mesh files, and plan the shards and shapes they become: the first half of an import."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter, defaultdict
@@ -26,30 +24,14 @@ UNREADABLE, TOO_LARGE = "unreadable", "too_large"
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A mesh file.
-
-    Parameters
-    ----------
-    path : Path
-        Where it is.
-    name : str
-        Its path in the directory it was found in, without what cannot be printed.
-    size : int
-        In bytes.
-    sha256 : str
-        Of its bytes; empty if it is refused.
-    refused : tuple of str
-        Reason and detail, if it is not to be read at all.
-    part : int, optional
-        The component that is meant, if each is a shape, by area from the largest, 0.
-    """
+    """A mesh file."""
 
     path: Path
-    name: str
-    size: int = 0
-    sha256: str = ""
-    refused: tuple[str, str] | None = None
-    part: int | None = None
+    name: str  # its path in the directory it was found in, without what cannot be printed
+    size: int = 0  # in bytes
+    sha256: str = ""  # of its bytes; empty if it is refused
+    refused: tuple[str, str] | None = None  # reason and detail, if it is not to be read at all
+    part: int | None = None  # the component, if each is a shape, by area from the largest, 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,20 +52,10 @@ def plan_files(
     """Return the shards: the files of each directory in order of their path.
 
     The split and the group of a file depend on its bytes alone, so copies are never apart.
-
-    Parameters
-    ----------
-    places : sequence of Path, or mapping of Path to sequence of Path
-        Directories, and single files; or directories and which files of each.
-    split : str
-        As for :func:`split_of`.
-    parts : callable, optional
-        Says how many shapes a file is, one for each of its components.
-
-    Raises
-    ------
-    MeshImportError
-        If a directory has no mesh file, or two of them would be the same family.
+    ``places`` are directories, and single files; or directories and which files of each. ``split``
+    is as for :func:`split_of`; ``parts`` says how many shapes a file is, one for each of its
+    components. Raise MeshImportError if a directory has no mesh file, or two of them would be the
+    same family.
     """
     plans, seen = list[FilePlan](), dict[str, Path]()
     for directory, paths in _by_directory(places).items():

@@ -1,10 +1,9 @@
 """The terms of a build: what a worker, on whatever machine, must have in common with it."""
 
-from __future__ import annotations
-
 import functools
 import socket
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -27,30 +26,14 @@ SHARED = "--out must be a directory that all machines share, or a URL"
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """What all jobs of a task have in common, and a worker must agree with.
+    """What all jobs of a task have in common, and a worker must agree with."""
 
-    Parameters
-    ----------
-    recipe : Recipe
-        The recipe that makes the shapes, or whose limits their labels must keep.
-    digest : str
-        The recipe's digest as this process computed it.
-    packages : mapping of str to str
-        The versions this process has, by package.
-    processor : str
-        The kind of processor: the last digits of a label depend on it.
-    blas : str
-        The kernels of linear algebra that NumPy and SciPy have chosen, as those do too.
-    directory : Path or RemotePath
-        Where the dataset is to be.
-    """
-
-    recipe: Recipe
-    digest: str
-    packages: Mapping[str, str]
-    processor: str
-    blas: str
-    directory: Location
+    recipe: Recipe  # that makes the shapes, or whose limits their labels must keep
+    digest: str  # the recipe's, as this process computed it
+    packages: Mapping[str, str]  # the versions this process has
+    processor: str  # its kind: the last digits of a label depend on it
+    blas: str  # the kernels of linear algebra that NumPy and SciPy have chosen: so do they on these
+    directory: Location  # where the dataset is to be
 
 
 def agree(terms: Terms) -> None:
@@ -124,10 +107,8 @@ def _packages() -> dict[str, str]:
     """Return the versions of the packages that the data depend on."""
     versions = {}
     for name in PACKAGES:
-        try:
+        with suppress(metadata.PackageNotFoundError):  # open3d comes under one of two names
             versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue  # open3d comes under one of two names
     return {**versions, "synthnet": __version__}
 
 

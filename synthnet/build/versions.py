@@ -1,11 +1,9 @@
 """Build a version: shards from its recipe, pinned limits, and the manifest that completes it."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from synthnet import recipe, store
@@ -15,7 +13,6 @@ from synthnet.build.label import make_sample
 from synthnet.build.terms import SHARDS, Terms, made_with, terms_of
 from synthnet.build.workers import Engine
 from synthnet.errors import BuildError, StoreError
-from synthnet.families.limits import Limit
 from synthnet.mesh.open3d import load_open3d
 from synthnet.recipe import Recipe
 from synthnet.recipe.plan import ShardPlan, plan_shards
@@ -77,6 +74,7 @@ def build(
     options = Options(workers, engine, watcher, wait_for_lock)
     directory = store.dataset_directory(resolved.version, root)
     known = limits.pinned(resolved)
+    drawn = {name: resolved.drawn(name) for name in resolved.families}
 
     def finished() -> StoredDataset | None:
         dataset = _finished(directory, resolved, jobs.is_whole)
@@ -86,19 +84,30 @@ def build(
             limits.add_pinned(directory, dataset.manifest.shards, known)
         return dataset
 
+    def complete(records: Sequence[ShardRecord]) -> StoredDataset:
+        """Write the limits, if they are pinned, and last of all the manifest."""
+        if known is not None:
+            limits.add_pinned(directory, records, known)
+        manifest = Manifest(
+            version=resolved.version,
+            recipe_digest=resolved.digest,
+            recipe=resolved.to_dict(),
+            drawn=drawn,
+            shards=tuple(records),
+            packages=made_with(),
+        )
+        store.write_manifest(directory, manifest)
+        return StoredDataset(directory, manifest)
+
     task = Task(
         directory=directory,
         folders=(directory, directory / SHARDS, *([] if known is None else [directory / LIMITS])),
-        drawn=_drawn(resolved),
+        drawn=drawn,
         jobs=partial(_jobs, resolved, directory),
         finished=finished,
-        complete=partial(_complete, resolved, directory, known),
+        complete=complete,
     )
     return jobs.run(task, options, preload=__name__)
-
-
-def _drawn(recipe: Recipe) -> dict[str, int]:
-    return {name: recipe.drawn(name) for name in recipe.families}
 
 
 def _jobs(recipe: Recipe, directory: Location) -> Iterator[Job]:
@@ -122,27 +131,6 @@ def make_shard(plan: ShardPlan, recipe: Recipe, path: Location) -> ShardRecord:
     """Make the shapes of one shard, label and write them."""
     made = [make_sample(shape, recipe) for shape in plan.shapes]
     return jobs.write_shapes(path, made, plan.family, recipe.digest)
-
-
-def _complete(
-    recipe: Recipe,
-    directory: Location,
-    known: Mapping[str, Limit] | None,
-    records: Sequence[ShardRecord],
-) -> StoredDataset:
-    """Write the limits, if they are pinned, and last of all the manifest."""
-    if known is not None:
-        limits.add_pinned(directory, records, known)
-    manifest = Manifest(
-        version=recipe.version,
-        recipe_digest=recipe.digest,
-        recipe=recipe.to_dict(),
-        drawn=_drawn(recipe),
-        shards=tuple(records),
-        packages=made_with(),
-    )
-    store.write_manifest(directory, manifest)
-    return StoredDataset(directory, manifest)
 
 
 def _finished(

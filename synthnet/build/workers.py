@@ -5,8 +5,6 @@ shards to keep submitted to it. On the way out it ends what it started, and turn
 machinery raises into one line.
 """
 
-from __future__ import annotations
-
 import importlib
 import logging
 import multiprocessing
@@ -68,12 +66,7 @@ def given(executor: Executor, workers: int) -> Iterator[Workers]:
 def local_processes(workers: int | None = None, preload: str | None = None) -> Iterator[Workers]:
     """Give spawned processes, one a core by default; on an error or Ctrl-C they end at once.
 
-    Each imports the module ``preload`` when it starts.
-
-    Raises
-    ------
-    BuildError
-        If one of them died.
+    Each imports the module ``preload`` when it starts. Raise BuildError if one of them died.
     """
     count = workers or cores()
     others = set(multiprocessing.active_children())

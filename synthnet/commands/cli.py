@@ -1,7 +1,5 @@
 """The command line: ``synthnet versions | build | import | info | verify | spectrum | ...``."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence
@@ -9,7 +7,6 @@ from collections.abc import Sequence
 from synthnet import terminal
 from synthnet.commands import (
     build,
-    croissant,
     export,
     gallery,
     imports,
@@ -25,7 +22,7 @@ from synthnet.processes import EXIT_CODE
 from synthnet.terminal import Parser
 from synthnet.version import __version__
 
-COMMANDS = (versions, build, imports, seal, info, verify, show, gallery, spectra, croissant, export)
+COMMANDS = (versions, build, imports, seal, info, verify, show, gallery, spectra, export)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,7 +1,5 @@
 """``synthnet info``: say what a built version holds."""
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter
 
@@ -51,8 +49,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     surfaces = _count_limits(dataset)
     if options.json:
-        more = {"directory": str(dataset.directory), "limits": surfaces}
-        print_json({**summary(manifest), **more})
+        print_json({**summary(manifest), "directory": str(dataset.directory), "limits": surfaces})
         return 0
     print(family_table(manifest))
     size = sum(shard.size for shard in manifest.shards)

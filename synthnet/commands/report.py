@@ -1,7 +1,5 @@
 """What the command line prints of a dataset and shows of a build: tables and progress."""
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -58,24 +56,19 @@ def of_run(report: BuildReport) -> dict[str, Any]:
 
 def family_table(manifest: Manifest, seconds: dict[str, float] | None = None) -> str:
     """Return the table that ends a build: drawn, rejected and kept by family."""
-    rows = []
-    families = summary(manifest)["families"]
-    reasons: Counter[str] = Counter()
-    for row in families:
-        reasons.update(row["rejected"])
-        rows.append([row["family"], row["drawn"], _reasons(row["rejected"]), row["kept"]])
-        rows[-1] += [row["vertices"], row["faces"]]
-        rows[-1] += [round(seconds.get(row["family"], 0.0), 1)] if seconds is not None else []
-    totals: list[Any] = ["all", sum(r["drawn"] for r in families), _reasons(reasons)]
-    totals += [sum(r[name] for r in families) for name in ("kept", "vertices", "faces")]
-    totals += [round(sum(seconds.values()), 1)] if seconds is not None else []
-    headers = ["family", "drawn", "rejected", "kept", "vertices", "faces"]
-    headers += ["core-seconds"] if seconds is not None else []
-    return str(tabulate([*rows, totals], headers=headers, intfmt=",", floatfmt=",.1f"))
-
-
-def _reasons(rejected: dict[str, int] | Counter[str]) -> str:
-    return ", ".join(f"{count} {reason}" for reason, count in rejected.items()) or "0"
+    rows = summary(manifest)["families"]
+    counted = ("drawn", "kept", "vertices", "faces")
+    rejected = Counter(r.reason for r in manifest.rejections)
+    totals = {name: sum(row[name] for row in rows) for name in counted}
+    rows.append({"family": "all", "rejected": rejected, **totals})
+    for row in rows:
+        reasons = (f"{count} {reason}" for reason, count in row["rejected"].items())
+        row["rejected"] = ", ".join(reasons) or "0"
+    if seconds is not None:
+        for row in rows:
+            row["core-seconds"] = round(seconds.get(row["family"], 0.0), 1)
+        rows[-1]["core-seconds"] = round(sum(seconds.values()), 1)
+    return str(tabulate(rows, headers="keys", intfmt=",", floatfmt=",.1f"))
 
 
 def with_bars(make: Callable[..., Made], options: argparse.Namespace, of: str = "") -> Made:
@@ -87,13 +80,7 @@ def with_bars(make: Callable[..., Made], options: argparse.Namespace, of: str = 
 
 
 class FamilyBars(Watcher):
-    """A progress bar for each family, on standard error.
-
-    Parameters
-    ----------
-    of : str
-        What is made of the families, in front of their names.
-    """
+    """A progress bar for each family, on standard error; ``of``, what is made, before its name."""
 
     def __init__(self, of: str = "") -> None:
         self.of = of

@@ -1,7 +1,5 @@
 """``synthnet seal``: draw a test set from a secret salt."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from functools import partial
@@ -92,8 +90,7 @@ def run(options: argparse.Namespace) -> int:
     seals.write(path, published)
     directory = report.dataset.directory
     if options.json:
-        paths = {"seal": str(path), "directory": str(directory)}
-        print_json({**asdict(published), **paths})
+        print_json({**asdict(published), "seal": str(path), "directory": str(directory)})
         return 0
     if not report.nothing_to_do:
         print(family_table(report.dataset.manifest, report.seconds) + "\n")

@@ -1,7 +1,5 @@
 """``synthnet show``: say what one shape is, and draw it."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from pathlib import Path
@@ -117,8 +115,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _of_limit(limit: StoredLimit) -> dict[str, Any]:
-    """Return a limit as JSON-ready data."""
-    numbers = {name: getattr(limit, name).tolist() for name in ("eigenvalues", "bar", "error")}
+    numbers = {name: getattr(limit, name).tolist() for name in limits.NUMBERS}
     return {**numbers, "above_20_db": limit.above_20_db}
 
 

@@ -1,7 +1,5 @@
 """``synthnet spectrum`` and ``synthnet certify``: spectra of mesh files, and judgements of them."""
 
-from __future__ import annotations
-
 import argparse
 import csv
 import io
@@ -9,8 +7,8 @@ import math
 import re
 import sys
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -35,8 +33,6 @@ VALUES = ("eigenvalue", "eigenvalues", "lambda", "λ")  # the name of their colu
 SHOWN = 6  # so many eigenvalues fit in a row of the terminal
 NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)", re.IGNORECASE)
 CELL = re.compile(r'"[^"]*"|[^\s,]+')  # no field of csv, which may have 131,072 characters at most
-
-
 FORMATS = f"a mesh: {', '.join(SUFFIXES)}, or one of these .gz"
 
 
@@ -53,8 +49,9 @@ class Answer:
     """The spectrum of a file's mesh, or why it has none."""
 
     file: Path
-    repaired: Repaired | None = None
     spectrum: Spectrum | None = None
+    vertices: int = 0
+    repairs: Mapping[str, int] = field(default_factory=dict)
     problem: str = ""
     warnings: tuple[str, ...] = ()
 
@@ -199,7 +196,7 @@ def run_certify(options: argparse.Namespace) -> int:
         if pieces > 1:
             print(_of_components(options.mesh, pieces))
         if state.repairs:
-            print(f"of the mesh as repaired: {_said(state)}")
+            print(f"of the mesh as repaired: {_said(state.repairs)}")
     return 0 if verdict.certified else 1
 
 
@@ -275,7 +272,8 @@ def _answer(reader: Reader, file: Path, k: int, operator: Operator, *, mended: b
         hint = "; without --no-repair what can be mended is" if helps else ""
         return Answer(file, problem=f"{error}{hint}")
     said = (str(w.message).replace(JOINED, "without --no-repair they are joined") for w in warned)
-    return Answer(file, state, spectrum, warnings=tuple(said))
+    vertices = len(state.mesh.vertices)
+    return Answer(file, spectrum, vertices, state.repairs, warnings=tuple(said))
 
 
 def _printable(path: Path | str) -> str:
@@ -283,25 +281,25 @@ def _printable(path: Path | str) -> str:
     return str(path).encode("utf-8", "backslashreplace").decode()
 
 
-def _said(repaired: Repaired) -> str:
-    return ", ".join(f"{count} {name}" for name, count in repaired.repairs.items())
+def _said(repairs: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {name}" for name, count in repairs.items())
 
 
 def _facts(answer: Answer) -> dict[str, object]:
     """Return what is known of a file, for JSON."""
-    if answer.spectrum is None or answer.repaired is None:
+    if answer.spectrum is None:
         return {"file": str(answer.file), "problem": answer.problem}
     certificate = answer.spectrum.certificate
     bound = certificate.error_bound
     return {
         "file": str(answer.file),
-        "vertices": len(answer.repaired.mesh.vertices),
+        "vertices": answer.vertices,
         "components": answer.spectrum.components,
         "eigenvalues": answer.spectrum.eigenvalues.tolist(),
         "error_bound": None if bound is None else bound.tolist(),
         "count": certificate.count,
         "shift": certificate.shift,
-        "repairs": answer.repaired.repairs,
+        "repairs": answer.repairs,
     }
 
 
@@ -309,16 +307,15 @@ def _table(answers: list[Answer], k: int) -> str:
     shown = min(k, SHOWN)
     rows = []
     for answer in answers:
-        if answer.spectrum is None or answer.repaired is None:
+        if answer.spectrum is None:
             rows.append(
                 [_printable(answer.file.name), "", "", *[""] * (shown + (k > shown)), "no spectrum"]
             )
             continue
         values = [f"{value:.6g}" for value in answer.spectrum.eigenvalues]
         shortened = values if k == shown else [*values[: shown - 1], "…", values[-1]]
-        count = len(answer.repaired.mesh.vertices)
-        facts = [_printable(answer.file.name), f"{count:,}", str(answer.spectrum.components)]
-        rows.append([*facts, *shortened, _said(answer.repaired)])
+        facts = [f"{answer.vertices:,}", str(answer.spectrum.components)]
+        rows.append([_printable(answer.file.name), *facts, *shortened, _said(answer.repairs)])
     names = [f"λ{i}" for i in range(1, k + 1)]
     names = names if k == shown else [*names[: shown - 1], "", names[-1]]
     headers = ["file", "vertices", "components", *names, "repaired"]
@@ -331,12 +328,8 @@ def _as_csv(answers: list[Answer], k: int) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["file", "vertices", "components", *(f"lambda_{i}" for i in range(1, k + 1))])
     for answer in answers:
-        if answer.spectrum is not None and answer.repaired is not None:
-            facts = [
-                _printable(answer.file),
-                len(answer.repaired.mesh.vertices),
-                answer.spectrum.components,
-            ]
+        if answer.spectrum is not None:
+            facts = [_printable(answer.file), answer.vertices, answer.spectrum.components]
             writer.writerow([*facts, *map(repr, answer.spectrum.eigenvalues.tolist())])
     return text.getvalue()
 
@@ -346,12 +339,8 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
 
     Numbers stand on lines or between commas, one line of names may come first. In a table with the
     columns ``file`` and ``lambda_1`` and so on, the row of the mesh counts; of columns with other
-    names, the one that is named ``eigenvalue``.
-
-    Raises
-    ------
-    AnswerError
-        If it cannot be read, holds no numbers, or no row of the mesh.
+    names, the one that is named ``eigenvalue``. Raise AnswerError if the file cannot be read, holds
+    no numbers, or no row of the mesh.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")

@@ -125,10 +125,7 @@ def _again(options: argparse.Namespace) -> str:
 def _is_sealed(options: argparse.Namespace) -> bool:
     """Return whether ``synthnet verify`` is asked to check a seal.
 
-    Raises
-    ------
-    ValueError
-        If it is asked so in part, or for something else as well.
+    Raise ValueError if it is asked so in part, or for something else as well.
     """
     if (options.sealed is None) != (options.salt_file is None):
         raise ValueError("--sealed and --salt-file go together: the seal, and its revealed salt")

@@ -9,8 +9,6 @@ MLCommons, "Croissant Format Specification 1.1", http://mlcommons.org/croissant/
 RAI Specification 1.0", http://mlcommons.org/croissant/RAI/1.0.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Sequence
@@ -79,6 +77,11 @@ class About:
     limitations: tuple[str, ...]
 
 
+LITTLE_VARIETY = (
+    "All shapes are synthetic; the families differ in number, and those with one parameter have "
+    "little variety."
+)
+NO_OUTSIDE = "A Möbius band has no outside: what relies on consistent normals fails there."
 ABOUT = {
     "1.0": About(
         semantic="1.0.0",
@@ -108,13 +111,10 @@ ABOUT = {
             "with the first ten eigenvalues after zero of its Laplace-Beltrami operator, "
             "Neumann's condition on a boundary"
         ),
-        biases=(
-            "All shapes are synthetic; the families differ in number, and those with one "
-            "parameter have little variety.",
-        ),
+        biases=(LITTLE_VARIETY,),
         limitations=(
             "Results do not speak for scanned or modelled meshes.",
-            "A Möbius band has no outside: what relies on consistent normals fails there.",
+            NO_OUTSIDE,
             "Pretzels have slivers that do not lie along the surface where charts meet the rim.",
         ),
     ),
@@ -128,17 +128,14 @@ ABOUT = {
             "triangulations; each labelled with the first ten eigenvalues after zero of its "
             "Laplace-Beltrami operator, Neumann's condition on a boundary"
         ),
-        biases=(
-            "All shapes are synthetic; the families differ in number, and those with one "
-            "parameter have little variety.",
-        ),
+        biases=(LITTLE_VARIETY,),
         limitations=(
             "Parts and folded balls are nearer to real meshes than the rest, but results on them "
             "do not replace results on real ones.",
             "Their triangulations are those of 2.0: none has the long needles of CAD exports.",
             "Coarse meshes of folded balls do not resolve their valleys, so that their labels are "
             "far from the surface's spectrum.",
-            "A Möbius band has no outside: what relies on consistent normals fails there.",
+            NO_OUTSIDE,
         ),
     ),
 }
@@ -209,7 +206,11 @@ def metadata(dataset: StoredDataset) -> dict[str, Any]:
         "creator": {"@type": "sc:Organization", "name": "The synthNet authors"},
         "keywords": ["Laplace-Beltrami operator", "geometric deep learning", "triangle meshes"],
         "isLiveDataset": False,
-        "citeAs": _citation(manifest.version),
+        "citeAs": (
+            "@software{synthnet, title = {synthNet and eigbench}, "
+            "author = {{The synthNet authors}}, "
+            f"version = {{{__version__}}}, note = {{dataset {manifest.version}}}}}"
+        ),
         **_responsible(about),
         "distribution": _distribution(dataset),
         "recordSet": [
@@ -237,13 +238,6 @@ def _part(resolved: recipe.Recipe) -> str:
     if resolved.subset is not None:
         return f" of {resolved.subset.of}, with the same ids, splits and labels"
     return ""
-
-
-def _citation(version: str) -> str:
-    return (
-        "@software{synthnet, title = {synthNet and eigbench}, author = {{The synthNet authors}}, "
-        f"version = {{{__version__}}}, note = {{dataset {version}}}}}"
-    )
 
 
 def _responsible(about: About) -> dict[str, Any]:

@@ -6,8 +6,6 @@ it to, that of installed libraries their version; what is read from elsewhere, s
 variable, is not seen.
 """
 
-from __future__ import annotations
-
 import copyreg
 import hashlib
 import json
@@ -42,10 +40,7 @@ PLAIN = (type(None), bool, int, float, complex, str, bytes)  # their repr is all
 def fingerprint(value: Any) -> str:
     """Return a digest of an object's code and state, the same in every process.
 
-    Raises
-    ------
-    TypeError
-        If it holds something whose state cannot be seen, such as an open file or a lock.
+    Raise TypeError if it holds something whose state cannot be seen, as an open file or a lock.
     """
     try:
         return _Digests().of(value)

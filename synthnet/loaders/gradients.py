@@ -1,7 +1,5 @@
 """Eigenvalues of a mesh as a differentiable function of its vertices, in PyTorch."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -88,7 +86,11 @@ def eigenvalues(
     >>> round(((vertices * vertices.grad).sum() / values[0]).item(), 4)
     -2.0
     """
-    _check_numbers(k, tolerance)
+    check_count(k)
+    if k < 1:
+        raise ValueError(f"k must be at least 1, got {k}")
+    if not 0 <= tolerance < 1:
+        raise ValueError(f"tolerance must be at least 0 and below 1, got {tolerance}")
     if isinstance(vertices, Tensor):
         return _of_one(vertices, faces, k, tolerance)
     if not isinstance(vertices, list | tuple) or not isinstance(faces, list | tuple):
@@ -103,14 +105,6 @@ def eigenvalues(
         )
     pairs = zip(vertices, faces, strict=True)
     return torch.stack([_of_one(*pair, k, tolerance) for pair in pairs])
-
-
-def _check_numbers(k: int, tolerance: float) -> None:
-    check_count(k)
-    if k < 1:
-        raise ValueError(f"k must be at least 1, got {k}")
-    if not 0 <= tolerance < 1:
-        raise ValueError(f"tolerance must be at least 0 and below 1, got {tolerance}")
 
 
 def _of_one(vertices: Tensor, faces: Any, k: int, tolerance: float) -> Tensor:

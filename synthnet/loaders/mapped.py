@@ -30,24 +30,14 @@ FORMAT = 2  # the format of the files here, which is part of their directory's n
 
 def directory(dataset: store.StoredDataset) -> Path:
     """Return where a dataset's arrays are: the name holds all that they depend on."""
-    key = f"{dataset.manifest.recipe_digest[:12]}-{FORMAT}"
-    return unpacked.folder(dataset) / key
+    return unpacked.folder(dataset) / f"{dataset.manifest.recipe_digest[:12]}-{FORMAT}"
 
 
 def open_shapes(dataset: store.StoredDataset, *, wholly: bool = False) -> MappedShapes:
-    """Map a dataset's shapes; unpack them first where they are not there, or damaged.
+    """Map the shapes of a dataset on this machine; unpack them where they are missing or damaged.
 
-    Parameters
-    ----------
-    dataset : StoredDataset
-        On this machine.
-    wholly : bool
-        Whether to read every byte of what is there.
-
-    Raises
-    ------
-    DamagedError
-        If what was just unpacked is damaged.
+    ``wholly`` says whether to read every byte of what is there. Raise DamagedError if what was
+    just unpacked is damaged.
     """
     where = directory(dataset)
     return unpacked.open_or_unpack(
@@ -61,12 +51,9 @@ def open_shapes(dataset: store.StoredDataset, *, wholly: bool = False) -> Mapped
 
 
 class MappedShapes:
-    """All shapes of a version.
+    """All shapes of a version, in a directory that :func:`write_shapes` wrote.
 
-    Parameters
-    ----------
-    directory : Path
-        Written by :func:`write_shapes`.
+    Raise DamagedError if files cannot be read or do not fit each other.
 
     Attributes
     ----------
@@ -86,11 +73,6 @@ class MappedShapes:
         Protocol ``grouped``.
     paper_splits : ndarray of shape (count, instances), str
         Protocol ``paper``.
-
-    Raises
-    ------
-    DamagedError
-        If files cannot be read or do not fit each other.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -131,10 +113,7 @@ class MappedShapes:
     def mesh(self, shape: int) -> Mesh:
         """Return a shape's mesh, copied out of the mapped arrays.
 
-        Raises
-        ------
-        DamagedError
-            If it is not as it was unpacked.
+        Raise DamagedError if it is not as it was unpacked.
         """
         v, f = self.vertex_offsets, self.face_offsets
         vertices = np.array(self.vertices[v[shape] : v[shape + 1]])

@@ -254,7 +254,6 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         return data
 
     def __repr__(self) -> str:
-        """Say which dataset this is."""
         kind = f"version={self.version!r}, split={self.split!r}, protocol={self.protocol!r}"
         target = "" if self.target == "mesh" else f", target={self.target!r}"
         return f"SynthNet({len(self)}, {kind}, augment={self.augment!r}{target})"
@@ -300,10 +299,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
 def surface_spectra(dataset: StoredDataset) -> NDArray[np.float32]:
     """Return the limits of a dataset's shapes, shape (count, k), in 1/length².
 
-    Raises
-    ------
-    StoreError
-        If it has none, or they are damaged.
+    Raise StoreError if it has none, or they are damaged.
     """
     add_missing(dataset)
     if not limits.any_there(dataset):

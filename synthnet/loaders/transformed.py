@@ -4,8 +4,6 @@ The items have any attributes, so these are kept by name: each tensor as one arr
 joined along the dimension that PyG joins it along.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterable
@@ -30,10 +28,7 @@ NUMBERS = "biufc"  # kinds of NumPy's types that a file of bytes may hold
 def write_data(directory: Path, items: Iterable[Data]) -> None:
     """Write items of any tensor, number and string attributes, one at a time.
 
-    Raises
-    ------
-    TypeError
-        If an item is no ``Data``, an attribute is neither, or the items' attributes differ.
+    Raise TypeError if an item is no ``Data``, an attribute is neither, or the items' differ.
     """
     files: dict[str, Any] = {}
     kinds: dict[str, dict[str, Any]] = {}
@@ -78,20 +73,9 @@ def write_data(directory: Path, items: Iterable[Data]) -> None:
 class TransformedItems:
     """What :func:`write_data` wrote, memory-mapped.
 
-    Parameters
-    ----------
-    directory : Path
-        Where it is; its index has been checked, see :mod:`synthnet.store.unpacked`.
-
-    Attributes
-    ----------
-    data, slices
-        As PyG keeps items: one ``Data`` of all, and where each begins.
-
-    Raises
-    ------
-    DamagedError
-        If a file cannot be read or does not fit the index.
+    ``data`` and ``slices`` are as PyG keeps items: one ``Data`` of all, and where each begins. The
+    index has been checked, see :mod:`synthnet.store.unpacked`; raise DamagedError if a file cannot
+    be read or does not fit it.
     """
 
     def __init__(self, directory: Path) -> None:

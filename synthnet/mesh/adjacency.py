@@ -1,7 +1,5 @@
 """Which faces share an edge, and what is connected by that."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
@@ -17,9 +15,8 @@ def edge_keys(faces: NDArray[np.integer]) -> NDArray[np.int64]:
     [1, 6, 2, 1, 3, 7]
     """
     tails, heads = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel()
-    keys: NDArray[np.int64] = np.minimum(tails, heads) * (
-        int(faces.max(initial=0)) + 1
-    ) + np.maximum(tails, heads)
+    low, high = np.minimum(tails, heads), np.maximum(tails, heads)
+    keys: NDArray[np.int64] = low * (int(faces.max(initial=0)) + 1) + high
     return keys
 
 

@@ -6,8 +6,6 @@ surface stays where it is to :data:`FLAT` of the edge, and no edge is slit, as d
 would. A cap whose longest edge is a boundary is dropped: the boundary then passes its corner.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,19 +48,14 @@ def without_caps(mesh: Mesh) -> tuple[Mesh, int]:
 
 
 def _one_round(mesh: Mesh, bad: NDArray[np.int64]) -> NDArray[np.int64] | None:
-    """Flip the longest edges of flat faces, each face in one flip at most; None if there is none.
+    """Flip the longest edges of ``bad`` faces, those without area; None if there is none to flip.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Of m faces.
-    bad : ndarray of int64
-        The faces without area.
+    Each face is in one flip at most.
     """
     faces = mesh.faces.astype(np.int64)
     lengths = np.linalg.norm(corner_edges(mesh), axis=2)  # opposite to each corner
     widest = lengths.argmax(axis=1)
-    keys = edge_keys(faces)
+    keys, count = edge_keys(faces), int(faces.max()) + 1
     order = np.argsort(keys, kind="stable")
     longest = 3 * bad + (widest[bad] + 1) % 3  # the half-edge opposite to the widest corner
     low = np.searchsorted(keys, keys[longest], "left", sorter=order)
@@ -85,7 +78,7 @@ def _one_round(mesh: Mesh, bad: NDArray[np.int64]) -> NDArray[np.int64] | None:
         wider = lengths[other].max() > lengths[face].max() and other in flat_ones
         if taken[other] or c == d or wider or pair in known:
             continue
-        if _is_edge(keys, order, faces, pair):
+        if _is_edge(keys, order, pair[0] * count + pair[1]):
             continue
         known.add(pair)
         taken[face] = taken[other] = True
@@ -93,13 +86,7 @@ def _one_round(mesh: Mesh, bad: NDArray[np.int64]) -> NDArray[np.int64] | None:
     return new[~gone] if taken.any() else None
 
 
-def _is_edge(
-    keys: NDArray[np.int64],
-    order: NDArray[np.int64],
-    faces: NDArray[np.int64],
-    pair: tuple[int, int],
-) -> bool:
-    """Return whether two vertices, the lower first, have an edge."""
-    key = pair[0] * (int(faces.max()) + 1) + pair[1]
+def _is_edge(keys: NDArray[np.int64], order: NDArray[np.int64], key: int) -> bool:
+    """Return whether two vertices, by their key of :func:`edge_keys`, have an edge."""
     at = int(np.searchsorted(keys, key, sorter=order))
     return at < len(keys) and int(keys[order[at]]) == key

@@ -7,8 +7,6 @@ a solid that touches itself, or several have one each, they are paired around th
 with the inside between them, by the way they are turned, are one sheet.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -55,16 +53,9 @@ def without_edges_of_many(mesh: Mesh, *, loose: bool = False) -> tuple[Mesh, int
 def _paired(
     mesh: Mesh, halves: NDArray[np.int64], piece: NDArray[np.int64], *, loose: bool
 ) -> NDArray[np.int64] | None:
-    """Return the half-edges at an edge in pairs, (2, p), or None where they are none.
+    """Return the half-edges 3 f + i of one edge in pairs, (2, p), or None where they are none.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Of which ``halves`` are half-edges 3 f + i of one edge.
-    halves, piece : ndarray of int64
-        The half-edges, and the component of each.
-    loose : bool
-        Whether a half-edge may be left alone.
+    ``piece`` is the component of each; ``loose`` says whether one may be left alone.
     """
     pairs, alone = list[NDArray[np.int64]](), list[NDArray[np.int64]]()
     for name in np.unique(piece):

@@ -1,7 +1,5 @@
 """Plain facts of a triangle mesh: areas, volume, edges, components."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np
@@ -69,9 +67,7 @@ def volume(mesh: Mesh) -> float:
     >>> round(6 * volume(Mesh(np.vstack([np.zeros(3), np.eye(3)]), faces)), 12)
     1.0
     """
-    corners = mesh.vertices.astype(np.float64)[mesh.faces]
-    products = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    return float(products.sum() / 6)
+    return float(_products(mesh.vertices.astype(np.float64)[mesh.faces]).sum() / 6)
 
 
 def enclosed_volume(mesh: Mesh) -> float:
@@ -109,17 +105,18 @@ def enclosed_volume(mesh: Mesh) -> float:
     pieces = face_components(mesh.faces)
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
     first = np.unique(pieces, return_index=True)[1]
-    signed = _signed_volumes(corners - corners[first, 0][pieces][:, None], pieces)
+    signed = np.bincount(pieces, _products(corners - corners[first, 0][pieces][:, None])) / 6
     signed *= np.sign(signed[np.abs(signed).argmax()])
     _check_cavities(corners, pieces, signed)
     return float(signed.sum())
 
 
-def _signed_volumes(corners: NDArray[np.float64], pieces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the signed volume of each component, from its triangles' corners (m, 3, 3)."""
-    products = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    volumes: NDArray[np.float64] = np.bincount(pieces, products) / 6
-    return volumes
+def _products(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the triple product of each triangle's corners, from (m, 3, 3): six signed volumes."""
+    products: NDArray[np.float64] = np.einsum(
+        "ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])
+    )
+    return products
 
 
 def _check_cavities(

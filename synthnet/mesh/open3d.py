@@ -65,15 +65,7 @@ _MACHINES = {
 def load_open3d() -> types.ModuleType:
     """Import Open3D, on machines without a display too.
 
-    Returns
-    -------
-    types.ModuleType
-        The ``open3d`` module.
-
-    Raises
-    ------
-    MissingPackageError
-        If Open3D, or a library it needs, is missing.
+    Raise MissingPackageError if Open3D, or a library it needs, is missing.
     """
     try:
         if sys.platform == "linux" and platform.machine() in _MACHINES:
@@ -124,11 +116,8 @@ def subdivide(mesh: Mesh, times: int) -> Mesh:
 def decimate(mesh: Mesh, faces: int) -> Mesh:
     """Simplify a mesh to about ``faces`` triangles by quadric decimation.
 
-    Returns
-    -------
-    Mesh
-        float64 vertices, int64 faces, without degenerate triangles or unused vertices; a mesh
-        that has no more triangles is returned as it is.
+    It has float64 vertices and int64 faces, and no degenerate triangles or unused vertices; a mesh
+    that has no more triangles is returned as it is.
 
     Examples
     --------

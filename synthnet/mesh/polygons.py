@@ -9,8 +9,6 @@ References
 G. H. Meisters, "Polygons have ears", American Mathematical Monthly 82 (1975).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,14 +94,9 @@ def _turned(corners: NDArray[np.float64], polygon: NDArray[np.int64]) -> NDArray
 
 
 def _ears(points: NDArray[np.float64], number: int) -> NDArray[np.int64]:
-    """Return the triangles of a polygon of c corners, (c - 2, 3), the best ear cut first.
+    """Return the triangles of a polygon, (c - 2, 3), the best ear cut first.
 
-    Parameters
-    ----------
-    points : ndarray of shape (c, 3), float64
-        The corners in their order.
-    number : int
-        Of the polygon, for the error.
+    ``points`` are its corners in their order, (c, 3); ``number`` is the polygon's, for the error.
     """
     flat = _in_plane(points)
     left, ears = list(range(len(points))), list[tuple[int, int, int]]()

@@ -4,8 +4,6 @@ A truncated or altered file may ask for all memory or take for ever. None of tha
 process that asks.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
@@ -34,7 +32,7 @@ class ChangedError(SynthNetError):
 
 
 class Reader:
-    """Reads mesh files; a context manager.
+    """Reads mesh files; a context manager. The process starts with the first file.
 
     Parameters
     ----------
@@ -61,11 +59,9 @@ class Reader:
         self._channel: Connection
 
     def __enter__(self) -> Self:
-        """Return the reader; the process starts with the first file."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the process."""
         self._end()
 
     def read(self, path: Path, sha256: str | None = None) -> Mesh:
@@ -76,28 +72,11 @@ class Reader:
     def triangles(self, path: Path, sha256: str | None = None) -> Triangles:
         """Return the triangles of a file as they stand in it, polygons cut into triangles.
 
-        A process that dies is no proof against the file: it may have died before, or for want of
-        memory elsewhere. So a second process tries once more.
+        They may be anything but a surface. A process that dies is no proof against the file: it may
+        have died before, or for want of memory elsewhere. So a second process tries once more.
 
-        Parameters
-        ----------
-        path : Path
-            The file.
-        sha256 : str, optional
-            Of the bytes that it must have.
-
-        Returns
-        -------
-        Triangles
-            float64 vertices and int64 faces, which may be anything but a surface, and how many
-            polygons were not convex.
-
-        Raises
-        ------
-        UnreadableError
-            If it cannot be read; later files can be.
-        ChangedError
-            If it has other bytes.
+        Raise UnreadableError if it cannot be read; later files can be. Raise ChangedError if its
+        bytes are not those of ``sha256``.
         """
         if kind_of(path.name) is None:
             raise UnreadableError(f"{path.name} is none of {', '.join(SUFFIXES)}")
@@ -105,8 +84,11 @@ class Reader:
         for _ in range(2):
             try:
                 return self._ask(request)
-            except (EOFError, OSError):
-                self._fail_if_slow()
+            except (EOFError, OSError) as error:
+                if self._end() == -signal.SIGXCPU:
+                    raise UnreadableError(
+                        f"not read within {self.seconds:g} s of processor time"
+                    ) from error
         raise UnreadableError("the process that reads it died twice")
 
     def _ask(self, request: bytes) -> Triangles:
@@ -142,10 +124,6 @@ class Reader:
         process.kill()
         process.join()
         return process.exitcode
-
-    def _fail_if_slow(self) -> None:
-        if self._end() == -signal.SIGXCPU:
-            raise UnreadableError(f"not read within {self.seconds:g} s of processor time")
 
 
 def _serve(channel: Connection, seconds: float, gigabytes: float) -> None:

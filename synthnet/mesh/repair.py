@@ -155,7 +155,7 @@ def repair(mesh: Mesh, rules: Rules | None = None) -> Repaired:
     """
     rules = rules or Rules()
     state = in_order(told_apart(mesh, rules), (not_flat, manifold_edges))
-    state = split_pinches(state) if "pinches" not in rules.without else not_pinched(state)
+    state = without_pinches(state, split="pinches" not in rules.without)
     state = replace(state, components=int(face_components(state.mesh.faces).max()) + 1)
     turned = oriented(state)
     kept = replace(state, orientable=turned.orientable)
@@ -192,10 +192,7 @@ def welded(mesh: Mesh) -> Repaired:
 def count_components(mesh: Mesh, rules: Rules) -> int:
     """Return how many components a mesh has, as :func:`repair` numbers them.
 
-    Raises
-    ------
-    Refused
-        By the first rule that the mesh offends before its components are told apart.
+    Raise Refused by the first rule that the mesh offends before its components are told apart.
     """
     return len(told_apart(mesh, replace(rules, components=KEEP, part=None)).shares)
 
@@ -373,18 +370,12 @@ def cut(state: Repaired, *, fins: bool) -> Repaired:
     return state.with_repair("edges cut from fins", count, mesh)
 
 
-def split_pinches(state: Repaired) -> Repaired:
-    """Make a vertex where several fans of faces meet one vertex for each fan."""
+def without_pinches(state: Repaired, *, split: bool) -> Repaired:
+    """Make a vertex where several fans of faces meet one vertex for each fan, or refuse it."""
     mesh, count = cutting.without_pinches(state.mesh)
-    return state.with_repair("pinched vertices", count, mesh)
-
-
-def not_pinched(state: Repaired) -> Repaired:
-    """Refuse vertices where several fans of faces meet."""
-    _, count = cutting.without_pinches(state.mesh)
-    if count:
+    if count and not split:
         raise Refused("pinched_vertex", f"{count} vertices join several fans of faces")
-    return state
+    return state.with_repair("pinched vertices", count, mesh) if split else state
 
 
 def chosen(state: Repaired, rules: Rules) -> Repaired:

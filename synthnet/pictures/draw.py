@@ -1,13 +1,11 @@
 """Pictures of shapes as PNG: a mesh, its spectrum and its eigenfunctions; sheets of meshes."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +19,7 @@ from synthnet.types import Mesh, Sample
 
 with needed_by("drawing"):
     import matplotlib as mpl
+    from matplotlib.axes import Axes
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -37,6 +36,7 @@ ON_NOTHING: dict[Any, Any] = {
     "savefig.transparent": True,
     **dict.fromkeys(TEXTS, GREY),
 }  # Matplotlib's settings
+Box: TypeAlias = tuple[float, float, float, float]  # inches: left, bottom, width and height
 SIGN = 0.5  # of the largest magnitude: a function is positive at the first vertex above it
 
 
@@ -239,17 +239,20 @@ def plain_style(*, transparent: bool = False) -> Iterator[None]:
         yield
 
 
+def _axes(figure: Figure, box: Box) -> Axes:
+    return figure.add_axes(tuple(np.array(box) / np.tile(figure.get_size_inches(), 2)))
+
+
 def _picture(
     figure: Figure,
-    box: tuple[float, float, float, float],
+    box: Box,
     mesh: Mesh,
     *,
     colouring: Colouring | None = None,
     edges: bool = False,
 ) -> None:
-    """Draw a mesh in a box of a figure: left, bottom, width and height in inches."""
-    inches = figure.get_size_inches()
-    axes = figure.add_axes(tuple(np.array(box) / np.tile(inches, 2)))
+    """Draw a mesh in a box of a figure."""
+    axes = _axes(figure, box)
     axes.set_axis_off()
     width, height = round(box[2] * DOTS), round(box[3] * DOTS)
     values, view = (colouring.values, colouring.view) if colouring else (None, None)
@@ -281,11 +284,8 @@ def _text(
     drawn.set_parse_math(formulas)
 
 
-def _bars(
-    figure: Figure, box: tuple[float, float, float, float], eigenvalues: NDArray[np.float64]
-) -> None:
-    inches = figure.get_size_inches()
-    axes = figure.add_axes(tuple(np.array(box) / np.tile(inches, 2)))
+def _bars(figure: Figure, box: Box, eigenvalues: NDArray[np.float64]) -> None:
+    axes = _axes(figure, box)
     numbers = np.arange(1, len(eigenvalues) + 1)
     axes.bar(numbers, eigenvalues, color=BLUE, width=0.6)
     axes.set_xticks(numbers)

@@ -1,7 +1,5 @@
 """Contact sheets: shapes of a family from all over its parameters, or one shape of each family."""
 
-from __future__ import annotations
-
 import os
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
@@ -151,12 +149,8 @@ def sheet(
         In the order of the sheet.
     varying : sequence of str
         The parameters to name.
-    title : str
-        Of the sheet.
-    edges : bool
-        Whether to draw the edges of the meshes.
-    transparent : bool
-        Whether there is nothing behind the meshes, in place of white.
+    title, edges, transparent
+        As for :func:`synthnet.pictures.draw.picture_of_sheet`.
     """
     captions = [caption(spec, varying) for spec, _ in shapes]
     meshes = [mesh for _, mesh in shapes]

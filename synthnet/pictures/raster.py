@@ -4,8 +4,6 @@ A picture is an orthographic view. Each pixel knows the triangle that is nearest
 and where in it the pixel's middle lies; shade, colour, edges and contours follow from these.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -229,14 +227,13 @@ def diverging(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return colours
 
 
-def _altitudes(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the altitude over each corner's opposite edge on the screen, shape (m, 3)."""
+def _sides(
+    points: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return each triangle's sides on the screen, (m, 3, 2), and twice its area there, (m,)."""
     corners = points[faces][:, :, :2]
     sides = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
-    doubled = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
-    lengths = np.maximum(np.linalg.norm(sides, axis=2), 1e-300)
-    altitudes: NDArray[np.float64] = doubled[:, None] / lengths
-    return altitudes
+    return sides, np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
 
 
 def _edges(
@@ -246,7 +243,8 @@ def _edges(
     weight: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return how much ink each seen pixel gets from the edges of its triangle."""
-    altitudes = _altitudes(points, faces)
+    sides, doubled = _sides(points, faces)
+    altitudes = doubled[:, None] / np.maximum(np.linalg.norm(sides, axis=2), 1e-300)
     away = (weight * altitudes[face]).min(axis=1)
     strength = np.clip(altitudes.min(axis=1) / (CLEAR * SAMPLES), 0, 1)
     return np.where(away < EDGE_WIDTH * SAMPLES / 2, strength[face], 0.0)
@@ -264,11 +262,9 @@ def _contour(
     A value over the length of its gradient is how far on the screen the zero is, in the
     triangle or beside it: on fine meshes the line is wider than the triangles it crosses.
     """
-    corners, at = points[faces][:, :, :2], values[faces]
-    sides = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
-    doubled = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
+    (sides, doubled), at = _sides(points, faces), values[faces]
     gradient = np.linalg.norm(np.einsum("mi,mix->mx", at, sides), axis=1)
-    slope = gradient / np.maximum(np.abs(doubled), 1e-300)
+    slope = gradient / np.maximum(doubled, 1e-300)
     value = np.abs((at[face] * weight).sum(axis=1))
     return np.asarray(value < slope[face] * CONTOUR_WIDTH * SAMPLES / 2, dtype=np.float64)
 

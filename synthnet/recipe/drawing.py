@@ -1,7 +1,5 @@
 """The shapes of a recipe: each drawn from its own seed, so order and parallelism cannot matter."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,10 +55,7 @@ def draw_instances(recipe: Recipe, spec: ShapeSpec) -> NDArray[np.float64]:
 def draw_shapes(recipe: Recipe) -> list[ShapeSpec]:
     """Draw every shape of a recipe's full version, in order of family and index.
 
-    Raises
-    ------
-    RecipeError
-        If the recipe names a family that is not there, or wrong parameters for one.
+    Raise RecipeError if it names a family that is not there, or wrong parameters for one.
 
     Examples
     --------

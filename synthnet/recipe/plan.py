@@ -1,7 +1,5 @@
 """From a recipe to the list of shards: which shapes, in which file, in which split."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -78,10 +76,7 @@ def plan_shards(recipe: Recipe) -> Sequence[ShardPlan]:
 def planned(version: str) -> Sequence[ShardPlan]:
     """Return the plan of a version; it is kept, because drawing the shapes takes seconds.
 
-    Raises
-    ------
-    RecipeError
-        If the version is unknown.
+    Raise RecipeError if the version is unknown.
     """
     return plan_shards(load(version))
 
@@ -150,12 +145,7 @@ def sealed_shapes(recipe: Recipe) -> list[ShapeSpec]:
     """Draw the shapes of a sealed recipe, with ids that depend on its secret seed.
 
     Surfaces that the full version has are left out, and the draw goes on: families with few
-    discrete parameters would repeat them.
-
-    Raises
-    ------
-    RecipeError
-        If a family has too few other surfaces.
+    discrete parameters would repeat them. Raise RecipeError if a family has too few other ones.
     """
     if recipe.sealed is None:
         raise ValueError(f"{recipe.version} is not sealed")

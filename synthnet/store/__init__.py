@@ -10,7 +10,14 @@ from synthnet.store.datasets import (
     there,
 )
 from synthnet.store.imports import ImportDescription, description_of
-from synthnet.store.manifest import DIGEST, MANIFEST, read_manifest, with_digest, write_manifest
+from synthnet.store.manifest import (
+    DIGEST,
+    MANIFEST,
+    read_manifest,
+    with_digest,
+    without_digest,
+    write_manifest,
+)
 from synthnet.store.shards import (
     METADATA_KEY,
     SCHEMA,
@@ -43,6 +50,7 @@ __all__ = [
     "recipe_digest_of",
     "there",
     "with_digest",
+    "without_digest",
     "write_manifest",
     "write_shard",
 ]

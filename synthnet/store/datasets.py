@@ -5,8 +5,6 @@ and, written last, ``manifest.json``. Every file is written under another name a
 complete, so a file that is there is whole.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -117,12 +115,8 @@ class StoredDataset:
     def id_of(self, name: str) -> str:
         """Return the id of a shape by itself or, of an import, by its file's path or name.
 
-        The component of a file that is several shapes follows it: ``parts.stl#0``.
-
-        Raises
-        ------
-        StoreError
-            If several files have the name.
+        The component of a file that is several shapes follows it: ``parts.stl#0``. Raise StoreError
+        if several files have the name.
         """
         files = self.files()
         if name in files:
@@ -163,12 +157,8 @@ class StoredDataset:
 def there(root: str | os.PathLike[str] | None = None) -> dict[str, Manifest]:
     """Return the manifests of the datasets that are in a directory or at a URL, by name.
 
-    What belongs to another program, or may not be read, is passed over.
-
-    Raises
-    ------
-    StoreError
-        If the directory cannot be listed.
+    What belongs to another program, or may not be read, is passed over. Raise StoreError if the
+    directory cannot be listed.
     """
     manifests = {}
     for name in storage.names(home(root)):
@@ -234,15 +224,8 @@ def _may_have_name(kind: Kind, name: recipe.Name) -> bool:
 def open_unversioned(name: str, root: str | os.PathLike[str] | None = None) -> StoredDataset | None:
     """Open a dataset that no recipe of a version makes: an import, or a sealed set.
 
-    Returns
-    -------
-    StoredDataset or None
-        ``None`` if the name is a version's, built or not, or nothing is there.
-
-    Raises
-    ------
-    StoreError
-        If it is the name of a sealed set that is not there.
+    Return ``None`` if the name is a version's, built or not, or nothing is there; raise StoreError
+    if it is the name of a sealed set that is not there.
     """
     sealed = recipe.parse_name(name).kind is Kind.SEALED
     if not sealed and read_manifest(dataset_directory(name, root)) is None:

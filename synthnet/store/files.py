@@ -1,7 +1,5 @@
 """Files and directories: written under another name and moved when complete."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import os
@@ -27,24 +25,12 @@ def sha256(path: Path) -> str:
 
 
 def make_directory(path: Path) -> None:
-    """Create a directory that can be written.
-
-    Raises
-    ------
-    BuildError
-        If that cannot be done.
-    """
+    """Create a directory that can be written, or raise BuildError."""
     _make(path, "choose another directory with --out or $SYNTHNET_HOME")
 
 
 def make_parent(path: Path) -> None:
-    """Create the directory of a file; a command does so before the work that fills the file.
-
-    Raises
-    ------
-    BuildError
-        If that cannot be done.
-    """
+    """Create the directory of a file, or raise BuildError, before the work that fills the file."""
     _make(path.absolute().parent, f"choose another place for {path.name}")
 
 

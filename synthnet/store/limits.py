@@ -6,8 +6,6 @@ spectrum of the smooth or polyhedral surface that the mesh approximates; with it
 the label is from it. The shards and the manifest do not depend on whether these files are there.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -94,12 +92,9 @@ def path_of(directory: Location, record: ShardRecord) -> Location:
 
 
 def write(directory: Location, record: ShardRecord, rows: Sequence[StoredLimit]) -> None:
-    """Write the limits of a shard; the same rows give the same bytes.
+    """Write the limits of a shard, as :func:`synthnet.store.storage.write_atomically` does.
 
-    Raises
-    ------
-    BuildError
-        If the disk is full or cannot be written; nothing is left behind.
+    The same rows give the same bytes.
     """
     content = _encoded(rows, record)
     path = path_of(directory, record)

@@ -1,7 +1,5 @@
 """The manifest: a dataset's table of contents, the last file that a build writes."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re
@@ -38,22 +36,23 @@ def with_digest(content: dict[str, Any]) -> str:
     return json.dumps({**content, DIGEST: digest}, indent=1) + "\n"
 
 
+def without_digest(text: bytes) -> tuple[dict[str, Any], bool]:
+    """Return the content of what :func:`with_digest` wrote, and whether no byte was altered."""
+    content = json.loads(text)
+    content.pop(DIGEST, None)
+    return content, with_digest(content).encode() == text
+
+
 def read_manifest(directory: Location) -> Manifest | None:
     """Read the manifest, or return ``None`` where no build has finished.
 
-    Raises
-    ------
-    StoreError
-        If it is not JSON, lacks a key, has another schema version, or was altered.
+    Raise StoreError if it is not JSON, lacks a key, has another schema version, or was altered.
     """
     path = directory / MANIFEST
     if isinstance(path, Path) and path.exists() and not (path.is_file() or path.is_dir()):
         raise damaged(path, "it is no file")
     try:
-        written = path.read_bytes()
-        content = json.loads(written)
-        content.pop(DIGEST, None)
-        expected = with_digest(content)
+        content, whole = without_digest(path.read_bytes())
         schema = content.pop("schema_version")
         if schema != SCHEMA_VERSION:
             raise StoreError(
@@ -66,7 +65,7 @@ def read_manifest(directory: Location) -> Manifest | None:
         )
         manifest = Manifest(**content, shards=shards)
         _check(manifest)
-        if written != expected.encode():
+        if not whole:
             raise ValueError("its bytes are not those of its content")  # noqa: TRY301 - as the others
         return manifest  # noqa: TRY300 - all of it may raise
     except (FileNotFoundError, NotADirectoryError):

@@ -10,8 +10,6 @@ Apache Parquet, `parquet.thrift`: FileMetaData, ColumnMetaData, PageHeader. Apac
 protocol.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, BinaryIO
@@ -58,13 +56,7 @@ class Page:
 
 
 def footer(file: BinaryIO) -> Footer:
-    """Return a file's footer.
-
-    Raises
-    ------
-    OutsideError
-        If it is no footer of Parquet, or too long.
-    """
+    """Return a file's footer; raise OutsideError if it is none of Parquet, or too long."""
     size = file.seek(0, 2)
     file.seek(max(size - 8, 0))
     tail = file.read(8)
@@ -102,10 +94,7 @@ def _natural(number: int) -> int:
 def pages(file: BinaryIO, chunk: Chunk) -> Iterator[Page]:
     """Yield the headers of a chunk's pages.
 
-    Raises
-    ------
-    OutsideError
-        If the pages do not fill the chunk, or are too many.
+    Raise OutsideError if the pages do not fill the chunk, or are too many.
     """
     begin, count = chunk.begin, 0
     while begin < (end := chunk.begin + chunk.length):

@@ -1,7 +1,5 @@
 """Shards: labelled shapes in a Parquet file. The same samples give the same bytes."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterator, Sequence
@@ -96,10 +94,7 @@ def _encode(table: pa.Table, where: Path | pa.BufferOutputStream) -> None:
 def read_table(path: Location, columns: Sequence[str] | None = None) -> pa.Table:
     """Read a shard, its page checksums verified.
 
-    Raises
-    ------
-    StoreError
-        If the file is missing, truncated, altered or of another schema.
+    Raise StoreError if the file is missing, truncated, altered or of another schema.
     """
     try:
         with (
@@ -142,6 +137,10 @@ def read_samples(path: Location, rows: slice | None = None) -> Iterator[Sample]:
     yield from _samples(table, path)
 
 
+def _header(schema: pa.Schema) -> Any:
+    return json.loads((schema.metadata or {}).get(METADATA_KEY, b"{}"))
+
+
 def read_record(
     path: Location, recipe_digest: str, ids: Sequence[str] | None = None
 ) -> ShardRecord:
@@ -150,14 +149,11 @@ def read_record(
     What was read is encoded again, and must give the very bytes of the file: a build that
     goes on may keep no shard that differs from the one it would write.
 
-    Raises
-    ------
-    StoreError
-        If it is damaged or belongs to another recipe.
+    Raise StoreError if it is damaged or belongs to another recipe.
     """
     table = read_table(path)
     try:
-        header = json.loads((table.schema.metadata or {}).get(METADATA_KEY, b"{}"))
+        header = _header(table.schema)
         buffer = pa.BufferOutputStream()
         _encode(_table(list(_samples(table, path)), header), buffer)
         same = hashlib.sha256(buffer.getvalue()).hexdigest() == sha256(path)
@@ -180,8 +176,7 @@ def recipe_digest_of(path: Path) -> str | None:
     """Return the digest in a shard's header, or ``None`` if the file is no whole shard."""
     try:
         with pq.ParquetFile(path) as file:
-            header = json.loads((file.schema_arrow.metadata or {}).get(METADATA_KEY, b"{}"))
-        return str(header["recipe_digest"])
+            return str(_header(file.schema_arrow)["recipe_digest"])
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException):
         return None
 
@@ -217,11 +212,7 @@ def _column(name: str, samples: Sequence[Sample]) -> pa.Array:
         case "isometries":
             return _ragged([s.isometries.reshape(-1, 9) for s in samples], field.type)
         case _:
-            return pa.array([_plain(getattr(s, name)) for s in samples], field.type)
-
-
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
+            return pa.array([getattr(s, name) for s in samples], field.type)
 
 
 def _ragged(arrays: Sequence[NDArray[Any]], kind: pa.ListType) -> pa.Array:
@@ -245,29 +236,19 @@ def ragged_arrays(column: pa.ChunkedArray) -> Iterator[NDArray[Any]]:
 
 def _samples(table: pa.Table, path: Location) -> Iterator[Sample]:
     try:
-        yield from _decoded(table)
+        plain = table.drop_columns(["vertices", "faces", "isometries"]).to_pylist()
+        ragged = (ragged_arrays(table[name]) for name in ("vertices", "faces", "isometries"))
+        for row, vertices, faces, isometries in zip(plain, *ragged, strict=True):
+            parameters = dict(json.loads(row["parameters"]))
+            yield Sample(
+                spec=ShapeSpec(row["id"], row["family"], row["index"], parameters, row["group"]),
+                mesh=Mesh(vertices, faces),
+                eigenvalues=np.array(row["eigenvalues"], dtype=np.float64),
+                trivial=row["trivial"],
+                certificate=Certificate(row["count"], row["shift"], row["residual"]),
+                isometries=isometries.reshape(-1, 3, 3),
+                split=row["split"],
+                paper_splits=tuple(row["paper_splits"]),
+            )
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise damaged(path, one_line(error)) from error
-
-
-def _decoded(table: pa.Table) -> Iterator[Sample]:
-    plain = table.drop_columns(["vertices", "faces", "isometries"]).to_pylist()
-    ragged = (ragged_arrays(table[name]) for name in ("vertices", "faces", "isometries"))
-    for row, vertices, faces, isometries in zip(plain, *ragged, strict=True):
-        spec = ShapeSpec(
-            id=row["id"],
-            family=row["family"],
-            index=row["index"],
-            parameters=dict(json.loads(row["parameters"])),
-            group=row["group"],
-        )
-        yield Sample(
-            spec=spec,
-            mesh=Mesh(vertices, faces),
-            eigenvalues=np.array(row["eigenvalues"], dtype=np.float64),
-            trivial=row["trivial"],
-            certificate=Certificate(row["count"], row["shift"], row["residual"]),
-            isometries=isometries.reshape(-1, 3, 3),
-            split=row["split"],
-            paper_splits=tuple(row["paper_splits"]),
-        )

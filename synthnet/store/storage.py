@@ -197,10 +197,7 @@ def size(where: Location) -> int | None:
 def names(where: Location) -> list[str]:
     """Return the names of what is in a directory, sorted; none if there is no such directory.
 
-    Raises
-    ------
-    StoreError
-        If it cannot be listed.
+    Raise StoreError if it cannot be listed.
     """
     if isinstance(where, RemotePath):
         return where.names()
@@ -220,13 +217,7 @@ def sha256(where: Location) -> str:
 
 
 def make_directory(where: Location) -> None:
-    """Create a directory, and make sure that it can be written.
-
-    Raises
-    ------
-    BuildError
-        If it cannot.
-    """
+    """Create a directory that can be written, or raise BuildError."""
     if isinstance(where, Path):
         files.make_directory(where)
         return
@@ -244,10 +235,7 @@ def make_directory(where: Location) -> None:
 def write_atomically(where: Location, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a local file, then move or upload it to ``where``.
 
-    Raises
-    ------
-    BuildError
-        If it cannot be written; nothing is left behind.
+    Raise BuildError if it cannot be written; nothing is left behind.
     """
     if isinstance(where, Path):
         files.write_atomically(where, write)

@@ -6,8 +6,6 @@ SHA-256. When the folder is opened, all sizes and most digests are checked. The 
 bytes have digests by the item in one of the others, and :func:`problems` reads every byte.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re
@@ -20,7 +18,7 @@ from synthnet.errors import DamagedError
 from synthnet.store import files, storage
 from synthnet.store.datasets import StoredDataset
 from synthnet.store.files import one_line
-from synthnet.store.manifest import DIGEST, with_digest
+from synthnet.store.manifest import with_digest, without_digest
 
 CONTENTS = "digests.json"
 FOLDER, HUGGING_FACE = FOLDERS = ("processed", "datasets-cache")  # of a dataset's directory
@@ -151,10 +149,8 @@ def open_or_unpack(
 def _read(directory: Path) -> dict[str, Any]:
     path = directory / CONTENTS
     try:
-        written = path.read_bytes()
-        content = json.loads(written)
-        content.pop(DIGEST)
-        if with_digest(content).encode() != written:
+        content, whole = without_digest(path.read_bytes())
+        if not whole:
             raise ValueError("its bytes are not those of its content")  # noqa: TRY301 - as the others
         for name, file in content["files"].items():
             if not NAME.fullmatch(name) or file.keys() != {"size", "sha256", "by_item"}:

@@ -1,7 +1,5 @@
 """Check a built dataset against its manifest, its recipe, the pins and LaPy."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -33,7 +31,6 @@ CHECKS = {  # in order, with what each holds
     "limits": "where there are any: whole, equal to the pins, some computed anew",
     "unpacked": "SHA-256 of all that loaders have unpacked, where they have",
 }
-
 
 OnShard: TypeAlias = Callable[[int, int], None]
 Item = TypeVar("Item", str, int)
@@ -172,12 +169,8 @@ def _verify_imported(
     Checks, in order: that the manifest's digest is that of its options and list of files, and the
     counts by family; SHA-256 of every shard; schema, page checksums and row counts; that every
     file listed is stored or rejected, with its name, hash and split; every certificate, its
-    eigenvalues counted anew; labels of a random sample against ``lapy.Solver(...).eigs``.
-
-    Raises
-    ------
-    StoreError
-        If the manifest lists no files, as those before synthnet 0.1 did not.
+    eigenvalues counted anew; labels of a random sample against ``lapy.Solver(...).eigs``. Raise
+    StoreError if the manifest lists no files, as those before synthnet 0.1 did not.
     """
     manifest = dataset.manifest
     description = store.description_of(manifest)

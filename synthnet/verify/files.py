@@ -1,7 +1,5 @@
 """Checks of a dataset's files: manifest, digests, shards and limits as they were built."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -40,10 +38,9 @@ def read_checked(
     dataset: StoredDataset, record: ShardRecord, findings: Findings
 ) -> list[Sample] | None:
     """Return a shard's samples, or ``None`` if it cannot be read; note what is wrong with it."""
-    path = dataset.directory / record.file
     findings.add("digests", _check_digest(dataset, record))
     try:
-        samples = list(store.read_samples(path))
+        samples = list(store.read_samples(dataset.directory / record.file))
     except StoreError as error:
         findings.add("shards", [str(error)])
         return None

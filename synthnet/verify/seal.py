@@ -83,12 +83,8 @@ class Seal:
 def make_salt(path: Path) -> None:
     """Write a new salt of 256 random bits into a file that only its owner may read.
 
-    Raises
-    ------
-    SealError
-        If a file is there: a salt that is lost takes its set with it.
-    BuildError
-        If it cannot be written.
+    Raise SealError if a file is there, since a salt that is lost takes its set with it, and
+    BuildError if it cannot be written.
     """
     try:
         files.write_secret(path, salt_text(secrets.token_bytes(SALT_BYTES)))
@@ -107,10 +103,7 @@ def salt_text(salt: bytes) -> str:
 def read_salt(path: Path) -> bytes:
     """Read a salt that :func:`make_salt` wrote.
 
-    Raises
-    ------
-    SealError
-        If it is missing, or anything else: what a person chose could be guessed.
+    Raise SealError if it is missing, or anything else: what a person chose could be guessed.
     """
     try:
         with path.open("rb") as file:
@@ -189,10 +182,7 @@ def sealed_recipe(
 def recipe_of(dataset: store.StoredDataset) -> Recipe:
     """Return the recipe of a sealed set that has been built; no salt is needed for that.
 
-    Raises
-    ------
-    DamagedError
-        If the manifest has none.
+    Raise DamagedError if the manifest has none.
     """
     stored = dataset.manifest.recipe
     try:
@@ -282,13 +272,7 @@ def make(
 
 
 def describe(dataset: store.StoredDataset) -> Seal:
-    """Return the seal of a set that has been built.
-
-    Raises
-    ------
-    StoreError
-        If it is damaged.
-    """
+    """Return the seal of a set that has been built, or raise StoreError if it is damaged."""
     resolved = recipe_of(dataset)
     assert resolved.sealed is not None
     manifest = dataset.manifest
@@ -350,12 +334,7 @@ def _short(value: Any) -> str:
 def open_checked(expected: Seal, root: str | os.PathLike[str] | None = None) -> store.StoredDataset:
     """Open the set of a seal, every byte as it was built, and the one that the seal is of.
 
-    Raises
-    ------
-    StoreError
-        If it is not here, or damaged.
-    SealError
-        If it is another.
+    Raise StoreError if it is not here, or damaged, and SealError if it is another.
     """
     dataset = store.open_dataset(expected.dataset, root)
     for shard in dataset.manifest.shards:
@@ -375,12 +354,7 @@ def open_checked(expected: Seal, root: str | os.PathLike[str] | None = None) -> 
 def write(path: Path, seal: Seal) -> None:
     """Write the file to publish; the same set gives the same bytes.
 
-    Raises
-    ------
-    SealError
-        If another file is there.
-    BuildError
-        If it cannot be written.
+    Raise SealError if another file is there, and BuildError if it cannot be written.
     """
     text = store.with_digest({"schema_version": SCHEMA_VERSION, **asdict(seal)})
     if path.exists() and path.read_bytes() != text.encode():
@@ -409,16 +383,10 @@ def _taken(path: Path) -> SealError:
 def read(path: Path) -> Seal:
     """Read the file that was published.
 
-    Raises
-    ------
-    SealError
-        If it is missing, no seal, of another schema, altered, or contradicts itself.
+    Raise SealError if it is missing, no seal, of another schema, altered, or contradicts itself.
     """
     try:
-        written = path.read_bytes()
-        content = json.loads(written)
-        content.pop(store.DIGEST, None)
-        whole = store.with_digest(content).encode() == written
+        content, whole = store.without_digest(path.read_bytes())
         schema = content.pop("schema_version")
         if schema != SCHEMA_VERSION:
             raise SealError(

@@ -1,7 +1,5 @@
 """Checks of one shape: against the recipe, the pins, its own certificate and LaPy."""
 
-from __future__ import annotations
-
 import importlib
 import types
 from collections.abc import Iterator, Mapping
@@ -167,16 +165,8 @@ def _is_rounding(sample: Sample, apart: float, size: NDArray[np.float64]) -> boo
 
     LaPy's matrices have the same entries as ours, rounded in another way; on thin triangles that
     moves eigenvalues by more than any residual shows, and its iteration then converges to less.
-    There the label must be the one computed anew, within the bounds of both.
-
-    Parameters
-    ----------
-    sample : Sample
-        Whose label is looked at.
-    apart : float
-        The largest relative distance from LaPy's eigenvalues.
-    size : ndarray of shape (k,), float64
-        What it is relative to, in 1/length².
+    There the label must be the one computed anew, within the bounds of both. ``apart`` is the
+    largest distance from LaPy's eigenvalues, relative to ``size``, (k,), in 1/length².
     """
     k = len(sample.eigenvalues)
     try:

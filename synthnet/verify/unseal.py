@@ -1,7 +1,5 @@
 """Check a sealed set when its salt has been revealed: its seal, its draw, and the set itself."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 
@@ -37,25 +35,10 @@ def verify_sealed(
     then builds the set, where it is not built yet, and checks its counts and its digest, and all
     that :func:`synthnet.verify.checks.verify` does. The first check that fails is the last.
 
-    Parameters
-    ----------
-    sealed : Seal
-        As it was published.
-    salt : bytes
-        As it was revealed, see :func:`synthnet.verify.seal.read_salt`.
-    root, workers, watcher
-        As for :func:`synthnet.build.versions.build`.
-    sample, seed, on_shard
-        As for :func:`synthnet.verify.checks.verify`.
-
-    Raises
-    ------
-    SealError
-        If the seal is of a version of another recipe than this release's.
-    StoreError
-        If its directory holds another set.
-    BuildError
-        As :func:`synthnet.build.versions.build`.
+    ``root``, ``workers`` and ``watcher`` are as for :func:`synthnet.build.versions.build`, and so
+    is BuildError; ``sample``, ``seed`` and ``on_shard`` as for ``verify``. Raise SealError if the
+    seal is of a version of another recipe than this release's, StoreError if its directory holds
+    another set.
     """
     here = recipe.load(sealed.version).digest
     if here != sealed.version_digest:
