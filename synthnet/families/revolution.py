@@ -38,9 +38,9 @@ class Piece:
 
 
 def turned(corners: Sequence[Corner], cells: Sequence[int], sectors: int = SECTORS) -> Atlas:
-    """Return the atlas of a profile that is straight from each corner to the next.
+    """Return the atlas of a surface whose profile is straight from each corner to the next.
 
-    Corners are in the order of :class:`Piece`, and ``cells`` its rows of patches, of each piece.
+    Corners follow each other as pieces do; ``cells`` are the rows of patches between each two.
     """
     pieces = []
     for (start, stop), count in zip(pairwise(corners), cells, strict=True):
@@ -65,19 +65,17 @@ def revolution(pieces: Sequence[Piece], sectors: int = SECTORS) -> Atlas:
     """
     theta = np.linspace(0, 2 * math.pi, sectors + 1)
     patches = [_patches(piece, theta) for piece in pieces]
-    kinds = [piece.kind for piece in pieces]
-    profiles = [piece.profile for piece in pieces]
 
     def chart(charts: Integers, u: Floats) -> Floats:
         points = np.empty((len(u), 3))
-        for number, (kind, profile) in enumerate(zip(kinds, profiles, strict=True)):
+        for number, piece in enumerate(pieces):
             here = charts == number
             first, second = u[here].T
             angle, s = first, second
-            if kind != "band":
+            if piece.kind != "band":
                 angle = np.divide(second, first, out=np.zeros_like(first), where=first > 0)
                 s = first
-            radius, height = profile(s)
+            radius, height = piece.profile(s)
             points[here] = np.stack(
                 [radius * np.cos(angle), radius * np.sin(angle), height + 0 * s], axis=1
             )

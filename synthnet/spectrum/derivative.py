@@ -1,15 +1,13 @@
 """How eigenvalues change when the vertices move: derivatives without a system to solve."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet.mesh.geometry import corner_edges
+from synthnet.spectrum.arrays import Floats, Integers
 from synthnet.types import Mesh, Spectrum
 
 
-def clusters(eigenvalues: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
+def clusters(eigenvalues: Floats, tolerance: float) -> Integers:
     """Number the clusters: neighbours with a relative gap of at most the tolerance are in one.
 
     Parameters
@@ -33,9 +31,7 @@ def clusters(eigenvalues: NDArray[np.float64], tolerance: float) -> NDArray[np.i
     return np.concatenate([[0], np.cumsum(gaps)])
 
 
-def vertex_gradient(
-    mesh: Mesh, spectrum: Spectrum, weights: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def vertex_gradient(mesh: Mesh, spectrum: Spectrum, weights: Floats) -> Floats:
     r"""Differentiate a weighted sum of eigenvalues with respect to the vertices.
 
     If :math:`A\varphi = \lambda B\varphi` and :math:`\varphi^T B \varphi = 1`, a simple eigenvalue
@@ -84,9 +80,7 @@ def vertex_gradient(
     return np.stack(columns, axis=1)
 
 
-def _corner_products(
-    mesh: Mesh, spectrum: Spectrum, weights: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _corner_products(mesh: Mesh, spectrum: Spectrum, weights: Floats) -> Floats:
     """Return each triangle's weighted sum of :math:`f f^T` over the pairs, shape (m, 3, 3)."""
     products = np.zeros((len(mesh.faces), 3, 3))
     for weight, vector in zip(weights, spectrum.eigenvectors.T, strict=True):

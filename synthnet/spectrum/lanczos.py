@@ -62,13 +62,13 @@ class RitzPairs:
         )
 
 
-class _Room(NamedTuple):
-    """What kernels take: B; the basis, and the products of :class:`Lanczos`; where it begins."""
+class _Basis(NamedTuple):
+    """A basis as kernels take it: B; the vectors, and their products with B and the operator."""
 
     indptr: Indices
     indices: Indices
     mass: Floats
-    basis: Floats
+    vectors: Floats
     weighted: Floats
     projected: Floats
     first: int
@@ -134,21 +134,21 @@ class Lanczos:
             self.weighted[:zeros] = matrices.lumped / np.sqrt(area)
             self.weighted[zeros:first] = multiply(matrices, matrices.mass, known)
         self.basis[first:] = np.random.default_rng(seed).random((2, n)) - 0.5
-        _start(self._room())
+        _start(self._grown())
 
     def extend(self, steps: int) -> bool:
         """Add two vectors a step; return whether there was room for all of them."""
         steps = max(0, min(steps, (self.limit - self.size) // 2))
         self._make_room(self.size + 2 * steps)
-        room = self._room()
+        grown = self._grown()
         if self.ordering.whole:
             factors = self.factor.pivots, self.factor.panels
-            self.skipped = _extend(self.ordering, *factors, room, self.size, steps, self.skipped)
+            self.skipped = _extend(self.ordering, *factors, grown, self.size, steps, self.skipped)
             self.size += 2 * steps
         else:
             for _ in range(steps):
-                solve_pair(self.factor, self.ordering, _newest(room, self.size))
-                self.skipped = _append(room, self.size, self.skipped)
+                solve_pair(self.factor, self.ordering, _newest(grown, self.size))
+                self.skipped = _append(grown, self.size, self.skipped)
                 self.size += 2
         return self.size + 2 <= self.limit
 
@@ -160,16 +160,16 @@ class Lanczos:
         """
         if size <= len(self.basis):
             return
-        rows, kept = min(self.limit, size + size // 2), slice(self.size)
-        self.basis = _longer(self.basis[kept], rows, self.basis.shape[1])
+        rows, columns = min(self.limit, size + size // 2), self.basis.shape[1]
+        self.basis = _longer(np.empty((rows, columns)), self.basis)
         if not self.lean:
-            self.weighted = _longer(self.weighted[kept], rows, self.basis.shape[1])
-        self.projected = _longer(self.projected[kept, kept], rows, rows)
+            self.weighted = _longer(np.empty((rows, columns)), self.weighted)
+        self.projected = _longer(np.zeros((rows, rows)), self.projected)
 
-    def _room(self) -> _Room:
+    def _grown(self) -> _Basis:
         b = self.matrices.indptr, self.matrices.indices, self.matrices.mass
         arrays = self.basis, self.weighted, self.projected
-        return _Room(*b, *arrays, self.first, self.lean)
+        return _Basis(*b, *arrays, self.first, self.lean)
 
     def ritz(self) -> RitzPairs:
         """Return the eigenpairs of the projected operator that may be positive eigenvalues."""
@@ -203,33 +203,32 @@ class Lanczos:
         return vectors, weights @ self.weighted[used]
 
 
-def _longer(array: Floats, rows: int, columns: int) -> Floats:
-    """Return a larger array that begins with this one, and is zero elsewhere."""
-    larger = np.zeros((rows, columns))
-    larger[: array.shape[0], : array.shape[1]] = array
-    return larger
+def _longer(longer: Floats, array: Floats) -> Floats:
+    """Return the longer array, which begins with the other one now."""
+    longer[: array.shape[0], : array.shape[1]] = array
+    return longer
 
 
 @kernel
-def _start(room: _Room) -> None:
+def _start(basis: _Basis) -> None:
     """Make the first two vectors orthogonal to those that are known."""
-    coefficients = np.empty((2, room.first))
-    new, product, left, right = _two(room, room.first)
+    coefficients = np.empty((2, basis.first))
+    new, product, left, right = _two(basis, basis.first)
     for _ in range(2):
-        if room.lean:
-            multiply_two(room.indptr, room.indices, room.mass, new, product)
-        _project(room.basis, left, right, new, 0, room.first, coefficients)
-    multiply_two(room.indptr, room.indices, room.mass, new, product)
+        if basis.lean:
+            multiply_two(basis.indptr, basis.indices, basis.mass, new, product)
+        _project(basis.vectors, left, right, new, 0, basis.first, coefficients)
+    multiply_two(basis.indptr, basis.indices, basis.mass, new, product)
     _orthonormalise(new, product)
 
 
 @kernel
-def _two(room: _Room, m: int) -> tuple[Floats, Floats, Floats, Floats]:
+def _two(basis: _Basis, m: int) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the two rows after m vectors, those for B times them, and what to project by."""
-    new = room.basis[m : m + 2]
-    if room.lean:
-        return new, room.weighted[:2], room.basis, room.weighted[:2]
-    return new, room.weighted[m : m + 2], room.weighted, new
+    new = basis.vectors[m : m + 2]
+    if basis.lean:
+        return new, basis.weighted[:2], basis.vectors, basis.weighted[:2]
+    return new, basis.weighted[m : m + 2], basis.weighted, new
 
 
 @kernel
@@ -237,40 +236,40 @@ def _extend(
     ordering: Ordering,
     pivots: Floats,
     panels: Floats,
-    room: _Room,
+    basis: _Basis,
     size: int,
     steps: int,
     skipped: int,
 ) -> int:
     """Add two vectors a step; return how many steps are now skipped after each two."""
     for m in range(size, size + 2 * steps, 2):
-        solve_two(ordering, pivots, panels, _newest(room, m))
-        skipped = _append(room, m, skipped)
+        solve_two(ordering, pivots, panels, _newest(basis, m))
+        skipped = _append(basis, m, skipped)
     return skipped
 
 
 @kernel
-def _newest(room: _Room, m: int) -> Floats:
+def _newest(basis: _Basis, m: int) -> Floats:
     """Return the two rows after a basis of m vectors, filled with B times the two before."""
-    new = room.basis[m : m + 2]
-    new[:] = room.weighted[:2] if room.lean else room.weighted[m - 2 : m]
+    new = basis.vectors[m : m + 2]
+    new[:] = basis.weighted[:2] if basis.lean else basis.weighted[m - 2 : m]
     return new
 
 
 @kernel
-def _append(room: _Room, m: int, skipped: int) -> int:
+def _append(basis: _Basis, m: int, skipped: int) -> int:
     """Make the two solutions that follow a basis of m vectors part of it.
 
     The sub-blocks of ``projected`` are those of the block tridiagonal matrix. Returns how many
     steps are now skipped after each two.
     """
-    basis, projected = room.basis, room.projected
-    coefficients = np.empty((2, basis.shape[0]))
-    new, product, left, right = _two(room, m)
+    vectors, projected = basis.vectors, basis.projected
+    coefficients = np.empty((2, vectors.shape[0]))
+    new, product, left, right = _two(basis, m)
     near = max(m - 4, 0)
-    if room.lean:
-        multiply_two(room.indptr, room.indices, room.mass, new, product)
-    _project(basis, left, right, new, near, m, coefficients)
+    if basis.lean:
+        multiply_two(basis.indptr, basis.indices, basis.mass, new, product)
+    _project(vectors, left, right, new, near, m, coefficients)
     for i in range(2):
         for j in range(2):
             projected[m - 2 + i, m - 2 + j] = coefficients[j, m - 2 + i - near]
@@ -278,24 +277,24 @@ def _append(room: _Room, m: int, skipped: int) -> int:
     projected[m - 2, m - 1] = projected[m - 1, m - 2] = off
     # What is left of earlier vectors by rounding: all of them in two steps of four, at first.
     lost = 0.0
-    if room.lean:
-        multiply_two(room.indptr, room.indices, room.mass, new, product)
-    if m < room.first + 8 or (m // 2) % (2 + skipped) < 2:
-        _project(basis, left, right, new, 0, m, coefficients)
+    if basis.lean:
+        multiply_two(basis.indptr, basis.indices, basis.mass, new, product)
+    if m < basis.first + 8 or (m // 2) % (2 + skipped) < 2:
+        _project(vectors, left, right, new, 0, m, coefficients)
         for i in range(2):
             for j in range(near):
                 lost = max(lost, abs(coefficients[i, j]))
     else:
-        _project(basis, left, right, new, near, m, coefficients)
-        _project(basis, left, right, new, 0, room.first, coefficients)
-    multiply_two(room.indptr, room.indices, room.mass, new, product)
+        _project(vectors, left, right, new, near, m, coefficients)
+        _project(vectors, left, right, new, 0, basis.first, coefficients)
+    multiply_two(basis.indptr, basis.indices, basis.mass, new, product)
     r, s, t = _orthonormalise(new, product)
     projected[m, m - 2] = projected[m - 2, m] = r
     projected[m, m - 1] = projected[m - 1, m] = s
     projected[m + 1, m - 1] = projected[m - 1, m + 1] = t
     lost /= max(r, t)
     if lost > LOST:
-        skipped = skipped // 2 if room.lean and lost < FAR * LOST else 0
+        skipped = skipped // 2 if basis.lean and lost < FAR * LOST else 0
     return skipped
 
 

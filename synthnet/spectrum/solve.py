@@ -167,7 +167,7 @@ def compute(
         spectrum = compute(mended.mesh, k, operator=operator, sharp=sharp)
         return replace(spectrum, mesh=mended.mesh, repairs=mended.repairs)
     discrete = discretise(mesh, operator)
-    unknowns = "unknowns" if operator.elements in ("quadratic", "curved") else "vertices"
+    unknowns = "unknowns" if operator.on_edges else "vertices"
     candidate, certificate, numbers = _solved(discrete.matrices, k, unknowns)
     if operator.elements != "linear":
         return _spectrum(discrete, k, candidate, certificate, numbers)
