@@ -124,7 +124,7 @@ def needed_by(what: str) -> Iterator[None]:
     except ImportError as error:
         package = (error.name or "").partition(".")[0]
         if package not in OPTIONAL:
-            raise  # or an inner block has named the package
+            raise  # a MissingPackageError of an inner block has no name, and passes here
         name = OPTIONAL[package][0]
         if isinstance(error, ModuleNotFoundError):
             raise MissingPackageError(f"{what} needs {name}: {install(package)}") from error

@@ -5,6 +5,7 @@ or dropped there, and the program continues. So Ctrl-C, and SIGTERM as scheduler
 are also recorded, and long loops check the record.
 """
 
+import functools
 import multiprocessing
 import os
 import resource
@@ -40,6 +41,20 @@ def raise_if_interrupted() -> None:
 def _notice(number: int, frame: FrameType | None) -> None:
     _seen.set()
     raise KeyboardInterrupt
+
+
+@functools.cache
+def keep_freed_memory() -> None:
+    """Have this process keep the memory of freed arrays of up to 32 MB, for those that come next.
+
+    glibc gives the memory of a large array back to the system as soon as it is freed, and to get
+    it again page by page took a fifth of a small solve. Once an array of nearly 32 MB has been
+    freed, it keeps that of smaller ones, up to 64 MB altogether (mallopt(3), M_MMAP_THRESHOLD).
+    Other C libraries do as they did.
+    """
+    import numpy as np
+
+    np.empty(2**25 - 2**17, np.uint8)
 
 
 def run(program: str, main: Callable[[], int]) -> int:

@@ -58,9 +58,11 @@ def family_table(manifest: Manifest, seconds: dict[str, float] | None = None) ->
     """Return the table that ends a build: drawn, rejected and kept by family."""
     rows = summary(manifest)["families"]
     counted = ("drawn", "kept", "vertices", "faces")
-    rejected = Counter(r.reason for r in manifest.rejections)
+    rejected: Counter[str] = Counter()
+    for row in rows:
+        rejected.update(row["rejected"])
     totals = {name: sum(row[name] for row in rows) for name in counted}
-    rows.append({"family": "all", "rejected": rejected, **totals})
+    rows.append({"family": "all", "drawn": 0, "rejected": rejected, **totals})
     for row in rows:
         reasons = (f"{count} {reason}" for reason, count in row["rejected"].items())
         row["rejected"] = ", ".join(reasons) or "0"

@@ -61,7 +61,8 @@ class Family:
     least : mapping of str to number or Choice
         The names of the parameters, and the least value of each, or its choices.
     euler_characteristic : int or callable
-        V − E + F of every mesh of the family, or that from what ``shared`` leaves, by keyword.
+        V − E + F of every mesh of the family, 2 if not given; or a function that returns it and
+        takes the parameters that ``shared`` leaves, by keyword.
     shared : callable, optional
         Maps parameters to those that the surface depends on, where these are fewer.
     most : mapping of str to number

@@ -72,7 +72,8 @@ class Reader:
     def triangles(self, path: Path, sha256: str | None = None) -> Triangles:
         """Return the triangles of a file as they stand in it, polygons cut into triangles.
 
-        They may be anything but a surface. A process that dies is no proof against the file: it may
+        They are float64 vertices and int64 faces, with the number of polygons that were not convex,
+        and may be anything but a surface. A process that dies is no proof against the file: it may
         have died before, or for want of memory elsewhere. So a second process tries once more.
 
         Raise UnreadableError if it cannot be read; later files can be. Raise ChangedError if its

@@ -145,7 +145,7 @@ def sealed_shapes(recipe: Recipe) -> list[ShapeSpec]:
     """Draw the shapes of a sealed recipe, with ids that depend on its secret seed.
 
     Surfaces that the full version has are left out, and the draw goes on: families with few
-    discrete parameters would repeat them. Raise RecipeError if a family has too few other ones.
+    discrete parameters would repeat them. Raise RecipeError if a family has too few other surfaces.
     """
     if recipe.sealed is None:
         raise ValueError(f"{recipe.version} is not sealed")

@@ -6,6 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
-Indices: TypeAlias = NDArray[np.int32]  # of sparse matrices and meshes, as kernels take them
-Integers: TypeAlias = NDArray[np.int64]
+Int32s: TypeAlias = NDArray[np.int32]  # as kernels take sparse matrices and meshes
+Int64s: TypeAlias = NDArray[np.int64]
 Booleans: TypeAlias = NDArray[np.bool_]

@@ -24,7 +24,7 @@ import numpy as np
 
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import fem
-from synthnet.spectrum.arrays import Booleans, Floats, Indices
+from synthnet.spectrum.arrays import Booleans, Floats, Int32s
 from synthnet.types import Mesh
 
 CREASE = 55.0  # degrees between the normals of two triangles: below those of a hexagon's sides
@@ -50,9 +50,9 @@ class Patches(NamedTuple):
     """
 
     vertices: Floats
-    faces: Indices
-    ends: Indices
-    sides: Indices
+    faces: Int32s
+    ends: Int32s
+    sides: Int32s
     rises: Floats
 
 
@@ -98,24 +98,22 @@ def straight(mesh: Mesh) -> Patches:
     return Patches(vertices, faces, ends, sides, np.zeros((len(ends), 3)))
 
 
-def edges_and_rims(mesh: Mesh) -> tuple[Indices, Booleans]:
+def edges_and_rims(mesh: Mesh) -> tuple[Int32s, Booleans]:
     """Return a mesh's edges, (e, 2), as :class:`Patches` has them, and which have one face."""
-    _, faces = fem.arrays(mesh)
+    _, faces = fem.as_arrays(mesh)
     ends, _, beside, _ = _edges(faces, *fem.grouped(faces.ravel(), len(mesh.vertices)))
     return ends, beside[:, 1] == -1
 
 
-def _arrays(mesh: Mesh) -> tuple[Floats, Indices]:
-    vertices, faces = fem.arrays(mesh)
+def _arrays(mesh: Mesh) -> tuple[Floats, Int32s]:
+    vertices, faces = fem.as_arrays(mesh)
     if flat := fem.flat_triangles(vertices, faces):
         raise ValueError(f"{flat} of {len(faces)} faces have no area: {fem.REMEDY}")
     return vertices, faces
 
 
 @kernel
-def _edges(
-    faces: Indices, start: Indices, around: Indices
-) -> tuple[Indices, Indices, Indices, bool]:
+def _edges(faces: Int32s, start: Int32s, around: Int32s) -> tuple[Int32s, Int32s, Int32s, bool]:
     """Return the ends of edges, ascending, those of each face, and the sides 3 f + s of each.
 
     Where an edge has one side, or more than two, its second one is -1 or -2. The last is whether
@@ -164,7 +162,7 @@ def _edges(
 
 
 @kernel
-def _units(vertices: Floats, faces: Indices) -> tuple[Floats, Floats, Floats]:
+def _units(vertices: Floats, faces: Int32s) -> tuple[Floats, Floats, Floats]:
     """Return unit normals of faces, twice their areas, and Max's weights of their corners.
 
     A weight is the sine of the angle there over the lengths of both its sides.
@@ -190,7 +188,7 @@ def _units(vertices: Floats, faces: Indices) -> tuple[Floats, Floats, Floats]:
 
 
 @kernel
-def _flat(beside: Indices, units: Floats, sine: float) -> Booleans:
+def _flat(beside: Int32s, units: Floats, sine: float) -> Booleans:
     """Return which faces are in one plane with a neighbour."""
     flat = np.zeros(units.shape[0], np.bool_)
     product = np.empty(3)
@@ -205,9 +203,9 @@ def _flat(beside: Indices, units: Floats, sine: float) -> Booleans:
 
 @kernel
 def _normals(
-    faces: Indices,
-    start: Indices,
-    around: Indices,
+    faces: Int32s,
+    start: Int32s,
+    around: Int32s,
     units: Floats,
     areas: Floats,
     weights: Floats,
@@ -247,7 +245,7 @@ def _normals(
 
 
 @part
-def _orient(faces: Indices, corners: Indices, signs: Floats, queue: Indices) -> None:
+def _orient(faces: Int32s, corners: Int32s, signs: Floats, queue: Int32s) -> None:
     """Set signs with which faces around a vertex are oriented alike, from one to its neighbours."""
     signs[: corners.shape[0]] = 0.0
     for first in range(corners.shape[0]):
@@ -279,9 +277,9 @@ def _orient(faces: Indices, corners: Indices, signs: Floats, queue: Indices) -> 
 @kernel
 def _rises(
     vertices: Floats,
-    faces: Indices,
-    ends: Indices,
-    beside: Indices,
+    faces: Int32s,
+    ends: Int32s,
+    beside: Int32s,
     units: Floats,
     normals: Floats,
     cosine: float,
@@ -341,7 +339,7 @@ def _rises(
 
 
 @part
-def _of_rim(vertices: Floats, rim: Indices, i: int, cosine: float, tangent: Floats) -> None:
+def _of_rim(vertices: Floats, rim: Int32s, i: int, cosine: float, tangent: Floats) -> None:
     """Set the tangent of the circle through a boundary's vertex and its neighbours, or zero."""
     tangent[:] = 0.0
     if rim[0] < 0 or rim[1] < 0:
@@ -365,7 +363,7 @@ def _along(edge: Floats, tangent: Floats, least: float) -> None:
 
 
 @part
-def _corner(face: Indices, i: int) -> int:
+def _corner(face: Int32s, i: int) -> int:
     return 0 if face[0] == i else (1 if face[1] == i else 2)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from synthnet.spectrum.arrays import Booleans, Floats, Indices, Integers
+from synthnet.spectrum.arrays import Booleans, Floats, Int32s, Int64s
 from synthnet.spectrum.certificate import SAFETY, Candidate, inertia
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering, find_ordering
@@ -43,7 +43,7 @@ class Component:
         Below this, in 1/length², it has no other eigenvalue than zero and those.
     """
 
-    vertices: Integers
+    vertices: Int64s
     matrices: Matrices
     ordering: Ordering
     pairs: Candidate | None = None
@@ -55,7 +55,7 @@ class Component:
         return np.zeros(0) if self.pairs is None else self.pairs.values
 
 
-def components(matrices: Matrices) -> tuple[int, Indices]:
+def components(matrices: Matrices) -> tuple[int, Int32s]:
     """Return the number of components, and for each row that of its own, (n,)."""
     shape = (len(matrices.lumped),) * 2
     entries = np.ones(len(matrices.indices))  # of a lumped mass many are zero
@@ -64,7 +64,7 @@ def components(matrices: Matrices) -> tuple[int, Indices]:
     return int(count), numbers
 
 
-def unheld(matrices: Matrices, numbers: Indices) -> Booleans:
+def unheld(matrices: Matrices, numbers: Int32s) -> Booleans:
     """Return which components have a zero eigenvalue, because nothing in them is held at zero."""
     free = np.ones(int(numbers.max()) + 1, dtype=np.bool_)
     if matrices.anchored is not None:
@@ -72,7 +72,7 @@ def unheld(matrices: Matrices, numbers: Indices) -> Booleans:
     return free
 
 
-def split(matrices: Matrices, numbers: Indices) -> Iterator[Component]:
+def split(matrices: Matrices, numbers: Int32s) -> Iterator[Component]:
     """Yield the block of every component."""
     order = np.argsort(numbers, kind="stable")
     renumbered = np.empty_like(order)
@@ -97,7 +97,7 @@ def split(matrices: Matrices, numbers: Indices) -> Iterator[Component]:
 
 
 def solve(
-    matrices: Matrices, numbers: Indices, k: int, solver: Solver
+    matrices: Matrices, numbers: Int32s, k: int, solver: Solver
 ) -> tuple[Candidate, Certificate]:
     """Find the first k eigenpairs after all zeros of matrices of several components.
 

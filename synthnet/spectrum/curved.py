@@ -19,7 +19,7 @@ import numpy as np
 
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import fem
-from synthnet.spectrum.arrays import Booleans, Floats, Indices
+from synthnet.spectrum.arrays import Booleans, Floats, Int32s
 from synthnet.spectrum.bending import Patches, cross, dot
 from synthnet.spectrum.fem import Matrices, products
 
@@ -110,7 +110,7 @@ def _blocks(patches: Patches, functions: Floats, slopes: Floats) -> tuple[Floats
 
 @part
 def _tangents(
-    vertices: Floats, face: Indices, side: Indices, rises: Floats, at: Floats, u: Floats, v: Floats
+    vertices: Floats, face: Int32s, side: Int32s, rises: Floats, at: Floats, u: Floats, v: Floats
 ) -> None:
     """Set u and v to a patch's derivatives along two of its sides, at a point in its corners."""
     l0, l1, l2 = at
@@ -158,7 +158,7 @@ def _densities(
 
 @kernel
 def _summed(
-    faces: Indices, indptr: Indices, indices: Indices, stiffness: Floats, mass: Floats
+    faces: Int32s, indptr: Int32s, indices: Int32s, stiffness: Floats, mass: Floats
 ) -> tuple[Floats, Floats]:
     """Return the values of the mesh's matrices: sums of the corners' parts of the patches'."""
     stiff, heavy = np.zeros(indices.shape[0]), np.zeros(indices.shape[0])

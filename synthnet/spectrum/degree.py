@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synthnet.kernels import kernel, part
-from synthnet.spectrum.arrays import Indices, Integers
+from synthnet.spectrum.arrays import Int32s, Int64s
 
 
 class _Quotient(NamedTuple):
@@ -44,25 +44,25 @@ class _Quotient(NamedTuple):
         The vertices of each hash as a linked list, and each vertex's hash.
     """
 
-    start: Integers
-    length: Indices
-    elements: Indices
-    size: Indices
-    degree: Indices
-    mark: Integers
-    owner: Indices
-    head: Indices
-    after: Indices
-    before: Indices
-    bucket: Indices
-    chain: Indices
-    hashes: Indices
+    start: Int64s
+    length: Int32s
+    elements: Int32s
+    size: Int32s
+    degree: Int32s
+    mark: Int64s
+    owner: Int32s
+    head: Int32s
+    after: Int32s
+    before: Int32s
+    bucket: Int32s
+    chain: Int32s
+    hashes: Int32s
 
 
 @kernel
 def minimum_degree(
-    indptr: Indices, indices: Indices, stage: Indices
-) -> tuple[Indices, Indices, Indices, Indices]:
+    indptr: Int32s, indices: Int32s, stage: Int32s
+) -> tuple[Int32s, Int32s, Int32s, Int32s]:
     """Eliminate vertices in the order of approximate external degree.
 
     The graph of what is left is kept as vertices and elements (cliques of eliminated
@@ -130,7 +130,7 @@ def minimum_degree(
 
 
 @part
-def _quotient(indptr: Indices, indices: Indices, stage: Indices) -> tuple[_Quotient, Indices, int]:
+def _quotient(indptr: Int32s, indices: Int32s, stage: Int32s) -> tuple[_Quotient, Int32s, int]:
     """Return the graph before the first pivot, its lists with room to grow, and their end."""
     n = indptr.shape[0] - 1
     lists = np.empty(indptr[n] + 12 * n + 64, np.int32)
@@ -187,7 +187,7 @@ def _unlink(graph: _Quotient, i: int) -> None:
 
 
 @part
-def _begin_stage(graph: _Quotient, lists: Indices, stage: int, left: int) -> int:
+def _begin_stage(graph: _Quotient, lists: Int32s, stage: int, left: int) -> int:
     """Give the vertices of a stage a bound of their degree; return the least of these."""
     least = left
     i = graph.head[stage]
@@ -206,7 +206,7 @@ def _begin_stage(graph: _Quotient, lists: Indices, stage: int, left: int) -> int
 
 
 @part
-def _make_element(graph: _Quotient, lists: Indices, pivot: int, free: int) -> tuple[int, int]:
+def _make_element(graph: _Quotient, lists: Int32s, pivot: int, free: int) -> tuple[int, int]:
     """Turn a pivot into an element of its neighbours and those of the elements it absorbs.
 
     Its list is written from ``free``. Returns the end of the list and how many vertices it has.
@@ -235,7 +235,7 @@ def _make_element(graph: _Quotient, lists: Indices, pivot: int, free: int) -> tu
 
 
 @part
-def _count_outside(graph: _Quotient, members: Indices, lists: Indices, stamp: int) -> None:
+def _count_outside(graph: _Quotient, members: Int32s, lists: Int32s, stamp: int) -> None:
     """Set mark[e] − stamp to the number of e's vertices outside the new element, of each e near."""
     mark, size = graph.mark, graph.size
     for i in members:
@@ -249,7 +249,7 @@ def _count_outside(graph: _Quotient, members: Indices, lists: Indices, stamp: in
 
 @part
 def _update_degrees(
-    graph: _Quotient, members: Indices, lists: Indices, pivot: int, stamp: int
+    graph: _Quotient, members: Int32s, lists: Int32s, pivot: int, stamp: int
 ) -> int:
     """Put the new element into its vertices' lists, and bound their degrees outside it.
 
@@ -305,7 +305,7 @@ def _update_degrees(
 
 
 @part
-def _merge_twins(graph: _Quotient, members: Indices, lists: Indices, stamp: int) -> int:
+def _merge_twins(graph: _Quotient, members: Int32s, lists: Int32s, stamp: int) -> int:
     """Merge vertices of the new element that have the same list; return the next free stamp."""
     start, length, size, chain = graph.start, graph.length, graph.size, graph.chain
     mark, n = graph.mark, start.shape[0]
@@ -341,7 +341,7 @@ def _merge_twins(graph: _Quotient, members: Indices, lists: Indices, stamp: int)
 
 @part
 def _link_again(
-    graph: _Quotient, lists: Indices, low: int, high: int, clique: int, left: int, least: int
+    graph: _Quotient, lists: Int32s, low: int, high: int, clique: int, left: int, least: int
 ) -> tuple[int, int]:
     """Put the new element's vertices back into the lists of degrees, with their new degrees.
 

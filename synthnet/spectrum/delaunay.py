@@ -17,7 +17,7 @@ import numpy as np
 
 from synthnet.kernels import kernel
 from synthnet.mesh.adjacency import edge_keys, joined_half_edges
-from synthnet.spectrum.arrays import Booleans, Floats, Integers
+from synthnet.spectrum.arrays import Booleans, Floats, Int64s
 from synthnet.spectrum.fem import REMEDY, Matrices, gathered
 from synthnet.types import Mesh
 
@@ -58,7 +58,7 @@ def assemble(mesh: Mesh) -> Matrices:
     return gathered(corners, stiffness, mass, len(mesh.vertices))
 
 
-def triangulate(mesh: Mesh) -> tuple[Integers, Floats]:
+def triangulate(mesh: Mesh) -> tuple[Int64s, Floats]:
     """Return the corners of the intrinsic Delaunay triangles, and the lengths of their edges.
 
     Parameters
@@ -101,9 +101,7 @@ def triangulate(mesh: Mesh) -> tuple[Integers, Floats]:
 
 
 @kernel
-def _flip_all(
-    corners: Integers, lengths: Floats, twin: Integers, mirrored: Booleans, most: int
-) -> int:
+def _flip_all(corners: Int64s, lengths: Floats, twin: Int64s, mirrored: Booleans, most: int) -> int:
     """Flip until all edges are Delaunay, in place; return how many were, or -1 for too many."""
     stack = np.arange(twin.shape[0])
     waits = np.ones(twin.shape[0], np.bool_)
@@ -155,9 +153,7 @@ def _opposite(lengths: Floats, half: int) -> tuple[float, float]:
 
 
 @kernel
-def _turn(
-    corners: Integers, lengths: Floats, twin: Integers, mirrored: Booleans, face: int
-) -> None:
+def _turn(corners: Int64s, lengths: Floats, twin: Int64s, mirrored: Booleans, face: int) -> None:
     """Turn a face over: its sides 0 and 2 change places."""
     p, q, r = 3 * face, 3 * face + 1, 3 * face + 2
     corners[q], corners[r] = corners[r], corners[q]
@@ -180,7 +176,7 @@ def _turn(
 
 @kernel
 def _flip(
-    corners: Integers, lengths: Floats, twin: Integers, mirrored: Booleans, half: int, other: int
+    corners: Int64s, lengths: Floats, twin: Int64s, mirrored: Booleans, half: int, other: int
 ) -> None:
     """Flip the edge from a to b of the faces abc and bad: they become cdb and dca."""
     f, i, g, j = half // 3, half % 3, other // 3, other % 3

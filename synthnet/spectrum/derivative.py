@@ -3,11 +3,11 @@
 import numpy as np
 
 from synthnet.mesh.geometry import corner_edges
-from synthnet.spectrum.arrays import Floats, Integers
+from synthnet.spectrum.arrays import Floats, Int64s
 from synthnet.types import Mesh, Spectrum
 
 
-def clusters(eigenvalues: Floats, tolerance: float) -> Integers:
+def clusters(eigenvalues: Floats, tolerance: float) -> Int64s:
     """Number the clusters: neighbours with a relative gap of at most the tolerance are in one.
 
     Parameters

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet.kernels import kernel, part
-from synthnet.spectrum.arrays import Booleans, Floats, Indices
+from synthnet.spectrum.arrays import Booleans, Floats, Int32s
 from synthnet.spectrum.fem import grouped
 
 PART = 8_000  # vertices of a part that is not cut: fewer make little difference
@@ -45,13 +45,13 @@ class Graph(NamedTuple):
         Vertices of the first graph that a vertex stands for.
     """
 
-    indptr: Indices
-    indices: Indices
+    indptr: Int32s
+    indices: Int32s
     weights: Floats
     sizes: Floats
 
 
-def dissect(indptr: Indices, indices: Indices) -> Indices:
+def dissect(indptr: Int32s, indices: Int32s) -> Int32s:
     """Return the stage at which each vertex of a symmetric pattern is eliminated.
 
     Stage 0 are the parts, stage 1 the cuts between two parts, and so on; the last stage is the
@@ -79,7 +79,7 @@ def dissect(indptr: Indices, indices: Indices) -> Indices:
     return _stages(indptr, indices, nodes, levels)
 
 
-def _halve(graph: Graph, vertices: Indices, node: int, paths: Indices) -> None:
+def _halve(graph: Graph, vertices: Int32s, node: int, paths: Int32s) -> None:
     """Write the part of each vertex of a graph into ``paths``: 2 i and 2 i + 1 are halves of i."""
     paths[vertices] = node
     if graph.sizes.sum() <= PART or len(vertices) < 2:
@@ -137,7 +137,7 @@ def _smooth(graph: Graph, values: Floats) -> None:
 
 
 @kernel
-def _best_cut(graph: Graph, order: Indices) -> int:
+def _best_cut(graph: Graph, order: Int32s) -> int:
     """Return how many vertices of an order to cut off, for the least weight of edges by balance."""
     n = order.shape[0]
     rank = np.empty(n, np.int32)
@@ -163,7 +163,7 @@ def _best_cut(graph: Graph, order: Indices) -> int:
 
 
 @kernel
-def _aggregate(indptr: Indices, indices: Indices) -> tuple[Indices, int]:
+def _aggregate(indptr: Int32s, indices: Int32s) -> tuple[Int32s, int]:
     """Cut a graph into vertices with their neighbours; return the aggregate of each, and how many.
 
     Vertices are visited in steps of about 0.62 n: along a grid, row by row, aggregates would be
@@ -212,7 +212,7 @@ def _coprime(n: int) -> int:
 
 
 @kernel
-def _contract(graph: Graph, home: Indices, count: int) -> Graph:
+def _contract(graph: Graph, home: Int32s, count: int) -> Graph:
     """Return the graph of aggregates, given the aggregate of each vertex."""
     start, members = grouped(home, count)
     indptr = np.zeros(count + 1, np.int32)
@@ -240,7 +240,7 @@ def _contract(graph: Graph, home: Indices, count: int) -> Graph:
 
 
 @kernel
-def _induced(graph: Graph, members: Indices) -> Graph:
+def _induced(graph: Graph, members: Int32s) -> Graph:
     """Return the graph of some vertices, in ascending order."""
     m = members.shape[0]
     local = np.full(graph.sizes.shape[0], -1, np.int32)
@@ -272,9 +272,7 @@ def _level(node: int) -> int:
 
 
 @kernel
-def _cuts(
-    graph: Graph, paths: Indices, level: int
-) -> tuple[Indices, NDArray[np.float32], Booleans]:
+def _cuts(graph: Graph, paths: Int32s, level: int) -> tuple[Int32s, NDArray[np.float32], Booleans]:
     """Return, of each aggregate, its part at a level, its side of that part, and if a cut is near.
 
     A side is 1 or −1, or 0 in a part that is not cut. Near are aggregates with a neighbour on the
@@ -302,11 +300,11 @@ def _cuts(
 
 @kernel
 def _descend(
-    indptr: Indices,
-    indices: Indices,
-    nodes: Indices,
-    home: Indices,
-    of_aggregates: Indices,
+    indptr: Int32s,
+    indices: Int32s,
+    nodes: Int32s,
+    home: Int32s,
+    of_aggregates: Int32s,
     sides_of_aggregates: NDArray[np.float32],
     near: Booleans,
 ) -> None:
@@ -342,7 +340,7 @@ def _descend(
 
 
 @kernel
-def _stages(indptr: Indices, indices: Indices, nodes: Indices, levels: int) -> Indices:
+def _stages(indptr: Int32s, indices: Int32s, nodes: Int32s, levels: int) -> Int32s:
     """Return 0 for a vertex inside a part; for one on a cut, how many levels are cut before.
 
     Of the two vertices of an edge between the halves of a part, the one in the first is on the

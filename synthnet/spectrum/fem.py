@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from synthnet.kernels import kernel
-from synthnet.spectrum.arrays import Booleans, Floats, Indices
+from synthnet.spectrum.arrays import Booleans, Floats, Int32s
 from synthnet.spectrum.inputs import check
 from synthnet.types import Mesh
 
@@ -37,8 +37,8 @@ class Matrices(NamedTuple):
         Rows that were next to an unknown that is held at zero and left out. None if there is none.
     """
 
-    indptr: Indices
-    indices: Indices
+    indptr: Int32s
+    indices: Int32s
     stiffness: Floats
     mass: Floats
     lumped: Floats
@@ -105,7 +105,7 @@ def gathered(
     )
 
 
-def assemble(vertices: Floats, faces: Indices) -> Matrices:
+def assemble(vertices: Floats, faces: Int32s) -> Matrices:
     """Assemble the matrices of a mesh in which every vertex belongs to a face.
 
     Parameters
@@ -129,14 +129,14 @@ def assemble(vertices: Floats, faces: Indices) -> Matrices:
     return Matrices(indptr, indices, stiffness, mass, lumped)
 
 
-def arrays(mesh: Mesh) -> tuple[Floats, Indices]:
+def as_arrays(mesh: Mesh) -> tuple[Floats, Int32s]:
     """Return the vertices and faces of a mesh as kernels take them."""
     vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
     return vertices, np.ascontiguousarray(mesh.faces, dtype=np.int32)
 
 
 @kernel
-def grouped(home: Indices, count: int) -> tuple[Indices, Indices]:
+def grouped(home: Int32s, count: int) -> tuple[Int32s, Int32s]:
     """Sort numbers 0, 1, ... by their group; return where each group begins, and the numbers.
 
     By the vertices ``faces.ravel()`` of m faces, these are the corners 3 f + c at each vertex.
@@ -155,7 +155,7 @@ def grouped(home: Indices, count: int) -> tuple[Indices, Indices]:
 
 
 @kernel
-def pattern(faces: Indices, n: int) -> tuple[Indices, Indices]:
+def pattern(faces: Int32s, n: int) -> tuple[Int32s, Int32s]:
     """Return ``indptr`` and ``indices``: each vertex with itself and its neighbours, sorted."""
     start, corners = grouped(faces.ravel(), n)
     indptr = np.zeros(n + 1, np.int32)
@@ -180,7 +180,7 @@ def pattern(faces: Indices, n: int) -> tuple[Indices, Indices]:
 
 
 @kernel
-def sort(numbers: Indices) -> None:
+def sort(numbers: Int32s) -> None:
     """Sort a few numbers, or many, in place."""
     if numbers.shape[0] > 32:
         numbers.sort()
@@ -195,7 +195,7 @@ def sort(numbers: Indices) -> None:
 
 
 @kernel
-def index(numbers: Indices, low: int, high: int, number: int) -> int:
+def index(numbers: Int32s, low: int, high: int, number: int) -> int:
     """Return the index of a number in an ascending range of numbers."""
     while high - low > 8:
         middle = (low + high) // 2
@@ -209,7 +209,7 @@ def index(numbers: Indices, low: int, high: int, number: int) -> int:
 
 
 @kernel
-def flat_triangles(vertices: Floats, faces: Indices) -> int:
+def flat_triangles(vertices: Floats, faces: Int32s) -> int:
     """Return how many triangles have an area of zero, but for rounding.
 
     Fused products leave a rounding error where two corners are one point. This stands apart from
@@ -231,9 +231,9 @@ def flat_triangles(vertices: Floats, faces: Indices) -> int:
 @kernel
 def _add_triangles(
     vertices: Floats,
-    faces: Indices,
-    indptr: Indices,
-    indices: Indices,
+    faces: Int32s,
+    indptr: Int32s,
+    indices: Int32s,
     stiffness: Floats,
     mass: Floats,
 ) -> int:
@@ -291,7 +291,7 @@ def multiply(matrices: Matrices, values: Floats, rows: Floats) -> Floats:
 
 
 @kernel
-def multiply_two(indptr: Indices, indices: Indices, values: Floats, x: Floats, y: Floats) -> None:
+def multiply_two(indptr: Int32s, indices: Int32s, values: Floats, x: Floats, y: Floats) -> None:
     """Set the two rows of y to the products of a matrix and the two rows of x."""
     x0, x1, y0, y1 = x[0], x[1], y[0], y[1]
     for i in range(indptr.shape[0] - 1):

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import linalg
 
 from synthnet.kernels import kernel
-from synthnet.spectrum.arrays import Floats, Indices
+from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.fem import Matrices, multiply, multiply_two
 from synthnet.spectrum.ldl import Factor
 from synthnet.spectrum.ordering import Ordering
@@ -65,8 +65,8 @@ class RitzPairs:
 class _Basis(NamedTuple):
     """A basis as kernels take it: B; the vectors, and their products with B and the operator."""
 
-    indptr: Indices
-    indices: Indices
+    indptr: Int32s
+    indices: Int32s
     mass: Floats
     vectors: Floats
     weighted: Floats
@@ -89,7 +89,7 @@ class Lanczos:
     sigma : float
         The shift.
     limit : int
-        Most vectors in the basis.
+        Most vectors in the basis: at least the zeros and two.
     known : ndarray of shape (m, n), float64
         B-orthonormal eigenvectors; the basis stays orthogonal to them and finds others.
     strict : bool
@@ -155,8 +155,8 @@ class Lanczos:
     def _make_room(self, size: int) -> None:
         """Make the arrays long enough for so many vectors, and for half as many more.
 
-        As long as the limit allows they would be many times longer than most searches need, and
-        their memory would be the system's again after each.
+        Arrays for as many vectors as the limit allows would be too long for memory to be kept
+        from one solve to the next, see :func:`synthnet.processes.keep_freed_memory`.
         """
         if size <= len(self.basis):
             return

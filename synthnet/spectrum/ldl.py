@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from synthnet.kernels import kernel, uncounted
-from synthnet.spectrum.arrays import Floats, Indices, Integers
+from synthnet.spectrum.arrays import Floats, Int32s, Int64s
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering
 from synthnet.spectrum.portions import in_turn
@@ -85,8 +85,8 @@ def factorise(
 
 @kernel
 def _factorise(
-    indptr: Indices,
-    indices: Indices,
+    indptr: Int32s,
+    indices: Int32s,
     stiffness: Floats,
     mass: Floats,
     ordering: Ordering,
@@ -94,7 +94,7 @@ def _factorise(
     pivots: Floats,
     panels: Floats,
     stack: Floats,
-    at: Integers,
+    at: Int64s,
     portion: int,
 ) -> Floats:
     """Fill pivots and panels of a portion; return what it adds to the diagonal of |L| |D| |Lᵀ|.
@@ -144,7 +144,7 @@ def _factorise(
 
 
 @kernel
-def _add_child(front: Floats, local: Indices, rows: Indices, stack: Floats, start: int) -> None:
+def _add_child(front: Floats, local: Int32s, rows: Int32s, stack: Floats, start: int) -> None:
     """Add what a child, with these rows, left on the stack: an upper triangle row by row."""
     front, stack = uncounted(front), uncounted(stack)
     for p in range(rows.shape[0]):
@@ -160,7 +160,7 @@ def _keep_columns(
     front: Floats,
     width: int,
     begin: int,
-    rows: Indices,
+    rows: Int32s,
     pivots: Floats,
     panels: Floats,
     first: int,

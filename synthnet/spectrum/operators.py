@@ -22,7 +22,7 @@ from scipy import sparse
 from synthnet.errors import needed_by
 from synthnet.mesh.adjacency import edge_keys
 from synthnet.spectrum import bending, curved, delaunay, fem
-from synthnet.spectrum.arrays import Booleans, Floats, Integers
+from synthnet.spectrum.arrays import Booleans, Floats, Int64s
 from synthnet.spectrum.fem import Matrices
 from synthnet.types import Mesh
 
@@ -160,7 +160,7 @@ class Discrete(NamedTuple):
     """
 
     matrices: Matrices
-    free: Integers | None
+    free: Int64s | None
     vertices: int
 
     def at_vertices(self, rows: Floats) -> Floats:
@@ -207,7 +207,7 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
         matrices = curved.quadratic(bending.bend(mesh))
     else:
         intrinsic = operator.elements == "delaunay"
-        plain = delaunay.assemble(mesh) if intrinsic else fem.assemble(*fem.arrays(mesh))
+        plain = delaunay.assemble(mesh) if intrinsic else fem.assemble(*fem.as_arrays(mesh))
         matrices = _with_mass(plain, operator.share)
     if isinstance(operator.boundary, str) and operator.boundary == "neumann":
         return Discrete(matrices, None, n)
@@ -227,7 +227,7 @@ def assemble(mesh: Mesh) -> Matrices:
         triangle has no area, or a vertex no triangle.
     """
     fem.check_used(mesh)
-    return fem.assemble(*fem.arrays(mesh))
+    return fem.assemble(*fem.as_arrays(mesh))
 
 
 def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:

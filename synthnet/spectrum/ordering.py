@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synthnet.kernels import kernel
-from synthnet.spectrum.arrays import Indices, Integers
+from synthnet.spectrum.arrays import Int32s, Int64s
 from synthnet.spectrum.degree import minimum_degree
 from synthnet.spectrum.dissection import dissect
 from synthnet.spectrum.fem import grouped
@@ -52,19 +52,19 @@ class Ordering(NamedTuple):
         Where each portion keeps the numbers that wait to be added to parents.
     """
 
-    order: Indices
-    position: Indices
-    begin: Indices
-    first_row: Integers
-    rows: Indices
-    row_vertices: Indices
-    panel: Integers
-    child: Indices
-    sibling: Indices
+    order: Int32s
+    position: Int32s
+    begin: Int32s
+    first_row: Int64s
+    rows: Int32s
+    row_vertices: Int32s
+    panel: Int64s
+    child: Int32s
+    sibling: Int32s
     widest: int
-    portions: Indices
+    portions: Int32s
     subtrees: int
-    stack: Integers
+    stack: Int64s
 
     @property
     def whole(self) -> bool:
@@ -72,7 +72,7 @@ class Ordering(NamedTuple):
         return self.subtrees == len(self.portions)
 
 
-def find_ordering(indptr: Indices, indices: Indices) -> Ordering:
+def find_ordering(indptr: Int32s, indices: Int32s) -> Ordering:
     """Order the columns of a symmetric pattern with little fill, a function of it alone.
 
     Parameters
@@ -114,8 +114,8 @@ def find_ordering(indptr: Indices, indices: Indices) -> Ordering:
 
 @kernel
 def _fronts(
-    owner: Indices, pivots: Indices, size: Indices, below: Indices
-) -> tuple[Indices, Indices, Indices]:
+    owner: Int32s, pivots: Int32s, size: Int32s, below: Int32s
+) -> tuple[Int32s, Int32s, Int32s]:
     """Merge small elements into their parents and number columns in postorder.
 
     Returns the vertex of each column, the first column of each front and each front's
@@ -140,8 +140,8 @@ def _fronts(
 
 @kernel
 def _merge_small(
-    owner: Indices, pivots: Indices, size: Indices, below: Indices, element: Indices
-) -> tuple[Indices, Integers, Integers]:
+    owner: Int32s, pivots: Int32s, size: Int32s, below: Int32s, element: Int32s
+) -> tuple[Int32s, Int64s, Int64s]:
     """Merge elements into their parents while the dense front has few zeros.
 
     Returns each element's parent, −1 at the roots; the element whose front it belongs to; and
@@ -171,7 +171,7 @@ def _merge_small(
 
 
 @kernel
-def _postorder(parent: Indices, into: Integers) -> tuple[Indices, int]:
+def _postorder(parent: Int32s, into: Int64s) -> tuple[Int32s, int]:
     """Number the fronts so that children come before parents; return also how many there are."""
     m = parent.shape[0]
     above = np.full(m, m, np.int64)  # the parent's front; m at the roots
@@ -193,7 +193,7 @@ def _postorder(parent: Indices, into: Integers) -> tuple[Indices, int]:
 
 
 @kernel
-def _columns(owner: Indices, element: Indices, front: Indices, begin: Indices) -> Indices:
+def _columns(owner: Int32s, element: Int32s, front: Int32s, begin: Int32s) -> Int32s:
     """Return the vertex of each column; a front's follow the order in which elements were made.
 
     ``front`` is the front of each element, and ``begin`` the first column of each front.
@@ -216,7 +216,7 @@ def _columns(owner: Indices, element: Indices, front: Indices, begin: Indices) -
 
 
 @kernel
-def _children(parent: Indices) -> tuple[Indices, Indices]:
+def _children(parent: Int32s) -> tuple[Int32s, Int32s]:
     """Return each front's first child, and its next sibling; −1 for none."""
     child = np.full(parent.shape[0], -1, np.int32)
     sibling = np.full(parent.shape[0], -1, np.int32)
@@ -229,14 +229,14 @@ def _children(parent: Indices) -> tuple[Indices, Indices]:
 
 @kernel
 def _rows_below(
-    order: Indices,
-    position: Indices,
-    begin: Indices,
-    child: Indices,
-    sibling: Indices,
-    indptr: Indices,
-    indices: Indices,
-) -> tuple[Integers, Indices]:
+    order: Int32s,
+    position: Int32s,
+    begin: Int32s,
+    child: Int32s,
+    sibling: Int32s,
+    indptr: Int32s,
+    indices: Int32s,
+) -> tuple[Int64s, Int32s]:
     """Find the rows below each front: those of its columns, and those of its children."""
     n, fronts = order.shape[0], child.shape[0]
     first_row = np.zeros(fronts + 1, np.int64)
@@ -272,9 +272,7 @@ def _rows_below(
 
 
 @kernel
-def _portions(
-    begin: Indices, first_row: Integers, parent: Indices, share: float
-) -> tuple[Indices, int]:
+def _portions(begin: Int32s, first_row: Int64s, parent: Int32s, share: float) -> tuple[Int32s, int]:
     """Cut the fronts where a front and those below it take more than a share of all work.
 
     Returns first and end of each portion, and how many need no front outside them: runs of whole
@@ -316,7 +314,7 @@ def _portions(
 
 
 @kernel
-def _stacks(first_row: Integers, child: Indices, sibling: Indices, portions: Indices) -> Integers:
+def _stacks(first_row: Int64s, child: Int32s, sibling: Int32s, portions: Int32s) -> Int64s:
     """Return where the stack of each portion begins, and the end of the last.
 
     A stack holds, of each front of a portion that waits for its parent, a triangle of numbers.

@@ -25,10 +25,10 @@ import numpy as np
 from scipy import linalg
 
 from synthnet.kernels import kernel, uncounted
-from synthnet.spectrum.arrays import Floats, Indices
+from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.certificate import Candidate
 from synthnet.spectrum.components import unheld
-from synthnet.spectrum.fem import FEW, PIECE, Matrices, arrays, pieces
+from synthnet.spectrum.fem import FEW, PIECE, Matrices, as_arrays, pieces
 from synthnet.spectrum.operators import Discrete
 from synthnet.types import Mesh
 
@@ -44,7 +44,7 @@ def sharpened(
     mesh: Mesh,
     discrete: Discrete,
     candidate: Candidate,
-    numbers: Indices,
+    numbers: Int32s,
     share: float = 1.0,
     *,
     with_vectors: bool = False,
@@ -88,7 +88,7 @@ def sharpened(
     """
     count = len(candidate.vectors)
     above = candidate.middle if count == len(candidate.values) else candidate.values[count]
-    vertices, faces = arrays(mesh)
+    vertices, faces = as_arrays(mesh)
     size = BLOCK if count > 2 * BLOCK else count
     blocks = []
     for first in range(0, count, size):
@@ -120,7 +120,7 @@ class _Block(NamedTuple):
 
 def _ritz(
     vertices: Floats,
-    faces: Indices,
+    faces: Int32s,
     functions: Floats,
     discrete: Discrete,
     share: float,
@@ -207,7 +207,7 @@ def _bounds(number: int, blocks: list[_Block], above: float, total: float) -> Fl
     return np.asarray(np.minimum(missed, np.sqrt(total)) + block.rounding)
 
 
-def _means(vectors: Floats, matrices: Matrices, numbers: Indices) -> Floats:
+def _means(vectors: Floats, matrices: Matrices, numbers: Int32s) -> Floats:
     """Return the means of vectors (c, m) on each row's component, (m, c) or (1, c); 0 where held.
 
     What rounding left of a constant in an eigenfunction adds to its norm and not to its energy, so
@@ -225,7 +225,7 @@ def _means(vectors: Floats, matrices: Matrices, numbers: Indices) -> Floats:
 @kernel
 def _apply(
     vertices: Floats,
-    faces: Indices,
+    faces: Int32s,
     functions: Floats,
     stiff: Floats,
     weighted: Floats,
@@ -277,7 +277,7 @@ def _apply(
 
 
 @kernel
-def _areas(vertices: Floats, faces: Indices) -> Floats:
+def _areas(vertices: Floats, faces: Int32s) -> Floats:
     """Return a third of the area around each vertex, by edges at each triangle's largest angle."""
     areas = np.zeros(vertices.shape[0])
     u, v = np.empty(3), np.empty(3)
@@ -347,7 +347,7 @@ def _add_mass_squares(y: Floats, fi: Floats, fj: Floats, fk: Floats, share: floa
 
 
 @kernel
-def _widest(vertices: Floats, faces: Indices, t: int) -> int:
+def _widest(vertices: Floats, faces: Int32s, t: int) -> int:
     """Return the corner opposite to the longest edge of a triangle."""
     widest = 0
     longest = -1.0

@@ -8,8 +8,9 @@ import numpy as np
 from scipy import linalg
 
 from synthnet.errors import SpectrumError
+from synthnet.processes import keep_freed_memory
 from synthnet.spectrum import components
-from synthnet.spectrum.arrays import Floats, Indices
+from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.certificate import (
     SAFETY,
     Candidate,
@@ -56,10 +57,6 @@ STRONGER = Setting(
 )
 # The shift is placed by counts: for a spectrum that is not at all as Weyl's law has it.
 PLACED = replace(STRONGER, gap=1e-3, seed=2)
-
-# glibc gives the memory of large arrays back at once, and page by page it costs a tenth of a solve
-# to get it again; once one of nearly 32 MB has been freed, it keeps what is below that.
-np.empty(2**25 - 2**17, np.uint8)
 
 
 def compute(
@@ -156,6 +153,7 @@ def compute(
     >>> spectrum.certificate.count  # zero and these three are all that is below the shift
     4
     """
+    keep_freed_memory()
     mesh = as_mesh(mesh)
     check_count(k)
     check_operator(operator)
@@ -320,7 +318,7 @@ def _count_below(matrices: Matrices, ordering: Ordering, shift: float) -> int:
 
 def _solved(
     matrices: Matrices, k: int, unknowns: str = "unknowns"
-) -> tuple[Candidate, Certificate, Indices]:
+) -> tuple[Candidate, Certificate, Int32s]:
     """Return at least k certified pairs, their certificate, and the component of each row.
 
     ``unknowns`` is what a message calls the rows.
@@ -374,7 +372,7 @@ def _certified(
 
 
 def _spectrum(
-    discrete: Discrete, k: int, candidate: Candidate, certificate: Certificate, numbers: Indices
+    discrete: Discrete, k: int, candidate: Candidate, certificate: Certificate, numbers: Int32s
 ) -> Spectrum:
     matrices = discrete.matrices
     zero = float(matrices.stiffness.sum()) / float(matrices.lumped.sum())

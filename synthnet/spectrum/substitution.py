@@ -3,7 +3,7 @@
 import numpy as np
 
 from synthnet.kernels import kernel, uncounted
-from synthnet.spectrum.arrays import Floats, Indices
+from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.ldl import Factor
 from synthnet.spectrum.ordering import Ordering
 from synthnet.spectrum.portions import side_by_side
@@ -106,7 +106,7 @@ def _up(ordering: Ordering, panels: Floats, x: Floats, sums: Floats, first: int,
 
 
 @kernel
-def _add_apart(ordering: Ordering, columns: Indices, y: Floats, z: Floats, sums: Floats) -> None:
+def _add_apart(ordering: Ordering, columns: Int32s, y: Floats, z: Floats, sums: Floats) -> None:
     """Add y and z to the sums of ascending columns of the fronts that belong to no subtree."""
     portion = ordering.subtrees
     begin, end, place = 0, 0, 0  # of a front's columns, and where they are in sums

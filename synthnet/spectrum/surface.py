@@ -28,7 +28,7 @@ import numpy as np
 from synthnet.errors import SpectrumError
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import curved, fem
-from synthnet.spectrum.arrays import Floats, Indices
+from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.bending import Patches, bend
 from synthnet.spectrum.inputs import as_mesh
 from synthnet.spectrum.solve import of_matrices
@@ -140,7 +140,7 @@ def _highest(own: Floats, masses: Floats) -> Floats:
 
 @kernel
 def _energies(
-    sides: Indices,
+    sides: Int32s,
     own: Floats,
     masses: Floats,
     highest: Floats,
@@ -195,7 +195,7 @@ def _weighted_squares(r: Floats, diagonal: Floats) -> Floats:
 
 @part
 def _multiply(
-    sides: Indices,
+    sides: Int32s,
     own: Floats,
     masses: Floats,
     highest: Floats,

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
-from synthnet.spectrum.arrays import Floats, Integers
+from synthnet.spectrum.arrays import Floats, Int64s
 from synthnet.spectrum.certificate import SAFETY, inertia
 from synthnet.spectrum.components import Component, components, split
 from synthnet.spectrum.fem import Matrices
@@ -57,7 +57,7 @@ class Verdict:
         Of each answer that is not: its index from 1, and the eigenvalue that it stands for. Of the
         first ten it has six digits, of the others it is known to a hundredth.
     missed : tuple of int
-        Indices, from 1, of the eigenvalues that no answer stands for.
+        Int32s, from 1, of the eigenvalues that no answer stands for.
     shift : float
         Up to which all this is known, in 1/length².
     count : int
@@ -432,7 +432,7 @@ def _below(value: float, tolerance: float) -> float:
     return float(value / (1 + tolerance))
 
 
-def _answers(given: ArrayLike, counter: _Counter) -> tuple[Floats, Integers]:
+def _answers(given: ArrayLike, counter: _Counter) -> tuple[Floats, Int64s]:
     """Return the answers after the zeros, ascending, and where they stood."""
     values = as_array(given)
     if values.dtype.kind not in "fiu" or values.ndim != 1 or not len(values):
@@ -474,7 +474,7 @@ def _zeros_given(values: Floats, counter: _Counter) -> int:
     return left_out
 
 
-def _vectors(given: ArrayLike, discrete: Discrete, order: Integers, count: int) -> Floats:
+def _vectors(given: ArrayLike, discrete: Discrete, order: Int64s, count: int) -> Floats:
     """Return the eigenvectors after the zeros as rows, at the vertices that are free."""
     vectors = as_array(given).astype(np.float64)
     shape = (discrete.vertices, count)
@@ -500,7 +500,7 @@ def _error_bounds(matrices: Matrices, values: Floats, rows: Floats) -> Floats | 
     return np.asarray(bounds / (1 - defect), dtype=np.float64)
 
 
-def _apart(values: Floats, bounds: Floats) -> tuple[Floats, Floats, Integers]:
+def _apart(values: Floats, bounds: Floats) -> tuple[Floats, Floats, Int64s]:
     """Return intervals that do not overlap, and how many eigenvalues are in each.
 
     Examples

@@ -92,9 +92,9 @@ def path_of(directory: Location, record: ShardRecord) -> Location:
 
 
 def write(directory: Location, record: ShardRecord, rows: Sequence[StoredLimit]) -> None:
-    """Write the limits of a shard, as :func:`synthnet.store.storage.write_atomically` does.
+    """Write the limits of a shard; the same rows give the same bytes.
 
-    The same rows give the same bytes.
+    Raise BuildError if the disk is full or cannot be written; nothing is left behind.
     """
     content = _encoded(rows, record)
     path = path_of(directory, record)

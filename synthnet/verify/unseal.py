@@ -35,10 +35,10 @@ def verify_sealed(
     then builds the set, where it is not built yet, and checks its counts and its digest, and all
     that :func:`synthnet.verify.checks.verify` does. The first check that fails is the last.
 
-    ``root``, ``workers`` and ``watcher`` are as for :func:`synthnet.build.versions.build`, and so
-    is BuildError; ``sample``, ``seed`` and ``on_shard`` as for ``verify``. Raise SealError if the
-    seal is of a version of another recipe than this release's, StoreError if its directory holds
-    another set.
+    ``root``, ``workers`` and ``watcher`` are as for :func:`synthnet.build.versions.build`;
+    ``sample``, ``seed`` and ``on_shard`` as for ``verify``. Raise SealError if the seal is of a
+    version of another recipe than this release's, StoreError if its directory holds another set,
+    and BuildError as ``build`` does.
     """
     here = recipe.load(sealed.version).digest
     if here != sealed.version_digest:

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from scipy import linalg, sparse
 
 from synthnet.families import FAMILIES, PRIMITIVES
-from synthnet.spectrum import fem, ldl, substitution
+from synthnet.spectrum import dissection, fem, ldl, substitution
+from synthnet.spectrum import ordering as ordering_module
 from synthnet.spectrum.degree import minimum_degree
 from synthnet.spectrum.lanczos import Lanczos
-from synthnet.spectrum.operators import as_sparse
 from synthnet.spectrum.ordering import find_ordering
 from tests.spectrum.meshes import drawn, reference_eigenvalues, sphere
 
@@ -19,8 +19,14 @@ def matrices_of(mesh):
     return fem.assemble(mesh.vertices, mesh.faces.astype(np.int32))
 
 
+def as_scipys(matrices):
+    """A and B; not by the package's own function, which is tested by these."""
+    pattern = matrices.indices, matrices.indptr
+    return [sparse.csr_matrix((v, *pattern)) for v in (matrices.stiffness, matrices.mass)]
+
+
 def dense(matrices):
-    return [matrix.toarray() for matrix in as_sparse(matrices)]
+    return [matrix.toarray() for matrix in as_scipys(matrices)]
 
 
 def pattern_of(graph):
@@ -155,7 +161,7 @@ def test_factor_solves_and_counts(family, shift):
     ordering = find_ordering(matrices.indptr, matrices.indices)
     factor = ldl.factorise(matrices, ordering, shift)
     assert factor.finite
-    a, b = as_sparse(matrices)
+    a, b = as_scipys(matrices)
     x = np.random.default_rng(0).normal(size=(3, len(ordering.order)))
     y, second = x.copy(), x[1:2].copy()
     for rows in (y, second):
@@ -254,6 +260,25 @@ def search(mesh, sigma, *, limit=81, **options):
     ordering = find_ordering(matrices.indptr, matrices.indices)
     factor = ldl.factorise(matrices, ordering, sigma)
     return Lanczos(matrices, ordering, factor, sigma, limit=limit, **options)
+
+
+@pytest.mark.parametrize("lean", [False, True])
+@pytest.mark.parametrize("strict", [False, True])
+@pytest.mark.parametrize("large", [False, True])
+def test_a_basis_that_grows_step_by_step_is_the_same(large, strict, lean, monkeypatch):
+    if large:  # is solved by portions
+        monkeypatch.setattr(ordering_module, "LARGE", 1)
+        monkeypatch.setattr(dissection, "PART", 100)
+    one, many = (search(drawn("torus"), 5.0, strict=strict, lean=lean) for _ in range(2))
+    assert one.ordering.whole is not large
+    assert one.extend(20)
+    for _ in range(20):
+        assert many.extend(1)
+    assert (many.size, many.skipped) == (one.size, one.skipped)
+    kept = slice(one.size)
+    np.testing.assert_array_equal(many.basis[kept], one.basis[kept])
+    np.testing.assert_array_equal(many.weighted[kept], one.weighted[kept])
+    np.testing.assert_array_equal(many.projected[kept, kept], one.projected[kept, kept])
 
 
 @pytest.mark.parametrize("lean", [False, True])

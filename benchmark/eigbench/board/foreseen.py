@@ -16,8 +16,8 @@ from synthnet.errors import counted
 def line(root: Path, labels: Truth, code: str, seeds: int) -> str:
     """Return what is known of a run before it starts, as one line.
 
-    A row of the board in ``root``, which may have none, tells most if it was made of a file named
-    as the predictor's ``code``. ``seeds`` counts runs over all meshes.
+    ``labels`` are what is to be predicted, ``seeds`` times. A row of the board in ``root`` tells
+    most if it was made by a file named as the predictor's ``code``; there may be no board.
     """
     count = len(labels.ids) * seeds
     start = f"{counted(count, 'mesh', 'meshes')} to predict"

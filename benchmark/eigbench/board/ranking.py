@@ -50,8 +50,8 @@ class Difference:
     #: What the bars of the target could make of a difference; None where not known (PSNR).
     floor: float | None
     verdict: str  #: which is better, ``a`` or ``b``, or else ``tie``
-    #: Empty but for a tie, which these make. ``equal`` values, ``few shapes`` (fewer than five),
-    #: the ``interval``, the ``floor``, or ``not finite`` where both have such values.
+    #: What makes a tie, else empty. ``equal`` values, ``few shapes`` (fewer than five), the
+    #: ``interval``, the ``floor``, or ``not finite`` where both have such values.
     why: str
 
 

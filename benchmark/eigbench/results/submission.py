@@ -41,8 +41,8 @@ class Submission:
     predictions_path: Path
     #: Meshes in a call of the run; the times that are shown may be of another run.
     batch_size: int
-    #: What a reader should know of the result, on one line. It says that its code has changed
-    #: since, and has the text beside it; empty if there is nothing to say.
+    #: What a reader should know of the result, on one line, as that its code has changed since,
+    #: and the text beside it. Empty if there is nothing to say.
     remark: str = ""
 
     @property

@@ -116,9 +116,16 @@ class Settings:
 class Box:
     """What one process of a predictor gets: a folder of its own, its rules and its command.
 
-    Its folder is made at once and removed by :meth:`close`. Labels of the training and validation
-    shapes of what the predictor may be trained on are shown. The sandbox of the settings must be
-    ``bubblewrap`` or ``landlock``.
+    Its folder is made at once and removed by :meth:`close`.
+
+    Parameters
+    ----------
+    file : Path
+        The predictor's file.
+    training : str
+        What it may be trained on: labels of the training and validation shapes are shown.
+    settings : Settings
+        With the sandbox ``bubblewrap`` or ``landlock``.
     """
 
     def __init__(self, file: Path, training: str, settings: Settings) -> None:
@@ -159,7 +166,7 @@ class Box:
         os.close(self._lock)
 
     def command(self, start: Sequence[str]) -> list[str]:
-        """Return the command that runs a predictor's supervisor, started by another, in the box."""
+        """Return the command that runs another one, ``start``, in the box."""
         if self.kind == BUBBLEWRAP:
             where = ["--chdir", str(self.directory)]
             return ["bwrap", *self._mounts(), *where, "--", *start, supervisor.HELD]

@@ -32,7 +32,7 @@ class Timed:
     path: Path  #: its file
     seconds: NDArray[np.float64]
     cpu_seconds: NDArray[np.float64]
-    #: What it answered meanwhile, in the order of the truth's ids, of shape (1, n, k).
+    #: What it answered meanwhile, in the order of the truth's ids, of shape (1, n, k), float64.
     predictions: NDArray[np.float64]
     loaded: Loaded  #: its META and the seconds of loading it
     status: Status  #: its peak memory and digests

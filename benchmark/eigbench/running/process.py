@@ -81,8 +81,16 @@ class Status:
 class PredictorProcess:
     """A predictor that is loaded when the context is entered. This runs the file's code.
 
-    It answers with ``k`` eigenvalues a mesh; ``seed`` and ``training`` are handed to it. The
-    ``time_limit`` of the process, that of its settings, may be set to another one later.
+    Parameters
+    ----------
+    path : Path
+        The predictor's file.
+    k : int
+        Number of eigenvalues.
+    settings : Settings
+        How it is run. ``time_limit`` of the process may be set to another one later.
+    seed, training
+        Handed to the predictor.
 
     Raises
     ------

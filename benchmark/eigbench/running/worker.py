@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
 from eigbench.running import frames, predictor
+from synthnet.processes import keep_freed_memory
 from synthnet.types import Mesh
 
 LONGEST, LONGEST_PATH = 10_000, 900  # letters of a message, and of a path
@@ -54,6 +55,7 @@ def work(descriptor: int) -> None:
     What the predictor prints goes to standard error.
     """
     os.dup2(2, 1)
+    keep_freed_memory()  # LaPy and all others gain by it as our own solver does
     with frames.Channel(socket.socket(fileno=descriptor)) as channel:
         try:
             _, body, _ = channel.receive()

@@ -17,7 +17,10 @@ CERTAIN = 3.0  # rule of three: where n of n succeed, the failing share is below
 
 def of_metric(truth: Truth, predictions: NDArray[np.float64], key: str) -> NDArray[np.float64]:
     """Return one metric of every prediction, shape (seeds, n); those within the bar are exact."""
-    settled = targets.settled(truth, predictions)
+    return _values(truth, targets.settled(truth, predictions), key)
+
+
+def _values(truth: Truth, settled: NDArray[np.float64], key: str) -> NDArray[np.float64]:
     return np.stack([METRICS[key].function(p, truth.eigenvalues) for p in settled])
 
 
@@ -77,7 +80,8 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
     >>> round(scores["overall"]["rpd"]["mean"], 4), round(scores["per_index"][0]["mean"], 4)
     (0.4762, 0.1)
     """
-    values = {key: of_metric(truth, predictions, key) for key in METRICS}
+    settled = targets.settled(truth, predictions)
+    values = {key: _values(truth, settled, key) for key in METRICS}
     families = {
         family: _family(truth, values, family) for family in sorted(set(truth.families.tolist()))
     }
@@ -87,7 +91,6 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
         | {"by_family": _mean_of([family[key]["mean"] for family in families.values()])}
         for key, table in values.items()
     }
-    settled = targets.settled(truth, predictions)
     relative = np.abs(settled - truth.eigenvalues) / truth.eigenvalues
     per_index = [_middles(relative[..., i]) for i in range(relative.shape[-1])]
     exact = float((relative == 0).all(axis=-1).mean())

@@ -186,7 +186,10 @@ def of_dataset(
 
 
 def of_import(dataset: store.StoredDataset, version: str) -> Truth:
-    """Return all labels of an imported dataset on disk, for predictors trained on a version."""
+    """Return all labels of an imported dataset on disk, for predictors trained on a version.
+
+    Raise EigbenchError if it has no shape.
+    """
     labels = {sample.spec.id: pins.pin(sample) for sample in dataset.samples()}
     return _of_import(version, f"{IMPORTED}/{dataset.manifest.version}", labels)
 
@@ -232,7 +235,8 @@ def _of_import(version: str, protocol: str, labels: Mapping[str, pins.Pin]) -> T
     )
     lines = "\n".join(f"{id} {pin.digest}" for id, pin in labels.items())
     digest = hashlib.sha256(lines.encode()).hexdigest()
-    return _truth(shapes, None, version, "test", protocol, digest, protocol)
+    name = protocol.removeprefix(f"{IMPORTED}/")
+    return _truth(shapes, None, version, "test", protocol, digest, name)
 
 
 def _choose(

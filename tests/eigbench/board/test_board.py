@@ -120,6 +120,11 @@ def test_result_without_predictions_is_refused(made, tmp_path):
         submission.read(tmp_path / "r.json")
 
 
+def test_predictions_of_another_result_are_refused(made):
+    with pytest.raises(ResultError, match="is not the file that"):
+        submission.read(made["one"], made["other"].with_suffix(".parquet"))
+
+
 @pytest.mark.parametrize(
     ("name", "expected"),
     [("A  b", "a-b"), ("Weyl's law", "weyl-s-law"), ("../x", "x"), ("É", None)],
@@ -944,3 +949,14 @@ def test_what_lapy_misses_on_2_0_is_what_the_docs_say():
     label = lapy.truth.eigenvalues[wrong]
     assert label[8] == pytest.approx(label[9], rel=1e-6)
     assert len(lapy.truth.ids) == 1986
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("folder", ["results", "predictions"])
+def test_one_changed_byte_of_a_file_of_this_repository_fails_the_check(
+    eigbench, real, folder, tmp_path
+):
+    shutil.copytree(real, tmp_path / "board")
+    path = min((tmp_path / "board" / "benchmark" / folder).glob("1.0-test-grouped/*"))
+    flip(path, path.stat().st_size // 2)
+    assert eigbench("leaderboard", "--check", "--board", tmp_path / "board")[0] in (1, 2)
