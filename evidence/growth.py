@@ -98,20 +98,21 @@ def table(data: dict) -> str:
     rows, difference = [], 0.0
     for n, ours in solved["synthnet"].items():
         row = [f"{n:,}", f"{ours['seconds']:.3g}", f"{ours['megabytes']:,.0f}"]
-        if theirs := solved["lapy"].get(n):
+        theirs, on_two = solved["lapy"].get(n), solved[TWO].get(n)
+        if theirs:
             ratio = theirs["seconds"] / ours["seconds"]
             row += [f"{theirs['seconds']:.3g}", f"{theirs['megabytes']:,.0f}", f"{ratio:.1f}"]
             quotient = np.divide(ours["eigenvalues"], theirs["eigenvalues"])
             difference = max(difference, float(np.abs(quotient - 1).max()))
         else:
             row += ["failed", "failed", ""]
-        on_two = solved[TWO].get(n)
         if on_two and on_two["eigenvalues"] != ours["eigenvalues"]:
             raise ValueError(f"{n:,} vertices have other eigenvalues on two threads")
         row.append(f"{on_two['seconds']:.3g}" if on_two else "")
+        row.append(f"{theirs['seconds'] / on_two['seconds']:.1f}" if theirs and on_two else "")
         rows.append(row)
     headers = ["vertices", "synthNet s", "synthNet MB", "LaPy s", "LaPy MB", "ratio of times"]
-    headers.append("synthNet s, two threads")
+    headers += ["synthNet s, two threads", "ratio"]
     slopes = ", ".join(
         f"{name} {exponent(list(solved[side].values()), 'seconds'):.2f} in time and "
         f"{exponent(list(solved[side].values()), 'megabytes'):.2f} in memory"
