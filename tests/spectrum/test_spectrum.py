@@ -441,9 +441,17 @@ def test_a_setting_that_misses_one_is_followed_by_the_stronger(mesh, monkeypatch
     def blind_at_first(*arguments, **options):
         return (Lanczos if options["strict"] else Blind)(*arguments, **options)
 
+    certified, tried = solve._certified, []
+
+    def noted(matrices, ordering, k, setting):
+        tried.append(setting)
+        return certified(matrices, ordering, k, setting)
+
+    monkeypatch.setattr(solve, "_certified", noted)
     monkeypatch.setattr(search, "Lanczos", blind_at_first)
     result = spectrum.compute(mesh)
     assert Careless.lost
+    assert tried == [solve.NORMAL, solve.STRONGER]  # no third attempt
     np.testing.assert_allclose(result.eigenvalues, expected.eigenvalues, rtol=1e-9)
 
 
