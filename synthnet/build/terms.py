@@ -32,9 +32,7 @@ class Terms:
     digest: str  # the recipe's, as this process computed it
     packages: Mapping[str, str]  # the versions this process has
     processor: str  # its kind: the last digits of a label depend on it
-    blas: (
-        str  # the kernels of linear algebra of NumPy and SciPy; the last digits depend on them too
-    )
+    blas: str  # the kernels of NumPy and SciPy: the last digits depend on these, too
     directory: Location  # where the dataset is to be
 
 

@@ -57,7 +57,7 @@ class Verdict:
         Of each answer that is not: its index from 1, and the eigenvalue that it stands for. Of the
         first ten it has six digits, of the others it is known to a hundredth.
     missed : tuple of int
-        Int32s, from 1, of the eigenvalues that no answer stands for.
+        Indices, from 1, of the eigenvalues that no answer stands for.
     shift : float
         Up to which all this is known, in 1/length².
     count : int
