@@ -22,11 +22,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from synthnet.mesh.adjacency import connected, edge_keys
+from synthnet.spectrum.arrays import Floats, Int64s
 from synthnet.types import Mesh
 
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
-Chart: TypeAlias = Callable[[Integers, Floats], Floats]
+Chart: TypeAlias = Callable[[Int64s, Floats], Floats]
 
 SAME = 1e-7  # of the surface's extent: corners of patches so near are one
 
@@ -45,27 +44,27 @@ class Charted:
         Chart of each face.
     """
 
-    faces: Integers
+    faces: Int64s
     corners: Floats
-    charts: Integers
+    charts: Int64s
 
     @property
     def n_vertices(self) -> int:
         """Number of vertices."""
         return int(self.faces.max()) + 1
 
-    def first_corners(self) -> Integers:
+    def first_corners(self) -> Int64s:
         """Return of each vertex the first of the 3m corners that is there, shape (n,)."""
         _, first = np.unique(self.faces.ravel(), return_index=True)
         return first.astype(np.int64)
 
-    def edges(self) -> tuple[Integers, Integers]:
+    def edges(self) -> tuple[Int64s, Int64s]:
         """Return the edges, shape (e, 2), and of each face that from corner i to i + 1, (m, 3)."""
         unique, of_side = np.unique(edge_keys(self.faces), return_inverse=True)
         edges = np.stack(np.divmod(unique, self.n_vertices), axis=1)
         return edges, of_side.reshape(-1, 3)
 
-    def numbered(self, n: int) -> Integers:
+    def numbered(self, n: int) -> Int64s:
         """Number the points of a lattice in every face, those on a common edge once.
 
         Corners come first, then the points on edges, then inner ones.
@@ -115,11 +114,11 @@ class Atlas:
     """
 
     corners: Floats
-    charts: Integers
+    charts: Int64s
     chart: Chart
     singular: NDArray[np.bool_] | None = None
 
-    def glued(self) -> Integers:
+    def glued(self) -> Int64s:
         """Return the corners' vertex numbers, shape (p, 3): images that meet are one vertex.
 
         Raises
@@ -131,7 +130,7 @@ class Atlas:
         near = cKDTree(points).query_pairs(
             SAME * float(np.ptp(points, axis=0).max()), output_type="ndarray"
         )
-        faces: Integers = connected(len(points), *near.T).reshape(-1, 3)
+        faces: Int64s = connected(len(points), *near.T).reshape(-1, 3)
         _, of_side = Charted(faces, self.corners, self.charts).edges()
         repeated = faces == np.roll(faces, 1, axis=1)
         if np.bincount(of_side.ravel()).max() > 2 or repeated.any():
@@ -220,13 +219,13 @@ def _flat(corners: Floats) -> Floats:
     return corners.reshape(-1, corners.shape[2])
 
 
-def lattice(n: int) -> tuple[Integers, Integers]:
+def lattice(n: int) -> tuple[Int64s, Int64s]:
     """Return the numbers i, j ≥ 0 with i + j ≤ n, those of corners 2 and 3 in a face's lattice."""
     i, j = np.indices((n + 1, n + 1), dtype=np.int64)
     return i[i + j <= n], j[i + j <= n]
 
 
-def glue_charts(parts: Sequence[Floats]) -> tuple[Floats, Integers]:
+def glue_charts(parts: Sequence[Floats]) -> tuple[Floats, Int64s]:
     """Put the patches of charts 0, 1, ... together: corners (p, 3, d) and charts (p,)."""
     charts = np.repeat(np.arange(len(parts)), [len(corners) for corners in parts])
     return np.concatenate(parts), charts.astype(np.int64)

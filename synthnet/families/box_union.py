@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.families import boxes as of_boxes
-from synthnet.families.atlas import Atlas, Floats, borders
+from synthnet.families.atlas import Atlas, borders
 from synthnet.families.charted import charted
+from synthnet.spectrum.arrays import Floats
 
 GRID = 3  # cells of the grid in each direction
 PASSES = 4  # so often each cell may be taken

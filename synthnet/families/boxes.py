@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from synthnet.families.atlas import Atlas, Floats, Integers
+from synthnet.families.atlas import Atlas
 from synthnet.families.polyhedra import polyhedron
+from synthnet.spectrum.arrays import Floats, Int64s
 
 AROUND = ((1, 2), (2, 0), (0, 1))  # of each axis the two others, which turn about it
 # A square from (0, 0) to (2, 2) in eight triangles, each with one corner of the square.
@@ -58,7 +59,7 @@ def boundary(filled: NDArray[np.bool_], planes: Sequence[Floats]) -> Atlas:
     return polyhedron(*points.reshape(-1, *SQUARE.shape[:2], 3), singular=reentrant)
 
 
-def _at(planes: Floats, halves: Integers) -> Floats:
+def _at(planes: Floats, halves: Int64s) -> Floats:
     """Return the coordinates of half cells."""
     return np.asarray((planes[halves // 2] + planes[(halves + 1) // 2]) / 2)
 

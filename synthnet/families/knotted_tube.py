@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats, Integers, rectangle, rows
+from synthnet.families.atlas import Atlas, rectangle, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
+from synthnet.spectrum.arrays import Floats, Int64s
 
 KNOTS = ((1, 2), (1, 3), (2, 3), (3, 2), (2, 5), (3, 4))  # times round the axis, and the tube
 RADIUS = 0.45  # the knot winds on a torus of this radius about the unit circle
@@ -18,7 +19,7 @@ def atlas(*, knot: int, thickness: float) -> Atlas:
     core = _curve(np.linspace(0, 2 * math.pi, 721)[:-1], round_axis, round_tube)
     radius = thickness * _reach(core[0], core[1])
 
-    def chart(_: Integers, u: Floats) -> Floats:
+    def chart(_: Int64s, u: Floats) -> Floats:
         along, around = u.T
         points, tangents, normals = _curve(along, round_axis, round_tube)
         binormals = np.cross(tangents, normals)

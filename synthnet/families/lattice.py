@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.families import boxes
-from synthnet.families.atlas import Atlas, Floats, borders
+from synthnet.families.atlas import Atlas, borders
 from synthnet.families.charted import charted
 from synthnet.families.family import SHORTEST
+from synthnet.spectrum.arrays import Floats
 
 LEFT_OUT = 0.25  # of the struts, about: none without which the lattice would fall apart
 

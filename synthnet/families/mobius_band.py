@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats, Integers, rectangle, rows
+from synthnet.families.atlas import Atlas, rectangle, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
+from synthnet.spectrum.arrays import Floats, Int64s
 
 
 def atlas(*, width: float, half_turns: int) -> Atlas:
@@ -20,7 +21,7 @@ def atlas(*, width: float, half_turns: int) -> Atlas:
     if half_turns % 2 == 0:
         raise ValueError(f"mobius_band: half_turns must be odd, got {half_turns}")
 
-    def chart(_: Integers, u: Floats) -> Floats:
+    def chart(_: Int64s, u: Floats) -> Floats:
         around, across = u.T
         turned = half_turns * around / 2
         out = 1 + across * np.cos(turned)

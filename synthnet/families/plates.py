@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats, Integers, glue_charts, rectangle, rows
+from synthnet.families.atlas import Atlas, glue_charts, rectangle, rows
 from synthnet.families.polyhedra import flat
+from synthnet.spectrum.arrays import Floats, Int64s
 
 OUTWARD = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])  # from a cell's four sides
 ALONG = np.roll(OUTWARD, -1, axis=0)  # counter-clockwise
@@ -38,7 +39,7 @@ class Plate:
         """Of its surface: 2 − 2g for g holes."""
         return 2 - 2 * int(np.count_nonzero(self.holes))
 
-    def atlas(self, bend: Callable[[Integers, Floats], Floats] | None = None) -> Atlas:
+    def atlas(self, bend: Callable[[Int64s, Floats], Floats] | None = None) -> Atlas:
         """Return the surface in charts: of each side of each cell above, below and the walls.
 
         A cell without a hole has the coordinates of space. A side of another has these: 0 to 1 from
@@ -55,7 +56,7 @@ class Plate:
         parts = [(side, patches) for side in sides for patches in self._patches(*side)]
         columns = np.array([column for (column, _, _), _ in parts])
 
-        def chart(charts: Integers, u: Floats) -> Floats:
+        def chart(charts: Int64s, u: Floats) -> Floats:
             points = u.copy()
             for number in np.unique(charts):
                 here = charts == number

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families.atlas import SAME, Atlas, Floats, glue_charts, rectangle, rows
+from synthnet.families.atlas import SAME, Atlas, glue_charts, rectangle, rows
+from synthnet.spectrum.arrays import Floats
 
 
 def polyhedron(*faces: Floats, singular: Floats | None = None) -> Atlas:

@@ -9,9 +9,10 @@ import math
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats, Integers, glue_charts, rectangle
+from synthnet.families.atlas import Atlas, glue_charts, rectangle
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
+from synthnet.spectrum.arrays import Floats, Int64s
 
 
 def atlas(*, genus: int, hole: float, thickness: float, stretch: float, bend: float) -> Atlas:
@@ -30,7 +31,7 @@ def atlas(*, genus: int, hole: float, thickness: float, stretch: float, bend: fl
     middles = 2 * half * np.arange(genus, dtype=np.float64)
     centres = centre * _on_circle(middles)
 
-    def chart(charts: Integers, u: Floats) -> Floats:
+    def chart(charts: Int64s, u: Floats) -> Floats:
         away, around = u.T
         # Quadratic at the rims, where z is the root of the distance, linear within.
         inner = np.clip(np.abs(around) - 1, 0, 1)

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families.atlas import Floats, Integers
 from synthnet.mesh.adjacency import connected
 from synthnet.mesh.open3d import from_open3d, load_open3d
 from synthnet.mesh.repair import compact
+from synthnet.spectrum.arrays import Floats, Int64s
 from synthnet.types import Mesh
 
 PLANE = 1e-9  # distance under which a point lies on a plane, or two points are one
@@ -83,7 +83,7 @@ def join_hemispheres(left: Mesh, right: Mesh) -> Mesh:
     return compact(Mesh(points, _fan_flat_facets(points, faces)))
 
 
-def _points_of_halves(left: Mesh, right: Mesh) -> tuple[Floats, tuple[Integers, Integers]]:
+def _points_of_halves(left: Mesh, right: Mesh) -> tuple[Floats, tuple[Int64s, Int64s]]:
     """Return the points of both halves, and the number there of each vertex, −1 if none."""
     kept = (
         np.flatnonzero(left.vertices[:, 0] <= PLANE),
@@ -104,18 +104,18 @@ def _points_of_halves(left: Mesh, right: Mesh) -> tuple[Floats, tuple[Integers, 
     return points[unique], (numbers[0], numbers[1])
 
 
-def _facets_beyond(mesh: Mesh, number: Integers, side: int) -> Integers:
+def _facets_beyond(mesh: Mesh, number: Int64s, side: int) -> Int64s:
     """Return the faces of a sphere whose caps lie on one side of x = 0, renumbered."""
     a = mesh.vertices[mesh.faces[:, 0]]
     normals = _unit_normals(mesh.vertices, mesh.faces)
     height = (normals * a).sum(axis=1) / np.linalg.norm(a, axis=1)
     nearest = np.arccos(np.clip(side * normals[:, 0], -1, 1)) + np.arccos(np.clip(height, -1, 1))
     faces = number[mesh.faces]
-    known: Integers = faces[(nearest < np.pi / 2 - CLEAR) & (faces >= 0).all(axis=1)]
+    known: Int64s = faces[(nearest < np.pi / 2 - CLEAR) & (faces >= 0).all(axis=1)]
     return known
 
 
-def _band(points: Floats, known: Integers) -> Integers:
+def _band(points: Floats, known: Int64s) -> Int64s:
     """Return the facets of the hull that the known ones leave open."""
     n = len(points)
     tails, heads = known.ravel(), np.roll(known, -1, axis=1).ravel()
@@ -136,19 +136,19 @@ def _band(points: Floats, known: Integers) -> Integers:
     return faces[np.isin(part, part[touching])]
 
 
-def _closed(faces: Integers, n: int) -> bool:
+def _closed(faces: Int64s, n: int) -> bool:
     """Whether every edge has its opposite, once."""
     forward, backward = (np.sort(keys) for keys in _half_edges(faces, n))
     return bool((forward == backward).all() and (np.diff(forward) > 0).all())
 
 
-def _half_edges(faces: Integers, n: int) -> tuple[Integers, Integers]:
+def _half_edges(faces: Int64s, n: int) -> tuple[Int64s, Int64s]:
     """Return a number of each half-edge 3 f + i of n vertices, and that of its opposite."""
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     return tails * n + heads, heads * n + tails
 
 
-def _neighbours(keys: Integers, opposite: Integers) -> Integers:
+def _neighbours(keys: Int64s, opposite: Int64s) -> Int64s:
     """Return for each half-edge of a closed surface the face of its opposite."""
     order = np.argsort(keys)
     return order[np.searchsorted(keys[order], opposite)] // 3
@@ -174,16 +174,16 @@ def convex_hull(points: Floats) -> Mesh:
     return compact(Mesh(points, _fan_flat_facets(points, _hull(points))))
 
 
-def _hull(points: Floats) -> Integers:
+def _hull(points: Floats) -> Int64s:
     """Triangulate the convex hull by Open3D: faces of shape (m, 3), oriented outwards."""
     o3d = load_open3d()
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     hull, kept = cloud.compute_convex_hull()
-    faces: Integers = np.asarray(kept, dtype=np.int64)[np.asarray(hull.triangles)]
+    faces: Int64s = np.asarray(kept, dtype=np.int64)[np.asarray(hull.triangles)]
     return faces
 
 
-def _fan_flat_facets(points: Floats, faces: Integers) -> Integers:
+def _fan_flat_facets(points: Floats, faces: Int64s) -> Int64s:
     """Put the faces of a hull into a normal form.
 
     Where more than three hull vertices lie in one plane, the triangulation of that

@@ -5,7 +5,8 @@ from itertools import combinations
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats, Integers
+from synthnet.families.atlas import Atlas
+from synthnet.spectrum.arrays import Floats, Int64s
 
 GOLDEN = (1 + np.sqrt(5)) / 2
 CORNERS = np.array(
@@ -42,7 +43,7 @@ def radial(distance: Callable[[Floats], Floats]) -> Atlas:
         From unit vectors of shape (n, 3) to positive numbers (n,).
     """
 
-    def chart(_: Integers, u: Floats) -> Floats:
+    def chart(_: Int64s, u: Floats) -> Floats:
         directions = u / np.linalg.norm(u, axis=1, keepdims=True)
         return np.asarray(directions * distance(directions)[:, None])
 

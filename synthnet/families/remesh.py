@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families.atlas import SAME, Atlas, Charted, Floats, Integers
+from synthnet.families.atlas import SAME, Atlas, Charted
 from synthnet.kernels import kernel
 from synthnet.mesh.adjacency import edge_keys, joined_half_edges
+from synthnet.spectrum.arrays import Floats, Int64s
 
 REACH = 0.4  # how far a vertex moves towards the far side of a triangle beside it, at most
 HALF = 1e-6  # of the width: so far from the plane a triangle counts as beyond it
@@ -161,7 +162,7 @@ def delaunay(atlas: Atlas, mesh: Charted) -> Charted:
     return Charted(faces, flat[corner_of], mesh.charts)
 
 
-def _next(half_edges: Integers) -> Integers:
+def _next(half_edges: Int64s) -> Int64s:
     return half_edges - half_edges % 3 + (half_edges + 1) % 3
 
 
@@ -177,9 +178,9 @@ def _cotangent(p: Floats, q: Floats, r: Floats) -> tuple[float, float, float, fl
 @kernel
 def _flip(
     points: Floats,
-    faces: Integers,
-    corner_of: Integers,
-    twin: Integers,
+    faces: Int64s,
+    corner_of: Int64s,
+    twin: Int64s,
     fixed: NDArray[np.bool_],
 ) -> None:
     """Flip edges in place, from a stack, until every edge is Delaunay or each had ten turns.
@@ -210,7 +211,7 @@ def _flip(
 
 
 @kernel
-def _improves(points: Floats, face: Integers, twins: Integers, h: int) -> bool:
+def _improves(points: Floats, face: Int64s, twins: Int64s, h: int) -> bool:
     """Return whether to flip half-edge h: it is not Delaunay, and the flip gives a surface."""
     t = twins[h]
     h1, h2 = h - h % 3 + (h + 1) % 3, h - h % 3 + (h + 2) % 3
@@ -230,7 +231,7 @@ def _improves(points: Floats, face: Integers, twins: Integers, h: int) -> bool:
 
 @kernel
 def _turn(
-    face: Integers, origin: Integers, twins: Integers, stays: NDArray[np.bool_], h: int
+    face: Int64s, origin: Int64s, twins: Int64s, stays: NDArray[np.bool_], h: int
 ) -> tuple[int, int, int, int]:
     """Flip half-edge h in its two faces; return the half-edges of the four sides around them."""
     t = twins[h]
@@ -262,7 +263,7 @@ def _turn(
 
 
 @kernel
-def _joined(face: Integers, twins: Integers, start: int, c: int, d: int) -> bool:
+def _joined(face: Int64s, twins: Int64s, start: int, c: int, d: int) -> bool:
     """Return whether an edge joins c, where half-edge ``start`` begins, to d already.
 
     The walk round c ends at the border, and where neighbours turn the other way (on a Möbius band).

@@ -8,7 +8,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats, Integers, glue_charts, rectangle
+from synthnet.families.atlas import Atlas, glue_charts, rectangle
+from synthnet.spectrum.arrays import Floats, Int64s
 
 Profile: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
 Corner: TypeAlias = tuple[float, float]  # radius and height
@@ -66,7 +67,7 @@ def revolution(pieces: Sequence[Piece], sectors: int = SECTORS) -> Atlas:
     theta = np.linspace(0, 2 * math.pi, sectors + 1)
     patches = [_patches(piece, theta) for piece in pieces]
 
-    def chart(charts: Integers, u: Floats) -> Floats:
+    def chart(charts: Int64s, u: Floats) -> Floats:
         points = np.empty((len(u), 3))
         for number, piece in enumerate(pieces):
             here = charts == number

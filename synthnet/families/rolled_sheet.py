@@ -3,16 +3,17 @@
 import numpy as np
 
 from synthnet.families import flat_rectangle
-from synthnet.families.atlas import Atlas, Floats, Integers
+from synthnet.families.atlas import Atlas
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
+from synthnet.spectrum.arrays import Floats, Int64s
 
 
 def atlas(*, width: float, height: float, angle: float) -> Atlas:
     """Part of a cylinder about the y axis, ``angle`` radians of it over its width."""
     radius = width / angle
 
-    def chart(_: Integers, u: Floats) -> Floats:
+    def chart(_: Int64s, u: Floats) -> Floats:
         turn = u[:, 0] / radius
         return np.stack([radius * np.sin(turn), u[:, 1], radius * np.cos(turn)], axis=1)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats, Integers, glue_charts, rectangle, rows
+from synthnet.families.atlas import Atlas, glue_charts, rectangle, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import SHORTEST
+from synthnet.spectrum.arrays import Floats, Int64s
 
 SIGNS = (1.0, -1.0)
 AXES = np.eye(3)
@@ -47,7 +48,7 @@ def atlas(*, width: float, height: float, depth: float, fillet: float) -> Atlas:
         patch = np.hstack([point, signs * AXES])[None]
         parts.append(patch if signs.prod() > 0 else patch[:, ::-1])
 
-    def chart(_: Integers, u: Floats) -> Floats:
+    def chart(_: Int64s, u: Floats) -> Floats:
         directions = u[:, 3:] / np.linalg.norm(u[:, 3:], axis=1, keepdims=True)
         return np.asarray(u[:, :3] + radius * directions)
 

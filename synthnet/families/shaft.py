@@ -6,9 +6,10 @@ from itertools import pairwise
 import numpy as np
 
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, Floats, borders, rows
+from synthnet.families.atlas import Atlas, borders, rows
 from synthnet.families.charted import charted
 from synthnet.families.revolution import Corner, turned
+from synthnet.spectrum.arrays import Floats
 
 SLENDER = 0.8  # lengths and radii of steps are 10^-0.8 to 1
 TAPERED = 0.3  # of the steps, about, have another radius at their end

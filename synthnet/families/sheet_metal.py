@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.families.atlas import Atlas, Floats, Integers, borders
+from synthnet.families.atlas import Atlas, borders
 from synthnet.families.charted import charted
 from synthnet.families.family import SHORTEST
 from synthnet.families.plates import Plate
+from synthnet.spectrum.arrays import Floats, Int64s
 
 HEADINGS = np.pi / 4 * np.arange(-2, 3)  # from the x axis: a profile never turns back on itself
 DRILLED = 0.4  # of the flanges' cells, about
@@ -31,7 +32,7 @@ class Part:
     plate: Plate
     headings: Floats
 
-    def bend(self, columns: Integers, points: Floats) -> Floats:
+    def bend(self, columns: Int64s, points: Floats) -> Floats:
         """Return points of the bent part: lengths halfway through the sheet stay as they are."""
         lengths, turns = np.diff(self.plate.x), np.diff(self.headings)
         starts = np.concatenate([[0j], np.cumsum(_chords(lengths, turns, self.headings[:-1]))])

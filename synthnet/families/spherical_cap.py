@@ -5,10 +5,11 @@ import math
 import numpy as np
 
 from synthnet.families import limits
-from synthnet.families.atlas import Atlas, Floats, rows
+from synthnet.families.atlas import Atlas, rows
 from synthnet.families.charted import charted
 from synthnet.families.limits import Arc
 from synthnet.families.revolution import Piece, revolution
+from synthnet.spectrum.arrays import Floats
 
 
 def atlas(*, angle: float) -> Atlas:

@@ -28,9 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet.errors import SpectrumError
-from synthnet.families.atlas import Atlas, Charted, Floats, Integers
+from synthnet.families.atlas import Atlas, Charted
 from synthnet.families.elements import assemble
 from synthnet.families.limits import Limit
+from synthnet.spectrum.arrays import Floats, Int64s
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.search import Setting, search
@@ -96,7 +97,7 @@ def limit(atlas: Atlas, k: int) -> Limit:
         n = min(max(n + 1, ahead), finest)
 
 
-def layers_at(atlas: Atlas) -> Integers:
+def layers_at(atlas: Atlas) -> Int64s:
     """Return how many layers of elements each vertex of the atlas needs, shape (n,)."""
     glued = atlas.glued()
     angles, kinks = _corners(atlas)
@@ -138,7 +139,7 @@ def _corners(atlas: Atlas) -> tuple[Floats, NDArray[np.bool_]]:
     return angles, kinks
 
 
-def triangulation(atlas: Atlas, n: int, layers: Integers) -> Charted:
+def triangulation(atlas: Atlas, n: int, layers: Int64s) -> Charted:
     """Cut every patch into n² triangles, and those at corners into layers.
 
     Parameters
@@ -156,7 +157,7 @@ def triangulation(atlas: Atlas, n: int, layers: Integers) -> Charted:
     return layered(mesh, of_vertex)
 
 
-def layered(mesh: Charted, layers: Integers) -> Charted:
+def layered(mesh: Charted, layers: Int64s) -> Charted:
     """Cut each triangle towards its corner into as many layers as that vertex wants."""
     here = layers[mesh.faces]
     most = int(layers.max(initial=0))
@@ -172,8 +173,8 @@ def layered(mesh: Charted, layers: Integers) -> Charted:
 
 
 def _cut(
-    mesh: Charted, chosen: Integers, corner: int, count: int, most: int
-) -> Iterator[tuple[Integers, Floats, Integers]]:
+    mesh: Charted, chosen: Int64s, corner: int, count: int, most: int
+) -> Iterator[tuple[Int64s, Floats, Int64s]]:
     """Cut chosen triangles into layers; point i of edge e is vertex n + e · most + i."""
     _, of_side = mesh.edges()
     left, right = (corner + 1) % 3, (corner + 2) % 3

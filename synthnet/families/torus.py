@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from synthnet.families import limits, primitives, twisted_torus
-from synthnet.families.atlas import Atlas, Floats
+from synthnet.families.atlas import Atlas
 from synthnet.families.family import POSITIVE, Family
 from synthnet.families.limits import Arc
+from synthnet.spectrum.arrays import Floats
 
 
 def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> Floats:

@@ -4,15 +4,16 @@ import math
 
 import numpy as np
 
-from synthnet.families.atlas import Atlas, Floats, Integers, rectangle, rows
+from synthnet.families.atlas import Atlas, rectangle, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
+from synthnet.spectrum.arrays import Floats, Int64s
 
 
 def atlas(*, tube_radius: float, flatness: float, half_turns: int) -> Atlas:
     """Tube about the unit circle; its ellipse turns by half_turns·π on the way round."""
 
-    def chart(_: Integers, u: Floats) -> Floats:
+    def chart(_: Int64s, u: Floats) -> Floats:
         around, tube = u.T
         turned = half_turns * around / 2
         p, q = tube_radius * np.cos(tube), tube_radius * flatness * np.sin(tube)
