@@ -1,0 +1,76 @@
+"""Learned rows beside each other, by the boards of 2.0: what they see, and what that is worth."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from evidence import ROOT, markdown
+from evidence.real_sets import SETS, board, scores
+from evidence.real_sets import cells as of_set
+
+BOARDS = ROOT / "benchmark" / "boards"
+FAMILIAR = BOARDS / "2.0-test-grouped-surface.json"
+HELD_OUT = BOARDS / "2.0-generalisation-surface.json"
+ROWS = (
+    *("exact", "kriging", "ritz_mlp_surface", "patch_transformer", "boosted_trees"),
+    *("gcn_scale_free", "weyl"),
+)
+PROTOCOLS = {
+    "family": "each family unseen",
+    "genus": "handles unseen",
+    "boundary": "boundaries unseen",
+}
+SEEN = {  # by the files of the rows on real-28: what each has to learn from
+    "exact": "linear elements, solved exactly",
+    "multilevel_masses": "as here: two numbers",
+    "spectrum_mlp": "`spectrum_mlp.py`: the mesh's exact spectrum and 28 numbers, a network",
+    "ritz_mlp_surface": "`ritz_mlp_surface.py`: the 28 numbers, a network",
+    "kriging": "`kriging.py`: ten Ritz values and eight moments",
+}
+
+
+def points_table() -> str:
+    """Return one row per predictor: its error on familiar and on real meshes, and its speed."""
+    familiar = _rows(FAMILIAR)
+    real = [board("2.0", name) for name in SETS]
+    rows = []
+    for code in (f"{row}.py" for row in ROWS):
+        row = familiar[real[0][code]["model"]["name"]]
+        surface = row["scores"]["overall"]
+        rows.append(
+            {
+                "model": row["name"],
+                "rpd": surface["rpd"]["mean"],
+                "psnr20": surface["psnr20"]["mean"],
+                "speed": float(f"{row['speed_against_lapy']:.2g}"),
+                "real": [of_set(scores(found[code], 1))[0] for found in real],
+            }
+        )
+    columns = {
+        "row": "{model}",
+        "RPD ↓": "{rpd:.4f}",
+        "PSNR>20 ↑": "{psnr20:.2%}",
+        "speed against LaPy": "{speed:,g} ×",
+        **{f"RPD ↓, {name}": f"{{real[{i}]}}" for i, name in enumerate(SETS)},
+    }
+    return markdown.columns(rows, columns, "lr")
+
+
+def held_out_table() -> str:
+    """Return the error against the surface of familiar shapes and of those held out of training."""
+    familiar, held_out, real = _rows(FAMILIAR), _rows(HELD_OUT), board("2.0", SETS[0])
+    rows = []
+    for code, seen in SEEN.items():
+        name = real[f"{code}.py"]["model"]["name"]
+        scores = held_out[name]["protocols"]
+        errors = (scores[protocol]["rpd"]["score"] for protocol in PROTOCOLS)
+        known = familiar[name]["scores"]["overall"]["rpd"]["mean"]
+        rows.append([seen, *(f"{error:#.3g}" for error in (known, *errors))])
+    headers = ["row, RPD against the surface of 2.0's test shapes", "familiar shapes"]
+    return markdown.table([*headers, *PROTOCOLS.values()], rows, "lr")
+
+
+def _rows(path: Path) -> dict[str, dict]:
+    """Return the rows of a board by the names of their models."""
+    return {row["name"]: row for row in json.loads(path.read_text())["rows"]}
