@@ -9,6 +9,8 @@ SITE ?= site
 export REPOSITORY ?=
 
 STAMP := $(VENV)/.installed
+# One process per core and one thread each: threads of two processes would wait for each other.
+PYTEST := OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n auto --dist loadfile
 
 .DEFAULT_GOAL := help
 .PHONY: help quickstart test test-all lint types docs bench tables page sbom bundle ci clean
@@ -30,10 +32,10 @@ quickstart: $(STAMP) ## install everything, build DATASET, show it and load a fi
 	@echo "Now: . $(VENV)/bin/activate"
 
 test: $(STAMP) ## run the quick tests, one process per core
-	$(VENV)/bin/python -m pytest -n auto --dist loadfile -m "not slow"
+	$(PYTEST) -m "not slow"
 
 test-all: test ## run the quick tests, then the slow ones
-	$(VENV)/bin/python -m pytest -n auto --dist loadfile -m slow
+	$(PYTEST) -m slow
 
 lint: $(STAMP) ## check style and formatting
 	$(VENV)/bin/python -m ruff check
