@@ -104,8 +104,7 @@ def settings_of(options: argparse.Namespace, settings: type[Settings]) -> Settin
 def predict(options: argparse.Namespace) -> int:
     """Run a predictor over a split and write its predictions."""
     out: Path = options.out
-    if out.suffix != ".parquet":
-        raise EigbenchError(f"--out must end in .parquet, got {out}")
+    arguments.check_out("--out", out, ".parquet")
     check_file(options.predictor)
     directory = score.dataset_of(options)
     labels = score.labels_of(options, directory)
