@@ -30,6 +30,7 @@ from synthnet.terminal import print_answer
 
 Settings = TypeVar("Settings", bound=box.Settings)
 CORRECTED = 1.5  # by how much an estimate of time is off when it is told anew
+CHANGED = "code, settings, machine or packages have changed"  # since an interrupted run
 UNHELD = (
     "warning: no sandbox works here, so the file's code runs with your rights: install bubblewrap "
     "(--no-sandbox leaves this line out)"
@@ -217,7 +218,7 @@ def answers(
             settings,
             parts,
             on_batch=on_batch,
-            on_restart=lambda: console.print("code or settings have changed: starting anew"),
+            on_restart=lambda: console.print(f"{CHANGED}: starting anew"),
             on_loaded=on_start,
             sets=sets,
         )
