@@ -51,8 +51,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     out: Path = options.out
     kept: Path = options.predictions or out.with_suffix(".parquet")
     for name, path, suffix in (("--out", out, ".json"), ("--predictions", kept, ".parquet")):
-        if path.suffix != suffix:
-            raise EigbenchError(f"{name} must end in {suffix}, got {path}")
+        arguments.check_out(name, path, suffix)
     check_file(options.predictor)
     directory = score.dataset_of(options)
     labels = score.labels_of(options, directory)

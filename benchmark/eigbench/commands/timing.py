@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from tabulate import tabulate
 
+from eigbench import results
 from eigbench.board.tables import number
 from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
@@ -54,6 +55,9 @@ def run_time(options: argparse.Namespace) -> int:
         check_file(path)
     if unknown := [path for path in options.against if path not in paths]:
         raise EigbenchError(f"--against {unknown[0]}: name it among the predictors too")
+    arguments.check_out("--out", options.out, ".json")
+    if options.out.exists() and "timing_version" not in results.load(options.out):
+        raise EigbenchError(f"{options.out} holds no times of `eigbench time`: give another --out")
     settings = predict.settings_of(options, Settings)
     make_parent(options.out)
     labels = truth.load(options.dataset)

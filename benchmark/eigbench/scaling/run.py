@@ -5,7 +5,7 @@ others go on. The result is written anew after every mesh, so what is finished i
 """
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -73,7 +73,8 @@ def run(
     if out.exists() and not settings.resume:
         raise EigbenchError(f"{out} is there already: --resume adds what it lacks, or give another")
     result = _described(path, settings)
-    done = _done(out, result, settings) if out.exists() else {}
+    asked = {(expected.surface, expected.size) for expected in chosen}
+    done = _done(out, result, settings, asked) if out.exists() else {}
     with contextlib.ExitStack() as stack:
         peer: PredictorProcess | None = None
         for expected in chosen:
@@ -117,9 +118,9 @@ def _described(path: Path, settings: Settings) -> dict[str, Any]:
 
 
 def _done(
-    out: Path, result: dict[str, Any], settings: Settings
+    out: Path, result: dict[str, Any], settings: Settings, chosen: Set[tuple[str, int]]
 ) -> dict[tuple[str, int], dict[str, Any]]:
-    """Return the meshes of an earlier run, without those that broke a limit that is higher now."""
+    """Return the meshes of an earlier run, without the chosen that broke a limit now higher."""
     earlier = scaling_results.read(out)
     for part in ("model", "cost", "environment"):
         before, now = earlier.result[part], result[part]
@@ -136,7 +137,7 @@ def _done(
         name, limit = again.get(mesh["outcome"], ("time_limit", 0.0))
         return bool(mesh[name] >= limit)
 
-    return {key: mesh for key, mesh in earlier.meshes.items() if stays(mesh)}
+    return {k: mesh for k, mesh in earlier.meshes.items() if k not in chosen or stays(mesh)}
 
 
 def _measured(

@@ -183,6 +183,37 @@ def test_files_are_never_written_under_a_name_that_belongs_to_another_format(
     assert len(err.splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        ("my_model.2.0.parquet", ["evaluate", "--out", "my_model.2.0.json"]),
+        ("my_model.json", ["evaluate", "--out", "my_model.json"]),
+        ("p.parquet", ["evaluate", "--predictions", "p.parquet"]),
+        ("my_model.parquet", ["predict", "--out", "my_model.parquet"]),
+        ("my_model.json", ["time", "--out", "my_model.json"]),
+        ("my_model.json", ["scale", "--resume", "--out", "my_model.json"]),
+    ],
+)
+def test_nothing_but_an_output_is_overwritten_and_no_code_is_run(
+    refused, predictor_file, tmp_path, monkeypatch, name, command
+):
+    monkeypatch.chdir(tmp_path)
+    path = predictor_file("raise RuntimeError('run')")
+    weights = b'{"layers": 3}' if name.endswith(".json") else b"PAR1 weights PAR1"
+    (tmp_path / name).write_bytes(weights)
+    lines = refused(command[0], path, *command[1:]).splitlines()
+    option = "--predictions" if command[0] == "evaluate" and ".parquet" in name else "--out"
+    said = f"is there, and no output of eigbench: give another {option}, or move it away"
+    assert lines == [f"eigbench: {name} {said}"]
+    assert (tmp_path / name).read_bytes() == weights
+    assert not list(tmp_path.glob(".*.parts"))
+
+
+def test_times_replace_no_other_result(refused, weyl, weyl_copy):
+    err = refused("time", weyl.code, "--out", weyl_copy)
+    assert err == f"eigbench: {weyl_copy} holds no times of `eigbench time`: give another --out\n"
+
+
 # --- check -----------------------------------------------------------------------------
 
 

@@ -10,6 +10,7 @@ import psutil
 import pytest
 from eigbench.errors import PredictorError
 from eigbench.running import meshes, record, rerun, usage
+from eigbench.running import process as process_module
 from eigbench.running.box import Settings
 from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.running.process import Loaded, PredictorProcess, Status
@@ -149,6 +150,55 @@ def test_a_control_group_counts_every_child(predictor_file):
     _, answered, status = asked(predictor_file(SHORT))
     assert status.counted_by["processor_time"] == "control group"
     assert 2.0 <= answered.cpu_seconds < 4.0
+
+
+# A child that computes for as long as it is there, or a thread for some time after each answer.
+UNASKED = """
+import os, threading, time
+import numpy as np
+
+def burn(seconds):
+    end = time.thread_time() + seconds
+    while time.thread_time() < end: pass
+
+def predict(meshes):
+    threading.Timer(0.0, burn, [SECONDS]).start()
+    return np.ones((len(meshes), 10))
+"""
+CHILD = UNASKED.replace("def predict", "if os.fork() == 0: burn(600)\n\ndef predict")
+
+
+@linux
+@pytest.mark.parametrize("counted", ["control group", "process tree"])
+@pytest.mark.parametrize("code", [CHILD.replace("SECONDS", "0"), UNASKED.replace("SECONDS", "1")])
+def test_a_predictor_that_works_while_it_is_not_asked_is_refused(
+    code, counted, predictor_file, monkeypatch
+):
+    if counted == "process tree":
+        monkeypatch.setattr(usage, "own_directory", lambda: None)
+    monkeypatch.setattr(process_module, "UNASKED", 0.2)
+    with PredictorProcess(predictor_file(code), 10, Settings()) as process:
+        process.predict(["a"], meshes.warming(1))
+        time.sleep(2)
+        said = r"^my_model\.py works while it is not asked, .* in its batches: let it rest"
+        with pytest.raises(PredictorError, match=said):
+            process.status()
+
+
+@linux
+@pytest.mark.parametrize("counted", ["control group", "process tree"])
+def test_what_a_thread_spins_for_after_a_batch_and_what_status_takes_is_spared(
+    counted, predictor_file, monkeypatch
+):
+    if counted == "process tree":
+        monkeypatch.setattr(usage, "own_directory", lambda: None)
+    monkeypatch.setattr(process_module, "UNASKED", 0.05)
+    code = UNASKED.replace("SECONDS", "0.003")
+    with PredictorProcess(predictor_file(code), 10, Settings()) as process:
+        for _ in range(40):
+            process.predict(["a"], meshes.warming(1))
+            time.sleep(0.01)
+            process.status()
 
 
 ORPHANS = """

@@ -206,6 +206,17 @@ def test_resume_adds_what_is_missing_and_tries_again_what_a_higher_limit_allows(
     assert result["meshes"][:2] == first
 
 
+def test_a_higher_limit_drops_no_mesh_that_is_not_chosen(predictor_file, out, only):
+    only(ONE)
+    code = predictor_file(AT_TEN_THOUSAND.format("time.sleep(60)"))
+    first = scaling_run.run(code, [10_000], Settings(time_limit=1.0), out)["meshes"]
+    assert [mesh["outcome"] for mesh in first] == ["over time"]
+    scaling_run.run(code, [1_000], Settings(time_limit=2.0, resume=True), out)
+    both = scaling_results.read(out).result["meshes"]
+    assert [mesh["outcome"] for mesh in both] == ["answered", "over time"]
+    assert both[1:] == first
+
+
 def test_resume_refuses_what_other_code_or_settings_have_made(predictor_file, out, only):
     only(ONE)
     code = predictor_file(EIGHTY)
