@@ -373,6 +373,50 @@ def test_gifti():
     assert "it has no points" in refused(gifti.GiftiImage(darrays=arrays[1:]).to_bytes(), ".gii")
 
 
+@pytest.mark.parametrize(
+    ("points", "triangles", "message"),
+    [
+        (np.eye(4)[:, :3], [[0, 1, 2, 3]], "its triangles are 1 x 4 of int32, not rows of three"),
+        (np.eye(4)[:, :3], [[0, 1, 2, 3]] * 3, "its triangles are 3 x 4 of int32, not rows of"),
+        (np.eye(4)[:, :3], [0, 1, 2], "its triangles are 3 of int32, not rows of three whole"),
+        (np.eye(6)[:, :2], [[0, 1, 2]], "its points are 6 x 2 of float32, not rows of three"),
+        (np.eye(4)[:, :2], [[0, 1, 2]], "its points are 4 x 2 of float32, not rows of three"),
+    ],
+)
+def test_gifti_of_other_arrays_is_refused(points, triangles, message):
+    gifti = pytest.importorskip("nibabel").gifti
+    arrays = [
+        gifti.GiftiDataArray(np.array(points, np.float32), "NIFTI_INTENT_POINTSET"),
+        gifti.GiftiDataArray(np.array(triangles, np.int32), "NIFTI_INTENT_TRIANGLE"),
+    ]
+    whole = gifti.GiftiImage(darrays=arrays).to_bytes()
+    assert refused(whole, ".gii").startswith(f"no GIfTI file of triangles: {message}")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<html><body/></html>", "no GIfTI file: it is XML without an element GIFTI"),
+        ("<Data>1 2</Data>", "cut off or no GIfTI file ("),
+        ("<GIFTI><Name>a</Name></GIFTI>", "cut off or no GIfTI file (GiftiParseError)"),
+        ("<GIFTI><CoordinateSystemTransformMatrix/></GIFTI>", "cut off or no GIfTI file ("),
+        (
+            f'<GIFTI><DataArray Dimensionality="1" Dim0="{2**70}"><Data>1</Data>'
+            "</DataArray></GIFTI>",
+            "cut off or no GIfTI file (",
+        ),
+        ('<?xml version="1.0" encoding="no"?><GIFTI/>', "cut off or no GIfTI file ("),
+        (
+            '<GIFTI><DataArray Intent="NIFTI_INTENT_POINTSET"/></GIFTI>',
+            "no GIfTI file: its points are without data",
+        ),
+    ],
+)
+def test_xml_that_is_no_gifti_is_refused(text, message):
+    pytest.importorskip("nibabel")
+    assert refused(text, ".gii").startswith(message)
+
+
 def test_freesurfer(tmp_path):
     freesurfer = pytest.importorskip("nibabel").freesurfer
     path = tmp_path / "lh.pial"
