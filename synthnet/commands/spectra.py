@@ -139,28 +139,35 @@ def run_spectrum(options: argparse.Namespace) -> int:
     """Compute spectra, print their table and write them."""
     if options.out is not None and options.out.suffix != ".csv":
         raise AnswerError(f"--out must end in .csv, got {options.out}")
-    answers = []
     operator = _operator(options)
+    if options.out is not None:
+        make_parent(options.out)
+    answers = []
     console = Console(stderr=True)
     with Reader() as reader, console.status("") as status:
         for number, file in enumerate(options.files, start=1):
             status.update(f"{_printable(file.name)} ({number} of {len(options.files)})")
             answers.append(_answer(reader, file, options.k, operator, mended=options.repair))
-    if options.out is not None:
-        make_parent(options.out)
-        write_text(options.out, _as_csv(answers, options.k))
-    if options.json:
-        print_json([_facts(answer) for answer in answers])
-    else:
-        print(_table(answers, options.k))
+    written = ""
+    try:
         if options.out is not None:
-            print(f"\nwritten to {options.out}")
+            write_text(options.out, _as_csv(answers, options.k))
+            written = f"\n\nwritten to {options.out}"
+    finally:  # the work is shown, though the disk may be full
+        _print(answers, options, written)
+    return terminal.WRONG_INPUT if any(answer.problem for answer in answers) else 0
+
+
+def _print(answers: list[Answer], options: argparse.Namespace, written: str) -> None:
+    """Print the table, and what there is to say of each file."""
+    terminal.print_answer(
+        options, [_facts(answer) for answer in answers], _table(answers, options.k) + written
+    )
     for answer in answers:
         if answer.spectrum is not None and answer.spectrum.components > 1:
             print(_of_components(answer.file, answer.spectrum.components), file=sys.stderr)
         for message in (*answer.warnings, *filter(None, [answer.problem])):
             print(f"synthnet: {_printable(answer.file)}: {message}", file=sys.stderr)
-    return terminal.WRONG_INPUT if any(answer.problem for answer in answers) else 0
 
 
 def run_certify(options: argparse.Namespace) -> int:

@@ -33,6 +33,22 @@ def test_no_mesh_is_overwritten_by_its_spectrum(run, files):
     assert files[0].read_bytes() == before
 
 
+def test_a_place_that_cannot_be_written_is_named_before_the_work(run, files, monkeypatch):
+    monkeypatch.setattr("synthnet.commands.spectra._answer", None)
+    line = only_line(*run("spectrum", files[0], "--out", "/proc/nowhere/spectra.csv"))
+    assert line.startswith("synthnet: cannot write to /proc/nowhere (")
+
+
+def test_spectra_that_cannot_be_written_are_shown(run, files, tmp_path):
+    out = tmp_path / "spectra.csv"
+    out.mkdir()
+    code, table, err = run("spectrum", files[0], "--out", out)
+    assert code == 2
+    assert table.splitlines()[2].startswith("a.ply")
+    assert "written to" not in table
+    assert err == f"synthnet: cannot write {out} (Is a directory)\n"
+
+
 def test_spectra_of_files_are_shown_written_and_certified(run, printed, files, tmp_path):
     out = tmp_path / "made" / "spectra.csv"
     code, table, err = run("spectrum", *files, "-k", 12, "--out", out)
