@@ -154,7 +154,7 @@ def report(program: str, options: argparse.Namespace, error: Exception) -> int:
     """Say what is wrong on one line, after the lines of code if they are wanted; return 2."""
     if options.traceback:
         traceback.print_exception(error)
-    sys.stderr.write(f"{program}: {_line(error)}\n")
+    sys.stderr.write(f"{program}: {one_line(error)}\n")
     return WRONG_INPUT
 
 
@@ -166,7 +166,7 @@ def _check_working_directory() -> None:
         raise ValueError("the working directory was removed: change to another one") from error
 
 
-def _line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """Return an error on one line; of the system's, the file and what is wrong with it."""
     if isinstance(error, MemoryError):
         return f"out of memory: {more_memory('close other programs, or take less at once')}"

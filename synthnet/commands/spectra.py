@@ -220,9 +220,13 @@ def _mesh(reader: Reader, file: Path, operator: Operator, *, mended: bool) -> Re
     Tufted elements take a mesh that is no manifold, so of theirs only an STL file's corners are
     merged: no two of its triangles share one.
     """
-    if file.is_dir():
+    try:
+        directory, other = file.is_dir(), file.exists() and not file.is_file()
+    except OSError as error:  # a name that is too long, a folder that may not be entered
+        raise UnreadableError(f"cannot be opened ({error.strerror})") from error
+    if directory:
         raise UnreadableError("a directory: name files, or `synthnet import` it")
-    if file.exists() and not file.is_file():
+    if other:
         raise UnreadableError("a pipe or a device: save it to a file")
     mesh = reader.read(file)
     if not mended:
@@ -263,17 +267,20 @@ def _operator(options: argparse.Namespace) -> Operator:
 def _answer(reader: Reader, file: Path, k: int, operator: Operator, *, mended: bool) -> Answer:
     """Compute a spectrum; whatever keeps it from having one is said."""
     try:
-        state = _mesh(reader, file, operator, mended=mended)
-    except (UnreadableError, Refused) as error:
-        return Answer(file, problem=str(error))
+        return _solved(reader, file, k, operator, mended=mended)
+    except (UnreadableError, Refused, SpectrumError, MemoryError) as error:
+        return Answer(file, problem=terminal.one_line(error))
+
+
+def _solved(reader: Reader, file: Path, k: int, operator: Operator, *, mended: bool) -> Answer:
+    """Compute a spectrum, or say what is wrong with k, the mesh or the operator."""
+    state = _mesh(reader, file, operator, mended=mended)
     try:
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             spectrum = compute(
                 state.mesh, k, operator=operator, sharp=operator.elements == "linear"
             )
-    except SpectrumError as error:
-        return Answer(file, problem=str(error))
     except ValueError as error:
         helps = not mended and operator.elements != "tufted" and _would_mend(state.mesh, operator)
         hint = "; without --no-repair what can be mended is" if helps else ""

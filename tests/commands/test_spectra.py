@@ -254,3 +254,23 @@ def test_a_pipe_is_not_waited_for(run, tmp_path):
     code, _, err = run("spectrum", tmp_path / "a.obj")
     assert code == 2
     assert err.endswith("a.obj: a pipe or a device: save it to a file\n")
+
+
+def test_a_file_that_cannot_be_looked_at_loses_no_other(run, files, tmp_path):
+    code, table, err = run("spectrum", tmp_path / f"{'a' * 300}.obj", files[0])
+    assert code == 2
+    first, second = table.splitlines()[2:]
+    assert first.endswith("no spectrum")
+    assert second.startswith("a.ply")
+    assert err.endswith("a.obj: cannot be opened (File name too long)\n")
+
+
+def test_a_solve_that_memory_does_not_hold_loses_no_other_file(run, files, monkeypatch):
+    def exhausted(mesh, *arguments, **options):
+        raise MemoryError
+
+    monkeypatch.setattr("synthnet.commands.spectra.compute", exhausted)
+    code, table, err = run("spectrum", *files[:2])
+    assert code == 2
+    assert table.count("no spectrum") == 2
+    assert err.count("out of memory: ") == 2
