@@ -33,6 +33,7 @@ VALUES = ("eigenvalue", "eigenvalues", "lambda", "λ")  # the name of their colu
 SHOWN = 6  # so many eigenvalues fit in a row of the terminal
 NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)", re.IGNORECASE)
 CELL = re.compile(r'"[^"]*"|[^\s,]+')  # no field of csv, which may have 131,072 characters at most
+BESIDE = ' \t"'  # what may stand beside the words of a cell
 FORMATS = f"a mesh: {', '.join(SUFFIXES)}, or one of these .gz"
 
 
@@ -367,13 +368,14 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
     rows = [(number, CELL.findall(line)) for number, line in enumerate(text.split("\n"), start=1)]
     rows = [(number, cells) for number, cells in rows if cells]
     first = text.strip().partition("\n")[0]
-    names = [name.strip(' "') for name in first.split(",")]
+    names = [name.strip(BESIDE) for name in first.split(",")]
     if "file" in names and "lambda_1" in names:
         rows = [_of_mesh(text, mesh, path)]
     elif _are_names(names):
         if len(names) > 1:  # an empty cell between commas is one
             split = [(number, line.split(",")) for number, line in enumerate(text.split("\n"), 1)]
-            rows = [(n, [cell.strip() for cell in cells]) for n, cells in split if any(cells)]
+            rows = [(n, [cell.strip() for cell in cells]) for n, cells in split]
+            rows = [(n, cells) for n, cells in rows if any(cells)]
         else:
             names = CELL.findall(first)
         rows = _of_column([name.lstrip("# ") for name in names if name != "#"], rows[1:], path)
@@ -424,14 +426,20 @@ def _of_mesh(text: str, mesh: Path, path: Path) -> tuple[int, list[str]]:
         names, *rows = [(reader.line_num, row) for row in reader if row]
     except csv.Error as error:
         raise AnswerError(f"{path} is no table of `synthnet spectrum --out` ({error})") from error
-    columns = [i for i, name in enumerate(names[1]) if name.startswith("lambda_")]
-    file = names[1].index("file")
-    whole = [(line, row) for line, row in rows if len(row) == len(names[1])]
-    mine = [(line, row) for line, row in whole if Path(row[file]).name == mesh.name]
+    header = [name.strip(BESIDE) for name in names[1]]
+    columns = [i for i, name in enumerate(header) if name.startswith("lambda_")]
+    file = header.index("file")
+    whole = [(line, row) for line, row in rows if len(row) == len(header)]
+    mine = [(line, row) for line, row in whole if _is_named(row[file], mesh)]
     if len(mine) != 1:
         raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed")
     ((line, row),) = mine
     return line, [row[i] for i in columns]
+
+
+def _is_named(cell: str, mesh: Path) -> bool:
+    """Return whether the last part of a cell's path is a mesh's name."""
+    return Path(cell.strip(BESIDE)).name == _printable(mesh.name).strip(BESIDE)
 
 
 def _numbers(rows: list[tuple[int, list[str]]], path: Path) -> Iterator[float]:

@@ -120,6 +120,9 @@ def test_an_answer_is_judged(run, files, tmp_path):
         ("# index\teigenvalue\n1\t2.5\n2\t3.5\n", [2.5, 3.5]),
         ("# index,eigenvalue\n1,2.5\n2,3.5\n", [2.5, 3.5]),
         ("k,lambda,error\n1,2.5,\n2,3.5,\n", [2.5, 3.5]),
+        ("eigenvalue,\t\n2.5,\t\n\t\n3.5,\t\n", [2.5, 3.5]),
+        ("id, file, lambda_1, lambda_2\n0, a.ply, 1.5, 2.5\n", [1.5, 2.5]),
+        ('"file", "vertices", "lambda_1"\n"a.ply", 42, 1.5\n', [1.5]),
     ],
 )
 def test_an_answer_is_read_whole(text, values, tmp_path):
