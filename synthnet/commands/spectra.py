@@ -353,7 +353,7 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
     """Return the eigenvalues of a file.
 
     Numbers stand on lines or between commas, one line of names may come first. In a table with the
-    columns ``file`` and ``lambda_1`` and so on, the row of the mesh counts; of columns with other
+    columns ``file`` and ``lambda_1`` and so on, the row of the mesh counts, of several with its name that of its path; of columns with other
     names, the one that is named ``eigenvalue``. Raise AnswerError if the file cannot be read, holds
     no numbers, or no row of the mesh.
     """
@@ -430,9 +430,11 @@ def _of_mesh(text: str, mesh: Path, path: Path) -> tuple[int, list[str]]:
     columns = [i for i, name in enumerate(header) if name.startswith("lambda_")]
     file = header.index("file")
     whole = [(line, row) for line, row in rows if len(row) == len(header)]
-    mine = [(line, row) for line, row in whole if _is_named(row[file], mesh)]
+    named = [(line, row) for line, row in whole if _is_named(row[file], mesh)]
+    mine = [(line, row) for line, row in named if row[file] == _printable(mesh)] or named
     if len(mine) != 1:
-        raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed")
+        which = ": give the path that stands in one of them" if mine else ""
+        raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed{which}")
     ((line, row),) = mine
     return line, [row[i] for i in columns]
 
