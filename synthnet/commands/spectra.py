@@ -177,7 +177,11 @@ def run_certify(options: argparse.Namespace) -> int:
     with Reader() as reader, Console(stderr=True).status(f"counting eigenvalues of {options.mesh}"):
         try:
             state = _mesh(reader, options.mesh, operator, mended=options.repair)
-            verdict = certify(state.mesh, answer, tolerance=options.tolerance, operator=operator)
+            with warnings.catch_warnings(record=True) as warned:
+                warnings.simplefilter("always")
+                verdict = certify(
+                    state.mesh, answer, tolerance=options.tolerance, operator=operator
+                )
             pieces = MeshFacts(state.mesh).n_components
         except (UnreadableError, Refused, ValueError, SpectrumError) as error:
             raise AnswerError(f"{options.mesh}: {error}") from error
@@ -205,6 +209,8 @@ def run_certify(options: argparse.Namespace) -> int:
             print(_of_components(options.mesh, pieces))
         if state.repairs:
             print(f"of the mesh as repaired: {_said(state.repairs)}")
+    for message in _by_options(warned):
+        print(f"synthnet: {_printable(options.mesh)}: {message}", file=sys.stderr)
     return 0 if verdict.certified else 1
 
 
@@ -286,9 +292,18 @@ def _solved(reader: Reader, file: Path, k: int, operator: Operator, *, mended: b
         helps = not mended and operator.elements != "tufted" and _would_mend(state.mesh, operator)
         hint = "; without --no-repair what can be mended is" if helps else ""
         return Answer(file, problem=f"{error}{hint}")
-    said = (str(w.message).replace(JOINED, "without --no-repair they are joined") for w in warned)
     vertices = len(state.mesh.vertices)
-    return Answer(file, spectrum, vertices, state.repairs, warnings=tuple(said))
+    return Answer(file, spectrum, vertices, state.repairs, warnings=_by_options(warned))
+
+
+def _by_options(warned: list[warnings.WarningMessage]) -> tuple[str, ...]:
+    """Return warnings that name options of the command, where those of Python name arguments."""
+    return tuple(
+        str(warning.message)
+        .replace(JOINED, "without --no-repair they are joined")
+        .replace('Operator(elements="tufted")', "--elements tufted")
+        for warning in warned
+    )
 
 
 def _printable(path: Path | str) -> str:

@@ -230,6 +230,19 @@ def test_three_sheets_that_meet_have_one_tufted_spectrum_in_any_format(run, tmp_
     )
 
 
+def test_warnings_name_options(run, files, tmp_path):
+    answer = tmp_path / "answer.csv"
+    answer.write_text("1.0\n")
+    for words in (["certify", files[1], answer], ["spectrum", files[1], "-k", 1]):
+        _, _, err = run(*words, "--no-repair")
+        assert "is a component by itself; without --no-repair they are joined\n" in err
+        assert "UserWarning" not in err
+    book().export(tmp_path / "book.off")
+    _, _, err = run("certify", tmp_path / "book.off", answer, "--no-repair")
+    assert err.startswith(f"synthnet: {tmp_path / 'book.off'}: 4 edges have more than two faces")
+    assert err.endswith(", --elements tufted takes the mesh as it is\n")
+
+
 def test_a_refusal_of_no_manifold_names_the_elements_that_take_it(run, tmp_path):
     book().export(tmp_path / "book.off")
     code, _, err = run("spectrum", tmp_path / "book.off")
