@@ -346,17 +346,23 @@ def _table(answers: list[Answer], k: int) -> str:
         shortened = values if k == shown else [*values[: shown - 1], "…", values[-1]]
         facts = [f"{answer.vertices:,}", str(answer.spectrum.components)]
         rows.append([_printable(answer.file.name), *facts, *shortened, _said(answer.repairs)])
-    names = [f"λ{i}" for i in range(1, k + 1)]
-    names = names if k == shown else [*names[: shown - 1], "", names[-1]]
+    names = [f"λ{i}" for i in range(1, shown + 1)]
+    names = names if k == shown else [*names[:-1], "", f"λ{k}"]
     headers = ["file", "vertices", "components", *names, "repaired"]
     return str(tabulate(rows, headers=headers, disable_numparse=True))
 
 
 def _as_csv(answers: list[Answer], k: int) -> str:
-    """Return one row per file: its vertices, components and eigenvalues to the last digit."""
+    """Return one row per file: its vertices, components and eigenvalues to the last digit.
+
+    If no file has a spectrum, there are no columns of eigenvalues: k may be too large for any.
+    """
+    count = k if any(answer.spectrum is not None for answer in answers) else 0
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["file", "vertices", "components", *(f"lambda_{i}" for i in range(1, k + 1))])
+    writer.writerow(
+        ["file", "vertices", "components", *(f"lambda_{i}" for i in range(1, count + 1))]
+    )
     for answer in answers:
         if answer.spectrum is not None:
             facts = [_printable(answer.file), answer.vertices, answer.spectrum.components]

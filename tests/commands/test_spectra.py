@@ -250,6 +250,14 @@ def test_a_refusal_of_no_manifold_names_the_elements_that_take_it(run, tmp_path)
     assert "`synthnet import --cut-fins` may cut them, --elements tufted takes the mesh" in err
 
 
+def test_a_k_that_no_file_has_costs_nothing(run, files, tmp_path):
+    out, k = tmp_path / "spectra.csv", 10**15  # so many names fit in no memory
+    code, table, err = run("spectrum", files[0], "-k", k, "--out", out)
+    assert (code, err.count("k must be between 1 and")) == (2, 1)
+    assert f"λ{k}" in table
+    assert out.read_text() == "file,vertices,components\n"
+
+
 def test_a_missing_mesh_is_one_line(run, files, tmp_path):
     answer = tmp_path / "answer.csv"
     answer.write_text("1.0\n")

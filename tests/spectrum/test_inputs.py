@@ -5,6 +5,7 @@ import re
 import sys
 import types
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -127,7 +128,9 @@ def test_a_tensor_that_is_no_array_of_numpy_is_one_line(change, message):
 
 @pytest.mark.parametrize("k", [1.5, 1.0, "3", None, True, [3]])
 def test_a_number_of_eigenvalues_that_is_no_integer_is_one_line(k):
-    for solve in (lambda: next(spectra([SPHERE], k)), lambda: compute(SPHERE, k)):
+    solves = [lambda: next(spectra([SPHERE], k))]
+    solves += [partial(solve, SPHERE, k) for solve in (compute, surface_eigenvalues)]
+    for solve in solves:
         with pytest.raises(ValueError, match=f"k must be an integer, got {re.escape(repr(k))}"):
             solve()
 
