@@ -374,7 +374,7 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
     """Return the eigenvalues of a file.
 
     Numbers stand on lines or between commas, one line of names may come first. In a table with the
-    columns ``file`` and ``lambda_1`` and so on, the row of the mesh counts, of several with its name that of its path; of columns with other
+    columns ``file`` and ``lambda_1`` and so on, the row of the mesh counts; of columns with other
     names, the one that is named ``eigenvalue``. Raise AnswerError if the file cannot be read, holds
     no numbers, or no row of the mesh.
     """
@@ -441,7 +441,10 @@ def _are_names(cells: list[str]) -> bool:
 
 
 def _of_mesh(text: str, mesh: Path, path: Path) -> tuple[int, list[str]]:
-    """Return the eigenvalues in a mesh's row of a table, and the number of its line."""
+    """Return the eigenvalues in a mesh's row of a table, and the number of its line.
+
+    Of several rows with the mesh's name, that of its very path is its own.
+    """
     reader = csv.reader(io.StringIO(text))
     try:
         names, *rows = [(reader.line_num, row) for row in reader if row]
