@@ -203,7 +203,7 @@ def read_off(content: bytes) -> Triangles:
     positions, polygons = array("d"), Polygons()
     while len(positions) < 3 * n:
         line, words = _next(rows, len(positions) // 3, n, "vertices")
-        positions.extend(_off_positions(words, n, line))
+        positions.extend(_off_positions(words, n if head[0] == b"OFF" else 0, line))
     while (i := len(polygons.sizes)) < m:
         line, words = _next(rows, i, m, "faces")
         for face in _off_faces(words, m, line):
@@ -216,7 +216,10 @@ def read_off(content: bytes) -> Triangles:
 
 
 def _off_positions(words: Sequence[bytes], count: int, line: int) -> Sequence[float]:
-    """Return the position of a line's vertex, or all of them if the file has them on one line."""
+    """Return the position of a line's vertex, or of ``count`` if it has so many.
+
+    Those of a header that names normals or colours have one each: 9 numbers, as 3 positions.
+    """
     if count > 2 and len(words) == 3 * count:
         return [x for i in range(0, len(words), 3) for x in _position(words[i : i + 3], line)]
     _check_one(words, OFF_COLUMNS, "vertex", line)
@@ -412,6 +415,8 @@ def _ply_mixed(body: memoryview, element: Element, order: str) -> tuple[int, int
             size = 1
             if length is not None:
                 head = body[at : at + np.dtype(length).itemsize]
+                if len(head) < np.dtype(length).itemsize:
+                    return row, at, {}
                 size = int.from_bytes(head, endian, signed=length[0] == "i")
                 at += len(head)
             end = at + size * np.dtype(kind).itemsize

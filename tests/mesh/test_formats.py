@@ -136,6 +136,12 @@ def test_off_headers(head):
     assert faces_of(f"{head}\n{POINTS}4 0 1 2 3 255 0 0\n", ".off") == HALVES
 
 
+def test_three_vertices_of_off_may_have_normals_and_colours():
+    text = "CNOFF\n3 1 0\n" + "".join(f"{x} {y} 0 0 0 1 255 0 0\n" for x, y in ("00", "10", "11"))
+    mesh = read(f"{text}3 0 1 2\n".encode(), ".off")
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
+
+
 def test_polygons_are_fans_in_the_order_of_the_file():
     hexagon = [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3]
     text = "".join(f"v {x} {y} 0\n" for x, y in hexagon) + "f 1 2 3 4 5 6\nf 1 2 3\nf 3 2 1 6\n"
@@ -304,6 +310,11 @@ def test_binary_stl_may_begin_with_solid():
         (".ply", PLY + POINTS + "3 0 1 2 3\n", "line 14: 5 values instead of 4"),
         (".ply", PLY + POINTS + "3 0 1 2\n1\n", "line 15: it comes after all that its header"),
         (".ply", binary_ply(LIST, b""), "cut off: 0 of 2 faces, as its header has"),
+        (
+            ".ply",
+            binary_ply(LIST.replace("property uchar red\n", ""), bytes([3] + 6 * [0])),
+            "cut off: 1 of 2 faces, as its header has",
+        ),
         (".ply", binary_ply(LIST, bytes([3] + 7 * [0])), "cut off: 1 of 2 faces, as its header"),
         (".ply", binary_ply(LIST, bytes([3] + 7 * [0]) * 3), "8 bytes more than its header"),
         (
