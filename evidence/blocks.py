@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from eigbench.board.marks import marked
+from eigbench.board.markdown import marked
 
 from evidence import DOCS, ROOT, numbers
 from synthnet.store.files import write_text

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from eigbench import results
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, PredictorError
 from eigbench.running import box, record
 from eigbench.running.process import REFERENCE_FILE, Answered, PredictorProcess
@@ -95,7 +96,7 @@ def run(
             order = list(surfaces.SURFACES)
             keys = sorted(done, key=lambda key: (key[1], order.index(key[0])))
             result["meshes"] = [done[key] for key in keys]
-            scaling_results.write(out, result)
+            results.write(out, result, scaling_results.validate)
     return result if "meshes" in result else scaling_results.read(out).result
 
 
