@@ -123,6 +123,9 @@ def at_quantile(errors: NDArray[np.float64], quantile: float) -> int:
 def difference(a: Submission, b: Submission, key: str, family: str | None = None) -> Difference:
     """Return the paired difference a − b of a metric, over all or in one family.
 
+    Where a mean is not finite, the better mean is better, and NaN is the worst. An infinite PSNR,
+    which one exact spectrum makes, is the best.
+
     Raises
     ------
     EigbenchError
@@ -141,9 +144,10 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
     )
     floor = targets.floor(truth, key)
     means = float(x.mean()), float(y.mean())
-    worse_a, worse_b = not np.isfinite(means[0]), not np.isfinite(means[1])
-    if worse_a or worse_b:  # what is not finite is worse than what is
-        verdict, why = ("tie", "not finite") if worse_a and worse_b else ("ba"[worse_b], "")
+    if not np.isfinite(means).all():
+        sign = 1 if METRICS[key].higher_is_better else -1
+        good_a, good_b = (-np.inf if np.isnan(mean) else sign * mean for mean in means)
+        verdict, why = ("tie", "not finite") if good_a == good_b else ("ab"[good_a < good_b], "")
         return Difference(*means, np.nan, np.nan, floor, verdict, why)
     drawn = bootstrap.resamples(truth)
     low, high = bootstrap.interval(drawn.means(x, a.slug) - drawn.means(y, b.slug))

@@ -250,6 +250,21 @@ def test_what_is_not_finite_is_last(make_row, read, mini_truth):
     assert page.count("| 2 | Bad | trivial | ∞/NaN | ∞/NaN |") == 2  # at both targets
 
 
+def test_an_infinite_psnr_is_the_best(printed, make_submission, made, mini_truth):
+    g = mini_truth.eigenvalues
+    exact, bad = g * 1.001, g * 1.001
+    exact[:3], bad[:2] = g[:3], [g[0], np.inf * g[1]]
+    exact, bad = make_submission("Exact on three", exact), make_submission("Bad", bad)
+    mesh = ["--target", "mesh"]
+    orders = [(exact, made["one"], "a"), (made["one"], exact, "b"), (exact, exact, "tie")]
+    for a, b, verdict in [*orders, (exact, bad, "a"), (bad, made["one"], "b")]:
+        psnr = json.loads(printed("compare", a, b, *mesh, "--json"))["overall"]["psnr"]
+        assert psnr["verdict"] == verdict
+        assert psnr["why"] == ("not finite" if verdict == "tie" else "")
+    (line,) = re.findall("^PSNR  .*$", printed("compare", exact, made["one"], *mesh), flags=re.M)
+    assert line.endswith("A is better")
+
+
 def test_a_difference_whose_interval_covers_zero_is_a_tie(make_row, mini_truth):
     rng = np.random.default_rng(0)
     g = mini_truth.eigenvalues
