@@ -397,7 +397,8 @@ def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, row_of):
 @pytest.mark.parametrize(
     ("factor", "sentence"),
     [
-        (1.0001, "4. **Without training, better elements beat all of them.** *Bent* has "),
+        (1.0001, "4. **Without training, better elements beat all of them.** *Bent* has an error "),
+        (1.0, "4. **Without training, better elements beat all of them.** *Bent* has no error at "),
         (1.02, None),  # farther than the solver
     ],
 )
