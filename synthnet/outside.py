@@ -106,7 +106,8 @@ def _descend(folder: Path, names: Sequence[str]) -> int:
 
 def _by_link(path: Path, names: Sequence[str]) -> bool:
     """Whether a name on the way to a file is a link; only the message depends on it."""
-    return any(part.is_symlink() for part in [path, *path.parents][: len(names)])
+    parts = [path, *path.parents][: len(names)]
+    return any(os.path.islink(part) for part in parts)  # noqa: PTH114  # a name may be too long
 
 
 def read(path: Path, *, most: int, below: Path | None = None) -> bytes:
