@@ -292,7 +292,12 @@ CASES = {
         ("unseen", named("Weyl\u3164"), r"U\+3164, which cannot be seen"),
         ("selector", result(model__licence="MIT\ufe0f"), r"U\+FE0F, which cannot be seen"),
         ("mark", named("Weyl\u0332"), r"the mark U\+0332, which does not compose with"),
-        ("look-alike", named("W\u0435yl"), r"U\+0435 in a word with LATIN letters"),
+        (
+            "look-alike",
+            named("W\u0435yl"),
+            r"its model's name has the letter .* \(U\+0435\): a row's",
+        ),
+        ("script", named("Модель 5"), r"its model's name has the letter М \(U\+041C\): a row's"),
         ("bidi-in-a-key", result(environment={"\u202e": ""}), r"U\+202E"),
         ("code-elsewhere", result(model__code="../../.ssh/id"), "at model/code"),
         ("source-above", result(model__sources={"../a": "0" * 64}), "at model/sources"),
