@@ -18,6 +18,7 @@ from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import verification
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.names import nameless
 from eigbench.scoring.truth import Truth
 from synthnet import outside, recipe
 from synthnet.errors import OutsideError, counted, missing
@@ -213,7 +214,7 @@ def check_schema(result: Any, required: dict[str, Any], path: Path) -> None:
         outside.check(result)
     except OutsideError as error:
         raise ResultError(f"{path} is no result: it has {error}") from error
-    if problem := outside.mixed(result.get("model", {}).get("name", "")):
+    if "model" in result and (problem := nameless(result["model"]["name"])):
         raise ResultError(f"{path} is no result: its model's name has {problem}")
 
 

@@ -14,8 +14,8 @@ from typing import Any
 from eigbench import results
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import sources
-from eigbench.results.submission import slug
 from eigbench.scaling import surfaces
+from eigbench.scoring.names import slug
 
 VERSION = 2  # 2: sources by their statements, the commit
 ANSWERED = "answered"

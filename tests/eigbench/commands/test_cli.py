@@ -14,7 +14,7 @@ from eigbench.scoring import physics
 from eigbench.scoring.metrics import METRICS
 
 from synthnet import store
-from tests.eigbench.conftest import WEYL, WEYL_TO_CHANGE
+from tests.eigbench.conftest import ONES, WEYL, WEYL_TO_CHANGE
 
 BOARD = "1.0-mini-test-grouped"
 
@@ -393,6 +393,19 @@ def test_check_of_a_bad_predictor_exits_with_2(refused, predictor_file):
     err = refused("check", predictor_file("def predict(meshes): return [[1.0]]"))
     assert err.startswith("eigbench: the answer has shape (1, 1)")
     assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("verb", "out"), [("check", None), ("predict", "p.parquet"), ("evaluate", "r.json")]
+)
+def test_a_name_that_no_file_can_have_is_refused_before_any_work(
+    refused, predictor_file, on_mini, tmp_path, verb, out
+):
+    path = predictor_file("META = {'name': 'Модель 5'}\n" + ONES)
+    how = [] if out is None else [*on_mini, "--out", tmp_path / out]
+    err = refused(verb, path, *how)
+    assert "META name has the letter М (U+041C): a row's files have its name" in err
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_traceback_shows_the_lines_of_the_predictors_process(eigbench, predictor_file):

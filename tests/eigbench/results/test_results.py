@@ -112,6 +112,8 @@ def test_missing_key_is_refused(result, path):
         ("scores/mesh/families/*", "count", 1.5),
         ("scores/mesh/per_index/*", "median", [0.1]),
         ("cost", "ms_per_mesh", -1),
+        ("cost", "ms_per_mesh", 0),
+        ("cost", "ms_per_mesh_mean", 0),
         ("cost", "ms_per_mesh_quartiles", [1.0]),
         ("cost", "batch_size", 0),
         ("cost", "hardware", "a machine\n## a heading"),

@@ -267,6 +267,7 @@ def predict(meshes):
         ("/etc/hostname", "hostname is not below"),
         ("link", "link is reached by a symbolic link"),
         ("pipe", "pipe is no regular file"),
+        ("x" * 300, "x cannot be read: File name too long"),
     ],
 )
 def test_names_of_files_elsewhere_are_not_read(predictor_file, tmp_path, name, message):
@@ -281,6 +282,22 @@ def test_files_that_are_not_there_are_left_out(predictor_file):
     code = predictor_file(NAMES.replace("{name!r}", "'gone.txt'"))
     _, _, status = asked(code)
     assert list(status.sources) == ["my_model.py"]
+
+
+@pytest.mark.parametrize(
+    ("meta", "message"),
+    [
+        ({}, "'name' is a required property"),
+        ({"name": "a"}, "'kind' is a required property"),
+        ({"name": ["a"], "kind": "learned"}, r"\['a'\] is not of type 'string'"),
+        ({"name": "a", "kind": "learned", "\x1b[2J": ""}, r"'\\x1b\[2J' is not one of \['name'"),
+    ],
+)
+def test_a_meta_that_its_process_has_not_checked_is_one_line(predictor_file, meta, message):
+    code = "import eigbench.running.predictor as p\n"
+    code += f"p.checked_meta = lambda *given: {meta!r}\n{ONES}"
+    with pytest.raises(PredictorError, match=rf"^the .* {message}.* while loading: .*opened$"):
+        asked(predictor_file(code))
 
 
 TWO_FACED = """
