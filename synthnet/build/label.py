@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,7 +63,10 @@ def label_or_rejection(
         residual too. The drawn versions have neither: their labels are frozen.
     """
     try:
-        label = spectrum.compute(mesh, recipe.label.eigenvalues, sharp=sharp)
+        with warnings.catch_warnings():
+            if sharp:  # what the warning says is a reason to reject the mesh, below
+                warnings.simplefilter("ignore", RuntimeWarning)
+            label = spectrum.compute(mesh, recipe.label.eigenvalues, sharp=sharp)
     except CertificateError as error:
         return Rejection(spec.id, spec.family, filters.CERTIFICATE, str(error))
     except SpectrumError as error:

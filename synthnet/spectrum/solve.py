@@ -41,6 +41,9 @@ DENSE, DENSE_FOR, DENSE_AT_MOST = 64, 6, 1500
 NEARLY_ALL = 0.95  # of the rows
 ROUGH = 1e-2  # of an eigenvalue: where rounding may have moved it by more, two digits are left
 UNMOVED = 1e-6  # relative: a shift that rounding moves by no more is counted at once
+# What helps where rounding has spoilt an eigenvalue, and what does where that has been done.
+SHARP = "sharp=True computes it from the energies of triangles"
+REMESH = "remesh, some triangles are too thin"
 
 
 # A shift inside the spectrum needs a quarter fewer steps than one below it; measured on 1.0.
@@ -135,7 +138,8 @@ def compute(
     -----
     RuntimeWarning
         If rounding on thin triangles may have moved an eigenvalue by more than a hundredth of it,
-        by its ``certificate.error_bound``: ``sharp`` is for such meshes.
+        by its ``certificate.error_bound``: ``sharp`` is for such meshes. On a mesh whose triangles
+        are too thin for that as well, sharp values come with the same warning.
 
     References
     ----------
@@ -153,7 +157,6 @@ def compute(
     >>> spectrum.certificate.count  # zero and these three are all that is below the shift
     4
     """
-    keep_freed_memory()
     mesh = as_mesh(mesh)
     check_count(k)
     check_operator(operator)
@@ -162,8 +165,17 @@ def compute(
     if repair:
         mended = repaired(mesh)
         operator.check_repairs(mended.repairs)
-        spectrum = compute(mended.mesh, k, operator=operator, sharp=sharp)
-        return replace(spectrum, mesh=mended.mesh, repairs=mended.repairs)
+        spectrum = unwarned(as_mesh(mended.mesh), k, operator, sharp=sharp)
+        spectrum = replace(spectrum, mesh=mended.mesh, repairs=mended.repairs)
+    else:
+        spectrum = unwarned(mesh, k, operator, sharp=sharp)
+    _warn_of_rounding(spectrum, REMESH if sharp else SHARP)
+    return spectrum
+
+
+def unwarned(mesh: Mesh, k: int, operator: Operator, *, sharp: bool) -> Spectrum:
+    """As :func:`compute`, of arguments that are checked; rounding shows in the bound alone."""
+    keep_freed_memory()
     discrete = discretise(mesh, operator)
     unknowns = "unknowns" if operator.on_edges else "vertices"
     candidate, certificate, numbers = _solved(discrete.matrices, k, unknowns)
@@ -174,7 +186,6 @@ def compute(
     )
     if not sharp:
         bounds = np.abs(values - candidate.values[: len(values)]) + bounds
-        _warn_of_rounding(candidate.values[:k], bounds[:k])
     certificate = replace(certificate, error_bound=bounds[:k])
     spectrum = _spectrum(discrete, k, candidate, certificate, numbers)
     if vectors is None:
@@ -185,14 +196,17 @@ def compute(
     return replace(spectrum, eigenvalues=values[:k], eigenvectors=vectors, trivial=trivial)
 
 
-def _warn_of_rounding(values: Floats, bounds: Floats) -> None:
+def _warn_of_rounding(spectrum: Spectrum, advice: str) -> None:
     """Warn where rounding has left an eigenvalue no more than a digit or two."""
+    values, bounds = spectrum.eigenvalues, spectrum.certificate.error_bound
+    if bounds is None:
+        return
     rough = np.flatnonzero(~(bounds <= ROUGH * np.abs(values)))
     if len(rough):
         i = int(rough[0])
         warnings.warn(
             f"rounding on thin triangles may have moved λ{i + 1} = {values[i]:.6g} by up to "
-            f"{bounds[i]:.2g}: sharp=True computes it from the energies of triangles",
+            f"{bounds[i]:.2g}: {advice}",
             RuntimeWarning,
             stacklevel=3,
         )

@@ -25,7 +25,7 @@ from synthnet.spectrum.components import Component, components, split
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import as_array, as_mesh, repaired
 from synthnet.spectrum.operators import PLAIN, Discrete, Operator, check_operator, discretise
-from synthnet.spectrum.solve import compute, of_matrices
+from synthnet.spectrum.solve import of_matrices, unwarned
 from synthnet.types import Mesh
 
 ZERO = 1e-6  # of Weyl's first eigenvalue: below it an answer is one of the zeros
@@ -217,7 +217,7 @@ def _found(
     """
     try:
         if operator.elements == "linear":
-            spectrum = compute(mesh, count, operator=operator, sharp=True)
+            spectrum = unwarned(mesh, count, operator, sharp=True)
             return spectrum.eigenvalues, spectrum.certificate.error_bound
         spectrum = of_matrices(discrete.matrices, count)
     except SpectrumError:

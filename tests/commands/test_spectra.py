@@ -10,6 +10,7 @@ import pytest
 import trimesh
 
 from evidence.operators import square
+from evidence.thin_meshes import thin
 from synthnet.commands.spectra import read_answer
 from synthnet.spectrum import Operator, compute
 from tests.conftest import only_line
@@ -181,6 +182,16 @@ def test_repair_is_named_where_it_would_help_alone(text, options, helps, run, tm
     assert code == 2
     assert err.startswith(f"synthnet: {file}: ")
     assert ("without --no-repair" in err) == helps
+
+
+def test_an_eigenvalue_that_rounding_has_spoilt_is_named_on_standard_error(run, tmp_path):
+    file = tmp_path / "needles.off"
+    needles = thin(10**-9.5, "needles", seed=0)
+    trimesh.Trimesh(needles.vertices, needles.faces, process=False).export(file, digits=17)
+    code, _, err = run("spectrum", file, "--no-repair", "-k", 4)
+    assert code == 0
+    (line,) = err.splitlines()
+    assert line.startswith(f"synthnet: {file}: rounding on thin triangles may have moved λ1 = ")
 
 
 @pytest.mark.parametrize("options", [[], ["--no-repair"]])

@@ -5,11 +5,13 @@ import dataclasses
 import mpmath
 import numpy as np
 import pytest
+import trimesh
 
 from evidence.operators import square
 from evidence.thin_meshes import BITS, LOOSE, ROUNDING, K, exact_matrices, thin, within
 from synthnet import spectrum
 from synthnet.errors import CertificateError
+from synthnet.spectrum import rounding
 from synthnet.types import Mesh
 from tests.spectrum.meshes import side_by_side, sphere
 
@@ -105,3 +107,87 @@ def test_equal_components_have_bounds_though_the_last_of_the_label_is_in_a_clust
     for sharp in (False, True):
         bound = spectrum.compute(twice, sharp=sharp).certificate.error_bound
         assert bound.max() < 1e-10
+
+
+def strip(along, across, width):
+    """A strip of length 1 in rectangles, each cut along the same diagonal."""
+    x, y = np.meshgrid(np.linspace(0, 1, along + 1), np.linspace(0, width, across + 1))
+    points = np.stack([x.T.ravel(), y.T.ravel(), 0 * x.ravel()], axis=1)
+    low = (np.arange(along)[:, None] * (across + 1) + np.arange(across)).ravel()
+    high = low + across + 1
+    faces = np.stack([[low, high, high + 1], [low, high + 1, low + 1]])
+    return Mesh(points, faces.transpose(0, 2, 1).reshape(-1, 3))
+
+
+@pytest.mark.parametrize(
+    ("along", "across", "width", "k"),
+    [(6, 2, 1e-7, 10), (30, 2, 3e-8, 58), (30, 2, 5e-7, 58), (60, 3, 1e-6, 200)],
+)
+def test_small_eigenvalues_are_kept_beside_those_across_a_strip(along, across, width, k):
+    """Without waves across it, a strip as thin as this is a line of linear elements."""
+    result = spectrum.compute(strip(along, across, width), k, sharp=True)
+    values, bound = result.eigenvalues, result.certificate.error_bound
+    assert values[-1] > 1e12 * values[0]
+    turn = np.pi * np.arange(1, along) / along
+    line = 12 * along**2 * np.sin(turn / 2) ** 2 / (2 + np.cos(turn))
+    np.testing.assert_allclose(values[: along - 1], line, rtol=1e-10)  # but for width squared
+    assert (bound <= 1e-11 * values).all()
+
+
+@pytest.mark.parametrize("sharp", [False, True], ids=["matrices", "sharp"])
+def test_the_bounds_of_small_eigenvalues_beside_large_ones_hold(sharp):
+    mesh = strip(6, 2, 1e-7)
+    result = spectrum.compute(mesh, 10, sharp=sharp)
+    bound = result.certificate.error_bound
+    with mpmath.workprec(BITS):
+        matrices = exact_matrices(mesh)
+        for i in range(10):
+            assert within(matrices, i + 1, result.eigenvalues[i], bound[i])
+
+
+def test_components_of_very_different_size_have_the_eigenvalues_they_have_alone():
+    ball = trimesh.creation.icosphere(subdivisions=0)
+    vertices, faces = ball.vertices, np.array(ball.faces)
+    alone = spectrum.compute(Mesh(vertices, faces), 11, sharp=True).eigenvalues  # all of them
+    sizes = 2.0 ** -np.arange(0, 28, 4)  # powers of 2, so that nothing else is rounded
+    balls = side_by_side(*(Mesh(vertices * size, faces) for size in sizes), apart=0.0)
+    result = spectrum.compute(balls, 77, sharp=True)
+    expected = np.sort((alone / sizes[:, None] ** 2).ravel())
+    assert expected[-1] > 1e14 * expected[0]
+    np.testing.assert_allclose(result.eigenvalues, expected, rtol=1e-12)
+    assert (result.certificate.error_bound <= 1e-9 * result.eigenvalues).all()
+
+
+def test_labels_that_were_right_at_once_are_not_computed_anew(monkeypatch):
+    monkeypatch.setattr(rounding, "_graded", None)
+    for mesh in (sphere(14), thin(1e-3, "needles", seed=0), strip(30, 2, 1e-2)):
+        spectrum.compute(mesh, 10, sharp=True)
+
+
+def test_where_the_second_solver_fails_the_first_answer_stays(monkeypatch):
+    def fails(gram, heavy):
+        raise np.linalg.LinAlgError
+
+    mesh = strip(6, 2, 1e-7)
+    new = spectrum.compute(mesh, 10, sharp=True)
+    monkeypatch.setattr(rounding, "_graded", fails)
+    old = spectrum.compute(mesh, 10, sharp=True)
+    off = np.abs(old.eigenvalues - new.eigenvalues)
+    assert off[0] > new.certificate.error_bound[0]
+    assert (off <= old.certificate.error_bound).all()
+
+
+@pytest.mark.parametrize(
+    ("aspect", "sharp", "repair", "advice"),
+    [
+        (1e-8, False, False, "sharp=True computes it"),
+        (1e-8, False, True, "sharp=True computes it"),
+        (10**-9.5, True, False, "remesh"),
+    ],
+)
+def test_a_large_bound_comes_with_a_warning_and_advice(aspect, sharp, repair, advice):
+    mesh = thin(aspect, "needles", seed=0)
+    expected = rf"rounding on thin triangles may have moved λ1 = .*: {advice}"
+    with pytest.warns(RuntimeWarning, match=expected) as warned:
+        spectrum.compute(mesh, K, sharp=sharp, repair=repair)
+    assert [warning.filename for warning in warned] == [__file__]
