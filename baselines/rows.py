@@ -9,9 +9,9 @@
 One thread each, on a machine with nothing else to do, because times are compared. Rows of a board
 are timed beside LaPy, so they may be made on several machines; those of the scaling track are
 compared on one machine only. What is finished in --results is kept as long as the row's own sources
-stay (remove it after an edit of synthnet), and an interrupted row goes on where it stopped. All of
-one dataset take one to two hours. Under a protocol of a version's own, only what is trained is run:
-the rest predicts there what it predicts under `grouped`.
+stay (remove it after an edit of synthnet) and as many seeds are asked for, and an interrupted row
+goes on where it stopped. All of one dataset take one to two hours. Under a protocol of a version's
+own, only what is trained is run: the rest predicts there what it predicts under `grouped`.
 """
 
 from __future__ import annotations
@@ -125,19 +125,23 @@ def rows(boards: Sequence[str], names: Sequence[str] = ()) -> Iterator[Row]:
 
 
 def command(row: Row, out: Path, options: argparse.Namespace) -> list[str]:
-    """Return the command of eigbench that makes a row; seeds are those that it has, if any."""
+    """Return the command of eigbench that makes a row."""
     start = [str(ROOT / "baselines" / code(row.name)), "--resume", "--out", str(out)]
     if row.board == SCALING:
         sizes = ["--sizes", *options.sizes] if options.sizes else []
         limits = ["--time-limit", options.time_limit, "--memory-limit", options.memory_limit]
         return ["scale", *start, *limits, *sizes]
     version, _, protocol = row.board.partition("/")
-    seeds = SEEDS[row.name] if row.result is None else row.result["predictions"]["seeds"]
-    seeds = min(SEEDS[row.name], options.seeds or seeds)
+    batch_size, seeds = counts(row, options)
     shown = [] if protocol == "grouped" else ["--no-reference"]  # times are shown for grouped only
     split = ["--dataset", version, "--protocol", protocol, *shown]
-    counts = ["--batch-size", str(BATCH[version]), "--seeds", str(seeds)]
-    return ["evaluate", *start, *split, *counts]
+    return ["evaluate", *start, *split, "--batch-size", str(batch_size), "--seeds", str(seeds)]
+
+
+def counts(row: Row, options: argparse.Namespace) -> tuple[int, int]:
+    """Return meshes a batch, and seeds: those that a row has, if any, or fewer."""
+    seeds = SEEDS[row.name] if row.result is None else row.result["predictions"]["seeds"]
+    return BATCH[row.board.partition("/")[0]], min(SEEDS[row.name], options.seeds or seeds)
 
 
 def eigbench(*arguments: str) -> int:
@@ -153,7 +157,11 @@ def make(row: Row, options: argparse.Namespace) -> int:
     out = folder / f"{row.name.replace(':', '-')}.json"
     if out.exists() and outdated(results.load(out), ROOT):
         out.unlink()
-    finished = row.board != SCALING and out.exists()  # there --resume adds sizes
+    finished = False  # on the scaling track --resume adds sizes
+    if row.board != SCALING and out.exists():
+        made = results.load(out)
+        has = made["cost"]["batch_size"], made["predictions"]["seeds"]
+        finished = has == counts(row, options)
     status = 0 if finished else eigbench(*command(row, out, options))
     if status:
         return status

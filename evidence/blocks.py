@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from eigbench.board.marks import marked
+from eigbench.board.markdown import marked
 
 from evidence import DOCS, ROOT, numbers
 from synthnet.store.files import write_text
@@ -70,9 +70,16 @@ BLOCKS = {
     },
     "dataset-card/split-cones": Block(("flaws-1.0",), "flaws.split_cones", inline=True),
     "dataset-card/inverted-cones": Block(("flaws-1.0",), "flaws.inverted_cones", inline=True),
+    "dataset-card/below-20-db": Block(("limits-1.0",), "limits.below_20_db", inline=True),
     "dataset-card/cost": Block(("build-cost", "build-full", "loading-1.0"), "card.cost"),
     "dataset-card-2.1/real": Block((), "real_sets.more_families"),
+    "dataset-card-2.1/changes": Block((), "real_sets.changes", inline=True),
+    "dataset-card-2.0/family-trainings": Block(
+        ("shapes-2.0",), "shapes.family_trainings", inline=True
+    ),
+    "dataset-card-2.0/earlier-rule": Block((), "learned.earlier_rule", inline=True),
     "dataset-card-2.0/folds": Block(("folds-2.0",), "folds.table"),
+    "faq/takes": Block(("build-1.0", "build-2.0", "build-2.1"), "card.takes", inline=True),
     "faults/claim": Block(("faults",), "faults.claim", inline=True),
     "faults/faults": Block(("faults",), "faults.table"),
     "import/packages": Block(("packages",), "packages.table"),
@@ -90,15 +97,19 @@ BLOCKS = {
     "learned/held-out": Block((), "learned.held_out_table"),
     "real-shapes/ablation": Block(("multilevel",), "multilevel.variants"),
     "real-shapes/parts": Block(("parts",), "parts.table"),
+    "real-shapes/sharp-bounds": Block(("thin-meshes",), "thin_meshes.sharp_bounds", inline=True),
+    "real-shapes/loose": Block(("thin-meshes",), "thin_meshes.loose_bounds", inline=True),
     "real-shapes/thin": Block(("thin-meshes",), "thin_meshes.table"),
     "real-shapes/large": Block(("multilevel",), "multilevel.large_meshes"),
-    "start/full-runs": Block(("build-1.0", "build-2.0"), "card.full_runs"),
+    "start/full-runs": Block(("build-1.0", "build-2.0", "build-2.1"), "card.full_runs"),
     "spectrum/peers": Block(("peers",), "peers.table"),
     "spectrum/missed": Block(("missed",), "missed.table"),
     "spectrum/peers-long": Block(("peers",), "peers.long", inline=True),
     "spectrum/peers-claim": Block(("peers",), "peers.claim", inline=True),
     "spectrum/operators": Block(("operators",), "operators.table"),
     "submit/ratios": Block(("ratios",), "ratios.table"),
+    "submit/call": Block((), "harness_overhead.call", inline=True),
+    "README/earlier-rule": Block((), "learned.earlier_rule", inline=True),
     "README/installation": Block(("installation",), "installation.sizes", inline=True),
     "submit/overhead": Block(("harness-overhead",), "harness_overhead.table"),
 }

@@ -88,10 +88,9 @@ def sides(
         return torch.cat([p.grad.flatten() for p in model.parameters()])
 
     def our_loss(dtype: torch.dtype) -> torch.Tensor:
-        def loss(p: torch.Tensor, g: torch.Tensor, _: object) -> torch.Tensor:
-            return rpd_loss(p, g)
-
-        return folded.batch_loss(model, graphs[:STEP], None, y[:STEP], loss, dtype, threads)
+        return folded.batch_loss(
+            model, graphs[:STEP], None, y[:STEP], lambda p, g, _: rpd_loss(p, g), dtype, threads
+        )
 
     def plain_inference() -> torch.Tensor:
         with torch.no_grad():

@@ -6,6 +6,7 @@ the ratio is that of the medians over rounds of the whole time charged. Beside i
 what is not charged: starting, reading, sending meshes and answers.
 """
 
+import json
 import tempfile
 import time
 from pathlib import Path
@@ -17,7 +18,7 @@ from eigbench.running.evaluate import WARM_UP, Options, evaluate
 from eigbench.running.process import THREAD_VARIABLES
 from eigbench.scoring import truth
 
-from evidence import BASELINES, markdown
+from evidence import BASELINES, ROOT, markdown
 from evidence.timing import in_new_process, progress
 from synthnet import store
 
@@ -78,6 +79,13 @@ def charged(name: str, version: str) -> tuple[float, float]:
             Path(parts),
         )
         return float(evaluation.seconds.sum()), time.perf_counter() - started
+
+
+def call() -> str:
+    """Return the time of the predictor that computes next to nothing, by the timing of 1.0."""
+    timing = json.loads((ROOT / "benchmark" / "timing" / "1.0.json").read_text())
+    (cost,) = (row["cost"] for row in timing["rows"] if row["code"] == "mean.py")
+    return f"{cost['ms_per_mesh']:.2f} ms a mesh in batches of {cost['batch_size']}"
 
 
 def table(data: dict) -> str:

@@ -24,7 +24,7 @@ PROTOCOLS = {
 SEEN = {  # by the files of the rows on real-28: what each has to learn from
     "exact": "linear elements, solved exactly",
     "multilevel_masses": "as here: two numbers",
-    "spectrum_mlp": "`spectrum_mlp.py`: the mesh's exact spectrum and 28 numbers, a network",
+    "spectrum_mlp": "`spectrum_mlp.py`: the mesh's two exact spectra and 28 numbers, a network",
     "ritz_mlp_surface": "`ritz_mlp_surface.py`: the 28 numbers, a network",
     "kriging": "`kriging.py`: ten Ritz values and eight moments",
 }
@@ -69,6 +69,20 @@ def held_out_table() -> str:
         rows.append([seen, *(f"{error:#.3g}" for error in (known, *errors))])
     headers = ["row, RPD against the surface of 2.0's test shapes", "familiar shapes"]
     return markdown.table([*headers, *PROTOCOLS.values()], rows, "lr")
+
+
+def earlier_rule() -> str:
+    """Return which rows of `family` were trained before families of the same surfaces left it."""
+    folder = ROOT / "benchmark" / "results" / "2.0-test-family"
+    names = [
+        json.loads(path.with_name(path.name.replace(".remark.txt", ".json")).read_text())["model"]
+        for path in sorted(folder.glob("*.remark.txt"))
+        if path.read_text().startswith("Trained before the rule that")
+    ]
+    named = " and ".join(f"*{model['name']}*" for model in names)
+    if not names:
+        return "Every row of this protocol keeps the rule."
+    return f"Trained before this rule, with the related family in training: {named}."
 
 
 def _rows(path: Path) -> dict[str, dict]:

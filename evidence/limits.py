@@ -113,6 +113,35 @@ def table(*versions: dict) -> str:
     return markdown.table(headers, cells, "lrlrrlr")
 
 
+def below_20_db(data: dict) -> str:
+    """Return how many labels of a version have a PSNR of 20 dB or less, by family."""
+    rows = sorted(data["rows"], key=lambda row: row["below_20_db"] / row["shapes"], reverse=True)
+    failing, shapes = (sum(row[key] for row in rows) for key in ("below_20_db", "shapes"))
+    named = [
+        f"{row['below_20_db']:,} of {row['shapes']:,} {plural(FAMILIES[row['family']].title)}"
+        for row in rows
+        if row["below_20_db"]
+    ]
+    return (
+        f"The PSNR of {failing:,} of the {shapes:,} labels against their own surface is 20 dB or "
+        f"less: {', '.join(named[:-1])} and {named[-1]}."
+    )
+
+
+def plural(title: str) -> str:
+    """Return the name of several shapes of a family of 1.0.
+
+    Examples
+    --------
+    >>> plural("Conical frustum"), plural("Tetrahedron"), plural("Split cone")
+    ('conical frusta', 'tetrahedra', 'split cones')
+    """
+    name = title.lower()
+    for one, several in (("frustum", "frusta"), ("hedron", "hedra")):
+        name = name.replace(one, several)
+    return name if name.endswith("a") else f"{name}s"
+
+
 def failing_labels(*versions: dict) -> str:
     """Return how far the labels are from their own surfaces, and which fail the paper's bound."""
     cells = [

@@ -10,6 +10,7 @@ from evidence import ROOT, markdown
 
 SETS = ("real-28", "pypi-246")
 VERSIONS = ("2.0", "2.1")
+BOARDS = [(name, version) for name in SETS for version in VERSIONS]
 PREDICTORS = (
     *("exact", "multilevel", "ritz_mlp", "curved", "kriging", "ritz_mlp_surface"),
     *("lumped", "weyl", "patch_transformer", "gcn_scale_free", "mean"),
@@ -51,18 +52,43 @@ def table() -> str:
 
 def more_families() -> str:
     """Return the errors on both sets of models trained on 2.0, and of the same trained on 2.1."""
-    boards = [(name, version) for name in SETS for version in VERSIONS]
-    results = [board(version, name) for name, version in boards]
+    rows = [
+        [name, *(f"{error:.4f}" for error in errors)] for name, errors in _trained_twice().items()
+    ]
+    headers = [f"{name}: trained on {version}" for name, version in BOARDS]
+    return markdown.table(["model", *headers], rows, "l" + "r" * len(BOARDS))
+
+
+def changes() -> str:
+    """Return on each set how many of these errors fall and rise, and by how much at most."""
+    errors = list(_trained_twice().values())
+    sentences = []
+    for i, name in enumerate(SETS):
+        changes = [100 * (row[2 * i + 1] / row[2 * i] - 1) for row in errors]
+        parts = [
+            f"{len(some)} of {len(changes)} errors {word} by up to {max(some):.1f} %"
+            for some, word in (
+                ([-change for change in changes if change < 0], "fell"),
+                ([change for change in changes if change > 0], "rose"),
+            )
+            if some
+        ]
+        sentences.append(f"On {name}, {' and '.join(parts)}.")
+    return " ".join(sentences)
+
+
+def _trained_twice() -> dict[str, list[float]]:
+    """Return the errors of the models that both versions' boards have, by their names."""
+    results = [board(version, name) for name, version in BOARDS]
     trained = [code for code, row in results[-1].items() if not untrained(row["model"])]
     if not trained:
-        raise ValueError(f"no trained model is on the board of {boards[-1]}: run its rows")
-    rows = []
-    for code in trained:
-        found = [by_file[code] for by_file in results]
-        errors = [result["scores"]["mesh"]["overall"]["rpd"]["mean"] for result in found]
-        rows.append([found[0]["model"]["name"], *(f"{error:.4f}" for error in errors)])
-    headers = [f"{name}: trained on {version}" for name, version in boards]
-    return markdown.table(["model", *headers], rows, "l" + "r" * len(boards))
+        raise ValueError(f"no trained model is on the board of {BOARDS[-1]}: run its rows")
+    return {
+        results[0][code]["model"]["name"]: [
+            by_file[code]["scores"]["mesh"]["overall"]["rpd"]["mean"] for by_file in results
+        ]
+        for code in trained
+    }
 
 
 def cells(values: dict[str, float]) -> list[str]:

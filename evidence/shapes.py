@@ -15,6 +15,7 @@ from evidence.timing import progress
 from synthnet import recipe, store
 from synthnet.families import FAMILIES
 from synthnet.mesh.geometry import area
+from synthnet.recipe import splits
 from synthnet.types import SPLITS
 
 BINS = 40  # a histogram has so many, equal in the logarithm
@@ -96,6 +97,23 @@ def split_table(facts: dict) -> str:
     totals = [sum(f["splits"][s] for f in facts["families"]) for s in SPLITS]
     rows.append(["All", *(f"{total:,}" for total in totals)])
     return markdown.table(["family", *SPLITS], rows, "l")
+
+
+def family_trainings(facts: dict) -> str:
+    """Return how many meshes the trainings of the protocol `family` have, the fewest and the most.
+
+    With a family, those that share surfaces with it are left out of training.
+    """
+    version = recipe.load(facts["version"])
+    counts = [
+        sum(
+            family["splits"]["train"]
+            for family in facts["families"]
+            if splits.uses(fold, version, "train", family["family"], 0)
+        )
+        for fold in splits.folds(version, "family")
+    ]
+    return f"{min(counts):,} to {max(counts):,}"
 
 
 def size_table(facts: dict) -> str:

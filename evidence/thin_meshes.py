@@ -111,6 +111,22 @@ def table(data: dict) -> str:
     return markdown.columns(rows, columns, "ll")
 
 
+def sharp_bounds(data: dict) -> str:
+    """Return how much smaller the bounds of sharp values are on needles and caps, thin ones."""
+    ratios = [
+        row["plain"] / row["sharp"]
+        for row in data["rows"]
+        if row["kind"] in ("needles", "caps") and 1e-5 <= float(row["aspect"]) <= 1e-3
+    ]
+    return f"{min(ratios):.0f} to {max(ratios):.0f} times"
+
+
+def loose_bounds(data: dict) -> str:
+    """Return how many bounds of the matrices' eigenvalues are far too large."""
+    count = sum(row["loose"] for row in data["rows"])
+    return f"{count} bounds of the matrices' eigenvalues are over {LOOSE:g} times the error."
+
+
 def thin(aspect: float, kind: str, seed: int) -> Mesh:
     """A thin strip, turned in space: of needles, of caps, bent, or with a row of thin triangles."""
     rng = np.random.default_rng(seed)

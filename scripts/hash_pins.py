@@ -9,7 +9,6 @@ Python. PyTorch is left out, as its builds with and without CUDA come from two i
 from __future__ import annotations
 
 import json
-import re
 import urllib.request
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +16,7 @@ from importlib import metadata
 from pathlib import Path
 
 from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name as normal
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / ".ci" / "hashes.txt"
@@ -25,11 +25,6 @@ SIMPLE = "application/vnd.pypi.simple.v1+json"
 TIMEOUT = 60  # seconds without a byte
 LEFT_OUT = {"torch"}
 ABOUT = "# What CI installs, PyTorch apart; scripts/hash_pins.py makes this of constraints.txt."
-
-
-def normal(name: str) -> str:
-    """Return a package's name as indexes have it."""
-    return re.sub("[-_.]+", "-", name).lower()
 
 
 def pins() -> dict[str, str]:

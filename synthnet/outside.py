@@ -12,7 +12,6 @@ import hashlib
 import json
 import math
 import os
-import re
 import stat
 import unicodedata
 from collections.abc import Iterator, Sequence
@@ -41,7 +40,6 @@ UNSEEN = frozenset(
 )
 # First words of the Unicode names of letters that look like those of the others
 ALIKE = ("LATIN", "GREEK", "CYRILLIC", "ARMENIAN", "COPTIC", "CHEROKEE", "LISU")
-DISTINCT = "ΓΔΘΛΞΠΣΦΨΩβδεζθλμξπφψω"  # Greek letters that look like none of the others
 
 
 @contextmanager
@@ -106,7 +104,8 @@ def _descend(folder: Path, names: Sequence[str]) -> int:
 
 def _by_link(path: Path, names: Sequence[str]) -> bool:
     """Whether a name on the way to a file is a link; only the message depends on it."""
-    return any(part.is_symlink() for part in [path, *path.parents][: len(names)])
+    parts = [path, *path.parents][: len(names)]
+    return any(os.path.islink(part) for part in parts)  # noqa: PTH114  # a name may be too long
 
 
 def read(path: Path, *, most: int, below: Path | None = None) -> bytes:
@@ -228,27 +227,6 @@ def strange(text: str) -> str:
             before = character
         elif not before.isalpha() or _script(before) in ALIKE:
             return f"the mark U+{ord(character):04X}, which does not compose with a letter"
-    return ""
-
-
-def mixed(text: str) -> str:
-    r"""Return what a name has that makes it look like another; empty if it has no such word.
-
-    That is a word with letters of two scripts of :data:`ALIKE`. A Greek letter alone is none, nor
-    is one of :data:`DISTINCT` beside others.
-
-    Examples
-    --------
-    >>> mixed("Fit of λ, Poincaré, μGNN"), mixed("W\u0435yl's law")
-    ('', 'the character U+0435 in a word with LATIN letters')
-    """
-    for word in re.findall(r"[^\W_]+", text):
-        letters = [x for x in word if _script(x) in ALIKE and x not in DISTINCT]
-        foreign = [letter for letter in letters if _script(letter) != "LATIN"] or [""]
-        for letter in letters:
-            if _script(letter) != _script(foreign[0] or letter):
-                script = _script(letter)
-                return f"the character U+{ord(foreign[0]):04X} in a word with {script} letters"
     return ""
 
 

@@ -1,11 +1,13 @@
 """What both command lines share: parser, completion, errors, exit code, answers, progress."""
 
 import argparse
+import io
 import json
 import os
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
@@ -76,6 +78,13 @@ class Parser(argparse.ArgumentParser):
             error.message += suggestion(str(value), known)
             raise
 
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        """Exit, after help or a version has been printed: that may fail too."""
+        problem = _flush()
+        if problem is not None and not isinstance(problem, BrokenPipeError):
+            status, message = WRONG_INPUT, f"{self.prog}: {one_line(problem)}\n"
+        super().exit(status, message)
+
     def error(self, message: str) -> NoReturn:
         """Print the error and how to get help, and exit."""
         self.exit(WRONG_INPUT, f"{self.prog}: {message} (`{self.prog} --help` shows how)\n")
@@ -123,6 +132,7 @@ def complete_with(
 
 def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
     """Parse the command line, or answer the shell that asks how it may go on."""
+    _open_streams()
     if "_ARGCOMPLETE" in os.environ:  # set by the function that the shell calls at a tab
         from argcomplete import autocomplete
         from argcomplete.finders import safe_actions
@@ -139,22 +149,50 @@ def run(program: str, options: argparse.Namespace, *expected: type[Exception]) -
     ``--traceback`` the lines of code come before it.
     """
     wrong: tuple[type[Exception], ...] = (*UNSUITABLE, *expected)
+    code, problem = 0, None
     try:
         _check_working_directory()
-        code: int = options.run(options)
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say
-        return 0
+        code = options.run(options)
     except wrong as error:
-        return report(program, options, error)
-    return code
+        problem = error
+    unwritten = _flush()
+    if problem is None or (isinstance(problem, OSError) and problem.filename is None):
+        problem = unwritten or problem  # what a print raises says no file
+    if isinstance(problem, BrokenPipeError):
+        sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say
+        return code
+    return code if problem is None else report(program, options, problem)
+
+
+def _open_streams() -> None:
+    """Let what is printed go nowhere where a stream is closed, and no character keep it back."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # print would take the other one
+            nowhere = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - it stays open
+            setattr(sys, name, nowhere)
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")  # as stderr does
+
+
+def _flush() -> OSError | None:
+    """Write what is still to be printed; return the error if it cannot be written.
+
+    Standard output is closed then, or Python would try again when it ends, and exit with 120.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        with suppress(OSError):
+            sys.stdout.close()
+        return type(error)(error.errno, error.strerror, "standard output")
+    return None
 
 
 def report(program: str, options: argparse.Namespace, error: Exception) -> int:
     """Say what is wrong on one line, after the lines of code if they are wanted; return 2."""
     if options.traceback:
         traceback.print_exception(error)
-    sys.stderr.write(f"{program}: {_line(error)}\n")
+    sys.stderr.write(f"{program}: {one_line(error)}\n")
     return WRONG_INPUT
 
 
@@ -166,7 +204,7 @@ def _check_working_directory() -> None:
         raise ValueError("the working directory was removed: change to another one") from error
 
 
-def _line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """Return an error on one line; of the system's, the file and what is wrong with it."""
     if isinstance(error, MemoryError):
         return f"out of memory: {more_memory('close other programs, or take less at once')}"

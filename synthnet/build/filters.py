@@ -148,25 +148,31 @@ def check_error(spectrum: Spectrum, limits: FilterSettings) -> tuple[str, str] |
 
 
 MESH_CHECKS: dict[str, Callable[[MeshFacts, FilterSettings, Topology], str | None]] = {
-    "finite": finite,
-    "degenerate_face": degenerate_face,
-    "duplicate_face": duplicate_face,
-    "non_manifold_edge": non_manifold_edge,
-    "components": components,
-    "orientation": orientation,
-    "euler_characteristic": euler_characteristic,
-    "boundary": boundary,
+    check.__name__: check
+    for check in (
+        finite,
+        degenerate_face,
+        duplicate_face,
+        non_manifold_edge,
+        components,
+        orientation,
+        euler_characteristic,
+        boundary,
+    )
 }
 
 SOLVER = "solver"  # the reason where the solver itself gave up
 CERTIFICATE = "certificate"  # and of one whose spectrum could not be proved complete
 
 SPECTRUM_CHECKS: dict[str, Callable[[Spectrum, FilterSettings], str | None]] = {
-    "non_finite_eigenvalue": non_finite_eigenvalue,
-    "non_positive_eigenvalue": non_positive_eigenvalue,
-    "trivial_eigenvalue": trivial_eigenvalue,
-    "not_ascending": not_ascending,
-    "residual": residual,
+    check.__name__: check
+    for check in (
+        non_finite_eigenvalue,
+        non_positive_eigenvalue,
+        trivial_eigenvalue,
+        not_ascending,
+        residual,
+    )
 }
 
 

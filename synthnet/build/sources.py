@@ -124,9 +124,15 @@ def family_of(directory: Path) -> str:
 
 
 def _mesh_files(directory: Path) -> Iterator[tuple[Path, str]]:
-    """Yield the files of a mesh's suffix; and directories that cannot be read, with why."""
+    """Yield the files of a mesh's suffix; and directories that are not read, with why.
+
+    A link to one may lead round in a circle, or to files that are here already.
+    """
     errors: list[OSError] = []
-    for folder, _, names in os.walk(directory, onerror=errors.append):
+    for folder, folders, names in os.walk(directory, onerror=errors.append):
+        for path in (Path(folder, name) for name in folders):
+            if path.is_symlink():
+                yield path, "is a link to a directory, and not followed: name the directory"
         for name in names:
             if kind_of(name) is not None:
                 yield Path(folder, name), ""

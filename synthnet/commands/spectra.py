@@ -33,6 +33,7 @@ VALUES = ("eigenvalue", "eigenvalues", "lambda", "λ")  # the name of their colu
 SHOWN = 6  # so many eigenvalues fit in a row of the terminal
 NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)", re.IGNORECASE)
 CELL = re.compile(r'"[^"]*"|[^\s,]+')  # no field of csv, which may have 131,072 characters at most
+BESIDE = ' \t"'  # what may stand beside the words of a cell
 FORMATS = f"a mesh: {', '.join(SUFFIXES)}, or one of these .gz"
 
 
@@ -139,28 +140,35 @@ def run_spectrum(options: argparse.Namespace) -> int:
     """Compute spectra, print their table and write them."""
     if options.out is not None and options.out.suffix != ".csv":
         raise AnswerError(f"--out must end in .csv, got {options.out}")
-    answers = []
     operator = _operator(options)
+    if options.out is not None:
+        make_parent(options.out)
+    answers = []
     console = Console(stderr=True)
     with Reader() as reader, console.status("") as status:
         for number, file in enumerate(options.files, start=1):
             status.update(f"{_printable(file.name)} ({number} of {len(options.files)})")
             answers.append(_answer(reader, file, options.k, operator, mended=options.repair))
-    if options.out is not None:
-        make_parent(options.out)
-        write_text(options.out, _as_csv(answers, options.k))
-    if options.json:
-        print_json([_facts(answer) for answer in answers])
-    else:
-        print(_table(answers, options.k))
+    written = ""
+    try:
         if options.out is not None:
-            print(f"\nwritten to {options.out}")
+            write_text(options.out, _as_csv(answers, options.k))
+            written = f"\n\nwritten to {options.out}"
+    finally:  # the work is shown, though the disk may be full
+        _print(answers, options, written)
+    return terminal.WRONG_INPUT if any(answer.problem for answer in answers) else 0
+
+
+def _print(answers: list[Answer], options: argparse.Namespace, written: str) -> None:
+    """Print the table, and what there is to say of each file."""
+    terminal.print_answer(
+        options, [_facts(answer) for answer in answers], _table(answers, options.k) + written
+    )
     for answer in answers:
         if answer.spectrum is not None and answer.spectrum.components > 1:
             print(_of_components(answer.file, answer.spectrum.components), file=sys.stderr)
         for message in (*answer.warnings, *filter(None, [answer.problem])):
             print(f"synthnet: {_printable(answer.file)}: {message}", file=sys.stderr)
-    return terminal.WRONG_INPUT if any(answer.problem for answer in answers) else 0
 
 
 def run_certify(options: argparse.Namespace) -> int:
@@ -169,7 +177,11 @@ def run_certify(options: argparse.Namespace) -> int:
     with Reader() as reader, Console(stderr=True).status(f"counting eigenvalues of {options.mesh}"):
         try:
             state = _mesh(reader, options.mesh, operator, mended=options.repair)
-            verdict = certify(state.mesh, answer, tolerance=options.tolerance, operator=operator)
+            with warnings.catch_warnings(record=True) as warned:
+                warnings.simplefilter("always")
+                verdict = certify(
+                    state.mesh, answer, tolerance=options.tolerance, operator=operator
+                )
             pieces = MeshFacts(state.mesh).n_components
         except (UnreadableError, Refused, ValueError, SpectrumError) as error:
             raise AnswerError(f"{options.mesh}: {error}") from error
@@ -197,6 +209,8 @@ def run_certify(options: argparse.Namespace) -> int:
             print(_of_components(options.mesh, pieces))
         if state.repairs:
             print(f"of the mesh as repaired: {_said(state.repairs)}")
+    for message in _by_options(warned):
+        print(f"synthnet: {_printable(options.mesh)}: {message}", file=sys.stderr)
     return 0 if verdict.certified else 1
 
 
@@ -213,9 +227,13 @@ def _mesh(reader: Reader, file: Path, operator: Operator, *, mended: bool) -> Re
     Tufted elements take a mesh that is no manifold, so of theirs only an STL file's corners are
     merged: no two of its triangles share one.
     """
-    if file.is_dir():
+    try:
+        directory, other = file.is_dir(), file.exists() and not file.is_file()
+    except OSError as error:  # a name that is too long, a folder that may not be entered
+        raise UnreadableError(f"cannot be opened ({error.strerror})") from error
+    if directory:
         raise UnreadableError("a directory: name files, or `synthnet import` it")
-    if file.exists() and not file.is_file():
+    if other:
         raise UnreadableError("a pipe or a device: save it to a file")
     mesh = reader.read(file)
     if not mended:
@@ -256,24 +274,36 @@ def _operator(options: argparse.Namespace) -> Operator:
 def _answer(reader: Reader, file: Path, k: int, operator: Operator, *, mended: bool) -> Answer:
     """Compute a spectrum; whatever keeps it from having one is said."""
     try:
-        state = _mesh(reader, file, operator, mended=mended)
-    except (UnreadableError, Refused) as error:
-        return Answer(file, problem=str(error))
+        return _solved(reader, file, k, operator, mended=mended)
+    except (UnreadableError, Refused, SpectrumError, MemoryError) as error:
+        return Answer(file, problem=terminal.one_line(error))
+
+
+def _solved(reader: Reader, file: Path, k: int, operator: Operator, *, mended: bool) -> Answer:
+    """Compute a spectrum, or say what is wrong with k, the mesh or the operator."""
+    state = _mesh(reader, file, operator, mended=mended)
     try:
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             spectrum = compute(
                 state.mesh, k, operator=operator, sharp=operator.elements == "linear"
             )
-    except SpectrumError as error:
-        return Answer(file, problem=str(error))
     except ValueError as error:
         helps = not mended and operator.elements != "tufted" and _would_mend(state.mesh, operator)
         hint = "; without --no-repair what can be mended is" if helps else ""
         return Answer(file, problem=f"{error}{hint}")
-    said = (str(w.message).replace(JOINED, "without --no-repair they are joined") for w in warned)
     vertices = len(state.mesh.vertices)
-    return Answer(file, spectrum, vertices, state.repairs, warnings=tuple(said))
+    return Answer(file, spectrum, vertices, state.repairs, warnings=_by_options(warned))
+
+
+def _by_options(warned: list[warnings.WarningMessage]) -> tuple[str, ...]:
+    """Return warnings that name options of the command, where those of Python name arguments."""
+    return tuple(
+        str(warning.message)
+        .replace(JOINED, "without --no-repair they are joined")
+        .replace('Operator(elements="tufted")', "--elements tufted")
+        for warning in warned
+    )
 
 
 def _printable(path: Path | str) -> str:
@@ -316,17 +346,23 @@ def _table(answers: list[Answer], k: int) -> str:
         shortened = values if k == shown else [*values[: shown - 1], "…", values[-1]]
         facts = [f"{answer.vertices:,}", str(answer.spectrum.components)]
         rows.append([_printable(answer.file.name), *facts, *shortened, _said(answer.repairs)])
-    names = [f"λ{i}" for i in range(1, k + 1)]
-    names = names if k == shown else [*names[: shown - 1], "", names[-1]]
+    names = [f"λ{i}" for i in range(1, shown + 1)]
+    names = names if k == shown else [*names[:-1], "", f"λ{k}"]
     headers = ["file", "vertices", "components", *names, "repaired"]
     return str(tabulate(rows, headers=headers, disable_numparse=True))
 
 
 def _as_csv(answers: list[Answer], k: int) -> str:
-    """Return one row per file: its vertices, components and eigenvalues to the last digit."""
+    """Return one row per file: its vertices, components and eigenvalues to the last digit.
+
+    If no file has a spectrum, there are no columns of eigenvalues: k may be too large for any.
+    """
+    count = k if any(answer.spectrum is not None for answer in answers) else 0
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["file", "vertices", "components", *(f"lambda_{i}" for i in range(1, k + 1))])
+    writer.writerow(
+        ["file", "vertices", "components", *(f"lambda_{i}" for i in range(1, count + 1))]
+    )
     for answer in answers:
         if answer.spectrum is not None:
             facts = [_printable(answer.file), answer.vertices, answer.spectrum.components]
@@ -353,13 +389,14 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
     rows = [(number, CELL.findall(line)) for number, line in enumerate(text.split("\n"), start=1)]
     rows = [(number, cells) for number, cells in rows if cells]
     first = text.strip().partition("\n")[0]
-    names = [name.strip(' "') for name in first.split(",")]
+    names = [name.strip(BESIDE) for name in first.split(",")]
     if "file" in names and "lambda_1" in names:
         rows = [_of_mesh(text, mesh, path)]
     elif _are_names(names):
         if len(names) > 1:  # an empty cell between commas is one
             split = [(number, line.split(",")) for number, line in enumerate(text.split("\n"), 1)]
-            rows = [(n, [cell.strip() for cell in cells]) for n, cells in split if any(cells)]
+            rows = [(n, [cell.strip() for cell in cells]) for n, cells in split]
+            rows = [(n, cells) for n, cells in rows if any(cells)]
         else:
             names = CELL.findall(first)
         rows = _of_column([name.lstrip("# ") for name in names if name != "#"], rows[1:], path)
@@ -404,20 +441,31 @@ def _are_names(cells: list[str]) -> bool:
 
 
 def _of_mesh(text: str, mesh: Path, path: Path) -> tuple[int, list[str]]:
-    """Return the eigenvalues in a mesh's row of a table, and the number of its line."""
+    """Return the eigenvalues in a mesh's row of a table, and the number of its line.
+
+    Of several rows with the mesh's name, that of its very path is its own.
+    """
     reader = csv.reader(io.StringIO(text))
     try:
         names, *rows = [(reader.line_num, row) for row in reader if row]
     except csv.Error as error:
         raise AnswerError(f"{path} is no table of `synthnet spectrum --out` ({error})") from error
-    columns = [i for i, name in enumerate(names[1]) if name.startswith("lambda_")]
-    file = names[1].index("file")
-    whole = [(line, row) for line, row in rows if len(row) == len(names[1])]
-    mine = [(line, row) for line, row in whole if Path(row[file]).name == mesh.name]
+    header = [name.strip(BESIDE) for name in names[1]]
+    columns = [i for i, name in enumerate(header) if name.startswith("lambda_")]
+    file = header.index("file")
+    whole = [(line, row) for line, row in rows if len(row) == len(header)]
+    named = [(line, row) for line, row in whole if _is_named(row[file], mesh)]
+    mine = [(line, row) for line, row in named if row[file] == _printable(mesh)] or named
     if len(mine) != 1:
-        raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed")
+        which = ": give the path that stands in one of them" if mine else ""
+        raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed{which}")
     ((line, row),) = mine
     return line, [row[i] for i in columns]
+
+
+def _is_named(cell: str, mesh: Path) -> bool:
+    """Return whether the last part of a cell's path is a mesh's name."""
+    return Path(cell.strip(BESIDE)).name == _printable(mesh.name).strip(BESIDE)
 
 
 def _numbers(rows: list[tuple[int, list[str]]], path: Path) -> Iterator[float]:

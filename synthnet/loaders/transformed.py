@@ -67,7 +67,8 @@ def write_data(directory: Path, items: Iterable[Data]) -> None:
     finally:
         for file in files.values():
             file.close()
-    (directory / INDEX).write_text(json.dumps({"digests": digests, "attributes": kinds}))
+    index = json.dumps({"digests": digests, "attributes": kinds})
+    (directory / INDEX).write_text(index, encoding="utf-8")
 
 
 class TransformedItems:
@@ -84,7 +85,7 @@ class TransformedItems:
         self.slices: dict[str, torch.Tensor] = {}
         self._rows: list[tuple[NDArray[Any], list[int]]] = []
         try:
-            index = json.loads((directory / INDEX).read_text())
+            index = json.loads((directory / INDEX).read_text(encoding="utf-8"))
             self._digests: list[str] = index["digests"]
             for number, (key, kind) in enumerate(index["attributes"].items()):
                 self._add(number, key, kind)

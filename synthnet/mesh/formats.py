@@ -55,6 +55,10 @@ FREESURFER = (".orig", ".white", ".pial", ".inflated", ".smoothwm", ".sphere", "
 GZIP = ".gz"
 PLY_END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(\r?\n|\r)")  # a line of its own, no comment
 OFF_COLUMNS = 12  # of a vertex, at most: position, normal, colour, texture; more than of a colour
+# What nibabel raises where a file is none: it does not look at which elements are in which.
+GIFTI_ERRORS = (
+    *(ExpatError, zlib.error, ValueError, TypeError, LookupError, AttributeError, AssertionError),
+)
 STL_HEADER = 84  # bytes: 80 of text, 4 of the number of faces
 
 
@@ -199,7 +203,7 @@ def read_off(content: bytes) -> Triangles:
     positions, polygons = array("d"), Polygons()
     while len(positions) < 3 * n:
         line, words = _next(rows, len(positions) // 3, n, "vertices")
-        positions.extend(_off_positions(words, n, line))
+        positions.extend(_off_positions(words, n if head[0] == b"OFF" else 0, line))
     while (i := len(polygons.sizes)) < m:
         line, words = _next(rows, i, m, "faces")
         for face in _off_faces(words, m, line):
@@ -212,7 +216,10 @@ def read_off(content: bytes) -> Triangles:
 
 
 def _off_positions(words: Sequence[bytes], count: int, line: int) -> Sequence[float]:
-    """Return the position of a line's vertex, or all of them if the file has them on one line."""
+    """Return the position of a line's vertex, or of ``count`` if it has so many.
+
+    Those of a header that names normals or colours have one each: 9 numbers, as 3 positions.
+    """
     if count > 2 and len(words) == 3 * count:
         return [x for i in range(0, len(words), 3) for x in _position(words[i : i + 3], line)]
     _check_one(words, OFF_COLUMNS, "vertex", line)
@@ -408,6 +415,8 @@ def _ply_mixed(body: memoryview, element: Element, order: str) -> tuple[int, int
             size = 1
             if length is not None:
                 head = body[at : at + np.dtype(length).itemsize]
+                if len(head) < np.dtype(length).itemsize:
+                    return row, at, {}
                 size = int.from_bytes(head, endian, signed=length[0] == "i")
                 at += len(head)
             end = at + size * np.dtype(kind).itemsize
@@ -478,19 +487,35 @@ def read_gifti(content: bytes) -> Triangles:
         from nibabel.gifti import GiftiImage
     try:
         image = GiftiImage.from_bytes(content)
-        arrays = [
+        if image is None:
+            raise UnreadableError("no GIfTI file: it is XML without an element GIFTI")
+        points, triangles = (
             [array.data for array in image.get_arrays_from_intent(intent)]
             for intent in ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
-        ]
-    except (ExpatError, ValueError, TypeError, KeyError, zlib.error, AssertionError) as error:
-        raise UnreadableError(
-            f"cut off or no GIfTI file ({' '.join(str(error).split())})"
-        ) from error
-    if not arrays[0]:
+        )
+    except GIFTI_ERRORS as error:
+        said = " ".join(str(error).split())[:200] or type(error).__name__
+        raise UnreadableError(f"cut off or no GIfTI file ({said})") from error
+    if not points:
         raise UnreadableError("it has no points: values on a surface that is another file, perhaps")
-    vertices = np.asarray(arrays[0][0], np.float64).reshape(-1, 3)
-    faces = np.asarray(arrays[1][0] if arrays[1] else np.zeros((0, 3)), np.int64).reshape(-1, 3)
+    vertices = _gifti_rows(points[0], "points", "fiu").astype(np.float64)
+    if not triangles:
+        raise _without_faces(len(vertices))
+    faces = _gifti_rows(triangles[0], "triangles", "iu").astype(np.int64)
     return _cut(vertices, faces.ravel(), np.full(len(faces), 3), np.arange(len(faces)), "triangle")
+
+
+def _gifti_rows(data: NDArray[Any] | None, what: str, kinds: str) -> NDArray[Any]:
+    """Return an array of GIfTI if it has rows of three numbers of these kinds of dtype."""
+    if data is None:
+        raise UnreadableError(f"no GIfTI file: its {what} are without data")
+    if data.ndim == 2 and data.shape[1] == 3 and data.dtype.kind in kinds:
+        return data
+    shape = " x ".join(map(str, data.shape))
+    rows = "rows of three numbers" if "f" in kinds else "rows of three whole numbers"
+    raise UnreadableError(
+        f"no GIfTI file of triangles: its {what} are {shape} of {data.dtype}, not {rows}"
+    )
 
 
 def read_freesurfer(content: bytes) -> Triangles:

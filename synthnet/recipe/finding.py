@@ -60,7 +60,8 @@ def _shipped(version: str) -> Recipe:
 
 def _text(version: str) -> str:
     """Return the recipe file of a version that ships."""
-    return resources.files("synthnet.recipe.versions").joinpath(f"{version}.toml").read_text()
+    file = resources.files("synthnet.recipe.versions").joinpath(f"{version}.toml")
+    return file.read_text(encoding="utf-8")
 
 
 def scaled(recipe: Recipe, scale: int) -> Recipe:

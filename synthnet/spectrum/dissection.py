@@ -13,7 +13,7 @@ partitioning unstructured problems", Concurrency: Practice and Experience 6 (199
 J. K. Bence, S. Osher, "Diffusion generated motion by mean curvature" (1992).
 """
 
-from math import gcd
+from math import frexp, gcd
 from typing import NamedTuple
 
 import numpy as np
@@ -264,11 +264,7 @@ def _induced(graph: Graph, members: Int32s) -> Graph:
 @kernel
 def _level(node: int) -> int:
     """Return how often the whole graph was halved to get a part: 0 for 1, 1 for 2 and 3, ..."""
-    level = -1
-    while node > 0:
-        node >>= 1
-        level += 1
-    return level
+    return frexp(node)[1] - 1
 
 
 @kernel

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from functools import partial
+from itertools import islice
 from typing import Any
 
 from synthnet.spectrum.inputs import as_mesh, check_count
@@ -36,7 +38,7 @@ def spectra(
         Repair each first, see :func:`synthnet.spectrum.compute`.
     workers : int
         Processes; with one, all is done in this. Each takes a core: set OMP_NUM_THREADS=1. In a
-        script they need ``if __name__ == "__main__":``.
+        script they need ``if __name__ == "__main__":``. Two meshes for each are read ahead.
 
     Raises
     ------
@@ -60,4 +62,25 @@ def spectra(
     compile_solver()  # once, before all of them would
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        yield from pool.map(solve, map(as_mesh, meshes))
+        futures = _submitted(pool, solve, meshes)
+        waiting = deque(islice(futures, 2 * workers))
+        try:
+            while waiting:
+                found = waiting.popleft().result()
+                waiting.extend(islice(futures, 1))
+                yield found
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _submitted(
+    pool: Executor, solve: Callable[[Any], Spectrum], meshes: Iterable[Any]
+) -> Iterator[Future[Spectrum]]:
+    """Yield what each mesh will have; the last is an error if there is no further mesh by one."""
+    try:
+        for mesh in map(as_mesh, meshes):
+            yield pool.submit(solve, mesh)
+    except Exception as error:  # noqa: BLE001 - raised when it is its turn
+        failed = Future[Spectrum]()
+        failed.set_exception(error)
+        yield failed

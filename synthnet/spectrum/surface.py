@@ -30,7 +30,7 @@ from synthnet.kernels import kernel, part
 from synthnet.spectrum import curved, fem
 from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.bending import Patches, bend
-from synthnet.spectrum.inputs import as_mesh
+from synthnet.spectrum.inputs import as_mesh, check_count
 from synthnet.spectrum.solve import of_matrices
 
 ENOUGH, STEPS = 0.01, 20  # conjugate gradients end with a step that adds no such share, or so many
@@ -71,6 +71,7 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     >>> surface_eigenvalues(sphere, k=4).round(2)  # the smooth sphere has 2, 2, 2, 6
     array([2., 2., 2., 6.])
     """
+    check_count(k)
     mesh = as_mesh(mesh)
     fem.check_used(mesh)
     patches = bend(mesh)

@@ -16,7 +16,7 @@ from synthnet import recipe
 from synthnet.errors import StoreError, suggestion
 from synthnet.recipe import Kind
 from synthnet.store import storage
-from synthnet.store.imports import description_of, is_import
+from synthnet.store.imports import OPTIONS, description_of
 from synthnet.store.manifest import read_manifest
 from synthnet.store.shards import read_samples, read_table
 from synthnet.store.storage import Location, location
@@ -56,7 +56,7 @@ class StoredDataset:
     @property
     def kind(self) -> Kind:
         """The kind of dataset, by what its manifest says it was made from."""
-        if is_import(self.manifest):
+        if OPTIONS in self.manifest.recipe:
             return Kind.IMPORTED
         if "sealed" in self.manifest.recipe:
             return Kind.SEALED

@@ -50,7 +50,7 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     Raises
     ------
     BuildError
-        If the disk is full or cannot be written; nothing is left behind.
+        If the disk is full or cannot be written. Whatever is raised, nothing is left behind.
     """
     # No two writers, on whatever machine, may share a partial file.
     partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
@@ -60,13 +60,15 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
             os.fsync(file.fileno())
         partial.replace(path)
     except OSError as error:
-        partial.unlink(missing_ok=True)
         raise _cannot_write(path, error) from error
+    finally:
+        with suppress(OSError):  # it is gone if all went well
+            partial.unlink()
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file, as :func:`write_atomically` does."""
-    write_atomically(path, lambda partial: partial.write_text(text))
+    """Write a text file in UTF-8, as :func:`write_atomically` does."""
+    write_atomically(path, lambda partial: partial.write_text(text, encoding="utf-8"))
 
 
 def write_secret(path: Path, text: str) -> None:
@@ -86,7 +88,7 @@ def write_secret(path: Path, text: str) -> None:
     except OSError as error:
         raise _cannot_write(path, error) from error
     try:
-        with os.fdopen(descriptor, "w") as file:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
@@ -187,7 +189,7 @@ def locked(path: Path, *, wait: bool, taken: str = BUSY, needed: bool = True) ->
             ) from error
     try:
         with suppress(OSError):  # the disk may be full: the lock holds without its note
-            path.write_text(f"{socket.gethostname()} {os.getpid()}\n")
+            path.write_text(f"{socket.gethostname()} {os.getpid()}\n", encoding="utf-8")
         yield
     finally:
         lock.release()
@@ -196,7 +198,7 @@ def locked(path: Path, *, wait: bool, taken: str = BUSY, needed: bool = True) ->
 def _holder(path: Path) -> str:
     """Say who holds a lock, and what to do where that process may be gone."""
     try:
-        host, _, pid = path.read_text().strip().partition(" ")
+        host, _, pid = path.read_text(encoding="utf-8").strip().partition(" ")
     except (OSError, ValueError):
         return ""
     if not pid.isdecimal():

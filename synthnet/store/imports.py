@@ -78,11 +78,6 @@ class ImportDescription:
                 yield f"{len(names):,} {word}: {such_as}{min(names)}"
 
 
-def is_import(manifest: Manifest) -> bool:
-    """Return whether a manifest is that of an import."""
-    return OPTIONS in manifest.recipe
-
-
 def description_of(manifest: Manifest) -> ImportDescription:
     """Read the description in an import's manifest.
 

@@ -250,8 +250,8 @@ def write_atomically(where: Location, write: Callable[[Path], object]) -> None:
 
 
 def write_text(where: Location, text: str) -> None:
-    """Write a text file, as :func:`write_atomically` does."""
-    write_atomically(where, lambda partial: partial.write_text(text))
+    """Write a text file in UTF-8, as :func:`write_atomically` does."""
+    write_atomically(where, lambda partial: partial.write_text(text, encoding="utf-8"))
 
 
 def remove_partial_files(where: Location) -> None:

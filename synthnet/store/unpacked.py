@@ -52,7 +52,7 @@ def write_contents(directory: Path, dataset: StoredDataset, by_item: tuple[str, 
         for path in sorted(directory.iterdir())
     }
     content = {"source": source(dataset), "files": listed}
-    (directory / CONTENTS).write_text(with_digest(content))
+    (directory / CONTENTS).write_text(with_digest(content), encoding="utf-8")
 
 
 def check(directory: Path, dataset: StoredDataset) -> None:

@@ -28,7 +28,10 @@ def checkout(tmp_path, monkeypatch):
         if arguments[0] == "evaluate":
             out = Path(arguments[arguments.index("--out") + 1])
             model = {"name": "Mean training spectrum", "code": "mean.py", "sources": {}}
-            out.write_text(json.dumps({"model": model}))
+            options = ("--batch-size", "--seeds")
+            batch, seeds = (int(arguments[arguments.index(name) + 1]) for name in options)
+            counts = {"cost": {"batch_size": batch}, "predictions": {"seeds": seeds}}
+            out.write_text(json.dumps({"model": model, **counts}))
         return 0
 
     monkeypatch.setattr(rows, "eigbench", run)
@@ -106,6 +109,20 @@ def test_seeds_are_those_of_the_row_or_fewer(checkout):
         options = ["--run", "ritz_mlp", "--seeds", seeds, "--results", folder]
         assert rows.main(options) == 0
         assert commands[0][commands[0].index("--seeds") + 1] == expected
+
+
+def test_a_result_with_other_seeds_or_batches_is_made_anew(checkout, monkeypatch):
+    root, commands = checkout
+    options = ["--run", "ritz_mlp", "--results", str(root / "runs"), "--seeds"]
+
+    def asked(seeds):
+        commands.clear()
+        assert rows.main([*options, seeds]) == 0
+        return [c[c.index("--seeds") + 1] for c in commands if c[0] == "evaluate"]
+
+    assert [asked(seeds) for seeds in "1133"] == [["1"], [], ["3"], []]
+    monkeypatch.setitem(rows.BATCH, "1.0", 100)
+    assert asked("3") == ["3"]
 
 
 @pytest.mark.parametrize(

@@ -76,21 +76,6 @@ def test_one_worker_gives_the_same_bytes_as_two(mini_home, tmp_path, command):
     assert_same(tmp_path, mini_home)
 
 
-@pytest.mark.slow
-def test_mini_is_a_part_of_small_is_a_part_of_full():
-    shapes = {
-        version: {s.spec.id: s for plan in plan_shards(recipe.load(version)) for s in plan.shapes}
-        for version in ("1.0", "1.0-small", "1.0-mini")
-    }
-    assert {name: len(s) for name, s in shapes.items()} == {
-        "1.0": 16550,
-        "1.0-small": 1655,
-        "1.0-mini": 335,
-    }
-    for version in ("1.0-small", "1.0-mini"):
-        assert all(shapes["1.0"][id] == shape for id, shape in shapes[version].items())
-
-
 @pytest.fixture
 def started(environment):
     """Start builds in process groups of their own; end what is left of them."""

@@ -74,9 +74,7 @@ def test_every_check_has_what_fails_it_here_and_their_order_is_fixed():
     assert list(SPECTRUM_CHECKS) == list(BAD_SPECTRA)
 
 
-def test_reasons_are_distinct_and_name_their_function():
-    for checks in (MESH_CHECKS, SPECTRUM_CHECKS):
-        assert all(name == check.__name__ for name, check in checks.items())
+def test_reasons_are_distinct():
     assert filters.SOLVER not in {*MESH_CHECKS, *SPECTRUM_CHECKS}
     assert not set(MESH_CHECKS) & set(SPECTRUM_CHECKS)
 

@@ -484,7 +484,7 @@ def test_files_that_cannot_be_opened_are_rejections(folder, imported, monkeypatc
     (folder / "loop.obj").symlink_to("loop.obj")
     (folder / "gone.obj").symlink_to("nowhere.obj")
     (folder / "secret").mkdir()
-    (folder / "below" / "up").symlink_to(folder)  # a directory, which is not followed
+    (folder / "below" / "up").symlink_to(folder)
     os.mkfifo(folder / "pipe.stl")
     scan = os.scandir
 
@@ -499,7 +499,9 @@ def test_files_that_cannot_be_opened_are_rejections(folder, imported, monkeypatc
     assert re.fullmatch(r"unreadable: cannot be opened \(.*symbolic links\)", outcomes["loop.obj"])
     assert outcomes["secret/"] == "unreadable: cannot be opened (Permission denied)"
     assert outcomes["pipe.stl"] == "unreadable: is no file"
-    assert len(outcomes) == 9
+    link = "unreadable: is a link to a directory, and not followed: name the directory"
+    assert outcomes["below/up/"] == link
+    assert len(outcomes) == 10
     assert outcomes["a.ply"] == ""
 
 

@@ -74,6 +74,45 @@ def test_an_interrupt_names_shards_where_a_command_makes_them(words, kept, run, 
     assert run(*words) == (130, "", f"synthnet: interrupted{shards}\n")
 
 
+# Where it prints to
+
+
+@pytest.fixture
+def shell(environment):
+    """Return a function that runs the command in a shell: exit code, stdout and stderr."""
+    buffered = {name: value for name, value in environment.items() if name != "PYTHONUNBUFFERED"}
+
+    def run(line, **more):
+        command = f'set -o pipefail; synthnet() {{ {sys.executable} -m synthnet "$@"; }}; {line}'
+        done = subprocess.run(
+            ["bash", "-c", command], env=buffered | more, capture_output=True, check=False
+        )
+        return done.returncode, done.stdout.decode("latin-1"), done.stderr.decode()
+
+    return run
+
+
+@pytest.mark.parametrize("words", ["versions", "versions --help"])
+def test_a_full_disk_is_one_line_and_a_closed_pipe_none(words, shell):
+    line = f"synthnet{' versions' if '--help' in words else ''}: standard output: No space left"
+    assert shell(f"synthnet {words} >/dev/full") == (2, "", f"{line} on device\n")
+    assert shell(f"synthnet {words} | true") == (0, "", "")
+
+
+def test_what_a_closed_stream_would_have_had_goes_nowhere(shell):
+    assert shell("synthnet versions --json >&-") == (0, "", "")
+    assert shell("synthnet info nothing 2>&-") == (2, "", "")
+    code, table, err = shell("synthnet spectrum nothing.obj 2>&-")
+    assert (code, err) == (2, "")
+    assert "cannot be opened" not in table
+
+
+def test_a_character_that_the_terminal_has_not_is_escaped(shell):
+    code, table, err = shell("synthnet spectrum nothing.obj", PYTHONIOENCODING="latin-1")
+    assert (code, err.count("cannot be opened")) == (2, 1)
+    assert "\\u03bb1" in table
+
+
 # One line and exit code 2
 
 

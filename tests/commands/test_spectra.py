@@ -34,6 +34,22 @@ def test_no_mesh_is_overwritten_by_its_spectrum(run, files):
     assert files[0].read_bytes() == before
 
 
+def test_a_place_that_cannot_be_written_is_named_before_the_work(run, files, monkeypatch):
+    monkeypatch.setattr("synthnet.commands.spectra._answer", None)
+    line = only_line(*run("spectrum", files[0], "--out", "/proc/nowhere/spectra.csv"))
+    assert line.startswith("synthnet: cannot write to /proc/nowhere (")
+
+
+def test_spectra_that_cannot_be_written_are_shown(run, files, tmp_path):
+    out = tmp_path / "spectra.csv"
+    out.mkdir()
+    code, table, err = run("spectrum", files[0], "--out", out)
+    assert code == 2
+    assert table.splitlines()[2].startswith("a.ply")
+    assert "written to" not in table
+    assert err == f"synthnet: cannot write {out} (Is a directory)\n"
+
+
 def test_spectra_of_files_are_shown_written_and_certified(run, printed, files, tmp_path):
     out = tmp_path / "made" / "spectra.csv"
     code, table, err = run("spectrum", *files, "-k", 12, "--out", out)
@@ -105,6 +121,10 @@ def test_an_answer_is_judged(run, files, tmp_path):
         ("# index\teigenvalue\n1\t2.5\n2\t3.5\n", [2.5, 3.5]),
         ("# index,eigenvalue\n1,2.5\n2,3.5\n", [2.5, 3.5]),
         ("k,lambda,error\n1,2.5,\n2,3.5,\n", [2.5, 3.5]),
+        ("eigenvalue,\t\n2.5,\t\n\t\n3.5,\t\n", [2.5, 3.5]),
+        ("file,lambda_1\nb/a.ply,9\na.ply,1.5\n", [1.5]),
+        ("id, file, lambda_1, lambda_2\n0, a.ply, 1.5, 2.5\n", [1.5, 2.5]),
+        ('"file", "vertices", "lambda_1"\n"a.ply", 42, 1.5\n', [1.5]),
     ],
 )
 def test_an_answer_is_read_whole(text, values, tmp_path):
@@ -129,6 +149,7 @@ def test_an_answer_is_read_whole(text, values, tmp_path):
         ("file,lambda_1\na.ply,1\nb.ply,x\nc.ply," + "2" * 200_000, "is no table of `synthnet"),
         ("file,lambda_1\nb.ply,1\n\na.ply,x\n", "row 4: 'x' is no number"),
         ("file,lambda_1\nother.ply,2\n", "has 0 rows of a.ply, where one is needed"),
+        ("file,lambda_1\nb/a.ply,1\nc/a.ply,2\n", "has 2 rows of a.ply, where one is needed: give"),
         (b"\xff\xfe", "is no text"),
         ("index,value\n1,2.5\n2,3.5\n", "several columns, index, value: name one 'eigenvalue'"),
         ("index,eigenvalue\n1,2.5\n3.5\n", "give each row a cell of every column"),
@@ -220,11 +241,32 @@ def test_three_sheets_that_meet_have_one_tufted_spectrum_in_any_format(run, tmp_
     )
 
 
+def test_warnings_name_options(run, files, tmp_path):
+    answer = tmp_path / "answer.csv"
+    answer.write_text("1.0\n")
+    for words in (["certify", files[1], answer], ["spectrum", files[1], "-k", 1]):
+        _, _, err = run(*words, "--no-repair")
+        assert "is a component by itself; without --no-repair they are joined\n" in err
+        assert "UserWarning" not in err
+    book().export(tmp_path / "book.off")
+    _, _, err = run("certify", tmp_path / "book.off", answer, "--no-repair")
+    assert err.startswith(f"synthnet: {tmp_path / 'book.off'}: 4 edges have more than two faces")
+    assert err.endswith(", --elements tufted takes the mesh as it is\n")
+
+
 def test_a_refusal_of_no_manifold_names_the_elements_that_take_it(run, tmp_path):
     book().export(tmp_path / "book.off")
     code, _, err = run("spectrum", tmp_path / "book.off")
     assert code == 2
     assert "`synthnet import --cut-fins` may cut them, --elements tufted takes the mesh" in err
+
+
+def test_a_k_that_no_file_has_costs_nothing(run, files, tmp_path):
+    out, k = tmp_path / "spectra.csv", 10**15  # so many names fit in no memory
+    code, table, err = run("spectrum", files[0], "-k", k, "--out", out)
+    assert (code, err.count("k must be between 1 and")) == (2, 1)
+    assert f"λ{k}" in table
+    assert out.read_text() == "file,vertices,components\n"
 
 
 def test_a_missing_mesh_is_one_line(run, files, tmp_path):
@@ -249,3 +291,23 @@ def test_a_pipe_is_not_waited_for(run, tmp_path):
     code, _, err = run("spectrum", tmp_path / "a.obj")
     assert code == 2
     assert err.endswith("a.obj: a pipe or a device: save it to a file\n")
+
+
+def test_a_file_that_cannot_be_looked_at_loses_no_other(run, files, tmp_path):
+    code, table, err = run("spectrum", tmp_path / f"{'a' * 300}.obj", files[0])
+    assert code == 2
+    first, second = table.splitlines()[2:]
+    assert first.endswith("no spectrum")
+    assert second.startswith("a.ply")
+    assert err.endswith("a.obj: cannot be opened (File name too long)\n")
+
+
+def test_a_solve_that_memory_does_not_hold_loses_no_other_file(run, files, monkeypatch):
+    def exhausted(mesh, *arguments, **options):
+        raise MemoryError
+
+    monkeypatch.setattr("synthnet.commands.spectra.compute", exhausted)
+    code, table, err = run("spectrum", *files[:2])
+    assert code == 2
+    assert table.count("no spectrum") == 2
+    assert err.count("out of memory: ") == 2

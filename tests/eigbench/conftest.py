@@ -314,7 +314,7 @@ def make_scaled(tmp_path_factory):
             "environment": {"python": "3.13"},
         }
         path = tmp_path_factory.mktemp("scaled") / f"{name}.json"
-        scaling_results.write(path, result)
+        results.write(path, result, scaling_results.validate)
         return scaling_results.read(path)
 
     return make

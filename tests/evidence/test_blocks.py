@@ -5,7 +5,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-from eigbench.board.marks import marked
+from eigbench.board.markdown import marked
 
 from evidence import DOCS, ROOT, blocks
 from evidence.__main__ import main

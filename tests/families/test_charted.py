@@ -514,8 +514,7 @@ def test_the_mini_version_takes_whole_surfaces():
         assert families == set(recipe.load("2.0").families)
 
 
-def test_no_family_has_two_homes_and_each_is_registered_under_its_name():
+def test_no_family_has_two_homes_and_each_is_registered():
     assert set(recipe.load("2.1").families) == set(CHARTED)
     assert not set(CHARTED) & set(PRIMITIVES)
     assert {*FAMILIES} == {*CHARTED, *PRIMITIVES}
-    assert all(FAMILIES[name].name == name for name in FAMILIES)

@@ -199,8 +199,9 @@ def test_other_packages_and_other_errors_are_left_alone():
     with pytest.raises(ZeroDivisionError), needed_by("this"):
         _ = 1 / 0
     line = "this needs PyTorch Geometric: "
-    with pytest.raises(MissingPackageError, match=line), needed_by("this"):
+    with pytest.raises(MissingPackageError, match=line) as caught, needed_by("this"):
         raise ModuleNotFoundError(name="torch_geometric.data")
+    assert isinstance(caught.value.__cause__, ModuleNotFoundError)
     assert install("cv2") == "pip install it"
 
 

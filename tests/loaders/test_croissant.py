@@ -136,13 +136,6 @@ def test_every_version_has_words_of_its_own(version):
     assert (croissant._part(expected) == "") == (version in croissant.ABOUT)
 
 
-def test_the_same_dataset_gives_the_same_bytes(described):
-    before = described.read_bytes()
-    dataset = store.open_dataset(VERSION, described.parents[1])
-    assert croissant.write(dataset) == described
-    assert described.read_bytes() == before
-
-
 def test_a_sealed_set_is_refused(sealed_set):
     dataset = store.open_dataset(sealed_set.seal.dataset, sealed_set.home)
     with pytest.raises(StoreError, match="is no version of synthNet: an import or a sealed set"):

@@ -2,7 +2,6 @@
 
 import shutil
 import socket
-import sys
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -98,9 +97,3 @@ def test_unknown_split_is_refused(mini_home):
     message = "split must be one of train, validation, test, got 'dev'"
     with pytest.raises(ValueError, match=message):
         synthnet.load_dataset(VERSION, split="dev", root=mini_home)
-
-
-def test_missing_library_is_explained(mini_home, monkeypatch):
-    monkeypatch.setitem(sys.modules, "datasets", None)
-    with pytest.raises(ImportError, match=r"needs datasets: pip install 'synthnet\[datasets\]'$"):
-        synthnet.load_dataset(VERSION, root=mini_home)

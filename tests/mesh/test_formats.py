@@ -136,6 +136,12 @@ def test_off_headers(head):
     assert faces_of(f"{head}\n{POINTS}4 0 1 2 3 255 0 0\n", ".off") == HALVES
 
 
+def test_three_vertices_of_off_may_have_normals_and_colours():
+    text = "CNOFF\n3 1 0\n" + "".join(f"{x} {y} 0 0 0 1 255 0 0\n" for x, y in ("00", "10", "11"))
+    mesh = read(f"{text}3 0 1 2\n".encode(), ".off")
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
+
+
 def test_polygons_are_fans_in_the_order_of_the_file():
     hexagon = [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3]
     text = "".join(f"v {x} {y} 0\n" for x, y in hexagon) + "f 1 2 3 4 5 6\nf 1 2 3\nf 3 2 1 6\n"
@@ -304,6 +310,11 @@ def test_binary_stl_may_begin_with_solid():
         (".ply", PLY + POINTS + "3 0 1 2 3\n", "line 14: 5 values instead of 4"),
         (".ply", PLY + POINTS + "3 0 1 2\n1\n", "line 15: it comes after all that its header"),
         (".ply", binary_ply(LIST, b""), "cut off: 0 of 2 faces, as its header has"),
+        (
+            ".ply",
+            binary_ply(LIST.replace("property uchar red\n", ""), bytes([3] + 6 * [0])),
+            "cut off: 1 of 2 faces, as its header has",
+        ),
         (".ply", binary_ply(LIST, bytes([3] + 7 * [0])), "cut off: 1 of 2 faces, as its header"),
         (".ply", binary_ply(LIST, bytes([3] + 7 * [0]) * 3), "8 bytes more than its header"),
         (
@@ -371,6 +382,50 @@ def test_gifti():
     values = gifti.GiftiImage(darrays=arrays[:1]).to_bytes()
     assert "a point cloud: 42 points" in refused(values, ".gii")
     assert "it has no points" in refused(gifti.GiftiImage(darrays=arrays[1:]).to_bytes(), ".gii")
+
+
+@pytest.mark.parametrize(
+    ("points", "triangles", "message"),
+    [
+        (np.eye(4)[:, :3], [[0, 1, 2, 3]], "its triangles are 1 x 4 of int32, not rows of three"),
+        (np.eye(4)[:, :3], [[0, 1, 2, 3]] * 3, "its triangles are 3 x 4 of int32, not rows of"),
+        (np.eye(4)[:, :3], [0, 1, 2], "its triangles are 3 of int32, not rows of three whole"),
+        (np.eye(6)[:, :2], [[0, 1, 2]], "its points are 6 x 2 of float32, not rows of three"),
+        (np.eye(4)[:, :2], [[0, 1, 2]], "its points are 4 x 2 of float32, not rows of three"),
+    ],
+)
+def test_gifti_of_other_arrays_is_refused(points, triangles, message):
+    gifti = pytest.importorskip("nibabel").gifti
+    arrays = [
+        gifti.GiftiDataArray(np.array(points, np.float32), "NIFTI_INTENT_POINTSET"),
+        gifti.GiftiDataArray(np.array(triangles, np.int32), "NIFTI_INTENT_TRIANGLE"),
+    ]
+    whole = gifti.GiftiImage(darrays=arrays).to_bytes()
+    assert refused(whole, ".gii").startswith(f"no GIfTI file of triangles: {message}")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<html><body/></html>", "no GIfTI file: it is XML without an element GIFTI"),
+        ("<Data>1 2</Data>", "cut off or no GIfTI file ("),
+        ("<GIFTI><Name>a</Name></GIFTI>", "cut off or no GIfTI file (GiftiParseError)"),
+        ("<GIFTI><CoordinateSystemTransformMatrix/></GIFTI>", "cut off or no GIfTI file ("),
+        (
+            f'<GIFTI><DataArray Dimensionality="1" Dim0="{2**70}"><Data>1</Data>'
+            "</DataArray></GIFTI>",
+            "cut off or no GIfTI file (",
+        ),
+        ('<?xml version="1.0" encoding="no"?><GIFTI/>', "cut off or no GIfTI file ("),
+        (
+            '<GIFTI><DataArray Intent="NIFTI_INTENT_POINTSET"/></GIFTI>',
+            "no GIfTI file: its points are without data",
+        ),
+    ],
+)
+def test_xml_that_is_no_gifti_is_refused(text, message):
+    pytest.importorskip("nibabel")
+    assert refused(text, ".gii").startswith(message)
 
 
 def test_freesurfer(tmp_path):

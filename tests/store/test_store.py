@@ -8,6 +8,7 @@ import os
 import shutil
 import socket
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -471,6 +472,29 @@ def test_other_trouble_of_the_disk_is_said_and_nothing_is_left(tmp_path):
     with pytest.raises(BuildError, match=r"cannot write .*a\.json .*Input/output error"):
         files.write_atomically(tmp_path / "a.json", broken)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("problem", [ValueError, KeyboardInterrupt])
+def test_nothing_is_left_whatever_is_raised(problem, tmp_path):
+    def broken(partial):
+        partial.write_bytes(b"the first half")
+        raise problem
+
+    with pytest.raises(problem):
+        files.write_atomically(tmp_path / "a.json", broken)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_text_is_utf8_whatever_the_locale(tmp_path):
+    code = "import sys, pathlib; from synthnet.store import files, storage; "
+    code += (
+        "[m.write_text(pathlib.Path(sys.argv[1], m.__name__), chr(955)) for m in (files, storage)]"
+    )
+    environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    subprocess.run([sys.executable, "-c", code, tmp_path], env=environment, check=True)
+    written = sorted(tmp_path.iterdir())
+    assert [path.name for path in written] == ["synthnet.store.files", "synthnet.store.storage"]
+    assert [path.read_bytes() for path in written] == ["λ".encode()] * 2
 
 
 def test_really_full_disk(tiny_samples, tmp_path):

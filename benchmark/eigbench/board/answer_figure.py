@@ -256,10 +256,9 @@ def _without_training(board: Board, trained: Sequence[Ranked], solver: Ranked) -
 
 def _gain(row: Ranked, solver: Ranked) -> str:
     """Return how much nearer a row is than the solver, and how much faster."""
-    times, ratio = _error(solver) / _error(row), row.submission.result["cost"]["reference"]["ratio"]
-    return (
-        f"an error {times:.2g} times smaller at {ratio:.2g} times {solver.submission.name}'s speed"
-    )
+    own, ratio = _error(row), row.submission.result["cost"]["reference"]["ratio"]
+    error = f"an error {_error(solver) / own:.2g} times smaller" if own else "no error"
+    return f"{error} at {ratio:.2g} times {solver.submission.name}'s speed"
 
 
 def _percent(rpd: float) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
@@ -94,7 +93,7 @@ def generalised_as_json(board: generalisation.Board) -> str:
 
 
 def _in_digits(held_out: generalisation.HeldOut) -> dict[str, float | None]:
-    return {name: six_digits(value) for name, value in asdict(held_out).items()}
+    return {"score": six_digits(held_out.score), "drop": six_digits(held_out.drop)}
 
 
 def tidy(submission: Submission) -> pa.Table:

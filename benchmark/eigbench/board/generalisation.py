@@ -43,11 +43,11 @@ NO_DROP = "None where nothing is trained, or the model is trained on another ver
 EXPLAINED = (
     "Each column after the first holds one kind of shape out of training, and tests on it. In "
     "brackets is the drop: the score minus that of the same model, by the same code and with the "
-    "same seeds, trained on everything, on the same test shapes. Models without training and "
-    "models trained on another version have no drop, and neither has any model on imported meshes, "
-    "which are in no training set. A family is held out together with all families that share its "
-    "surfaces. *Not run*: nobody has evaluated the model there, or it has weights for one training "
-    "set only."
+    "same seeds, trained on everything, on the same test shapes. If one of the two has more seeds, "
+    "the drop is of those that both have. Models without training and models trained on another "
+    "version have no drop, and neither has any model on imported meshes, which are in no training "
+    "set. A family is held out together with all families that share its surfaces. *Not run*: "
+    "nobody has evaluated the model there, or it has weights for one training set only."
 )
 NEAR = (
     "For each tested shape, the nearest shape that a model may be trained on: by the largest "
@@ -59,17 +59,16 @@ NEAR = (
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """A model's mean score under a protocol."""
+    """A model's mean score under a protocol.
+
+    Drop and ``before`` are ``None`` where the model is not trained, or on another version. Both
+    are of the seeds that the model has under the protocol and trained on everything.
+    """
 
     score: float | None  #: mean of the metric; ``None`` where the model was not run
-    #: The score minus the mean, on the same shapes, of the same model trained on everything;
-    #: ``None`` where the model is not trained, or on another version.
+    #: The mean minus that, on the same shapes, of the same model trained on everything.
     drop: float | None = None
-
-    @property
-    def before(self) -> float | None:
-        """The mean, on the same shapes, of the same model trained on everything."""
-        return None if self.score is None or self.drop is None else self.score - self.drop
+    before: float | None = None  #: that mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +121,9 @@ class Board:
             anew = not untrained(meta) and trained_on(meta, self.version)
             if not anew or on_imports(protocol):
                 return HeldOut(mean)
-            seeds = len(own.predictions)  # the model trained on everything is scored on as many
-            return HeldOut(mean, mean - _mean(model, own.truth, key, seeds))
+            seeds = min(len(own.predictions), len(model.predictions))
+            before = _mean(model, own.truth, key, seeds)
+            return HeldOut(mean, _mean(own, own.truth, key, seeds) - before, before)
         if untrained(meta) and not on_imports(protocol):
             return HeldOut(_mean(model, tested(self.version, protocol, self.target), key))
         return HeldOut(None)

@@ -33,7 +33,7 @@ from eigbench.board import (
     ranking,
     scaling_page,
 )
-from eigbench.board.marks import marked
+from eigbench.board.markdown import marked
 from eigbench.board.ranking import Ranked
 from eigbench.errors import ResultError
 from eigbench.results import predictions, submission, timing, verification

@@ -9,7 +9,8 @@ is in its interval with a chance of 95 %, and a row that is significantly better
 others by one place and changes nothing else.
 
 Rows all of whose answers are right within the bars are exact. Nothing but rounding tells them
-apart: they stand above the ranking, the faster first, and the others are ranked from 1.
+apart: they stand above the ranking, the faster against LaPy first, and the others are ranked
+from 1.
 
 References
 ----------
@@ -123,6 +124,9 @@ def at_quantile(errors: NDArray[np.float64], quantile: float) -> int:
 def difference(a: Submission, b: Submission, key: str, family: str | None = None) -> Difference:
     """Return the paired difference a − b of a metric, over all or in one family.
 
+    Where a mean is not finite, the better mean is better, and NaN is the worst. An infinite PSNR,
+    which one exact spectrum makes, is the best.
+
     Raises
     ------
     EigbenchError
@@ -141,9 +145,10 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
     )
     floor = targets.floor(truth, key)
     means = float(x.mean()), float(y.mean())
-    worse_a, worse_b = not np.isfinite(means[0]), not np.isfinite(means[1])
-    if worse_a or worse_b:  # what is not finite is worse than what is
-        verdict, why = ("tie", "not finite") if worse_a and worse_b else ("ba"[worse_b], "")
+    if not np.isfinite(means).all():
+        sign = 1 if METRICS[key].higher_is_better else -1
+        good_a, good_b = (-np.inf if np.isnan(mean) else sign * mean for mean in means)
+        verdict, why = ("tie", "not finite") if good_a == good_b else ("ab"[good_a < good_b], "")
         return Difference(*means, np.nan, np.nan, floor, verdict, why)
     drawn = bootstrap.resamples(truth)
     low, high = bootstrap.interval(drawn.means(x, a.slug) - drawn.means(y, b.slug))
@@ -163,24 +168,27 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
 
 
 def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Ranked]:
-    """Return the submissions with their ranks: the exact ones by cost, then the best mean first.
+    """Return the submissions with their ranks: the exact ones first, then the best mean first.
 
-    The exact ones have no rank. Where some are verified, these alone are ranked, and the others
-    stand below them in the same order; where none is, all are. The order of the input does not
-    matter.
+    The exact ones have no rank. They are in the order of their speed against LaPy, which may be
+    compared between machines; those that were not timed beside it follow, by milliseconds. Where
+    some are verified, these alone are ranked, and the others stand below them in the same order;
+    where none is, all are. The order of the input does not matter.
     """
     verified = {s.result_path for s in submissions if is_verified(s.result)}
     below = {s.result_path for s in submissions if verified and s.result_path not in verified}
     sign = -1 if METRICS[key].higher_is_better else 1
     exact = {s.result_path for s in submissions if s.scores["exact"] == 1}
 
-    def order(submission: Submission) -> tuple[bool, bool, float, str]:
+    def order(submission: Submission) -> tuple[bool, bool, float, float, str]:
         declared = submission.result_path in below
         if submission.result_path in exact:
-            cost = float(submission.result["cost"]["ms_per_mesh"])
-            return declared, False, 0.0 if declared else cost, submission.slug
+            cost = submission.result["cost"]
+            ratio = (cost.get("reference") or {}).get("ratio", 0.0)
+            speed = (0.0, 0.0) if declared else (-ratio, cost["ms_per_mesh"])
+            return declared, False, *speed, submission.slug
         mean = submission.scores["overall"][key]["mean"]
-        return declared, True, (np.inf if mean is None else sign * mean), submission.slug
+        return declared, True, (np.inf if mean is None else sign * mean), 0.0, submission.slug
 
     rows = sorted(submissions, key=order)
     means, resampled = _resampled(rows, key)

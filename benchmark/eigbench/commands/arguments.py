@@ -10,6 +10,7 @@ from pathlib import Path
 
 from eigbench.board import leaderboard
 from eigbench.errors import EigbenchError
+from eigbench.results.sources import is_output
 from eigbench.results.submission import Submission
 from eigbench.scaling import results as scaling_results
 from eigbench.scoring.names import SURFACE, TARGETS
@@ -38,6 +39,24 @@ def out(sub: argparse.ArgumentParser, default: str, text: str, metavar: str = "F
     """Add the file, or the directory, that is written."""
     text = f"{text} (default: %(default)s)"
     sub.add_argument("--out", type=Path, default=Path(default), metavar=metavar, help=text)
+
+
+def check_out(option: str, path: Path, suffix: str) -> None:
+    """Check that a file may be written: over nothing but what eigbench has written.
+
+    What a predictor reads may have the very name, weights beside its file among it.
+
+    Raises
+    ------
+    EigbenchError
+        If its name does not end in the suffix, or something else is there.
+    """
+    if path.suffix != suffix:
+        raise EigbenchError(f"{option} must end in {suffix}, got {path}")
+    if path.exists() and not is_output(path):
+        raise EigbenchError(
+            f"{path} is there, and no output of eigbench: give another {option}, or move it away"
+        )
 
 
 def process(sub: argparse.ArgumentParser) -> None:

@@ -18,7 +18,7 @@ from eigbench.results import predictions
 from eigbench.running import record
 from eigbench.running.evaluate import Options, alone, predict_meshes
 from eigbench.running.predictor import check_file
-from eigbench.scoring import physics, truth
+from eigbench.scoring import physics, targets, truth
 from eigbench.scoring.scores import is_sealed
 from eigbench.site.bundle import CHECKOUT
 from synthnet.recipe import Kind
@@ -51,8 +51,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     out: Path = options.out
     kept: Path = options.predictions or out.with_suffix(".parquet")
     for name, path, suffix in (("--out", out, ".json"), ("--predictions", kept, ".parquet")):
-        if path.suffix != suffix:
-            raise EigbenchError(f"{name} must end in {suffix}, got {path}")
+        arguments.check_out(name, path, suffix)
     check_file(options.predictor)
     directory = score.dataset_of(options)
     labels = score.labels_of(options, directory)
@@ -107,9 +106,10 @@ def run_evaluate(options: argparse.Namespace) -> int:
         print(f"\nresult {out}, predictions {kept}; {score.EXPLAINED}")
     for finding in record.findings(result["cost"], evaluation.status.refused):
         print(f"warning: {finding}", file=sys.stderr)
-    for finding in () if is_sealed(labels.version) else record.two_faced(labels, evaluation):
-        print(f"warning: {finding}; verify-row refuses such a row", file=sys.stderr)
-    score.warn(predictions.looked_up(result["model"]["kind"], labels, evaluation.predictions))
+    if not is_sealed(labels.version):
+        for finding in record.two_faced(targets.every(labels), evaluation):
+            print(f"warning: {finding}; verify-row refuses such a row", file=sys.stderr)
+    score.warn_of_copies(result["model"]["kind"], labels, evaluation.predictions)
     return score.exit_code(predictions.unphysical(labels, evaluation.predictions))
 
 

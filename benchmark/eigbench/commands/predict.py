@@ -30,6 +30,7 @@ from synthnet.terminal import print_answer
 
 Settings = TypeVar("Settings", bound=box.Settings)
 CORRECTED = 1.5  # by how much an estimate of time is off when it is told anew
+CHANGED = "code, settings, machine or packages have changed"  # since an interrupted run
 UNHELD = (
     "warning: no sandbox works here, so the file's code runs with your rights: install bubblewrap "
     "(--no-sandbox leaves this line out)"
@@ -104,8 +105,7 @@ def settings_of(options: argparse.Namespace, settings: type[Settings]) -> Settin
 def predict(options: argparse.Namespace) -> int:
     """Run a predictor over a split and write its predictions."""
     out: Path = options.out
-    if out.suffix != ".parquet":
-        raise EigbenchError(f"--out must end in .parquet, got {out}")
+    arguments.check_out("--out", out, ".parquet")
     check_file(options.predictor)
     directory = score.dataset_of(options)
     labels = score.labels_of(options, directory)
@@ -218,7 +218,7 @@ def answers(
             settings,
             parts,
             on_batch=on_batch,
-            on_restart=lambda: console.print("code or settings have changed: starting anew"),
+            on_restart=lambda: console.print(f"{CHANGED}: starting anew"),
             on_loaded=on_start,
             sets=sets,
         )

@@ -10,7 +10,6 @@ from tabulate import tabulate
 from eigbench.board.tables import family_title
 from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
-from eigbench.errors import EigbenchError
 from eigbench.running.predictor import check_file
 from eigbench.scaling import run as scaling_run
 from eigbench.scaling import scores as scaling_scores
@@ -53,8 +52,7 @@ def add_commands(command: Command) -> None:
 def scale(options: argparse.Namespace) -> int:
     """Run a predictor over the meshes, write the result and print its table."""
     out: Path = options.out
-    if out.suffix != ".json":
-        raise EigbenchError(f"--out must end in .json, got {out}")
+    arguments.check_out("--out", out, ".json")
     check_file(options.predictor)
     settings = predict.settings_of(options, Settings)
     make_parent(out)

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 from eigbench import results
@@ -15,7 +17,7 @@ from eigbench.board import tables
 from eigbench.commands import arguments, queries
 from eigbench.commands.arguments import Command
 from eigbench.results import predictions
-from eigbench.scoring import scores, truth
+from eigbench.scoring import scores, targets, truth
 from eigbench.scoring.training import on_imports
 from synthnet import recipe, store
 from synthnet.errors import counted
@@ -88,10 +90,11 @@ def exit_code(problem: str) -> int:
     return 0
 
 
-def warn(finding: str) -> None:
-    """Print a finding, if there is one."""
-    if finding:
-        print(f"warning: {finding}", file=sys.stderr)
+def warn_of_copies(kind: str, labels: truth.Truth, answers: NDArray[np.float64]) -> None:
+    """Print which answers of a kind of model are the target to the bit, at each target."""
+    for known in targets.every(labels):
+        if finding := predictions.looked_up(kind, known, answers):
+            print(f"warning: {finding}", file=sys.stderr)
 
 
 def score(options: argparse.Namespace) -> int:
@@ -113,7 +116,7 @@ def score(options: argparse.Namespace) -> int:
         print(f"{options.file} on {described(result)}\n")
         print_scores(scored)
         print(EXPLAINED)
-    warn(predictions.looked_up("", labels, values))
+    warn_of_copies("", labels, values)
     return exit_code(predictions.unphysical(labels, values))
 
 

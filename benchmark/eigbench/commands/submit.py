@@ -13,7 +13,7 @@ from eigbench.board.ranking import Ranked, count_ranked
 from eigbench.commands import arguments, score
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
-from eigbench.results import predictions, submission
+from eigbench.results import submission
 from eigbench.results.submission import Submission
 from eigbench.results.verification import is_verified
 from eigbench.scaling import results as scaling_results
@@ -55,7 +55,7 @@ def submit(options: argparse.Namespace) -> int:
             "verify-row` says so of a row on the board; take 'verified' out of the file"
         )
     kind = row.result["model"]["kind"]
-    score.warn(predictions.looked_up(kind, row.truth, row.predictions))
+    score.warn_of_copies(kind, row.truth, row.predictions)
     if options.dry_run:
         return _try(row, root, options)
     paths = leaderboard.add(row, root, replace=options.replace)

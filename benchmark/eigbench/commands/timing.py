@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from tabulate import tabulate
 
+from eigbench import results
 from eigbench.board.tables import number
 from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
@@ -21,7 +22,7 @@ from eigbench.running.box import Settings
 from eigbench.running.clock import Timed
 from eigbench.running.predictor import check_file, split
 from eigbench.running.process import REFERENCE_FILE
-from eigbench.scoring import scores, truth
+from eigbench.scoring import scores, targets, truth
 from synthnet import store
 from synthnet.store.files import make_parent, write_text
 
@@ -54,6 +55,9 @@ def run_time(options: argparse.Namespace) -> int:
         check_file(path)
     if unknown := [path for path in options.against if path not in paths]:
         raise EigbenchError(f"--against {unknown[0]}: name it among the predictors too")
+    arguments.check_out("--out", options.out, ".json")
+    if options.out.exists() and "timing_version" not in results.load(options.out):
+        raise EigbenchError(f"{options.out} holds no times of `eigbench time`: give another --out")
     settings = predict.settings_of(options, Settings)
     make_parent(options.out)
     labels = truth.load(options.dataset)
@@ -90,7 +94,7 @@ def described(
     """Return what the file holds: a row for every predictor but LaPy as the reference.
 
     ``labels`` are those of the meshes, ``vertices`` their numbers, ascending as they were timed.
-    ``rpd`` is the error of the answers that were timed, against the mesh: a row of the board must
+    ``rpd`` has the errors of the answers that were timed, at each target: a row of the board must
     have the same on the same meshes.
     """
     lapy, *others = timed
@@ -107,17 +111,19 @@ def described(
         "hardware": record.hardware(),
         "environment": record.environment(),
         "rows": [
-            {**_row(row, sizes, lapy.seconds, peers, options), "rpd": _error(row, labels)}
+            {**_row(row, sizes, lapy.seconds, peers, options), "rpd": _errors(row, labels)}
             for row in others
         ],
     }
 
 
-def _error(timed: Timed, labels: truth.Truth) -> float:
-    error = float(scores.of_metric(labels, timed.predictions, "rpd").mean())
-    if not np.isfinite(error):
+def _errors(timed: Timed, labels: truth.Truth) -> dict[str, float]:
+    if not np.isfinite(timed.predictions).all():
         raise EigbenchError(f"{timed.path} answered with numbers that are not finite")
-    return error
+    return {
+        known.target: float(scores.of_metric(known, timed.predictions, "rpd").mean())
+        for known in targets.every(labels)
+    }
 
 
 def _row(

@@ -5,6 +5,7 @@ import contextlib
 import datetime
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,9 +22,9 @@ from eigbench.results import predictions, submission, verification
 from eigbench.results.sources import git
 from eigbench.results.submission import Submission
 from eigbench.running import packages, record, rerun
-from eigbench.running.evaluate import Evaluation, Options
-from eigbench.scoring import scores
-from eigbench.scoring.names import MESH
+from eigbench.running.evaluate import Evaluation, Options, predict_meshes
+from eigbench.scoring import scores, targets
+from eigbench.scoring.names import MESH, SURFACE
 from eigbench.scoring.truth import Truth
 from synthnet import recipe, terminal
 from synthnet.errors import SynthNetError
@@ -161,16 +162,21 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
                 file=sys.stderr,
             )
         installed = packages.installed(own)
+        with Console(stderr=True).status("drawing and labelling a fresh sealed set"):
+            drawn, fresh = setup.draws.of(row.truth.version), setup.draws.labels(row.truth)
         settings = replace(
             setup.settings,
-            batch_size=row.batch_size,
+            batch_size=rerun.batch_size(row.batch_size, fresh),
             seeds=len(row.predictions),
             threads=row.result["cost"]["threads"],
             packages=own,
         )
-        with Console(stderr=True).status("drawing and labelling a fresh sealed set"):
-            drawn, fresh = setup.draws.of(row.truth.version), setup.draws.labels(row.truth)
-        both = rerun.mixed(row.truth, fresh)
+        targeted = [(row.truth, fresh)]
+        if (surfaces := targets.at(row.truth, SURFACE)) is not None:
+            with Console(stderr=True).status("computing the spectra of the fresh surfaces"):
+                targeted.append((surfaces, setup.draws.surfaces(row.truth, fresh)))
+        every = [rerun.mixed(*pair) for pair in targeted]
+        both = every[0]
         given = rerun.mixed_meshes(
             predict.read_meshes(dataset, row.truth), predict.read_meshes(drawn, fresh)
         )
@@ -178,8 +184,18 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
         sets = (np.arange(len(both.ids)) >= public).astype(np.int64)
         answers = folder / "answers"
         evaluation = predict.answers(code, both, given, settings, answers, sets=sets)
-    verified, against = _compared(row, fresh, evaluation)
-    against += record.two_faced(both, evaluation)
+        chosen = rerun.strangers(both)
+        apart = predict_meshes(
+            code,
+            chosen_ids := [both.ids[i] for i in chosen],
+            [given.mesh(id) for id in chosen_ids],
+            both.eigenvalues.shape[1],
+            replace(settings, batch_size=1),
+            training=str(both.trainings[chosen[0]]),
+        )
+    verified, against = _compared(row, targeted, evaluation)
+    against += record.two_faced(every, evaluation)
+    against += rerun.helped(every, chosen, evaluation.predictions[0], apart)
     against += filter(None, [rerun.slower(evaluation, given, both, public)])
     verified["sealed"]["share"] = setup.options.share
     return verified | {
@@ -202,11 +218,12 @@ def _write(row: Submission, verified: dict[str, Any], key: Path | None) -> dict[
 
 
 def _compared(
-    row: Submission, fresh: Truth, evaluation: Evaluation
+    row: Submission, targeted: Sequence[tuple[Truth, Truth]], evaluation: Evaluation
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the scores as ``verified`` has them, and what speaks against the row.
 
-    The answers are of the row's own split first, and of the fresh draw behind.
+    ``targeted`` are the labels of the row's own split and of the fresh draw at each target, the
+    meshes' first. The answers are of the split first, and of the draw behind.
     """
     model, status = row.result["model"], evaluation.status
     answered, unseen = np.split(evaluation.predictions, [len(row.truth.ids)], axis=1)
@@ -230,17 +247,23 @@ def _compared(
                 f"against the {target}, {RANKED_BY} is {declared} as declared, and "
                 f"{numbers[target]['mean']} when run again"
             )
-    there = _interval(scores.score(fresh, unseen))
-    on_sealed = {"shapes": len(set(fresh.shapes.tolist())), "instances": len(fresh.ids), **there}
-    if there["low"] is None or there["low"] > max(numbers[MESH]["high"] or 0, ROUNDING):
-        problems.append(
-            f"on shapes that nobody has seen, {RANKED_BY} is {there['mean']} ({there['low']} to "
-            f"{there['high']}), significantly worse than {numbers[MESH]['mean']} on the public "
-            "split"
-        )
-    for labels, predicted in ((row.truth, answered), (fresh, unseen)):
-        problems.append(predictions.looked_up(model["kind"], labels, predicted))
-    return {"scores": numbers, "sealed": on_sealed}, [*filter(None, problems)]
+    fresh = targeted[0][1]
+    sealed: dict[str, Any] = {
+        "shapes": len(set(fresh.shapes.tolist())),
+        "instances": len(fresh.ids),
+    }
+    for public, drawn in targeted:
+        here, there = numbers[public.target], _interval(scores.score(drawn, unseen))
+        sealed |= there if public.target == MESH else {public.target: there}
+        if there["low"] is None or there["low"] > max(here["high"] or 0, ROUNDING):
+            problems.append(
+                f"on shapes that nobody has seen, {RANKED_BY} against the {public.target} is "
+                f"{there['mean']} ({there['low']} to {there['high']}), significantly worse than "
+                f"{here['mean']} on the public split"
+            )
+        for labels, predicted in ((public, answered), (drawn, unseen)):
+            problems.append(predictions.looked_up(model["kind"], labels, predicted))
+    return {"scores": numbers, "sealed": sealed}, [*filter(None, problems)]
 
 
 def _interval(scored: dict[str, Any]) -> dict[str, float | None]:

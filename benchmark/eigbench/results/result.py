@@ -8,7 +8,7 @@ import math
 import os
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -18,6 +18,7 @@ from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import verification
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.names import nameless
 from eigbench.scoring.truth import Truth
 from synthnet import outside, recipe
 from synthnet.errors import OutsideError, counted, missing
@@ -47,12 +48,6 @@ def setting(result: dict[str, Any]) -> str:
     """Return what times are compared within: hardware, device and threads."""
     facts = result["cost"]
     return f"{facts['hardware']}; {facts['device']}, {counted(facts['threads'], 'thread')}"
-
-
-def write(path: Path, result: dict[str, Any]) -> None:
-    """Write a result as JSON, after checking it."""
-    validate(result, path)
-    write_text(path, json.dumps(result, indent=1, allow_nan=False) + "\n")
 
 
 def read(path: Path, below: Path | None = None) -> dict[str, Any]:
@@ -173,6 +168,14 @@ def validate(result: Any, path: Path) -> None:
             )
 
 
+def write(
+    path: Path, result: dict[str, Any], check: Callable[[Any, Path], None] = validate
+) -> None:
+    """Write a result as JSON, after checking it."""
+    check(result, path)
+    write_text(path, json.dumps(result, indent=1, allow_nan=False) + "\n")
+
+
 def check_cost(cost: dict[str, Any], path: Path) -> None:
     """Check that the numbers of a cost agree with each other.
 
@@ -211,7 +214,7 @@ def check_schema(result: Any, required: dict[str, Any], path: Path) -> None:
         outside.check(result)
     except OutsideError as error:
         raise ResultError(f"{path} is no result: it has {error}") from error
-    if problem := outside.mixed(result.get("model", {}).get("name", "")):
+    if "model" in result and (problem := nameless(result["model"]["name"])):
         raise ResultError(f"{path} is no result: its model's name has {problem}")
 
 

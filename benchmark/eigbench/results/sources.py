@@ -32,8 +32,8 @@ ELSEWHERE = re.compile(r"\b(__name__|TYPE_CHECKING)\b")  # in a condition: not a
 HEAD = 2**16  # bytes of a file that are looked at to see what it is
 # By suffix: whether it is the beginning that tells, else the end, and what stands there
 OUTPUTS = {
-    ".json": (True, b'"metric_version":'),
-    ".parquet": (False, b"eigbench"),  # of its metadata
+    ".json": (True, re.compile(rb'"(metric|scaling|timing)_version":')),
+    ".parquet": (False, re.compile(rb"\x18\x08eigbench\x18")),  # a key of its metadata
 }
 # Suffixes of notes, logs and pictures: no predictor reads them. A .txt or .csv may hold its numbers
 NOTES = frozenset(
@@ -65,9 +65,9 @@ def outdated(result: dict[str, Any], root: Path) -> bool:
 def is_output(path: Path, below: Path | None = None) -> bool:
     """Return whether a file is an earlier run's: results, predictions, or a log, note or picture.
 
-    They may have a predictor's name, and are no part of it. Results and predictions are known by
-    what eigbench has written, the others by their suffix. ``below`` is as of
-    :func:`synthnet.outside.opened`; what that does not open is none.
+    They may have a predictor's name, and are no part of it. Results, those of ``scale`` and
+    ``time`` too, and predictions are known by what eigbench has written, the others by their
+    suffix. ``below`` is as of :func:`synthnet.outside.opened`; what that does not open is none.
     """
     if path.suffix.lower() in NOTES:
         return True
@@ -78,7 +78,7 @@ def is_output(path: Path, below: Path | None = None) -> bool:
         with outside.opened(path, most=MOST_WEIGHTS, below=below) as file:
             if not start:
                 file.seek(max(0, os.fstat(file.fileno()).st_size - HEAD))
-            return mark in file.read(HEAD)
+            return mark.search(file.read(HEAD)) is not None
     except (FileNotFoundError, OutsideError):  # whoever needs it says so
         return False
 

@@ -6,7 +6,6 @@ recomputed from its predictions goes further. No predictor's code is run.
 
 import math
 import os
-import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -16,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench import results
-from eigbench.errors import EigbenchError, ResultError
+from eigbench.errors import ResultError
 from eigbench.results import predictions, sources
 from eigbench.scoring import scores, targets, truth
 from eigbench.scoring.metrics import METRIC_VERSION
+from eigbench.scoring.names import slug
 from eigbench.scoring.truth import Truth
 from synthnet import outside, recipe, store
 from synthnet.errors import OutsideError
@@ -82,25 +82,6 @@ class Submission:
 def remark_path(result: Path) -> Path:
     """Return where the remark on a result would be."""
     return result.with_suffix(".remark.txt")
-
-
-def slug(name: str) -> str:
-    """Return a name in lower-case letters, digits and hyphens.
-
-    Raises
-    ------
-    EigbenchError
-        If nothing is left.
-
-    Examples
-    --------
-    >>> slug("Rayleigh-Ritz, degree 7")
-    'rayleigh-ritz-degree-7'
-    """
-    hyphened = re.sub(r"[^a-z0-9.]+", "-", name.lower()).strip("-.")
-    if not hyphened:
-        raise EigbenchError(f"the name {name!r} has no letter or digit: change META's name")
-    return hyphened
 
 
 def read(

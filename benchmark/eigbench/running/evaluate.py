@@ -7,6 +7,7 @@ import json
 import math
 import secrets
 import shutil
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench.errors import PredictorError
+from eigbench.errors import EigbenchError, PredictorError
 from eigbench.results.sources import contents
 from eigbench.running.box import TIME_LIMIT, Settings
 from eigbench.running.meshes import Instances
@@ -29,6 +30,8 @@ REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the sam
 LOCK = "lock"  # of the folder of answers
 BUSY = "another run keeps its answers in {where}: wait for it or choose another --out"
 ENDED = "ended.json"  # of a process that has answered everything: what it was, and its cost
+BEGUN = "begun.json"  # the same of one that has not, as far as it is known
+NOTED = 60.0  # seconds between two notes of it
 SOURCES = "contents.json"  # of a run that has begun: the SHA-256 of the predictor's files
 
 
@@ -141,10 +144,13 @@ def evaluate(
     PredictorError
         If the predictor fails, answers with the wrong shape or type, changes its input,
         hangs or dies. The batches before, if any, are kept in ``parts``.
+    EigbenchError
+        If what an interrupted run has left was answered on another accelerator.
     """
     everything = np.arange(len(truth.ids))
     sets = np.zeros_like(everything) if sets is None else sets
-    runs, asked = [], []
+    runs: list[tuple[list[_Part], Loaded, Status]] = []
+    asked = []
     predictions = np.empty((options.seeds, *truth.eigenvalues.shape))
     with contextlib.ExitStack() as stack:
         trainings, started = _trainings(path, truth, options, stack)
@@ -153,14 +159,15 @@ def evaluate(
             range(options.seeds), enumerate(trainings)
         ):
             chosen = np.flatnonzero(truth.trainings == training) if several else everything
-            first = replace(options, reference=options.reference and seed == number == 0)
-            task = _Task(path, truth.take(chosen), sets[chosen], first, seed, training)
+            mine = replace(options, reference=options.reference and seed == number == 0)
+            task = _Task(path, truth.take(chosen), sets[chosen], mine, seed, training)
             folder = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
             left = options.resume and any(folder.glob("*.npz"))
             same = _open_parts(folder, task)
             if left and not same:
                 on_restart()
-            run = _run(task, instances, folder, on_batch, on_loaded, started)
+            first = runs[0][1] if runs else None
+            run = _run(task, instances, folder, on_batch, on_loaded, started, first)
             for part in run[0]:
                 predictions[seed, chosen[part.instances]] = part.values
                 asked.append((seed, chosen[part.instances]))
@@ -179,12 +186,7 @@ def evaluate(
         asked=asked,
         opening=np.array([i == 0 for mine in every for i in range(len(mine))], dtype=np.bool_),
         loaded=loaded[0],
-        status=Status(
-            max(status.peak_bytes for status in statuses),
-            {name: digest for status in statuses for name, digest in status.sources.items()},
-            statuses[0].counted_by,
-            tuple(dict.fromkeys(attempt for status in statuses for attempt in status.refused)),
-        ),
+        status=_together(statuses),
     )
 
 
@@ -261,16 +263,21 @@ def _run(
     on_batch: Callable[[int, float], None],
     on_loaded: Callable[[Loaded], None],
     started: PredictorProcess | None,
+    first: Loaded | None,
 ) -> tuple[list[_Part], Loaded, Status]:
-    """Ask what is left to ask, of the process that has been started or of a new one."""
+    """Ask what is left to ask, of the process that has been started or of a new one.
+
+    ``first`` is what is loaded for the first seed and training, if this is another one.
+    """
     truth, options = task.truth, task.options
     parts = _read_parts(folder)
     done = sum(len(part.instances) for part in parts)
     if done:
         on_batch(done, sum(part.seconds for part in parts))
-    if (ended := _read_ended(folder)) is not None:
+    if (ended := _read_facts(folder / ENDED)) is not None:
         on_loaded(ended[0])
         return parts, *ended
+    earlier = _read_facts(folder / BEGUN)
     k = truth.eigenvalues.shape[1]
     with contextlib.ExitStack() as stack:
         process = started or stack.enter_context(
@@ -281,9 +288,18 @@ def _run(
             raise PredictorError(
                 f"{task.path} takes no seed: define load(device, seed), or leave --seeds out"
             )
+        own = process.loaded.accelerator
+        for other in filter(None, (first, earlier and earlier[0])):
+            if other.accelerator != own:
+                raise EigbenchError(
+                    f"{folder.parent} has answers of {other.accelerator or 'no accelerator'}, here "
+                    f"is {own or 'none'}: go on there, or leave --resume out"
+                )
         warm_up = min(WARM_UP, options.batch_size)
         process.warm_up(warm_up)
-        content = contents(process.status().sources, _folders(task))
+        _, status = _note(folder / BEGUN, process, earlier)
+        noted = time.monotonic()
+        content = contents(status.sources, _folders(task))
         files.write_text(folder / SOURCES, json.dumps(content))
         peer: PredictorProcess | None = None
         for chosen, new, beside in _batches_of(task, parts):
@@ -308,10 +324,10 @@ def _run(
             _write_part(folder, len(parts), part)
             parts.append(part)
             on_batch(len(batch), part.seconds)
-        status = process.status()
-        facts = {"loaded": asdict(process.loaded), "status": asdict(status)}
-        files.write_text(folder / ENDED, json.dumps(facts))
-        return parts, process.loaded, status
+            if time.monotonic() >= noted + NOTED:
+                _note(folder / BEGUN, process, earlier)
+                noted = time.monotonic()
+        return parts, *_note(folder / ENDED, process, earlier)
 
 
 def _batches_of(task: _Task, parts: Sequence[_Part]) -> list[tuple[NDArray[np.int64], bool, bool]]:
@@ -349,6 +365,8 @@ def _batches(count: int, size: int) -> list[tuple[int, int]]:
 
 
 def _fingerprint(task: _Task) -> dict[str, object]:
+    from eigbench.running import record  # as late as here: it imports this module
+
     return {
         "parts": 2,  # raised when what a part holds changes
         "predictor": task.path.name,
@@ -361,6 +379,8 @@ def _fingerprint(task: _Task) -> dict[str, object]:
         "reference": task.options.reference,
         "sandbox": task.options.sandbox,
         "readable": [str(path) for path in task.options.readable],
+        "hardware": record.hardware(),
+        "environment": record.environment(),
     }
 
 
@@ -399,11 +419,35 @@ def _read_parts(folder: Path) -> list[_Part]:
     return parts
 
 
-def _read_ended(folder: Path) -> tuple[Loaded, Status] | None:
-    """Return what is left of a process that has answered everything, so that none is started."""
-    if not (folder / ENDED).exists():
+def _together(statuses: Sequence[Status]) -> Status:
+    """Return the most memory, all files and all that was refused, of several processes."""
+    return Status(
+        max(status.peak_bytes for status in statuses),
+        {name: digest for status in statuses for name, digest in status.sources.items()},
+        statuses[0].counted_by,
+        tuple(dict.fromkeys(attempt for status in statuses for attempt in status.refused)),
+    )
+
+
+def _note(
+    path: Path, process: PredictorProcess, earlier: tuple[Loaded, Status] | None
+) -> tuple[Loaded, Status]:
+    """Write down what a process is and has cost, together with those that were interrupted."""
+    loaded, status = process.loaded, process.status()
+    if earlier is not None:
+        longest = max(earlier[0].loading_seconds, loaded.loading_seconds)
+        loaded = replace(loaded, loading_seconds=longest)
+        status = _together([earlier[1], status])
+    facts = {"loaded": asdict(loaded), "status": asdict(status)}
+    files.write_text(path, json.dumps(facts))
+    return loaded, status
+
+
+def _read_facts(path: Path) -> tuple[Loaded, Status] | None:
+    """Return what :func:`_note` has written, if it has."""
+    if not path.exists():
         return None
-    facts = json.loads((folder / ENDED).read_text())
+    facts = json.loads(path.read_text())
     status = Status(**facts["status"])
     return Loaded(**facts["loaded"]), replace(status, refused=tuple(status.refused))
 

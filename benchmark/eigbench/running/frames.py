@@ -20,6 +20,7 @@ from typing import Any, BinaryIO, Self, cast
 
 import numpy as np
 
+from eigbench.running.predictor import META_KEYS, META_LENGTH
 from synthnet.types import Mesh
 
 JOB, MESHES, CLOSING = b"j", b"m", b"c"  # of the harness
@@ -33,15 +34,20 @@ SEALINGS = 30  # tries to seal a file in memory, each of up to 0.2 s
 _PATHS = {
     "type": "array",
     "maxItems": 10_000,
-    "items": {"type": "string", "pattern": r"^[^\x00-\x1f]{1,1000}$"},
+    "items": {"type": "string", "pattern": r"^[^\x00-\x1f\ud800-\udfff]{1,1000}\Z"},
 }
 PROPERTIES: dict[bytes, dict[str, Any]] = {  # of what a predictor's process says of itself
     LOADED: {
-        "meta": {"type": "object"},
-        "parameters": {"type": ["integer", "null"], "minimum": 0},
+        "meta": {
+            "type": "object",
+            "required": ["name", "kind"],
+            "propertyNames": {"enum": list(META_KEYS)},
+            "additionalProperties": {"type": "string", "maxLength": META_LENGTH},
+        },
+        "parameters": {"type": ["integer", "null"], "minimum": 0, "maximum": 10**15},
         "seeded": {"type": "boolean"},
         "trained": {"type": "boolean"},
-        "accelerator": {"type": "string", "maxLength": 300},
+        "accelerator": {"type": "string", "pattern": r"^[ -~]{0,300}\Z"},
     },
     SOURCES: {"files": _PATHS, "attempts": _PATHS},
     FAILED: {"message": {"type": "string"}, "traceback": {"type": "string"}},

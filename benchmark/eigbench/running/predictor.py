@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
-from eigbench.scoring.names import TARGETS
+from eigbench.scoring.names import TARGETS, nameless
 from eigbench.scoring.training import DEFAULT
 from synthnet import outside
 from synthnet.errors import install, missing, suggestion
@@ -321,8 +321,8 @@ def checked_meta(given: Mapping[Any, Any], path: Path) -> dict[str, str]:
     Raises
     ------
     PredictorError
-        If a key or the kind is unknown, or something is too long, no single line, or looks like
-        another text.
+        If a key or the kind is unknown, something is too long, no single line, or looks like
+        another text, or no file can have the name.
     """
     unknown = sorted(map(str, set(given) - set(META_KEYS)))
     if unknown:
@@ -339,7 +339,7 @@ def checked_meta(given: Mapping[Any, Any], path: Path) -> dict[str, str]:
             raise PredictorError(
                 f"{path}: META {key} must be one line of at most {META_LENGTH} characters"
             )
-        if problem := outside.strange(value) or (outside.mixed(value) if key == "name" else ""):
+        if problem := outside.strange(value) or (nameless(value) if key == "name" else ""):
             raise PredictorError(f"{path}: META {key} has {problem}")
     for key, known in (("kind", KINDS), ("target", TARGETS)):
         if key in meta and meta[key] not in known:

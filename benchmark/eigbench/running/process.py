@@ -30,6 +30,10 @@ from synthnet.types import Mesh
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 SIGNALLED = 128  # what bubblewrap adds to the number of a signal, as a shell does
 GLANCE = 0.25  # seconds between two looks at memory that has no limit, and at processor time
+# What a predictor may compute while it is not asked: in all, or as a share of what it does when
+# asked; and each time without being counted, for what it clears up and threads that still spin
+UNASKED, UNASKED_SHARE = 1.0, 0.1
+CLEARING, SPINNING = 0.02, 0.25  # seconds; the second of each further thread
 GRACE = 5.0  # seconds in which a process ends that has closed its connection
 REFUSALS = ("FileNotFoundError", "PermissionError", "Errno", "is not installed")
 REFUSED = (
@@ -147,6 +151,8 @@ class PredictorProcess:
             loading = time.perf_counter() - start
             meta = predictor.checked_meta(facts.pop("meta"), path)
             self.loaded = Loaded(meta=meta, loading_seconds=loading, **facts)
+            self._counted = self._usage.cpu_seconds()  # as it was last not asked any more
+            self._asked = self._unasked = 0.0  # processor time in batches, and between them
         except BaseException:
             self.__exit__(None, None, None)
             raise
@@ -169,26 +175,46 @@ class PredictorProcess:
         size = 8 * len(meshes) * self.job.k
         body, file = frames.packed(meshes)
         with file:
-            cpu, start = self._usage.cpu_seconds(), time.perf_counter()
+            cpu, start = self._between(), time.perf_counter()
             self._send(frames.MESHES, body, at, file)
             answer = self._receive(frames.ANSWER, at, most=size)
             if len(answer) != size:
                 raise self._garbled(at, f"an answer of {len(answer):,} bytes")
             values = np.frombuffer(answer, "<f8").reshape(-1, self.job.k).astype(np.float64)
             seconds = time.perf_counter() - start
-        return Answered(values, seconds, self._usage.cpu_seconds() - cpu)
+        self._counted = self._usage.cpu_seconds()
+        self._asked += self._counted - cpu
+        return Answered(values, seconds, self._counted - cpu)
+
+    def _between(self) -> float:
+        """Return the processor time so far; what was used since an answer counts as unasked."""
+        cpu = self._usage.cpu_seconds()
+        spared = CLEARING + SPINNING * (self.settings.threads - 1)
+        self._unasked += max(cpu - self._counted - spared, 0.0)
+        self._counted = cpu
+        return cpu
 
     def status(self) -> Status:
         """Return the peak memory and the digests of the predictor's files.
 
+        A predictor that works while it is not asked slows those that are timed with it down, and
+        is refused here.
+
         The names of these files come from the predictor's process: only regular files below its
         own file's folder are read, without following a symbolic link.
         """
+        self._between()
+        if self._unasked > max(UNASKED, UNASKED_SHARE * self._asked):
+            raise PredictorError(
+                f"{Path(self.job.path).name} works while it is not asked, {self._unasked:.1f} s of "
+                f"processor time beside {self._asked:.1f} s in its batches: let it rest in between"
+            )
         peak = self._usage.peak_bytes()
         at = "when all was predicted"
         self._send(frames.CLOSING, b"", at)
         folder = predictor.split(Path(self.job.path))[0].resolve().parent
         facts = self._facts(frames.SOURCES, at)
+        self._counted = self._usage.cpu_seconds()  # without what the answer to this took
         names = [name for name in facts["files"] if not is_output(folder / name, folder)]
         refused, digests = [], self._named()
         if self._box is not None:

@@ -2,7 +2,7 @@
 
 import os
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -117,20 +117,22 @@ def of_copies(evaluation: Evaluation) -> float | None:
     return float(seconds[~new].sum() / sizes[~new].sum() / each)
 
 
-def two_faced(truth: Truth, evaluation: Evaluation) -> list[str]:
+def two_faced(targeted: Iterable[Truth], evaluation: Evaluation) -> list[str]:
     """Return what shows that shapes are answered in another way when they are asked again.
 
     Which instance of a shape is asked first, and timed, is drawn at random. So an honest
-    predictor's errors on these are neither larger nor smaller than on the copies asked later.
+    predictor's errors on these are neither larger nor smaller than on the copies asked later,
+    against the mesh as against its surface: ``targeted`` are the same instances at each target.
     """
     lines = []
-    new, again = _by_turn(scores.of_metric(truth, evaluation.predictions, "rpd"), truth, evaluation)
-    if len(new) >= SOME:
-        chance = float(np.std(new - again, ddof=1)) / np.sqrt(len(new))
-        if np.mean(new - again) > SURE * chance and new.mean() > BETTER * again.mean():
+    for truth in targeted:
+        errors = scores.of_metric(truth, evaluation.predictions, "rpd")
+        new, again = _by_turn(errors, truth, evaluation)
+        if larger(new, again):
             lines.append(
-                f"answers that are timed have an RPD of {new.mean():.3g}, those on copies of the "
-                f"same shapes, which are not, {again.mean():.3g}: the two are computed differently"
+                f"answers that are timed have an RPD of {new.mean():.3g} against the "
+                f"{truth.target}, those on copies of the same shapes, which are not, "
+                f"{again.mean():.3g}: the two are computed differently"
             )
     whole = evaluation.sizes == evaluation.sizes.max()
     each = [evaluation.seconds[whole & (evaluation.new == turn)] for turn in (True, False)]
@@ -142,6 +144,23 @@ def two_faced(truth: Truth, evaluation: Evaluation) -> list[str]:
                 "timed"
             )
     return lines
+
+
+def larger(errors: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
+    """Return whether errors are larger than paired ones, both (n,), by more than chance explains.
+
+    Examples
+    --------
+    >>> bool(larger(np.linspace(1, 2, 30), np.linspace(0.5, 1, 30)))
+    True
+    >>> bool(larger(np.linspace(1, 1.1, 30), np.linspace(1, 1, 30)))  # by a twentieth
+    False
+    """
+    if len(errors) < SOME:
+        return False
+    apart = errors - others
+    chance = float(np.std(apart, ddof=1)) / np.sqrt(len(apart))
+    return bool(apart.mean() > SURE * chance and errors.mean() > BETTER * others.mean())
 
 
 def _by_turn(

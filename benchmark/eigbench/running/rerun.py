@@ -8,27 +8,32 @@ that looks public meshes up takes longer for the fresh ones.
 import secrets
 import shutil
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.results.sources import digest, git, modules
 from eigbench.results.submission import Submission
+from eigbench.running import record
 from eigbench.running.evaluate import Evaluation
 from eigbench.running.meshes import Instances
-from eigbench.scoring import truth
+from eigbench.scoring import scores, targets, truth
 from eigbench.scoring.training import on_imports
 from eigbench.scoring.truth import Truth
 from synthnet import store
+from synthnet.families import FAMILIES
+from synthnet.families.limits import Limit
 from synthnet.store import StoredDataset
 from synthnet.verify import seal
 
 LONGER = 3.0  # times as long as public meshes would take: no other load explains that
 ENOUGH = 5  # batches of each kind: of fewer, their times say nothing
+APART = 100  # meshes that are asked by themselves, each of another surface
 FRESH = "fresh/"  # before the ids of fresh shapes: the public ones may have the same
 
 
@@ -111,6 +116,7 @@ class Draws:
         self.share = share  # surfaces of each family, as a share of the version's
         self.folder = folder  # an empty directory, which is to be removed when all is done
         self.made: dict[str, StoredDataset] = {}
+        self.limits: dict[str, dict[str, Limit]] = {}  # of each version, by group
 
     def of(self, version: str) -> StoredDataset:
         """Return the draw of a version; the first time, draw and label it."""
@@ -120,6 +126,17 @@ class Draws:
             seal.make(resolved, root=self.folder)
             self.made[version] = store.open_dataset(resolved.version, self.folder)
         return self.made[version]
+
+    def surfaces(self, public: Truth, fresh: Truth) -> Truth:
+        """Return the labels of fresh meshes with the spectra of their surfaces, each found once."""
+        limits = self.limits.setdefault(public.version, {})
+        group = dict(zip(fresh.shapes.tolist(), fresh.groups.tolist(), strict=True))
+        for sample in self.of(public.version).samples():
+            mine = group.get(sample.spec.id)
+            if mine is not None and mine not in limits:
+                family = FAMILIES[sample.spec.family]
+                limits[mine] = family.limit_spectrum(sample.spec.parameters)
+        return targets.of_surfaces(fresh, {id: limits[mine] for id, mine in group.items()})
 
     def labels(self, public: Truth) -> Truth:
         """Return the labels of a draw under the protocol of public ones.
@@ -190,8 +207,9 @@ def copied(row: Submission, code: Path, folder: Path) -> Path:
 def mixed(public: Truth, fresh: Truth) -> Truth:
     """Return public instances and, behind them, fresh ones, as those of one split.
 
-    Both must have the trainings of one protocol.
+    Both must have the trainings of one protocol, and be of one target.
     """
+    bars = public.bars
     return replace(
         public,
         ids=(*public.ids, *_named(fresh.ids)),
@@ -200,7 +218,51 @@ def mixed(public: Truth, fresh: Truth) -> Truth:
         families=np.concatenate([public.families, fresh.families]),
         trainings=np.concatenate([public.trainings, fresh.trainings]),
         eigenvalues=np.concatenate([public.eigenvalues, fresh.eigenvalues]),
+        bars=None if bars is None else np.concatenate([bars, fresh.tolerance]),
     )
+
+
+def batch_size(declared: int, fresh: Truth) -> int:
+    """Return how many meshes a call gets: as declared, or fewer, so that times can be compared."""
+    return max(1, min(declared, len(set(fresh.shapes.tolist())) // (2 * ENOUGH)))
+
+
+def strangers(truth: Truth) -> NDArray[np.int64]:
+    """Return instances that have no surface in common, drawn anew, all of one training set."""
+    rng = np.random.default_rng(secrets.randbits(128))
+    order = rng.permutation(np.flatnonzero(truth.trainings == rng.choice(truth.trainings)))
+    return order[np.sort(np.unique(truth.groups[order], return_index=True)[1])][:APART]
+
+
+def helped(
+    targeted: Sequence[Truth],
+    chosen: NDArray[np.int64],
+    among: NDArray[np.float64],
+    apart: NDArray[np.float64],
+) -> list[str]:
+    """Return what shows that meshes are answered better among others of their surfaces.
+
+    Parameters
+    ----------
+    targeted : sequence of Truth
+        The same instances at each target.
+    chosen : ndarray of int64
+        Those that were asked by themselves, of a fresh process.
+    among, apart : ndarray of float64
+        The answers to all, (n, k), and those by themselves, (m, k).
+    """
+    lines = []
+    for every in targeted:
+        labels = every.take(chosen)
+        both = np.stack([among[chosen], apart])
+        with_others, alone = scores.of_metric(labels, both, "rpd")
+        if record.larger(alone, with_others):
+            lines.append(
+                f"a mesh by itself is answered with an RPD of {alone.mean():.3g} against the "
+                f"{every.target}, and of {with_others.mean():.3g} among other meshes of its "
+                "surface: it is not predicted from the mesh alone"
+            )
+    return lines
 
 
 def slower(evaluation: Evaluation, instances: Instances, truth: Truth, public: int) -> str:

@@ -14,9 +14,8 @@ from typing import Any
 from eigbench import results
 from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import sources
-from eigbench.results.submission import slug
 from eigbench.scaling import surfaces
-from synthnet.store.files import write_text
+from eigbench.scoring.names import slug
 
 VERSION = 2  # 2: sources by their statements, the commit
 ANSWERED = "answered"
@@ -78,12 +77,6 @@ def read(path: Path, below: Path | None = None) -> Scaled:
     result = results.load(path, below)
     validate(result, path)
     return Scaled(result, path)
-
-
-def write(path: Path, result: dict[str, Any]) -> None:
-    """Write a result as JSON, after checking it."""
-    validate(result, path)
-    write_text(path, json.dumps(result, indent=1, allow_nan=False) + "\n")
 
 
 def validate(result: Any, path: Path) -> None:

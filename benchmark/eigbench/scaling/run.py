@@ -5,13 +5,14 @@ others go on. The result is written anew after every mesh, so what is finished i
 """
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from eigbench import results
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, PredictorError
 from eigbench.running import box, record
 from eigbench.running.process import REFERENCE_FILE, Answered, PredictorProcess
@@ -73,7 +74,8 @@ def run(
     if out.exists() and not settings.resume:
         raise EigbenchError(f"{out} is there already: --resume adds what it lacks, or give another")
     result = _described(path, settings)
-    done = _done(out, result, settings) if out.exists() else {}
+    asked = {(expected.surface, expected.size) for expected in chosen}
+    done = _done(out, result, settings, asked) if out.exists() else {}
     with contextlib.ExitStack() as stack:
         peer: PredictorProcess | None = None
         for expected in chosen:
@@ -94,7 +96,7 @@ def run(
             order = list(surfaces.SURFACES)
             keys = sorted(done, key=lambda key: (key[1], order.index(key[0])))
             result["meshes"] = [done[key] for key in keys]
-            scaling_results.write(out, result)
+            results.write(out, result, scaling_results.validate)
     return result if "meshes" in result else scaling_results.read(out).result
 
 
@@ -117,9 +119,9 @@ def _described(path: Path, settings: Settings) -> dict[str, Any]:
 
 
 def _done(
-    out: Path, result: dict[str, Any], settings: Settings
+    out: Path, result: dict[str, Any], settings: Settings, chosen: Set[tuple[str, int]]
 ) -> dict[tuple[str, int], dict[str, Any]]:
-    """Return the meshes of an earlier run, without those that broke a limit that is higher now."""
+    """Return the meshes of an earlier run, without the chosen that broke a limit now higher."""
     earlier = scaling_results.read(out)
     for part in ("model", "cost", "environment"):
         before, now = earlier.result[part], result[part]
@@ -136,7 +138,7 @@ def _done(
         name, limit = again.get(mesh["outcome"], ("time_limit", 0.0))
         return bool(mesh[name] >= limit)
 
-    return {key: mesh for key, mesh in earlier.meshes.items() if stays(mesh)}
+    return {k: mesh for k, mesh in earlier.meshes.items() if k not in chosen or stays(mesh)}
 
 
 def _measured(

@@ -161,6 +161,7 @@ def interpolated_seconds(
     """Return the time of an error, from the errors and times of each size."""
     sizes = sorted(times, reverse=True)  # errors ascending
     known = np.array([errors[size] for size in sizes])
+    distance = max(distance, known[0])  # that of an answer may be zero
     log = np.interp(np.log(distance), np.log(known), np.log([times[size] for size in sizes]))
     return float(np.exp(log) * min(1.0, known[-1] / distance))
 

@@ -11,6 +11,7 @@ that the bars could make is no difference. The bar of a label is a relative 1e-9
 that of a limit is pinned with it.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
@@ -58,19 +59,30 @@ def at(truth: Truth, target: str) -> Truth | None:
     if limits is None:
         return None
     base = recipe.load(truth.version).base
-    shapes = truth.shapes.tolist()
-    missing = sorted(set(shapes) - set(limits))
+    missing = sorted(set(truth.shapes.tolist()) - set(limits))
     if missing:
         raise EigbenchError(
             f"the pinned spectra of the surfaces of {base} lack {len(missing)} shapes of "
             f"{truth.version}, the first {missing[0]}: pin them anew "
             f"(python -m evidence pin limits {base})"
         )
+    return of_surfaces(truth, limits)
+
+
+def every(truth: Truth) -> list[Truth]:
+    """Return labels of meshes at each target that is known for them, the meshes' own first."""
+    known = (truth if target == MESH else at(truth, target) for target in (MESH, SURFACE))
+    return [labels for labels in known if labels is not None]
+
+
+def of_surfaces(truth: Truth, limits: Mapping[str, Limit]) -> Truth:
+    """Return labels of meshes with the spectra of the surfaces of their shapes, by shape."""
+    found = [limits[shape] for shape in truth.shapes.tolist()]
     return replace(
         truth,
         target=SURFACE,
-        eigenvalues=np.array([limits[shape].eigenvalues for shape in shapes]),
-        bars=np.array([limits[shape].bar for shape in shapes]),
+        eigenvalues=np.array([limit.eigenvalues for limit in found]),
+        bars=np.array([limit.bar for limit in found]),
     )
 
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from eigbench.scoring.training import on_imports
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
-from synthnet.families import FAMILIES
 from synthnet.mesh.open3d import decimate, from_open3d, to_open3d
 from synthnet.recipe.drawing import draw_shape
 from synthnet.recipe.recipe import Recipe
@@ -40,11 +39,6 @@ def location(truth: Truth, shape: str) -> str:
 def _whole(version: str) -> Recipe:
     """Return the recipe of the version whose subset this one is."""
     return recipe.load(recipe.load(version).base)
-
-
-def generated(spec: ShapeSpec) -> Mesh:
-    """Return the mesh of a shape, as it is stored."""
-    return FAMILIES[spec.family].generate(spec.parameters).stored()
 
 
 def packed(mesh: Mesh) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from eigbench.site.bundle import CHECKOUT
 from synthnet.errors import counted
 from synthnet.store.files import make_directory
 from synthnet.types import ShapeSpec
+from synthnet.verify.shapes import generated_anew
 from synthnet.version import __version__
 
 DATA = "data.js"
@@ -76,7 +77,7 @@ def files(
                     meshes[shape["mesh"]] = spec
     for name in sorted(meshes):
         on_step(f"drawing {len(meshes)} shapes anew", Path(name).name)
-        values[name] = shapes.packed(shapes.generated(meshes[name]))
+        values[name] = shapes.packed(generated_anew(meshes[name]))
     if scaled:
         values[f"boards/{scaling.KEY}"] = scaling.content(scaled)
         values |= {f"rows/{scaling.KEY}/{row.slug}": scaling.opened(row, code) for row in scaled}

@@ -299,12 +299,19 @@ def test_a_model_that_says_nothing_of_its_training_is_not_taken_for_untrained(ro
     assert board.scored(silent, "genus", "rpd") == generalisation.HeldOut(None)
 
 
-def test_the_drop_is_between_the_same_seeds(row_of):
-    factors = np.array([1.01, 1.5, 1.5])[:, None, None]
-    three = row_of("M", "grouped", factors, kind="learned")
-    single = row_of("M", "genus", 1.01, kind="learned")
-    board = generalisation.Board(ranking.ranked([three]), {"genus": [single]})
-    assert board.scored(three, "genus", "rpd").drop == pytest.approx(0)
+@pytest.mark.parametrize("longer", ["grouped", "genus"])
+def test_the_drop_is_between_the_same_seeds(row_of, longer):
+    several, one = (np.array(factors)[:, None, None] for factors in ([1.01, 1.5, 1.5], [1.01]))
+    whole, held_out = (
+        row_of("M", protocol, several if protocol == longer else one, kind="learned")
+        for protocol in ("grouped", "genus")
+    )
+    board = generalisation.Board(ranking.ranked([whole]), {"genus": [held_out]})
+    scored = board.scored(whole, "genus", "rpd")
+    of_one, of_several = 10 * 0.01 / 2.01, 10 * (0.01 / 2.01 + 2 * 0.5 / 2.5) / 3
+    assert scored.drop == pytest.approx(0)
+    assert scored.before == pytest.approx(of_one)
+    assert scored.score == pytest.approx(of_several if longer == "genus" else of_one)
 
 
 @pytest.mark.parametrize(
@@ -397,7 +404,8 @@ def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, row_of):
 @pytest.mark.parametrize(
     ("factor", "sentence"),
     [
-        (1.0001, "4. **Without training, better elements beat all of them.** *Bent* has "),
+        (1.0001, "4. **Without training, better elements beat all of them.** *Bent* has an error "),
+        (1.0, "4. **Without training, better elements beat all of them.** *Bent* has no error at "),
         (1.02, None),  # farther than the solver
     ],
 )

@@ -14,7 +14,7 @@ from eigbench.scoring import physics
 from eigbench.scoring.metrics import METRICS
 
 from synthnet import store
-from tests.eigbench.conftest import WEYL, WEYL_TO_CHANGE
+from tests.eigbench.conftest import ONES, WEYL, WEYL_TO_CHANGE
 
 BOARD = "1.0-mini-test-grouped"
 
@@ -181,6 +181,37 @@ def test_files_are_never_written_under_a_name_that_belongs_to_another_format(
     where = ["--dataset", "1.0-mini", "--root", mini_home, "--limit", 5]
     err = refused("evaluate", predictor_file(WEYL), *where, *more)
     assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        ("my_model.2.0.parquet", ["evaluate", "--out", "my_model.2.0.json"]),
+        ("my_model.json", ["evaluate", "--out", "my_model.json"]),
+        ("p.parquet", ["evaluate", "--predictions", "p.parquet"]),
+        ("my_model.parquet", ["predict", "--out", "my_model.parquet"]),
+        ("my_model.json", ["time", "--out", "my_model.json"]),
+        ("my_model.json", ["scale", "--resume", "--out", "my_model.json"]),
+    ],
+)
+def test_nothing_but_an_output_is_overwritten_and_no_code_is_run(
+    refused, predictor_file, tmp_path, monkeypatch, name, command
+):
+    monkeypatch.chdir(tmp_path)
+    path = predictor_file("raise RuntimeError('run')")
+    weights = b'{"layers": 3}' if name.endswith(".json") else b"PAR1 weights PAR1"
+    (tmp_path / name).write_bytes(weights)
+    lines = refused(command[0], path, *command[1:]).splitlines()
+    option = "--predictions" if command[0] == "evaluate" and ".parquet" in name else "--out"
+    said = f"is there, and no output of eigbench: give another {option}, or move it away"
+    assert lines == [f"eigbench: {name} {said}"]
+    assert (tmp_path / name).read_bytes() == weights
+    assert not list(tmp_path.glob(".*.parts"))
+
+
+def test_times_replace_no_other_result(refused, weyl, weyl_copy):
+    err = refused("time", weyl.code, "--out", weyl_copy)
+    assert err == f"eigbench: {weyl_copy} holds no times of `eigbench time`: give another --out\n"
 
 
 # --- check -----------------------------------------------------------------------------
@@ -362,6 +393,19 @@ def test_check_of_a_bad_predictor_exits_with_2(refused, predictor_file):
     err = refused("check", predictor_file("def predict(meshes): return [[1.0]]"))
     assert err.startswith("eigbench: the answer has shape (1, 1)")
     assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("verb", "out"), [("check", None), ("predict", "p.parquet"), ("evaluate", "r.json")]
+)
+def test_a_name_that_no_file_can_have_is_refused_before_any_work(
+    refused, predictor_file, on_mini, tmp_path, verb, out
+):
+    path = predictor_file("META = {'name': 'Модель 5'}\n" + ONES)
+    how = [] if out is None else [*on_mini, "--out", tmp_path / out]
+    err = refused(verb, path, *how)
+    assert "META name has the letter М (U+041C): a row's files have its name" in err
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_traceback_shows_the_lines_of_the_predictors_process(eigbench, predictor_file):

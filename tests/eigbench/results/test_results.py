@@ -112,6 +112,8 @@ def test_missing_key_is_refused(result, path):
         ("scores/mesh/families/*", "count", 1.5),
         ("scores/mesh/per_index/*", "median", [0.1]),
         ("cost", "ms_per_mesh", -1),
+        ("cost", "ms_per_mesh", 0),
+        ("cost", "ms_per_mesh_mean", 0),
         ("cost", "ms_per_mesh_quartiles", [1.0]),
         ("cost", "batch_size", 0),
         ("cost", "hardware", "a machine\n## a heading"),
@@ -145,11 +147,6 @@ def test_json_that_is_no_result_is_refused(tmp_path, broken):
 def test_means_of_families_that_do_not_give_the_overall_one_are_refused(result, path, by, key):
     at(result, path)[key]["mean"] += by
     refuse(result, f"means of {key} do not give the overall mean")
-
-
-def test_count_of_a_family_that_does_not_add_up_is_refused(result):
-    at(result, "scores/mesh/families/*")["count"] += 9
-    refuse(result, "the families have 315 instances, the dataset 306")
 
 
 def test_counts_that_add_up_and_do_not_give_the_mean_are_refused(result):
@@ -191,8 +188,3 @@ def test_schema_accepts_a_result_without_torch_installed(result):
     for name in ("torch", "torch-geometric"):
         result["environment"].pop(name, None)
     results.validate(result, HERE)
-
-
-def test_median_time_is_between_its_quartiles(result):
-    result["cost"]["ms_per_mesh_quartiles"].reverse()
-    refuse(result, "the median time is not between the quartiles")

@@ -5,7 +5,10 @@ import hashlib
 import json
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+from eigbench.results import predictions
 from eigbench.results.sources import digest, digest_of_code, is_output, outdated, remark
 from hypothesis import given
 from hypothesis import strategies as st
@@ -266,6 +269,21 @@ def test_an_output_is_one_of_a_folder_and_reached_by_no_link(tmp_path):
     assert is_output(own, folder)
     for path in (folder / ".." / kept.name, kept, link, folder / "none.json"):
         assert not is_output(path, folder)
+
+
+@pytest.mark.parametrize("folder", ["results/1.0-test-grouped", "scaling", "timing"])
+def test_results_of_every_command_are_outputs(folder):
+    there = sorted((ROOT / "benchmark" / folder).glob("*.json"))
+    assert there
+    assert all(map(is_output, there))
+
+
+def test_weights_that_name_eigbench_are_no_predictions(tmp_path, mini_truth):
+    own, weights = tmp_path / "own.parquet", tmp_path / "weights.parquet"
+    predictions.write(own, mini_truth, mini_truth.eigenvalues[None])
+    pq.write_table(pa.table({"made_by": ["eigbench"]}), weights)
+    assert is_output(own)
+    assert not is_output(weights)
 
 
 def test_a_log_a_note_and_a_picture_are_outputs_and_numbers_are_not(tmp_path):

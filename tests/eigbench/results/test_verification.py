@@ -21,7 +21,7 @@ from eigbench.running import box, packages, rerun
 from eigbench.running.evaluate import Evaluation
 from eigbench.running.meshes import Instances
 from eigbench.running.process import Loaded, Status
-from eigbench.scoring import truth
+from eigbench.scoring import targets, truth
 
 from synthnet import recipe
 from synthnet.types import Mesh
@@ -202,6 +202,19 @@ def test_spectra_that_are_labels_to_the_bit_are_counted(mini_truth):
     assert predictions.looked_up("learned", mini_truth, 1.1 * answers) == ""
 
 
+def test_spectra_of_surfaces_to_the_bit_are_computed_by_nobody(mini_truth):
+    surfaces = targets.at(mini_truth, "surface")
+    answers = surfaces.eigenvalues[None] * (1 + 1e-12)
+    answers[0, 5] = surfaces.eigenvalues[5]
+    for kind in ("classical", "learned"):
+        found = predictions.looked_up(kind, surfaces, answers)
+        assert found == (
+            "1 of 306 spectra are those of the surfaces to the last bit: no mesh shows these so "
+            "exactly"
+        )
+        assert predictions.looked_up(kind, surfaces, 1.1 * answers) == ""
+
+
 def test_score_and_submit_flag_them(eigbench, make_submission, mini_truth, tmp_path):
     path = make_submission("Looked up", mini_truth.eigenvalues)
     code, _, stderr = eigbench("score", path.with_suffix(".parquet"), "--dataset", "1.0-mini")
@@ -347,6 +360,31 @@ def test_public_and_fresh_instances_are_mixed_without_a_clash(mini_truth, mini_m
     assert set(labels.trainings) == set(public.trainings)
 
 
+def of_both(row, fresh, answered, unseen):
+    """What verify-row says of answers to a row's split and to a draw."""
+    status = Status(0, row.result["model"]["sources"], {})
+    nothing, flags = np.empty(0), np.empty(0, np.bool_)
+    both = np.concatenate([answered, unseen], axis=1)
+    timed = (nothing, nothing, np.empty(0, np.int64), flags, nothing, (), flags)
+    evaluation = Evaluation(both, *timed, Loaded({}, None, True, False, ""), status)
+    targeted = zip(targets.every(row.truth), targets.every(fresh), strict=True)
+    return verify_row._compared(row, [*targeted], evaluation)
+
+
+def test_a_table_of_surfaces_beside_a_solver_is_worse_on_the_draw(make_row, mini_truth):
+    surfaces = targets.at(mini_truth, "surface").eigenvalues * (1 + 1e-7)
+    row = make_row("A table", surfaces)
+    chosen = np.arange(150)
+    fresh = mini_truth.take(chosen)
+    solved = fresh.eigenvalues[None] * (1 + 1e-7)
+    _, against = of_both(row, fresh, surfaces[None], solved)
+    assert len(against) == 1
+    assert against[0].startswith("on shapes that nobody has seen, rpd against the surface is 0.")
+    said, against = of_both(row, fresh, surfaces[None], surfaces[None, chosen])
+    assert against == []
+    assert said["sealed"]["surface"]["mean"] < 1e-5 < said["sealed"]["mean"]
+
+
 def test_answers_of_all_seeds_are_compared_on_the_split_and_on_the_draw(make_row, mini_truth):
     labels = mini_truth.eigenvalues
     row = make_row("Two seeds", [1.1 * labels, 1.12 * labels])
@@ -355,13 +393,7 @@ def test_answers_of_all_seeds_are_compared_on_the_split_and_on_the_draw(make_row
     def compared(*of_draw):
         answered = np.stack([1.1 * labels, 1.12 * labels])
         unseen = np.stack([factor * fresh.eigenvalues for factor in of_draw])
-        status = Status(0, row.result["model"]["sources"], {})
-        nothing = np.empty(0)
-        both = np.concatenate([answered, unseen], axis=1)
-        loaded = Loaded({}, None, True, False, "")
-        flags = np.empty(0, np.bool_)
-        timed = (nothing, nothing, np.empty(0, np.int64), flags, nothing, (), flags)
-        return verify_row._compared(row, fresh, Evaluation(both, *timed, loaded, status))
+        return of_both(row, fresh, answered, unseen)
 
     said, against = compared(1.1, 1.12)
     assert against == []
@@ -369,8 +401,45 @@ def test_answers_of_all_seeds_are_compared_on_the_split_and_on_the_draw(make_row
     assert said["scores"]["mesh"]["declared"] == said["scores"]["mesh"]["mean"] == declared
     assert said["sealed"]["mean"] == pytest.approx(declared, rel=1e-12)
     assert (said["sealed"]["instances"], said["sealed"]["shapes"]) == (100, len(set(fresh.shapes)))
-    _, (against,) = compared(1.3, 1.3)
-    assert against.startswith("on shapes that nobody has seen, rpd is 1.3")
+    _, against = compared(1.3, 1.3)
+    for target, found in zip(("mesh", "surface"), against, strict=True):
+        assert found.startswith(f"on shapes that nobody has seen, rpd against the {target} is 1.")
+
+
+def test_meshes_are_asked_by_themselves_each_of_another_surface(mini_truth):
+    groups = np.array([f"group-{i // 3}" for i in range(len(mini_truth.ids))])
+    truth = dataclasses.replace(mini_truth, groups=groups)
+    draws = [rerun.strangers(truth) for _ in range(2)]
+    for chosen in draws:
+        assert len(set(groups[chosen])) == len(chosen) == rerun.APART
+    assert draws[0].tolist() != draws[1].tolist()
+    few = truth.take(np.arange(30))
+    assert len(rerun.strangers(few)) == 10
+    few.trainings[:12] = "another"
+    for _ in range(5):
+        chosen = rerun.strangers(few)
+        assert len(set(few.trainings[chosen])) == 1
+
+
+def test_what_is_nearer_among_others_of_its_surface_is_named(mini_truth):
+    every = targets.every(mini_truth)
+    mesh, surface = (known.eigenvalues for known in every)
+    chosen = np.arange(0, 300, 3)
+    assert rerun.helped(every, chosen, 1.1 * mesh, 1.1 * mesh[chosen]) == []
+    (named,) = rerun.helped(every, chosen, surface, mesh[chosen])
+    assert named.startswith("a mesh by itself is answered with an RPD of")
+    assert "against the surface" in named
+    assert rerun.helped(every, chosen, mesh, surface[chosen])[0].count("against the mesh") == 1
+    jitter = 1 + 1e-3 * np.random.default_rng(0).standard_normal(mesh.shape)
+    assert rerun.helped(every, chosen, 1.1 * mesh * jitter, 1.1 * mesh[chosen]) == []
+
+
+@pytest.mark.parametrize(("declared", "size"), [(50, 10), (3, 3), (1, 1)])
+def test_batches_are_small_enough_for_times_to_be_compared(mini_truth, declared, size):
+    shapes = np.array([f"shape-{i // 3}" for i in range(300)])
+    fresh = dataclasses.replace(mini_truth.take(np.arange(300)), shapes=shapes)
+    assert rerun.batch_size(declared, fresh) == size
+    assert rerun.batch_size(declared, fresh.take(np.arange(6))) == 1
 
 
 @pytest.mark.slow
@@ -412,13 +481,14 @@ def test_a_row_that_fresh_meshes_say_nothing_of_is_not_verified(weyl, protocol, 
 TABLE = """
 from pathlib import Path
 import numpy as np
+from synthnet import spectrum
 
 table = np.load(Path(__file__).with_name("my_model.npz"))
 answers = dict(zip(table["keys"].tolist(), table["labels"]))
 
 def predict(meshes):
     keys = [float(np.round(np.abs(mesh.vertices).sum(), 6)) for mesh in meshes]
-    return np.array([answers.get(key, np.ones(10)) for key in keys])
+    return np.array([answers.get(key, OTHERS) for key, mesh in zip(keys, meshes)])
 """
 
 
@@ -513,15 +583,19 @@ def test_what_is_wrong_with_the_command_is_found_before_any_code_runs(
 
 @BOXED
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("target", "others"),
+    [("mesh", "np.ones(10)"), ("surface", "spectrum.compute(mesh).eigenvalues * (1 + 1e-9)")],
+)
 def test_a_table_of_the_public_splits_answers_fails_on_the_fresh_draw(
-    eigbench, make_submission, mini_truth, mini_meshes, mini_home, tmp_path
+    eigbench, make_submission, mini_truth, mini_meshes, mini_home, tmp_path, target, others
 ):
     given = map(mini_meshes.mesh, mini_truth.ids)
     keys = [float(np.round(np.abs(mesh.vertices).sum(), 6)) for mesh in given]
-    labels = mini_truth.eigenvalues * (1 + 1e-5)
+    labels = targets.at(mini_truth, target).eigenvalues * (1 + 1e-5)
     np.savez(tmp_path / "my_model.npz", keys=keys, labels=labels)
     code = tmp_path / "my_model.py"
-    code.write_text(TABLE)
+    code.write_text(TABLE.replace("OTHERS", others))
     files = [code, code.with_suffix(".npz")]
     sources = {file.name: digest(file) for file in files}
     row = make_submission("A table", labels, kind="learned", code=code.name, sources=sources)
@@ -529,6 +603,6 @@ def test_a_table_of_the_public_splits_answers_fails_on_the_fresh_draw(
     how = ["--source", tmp_path, "--root", mini_home, "--share", 0.3, "--by", "Me"]
     code, _, stderr = eigbench("verify-row", row, *how)
     assert code == 1
-    assert "on shapes that nobody has seen, rpd is" in stderr
+    assert f"on shapes that nobody has seen, rpd against the {target} is" in stderr
     assert "when run again" not in stderr
     assert row.read_bytes() == before

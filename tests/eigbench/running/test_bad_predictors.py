@@ -2,10 +2,15 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from eigbench.commands.predict import CHANGED
 from eigbench.results import predictions
+from eigbench.running import evaluate as running
+from eigbench.running import record
+from eigbench.running.process import PredictorProcess
 
 from tests.eigbench.conftest import WEYL_TO_CHANGE
 
@@ -302,8 +307,65 @@ def test_changed_code_sibling_or_weights_start_anew(evaluate, tmp_path, changed)
     (tmp_path / changed).write_text(f'"""2.0"""\n{code}' if changed == path.name else "x = 2\n")
     again = evaluate("", "--resume", path=path)
     assert again[0] == 2
-    assert "code or settings have changed: starting anew" in again[2]
+    assert f"{CHANGED}: starting anew" in again[2]
     assert batches_kept(tmp_path) == ["000000.npz"]
+
+
+@pytest.fixture
+def interrupted(evaluate, tmp_path):
+    """Return a function that evaluates what fails in batch 2, until ``fails.py.mended`` is there.
+
+    It takes a second to load until then.
+    """
+    path = tmp_path / "fails.py"
+    slow = "time.sleep(0 if os.path.exists(__file__ + '.mended') else 1)\n"
+    path.write_text(PRELUDE + slow + FAILS_IN_BATCH_2.format(how="raise RuntimeError"))
+    return lambda *more: evaluate("", *more, path=path)
+
+
+@pytest.mark.parametrize(
+    ("fact", "other"), [("hardware", "another machine"), ("environment", {"torch": "0"})]
+)
+def test_another_machine_or_package_starts_anew(interrupted, monkeypatch, tmp_path, fact, other):
+    assert interrupted()[0] == 2
+    monkeypatch.setattr(record, fact, lambda *_: other)
+    again = interrupted("--resume")
+    assert again[0] == 2
+    assert f"{CHANGED}: starting anew" in again[2]
+    assert batches_kept(tmp_path) == ["000000.npz"]
+
+
+def test_answers_of_another_accelerator_are_not_gone_on_from(interrupted, tmp_path):
+    assert interrupted()[0] == 2
+    note = tmp_path / ".out.json.parts" / "seed-0" / "begun.json"
+    facts = json.loads(note.read_text())
+    facts["loaded"]["accelerator"] = "NVIDIA A100"
+    note.write_text(json.dumps(facts))
+    code, _, err = interrupted("--resume")
+    said = "has answers of NVIDIA A100, here is none: go on there, or leave --resume out"
+    assert (code, err.splitlines()[-1].partition(".parts ")[2]) == (2, said)
+    assert batches_kept(tmp_path) == ["000000.npz"]
+
+
+def test_what_an_interrupted_process_has_cost_and_tried_is_kept(interrupted, monkeypatch, tmp_path):
+    mended, read = tmp_path / "fails.py.mended", PredictorProcess.status
+
+    def status(process):
+        if mended.exists():
+            return replace(read(process), peak_bytes=2**30, refused=("read /a", "read /b"))
+        tried = ("read /a", "read /late") if batches_kept(tmp_path) else ("read /a",)
+        return replace(read(process), peak_bytes=2**31, refused=tried)
+
+    monkeypatch.setattr(PredictorProcess, "status", status)
+    monkeypatch.setattr(running, "NOTED", 0.0)
+    assert interrupted()[0] == 2
+    mended.touch()
+    code, _, err = interrupted("--resume")
+    assert code == 0
+    assert "the sandbox refused what the predictor tried: read /a, read /late, read /b\n" in err
+    cost = json.loads((tmp_path / "out.json").read_text())["cost"]
+    assert cost["peak_memory_mb"] == 2048
+    assert cost["loading_seconds"] > 1
 
 
 def test_several_seeds_need_a_predictor_that_takes_one(evaluate, fails, tmp_path):

@@ -10,9 +10,11 @@ import psutil
 import pytest
 from eigbench.errors import PredictorError
 from eigbench.running import meshes, record, rerun, usage
+from eigbench.running import process as process_module
 from eigbench.running.box import Settings
 from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.running.process import Loaded, PredictorProcess, Status
+from eigbench.scoring import targets
 
 from tests.eigbench.conftest import LAZY, ONES
 
@@ -150,6 +152,55 @@ def test_a_control_group_counts_every_child(predictor_file):
     assert 2.0 <= answered.cpu_seconds < 4.0
 
 
+# A child that computes for as long as it is there, or a thread for some time after each answer.
+UNASKED = """
+import os, threading, time
+import numpy as np
+
+def burn(seconds):
+    end = time.thread_time() + seconds
+    while time.thread_time() < end: pass
+
+def predict(meshes):
+    threading.Timer(0.0, burn, [SECONDS]).start()
+    return np.ones((len(meshes), 10))
+"""
+CHILD = UNASKED.replace("def predict", "if os.fork() == 0: burn(600)\n\ndef predict")
+
+
+@linux
+@pytest.mark.parametrize("counted", ["control group", "process tree"])
+@pytest.mark.parametrize("code", [CHILD.replace("SECONDS", "0"), UNASKED.replace("SECONDS", "1")])
+def test_a_predictor_that_works_while_it_is_not_asked_is_refused(
+    code, counted, predictor_file, monkeypatch
+):
+    if counted == "process tree":
+        monkeypatch.setattr(usage, "own_directory", lambda: None)
+    monkeypatch.setattr(process_module, "UNASKED", 0.2)
+    with PredictorProcess(predictor_file(code), 10, Settings()) as process:
+        process.predict(["a"], meshes.warming(1))
+        time.sleep(2)
+        said = r"^my_model\.py works while it is not asked, .* in its batches: let it rest"
+        with pytest.raises(PredictorError, match=said):
+            process.status()
+
+
+@linux
+@pytest.mark.parametrize("counted", ["control group", "process tree"])
+def test_what_a_thread_spins_for_after_a_batch_and_what_status_takes_is_spared(
+    counted, predictor_file, monkeypatch
+):
+    if counted == "process tree":
+        monkeypatch.setattr(usage, "own_directory", lambda: None)
+    monkeypatch.setattr(process_module, "UNASKED", 0.05)
+    code = UNASKED.replace("SECONDS", "0.003")
+    with PredictorProcess(predictor_file(code), 10, Settings()) as process:
+        for _ in range(40):
+            process.predict(["a"], meshes.warming(1))
+            time.sleep(0.01)
+            process.status()
+
+
 ORPHANS = """
 import os, signal, subprocess, sys, time
 from pathlib import Path
@@ -216,6 +267,7 @@ def predict(meshes):
         ("/etc/hostname", "hostname is not below"),
         ("link", "link is reached by a symbolic link"),
         ("pipe", "pipe is no regular file"),
+        ("x" * 300, "x cannot be read: File name too long"),
     ],
 )
 def test_names_of_files_elsewhere_are_not_read(predictor_file, tmp_path, name, message):
@@ -230,6 +282,22 @@ def test_files_that_are_not_there_are_left_out(predictor_file):
     code = predictor_file(NAMES.replace("{name!r}", "'gone.txt'"))
     _, _, status = asked(code)
     assert list(status.sources) == ["my_model.py"]
+
+
+@pytest.mark.parametrize(
+    ("meta", "message"),
+    [
+        ({}, "'name' is a required property"),
+        ({"name": "a"}, "'kind' is a required property"),
+        ({"name": ["a"], "kind": "learned"}, r"\['a'\] is not of type 'string'"),
+        ({"name": "a", "kind": "learned", "\x1b[2J": ""}, r"'\\x1b\[2J' is not one of \['name'"),
+    ],
+)
+def test_a_meta_that_its_process_has_not_checked_is_one_line(predictor_file, meta, message):
+    code = "import eigbench.running.predictor as p\n"
+    code += f"p.checked_meta = lambda *given: {meta!r}\n{ONES}"
+    with pytest.raises(PredictorError, match=rf"^the .* {message}.* while loading: .*opened$"):
+        asked(predictor_file(code))
 
 
 TWO_FACED = """
@@ -259,14 +327,15 @@ def test_a_predictor_that_answers_copies_better_than_what_is_timed_is_named(
     np.savez(tmp_path / "my_model.npz", **table)
     evaluation = evaluated(TWO_FACED.replace("FIRST", first), mini_truth, batch_size=50)
     assert evaluation.first.sum() == len(set(mini_truth.shapes.tolist()))
-    findings = record.two_faced(mini_truth, evaluation)
+    findings = record.two_faced(targets.every(mini_truth), evaluation)
     assert any("computed differently" in finding for finding in findings) == named
 
 
 def test_a_predictor_that_rotations_change_is_not_two_faced(evaluated, mini_truth):
     code = "import numpy as np\ndef predict(meshes):\n    return np.stack([1 + np.abs(m.vertices"
     code += "[:10, 0]) for m in meshes])\n"  # which a rotation changes
-    assert record.two_faced(mini_truth, evaluated(code, mini_truth, batch_size=50)) == []
+    evaluation = evaluated(code, mini_truth, batch_size=50)
+    assert record.two_faced(targets.every(mini_truth), evaluation) == []
 
 
 KNOWS = """

@@ -12,6 +12,8 @@ from eigbench.commands.timing import described
 from eigbench.errors import EigbenchError, PredictorError, ResultError
 from eigbench.results import timing
 from eigbench.running import box, clock
+from eigbench.scoring import targets
+from eigbench.scoring.metrics import METRICS
 
 SLOW = "import time\nimport numpy as np\nMETA = {'name': 'NAME', 'kind': 'classical'}\n" + (
     "def predict(meshes):\n"
@@ -148,6 +150,24 @@ def test_a_peer_that_is_named_like_the_reference_does_not_replace_it(mini_truth)
     cost = described(timed, labels, np.arange(4), options)["rows"][0]["cost"]
     assert cost["reference"]["ratio"] == 2
     assert cost["peers"]["LaPy"]["ratio"] == 1
+
+
+def test_answers_that_were_timed_are_as_good_as_the_rows_at_both_targets(make_row, mini_truth):
+    surfaces = targets.at(mini_truth, "surface")
+    row = make_row("Near the surface", surfaces.eigenvalues)
+    asked, error = timing.asked(row.truth, 30), METRICS["rpd"].function
+
+    def timed(answers):
+        known = [labels.take(asked) for labels in (mini_truth, surfaces)]
+        errors = {of.target: float(error(answers[asked], of.eigenvalues).mean()) for of in known}
+        return {"name": "Near the surface", "asked": 30, "rpd": errors}
+
+    timing.check_answers(timed(surfaces.eigenvalues), row)
+    timing.check_answers({"name": "Of an earlier release"}, row)
+    # As far from the labels of the meshes, on their other side
+    mirrored = mini_truth.eigenvalues**2 / surfaces.eigenvalues
+    with pytest.raises(ResultError, match=r"RPD of .* against the surface, and the row has 0 on"):
+        timing.check_answers(timed(mirrored), row)
 
 
 def test_a_peer_that_is_not_timed_is_one_line(refused, two):

@@ -2,6 +2,7 @@
 
 import errno
 import fcntl
+import json
 import os
 import signal
 import socket
@@ -403,16 +404,29 @@ def test_a_frame_that_is_too_long_is_refused_before_it_is_read():
             channel.receive(100, lambda: None)
 
 
+def loaded(**changes):
+    """What a predictor's process says when it has loaded, with changes."""
+    meta = {"name": "a", "kind": "learned"}
+    facts = {"meta": meta, "parameters": 10**15, "seeded": True, "trained": True, "accelerator": ""}
+    return json.dumps({**facts, **changes}).encode()
+
+
+def test_facts_of_their_form_are_taken():
+    assert frames.facts(frames.LOADED, loaded()) == json.loads(loaded())
+
+
 @pytest.mark.attack
 @pytest.mark.parametrize(
     ("kind", "body"),
     [
         (frames.LOADED, b"{}"),
-        (
-            frames.LOADED,
-            b'{"meta": {}, "parameters": -1, "seeded": true, "trained": true, "accelerator": ""}',
-        ),
+        (frames.LOADED, loaded(parameters=-1)),
+        (frames.LOADED, loaded(parameters=10**16)),
+        (frames.LOADED, loaded(accelerator="a\n")),
+        (frames.LOADED, loaded(meta={"name": "a"})),
+        (frames.SOURCES, b'{"files": ["a\\ud800.py"], "attempts": []}'),
         (frames.SOURCES, b'{"files": ["a.py", "b\\u0000.py"], "attempts": []}'),
+        (frames.SOURCES, b'{"files": ["a.py\\n"], "attempts": []}'),
         (frames.SOURCES, b'["a.py"]'),
         (frames.SOURCES, b"\xff"),
         (frames.FAILED, b"[" * 100_000),

@@ -206,6 +206,17 @@ def test_resume_adds_what_is_missing_and_tries_again_what_a_higher_limit_allows(
     assert result["meshes"][:2] == first
 
 
+def test_a_higher_limit_drops_no_mesh_that_is_not_chosen(predictor_file, out, only):
+    only(ONE)
+    code = predictor_file(AT_TEN_THOUSAND.format("time.sleep(60)"))
+    first = scaling_run.run(code, [10_000], Settings(time_limit=1.0), out)["meshes"]
+    assert [mesh["outcome"] for mesh in first] == ["over time"]
+    scaling_run.run(code, [1_000], Settings(time_limit=2.0, resume=True), out)
+    both = scaling_results.read(out).result["meshes"]
+    assert [mesh["outcome"] for mesh in both] == ["answered", "over time"]
+    assert both[1:] == first
+
+
 def test_resume_refuses_what_other_code_or_settings_have_made(predictor_file, out, only):
     only(ONE)
     code = predictor_file(EIGHTY)
@@ -345,7 +356,8 @@ def test_a_prediction_does_not_win_where_a_coarser_mesh_is_as_good_and_faster(ma
         equal = scaling_scores.equal_seconds(surface, TIMES, distance)
         assert equal == pytest.approx(own * (large / distance) ** slope)
         assert scaling_scores.equal_seconds(surface, TIMES, 2 * small) == pytest.approx(t / 2)
-        assert scaling_scores.equal_seconds(surface, TIMES, large / 2) == pytest.approx(own)
+        for nearer in (large / 2, 0.0):
+            assert scaling_scores.equal_seconds(surface, TIMES, nearer) == pytest.approx(own)
 
 
 def test_page_says_what_was_not_run_and_what_took_too_long(rows):

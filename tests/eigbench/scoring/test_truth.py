@@ -47,13 +47,6 @@ def test_splits_of_the_mini_have_every_instance_once(splits, protocol):
     assert len(ids) == len(set(ids)) == 335 * 9
 
 
-def test_no_shape_crosses_the_grouped_splits(splits):
-    shapes = [set(splits["1.0-mini", s, "grouped"].shapes) for s in ("train", "validation", "test")]
-    assert not shapes[0] & shapes[1]
-    assert not shapes[0] & shapes[2]
-    assert not shapes[1] & shapes[2]
-
-
 @pytest.mark.parametrize("key", SIZES, ids=" ".join)
 def test_ids_name_the_shape_the_family_and_the_instance(splits, key):
     split = splits[key]

@@ -25,6 +25,7 @@ from eigbench.site.shapes import FACES, STEPS
 
 from synthnet.mesh.open3d import decimate
 from synthnet.types import Mesh
+from synthnet.verify.shapes import generated_anew
 from tests.eigbench.conftest import changed, git
 from tests.eigbench.site.conftest import CHECKOUT
 
@@ -453,7 +454,7 @@ def test_a_mesh_is_the_one_of_the_dataset(mini_meshes, mini_truth):
     _, firsts = np.unique(mini_truth.families, return_index=True)
     assert len(firsts) == 10
     for i in firsts:
-        mesh = shapes.generated(shapes.spec_of(mini_truth, mini_truth.shapes[i]))
+        mesh = generated_anew(shapes.spec_of(mini_truth, mini_truth.shapes[i]))
         kept = mini_meshes.mesh(mini_truth.ids[i])  # the shape, or a rotated copy of it
         np.testing.assert_array_equal(mesh.faces, kept.faces)
         edges = [np.diff(shape.vertices[shape.faces[:, :2]], axis=1) for shape in (mesh, kept)]
@@ -474,7 +475,7 @@ def test_packed_mesh_is_within_half_a_step_of_the_mesh():
 
 def test_a_large_mesh_is_simplified_the_same_each_time(mini_truth):
     spec = shapes.spec_of(replace(mini_truth, version="1.0"), "split_sphere-01742")
-    mesh = shapes.generated(spec)
+    mesh = generated_anew(spec)
     few = [decimate(mesh, 2_000) for _ in range(2)]
     assert len(few[0].faces) <= 2_000 < len(mesh.faces)
     np.testing.assert_array_equal(few[0].vertices, few[1].vertices)
