@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from eigbench.metrics import relative_percent_difference
-from eigbench.running.record import hardware
+from eigbench.running.machine import hardware
 from eigbench.scoring import truth
 from eigbench.scoring.training import protocols, training_set
 from rich.progress import track

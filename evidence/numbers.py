@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from eigbench.running.record import environment, hardware
+from eigbench.running.machine import environment, hardware
 
 from evidence import DATA
 from synthnet.store.files import write_text

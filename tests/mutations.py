@@ -62,8 +62,8 @@ MUTATIONS: dict[str, tuple[str, str, str, str]] = {
     "floor-of-one-side": (RANKING, "<= 2 * (floor or 0)", "<= (floor or 0)", TEST_FLOOR),
     "never-worse": (RANKING, "1 + len(beside) - worse)", "1 + len(beside))", TEST_RANKING),
     "better-is-worse": (RANKING, "-1 if METRICS[key].higher_is_better else 1\n", "1\n", TEST_RANKING),
-    "exact-by-name": (RANKING, 'float(submission.result["cost"]["ms_per_mesh"])', "0.0", TEST_RANKING),
-    "infinite-is-better": (RANKING, '"ba"[worse_b]', '"ab"[worse_b]', TEST_RANKING),
+    "exact-by-name": (RANKING, '(-ratio, cost["ms_per_mesh"])', "(0.0, 0.0)", TEST_RANKING),
+    "infinite-is-better": (RANKING, '"ab"[good_a < good_b]', '"ba"[good_a < good_b]', TEST_RANKING),
     "same-seeds-of-both": (RANKING, "drawn.means(y, b.slug)", "drawn.means(y, a.slug)", TEST_RANKING),
     # Solver
     "more-than-counted": (SOLVER + "certificate.py", "counted.negative != pairs + zeros", "counted.negative > pairs + zeros", TEST_SPECTRUM),
@@ -85,7 +85,7 @@ MUTATIONS: dict[str, tuple[str, str, str, str]] = {
     "bytes-not-compared": (SHARDS, "same = hashlib.sha256(buffer.getvalue()).hexdigest() == sha256(path)", "same = True", TEST_STORE),
     "other-shapes-pass": (SHARDS, "sorted(stored) != sorted(ids)", "len(stored) != len(ids)", TEST_STORE),
     "altered-manifest": (MANIFEST, "with_digest(content).encode() == text", "True", TEST_STORE),
-    "partial-file-stays": (FILES, "    except OSError as error:\n        partial.unlink(missing_ok=True)\n", "    except OSError as error:\n", TEST_STORE),
+    "partial-file-stays": (FILES, "            partial.unlink()\n", "            pass\n", TEST_STORE),
     # Repair
     "last-vertex-stays": (REPAIR, "keep = np.full(joined.max() + 1, len(used))\n    np.minimum.at", "keep = np.full(joined.max() + 1, 0)\n    np.maximum.at", TEST_REPAIR),
     "one-grid-of-cells": (REPAIR, "itertools.product((0.0, 0.5), repeat=3)", "itertools.product((0.0,), repeat=3)", TEST_REPAIR),

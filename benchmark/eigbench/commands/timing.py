@@ -17,7 +17,7 @@ from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import timing
-from eigbench.running import clock, meshes, record
+from eigbench.running import clock, machine, meshes, record
 from eigbench.running.box import Settings
 from eigbench.running.clock import Timed
 from eigbench.running.predictor import check_file, split
@@ -108,8 +108,8 @@ def described(
         "meshes": options.meshes,
         "vertices": [round(float(part.mean()), 1) for part in parts],  # mean of each size
         "repeats": options.repeats,
-        "hardware": record.hardware(),
-        "environment": record.environment(),
+        "hardware": machine.hardware(),
+        "environment": machine.environment(),
         "rows": [
             {**_row(row, sizes, lapy.seconds, peers, options), "rpd": _errors(row, labels)}
             for row in others
@@ -148,7 +148,7 @@ def _row(
             "device": "cpu",
             "peak_memory_mb": timed.status.peak_bytes / 2**20,
             "counted_by": timed.status.counted_by,
-            "hardware": record.hardware(),
+            "hardware": machine.hardware(),
             "reference": {
                 "solver": "LaPy",
                 "meshes": int(sizes.sum()),

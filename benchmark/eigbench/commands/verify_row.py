@@ -21,7 +21,7 @@ from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import predictions, submission, verification
 from eigbench.results.sources import git
 from eigbench.results.submission import Submission
-from eigbench.running import packages, record, rerun
+from eigbench.running import machine, packages, record, rerun
 from eigbench.running.evaluate import Evaluation, Options, predict_meshes
 from eigbench.scoring import scores, targets
 from eigbench.scoring.names import MESH, SURFACE
@@ -201,7 +201,7 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
     return verified | {
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
         "commit": commit,
-        "machine": record.hardware(),
+        "machine": machine.hardware(),
         "sandbox": settings.sandbox,
         "packages": installed,
     }, against

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.results.sources import contents
+from eigbench.running import machine
 from eigbench.running.box import TIME_LIMIT, Settings
 from eigbench.running.meshes import Instances
 from eigbench.running.process import REFERENCE_FILE, Loaded, PredictorProcess, Status
@@ -365,7 +366,6 @@ def _batches(count: int, size: int) -> list[tuple[int, int]]:
 
 
 def _fingerprint(task: _Task) -> dict[str, object]:
-    from eigbench.running import record  # as late as here: it imports this module
 
     return {
         "parts": 2,  # raised when what a part holds changes
@@ -379,8 +379,8 @@ def _fingerprint(task: _Task) -> dict[str, object]:
         "reference": task.options.reference,
         "sandbox": task.options.sandbox,
         "readable": [str(path) for path in task.options.readable],
-        "hardware": record.hardware(),
-        "environment": record.environment(),
+        "hardware": machine.hardware(),
+        "environment": machine.environment(),
     }
 
 

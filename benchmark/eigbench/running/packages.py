@@ -15,7 +15,7 @@ from packaging.requirements import InvalidRequirement, Requirement
 from packaging.utils import canonicalize_name
 
 from eigbench.errors import EigbenchError, ResultError
-from eigbench.running import record
+from eigbench.running import machine
 
 SCRIPT = re.compile(r"^# /// script\n((?:#(?: .*)?\n)+?)# ///$", re.MULTILINE)  # of PEP 723
 HERE = ("synthnet", "eigbench")  # what runs the predictor is this release
@@ -79,6 +79,6 @@ def _requirements(dependencies: Any, file: Path) -> list[Requirement]:
 def installed(packages: Path | None) -> dict[str, str]:
     """Return the versions of the packages in a folder; of this environment, where there is none."""
     if packages is None:
-        return record.environment()
+        return machine.environment()
     distributions = metadata.distributions(path=[str(packages)])
     return dict(sorted((d.metadata["Name"], d.version) for d in distributions))

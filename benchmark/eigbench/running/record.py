@@ -1,7 +1,5 @@
 """From an evaluation to a result: what was measured, on what, and with which versions."""
 
-import os
-import platform
 from collections.abc import Iterable, Sequence
 from importlib import metadata
 from pathlib import Path
@@ -15,11 +13,11 @@ from eigbench.results import SCHEMA_VERSION, dataset_facts, overused
 from eigbench.results.sources import git
 from eigbench.running import predictor
 from eigbench.running.evaluate import Evaluation, Options
+from eigbench.running.machine import environment, hardware
 from eigbench.running.process import Loaded, Status
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRIC_VERSION
 from eigbench.scoring.truth import Truth
-from synthnet.kernels import processor
 from synthnet.store.files import sha256
 
 REMEMBERS = 0.5  # of the time of a new shape, a copy takes less
@@ -28,7 +26,6 @@ BETTER = 1.2  # times as large an error of new shapes as of copies shows two kin
 SURE = 5.0  # standard errors of the mean paired difference, so that it is no chance
 SOME = 20  # shapes: of fewer, a mean says little
 ENOUGH = 5  # batches of one size: of fewer, a time does
-PACKAGES = ("synthnet", "numpy", "scipy", "lapy", "torch", "torch-geometric", "scikit-learn")
 
 
 def make(
@@ -215,22 +212,6 @@ def beside_reference(evaluation: Evaluation) -> dict[str, Any] | None:
     }
 
 
-def hardware(accelerator: str = "") -> str:
-    """Return a label of this machine: times are compared only where it is the same.
-
-    The model's name alone will not do: a virtual machine's "AMD EPYC" may be of any
-    generation, and one may be twice as fast as another. The kind is LLVM's name of it.
-    """
-    model = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        lines = [line for line in info.read_text().splitlines() if line.startswith("model name")]
-        model = lines[0].partition(":")[2].strip() if lines else model
-    kind = processor().rpartition("-")[0]
-    host = f"{model} ({kind}), {os.cpu_count()} cores"
-    return f"{accelerator}, {host}" if accelerator else host
-
-
 def checkout(code: Path) -> dict[str, Any]:
     """Return the commit that a predictor lies in, as a result's ``checkout``; nothing without git.
 
@@ -244,14 +225,3 @@ def checkout(code: Path) -> dict[str, Any]:
     changed = git(folder, "status", "--porcelain", "--untracked-files=no")
     untracked = git(folder, "ls-files", "--error-unmatch", "--", file.name) is None
     return {"checkout": {"commit": commit, "dirty": changed != "" or untracked}}
-
-
-def environment() -> dict[str, str]:
-    """Return the versions of Python and of the packages that matter."""
-    versions = {"python": platform.python_version(), "platform": platform.platform(terse=True)}
-    for name in PACKAGES:
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue  # an optional package
-    return versions

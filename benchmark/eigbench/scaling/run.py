@@ -14,7 +14,7 @@ import numpy as np
 
 from eigbench import results
 from eigbench.errors import Died, EigbenchError, OverMemory, OverTime, PredictorError
-from eigbench.running import box, record
+from eigbench.running import box, machine, record
 from eigbench.running.process import REFERENCE_FILE, Answered, PredictorProcess
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import surfaces
@@ -111,9 +111,9 @@ def _described(path: Path, settings: Settings) -> dict[str, Any]:
         "cost": {
             "threads": settings.threads,
             "device": settings.device,
-            "hardware": record.hardware(loaded.accelerator),
+            "hardware": machine.hardware(loaded.accelerator),
         },
-        "environment": record.environment(),
+        "environment": machine.environment(),
         **record.checkout(path),
     }
 

@@ -9,7 +9,7 @@ import pytest
 from eigbench.commands.predict import CHANGED
 from eigbench.results import predictions
 from eigbench.running import evaluate as running
-from eigbench.running import record
+from eigbench.running import machine
 from eigbench.running.process import PredictorProcess
 
 from tests.eigbench.conftest import WEYL_TO_CHANGE
@@ -328,7 +328,7 @@ def interrupted(evaluate, tmp_path):
 )
 def test_another_machine_or_package_starts_anew(interrupted, monkeypatch, tmp_path, fact, other):
     assert interrupted()[0] == 2
-    monkeypatch.setattr(record, fact, lambda *_: other)
+    monkeypatch.setattr(machine, fact, lambda *_: other)
     again = interrupted("--resume")
     assert again[0] == 2
     assert f"{CHANGED}: starting anew" in again[2]

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from eigbench.errors import PredictorError
-from eigbench.running import box, frames, meshes, record, reference, worker
+from eigbench.running import box, frames, machine, meshes, record, reference, worker
 from eigbench.running.box import Settings
 from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
 from eigbench.running.process import Loaded, PredictorProcess, Status
@@ -171,7 +171,7 @@ def test_cost_is_of_the_batches_and_says_how_many_cores_were_used():
     assert cost["peak_memory_mb"] == 1
     assert cost["counted_by"] == COUNTED
     assert cost["hardware"].startswith("NVIDIA A100, ")
-    assert "NVIDIA" not in record.hardware()
+    assert "NVIDIA" not in machine.hardware()
     assert cost["reference"] == {
         "solver": reference.META["name"],
         "meshes": 20,
@@ -274,7 +274,7 @@ def test_without_reference_there_is_no_ratio(evaluated, mini_truth):
 
 
 def test_hardware_names_the_kind_of_processor():
-    assert f"({processor().rpartition('-')[0]}), {os.cpu_count()} cores" in record.hardware()
+    assert f"({processor().rpartition('-')[0]}), {os.cpu_count()} cores" in machine.hardware()
 
 
 def test_cpu_has_no_accelerator():
