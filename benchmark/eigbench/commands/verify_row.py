@@ -185,14 +185,16 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
         answers = folder / "answers"
         evaluation = predict.answers(code, both, given, settings, answers, sets=sets)
         chosen = rerun.strangers(both)
-        apart = predict_meshes(
-            code,
-            chosen_ids := [both.ids[i] for i in chosen],
-            [given.mesh(id) for id in chosen_ids],
-            both.eigenvalues.shape[1],
-            replace(settings, batch_size=1),
-            training=str(both.trainings[chosen[0]]),
-        )
+        ids = [both.ids[i] for i in chosen]
+        with Console(stderr=True).status(f"asking for {len(ids)} meshes by themselves"):
+            apart = predict_meshes(
+                code,
+                ids,
+                [given.mesh(id) for id in ids],
+                both.eigenvalues.shape[1],
+                replace(settings, batch_size=1),
+                training=str(both.trainings[chosen[0]]),
+            )
     verified, against = _compared(row, targeted, evaluation)
     against += record.two_faced(every, evaluation)
     against += rerun.helped(every, chosen, evaluation.predictions[0], apart)
