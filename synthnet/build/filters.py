@@ -14,10 +14,11 @@ import numpy as np
 
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.recipe import FilterSettings
+from synthnet.spectrum.rounding import OPERATIONS, UNIT
 from synthnet.types import Mesh, Spectrum, Topology
 
 # Of the largest eigenvalue: so far off may another solver's smallest one be, by rounding.
-ROUNDING = 24 * float(np.finfo(np.float64).eps)
+ROUNDING = OPERATIONS * UNIT
 
 
 def finite(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +12,8 @@ from synthnet.families import FAMILIES
 from synthnet.recipe import Recipe
 from synthnet.recipe.drawing import draw_instances
 from synthnet.recipe.plan import PlannedShape
+from synthnet.spectrum.operators import PLAIN
+from synthnet.spectrum.solve import unwarned
 from synthnet.types import Mesh, Rejection, Sample, ShapeSpec, Spectrum
 
 
@@ -63,10 +63,11 @@ def label_or_rejection(
         residual too. The drawn versions have neither: their labels are frozen.
     """
     try:
-        with warnings.catch_warnings():
-            if sharp:  # what the warning says is a reason to reject the mesh, below
-                warnings.simplefilter("ignore", RuntimeWarning)
-            label = spectrum.compute(mesh, recipe.label.eigenvalues, sharp=sharp)
+        if sharp:  # what a warning would say is a reason to reject the mesh, below
+            checked = spectrum.as_mesh(mesh)
+            label = unwarned(checked, recipe.label.eigenvalues, PLAIN, sharp=True)
+        else:
+            label = spectrum.compute(mesh, recipe.label.eigenvalues)
     except CertificateError as error:
         return Rejection(spec.id, spec.family, filters.CERTIFICATE, str(error))
     except SpectrumError as error:

@@ -19,7 +19,7 @@ from eigbench.scoring import truth
 import synthnet
 from evidence import fuzz_import
 from synthnet import spectrum, store
-from synthnet.build import filters, importing, sources, surfaces
+from synthnet.build import filters, importing, label, sources, surfaces
 from synthnet.build.importing import Settings, file_outcomes, import_meshes
 from synthnet.build.jobs import Watcher, exclusive
 from synthnet.build.workers import given
@@ -563,14 +563,14 @@ def test_too_large_files_are_rejections(folder, imported, monkeypatch):
 def test_label_that_fails_is_the_file_s_own_rejection(
     error, expected, folder, imported, monkeypatch
 ):
-    compute = spectrum.compute
+    solve = label.unwarned
 
-    def failing(mesh, k=10, **options):
+    def failing(mesh, *options, **more):
         if len(mesh.vertices) == len(TORUS.vertices):
             raise error
-        return compute(mesh, k, **options)
+        return solve(mesh, *options, **more)
 
-    monkeypatch.setattr(spectrum, "compute", failing)
+    monkeypatch.setattr(label, "unwarned", failing)
     outcomes = outcomes_by_file(imported(folder))
     assert outcomes["below/c.obj"] == expected
     assert outcomes["a.ply"] == ""
