@@ -51,7 +51,6 @@ def sharpened(
     share: float = 1.0,
     *,
     with_vectors: bool = False,
-    graded: bool = False,
 ) -> tuple[Floats, Floats, Floats | None]:
     r"""Return Ritz pairs of element energies, and how far each is from an exact eigenvalue at most.
 
@@ -83,8 +82,6 @@ def sharpened(
         Of the consistent mass in B; the rest is lumped.
     with_vectors : bool
         Whether the vectors are wanted, too.
-    graded : bool
-        Whether to take the slower solver at once.
 
     Returns
     -------
@@ -95,6 +92,25 @@ def sharpened(
     vectors : ndarray of shape (n, c), float64, or None
         B-orthonormal columns; in blocks, each within its own.
     """
+    given = mesh, discrete, candidate, numbers, share, with_vectors
+    values, bounds, vectors = _ritz_pairs(*given, graded=False)
+    if not (bounds <= KEPT * values).all():
+        with suppress(linalg.LinAlgError):  # what is there is kept, with its bounds
+            return _ritz_pairs(*given, graded=True)
+    return values, bounds, vectors
+
+
+def _ritz_pairs(
+    mesh: Mesh,
+    discrete: Discrete,
+    candidate: Candidate,
+    numbers: Int32s,
+    share: float,
+    with_vectors: bool,
+    *,
+    graded: bool,
+) -> tuple[Floats, Floats, Floats | None]:
+    """Return what :func:`sharpened` does, by one of the two solvers."""
     count = len(candidate.vectors)
     above = candidate.middle if count == len(candidate.values) else candidate.values[count]
     vertices, faces = as_arrays(mesh)
@@ -111,11 +127,6 @@ def sharpened(
     bounds = np.concatenate([_bounds(i, blocks, above, total) for i in range(len(blocks))])
     if not candidate.values[-1] + bounds.max() < candidate.gap[1]:
         bounds[:] = np.inf
-    if not graded and not (bounds <= KEPT * values).all():
-        with suppress(linalg.LinAlgError):  # what is there is kept, with its bounds
-            return sharpened(
-                mesh, discrete, candidate, numbers, share, with_vectors=with_vectors, graded=True
-            )
     order = np.argsort(values, kind="stable")
     vectors = None
     if with_vectors:
