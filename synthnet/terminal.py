@@ -82,7 +82,7 @@ class Parser(argparse.ArgumentParser):
         """Exit, after help or a version has been printed: that may fail too."""
         problem = _flush()
         if problem is not None and not isinstance(problem, BrokenPipeError):
-            status, message = WRONG_INPUT, f"{self.prog}: {one_line(problem)}\n"
+            status, message = WRONG_INPUT, f"{self.prog}: {in_words(problem)}\n"
         super().exit(status, message)
 
     def error(self, message: str) -> NoReturn:
@@ -192,7 +192,7 @@ def report(program: str, options: argparse.Namespace, error: Exception) -> int:
     """Say what is wrong on one line, after the lines of code if they are wanted; return 2."""
     if options.traceback:
         traceback.print_exception(error)
-    sys.stderr.write(f"{program}: {one_line(error)}\n")
+    sys.stderr.write(f"{program}: {in_words(error)}\n")
     return WRONG_INPUT
 
 
@@ -204,7 +204,7 @@ def _check_working_directory() -> None:
         raise ValueError("the working directory was removed: change to another one") from error
 
 
-def one_line(error: Exception) -> str:
+def in_words(error: Exception) -> str:
     """Return an error on one line; of the system's, the file and what is wrong with it."""
     if isinstance(error, MemoryError):
         return f"out of memory: {more_memory('close other programs, or take less at once')}"

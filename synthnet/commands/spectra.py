@@ -276,7 +276,7 @@ def _answer(reader: Reader, file: Path, k: int, operator: Operator, *, mended: b
     try:
         return _solved(reader, file, k, operator, mended=mended)
     except (UnreadableError, Refused, SpectrumError, MemoryError) as error:
-        return Answer(file, problem=terminal.one_line(error))
+        return Answer(file, problem=terminal.in_words(error))
 
 
 def _solved(reader: Reader, file: Path, k: int, operator: Operator, *, mended: bool) -> Answer:
