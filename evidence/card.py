@@ -63,14 +63,17 @@ def takes(*builds: dict) -> str:
     """Return the time and the disk that each version takes."""
     sentences = []
     for build in builds:
-        timed = ""
-        if "wall_seconds" in build:
-            timed = f"{build['wall_seconds'] / 60:.0f} minutes on two cores and "
+        timed = f"{minutes} on two cores and " if (minutes := _minutes(build)) else ""
         sentences.append(
             f"{build['version']} takes {timed}{build['bytes'] / 1e9:.1f} GB, and "
             f"{unpacked_gb(build):.1f} GB more once PyTorch Geometric has unpacked it."
         )
     return " ".join(sentences)
+
+
+def _minutes(build: dict) -> str:
+    """Return how long a build took, empty if it was not timed."""
+    return f"{build['wall_seconds'] / 60:.0f} minutes" if "wall_seconds" in build else ""
 
 
 def _counts(numbers: list, refused: str | None = None) -> list:
@@ -149,7 +152,7 @@ def full_runs(*builds: dict) -> str:
         rows.append(
             [
                 f"`{build['version']}`",
-                f"{build['wall_seconds'] / 60:.0f} minutes" if "wall_seconds" in build else "–",
+                _minutes(build) or "–",
                 f"{build['bytes'] / 1e9:.1f} GB",
                 f"{unpacked_gb(build):.1f} GB",
                 f"{instances:,}",

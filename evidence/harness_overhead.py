@@ -6,12 +6,12 @@ the ratio is that of the medians over rounds of the whole time charged. Beside i
 what is not charged: starting, reading, sending meshes and answers.
 """
 
-import json
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+from eigbench.results import timing
 from eigbench.running import meshes as instances
 from eigbench.running import predictor
 from eigbench.running.evaluate import WARM_UP, Options, evaluate
@@ -83,8 +83,7 @@ def charged(name: str, version: str) -> tuple[float, float]:
 
 def call() -> str:
     """Return the time of the predictor that computes next to nothing, by the timing of 1.0."""
-    timing = json.loads((ROOT / "benchmark" / "timing" / "1.0.json").read_text())
-    (cost,) = (row["cost"] for row in timing["rows"] if row["code"] == "mean.py")
+    (cost,) = (row["cost"] for row in timing.read(ROOT)["1.0"] if row["code"] == "mean.py")
     return f"{cost['ms_per_mesh']:.2f} ms a mesh in batches of {cost['batch_size']}"
 
 

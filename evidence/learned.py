@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from eigbench.results.submission import remark_path
+
 from evidence import ROOT, markdown
 from evidence.real_sets import SETS, board, scores
 from evidence.real_sets import cells as of_set
@@ -74,13 +76,13 @@ def held_out_table() -> str:
 def earlier_rule() -> str:
     """Return which rows of `family` were trained before families of the same surfaces left it."""
     folder = ROOT / "benchmark" / "results" / "2.0-test-family"
-    names = [
-        json.loads(path.with_name(path.name.replace(".remark.txt", ".json")).read_text())["model"]
-        for path in sorted(folder.glob("*.remark.txt"))
-        if path.read_text().startswith("Trained before the rule that")
-    ]
-    named = " and ".join(f"*{model['name']}*" for model in names)
-    if not names:
+    named = " and ".join(
+        f"*{json.loads(path.read_text())['model']['name']}*"
+        for path in sorted(folder.glob("*.json"))
+        if (remark := remark_path(path)).exists()
+        and remark.read_text().startswith("Trained before the rule that")
+    )
+    if not named:
         return "Every row of this protocol keeps the rule."
     return f"Trained before this rule, with the related family in training: {named}."
 
