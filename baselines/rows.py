@@ -155,11 +155,12 @@ def make(row: Row, options: argparse.Namespace) -> int:
     folder = options.results / row.board.replace("/", "-")
     folder.mkdir(parents=True, exist_ok=True)
     out = folder / f"{row.name.replace(':', '-')}.json"
-    if out.exists() and outdated(results.load(out), ROOT):
+    made = results.load(out) if out.exists() else None
+    if made is not None and outdated(made, ROOT):
         out.unlink()
+        made = None
     finished = False  # on the scaling track --resume adds sizes
-    if row.board != SCALING and out.exists():
-        made = results.load(out)
+    if made is not None and row.board != SCALING:
         has = made["cost"]["batch_size"], made["predictions"]["seeds"]
         finished = has == counts(row, options)
     status = 0 if finished else eigbench(*command(row, out, options))

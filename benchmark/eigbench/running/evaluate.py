@@ -366,7 +366,6 @@ def _batches(count: int, size: int) -> list[tuple[int, int]]:
 
 
 def _fingerprint(task: _Task) -> dict[str, object]:
-
     return {
         "parts": 2,  # raised when what a part holds changes
         "predictor": task.path.name,

@@ -71,7 +71,7 @@ def at(truth: Truth, target: str) -> Truth | None:
 
 def every(truth: Truth) -> list[Truth]:
     """Return labels of meshes at each target that is known for them, the meshes' own first."""
-    known = (truth if target == MESH else at(truth, target) for target in (MESH, SURFACE))
+    known = (at(truth, target) for target in (MESH, SURFACE))
     return [labels for labels in known if labels is not None]
 
 
