@@ -75,6 +75,8 @@ def candidates(
         shapes = _drawn(definition, family)
         totals = {name: definition.drawn(name) for name in definition.families}
     if family is not None and family not in totals:
+        if family in recipe.available():
+            raise ValueError(f"{family} is a version, and no family: add --dataset before it")
         raise ValueError(
             f"{version} has no family {family!r}: choose one of {', '.join(totals)}"
             f"{suggestion(family, totals)}"

@@ -168,6 +168,7 @@ def test_version_that_is_not_built(arguments, run, tmp_path):
             ["gallery", "star", "--dataset", VERSION],
             "1.0-mini has no family 'star': choose one of rectangular_prism, cone",
         ),
+        (["gallery", VERSION], f"{VERSION} is a version, and no family: add --dataset before it"),
         (["gallery", "torus", "--count", "0"], "argument --count: must be at least 1, got 0"),
         (["gallery", "--count", "3"], "--count is for the shapes of one family: name the family"),
         (["gallery", "torus", "--png", "a.jpg"], "the picture's name must end in .png, got a.jpg"),
