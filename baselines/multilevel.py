@@ -41,10 +41,6 @@ COUNT = 10  # eigenvalues wanted
 DEPENDENT = 1e-10  # of a Gram matrix, below which vectors agree
 ZERO = 1e-12  # of the largest eigenvalue: that of a constant on a component
 
-# glibc gives the memory of large arrays back at once, and page by page it costs a third of the
-# time to get it again; having freed one of nearly 32 MB it keeps what is below that.
-np.empty(2**25 - 2**17, np.uint8)
-
 
 @dataclass(frozen=True, slots=True)
 class Setting:
@@ -90,9 +86,9 @@ FEWEST = 32  # vertices of a coarse level
 # elsewhere. They are estimates, not bounds.
 CERTIFIED = 5_000  # vertices up to which the certified solver takes no longer than a test would
 COARSER = replace(SETTING, vectors=24, cycles=2, enough=0.0)  # below the finest level: is cheap
-VECTORS, CYCLES = 12, 2  # on the finest level
+VECTORS, CYCLES = 16, 2  # on the finest level
 FLAT = 200  # largest diagonal entry of A, half the cotangents around a vertex: 3.5 if regular
-RESIDUAL = 0.003  # share of a value that a cycle may leave in its residual
+RESIDUAL = 0.0025  # share of a value that a cycle may leave in its residual
 
 
 @dataclass(frozen=True, slots=True)

@@ -262,6 +262,14 @@ def test_meshes_of_good_triangles_are_trusted_and_near(family, multilevel):
     np.testing.assert_allclose(values, exact, rtol=0.05)
 
 
+def test_eigenvalues_close_behind_the_tenth_leave_it_near(multilevel):
+    shape = draw_shape(recipe.load("2.0"), "superquadric", 149)  # λ₁₁ to λ₁₅ are below 1.3 λ₁₀
+    how = {"triangulation": "uniform", "vertices": 5500, "seed": 7}
+    mesh = FAMILIES["superquadric"].generate({**shape.parameters, **how})
+    exact = spectrum.compute(mesh).eigenvalues
+    np.testing.assert_allclose(multilevel.trusted(mesh), exact, rtol=0.03)  # 0.08 by 12 vectors
+
+
 def test_a_mesh_on_which_the_iteration_fails_is_not_trusted(multilevel):
     plate = made(seed=0, number=15)  # thin, with holes, and cut in one half: of those tuned on
     assert isinstance(plate, Solid)
