@@ -26,6 +26,7 @@ from typing import Any
 
 from eigbench import results
 from eigbench.results.sources import outdated
+from tabulate import tabulate
 
 ROOT = Path(__file__).parent.parent
 SEVERAL = ("boosted_trees", "ritz_mlp", "ritz_mlp_surface", "spectrum_mlp")  # have three seeds
@@ -212,8 +213,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         chosen = every
     else:
         chosen = [row for row in every if options.marked and row.marked]
-        for row in every:
-            print(f"{row.board:22}{row.name:22}{row.state}")
+        print(tabulate([(row.board, row.name, row.state) for row in every], tablefmt="plain"))
         print(f"{sum(row.marked for row in every)} of {len(every)} rows are marked")
     for row in chosen:
         if status := make(row, options):
