@@ -17,7 +17,7 @@ from evidence import DATA, numbers
 NAMES = """
 build-cost build-full build-memory concepts faults flaws folds fuzz-import gcn growth
 harness-overhead installation leakage limits loading missed multilevel operators packages parts
-peers ratios ritz-mlp shapes solver start thin-meshes
+peers ratios ritz-mlp shapes solver start thin-meshes two-numbers
 """
 # Each module has ``measure``, which returns the numbers and whose parameters are the options of the
 # command, and perhaps ``problems``, which returns what is wrong with them.
