@@ -19,11 +19,16 @@ def table(rows: Sequence[Ranked]) -> Group[Ranked]:
     def lapys_own(facts: dict[str, Any]) -> Cell:
         return _number("ms_per_mesh")(facts.get("reference") or {})
 
+    def counted(facts: dict[str, Any]) -> Cell:
+        by = facts.get("counted_by", {})
+        return ", ".join(dict.fromkeys(by.values())) or "not recorded", None
+
     def training(row: Ranked) -> Cell:
         return words(results.declared(row.submission.result, "training_cost"))
 
     mean = "Total time divided by the number of meshes."
     memory = "Peak memory of the predictor's process, its libraries included, a GPU's not."
+    by = "What counted processor time and memory: a control group, or samples of the process tree."
     loaded = "Seconds until the predictor was loaded, once, before the clock of its answers."
     trained = f"What the training took. {DECLARED}"
     ms, ratio = speed()
@@ -38,6 +43,7 @@ def table(rows: Sequence[Ranked]) -> Group[Ranked]:
         _fact("loading", "loading s", loaded, _number("loading_seconds")),
         _fact("cores", "cores used", "CPU time divided by wall time.", _number("cores_used")),
         _fact("memory", "peak MB", memory, _number("peak_memory_mb", 0)),
+        _fact("counted", "counted by", by, counted, numeric=False),
         parameters(),
         Column("training-cost", "training cost", trained, training, numeric=False),
     ]
@@ -83,14 +89,20 @@ def peers(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
 
 
 def _fact(
-    key: str, title: str, note: str, cell: Callable[[dict[str, Any]], Cell], *, higher: bool = False
+    key: str,
+    title: str,
+    note: str,
+    cell: Callable[[dict[str, Any]], Cell],
+    *,
+    higher: bool = False,
+    numeric: bool = True,
 ) -> Column[Ranked]:
     """Return a column of what a run cost; on a board with verified rows no others' is shown."""
 
     def shown(row: Ranked) -> Cell:
         return ("not verified", None) if row.declared else cell(row.submission.result["cost"])
 
-    return Column(key, title, note, shown, higher=higher)
+    return Column(key, title, note, shown, higher=higher, numeric=numeric)
 
 
 def _speed(beside: dict[str, Any] | None) -> Cell:

@@ -16,16 +16,27 @@ from eigbench.board import generalisation
 from eigbench.board.columns import six_digits
 from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.results.submission import Submission
+from eigbench.results.verification import is_verified
 from eigbench.scoring import neighbours as near
 from eigbench.scoring import targets
 from eigbench.scoring.names import SURFACE
 from synthnet.store.files import make_directory, sha256, write_atomically
 
 COLUMNS = ("row", "seed", "shape", "instance", "family", "index", "mesh", "surface", "prediction")
+COSTS = (
+    "ms_per_mesh",
+    "threads",
+    "device",
+    "hardware",
+    "counted_by",
+)  # older results lack the last
 
 
 def as_json(rows: Sequence[Ranked]) -> str:
-    """Return the scores of a board, best first, with the digests of the files they follow from."""
+    """Return the scores of a board, best first, with the digests of the files they follow from.
+
+    On a board with verified rows no other has costs.
+    """
     submission = rows[0].submission
     board = {
         "board": submission.board,
@@ -40,16 +51,18 @@ def as_json(rows: Sequence[Ranked]) -> str:
 
 def _row(row: Ranked) -> dict[str, object]:
     submission = row.submission
-    model, cost = submission.result["model"], submission.result["cost"]
+    model = submission.result["model"]
+    cost = None if row.declared else submission.result["cost"]
     return {
         "slug": submission.slug,
         "name": submission.name,
         "kind": model["kind"],
         "rank": row.ranks,
         "exact": row.exact,
+        "verified": is_verified(submission.result),
         "scores": row.scores,
-        "cost": {key: cost[key] for key in ("ms_per_mesh", "threads", "device", "hardware")},
-        "speed_against_lapy": (cost.get("reference") or {}).get("ratio"),
+        "cost": cost and {key: cost[key] for key in COSTS if key in cost},
+        "speed_against_lapy": cost and (cost.get("reference") or {}).get("ratio"),
         "parameters": model["parameters"],
         "training_data": model.get("training_data"),
         "seeds": len(submission.predictions),

@@ -6,7 +6,7 @@ import numpy as np
 
 from eigbench.board import ranking, tables
 from eigbench.board.columns import six_digits
-from eigbench.board.ranking import RANKED_BY
+from eigbench.board.ranking import RANKED_BY, Ranked
 from eigbench.board.tables import Table, error, family_title, score
 from eigbench.results.submission import Submission
 from eigbench.results.verification import is_verified
@@ -18,13 +18,14 @@ QUANTILES = {"worst": 1.0, "median": 0.5}
 NO_MESH = "The mesh is not shown: its file is not part of this project."
 
 
-def content(submission: Submission, where: str, own: str | None, code: str) -> dict[str, Any]:
-    """Return what the page shows of a row when it is opened.
+def content(row: Ranked, where: str, own: str | None, code: str) -> dict[str, Any]:
+    """Return what the page shows of a row when it is opened: no cost of a declared one.
 
     ``where`` is the title of its board, ``own`` its protocol if that is the version's own: the row
     was timed under ``grouped`` then. ``code`` is the address of a file of the checkout, with ``{}``
     for its path.
     """
+    submission = row.submission
     result = submission.result
     cost = "Cost" if own is None else "Cost under the protocol grouped"
     return {
@@ -35,7 +36,7 @@ def content(submission: Submission, where: str, own: str | None, code: str) -> d
             _table("Metrics", tables.overall(submission.scores)),
             _table("By family, means", tables.families(submission.scores)),
             _table("By eigenvalue", _indices(submission.scores)),
-            _table(cost, tables.cost(result)),
+            *([] if row.declared else [_table(cost, tables.cost(result))]),
             _table("Files and versions", _files(submission)),
         ],
         "shapes": [_shape(submission, name, i) for name, i in chosen(submission).items()],

@@ -69,7 +69,7 @@ def files(
             submission = row.submission
             on_step(stage, submission.slug)
             values[f"rows/{board.key}/{submission.slug}"] = opened = rows.content(
-                submission, page.title(board.rows), board.own, code
+                row, page.title(board.rows), board.own, code
             )
             for shape in opened["shapes"]:
                 spec = shapes.spec_of(submission.truth, shape["id"].partition("/")[0])

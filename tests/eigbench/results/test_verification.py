@@ -22,6 +22,7 @@ from eigbench.running.evaluate import Evaluation
 from eigbench.running.meshes import Instances
 from eigbench.running.process import Loaded, Status
 from eigbench.scoring import targets, truth
+from eigbench.site import rows as site_rows
 
 from synthnet import recipe
 from synthnet.types import Mesh
@@ -187,6 +188,14 @@ def test_verified_rows_are_ranked_and_declared_ones_stand_below(make_submission,
         "| Times 1.2 | not verified | not verified | not verified | not verified |",
     ]
     assert "2 of 4 rows are verified." in pages[Path(leaderboard.PAGE)]
+    exported = json.loads(pages[leaderboard.BOARDS / "1.0-mini-test-grouped-mesh.json"])["rows"]
+    shown = [(row["verified"], row["cost"], row["speed_against_lapy"]) for row in exported]
+    assert [words[0] for words in shown] == [True, True, False, False]
+    assert all(cost["ms_per_mesh"] > 0 and speed > 0 for _, cost, speed in shown[:2])
+    assert shown[2:] == 2 * [(False, None, None)]
+    opened = [site_rows.content(row, "a board", None, "{}")["tables"] for row in after]
+    costs = [[table["title"] for table in tables].count("Cost") for tables in opened]
+    assert costs == [1, 1, 0, 0]
 
 
 def test_spectra_that_are_labels_to_the_bit_are_counted(mini_truth):
