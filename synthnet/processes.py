@@ -66,7 +66,7 @@ def run(program: str, main: Callable[[], int]) -> int:
     notice_interrupts()
     try:
         return main()
-    except (ImportError, MemoryError) as error:  # of what every command needs
+    except (ImportError, MemoryError, OSError) as error:  # of what every command needs
         limited = more_memory("")
         if not limited:
             raise

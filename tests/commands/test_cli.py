@@ -472,13 +472,16 @@ def test_a_lack_of_memory_is_one_line(run, tmp_path, monkeypatch):
     assert err.startswith("synthnet: out of memory: a process may address 1.0 GiB here (`ulimit")
 
 
-def test_a_limit_below_what_the_libraries_take_is_one_line(environment):
+@pytest.mark.parametrize(
+    ("program", "limit"), [("synthnet", 300_000), ("synthnet", 500_000), ("eigbench", 500_000)]
+)
+def test_a_limit_below_what_the_libraries_take_is_one_line(program, limit, environment):
     """Where the address space ends depends on the libraries: one line, wherever it does.
 
-    Not of eigbench: where SciPy's own OpenBLAS finds no room for its buffers, it asks for them
-    without end.
+    Not of eigbench at 300,000 KB: where SciPy's own OpenBLAS finds no room for its buffers, it asks
+    for them without end.
     """
-    limited = f"ulimit -v 300000 && exec {sys.executable} -m synthnet --help"
+    limited = f"ulimit -v {limit} && exec {sys.executable} -m {program} --help"
     done = subprocess.run(
         ["bash", "-c", limited],
         env={**environment, "OPENBLAS_NUM_THREADS": "1"},  # its threads have lines of their own
@@ -489,5 +492,5 @@ def test_a_limit_below_what_the_libraries_take_is_one_line(environment):
     )
     (line,) = [line for line in done.stderr.splitlines() if line.strip()]
     assert (done.returncode, done.stdout) == (2, "")
-    assert line.startswith("synthnet: a library cannot be loaded (")
+    assert line.startswith(f"{program}: a library cannot be loaded (")
     assert line.endswith("libraries that it loads count: raise that limit or lift it")

@@ -89,6 +89,10 @@ def test_the_folder_is_the_users_own(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(path))
     assert (kernels.folder(), kernels.own(path)) == (path, "")
     assert stat.S_IMODE(path.stat().st_mode) == 0o700
+    path.chmod(0o755)  # as Numba makes one
+    kernels.own.cache_clear()
+    assert kernels.own(path) == ""
+    assert stat.S_IMODE(path.stat().st_mode) == 0o700
 
 
 def test_a_folder_that_another_could_have_written_to_is_not_used(tmp_path, monkeypatch):
