@@ -95,6 +95,7 @@ BLOCKS = {
     "learned/left-out": Block(("ritz-mlp",), "ritz_mlp.left_out_table"),
     "learned/pair": Block(("two-numbers",), "two_numbers.pair", inline=True),
     "learned/left": Block(("two-numbers",), "two_numbers.left", inline=True),
+    "learned/shares": Block((), "learned.share_table"),
     "learned/variants": Block(("two-numbers",), "two_numbers.table"),
     "learned/points": Block((), "learned.points_table"),
     "learned/held-out": Block((), "learned.held_out_table"),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
+from eigbench.board.generalisation import TITLES
 from eigbench.results.submission import remark_path
 
 from evidence import ROOT, markdown
@@ -23,6 +25,7 @@ PROTOCOLS = {
     "genus": "handles unseen",
     "boundary": "boundaries unseen",
 }
+SHARES = ("multilevel_masses", "curved", "two_masses", "spectrum_mlp")
 SEEN = {  # by the files of the rows on real-28: what each has to learn from
     "exact": "linear elements, solved exactly",
     "multilevel_masses": "as here: two numbers",
@@ -71,6 +74,30 @@ def held_out_table() -> str:
         rows.append([seen, *(f"{error:#.3g}" for error in (known, *errors))])
     headers = ["row, RPD against the surface of 2.0's test shapes", "familiar shapes"]
     return markdown.table([*headers, *PROTOCOLS.values()], rows, "lr")
+
+
+def share_table() -> str:
+    """Return errors as shares of an exact solver's, and times as shares of the certified one's."""
+    familiar, held_out, real = _rows(FAMILIAR), _rows(HELD_OUT), board("2.0", SETS[0])
+    exact, certified, *names = (
+        real[f"{code}.py"]["model"]["name"] for code in ("exact", "certified", *SHARES)
+    )
+    unseen = list(held_out[exact]["protocols"])
+
+    def errors(name: str) -> list[float]:
+        own = held_out[name]["protocols"]
+        known = familiar[name]["scores"]["overall"]["rpd"]["mean"]
+        return [known, *(own[protocol]["rpd"]["score"] for protocol in unseen)]
+
+    def speed(name: str) -> float:
+        return familiar[name]["speed_against_lapy"]
+
+    rows = [
+        [name, *np.divide(errors(name), errors(exact)), speed(certified) / speed(name)]
+        for name in names
+    ]
+    cells = [[name, *(f"{share:.2f}" for share in shares)] for name, *shares in rows]
+    return markdown.table(["row", "familiar shapes", *map(TITLES.get, unseen), "time"], cells, "lr")
 
 
 def earlier_rule() -> str:

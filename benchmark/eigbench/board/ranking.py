@@ -5,8 +5,8 @@ shapes within families and by seeds, excludes zero by more than the bars of the 
 (:mod:`eigbench.scoring.targets`). On a board each row is compared with every other row, with Holm's
 correction for their number: its rank is at least 1 + the number of rows that are significantly
 better, and at most the number of rows that are not significantly worse. So the true rank of a row
-is in its interval with a chance of 95 %, and a row that is significantly better or worse moves the
-others by one place and changes nothing else.
+is in its interval with a chance of 95 %. A row that is significantly better or worse moves the
+others by one place, and makes Holm's correction of their comparisons a little stricter.
 
 Rows all of whose answers are right within the bars are exact. Nothing but rounding tells them
 apart: they stand above the ranking, the faster against LaPy first, and the others are ranked
