@@ -65,7 +65,8 @@ def opened(path: Path, *, most: int, below: Path | None = None) -> Iterator[Buff
         read.
     """
     folder = path.parent if below is None else below
-    names = path.relative_to(folder).parts if path.is_relative_to(folder) else ()
+    whole, above = path.absolute(), folder.absolute()
+    names = whole.relative_to(above).parts if whole.is_relative_to(above) else ()
     if not names or ".." in names:
         raise OutsideError(f"{path} is not below {folder}")
     try:
@@ -104,7 +105,7 @@ def _descend(folder: Path, names: Sequence[str]) -> int:
 
 def _by_link(path: Path, names: Sequence[str]) -> bool:
     """Whether a name on the way to a file is a link; only the message depends on it."""
-    parts = [path, *path.parents][: len(names)]
+    parts = [path.absolute(), *path.absolute().parents][: len(names)]
     return any(os.path.islink(part) for part in parts)  # noqa: PTH114  # a name may be too long
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from rich.console import Console
 
 from eigbench import results
+from eigbench.board import leaderboard
 from eigbench.board.ranking import RANKED_BY
 from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
@@ -111,7 +112,7 @@ def verify_rows(options: argparse.Namespace) -> int:
 def _read(path: Path, options: argparse.Namespace) -> Submission | None:
     """Return a row that can be verified; of another say why not."""
     try:
-        row = submission.read(path, options.predictions)
+        row = _read_below(path, options.predictions, options.board)
         if row.result["partial"]:
             raise ResultError(f"{path} is partial (made with --limit): evaluate it whole")
         rerun.check_protocol(row)
@@ -126,6 +127,29 @@ def _read(path: Path, options: argparse.Namespace) -> Submission | None:
             file=sys.stderr,
         )
     return row
+
+
+def _read_below(path: Path, answers: Path | None, board: Path) -> Submission:
+    """Read a row and its predictions; below the board, a stranger's checkout, no link is followed.
+
+    Files elsewhere are the maintainer's own: only the file itself must be no link.
+    """
+    below = _above(path, board)
+    if answers is not None and _above(answers, board) != below:
+        results.read(path, below)  # what follows would not look at the folders above it
+        below = None
+    return submission.read(path, answers, below=below)
+
+
+def _above(path: Path, board: Path) -> Path | None:
+    """Return the board's folder as the path to a file spells it; None for a file elsewhere.
+
+    A directory without results, as that in which the command is run, is no board.
+    """
+    if not (board / leaderboard.RESULTS).is_dir():
+        return None
+    folders = path.absolute().parents
+    return next((folder for folder in folders if folder.exists() and folder.samefile(board)), None)
 
 
 def _tried(row: Submission, setup: _Setup, by: str, verified: dict[str, dict[str, Any]]) -> int:

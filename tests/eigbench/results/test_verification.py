@@ -4,6 +4,7 @@ import contextlib
 import copy
 import dataclasses
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -14,7 +15,7 @@ import pytest
 from eigbench import results
 from eigbench.board import leaderboard, ranking
 from eigbench.commands import verify_row
-from eigbench.errors import EigbenchError, ResultError
+from eigbench.errors import EigbenchError, PredictionsError, ResultError
 from eigbench.results import predictions, submission, verification
 from eigbench.results.sources import digest
 from eigbench.running import box, packages, rerun
@@ -26,6 +27,7 @@ from eigbench.site import rows as site_rows
 
 from synthnet import recipe
 from synthnet.types import Mesh
+from tests.conftest import only_line
 from tests.eigbench.conftest import changed, git
 
 SAID = {
@@ -529,6 +531,69 @@ def test_verify_row_runs_honest_rows_again_and_says_so(
     assert verified[0]["sealed"]["shapes"] > 50
     assert verified[0]["sealed"] == verified[1]["sealed"]  # of one draw
     assert verified[0]["digest"] == verification.digest(results.read(outs[0]))
+
+
+@pytest.fixture
+def on_board(weyl_copy, tmp_path):
+    """The path of a row's result on a board, and the folder that has its predictions."""
+    path = tmp_path / "checkout" / leaderboard.RESULTS / "a-board" / "weyl.json"
+    kept = tmp_path / "checkout" / leaderboard.PREDICTIONS / "a-board"
+    for folder in (path.parent, kept):
+        folder.mkdir(parents=True)
+    weyl_copy.rename(path)
+    weyl_copy.with_suffix(".parquet").rename(kept / "weyl.parquet")
+    return path, kept
+
+
+def elsewhere(folder, name):
+    """Move a folder, and leave a link to it."""
+    folder.rename(folder.parents[3] / name)
+    folder.symlink_to(folder.parents[3] / name)
+
+
+LINKED = r"is reached by a symbolic link: put the file itself there"
+
+
+@BOXED
+def test_a_folder_of_results_that_leads_out_of_the_checkout_is_one_line(
+    eigbench, on_board, tmp_path, monkeypatch
+):
+    path, _ = on_board
+    monkeypatch.setattr(verify_row, "_verify", pytest.fail)
+    elsewhere(path.parent, "results of another")
+    line = only_line(*eigbench("verify-row", path, "--by", "Me", "--board", tmp_path / "checkout"))
+    assert line.endswith(f"{path} is reached by a symbolic link: put the file itself there")
+
+
+@pytest.mark.parametrize("part", [0, 1], ids=["results", "predictions"])
+@pytest.mark.parametrize("cwd", ["", "checkout", "checkout/benchmark"])
+def test_below_the_board_no_link_is_followed_however_it_is_named(
+    on_board, tmp_path, monkeypatch, part, cwd
+):
+    path, kept = on_board
+    monkeypatch.chdir(tmp_path / cwd)
+    board = Path(os.path.relpath(tmp_path / "checkout"))
+    for spelt in (path, Path(os.path.relpath(path))):
+        assert verify_row._read_below(spelt, None, board).predictions_path.is_file()
+    elsewhere((path.parent, kept)[part], "of another")
+    for spelt in (path, Path(os.path.relpath(path))):
+        with pytest.raises((ResultError, PredictionsError), match=LINKED):
+            verify_row._read_below(spelt, None, board)
+
+
+def test_files_that_the_maintainer_names_elsewhere_may_lie_behind_a_link(on_board, tmp_path):
+    path, kept = on_board
+    board = tmp_path / "checkout"
+    (tmp_path / "home").symlink_to(board)
+    (tmp_path / "answers").symlink_to(kept)
+    answers = tmp_path / "answers" / "weyl.parquet"
+    assert verify_row._read_below(tmp_path / "home" / path.relative_to(board), None, board)
+    assert verify_row._read_below(path, answers, board)
+    elsewhere(path.parent, "results of another")
+    assert verify_row._read_below(path, answers, tmp_path / "another board")
+    assert verify_row._read_below(path, answers, tmp_path)  # where it is run, and no board
+    with pytest.raises(ResultError, match=LINKED):
+        verify_row._read_below(path, answers, board)
 
 
 @BOXED
