@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import hashlib
 import os
 import stat
@@ -90,8 +91,9 @@ def own(path: Path) -> str:
             return f"{path} is another user's: set NUMBA_CACHE_DIR to a folder of your own"
         if there.st_mode & 0o022:  # who may write there could have written what is loaded
             return f"others may write to {path}: remove it"
-        if there.st_mode & 0o055:  # made by an earlier version, or by Numba
-            path.chmod(0o700)
+        if there.st_mode & 0o055:
+            with contextlib.suppress(OSError):  # where a file system has no modes
+                path.chmod(0o700)
     except OSError as error:
         return f"{path} cannot be made ({error.strerror}): set NUMBA_CACHE_DIR to one that can"
     return ""

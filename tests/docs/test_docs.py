@@ -322,3 +322,23 @@ def test_card_counts_the_labels_that_fail_20_db():
     assert shares["split_cone"] == 1
     assert shares["conical_frustum"] == pytest.approx(2 / 3, abs=0.02)
     assert shares["cylinder"] == pytest.approx(1 / 2, abs=0.05)
+
+
+THREATS = (ROOT / "docs" / "threats.md").read_text()
+ATTEMPTS = re.findall(
+    r"^\| attempt \| what happens \| test \|\n\|[-|]+\n((?:\|.*\n)+)", THREATS, flags=re.M
+)
+MARK = re.compile(r"^(?:pytestmark = |@)pytest\.mark\.attack$", flags=re.M)
+
+
+@pytest.mark.parametrize("table", ATTEMPTS)
+def test_each_attempt_on_the_page_of_threats_names_tests(table):
+    cells = [line.split("|")[-2].strip() for line in table.splitlines()]
+    test = r"`test_\w+\.py`"
+    assert [cell for cell in cells if not re.fullmatch(f"{test}(?:, {test})*", cell)] == []
+
+
+@pytest.mark.parametrize("name", sorted(set(re.findall(r"\btest_\w+\.py", THREATS))))
+def test_the_command_of_the_page_of_threats_runs_tests_of_each_file_it_names(name):
+    (path,) = (ROOT / "tests").rglob(name)
+    assert MARK.search(path.read_text()), "none of its tests is marked as an attack"

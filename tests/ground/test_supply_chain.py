@@ -19,6 +19,7 @@ WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 WRITES = {"pages.yml": {"publish": {"pages": "write", "id-token": "write"}}}
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
 def test_workflows_may_read_alone(path):
     workflow = yaml.safe_load(path.read_text())
@@ -30,6 +31,7 @@ def test_workflows_may_read_alone(path):
         assert [step for step in jobs[name]["steps"] if "run" in step] == []
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
 def test_actions_are_named_by_commit_and_leave_no_token(path):
     lines = [line for line in path.read_text().splitlines() if "uses:" in line]
@@ -49,6 +51,7 @@ def test_every_package_has_one_version():
     assert len(hash_pins.pins()) == len(lines)
 
 
+@pytest.mark.attack
 @pytest.mark.skipif(
     (sys.platform, platform.machine()) != ("linux", "x86_64"), reason="CI runs on Linux, x86-64"
 )
@@ -62,6 +65,7 @@ def test_ci_installs_every_package_but_pytorch_by_its_digests():
     assert len(versions) > 100
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize("path", [ROOT / ".ci" / "run", *WORKFLOWS], ids=lambda path: path.name)
 def test_nothing_but_the_installer_installs_packages(path):
     """It has the digests; a workflow that installs in another way has none."""

@@ -547,6 +547,7 @@ def truncated(path):
 FILES = ("vertices.npy", "faces.npy", "y.npy", "isometries.npy", "shapes.parquet")
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize("damage", [altered, truncated, Path.unlink])
 @pytest.mark.parametrize("name", [*FILES, unpacked.CONTENTS])
 def test_damaged_files_are_unpacked_anew_and_never_loaded(home, items, name, damage, capfd):
@@ -569,6 +570,7 @@ def test_damaged_files_are_unpacked_anew_and_never_loaded(home, items, name, dam
     assert list(unpacked.problems(where)) == []
 
 
+@pytest.mark.attack
 def test_a_mesh_damaged_after_opening_is_unpacked_anew(home, items, capfd):
     opened = SynthNet(home, MINI, "test", augment=False)
     where = mapped.directory(store.open_dataset(MINI, home))
@@ -585,6 +587,7 @@ def test_a_mesh_damaged_after_opening_is_unpacked_anew(home, items, capfd):
     assert_same_positions(opened, items)
 
 
+@pytest.mark.attack
 def test_transformed_items_are_checked_too(home, capfd):
     options = {"augment": False, "pre_transform": Centre(1.0)}
     first = SynthNet(home, MINI, "test", **options)
@@ -598,6 +601,7 @@ def test_transformed_items_are_checked_too(home, capfd):
         assert f"{where / name} is damaged" in capfd.readouterr().err
 
 
+@pytest.mark.attack
 def test_what_was_unpacked_of_other_shards_is_not_used(home):
     dataset = store.open_dataset(MINI, home)
     SynthNet(home, MINI, "test")
@@ -609,6 +613,7 @@ def test_what_was_unpacked_of_other_shards_is_not_used(home):
         unpacked.check(mapped.directory(dataset), other)
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -629,6 +634,7 @@ def test_a_table_of_contents_names_files_of_its_folder(home, change, message):
         unpacked.check(where, dataset)
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize("kind", ["object", "<U3"])
 def test_transformed_items_are_numbers(tmp_path, kind):
     entry = {"dtype": kind, "dim": 0, "shape": [], "offsets": [0, 0]}

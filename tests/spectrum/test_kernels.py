@@ -1,5 +1,6 @@
 """Machine code that is kept for the next process."""
 
+import errno
 import os
 import stat
 import subprocess
@@ -89,12 +90,26 @@ def test_the_folder_is_the_users_own(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(path))
     assert (kernels.folder(), kernels.own(path)) == (path, "")
     assert stat.S_IMODE(path.stat().st_mode) == 0o700
-    path.chmod(0o755)  # as Numba makes one
-    kernels.own.cache_clear()
-    assert kernels.own(path) == ""
-    assert stat.S_IMODE(path.stat().st_mode) == 0o700
 
 
+@pytest.mark.attack
+def test_a_folder_of_the_users_own_is_closed_to_others(tmp_path, monkeypatch):
+    """As one that was made by an earlier release, or by hand; not every file system has modes."""
+
+    def refused(path, mode):
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), str(path))
+
+    mine, without_modes = tmp_path / "mine", tmp_path / "without modes"
+    for path in (mine, without_modes):
+        path.mkdir()
+        path.chmod(0o755)
+    assert kernels.own(mine) == ""
+    assert stat.S_IMODE(mine.stat().st_mode) == 0o700
+    monkeypatch.setattr(Path, "chmod", refused)
+    assert kernels.own(without_modes) == ""
+
+
+@pytest.mark.attack
 def test_a_folder_that_another_could_have_written_to_is_not_used(tmp_path, monkeypatch):
     open_to_all, linked, file = (tmp_path / name for name in ("open", "linked", "file"))
     open_to_all.mkdir()
@@ -110,6 +125,7 @@ def test_a_folder_that_another_could_have_written_to_is_not_used(tmp_path, monke
     assert kernels.own(mine) == f"{mine} {remedy}"
 
 
+@pytest.mark.attack
 def test_what_lies_beside_a_module_is_never_loaded(tmp_path):
     """A kernel that is planted there would run: Numba unpickles it."""
     (tmp_path / "part.py").write_text(SOURCE)

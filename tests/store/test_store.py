@@ -276,6 +276,7 @@ def test_manifest_that_lacks_a_key_is_refused(key, written, tmp_path):
         store.read_manifest(tmp_path)
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -51,6 +51,7 @@ def written(path, content):
 # The salt
 
 
+@pytest.mark.attack
 def test_new_salt_is_secret_random_and_never_overwritten(tmp_path):
     first, second = tmp_path / "one", tmp_path / "two"
     for path in (first, second):
@@ -82,6 +83,7 @@ MARK = seal.SALT_MARK.encode()
 HEX = SALT.hex().encode()
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize(
     ("content", "message"),
     [
@@ -107,6 +109,7 @@ def test_salt_that_will_not_do(content, message, tmp_path):
         seal.read_salt(tmp_path / "salt")
 
 
+@pytest.mark.attack
 def test_salt_that_others_may_read_draws_no_set(run, tmp_path):
     path = tmp_path / "salt"
     seal.make_salt(path)

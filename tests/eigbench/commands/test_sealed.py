@@ -139,6 +139,7 @@ def test_evaluate_runs_a_predictor_on_the_set_and_no_board_takes_it(
     assert "tie" in printed("compare", entry, entry, "--dataset", directory)
 
 
+@pytest.mark.attack
 def test_a_result_that_lies_is_not_told_the_truth(eigbench, directory, entry):
     """The true number would be a query of the set that nobody has noted."""
     result = json.loads(entry.read_text())
@@ -155,6 +156,7 @@ def fractions(value):
     return [value] if isinstance(value, float) else []
 
 
+@pytest.mark.attack
 def test_no_score_has_more_than_three_digits(printed, score, directory, entry):
     compared = json.loads(printed("compare", entry, entry, "--dataset", directory, "--json"))
     scored = [
@@ -168,6 +170,7 @@ def test_no_score_has_more_than_three_digits(printed, score, directory, entry):
         assert [x for x in numbers if float(f"{x:.3g}") != x] == []
 
 
+@pytest.mark.attack
 def test_every_score_is_noted_before_it_is_told(score, sealed_set, answers, tmp_path):
     dataset = store.open_dataset(sealed_set.seal.dataset, sealed_set.home)
     log = queries.log_of(dataset)
@@ -219,6 +222,7 @@ def predict(meshes):
 """
 
 
+@pytest.mark.attack
 def test_the_seed_is_nowhere_in_the_predictors_process(
     eigbench, sealed_set, predictor_file, tmp_path, monkeypatch
 ):
@@ -239,6 +243,7 @@ def test_the_seed_is_nowhere_in_the_predictors_process(
     assert [secret for secret in secrets if secret in seen] == []
 
 
+@pytest.mark.attack
 def test_nothing_that_is_published_of_a_score_tells_a_label(score, sealed_truth):
     printed = score("--json")[1]
     labels = [repr(value)[:10] for value in sealed_truth.eigenvalues.ravel().tolist()]

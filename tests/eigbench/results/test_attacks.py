@@ -1,7 +1,7 @@
 """Files that are handed in to do harm: each is refused with one line, soon, and without memory.
 
 All are read in one process of its own, which tells what it said, and what it took. The table is
-`docs/threats.md`'s; `pytest -m attack` runs it, and that of the predictors.
+`docs/threats.md`'s; `pytest -m attack` runs it, and those of the other tables there.
 """
 
 import io

@@ -69,6 +69,7 @@ def verified(make_submission, mini_truth):
     return path
 
 
+@pytest.mark.attack
 def test_a_verification_of_other_scores_is_none(verified):
     result = results.read(verified)
     scores = copy.deepcopy(result["verified"]["scores"])
@@ -79,11 +80,13 @@ def test_a_verification_of_other_scores_is_none(verified):
         submission.read(verified)
 
 
+@pytest.mark.attack
 def test_a_verified_result_is_not_submitted(verified, refused, tmp_path):
     err = refused("submit", verified, "--board", tmp_path / "board")
     assert "says that it is verified, and a submitted row is not" in err
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize(
     ("keys", "value"),
     [
@@ -126,6 +129,7 @@ def keys(tmp_path):
     return made
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize("name", ["A maintainer", "Another"])
 def test_where_signers_are_named_one_of_them_must_have_signed(verified, keys, tmp_path, name):
     mine, other = keys
@@ -144,6 +148,7 @@ def test_where_signers_are_named_one_of_them_must_have_signed(verified, keys, tm
                 verification.check(result, verified, tmp_path)
 
 
+@pytest.mark.attack
 def test_code_that_ran_without_a_sandbox_is_not_verified(verified):
     result = as_verified(results.read(verified), sandbox="none")
     verified.write_text(json.dumps(result))
@@ -151,6 +156,7 @@ def test_code_that_ran_without_a_sandbox_is_not_verified(verified):
         results.read(verified)
 
 
+@pytest.mark.attack
 def test_a_signature_of_another_digest_is_none(verified, keys, tmp_path):
     result = results.read(verified)
     result["verified"]["signature"] = verification.sign("0" * 64, keys[0])
@@ -200,6 +206,7 @@ def test_verified_rows_are_ranked_and_declared_ones_stand_below(make_submission,
     assert costs == [1, 1, 0, 0]
 
 
+@pytest.mark.attack
 def test_spectra_that_are_labels_to_the_bit_are_counted(mini_truth):
     answers = np.stack([mini_truth.eigenvalues * (1 + 1e-15), mini_truth.eigenvalues * 1.1])
     answers[0, :2] = np.nextafter(mini_truth.eigenvalues[:2], 0)
@@ -213,6 +220,7 @@ def test_spectra_that_are_labels_to_the_bit_are_counted(mini_truth):
     assert predictions.looked_up("learned", mini_truth, 1.1 * answers) == ""
 
 
+@pytest.mark.attack
 def test_spectra_of_surfaces_to_the_bit_are_computed_by_nobody(mini_truth):
     surfaces = targets.at(mini_truth, "surface")
     answers = surfaces.eigenvalues[None] * (1 + 1e-12)
@@ -226,6 +234,7 @@ def test_spectra_of_surfaces_to_the_bit_are_computed_by_nobody(mini_truth):
         assert predictions.looked_up(kind, surfaces, 1.1 * answers) == ""
 
 
+@pytest.mark.attack
 def test_score_and_submit_flag_them(eigbench, make_submission, mini_truth, tmp_path):
     path = make_submission("Looked up", mini_truth.eigenvalues)
     code, _, stderr = eigbench("score", path.with_suffix(".parquet"), "--dataset", "1.0-mini")
@@ -337,6 +346,7 @@ def test_a_header_of_pep_723_is_read(tmp_path):
         folder.rmdir() if folder.exists() else None
 
 
+@pytest.mark.attack
 def test_only_the_files_that_a_result_names_are_copied(weyl, tmp_path):
     row = submission.read(weyl.out)
     code = tmp_path / "weyl.py"
@@ -382,6 +392,7 @@ def of_both(row, fresh, answered, unseen):
     return verify_row._compared(row, [*targeted], evaluation)
 
 
+@pytest.mark.attack
 def test_a_table_of_surfaces_beside_a_solver_is_worse_on_the_draw(make_row, mini_truth):
     surfaces = targets.at(mini_truth, "surface").eigenvalues * (1 + 1e-7)
     row = make_row("A table", surfaces)
@@ -417,6 +428,7 @@ def test_answers_of_all_seeds_are_compared_on_the_split_and_on_the_draw(make_row
         assert found.startswith(f"on shapes that nobody has seen, rpd against the {target} is 1.")
 
 
+@pytest.mark.attack
 def test_meshes_are_asked_by_themselves_each_of_another_surface(mini_truth):
     groups = np.array([f"group-{i // 3}" for i in range(len(mini_truth.ids))])
     truth = dataclasses.replace(mini_truth, groups=groups)
@@ -432,6 +444,7 @@ def test_meshes_are_asked_by_themselves_each_of_another_surface(mini_truth):
         assert len(set(few.trainings[chosen])) == 1
 
 
+@pytest.mark.attack
 def test_what_is_nearer_among_others_of_its_surface_is_named(mini_truth):
     every = targets.every(mini_truth)
     mesh, surface = (known.eigenvalues for known in every)
@@ -554,6 +567,7 @@ def elsewhere(folder, name):
 LINKED = r"is reached by a symbolic link: put the file itself there"
 
 
+@pytest.mark.attack
 @BOXED
 def test_a_folder_of_results_that_leads_out_of_the_checkout_is_one_line(
     eigbench, on_board, tmp_path, monkeypatch
@@ -565,6 +579,7 @@ def test_a_folder_of_results_that_leads_out_of_the_checkout_is_one_line(
     assert line.endswith(f"{path} is reached by a symbolic link: put the file itself there")
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize("part", [0, 1], ids=["results", "predictions"])
 @pytest.mark.parametrize("cwd", ["", "checkout", "checkout/benchmark"])
 def test_below_the_board_no_link_is_followed_however_it_is_named(
@@ -655,6 +670,7 @@ def test_what_is_wrong_with_the_command_is_found_before_any_code_runs(
     assert (code, wrong in stderr) == (2, True), stderr
 
 
+@pytest.mark.attack
 @BOXED
 @pytest.mark.slow
 @pytest.mark.parametrize(

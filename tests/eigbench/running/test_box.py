@@ -132,6 +132,7 @@ def test_outside_the_box_each_attempt_succeeds(asked, what):
         Path("/left").unlink()
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize("what", ATTEMPTS)
 def test_in_the_box_each_attempt_fails_and_is_reported(asked, secret, kind, what):
     attempt, report = ATTEMPTS[what]
@@ -149,6 +150,7 @@ def test_what_the_user_shows_can_be_read_and_is_a_source(asked, secret, kind):
     assert sorted(status.sources) == ["labels.csv", "my_model.py"]
 
 
+@pytest.mark.attack
 def test_it_has_a_directory_of_its_own_that_is_gone_afterwards(asked, kind, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     code = "Path(os.environ['TMPDIR'], 'mine').write_text(str(Path.home()))"
@@ -215,12 +217,14 @@ def test_folders_of_modules_that_are_not_in_it_are_not_looked_for(asked, secret,
     assert asked(search, kind).refused == ()
 
 
+@pytest.mark.attack
 def test_it_inherits_no_secret_from_the_environment(asked, kind, monkeypatch):
     monkeypatch.setenv("MY_TOKEN", "secret")
     with pytest.raises(PredictorError, match="KeyError: 'MY_TOKEN'"):
         asked("os.environ['MY_TOKEN']", kind)
 
 
+@pytest.mark.attack
 def test_processes_outside_are_out_of_reach(asked, kind):
     """Neither their memory and files nor their lives: by signal 0, which only asks."""
     for attempt in (
@@ -242,6 +246,7 @@ def forgets():
     targets._pinned.cache_clear()
 
 
+@pytest.mark.attack
 @pytest.mark.usefixtures("forgets")
 def test_the_labels_that_are_handed_over_are_those_of_the_training(tmp_path, monkeypatch):
     training = "2.0/family/pretzel"
@@ -276,6 +281,7 @@ def predict(meshes):
 """
 
 
+@pytest.mark.attack
 @pytest.mark.skipif(landlock.version() == 0, reason="the kernel has no Landlock")
 def test_landlock_goes_with_no_socket_at_all(predictor_file):
     """Landlock itself does not see sockets that lie in files, or packets of UDP."""
@@ -318,6 +324,7 @@ def test_packages_of_a_rows_own_are_found_in_the_box_only(predictor_file, tmp_pa
     assert not left.exists()
 
 
+@pytest.mark.attack
 def test_what_was_compiled_beside_a_package_is_not_run(predictor_file, kind):
     file = predictor_file(
         "import numpy as np\nimport package\ndef predict(meshes):\n"
@@ -367,6 +374,7 @@ def test_labels_are_handed_over_to_a_predictor_that_asks_for_a_training(
         assert (made.folder / "labels" / "labels-of-a-training").exists() == asks
 
 
+@pytest.mark.attack
 def test_kernels_are_copied_as_the_code_is_now_and_where_it_lies(
     predictor_file, tmp_path, monkeypatch
 ):

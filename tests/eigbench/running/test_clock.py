@@ -45,6 +45,7 @@ def test_every_predictor_gets_every_batch_and_batches_go_by_size(two, mini_truth
     assert timed[1].seconds.sum() > 2 * timed[0].seconds.sum()
 
 
+@pytest.mark.attack
 @pytest.mark.skipif(box.available() == box.NONE, reason="no sandbox works here")
 def test_predictors_are_timed_in_the_box(predictor_file, mini_truth, mini_meshes, tmp_path):
     secret = tmp_path / "elsewhere" / "labels.csv"
@@ -57,6 +58,7 @@ def test_predictors_are_timed_in_the_box(predictor_file, mini_truth, mini_meshes
         clock.together([file], labels, mini_meshes, **how)
 
 
+@pytest.mark.attack
 def test_no_shape_is_asked_twice_and_the_batches_of_a_size_are_alike(mini_truth, mini_meshes):
     labels = mini_truth.take(timing.asked(mini_truth, 14))
     assert len(set(labels.shapes.tolist())) == 14
@@ -152,6 +154,7 @@ def test_a_peer_that_is_named_like_the_reference_does_not_replace_it(mini_truth)
     assert cost["peers"]["LaPy"]["ratio"] == 1
 
 
+@pytest.mark.attack
 def test_answers_that_were_timed_are_as_good_as_the_rows_at_both_targets(make_row, mini_truth):
     surfaces = targets.at(mini_truth, "surface")
     row = make_row("Near the surface", surfaces.eigenvalues)
@@ -182,6 +185,7 @@ def times(tmp_path):
     return tmp_path / timing.FOLDER / "1.0.json"
 
 
+@pytest.mark.attack
 def test_a_peer_that_is_named_like_the_reference_hides_no_false_ratio(times, tmp_path):
     content = json.loads((Path(__file__).parents[3] / timing.FOLDER / "1.0.json").read_text())
     means = {row["name"]: row["cost"]["ms_per_mesh_mean"] for row in content["rows"]}
