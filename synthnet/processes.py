@@ -68,9 +68,10 @@ def run(program: str, main: Callable[[], int]) -> int:
         return main()
     except (ImportError, MemoryError, OSError) as error:  # of what every command needs
         limited = more_memory("")
-        if not limited:
+        # An OSError of the system has a number; that of a library that ctypes cannot load has none
+        if not limited or getattr(error, "errno", None) is not None:
             raise
-        reason = " ".join(str(error).split())
+        reason = " ".join(str(error).split()) or "out of memory"
         sys.stderr.write(f"{program}: a library cannot be loaded ({reason}): {limited}\n")
         return 2
     except KeyboardInterrupt:

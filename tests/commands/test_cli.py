@@ -494,3 +494,16 @@ def test_a_limit_below_what_the_libraries_take_is_one_line(program, limit, envir
     assert (done.returncode, done.stdout) == (2, "")
     assert line.startswith(f"{program}: a library cannot be loaded (")
     assert line.endswith("libraries that it loads count: raise that limit or lift it")
+
+
+@pytest.mark.parametrize(
+    ("limit", "error"),
+    [(processes.resource.RLIM_INFINITY, OSError("no library")), (2**30, FileNotFoundError(2, ""))],
+)
+def test_an_error_that_no_limit_explains_is_raised(monkeypatch, limit, error):
+    def main():
+        raise error
+
+    monkeypatch.setattr(processes.resource, "getrlimit", lambda which: (limit, limit))
+    with pytest.raises(type(error)):
+        processes.run("synthnet", main)
