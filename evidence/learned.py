@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -68,10 +69,8 @@ def held_out_table() -> str:
     rows = []
     for code, seen in SEEN.items():
         name = real[f"{code}.py"]["model"]["name"]
-        scores = held_out[name]["protocols"]
-        errors = (scores[protocol]["rpd"]["score"] for protocol in PROTOCOLS)
-        known = familiar[name]["scores"]["overall"]["rpd"]["mean"]
-        rows.append([seen, *(f"{error:#.3g}" for error in (known, *errors))])
+        errors = _errors(familiar[name], held_out[name], PROTOCOLS)
+        rows.append([seen, *(f"{error:#.3g}" for error in errors)])
     headers = ["row, RPD against the surface of 2.0's test shapes", "familiar shapes"]
     return markdown.table([*headers, *PROTOCOLS.values()], rows, "lr")
 
@@ -85,9 +84,7 @@ def share_table() -> str:
     unseen = list(held_out[exact]["protocols"])
 
     def errors(name: str) -> list[float]:
-        own = held_out[name]["protocols"]
-        known = familiar[name]["scores"]["overall"]["rpd"]["mean"]
-        return [known, *(own[protocol]["rpd"]["score"] for protocol in unseen)]
+        return _errors(familiar[name], held_out[name], unseen)
 
     def speed(name: str) -> float:
         return familiar[name]["speed_against_lapy"]
@@ -112,6 +109,13 @@ def earlier_rule() -> str:
     if not named:
         return "Every row of this protocol keeps the rule."
     return f"Trained before this rule, with the related family in training: {named}."
+
+
+def _errors(familiar: dict, held_out: dict, protocols: Iterable[str]) -> list[float]:
+    """Return the RPD of a model on familiar shapes, and under each protocol, by its two rows."""
+    scores = held_out["protocols"]
+    known = familiar["scores"]["overall"]["rpd"]["mean"]
+    return [known, *(scores[protocol]["rpd"]["score"] for protocol in protocols)]
 
 
 def _rows(path: Path) -> dict[str, dict]:

@@ -74,7 +74,7 @@ def opened(path: Path, *, most: int, below: Path | None = None) -> Iterator[Buff
     except FileNotFoundError:
         raise
     except OSError as error:
-        if error.errno == errno.ELOOP or _by_link(path, names):
+        if error.errno == errno.ELOOP or _by_link(whole, names):
             raise OutsideError(
                 f"{path} is reached by a symbolic link: put the file itself there"
             ) from error
@@ -105,7 +105,7 @@ def _descend(folder: Path, names: Sequence[str]) -> int:
 
 def _by_link(path: Path, names: Sequence[str]) -> bool:
     """Whether a name on the way to a file is a link; only the message depends on it."""
-    parts = [path.absolute(), *path.absolute().parents][: len(names)]
+    parts = [path, *path.parents][: len(names)]
     return any(os.path.islink(part) for part in parts)  # noqa: PTH114  # a name may be too long
 
 

@@ -100,7 +100,7 @@ def _fact(
     """Return a column of what a run cost; on a board with verified rows no others' is shown."""
 
     def shown(row: Ranked) -> Cell:
-        return ("not verified", None) if row.declared else cell(row.submission.result["cost"])
+        return ("not verified", None) if row.cost is None else cell(row.cost)
 
     return Column(key, title, note, shown, higher=higher, numeric=numeric)
 

@@ -23,13 +23,7 @@ from eigbench.scoring.names import SURFACE
 from synthnet.store.files import make_directory, sha256, write_atomically
 
 COLUMNS = ("row", "seed", "shape", "instance", "family", "index", "mesh", "surface", "prediction")
-COSTS = (
-    "ms_per_mesh",
-    "threads",
-    "device",
-    "hardware",
-    "counted_by",
-)  # older results lack the last
+COSTS = ("ms_per_mesh", "threads", "device", "hardware", "counted_by")  # old results lack the last
 
 
 def as_json(rows: Sequence[Ranked]) -> str:
@@ -51,8 +45,7 @@ def as_json(rows: Sequence[Ranked]) -> str:
 
 def _row(row: Ranked) -> dict[str, object]:
     submission = row.submission
-    model = submission.result["model"]
-    cost = None if row.declared else submission.result["cost"]
+    model, cost = submission.result["model"], row.cost
     return {
         "slug": submission.slug,
         "name": submission.name,

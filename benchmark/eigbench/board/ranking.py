@@ -92,6 +92,11 @@ class Ranked:
         return self.submission.scores
 
     @property
+    def cost(self) -> dict[str, Any] | None:
+        """What its run cost, as a result's ``cost``; None where it is declared."""
+        return None if self.declared else self.submission.result["cost"]
+
+    @property
     def shown_rank(self) -> str:
         """The rank as it is shown: ``exact``, ``3``, ``3–5``, or ``declared`` for none."""
         if self.declared:

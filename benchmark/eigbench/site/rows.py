@@ -36,7 +36,7 @@ def content(row: Ranked, where: str, own: str | None, code: str) -> dict[str, An
             _table("Metrics", tables.overall(submission.scores)),
             _table("By family, means", tables.families(submission.scores)),
             _table("By eigenvalue", _indices(submission.scores)),
-            *([] if row.declared else [_table(cost, tables.cost(result))]),
+            *([] if row.cost is None else [_table(cost, tables.cost(result))]),
             _table("Files and versions", _files(submission)),
         ],
         "shapes": [_shape(submission, name, i) for name, i in chosen(submission).items()],
