@@ -73,6 +73,7 @@ def label_or_rejection(
     except SpectrumError as error:
         return Rejection(spec.id, spec.family, filters.SOLVER, str(error))
     refused = filters.check_spectrum(label, recipe.filters)
-    if refused is None and sharp:
-        refused = filters.check_error(label, recipe.filters)
+    if sharp and (refused is None or refused[0] == filters.residual.__name__):
+        # A residual that is too large where the bound is, too, is what rounding has made of it
+        refused = filters.check_error(label, recipe.filters) or refused
     return label if refused is None else Rejection(spec.id, spec.family, *refused)

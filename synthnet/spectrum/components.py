@@ -96,6 +96,27 @@ def split(matrices: Matrices, numbers: Int32s) -> Iterator[Component]:
         yield Component(order[low:high], block, find_ordering(block.indptr, block.indices))
 
 
+def count_below(block: Component, shift: float, most: float) -> tuple[int, float]:
+    """Return a component's eigenvalues below a shift, and how far rounding moved it, in 1/length².
+
+    What is small beside the rest has large eigenvalues, and their rounding errors may be larger
+    than the shift. But if a little further up there are none, here there are none either: this is
+    looked at where the shift moved by more than ``most``.
+
+    Raises
+    ------
+    SpectrumError
+        If a shift is so close to an eigenvalue that a pivot is zero.
+    """
+    counted = inertia(block.matrices, block.ordering, shift)
+    moved = SAFETY * counted.uncertainty
+    if moved > most:
+        above = inertia(block.matrices, block.ordering, shift + 2 * moved)
+        if above.negative == block.matrices.zeros and SAFETY * above.uncertainty <= 2 * moved:
+            return above.negative, 0.0
+    return counted.negative, moved
+
+
 def solve(
     matrices: Matrices, numbers: Int32s, k: int, solver: Solver
 ) -> tuple[Candidate, Certificate]:

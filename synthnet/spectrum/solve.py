@@ -12,7 +12,6 @@ from synthnet.processes import keep_freed_memory
 from synthnet.spectrum import components
 from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.certificate import (
-    SAFETY,
     Candidate,
     certify,
     count_in_gap,
@@ -287,7 +286,8 @@ def compile_solver() -> None:
 def count_below(mesh: Any, *shifts: float, operator: Operator = PLAIN) -> list[int]:
     """Return how many eigenvalues, zeros included, are below each shift in 1/length².
 
-    By the law of inertia, with no eigenvalue computed. The mesh is as of :func:`compute`.
+    By the law of inertia, in each component by itself, with no eigenvalue computed. The mesh is as
+    of :func:`compute`.
 
     Raises
     ------
@@ -309,19 +309,19 @@ def count_below(mesh: Any, *shifts: float, operator: Operator = PLAIN) -> list[i
             f"shifts must be finite, got {', '.join(f'{shift:g}' for shift in shifts)}"
         )
     matrices = discretise(as_mesh(mesh), operator).matrices
-    ordering = find_ordering(matrices.indptr, matrices.indices)
-    return [_count_below(matrices, ordering, shift) for shift in shifts]
+    blocks = list(components.split(matrices, components.components(matrices)[1]))
+    return [sum(_count_below(block, shift) for block in blocks) for shift in shifts]
 
 
-def _count_below(matrices: Matrices, ordering: Ordering, shift: float) -> int:
-    """Count the eigenvalues below a shift, and beside it too where rounding moves it far."""
+def _count_below(block: components.Component, shift: float) -> int:
+    """Count a component's eigenvalues below a shift; beside it too where rounding moves it far."""
     if shift <= 0:  # none is negative
         return 0
-    counted = inertia(matrices, ordering, shift)
-    moved = SAFETY * counted.uncertainty
+    count, moved = components.count_below(block, shift, UNMOVED * shift)
     if moved <= UNMOVED * shift:
-        return counted.negative
-    least, most = (inertia(matrices, ordering, shift + side * moved).negative for side in (-1, 1))
+        return count
+    given = block.matrices, block.ordering
+    least, most = (inertia(*given, shift + side * moved).negative for side in (-1, 1))
     if least != most:
         raise SpectrumError(
             f"rounding moves the shift {shift:g} by up to {moved:.2g}, so {least} to {most} "

@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
 from synthnet.spectrum.arrays import Floats, Int64s
-from synthnet.spectrum.certificate import SAFETY, inertia
-from synthnet.spectrum.components import Component, components, split
+from synthnet.spectrum.components import Component, components, count_below, split
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import as_array, as_mesh, repaired
 from synthnet.spectrum.operators import PLAIN, Discrete, Operator, check_operator, discretise
@@ -298,16 +297,12 @@ class _Counter:
         return self._known[shift]
 
     def _in_block(self, block: Component, shift: float) -> tuple[int, float]:
-        """Return the count of a component, and how far rounding moved the shift, relative to it.
-
-        What is small beside the rest has large eigenvalues, and their rounding errors may be larger
-        than the shift. But if a little further up there are none, here there are none either.
-        """
-        count, moved = _inertia(block, shift)
-        if moved > self.tolerance * shift / 2:
-            further, again = _inertia(block, shift + 2 * moved)
-            if further == block.matrices.zeros and again <= 2 * moved:
-                return further, 0.0
+        """Return the count of a component, and how far rounding moved the shift, relative to it."""
+        most = self.tolerance * shift / 2
+        try:
+            count, moved = count_below(block, shift, most)
+        except SpectrumError:  # exactly an eigenvalue
+            count, moved = count_below(block, shift * (1 + ASIDE), most)
         return count, moved / shift
 
     def all_below(self, value: float) -> int:
@@ -334,15 +329,6 @@ class _Counter:
             while self(high) < rank:
                 low, high = high, 2 * high
         return low, high
-
-
-def _inertia(block: Component, shift: float) -> tuple[int, float]:
-    """Return a component's eigenvalues below a shift, and how far from it rounding counted them."""
-    try:
-        factor = inertia(block.matrices, block.ordering, shift)
-    except SpectrumError:  # exactly an eigenvalue
-        factor = inertia(block.matrices, block.ordering, shift * (1 + ASIDE))
-    return factor.negative, SAFETY * factor.uncertainty
 
 
 def _counted(counter: _Counter, values: Floats, asked: float) -> Verdict:

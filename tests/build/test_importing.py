@@ -325,6 +325,15 @@ def test_500_spheres_in_a_file_are_one_shape_with_all_shares(scans, imported):
     assert sample.certificate.count > 500
 
 
+def test_a_speck_beside_a_sphere_is_labelled_and_verified(scans, root, imported):
+    """Rounding in its large eigenvalues says nothing of the sphere's small ones."""
+    speck = trimesh.creation.icosphere(subdivisions=2).apply_scale(1e-5)
+    trimesh.util.concatenate([SPHERE, speck]).export(scans / "speck.off", digits=17)
+    (sample,) = imported(scans).dataset.samples()
+    assert sample.spec.parameters["components"] == 2
+    assert verify("mine", root=root).problems == ()
+
+
 @pytest.mark.parametrize("cut", [False, True])
 def test_fins_are_cut_by_the_command_line_if_asked(scans, run_import, root, cut):
     points = SPHERE.vertices.tolist()
@@ -396,7 +405,7 @@ def strip(aspect):
 def test_thin_meshes_are_labelled_within_the_limit_or_refused_and_verify_agrees(
     scans, root, imported
 ):
-    for number in range(7):
+    for number in range(9):
         strip(10.0**-number).export(scans / f"{number}.off", digits=17)
     dataset = imported(scans).dataset
     assert {"0.off", "1.off", "2.off", "3.off"} <= {

@@ -117,6 +117,15 @@ def test_a_count_that_rounding_may_change_is_refused(ball):
     assert spectrum.count_below(ball, 2.0, 3.0, 100.0) == [1, 4, 42]
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-5, 1e-8])
+def test_eigenvalues_are_counted_in_each_component_by_itself(ball, size):
+    """Rounding in the small one's factorisation must not move the large one's counts."""
+    vertices, faces = ball
+    both = np.concatenate([vertices, size * vertices]), np.concatenate([faces, faces + 42])
+    counts = [2, 8, 84] if size == 1.0 else [2, 5, 43]
+    assert spectrum.count_below(both, 2.0, 3.0, 100.0) == counts
+
+
 def test_eigenvalues_that_rounding_has_spoilt_come_with_a_warning(ball):
     vertices, faces = ball
     thin = vertices * [1, 1e-8, 1e-8], faces
