@@ -122,9 +122,16 @@ def sharp_bounds(data: dict) -> str:
 
 
 def loose_bounds(data: dict) -> str:
-    """Return how many bounds of the matrices' eigenvalues are far too large."""
-    count = sum(row["loose"] for row in data["rows"])
-    return f"{count} bounds of the matrices' eigenvalues are over {LOOSE:g} times the error."
+    """Return how many strips have no bound, and how many bounds are far too large."""
+    cases, bounded, plain, sharp = (
+        sum(row[name] for row in data["rows"])
+        for name in ("cases", "bounded", "loose", "sharp loose")
+    )
+    return (
+        f"{cases - bounded} of the {cases:,} have no certificate or no bound. On the others the "
+        f"bound of the matrices' eigenvalues is over {LOOSE:g} times the error on {plain}, that of "
+        f"sharp values on {sharp}."
+    )
 
 
 def thin(aspect: float, kind: str, seed: int) -> Mesh:
